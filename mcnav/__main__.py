@@ -1,0 +1,5 @@
+"""``python -m mcnav``."""
+
+from mcnav.cli import main
+
+main()

@@ -1,0 +1,44 @@
+"""Error budget: what each source contributes to the variance of each output, by the linear model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ErrorBudget:
+    """Shares of each output's linear variance.
+
+    Attributes
+    ----------
+    shares : ndarray, shape (outputs, sources)
+        ``P_ij^2 S_jj / (P S P^T)_ii``; NaN in the row of an output without dispersion.
+    cross_terms : ndarray, shape (outputs,)
+        What correlations between sources add or take away; shares and cross-terms sum to one.
+    contributions : ndarray, shape (outputs, sources)
+        ``P_ij sqrt(S_jj)`` with its sign: the final error of a one-sigma error of that source alone.
+    """
+
+    shares: Array
+    cross_terms: Array
+    contributions: Array
+
+
+def error_budget(partials: Array, start_covariance: Array) -> ErrorBudget:
+    """Split the linear covariance's diagonal over the sources.
+
+    Parameters
+    ----------
+    partials : ndarray, shape (outputs, sources)
+    start_covariance : ndarray, shape (sources, sources)
+    """
+    contributions = partials * np.sqrt(np.diag(start_covariance))
+    variances = np.einsum("ij,jk,ik->i", partials, start_covariance, partials)
+    divisor = np.where(variances > 0.0, variances, np.nan)
+    shares = contributions**2 / divisor[:, None]
+    return ErrorBudget(shares, 1.0 - shares.sum(axis=1), contributions)

@@ -1,0 +1,70 @@
+"""Three verdicts on a sigma ratio: agrees, differs, undecided."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class Verdict(StrEnum):
+    """Where the interval of a sigma ratio lies with respect to the tolerance."""
+
+    AGREES = "agrees"
+    DIFFERS = "differs"
+    UNDECIDED = "undecided"
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """A verdict and what it rests on.
+
+    Attributes
+    ----------
+    verdict : Verdict
+    ratio : float or None
+        Monte Carlo sigma over linear sigma; none when the linear one is zero.
+    interval : (float, float) or None
+        Of the ratio, at the confidence asked for.
+    certain : bool
+        Whether the interval excludes 1: a difference can be certain and still lie within the tolerance.
+    samples_needed : int or None
+        For an undecided case, about how many samples would decide it.
+    """
+
+    verdict: Verdict
+    ratio: float | None
+    interval: tuple[float, float] | None
+    certain: bool = False
+    samples_needed: int | None = None
+
+
+def judge(ratio: float, interval: tuple[float, float], tolerance: float, samples: int) -> Judgement:
+    """Judge an interval of a sigma ratio against ``1 +- tolerance``.
+
+    An undecided case needs about ``n (half width / distance)^2`` samples, with the distance from the estimate to the
+    nearer edge of the tolerance.
+
+    >>> judge(1.001, (0.999, 1.003), 0.05, 1000).verdict.value
+    'agrees'
+    """
+    low, high = interval
+    certain = not low <= 1.0 <= high
+    if low >= 1.0 - tolerance and high <= 1.0 + tolerance:
+        return Judgement(Verdict.AGREES, ratio, interval, certain)
+    if low > 1.0 + tolerance or high < 1.0 - tolerance:
+        return Judgement(Verdict.DIFFERS, ratio, interval, certain)
+    half = 0.5 * (high - low)
+    distance = min(abs(ratio - (1.0 - tolerance)), abs(ratio - (1.0 + tolerance)))
+    needed = None
+    if math.isfinite(half) and distance > 0.0:
+        needed = max(samples + 1, math.ceil(samples * (half / distance) ** 2))
+    return Judgement(Verdict.UNDECIDED, ratio, interval, certain, needed)
+
+
+def worst(verdicts: list[Verdict]) -> Verdict:
+    """The verdict on the whole: one that differs outweighs one undecided, which outweighs agreement."""
+    for verdict in (Verdict.DIFFERS, Verdict.UNDECIDED):
+        if verdict in verdicts:
+            return verdict
+    return Verdict.AGREES

@@ -1,0 +1,34 @@
+"""What is wrong with a file, said in lines that name the file, the key, what came and what would do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One mistake."""
+
+    file: str
+    key: str
+    message: str
+
+    def __str__(self) -> str:
+        return ": ".join(part for part in (self.file, self.key, self.message) if part)
+
+
+class CampaignError(Exception):
+    """A campaign that cannot be run as it stands; all its mistakes together, one a line."""
+
+    def __init__(self, problems: Sequence[Problem]) -> None:
+        super().__init__("\n".join(str(problem) for problem in problems))
+        self.problems = tuple(problems)
+
+
+class RunFolderError(Exception):
+    """A run folder that cannot be used; the message names it and says what would do."""
+
+
+class RunFolderBusy(RunFolderError):
+    """Another process is writing to the run folder."""

@@ -1,0 +1,83 @@
+"""The runner: chunks of samples over the cores, each stored by the worker that flew it.
+
+The chunk belongs to the engine, a sample's errors to the campaign and its index. Neither knows of workers, so that the
+files come out the same, bit for bit, however many there are. Numerical libraries are held to one thread everywhere:
+their sums would depend on it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from joblib import Parallel, delayed
+from threadpoolctl import threadpool_limits
+
+from mcnav.campaign.folder import Layout, Part, RunFolder
+from mcnav.sampling.errors import ErrorModel
+from mcnav.scenarios.protocol import Prepared
+
+Progress = Callable[[int], None]
+
+
+@dataclass(frozen=True)
+class Draws:
+    """Which samples to draw; see `ErrorModel.draw`."""
+
+    model: ErrorModel
+    design: str
+    seed: int
+    samples: int
+
+
+@dataclass(frozen=True)
+class Work:
+    """What a worker needs to fly any chunk of a run."""
+
+    draws: Draws
+    prepared: Prepared
+    folder: RunFolder
+    identity: str
+    layout: Layout
+
+
+def _fly_chunk(work: Work, number: int, begin: int, end: int) -> Part:
+    with threadpool_limits(1):
+        draws = work.draws
+        errors = draws.model.draw(draws.design, draws.seed, draws.samples, begin, end)
+        outcomes = work.prepared.propagate(errors)
+        return work.folder.write_part(number, begin, work.identity, work.layout, errors, outcomes)
+
+
+def fly(work: Work, jobs: int, progress: Progress) -> list[Part]:
+    """Fly every chunk that is not already stored whole.
+
+    Parameters
+    ----------
+    work : Work
+    jobs : int
+        Workers: threads for an engine that runs free of the interpreter lock, else processes.
+    progress : callable
+        Told how many samples have become ready, each time some do.
+
+    Returns
+    -------
+    list of Part
+        All parts of the run, in the order in which they became ready.
+    """
+    samples, chunk = work.draws.samples, work.prepared.chunk
+    parts, missing = [], []
+    for number, begin in enumerate(range(0, samples, chunk)):
+        end = min(begin + chunk, samples)
+        stored = work.folder.verified_part(number, begin, end, work.identity)
+        if stored is None:
+            missing.append((number, begin, end))
+        else:
+            parts.append(stored)
+            progress(end - begin)
+    backend = "threading" if work.prepared.parallel == "threads" else "loky"
+    flights = Parallel(n_jobs=min(jobs, max(1, len(missing))), backend=backend, return_as="generator_unordered")
+    for part in flights(delayed(_fly_chunk)(work, *place) for place in missing):
+        parts.append(part)
+        progress(part.end - part.begin)
+    return parts

@@ -1,0 +1,85 @@
+"""All that a report shows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcnav.analysis.budget import ErrorBudget
+from mcnav.analysis.comparison import Comparison, Criterion, Model
+from mcnav.scenarios.protocol import History
+from mcnav.units import conversion
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Content:
+    """A judged run with its samples; see `mcnav.study.Analysis` and the manifest for the fields.
+
+    ``outputs`` has shape (n, outputs), SI, with NaN in the rows of failed samples.
+    """
+
+    summary: Mapping[str, Any]
+    manifest: Mapping[str, Any]
+    model: Model
+    criterion: Criterion
+    comparison: Comparison
+    budget: ErrorBudget
+    outputs: Array
+    index: NDArray[np.int64]
+    status: tuple[str, ...]
+    history: History
+    campaign: str
+
+    @property
+    def source_names(self) -> list[str]:
+        """Names of the sources for people."""
+        return [spoken(entry["name"]) for entry in self.manifest["model"]["sources"]]
+
+    @property
+    def output_names(self) -> list[str]:
+        """Names of the outputs for people."""
+        return [spoken(entry["name"]) for entry in self.manifest["model"]["outputs"]]
+
+    @property
+    def source_units(self) -> list[str]:
+        """Units in which the sources are shown."""
+        return [str(entry["shown_in"]) for entry in self.manifest["model"]["sources"]]
+
+    @property
+    def output_units(self) -> list[str]:
+        """Units in which the outputs are shown."""
+        return [str(entry["shown_in"]) for entry in self.manifest["model"]["outputs"]]
+
+    @property
+    def source_scale(self) -> Array:
+        """What SI values of the sources are multiplied by to be shown."""
+        return _scale(self.manifest["model"]["sources"])
+
+    @property
+    def output_scale(self) -> Array:
+        """What SI values of the outputs are multiplied by to be shown."""
+        return _scale(self.manifest["model"]["outputs"])
+
+    @property
+    def flown(self) -> Array:
+        """Final errors of the samples that did not fail, in the units shown, shape (n, outputs)."""
+        return np.asarray(self.outputs[np.isfinite(self.outputs).all(axis=1)] * self.output_scale)
+
+
+def _scale(entries: list[dict[str, str]]) -> Array:
+    return np.array([conversion(entry["unit"], entry["shown_in"]) for entry in entries])
+
+
+def spoken(name: str) -> str:
+    """A name from a file as people write it.
+
+    >>> spoken("gyro_drift")
+    'gyro drift'
+    """
+    return name.replace("_", " ")

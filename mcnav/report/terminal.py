@@ -1,0 +1,92 @@
+"""Results in the terminal, from summaries."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from mcnav.report import wording
+from mcnav.report.content import spoken
+from mcnav.scenarios.protocol import Output, Source
+from mcnav.units import conversion
+
+Array = NDArray[np.float64]
+
+COLOURS = {"agrees": "green", "partly": "yellow", "undecided": "yellow", "differs": "red"}
+"""By tone of a verdict (`mcnav.report.wording.tone`)."""
+
+SHOWN_IN = {"m": "km"}
+"""Units for the terminal where the SI unit is not the customary one."""
+
+
+def _table(title: str) -> Table:
+    return Table(title=Text(title), title_justify="left", title_style="bold", header_style="bold", box=None, pad_edge=False)
+
+
+def verdict(summary: Mapping[str, Any]) -> RenderableType:
+    """The verdict in sentences."""
+    lines = [Text(wording.headline(summary), style=f"bold {COLOURS[wording.tone(summary)]}")]
+    sentences = (wording.explanation, wording.joint_explanation, wording.certain_but_small, wording.failures)
+    lines += [Text(sentence) for sentence in (say(summary) for say in sentences) if sentence]
+    return Group(*lines)
+
+
+def comparison(summary: Mapping[str, Any]) -> RenderableType:
+    """Linear beside Monte Carlo, an output a line."""
+    table = _table(f"{summary['campaign']}: {summary['samples']:,} samples, {summary['engine']} engine")
+    table.add_column("final error, 1σ")
+    for heading in ("linear", "Monte Carlo", "ratio", "paired ratio", "interval"):
+        table.add_column(heading, justify="right")
+    table.add_column("verdict")
+    for i, output in enumerate(summary["outputs"]):
+        unit = SHOWN_IN.get(output["unit"], output["unit"])
+        scale = conversion(output["unit"], unit)
+        linear = f"{summary['sigma_linear'][i] * scale:.5g}"
+        if not summary["verdicts"]:
+            table.add_row(f"{spoken(output['name'])} [{unit}]", linear, *["–"] * 5)
+            continue
+        ratio, paired = summary["sigma_ratio"][i], summary["sigma_ratio_paired"][i]
+        interval = summary["sigma_ratio_paired_interval"][i]
+        found = summary["verdicts"][i]
+        table.add_row(
+            Text(f"{spoken(output['name'])} [{unit}]"),
+            linear,
+            f"{summary['sigma_sample'][i] * scale:.5g}",
+            "–" if ratio is None else f"{ratio:.4f}",
+            "–" if paired is None else f"{paired:.5f}",
+            "–" if interval is None else f"{interval[0]:.5f} … {interval[1]:.5f}",
+            Text(found, style=COLOURS[found]),
+        )
+    return table
+
+
+def partials(sources: Sequence[Source], outputs: Sequence[Output], matrix: Array) -> RenderableType:
+    """P, a source a line, in the units shown."""
+    table = _table("Partial derivatives of the final errors")
+    table.add_column("per unit of")
+    for output in outputs:
+        table.add_column(Text(f"{spoken(output.name)} [{output.shown_in}]"), justify="right")
+    for j, source in enumerate(sources):
+        per = conversion(source.shown_in, source.unit)
+        values = [
+            f"{matrix[i, j] * per * conversion(output.unit, output.shown_in):.7g}" for i, output in enumerate(outputs)
+        ]
+        table.add_row(Text(f"{spoken(source.name)} [{source.shown_in}]"), *values)
+    return table
+
+
+def agreement(outputs: Sequence[Output], differences: Mapping[str, Array]) -> RenderableType:
+    """How far other methods are from the partials shown, as shares of each row's largest contribution."""
+    table = _table("Largest difference from them, as a share of the row's largest one-sigma contribution")
+    table.add_column("method")
+    for output in outputs:
+        table.add_column(spoken(output.name), justify="right")
+    for method, shares in differences.items():
+        table.add_row(method, *(f"{share:.1e}" for share in shares))
+    return table

@@ -1,0 +1,1 @@
+"""Error sources as statistics (distributions, correlations, start covariance) and as draws."""

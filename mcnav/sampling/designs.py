@@ -1,0 +1,105 @@
+"""Designs: how the uniform variates of a campaign are laid out over its samples.
+
+Each design divides the samples into *blocks* that are independent of one another: single samples, antithetic pairs, or
+whole replicates of a Latin hypercube or scrambled Sobol net. Every statistic's error is estimated from blocks, so that
+its interval holds for the design that drew the samples.
+
+Any stretch of samples can be drawn by itself. Sample i depends on the seed, its index and, for the replicated designs,
+on the block length; never on chunks or workers.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtri
+
+Array = NDArray[np.float64]
+
+DESIGNS: Final = ("random", "antithetic", "latin-hypercube", "sobol")
+REPLICATES: Final = 16
+"""Replicates of a replicated design, at least (where there are as many samples)."""
+
+LARGEST_HYPERCUBE: Final = 1_024
+_WORDS: Final = 4
+"""Philox gives its 64-bit words in fours."""
+
+
+def block_length(design: str, samples: int) -> int:
+    """Samples in one independent block of a design.
+
+    Latin hypercubes and Sobol nets take the largest power of two that leaves `REPLICATES` of them; hypercubes stop at
+    1024, beyond which further rows bring nothing. A power of two keeps its block length, and so its samples, while the
+    number of samples grows by less than a factor of two.
+    """
+    if design == "random":
+        return 1
+    if design == "antithetic":
+        return 2
+    length = 2 ** int(np.log2(max(1, samples // REPLICATES)))
+    return min(length, LARGEST_HYPERCUBE) if design == "latin-hypercube" else length
+
+
+def _key(seed: int, block: int | None = None) -> np.random.SeedSequence:
+    return np.random.SeedSequence(seed, spawn_key=() if block is None else (block,))
+
+
+def _random(seed: int, begin: int, end: int, dimensions: int) -> Array:
+    """Uniforms of samples [begin, end): each sample owns its own stretch of one Philox stream."""
+    stride = -(-dimensions // _WORDS)
+    stream = np.random.Philox(_key(seed))
+    stream.advance(begin * stride)
+    words = stream.random_raw((end - begin) * stride * _WORDS).reshape(end - begin, -1)[:, :dimensions]
+    return np.asarray(((words >> np.uint64(11)).astype(float) + 0.5) * 2.0**-53)
+
+
+def _latin_hypercube(seed: int, block: int, length: int, dimensions: int) -> Array:
+    """One replicate: in each dimension every stratum holds one point."""
+    generator = np.random.Generator(np.random.Philox(_key(seed, block)))
+    strata = generator.permuted(np.tile(np.arange(length), (dimensions, 1)), axis=1).T
+    return np.asarray((strata + generator.random((length, dimensions))) / length)
+
+
+def _sobol(seed: int, block: int, begin: int, end: int, dimensions: int) -> Array:
+    """Points [begin, end) of one scrambled Sobol net."""
+    from scipy.stats import qmc  # half a second, for those who ask for it
+
+    net = qmc.Sobol(dimensions, scramble=True, rng=np.random.Generator(np.random.Philox(_key(seed, block))))
+    if begin:
+        net.fast_forward(begin)
+    return np.asarray(net.random(end - begin))
+
+
+def standard_normals(design: str, seed: int, samples: int, begin: int, end: int, dimensions: int) -> Array:
+    """Independent standard normal variates of samples [begin, end) of a campaign, shape (end - begin, dimensions).
+
+    Parameters
+    ----------
+    design : str
+        One of `DESIGNS`.
+    seed : int
+    samples : int
+        Samples in the whole campaign: it sets the block length of the replicated designs.
+    begin, end : int
+        Stretch wanted.
+    dimensions : int
+        Variates per sample.
+    """
+    if design == "random":
+        return np.asarray(ndtri(_random(seed, begin, end, dimensions)))
+    length = block_length(design, samples)
+    first, last = begin // length, -(-end // length)
+    if design == "antithetic":
+        half = ndtri(_random(seed, first, last, dimensions))
+        return np.stack([half, -half], axis=1).reshape(-1, dimensions)[begin - first * 2 : end - first * 2]
+    parts = []
+    for block in range(first, last):
+        low, high = max(begin, block * length) - block * length, min(end, (block + 1) * length) - block * length
+        if design == "latin-hypercube":
+            parts.append(_latin_hypercube(seed, block, length, dimensions)[low:high])
+        else:
+            parts.append(_sobol(seed, block, low, high, dimensions))
+    uniforms = np.concatenate(parts)
+    return np.asarray(ndtri(np.clip(uniforms, 2.0**-54, 1.0 - 2.0**-53)))

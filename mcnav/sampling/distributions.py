@@ -1,0 +1,172 @@
+"""The distributions an error source may have, each as an odd function of a standard normal variate.
+
+Every draw starts as a standard normal ``z`` and becomes ``F^-1(Phi(z))`` with F the wanted distribution. That keeps
+one sample at one place of the random stream, carries correlations (Gaussian copula) and any design of the draws.
+All distributions are symmetric about zero, except that `Fixed` is a constant.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+Array = NDArray[np.float64]
+
+
+class Distribution(Protocol):
+    """An error source's statistics, SI units."""
+
+    @property
+    def mean(self) -> float:
+        """Mean value."""
+
+    @property
+    def standard_deviation(self) -> float:
+        """Standard deviation: what goes into the start covariance."""
+
+    def transform(self, normal: Array) -> Array:
+        """Values of this distribution from standard normal variates, elementwise: ``F^-1(Phi(z))``."""
+
+
+def _positive(name: str, value: float) -> None:
+    if not (math.isfinite(value) and value > 0.0):
+        raise ValueError(f"{name} must be positive and finite; got {value:g}")
+
+
+@dataclass(frozen=True)
+class Normal:
+    """Zero-mean normal with a standard deviation; a sigma of zero is an error that is absent."""
+
+    sigma: float
+    mean: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.sigma) and self.sigma >= 0.0):
+            raise ValueError(f"sigma must not be negative; got {self.sigma:g}")
+
+    @property
+    def standard_deviation(self) -> float:
+        return self.sigma
+
+    def transform(self, normal: Array) -> Array:
+        return self.sigma * normal
+
+
+@dataclass(frozen=True)
+class Uniform:
+    """Uniform within +-half_width; its standard deviation is half_width / sqrt(3)."""
+
+    half_width: float
+    mean: float = 0.0
+
+    def __post_init__(self) -> None:
+        _positive("half_width", self.half_width)
+
+    @property
+    def standard_deviation(self) -> float:
+        return self.half_width / math.sqrt(3.0)
+
+    def transform(self, normal: Array) -> Array:
+        return np.asarray(self.half_width * special.erf(normal / math.sqrt(2.0)))
+
+
+@dataclass(frozen=True)
+class TruncatedNormal:
+    """Normal of parameter sigma, cut off at +-limit.
+
+    With a = limit / sigma its variance is ``sigma^2 [1 - 2 a phi(a) / (2 Phi(a) - 1)]``.
+    """
+
+    sigma: float
+    limit: float
+    mean: float = 0.0
+
+    def __post_init__(self) -> None:
+        _positive("sigma", self.sigma)
+        _positive("limit", self.limit)
+        if not 1e-3 <= self.limit / self.sigma:
+            raise ValueError(f"limit must be at least 0.001 sigma; got {self.limit:g} for a sigma of {self.sigma:g}")
+
+    @property
+    def _inside(self) -> float:
+        """Probability that the untruncated normal lies within the limits."""
+        return float(special.erf(self.limit / self.sigma / math.sqrt(2.0)))
+
+    @property
+    def standard_deviation(self) -> float:
+        # the variance as a share of sigma^2 is P(3/2, a^2/2) / P(1/2, a^2/2), which does not cancel at small a
+        square = 0.5 * (self.limit / self.sigma) ** 2
+        return self.sigma * math.sqrt(float(special.gammainc(1.5, square)) / self._inside)
+
+    def transform(self, normal: Array) -> Array:
+        below = special.ndtr(-np.abs(normal))  # probability of the nearer tail
+        outside = 0.5 * (1.0 - self._inside)
+        value = -self.sigma * special.ndtri(outside + self._inside * below)
+        return np.asarray(np.copysign(np.clip(value, 0.0, self.limit), normal))
+
+
+@dataclass(frozen=True)
+class Triangular:
+    """Symmetric triangular within +-half_width; its standard deviation is half_width / sqrt(6)."""
+
+    half_width: float
+    mean: float = 0.0
+
+    def __post_init__(self) -> None:
+        _positive("half_width", self.half_width)
+
+    @property
+    def standard_deviation(self) -> float:
+        return self.half_width / math.sqrt(6.0)
+
+    def transform(self, normal: Array) -> Array:
+        nearer_tail = special.ndtr(-np.abs(normal))
+        return np.asarray(np.copysign(self.half_width * (1.0 - np.sqrt(2.0 * nearer_tail)), normal))
+
+
+@dataclass(frozen=True)
+class StudentT:
+    """Student's t scaled to a standard deviation sigma; the degrees of freedom must exceed 2."""
+
+    sigma: float
+    degrees_of_freedom: float
+    mean: float = 0.0
+
+    def __post_init__(self) -> None:
+        _positive("sigma", self.sigma)
+        if not (math.isfinite(self.degrees_of_freedom) and self.degrees_of_freedom > 2.0):
+            raise ValueError(
+                f"degrees_of_freedom must exceed 2 for a finite variance; got {self.degrees_of_freedom:g}"
+            )
+
+    @property
+    def standard_deviation(self) -> float:
+        return self.sigma
+
+    def transform(self, normal: Array) -> Array:
+        scale = self.sigma * math.sqrt((self.degrees_of_freedom - 2.0) / self.degrees_of_freedom)
+        nearer_tail = special.ndtr(-np.abs(normal))
+        return np.asarray(np.copysign(scale * special.stdtrit(self.degrees_of_freedom, nearer_tail), normal))
+
+
+@dataclass(frozen=True)
+class Fixed:
+    """A known, constant error: a mean without dispersion."""
+
+    mean: float
+
+    def __post_init__(self) -> None:
+        if not math.isfinite(self.mean):
+            raise ValueError(f"value must be finite; got {self.mean:g}")
+
+    @property
+    def standard_deviation(self) -> float:
+        return 0.0
+
+    def transform(self, normal: Array) -> Array:
+        return np.full_like(normal, self.mean)

@@ -1,0 +1,144 @@
+"""Units at the edges: campaign files and tables. Inside, everything is SI and radians.
+
+The registry (``units.txt``) is our own: in pint's default one "2 g" is a mass and an angle has no dimension.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from functools import lru_cache
+from importlib.resources import files
+from typing import Final, NamedTuple
+
+import pint
+
+
+class Kind(NamedTuple):
+    """A dimension in words, and a quantity of it as an example."""
+
+    words: str
+    example: str
+
+
+KINDS: Final = {
+    "m": Kind("a length", "5 km"),
+    "s": Kind("a time", "-20 min"),
+    "m/s": Kind("a speed", "0.5 m/s"),
+    "m/s^2": Kind("an acceleration", "100 ug"),
+    "rad": Kind("an angle", "40 arcsec"),
+    "rad/s": Kind("an angular rate", "0.2 deg/h"),
+    "m^2/kg": Kind("an area per mass", "4.1e-9 km^2/kg"),
+    "s/m": Kind("a time per length", "3.281 s/km"),
+    "1": Kind("a pure number", "100 ppm"),
+}
+"""The dimensions that the program knows by name, each under its SI unit."""
+
+_QUANTITY: Final = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
+_UNIT: Final = re.compile(r"[A-Za-zµμ%_]+|sqrt\(|[()*/ ]|[\^]-?\d(?!\d)|(?<![\d.])1(?![\d.])")
+_LONGEST: Final = 80
+
+
+class UnitError(ValueError):
+    """A quantity that cannot be read, or is of another dimension; the message says what came and what would do."""
+
+
+@lru_cache
+def _registry() -> pint.UnitRegistry[float]:
+    text = files("mcnav").joinpath("units.txt").read_text(encoding="utf-8")
+    return pint.UnitRegistry(text.splitlines(), cache_folder=None)
+
+
+@lru_cache(maxsize=1024)
+def _unit(text: str) -> pint.Unit:
+    """A unit, from a small grammar: names, products, quotients, one-digit powers and square roots."""
+    if len(text) > _LONGEST or _UNIT.sub("", text):
+        raise UnitError(f"{_quoted(text)} is not a unit")
+    try:
+        return _registry().Unit(re.sub(r"sqrt\(([^()]*)\)", r"(\1)**0.5", text) if text != "1" else "")
+    except Exception:  # pint raises many kinds, down to AssertionError, for text that is no unit
+        raise UnitError(f"{_quoted(text)} is not a known unit") from None
+
+
+def _quoted(text: str) -> str:
+    shown = text if len(text) <= _LONGEST else text[: _LONGEST - 3] + "..."
+    return "'" + shown.encode("unicode_escape", "ignore").decode("ascii") + "'" if not shown.isprintable() else f"'{shown}'"
+
+
+def kind_of(unit: str) -> Kind:
+    """The dimension of an SI unit in words; a unit that has no words yet is named itself."""
+    return KINDS.get(unit, Kind(f"a quantity in {unit}", f"1 {unit}"))
+
+
+def conversion(unit: str, target: str) -> float:
+    """What a value in one unit is multiplied by to be in another.
+
+    >>> conversion("km", "m")
+    1000.0
+    """
+    registry = _registry()
+    return float(registry.Quantity(1.0, _unit(unit)).to(_unit(target)).magnitude)
+
+
+def quantity(text: object, unit: str) -> float:
+    """Read a quantity such as ``"0.2 deg/h"`` into an SI unit.
+
+    Parameters
+    ----------
+    text : object
+        What the file holds: a string with its unit (a bare number will do for a pure number).
+    unit : str
+        The SI unit wanted.
+
+    Raises
+    ------
+    UnitError
+        When it is no quantity, not finite, or of another dimension.
+
+    Examples
+    --------
+    >>> quantity("3 km", "m")
+    3000.0
+    >>> quantity("5 km", "rad/s")
+    Traceback (most recent call last):
+    ...
+    mcnav.units.UnitError: got '5 km', which is a length; expected an angular rate such as "0.2 deg/h"
+    """
+    words, example = kind_of(unit)
+    expected = f'expected {words} such as "{example}"'
+    if isinstance(text, (int, float)) and not isinstance(text, bool):
+        if unit != "1":
+            raise UnitError(f"got {text!r} without a unit; {expected}")
+        try:
+            text = repr(float(text))
+        except OverflowError:
+            raise UnitError(f"got a number beyond 1e308; {expected}") from None
+    if not isinstance(text, str):
+        raise UnitError(f"got {_described(text)}; {expected}")
+    match = _QUANTITY.fullmatch(text)
+    if match is None:
+        raise UnitError(f"got {_quoted(text)}; {expected}")
+    number, name = float(match[1]), match[2]
+    if not name and unit != "1":
+        raise UnitError(f"got {_quoted(text)} without a unit; {expected}")
+    try:
+        found = _unit(name or "1")
+    except UnitError as problem:
+        raise UnitError(f"{problem}; {expected}") from None
+    if found.dimensionality != _unit(unit).dimensionality:
+        raise UnitError(f"got {_quoted(text)}, which is {_words(found)}; {expected}")
+    value = number * float(_registry().Quantity(1.0, found).to(_unit(unit)).magnitude)
+    if not math.isfinite(value):
+        raise UnitError(f"got {_quoted(text)}, which is not finite; {expected}")
+    return value
+
+
+def _words(unit: pint.Unit) -> str:
+    for known, kind in KINDS.items():
+        if _unit(known).dimensionality == unit.dimensionality:
+            return kind.words
+    return f"of dimension {unit.dimensionality}"
+
+
+def _described(value: object) -> str:
+    return {bool: "true or false", list: "a list", dict: "a table"}.get(type(value), type(value).__name__)
