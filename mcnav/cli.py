@@ -69,7 +69,9 @@ def _errors_told() -> Iterator[None]:
     except (CampaignError, RunFolderError, FlightFailed) as problem:
         raise _fail(str(problem), BAD_INPUT) from None
     except KeyboardInterrupt:
-        raise _fail("interrupted; what is stored is kept, and the same command goes on from there", INTERRUPTED) from None
+        raise _fail(
+            "interrupted; what is stored is kept, and the same command goes on from there", INTERRUPTED
+        ) from None
 
 
 @contextmanager

@@ -117,7 +117,9 @@ def run_campaign(
             folder.clear()
         _refuse_changed(folder, identity)
         draws = Draws(campaign.errors, campaign.design, campaign.seed, campaign.samples)
-        probes = campaign.errors.draw(campaign.design, campaign.seed, campaign.samples, 0, min(PROBES, campaign.samples))
+        probes = campaign.errors.draw(
+            campaign.design, campaign.seed, campaign.samples, 0, min(PROBES, campaign.samples)
+        )
         prepared = campaign.scenario.prepared(engine, probes)
         manifest: dict[str, Any] = {
             "format": FORMAT,
@@ -235,11 +237,16 @@ def analyse(folder: RunFolder) -> Analysis:
     """
     manifest = folder.manifest()
     if manifest is None or not manifest.get("complete"):
-        raise RunFolderError(f"{folder.path}: the run is not finished; run the campaign again, it goes on where it stopped")
+        raise RunFolderError(
+            f"{folder.path}: the run is not finished; run the campaign again, it goes on where it stopped"
+        )
     try:
         described = manifest["model"]
         model = Model(
-            *(np.array(described[key], dtype=float) for key in ("partials", "nominal", "start_mean", "start_covariance"))
+            *(
+                np.array(described[key], dtype=float)
+                for key in ("partials", "nominal", "start_mean", "start_covariance")
+            )
         )
         layout = Layout.of(*([SimpleNamespace(**entry) for entry in described[key]] for key in ("sources", "outputs")))
         criterion = Criterion(**manifest["criterion"])
@@ -275,7 +282,9 @@ def summarise(analysis: Analysis) -> dict[str, Any]:
     """The content of ``summary.json``: SI units, rows and columns in the order of outputs and sources."""
     manifest, comparison, model = analysis.manifest, analysis.comparison, analysis.model
     outputs, ellipsoid = comparison.outputs, comparison.ellipsoid
-    named = {key: [{"name": e["name"], "unit": e["unit"]} for e in manifest["model"][key]] for key in ("sources", "outputs")}
+    named = {
+        key: [{"name": e["name"], "unit": e["unit"]} for e in manifest["model"][key]] for key in ("sources", "outputs")
+    }
     return {
         "campaign": manifest["campaign"],
         "verdict": comparison.verdict.value,
@@ -370,7 +379,9 @@ def partials_of(campaign: Campaign, methods: Sequence[str]) -> tuple[Array, dict
         elif method == "differences":
             found[method] = partials_by_differences(scenario.prepared("ensemble", np.diag(sizes)).propagate, sizes)
         else:
-            found[method] = partials_by_independent_sets(scenario.prepared("reference", np.diag(sizes)).propagate, sizes)
+            found[method] = partials_by_independent_sets(
+                scenario.prepared("reference", np.diag(sizes)).propagate, sizes
+            )
     first = found.pop(methods[0])
     largest = np.abs(first * sizes).max(axis=1)
     return first, {name: np.abs((other - first) * sizes).max(axis=1) / largest for name, other in found.items()}

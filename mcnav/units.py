@@ -62,7 +62,11 @@ def _unit(text: str) -> pint.Unit:
 
 def _quoted(text: str) -> str:
     shown = text if len(text) <= _LONGEST else text[: _LONGEST - 3] + "..."
-    return "'" + shown.encode("unicode_escape", "ignore").decode("ascii") + "'" if not shown.isprintable() else f"'{shown}'"
+    return (
+        "'" + shown.encode("unicode_escape", "ignore").decode("ascii") + "'"
+        if not shown.isprintable()
+        else f"'{shown}'"
+    )
 
 
 def kind_of(unit: str) -> Kind:

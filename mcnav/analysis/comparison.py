@@ -146,7 +146,9 @@ def correlations(covariance: Array) -> Array:
     return np.asarray(covariance / np.outer(sigma, sigma))
 
 
-def compare(model: Model, errors: Array, outcomes: Array, blocks: NDArray[np.int64], criterion: Criterion) -> Comparison:
+def compare(
+    model: Model, errors: Array, outcomes: Array, blocks: NDArray[np.int64], criterion: Criterion
+) -> Comparison:
     """Compare the flights of a campaign with the linear model.
 
     Parameters

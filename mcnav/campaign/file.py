@@ -278,9 +278,11 @@ def _read_correlations(table: CampaignTable, file: str, problems: list[Problem])
     seen: set[frozenset[str]] = set()
     for number, entry in enumerate(table.correlations, start=1):
         key = f"correlations #{number}.between"
-        for name in entry.between:
-            if name not in names:
-                problems.append(Problem(file, key, f"unknown error source {name!r}{_suggestion(name, names)}"))
+        problems += [
+            Problem(file, key, f"unknown error source {name!r}{_suggestion(name, names)}")
+            for name in entry.between
+            if name not in names
+        ]
         pair = frozenset(entry.between)
         if len(pair) == 1:
             problems.append(Problem(file, key, f"got {entry.between[0]!r} twice; expected two different sources"))
@@ -302,7 +304,9 @@ def _read_flight(table: ReentryTable, file: str, problems: list[Problem]) -> Fli
             if spelled.type == "constant"
             else VariableLift(spelled.gain, spelled.limit)
         )
-    final_altitude = table.final_altitude if table.final_altitude is not None else (row and row.final_altitude)
+    final_altitude = table.final_altitude
+    if final_altitude is None and row is not None:
+        final_altitude = row.final_altitude
     for key, value in (("lift_law", law), ("final_altitude", final_altitude)):
         if value is None:
             problems.append(

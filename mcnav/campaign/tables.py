@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, StringConstraints
@@ -34,14 +33,14 @@ class Table(BaseModel):
 
 
 class ConstantLiftTable(Table):
-    """``lift_law = { type = "constant", lift_to_drag = 0.235 }``"""
+    """``lift_law = { type = "constant", lift_to_drag = 0.235 }``."""
 
     type: Literal["constant"]
     lift_to_drag: Annotated[Number, Field(ge=-10.0, le=10.0)]
 
 
 class VariableLiftTable(Table):
-    """``lift_law = { type = "variable", gain = "3.281 s/km", limit = 0.5 }``"""
+    """``lift_law = { type = "variable", gain = "3.281 s/km", limit = 0.5 }``."""
 
     type: Literal["variable"]
     gain: Annotated[TimePerLength, Field(gt=0.0)]
@@ -90,5 +89,3 @@ class CampaignTable(Table):
     scenario: ReentryTable
     errors: dict[str, Any] = {}
     correlations: list[CorrelationTable] = []
-
-

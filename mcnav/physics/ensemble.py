@@ -1,13 +1,14 @@
 """The ensemble kernel: Encke's form of the navigator, thousands of samples along one shared truth.
 
 The truth does not depend on the navigation errors. In cartesian inertial axes the navigator of NASA TN D-1772,
-eqs. (5)-(9), is ``r_i'' = -mu r_i / |r_i|^3 + m``, where the measured force ``m`` of a sample depends on time and on its
-equipment errors alone. The deviation ``delta = r_i - r`` therefore obeys
+eqs. (5)-(9), is ``r_i'' = -mu r_i / |r_i|^3 + m``, where the measured force ``m`` of a sample depends on time and on
+its equipment errors alone. The deviation ``delta = r_i - r`` therefore obeys
 
     delta'' = g(r + delta) - g(r) + (m - f)
 
 with ``g(r + delta) - g(r) = (mu / r^3) [F (r + delta) - delta]``, ``F = 1 - (1 + q)^(-3/2)`` and
-``q = (2 r . delta + delta . delta) / r^2`` (Encke; Battin's form of F has no cancellation). No errors give exactly zero.
+``q = (2 r . delta + delta . delta) / r^2`` (Encke; Battin's form of F has no cancellation). No errors give
+exactly zero.
 
 Axes: X horizontal (east) and Y up at the reference range angle. Samples go through the kernel in blocks of `LANES`,
 held in one flat array ``row * LANES + lane`` (rows: see `_load`), so that each statement of the inner loop is one
@@ -34,8 +35,8 @@ LANES: Final = 64
 _ROWS: Final = 11
 
 SMALLEST_COMPONENT: Final = 0.3
-"""A sample whose indicated position, resolved along the actual one, falls below this share of the actual radius has left
-the kernel's validity: the shared grid is too coarse for its gravity, and its range angle could wrap."""
+"""A sample whose indicated position, resolved along the actual one, falls below this share of the actual radius has
+left the kernel's validity: the shared grid is too coarse for its gravity, and its range angle could wrap."""
 
 TURNS_PER_RADIAN: Final = 0.5 / np.pi
 
@@ -171,7 +172,9 @@ def _store(block: Array, last: Array, outcome: Array, component: Array) -> None:
 
 
 @compiled
-def _fly(errors: Array, steps: Array, stages: Array, first: Array, last: Array, outcome: Array, component: Array) -> None:
+def _fly(
+    errors: Array, steps: Array, stages: Array, first: Array, last: Array, outcome: Array, component: Array
+) -> None:
     block = np.empty(_ROWS * LANES)
     for begin in range(0, errors.shape[0], LANES):
         end = min(begin + LANES, errors.shape[0])

@@ -32,9 +32,7 @@ class Error(IntEnum):
 
 
 @compiled
-def measured_force(
-    force_x: float, force_z: float, angle: float, elapsed: float, errors: Array
-) -> tuple[float, float]:
+def measured_force(force_x: float, force_z: float, angle: float, elapsed: float, errors: Array) -> tuple[float, float]:
     """Outputs of the two accelerometers, m/s^2.
 
     With ``a = -angle + Theta_a0 + Theta_a' elapsed`` the axes feel ``f_xa = f_x cos a + f_z sin a`` and

@@ -69,10 +69,7 @@ def variational_rates(
         change[1, source] = shift_rate
         change[2, source] = stiffness * altitude + 2.0 * radius * angle_rate * shift_rate - change_z
         change[3, source] = (
-            change_x
-            - angle_acceleration * altitude
-            - 2.0 * angle_rate * altitude_rate
-            - 2.0 * radius_rate * shift_rate
+            change_x - angle_acceleration * altitude - 2.0 * angle_rate * altitude_rate - 2.0 * radius_rate * shift_rate
         ) / radius
     return rates
 

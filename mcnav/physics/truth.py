@@ -254,10 +254,8 @@ def fly_truth(
     while True:
         air, law = bands[band], regimes[regime]
         layer = air.layer
-        coefficients = np.array(
-            [layer.base, layer.temperature, layer.lapse, layer.density]
-            + [vehicle.ballistic_coefficient, law.fixed, law.per_rate]
-        )
+        of_layer = (layer.base, layer.temperature, layer.lapse, layer.density)
+        coefficients = np.array([*of_layer, vehicle.ballistic_coefficient, law.fixed, law.per_rate])
         flown = solve_ivp(
             truth_rates,
             (time, LONGEST_FLIGHT),

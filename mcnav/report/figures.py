@@ -30,7 +30,7 @@ SOURCE_COLOURS: Final = (
 SCATTERED: Final = 3_000
 """Points in a scatter plot; statistics always use every sample."""
 
-STYLE: Final[dict[str, Any]] = {
+STYLE: Final[Any] = {
     "font.family": ["sans-serif"],
     "font.sans-serif": ["DejaVu Sans"],
     "font.size": 9.0,
@@ -80,6 +80,13 @@ def _new(width: float, height: float, rows: int = 1, columns: int = 1, **keyword
     return figure, axes
 
 
+def _on(colour: str) -> str:
+    """Black or white, whichever reads better on a colour (relative luminance, WCAG 2)."""
+    channels = [int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)]
+    linear = [c / 12.92 if c <= 0.03928 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
+    return INK if 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2] > 0.25 else "white"
+
+
 def flight(content: Content) -> str:
     """Altitude against range, and speed and force against time."""
     columns, events = content.history.columns, content.history.events
@@ -88,7 +95,9 @@ def flight(content: Content) -> str:
     with mpl.rc_context(STYLE):
         figure, ((profile, air), (speed, load)) = _new(9.0, 5.6, 2, 2)
         profile.plot(columns["range [km]"] / 1e3, columns["altitude [km]"], color=LINEAR)
-        profile.set(yscale="log", xlabel="range (1000 km)", ylabel="altitude (km)", title="The whole flight")
+        profile.set_yscale("log")
+        profile.yaxis.set_major_formatter(lambda value, _: f"{value:,.10g}")  # the default one writes mathematics
+        profile.set(xlabel="range (1000 km)", ylabel="altitude (km)", title="The whole flight")
         inside = time >= min(0.0, time[-1])
         air.plot(columns["range [km]"][inside], columns["altitude [km]"][inside], color=LINEAR)
         air.set(xlabel="range (km)", ylabel="altitude (km)", title="From reentry on", ylim=(0.0, None))
@@ -101,9 +110,7 @@ def flight(content: Content) -> str:
             axes.margins(x=0.02)
         start = events["start of navigation"]
         speed.axvline(start, color=FLOWN, linewidth=1.0, linestyle="--")
-        speed.annotate(
-            " navigation starts", (start, 0.02), xycoords=("data", "axes fraction"), color=FLOWN, fontsize=8
-        )
+        speed.annotate(" navigation starts", (start, 0.02), xycoords=("data", "axes fraction"), color=FLOWN, fontsize=8)
         peak = f"{force.max():.2f} g"
         return _svg(
             figure,
@@ -164,7 +171,9 @@ def budget(content: Content) -> str:
             for row in range(len(names)):
                 if width[row] >= 0.08:
                     place = 100 * (left[row] + 0.5 * width[row])
-                    axes.text(place, row, f"{100 * width[row]:.0f}", ha="center", va="center", color="white", fontsize=8)
+                    axes.text(
+                        place, row, f"{100 * width[row]:.0f}", ha="center", va="center", color=_on(colour), fontsize=8
+                    )
             left += width
         axes.axvline(100.0, color=INK, linewidth=0.8)
         axes.set_yticks(range(len(names)), names)
@@ -210,9 +219,16 @@ def _ellipse(axes: Axes, centre: Array, covariance: Array, colour: str, style: s
         height, width = 2.0 * sigma * np.sqrt(np.maximum(values, 0.0))
         axes.add_patch(
             Ellipse(
-                (float(centre[0]), float(centre[1])), width, height, angle=angle, fill=False, edgecolor=colour,
-                linestyle=style, linewidth=1.5, label=label if sigma == 1.0 else None,
-            )  # fmt: skip
+                (float(centre[0]), float(centre[1])),
+                width,
+                height,
+                angle=angle,
+                fill=False,
+                edgecolor=colour,
+                linestyle=style,
+                linewidth=1.5,
+                label=label if sigma == 1.0 else None,
+            )
         )
 
 

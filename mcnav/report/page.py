@@ -31,6 +31,17 @@ def number(value: float | None, digits: int = 4) -> str:
     return f"{value:,.{max(0, digits - 1 - magnitude)}f}".replace("-", "−")
 
 
+def share(value: float) -> str:
+    """A share of a variance in per cent.
+
+    >>> share(0.00001)
+    '<0.01'
+    """
+    if not math.isfinite(value):
+        return "–"
+    return "<0.01" if 0.0 < abs(value) < 5e-5 else f"{100.0 * value:.2f}".replace("-", "−")
+
+
 def _interval(interval: tuple[float, float] | None) -> str:
     return "–" if interval is None else f"{interval[0]:.4f} … {interval[1]:.4f}"
 
@@ -72,7 +83,7 @@ def _source_rows(content: Content) -> list[dict[str, Any]]:
             "sigma": number(sigma[j] * scale[j]),
             "mean": number(content.model.mean[j] * scale[j]),
             "contributions": [number(value, 4) for value in contributions[:, j]],
-            "shares": [number(100.0 * value, 3) for value in content.budget.shares[:, j]],
+            "shares": [share(value) for value in content.budget.shares[:, j]],
         }
         for j in range(len(sigma))
         if sigma[j] > 0.0 or content.model.mean[j] != 0.0
@@ -133,7 +144,7 @@ def render(content: Content) -> str:
     )  # fmt: skip
     style = environment.loader.get_source(environment, "style.css")[0] if environment.loader else ""
     manifest, summary = content.manifest, content.summary
-    speed = (summary["samples"] - 0) / max(manifest["flight"]["seconds"], 1e-9)
+    speed = summary["samples"] / max(manifest["flight"]["seconds"], 1e-9)
     return environment.get_template("template.html").render(
         style=Markup(style),
         summary=summary,
@@ -149,7 +160,8 @@ def render(content: Content) -> str:
         output_names=content.output_names,
         output_units=content.output_units,
         sources=_source_rows(content),
-        cross=[number(100.0 * value, 3) for value in content.budget.cross_terms],
+        means=bool(np.any(content.model.mean)),
+        cross=[share(value) for value in content.budget.cross_terms],
         correlated=bool(np.nanmax(np.abs(content.budget.cross_terms), initial=0.0) > 1e-12),
         matrices=_matrices(content),
         ellipsoid=_ellipsoid(content),

@@ -26,7 +26,9 @@ SHOWN_IN = {"m": "km"}
 
 
 def _table(title: str) -> Table:
-    return Table(title=Text(title), title_justify="left", title_style="bold", header_style="bold", box=None, pad_edge=False)
+    return Table(
+        title=Text(title), title_justify="left", title_style="bold", header_style="bold", box=None, pad_edge=False
+    )
 
 
 def verdict(summary: Mapping[str, Any]) -> RenderableType:

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
 from mcnav.report.content import spoken
 
 
-def percent(share: float, digits: int = 2) -> str:
-    """A signed difference in per cent: enough digits to see it, no more.
+def percent(share: float) -> str:
+    """A signed difference in per cent, with two significant digits below one per cent and two decimals above.
 
-    >>> percent(0.0312)
-    '+3.12 %'
+    >>> percent(0.0312), percent(-0.0000213)
+    ('+3.12 %', '−0.0021 %')
     """
-    return f"{100.0 * share:+.{digits}f} %"
+    value = 100.0 * share
+    decimals = 2 if value == 0.0 or abs(value) >= 0.1 else 1 - math.floor(math.log10(abs(value)))
+    return f"{value:+.{decimals}f} %".replace("-", "−")
 
 
 def tone(summary: Mapping[str, Any]) -> str:
@@ -48,7 +51,9 @@ def explanation(summary: Mapping[str, Any]) -> str:
     names = [spoken(output["name"]) for output in summary["outputs"]]
     if not summary["verdicts"]:
         return f"Of {summary['samples']:,} samples {flown:,} could be flown; that is too few to compare anything."
-    ratios = {name: ratio for name, ratio in zip(names, summary["sigma_ratio_paired"], strict=True) if ratio is not None}
+    ratios = {
+        name: ratio for name, ratio in zip(names, summary["sigma_ratio_paired"], strict=True) if ratio is not None
+    }
     if not ratios:
         return "No error source has a dispersion, and so there is none to compare."
     farthest = max(ratios, key=lambda name: abs(ratios[name] - 1.0))
@@ -56,14 +61,14 @@ def explanation(summary: Mapping[str, Any]) -> str:
     judged = dict(zip(names, summary["verdicts"], strict=True))
     if summary["verdict"] == "agrees":
         return (
-            f"In every output the dispersion of {flown:,} nonlinear flights lies within {tolerance} of that of P·S·Pᵀ, with "
-            f"{confidence}; {largest}."
+            f"In every output the dispersion of {flown:,} nonlinear flights lies within {tolerance} of that of P·S·Pᵀ, "
+            f"with {confidence}; {largest}."
         )
     if summary["verdict"] == "differs":
         wrong = [name for name in names if judged[name] == "differs"]
         return (
-            f"The dispersion of {_listed(wrong)} in {flown:,} nonlinear flights differs by more than {tolerance} from that "
-            f"of P·S·Pᵀ, with {confidence}; {largest}."
+            f"The dispersion of {_listed(wrong)} in {flown:,} nonlinear flights differs by more than {tolerance} from "
+            f"that of P·S·Pᵀ, with {confidence}; {largest}."
         )
     needed = [count for count in summary["samples_needed"] if count]
     more = f" About {max(needed):,} samples would decide." if needed else ""
@@ -85,14 +90,18 @@ def joint_explanation(summary: Mapping[str, Any]) -> str:
     ratio = summary["direction_ratio"]
     if ratio is None:
         return f"The outputs' joint distribution does not follow P·S·Pᵀ: {nees}."
-    direction = f"in one combination of the outputs the sigma is {percent(ratio - 1.0, 1)} off"
+    size = "larger" if ratio > 1.0 else "smaller"
+    direction = f"in one combination of the outputs the flown sigma is {100 * abs(ratio - 1.0):.1f} % {size}"
     if verdict == "differs":
-        return f"The outputs' joint distribution differs: {nees}, and {direction}, so that P·S·Pᵀ is no error ellipsoid to rely on."
+        return (
+            f"The outputs' joint distribution differs: {nees}, and {direction}, so that P·S·Pᵀ is no error ellipsoid "
+            "to rely on."
+        )
     return f"The outputs' joint distribution is not decided: {nees}, and {direction}."
 
 
 def certain_but_small(summary: Mapping[str, Any]) -> str:
-    """A remark on differences that are statistically certain and yet within the tolerance; empty when there are none."""
+    """A remark on differences that are certain and yet within the tolerance; empty when there are none."""
     found = []
     rows = zip(
         summary["outputs"],
@@ -114,6 +123,6 @@ def failures(summary: Mapping[str, Any]) -> str:
     if not summary["failed"]:
         return ""
     return (
-        f"{summary['failed']:,} of {summary['samples']:,} samples failed and are left out of every figure. If they are the "
-        "largest errors, the flown dispersion is larger than it looks."
+        f"{summary['failed']:,} of {summary['samples']:,} samples failed and are left out of every figure. If they are "
+        "the largest errors, the flown dispersion is larger than it looks."
     )

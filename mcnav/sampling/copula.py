@@ -54,7 +54,7 @@ def normal_correlation(first: Distribution, second: Distribution, wanted: float)
     """
     if isinstance(first, Normal) and isinstance(second, Normal):
         return wanted
-    products = hermite_coefficients(first) * hermite_coefficients(second)
+    products = np.asarray(hermite_coefficients(first)) * np.asarray(hermite_coefficients(second))
 
     def excess(rho: float) -> float:
         return float(np.polynomial.polynomial.polyval(rho, products)) - wanted

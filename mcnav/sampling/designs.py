@@ -38,7 +38,7 @@ def block_length(design: str, samples: int) -> int:
         return 1
     if design == "antithetic":
         return 2
-    length = 2 ** int(np.log2(max(1, samples // REPLICATES)))
+    length = 1 << (max(1, samples // REPLICATES).bit_length() - 1)
     return min(length, LARGEST_HYPERCUBE) if design == "latin-hypercube" else length
 
 
@@ -69,7 +69,8 @@ def _sobol(seed: int, block: int, begin: int, end: int, dimensions: int) -> Arra
     net = qmc.Sobol(dimensions, scramble=True, rng=np.random.Generator(np.random.Philox(_key(seed, block))))
     if begin:
         net.fast_forward(begin)
-    return np.asarray(net.random(end - begin))
+    count = end - begin
+    return np.asarray(net.random(1 << (count - 1).bit_length())[:count])  # whole powers of two: the net's own lengths
 
 
 def standard_normals(design: str, seed: int, samples: int, begin: int, end: int, dimensions: int) -> Array:

@@ -19,7 +19,10 @@ Array = NDArray[np.float64]
 
 
 class Distribution(Protocol):
-    """An error source's statistics, SI units."""
+    """An error source's statistics, SI units; equal ones are interchangeable."""
+
+    def __hash__(self) -> int:
+        """Of its parameters."""
 
     @property
     def mean(self) -> float:
@@ -89,7 +92,7 @@ class TruncatedNormal:
     def __post_init__(self) -> None:
         _positive("sigma", self.sigma)
         _positive("limit", self.limit)
-        if not 1e-3 <= self.limit / self.sigma:
+        if not self.limit / self.sigma >= 1e-3:
             raise ValueError(f"limit must be at least 0.001 sigma; got {self.limit:g} for a sigma of {self.sigma:g}")
 
     @property
@@ -140,9 +143,7 @@ class StudentT:
     def __post_init__(self) -> None:
         _positive("sigma", self.sigma)
         if not (math.isfinite(self.degrees_of_freedom) and self.degrees_of_freedom > 2.0):
-            raise ValueError(
-                f"degrees_of_freedom must exceed 2 for a finite variance; got {self.degrees_of_freedom:g}"
-            )
+            raise ValueError(f"degrees_of_freedom must exceed 2 for a finite variance; got {self.degrees_of_freedom:g}")
 
     @property
     def standard_deviation(self) -> float:

@@ -64,7 +64,9 @@ class ErrorModel:
             one, other = self.distributions[i], self.distributions[j]
             for name, distribution in zip(correlation.between, (one, other), strict=True):
                 if distribution.standard_deviation == 0.0:
-                    raise CorrelationError(f"{name} has no dispersion, so that nothing can be correlated with it", entry)
+                    raise CorrelationError(
+                        f"{name} has no dispersion, so that nothing can be correlated with it", entry
+                    )
             try:
                 copula = normal_correlation(one, other, correlation.coefficient)
             except ValueError as problem:

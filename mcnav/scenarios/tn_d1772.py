@@ -25,16 +25,17 @@ START_RANGE_RATE: Final = 732.9312
 START_AIRSPEED: Final = 4_799.92
 """Airspeed at the start of the trajectories that Table I varies in angle, m/s."""
 
-ERRORS: Final = np.array(
-    [5e3, 500.0, 0.5, 0.02, 2e-4, 1e-6, 1e-4 * TN_GRAVITY, 1e-4 * TN_GRAVITY, 1e-4, 1e-4]
-)
+ERRORS: Final = np.array([5e3, 500.0, 0.5, 0.02, 2e-4, 1e-6, 1e-4 * TN_GRAVITY, 1e-4 * TN_GRAVITY, 1e-4, 1e-4])
 """The report's initial-condition and equipment errors, eqs. (20) and (21), in the order of the columns of P."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """A column of Table I: lift law, final altitude (m) and, where the start angle is solved for, final range (m)
-    counted from reentry with the printed angle (deg)."""
+    """A column of Table I.
+
+    Lift law and final altitude (m); where the start angle is solved for, the final range (m) counted from reentry and
+    the printed angle (deg).
+    """
 
     lift_law: LiftLaw
     final_altitude: float
@@ -96,7 +97,9 @@ def start_state(number: int) -> tuple[float, ...]:
 
     def overshoot(angle: float) -> float:
         try:
-            return range_from_reentry(fly_truth(start_at_angle(np.radians(angle)), vehicle, row.final_altitude)) - wanted
+            return (
+                range_from_reentry(fly_truth(start_at_angle(np.radians(angle)), vehicle, row.final_altitude)) - wanted
+            )
         except NeverComesDown:  # skipped out of the atmosphere: farther than any range
             return 2.0 * np.pi * EARTH_RADIUS
 
