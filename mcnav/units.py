@@ -60,13 +60,14 @@ def _unit(text: str) -> pint.Unit:
         raise UnitError(f"{_quoted(text)} is not a known unit") from None
 
 
+def printable(text: str, longest: int = _LONGEST) -> str:
+    """Foreign text for a line of a message: cut to a length, with what no terminal should see spelled out."""
+    shown = text if len(text) <= longest else text[: longest - 3] + "..."
+    return "".join(c if c.isprintable() else c.encode("unicode_escape", "replace").decode("ascii") for c in shown)
+
+
 def _quoted(text: str) -> str:
-    shown = text if len(text) <= _LONGEST else text[: _LONGEST - 3] + "..."
-    return (
-        "'" + shown.encode("unicode_escape", "ignore").decode("ascii") + "'"
-        if not shown.isprintable()
-        else f"'{shown}'"
-    )
+    return f"'{printable(text)}'"
 
 
 def kind_of(unit: str) -> Kind:

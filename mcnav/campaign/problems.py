@@ -4,6 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
+
+from mcnav.units import printable
+
+LONGEST: Final = 400
+"""Characters of a file name, key or message that are shown."""
 
 
 @dataclass(frozen=True)
@@ -15,7 +21,7 @@ class Problem:
     message: str
 
     def __str__(self) -> str:
-        return ": ".join(part for part in (self.file, self.key, self.message) if part)
+        return ": ".join(printable(part, LONGEST) for part in (self.file, self.key, self.message) if part)
 
 
 class CampaignError(Exception):

@@ -7,8 +7,12 @@ their sums would depend on it.
 
 from __future__ import annotations
 
+import os
+import threading
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 from joblib import Parallel, delayed
 from threadpoolctl import threadpool_limits
@@ -39,6 +43,17 @@ class Work:
     folder: RunFolder
     identity: str
     layout: Layout
+
+
+def _end_with_parent(parent: int) -> None:
+    """Let a worker process end within a second of its parent, also when that was killed and could not say so."""
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(0.5)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def _fly_chunk(work: Work, number: int, begin: int, end: int) -> Part:
@@ -75,8 +90,10 @@ def fly(work: Work, jobs: int, progress: Progress) -> list[Part]:
         else:
             parts.append(stored)
             progress(end - begin)
-    backend = "threading" if work.prepared.parallel == "threads" else "loky"
-    flights = Parallel(n_jobs=min(jobs, max(1, len(missing))), backend=backend, return_as="generator_unordered")
+    workers: dict[str, Any] = {"backend": "threading"}
+    if work.prepared.parallel == "processes":
+        workers = {"backend": "loky", "initializer": _end_with_parent, "initargs": (os.getpid(),)}
+    flights = Parallel(n_jobs=min(jobs, max(1, len(missing))), return_as="generator_unordered", **workers)
     for part in flights(delayed(_fly_chunk)(work, *place) for place in missing):
         parts.append(part)
         progress(part.end - part.begin)

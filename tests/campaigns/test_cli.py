@@ -1,0 +1,124 @@
+"""The commands, as processes: what they print, and their exit status."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import ROOT
+
+DEMO = ROOT / "campaigns" / "01_tn_d1772_trajectory_4.toml"
+
+
+def mcnav(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """Run the program in a folder."""
+    command = [sys.executable, "-m", "mcnav", *map(str, arguments)]
+    environment = os.environ | {"COLUMNS": "160", "PYTHONWARNINGS": "error"}
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=120, env=environment, check=False)
+
+
+@pytest.fixture(scope="module")
+def workplace(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder in which the demo has been run."""
+    place = tmp_path_factory.mktemp("workplace")
+    finished = mcnav("run", DEMO, "--samples", 2000, cwd=place)
+    assert finished.returncode == 0, finished.stderr
+    assert finished.stderr == ""
+    assert "Yes for the dispersion of each output" in finished.stdout
+    assert "report: reports/01_tn_d1772_trajectory_4/report.html" in finished.stdout
+    return place
+
+
+def test_help(tmp_path: Path) -> None:
+    finished = mcnav("--help", cwd=tmp_path)
+    assert finished.returncode == 0
+    for command in ("run", "report", "compare", "partials"):
+        assert command in finished.stdout
+
+
+def test_run_again_uses_what_is_stored(workplace: Path) -> None:
+    part = next((workplace / "reports" / DEMO.stem / "samples").iterdir())
+    before = part.stat().st_mtime_ns
+    assert mcnav("run", DEMO, "--samples", 2000, cwd=workplace).returncode == 0
+    assert part.stat().st_mtime_ns == before
+
+
+def test_report_and_compare(workplace: Path) -> None:
+    folder = workplace / "reports" / DEMO.stem
+    assert mcnav("report", folder, cwd=workplace).returncode == 0
+    other = workplace / "other"
+    assert mcnav("run", DEMO, "--samples", 500, "--seed", 3, "--jobs", 1, "--out", other, cwd=workplace).returncode == 0
+    compared = mcnav("compare", folder, other, cwd=workplace)
+    assert compared.returncode == 0
+    for summary in (json.loads((each / "summary.json").read_text()) for each in (folder, other)):
+        assert f"{summary['samples']:,} samples" in compared.stdout
+        for value in summary["sigma_sample"][:2]:
+            assert f"{value * 1e-3:.5g}" in compared.stdout
+
+
+def test_partials(workplace: Path) -> None:
+    finished = mcnav("partials", DEMO, cwd=workplace)
+    assert finished.returncode == 0
+    for word in ("gyro drift [deg/h]", "differences", "runs"):
+        assert word in finished.stdout
+    single = mcnav("partials", DEMO, "--method", "runs", cwd=workplace)
+    assert single.returncode == 0
+
+
+def test_a_run_folders_own_campaign_goes_on_there(workplace: Path) -> None:
+    folder = workplace / "reports" / DEMO.stem
+    finished = mcnav("run", folder / "campaign.toml", cwd=workplace)
+    assert finished.returncode == 0, finished.stderr
+    assert not (workplace / "reports" / "campaign").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["run", "nowhere.toml"], "error: nowhere.toml: no such file"),
+        (["run", "wrong.toml"], "error: wrong.toml: errors.gyro_drift: got '5 km', which is a length"),
+        (["run", DEMO, "--samples", 1], "samples: got 1"),
+        (["run", DEMO, "--samples", 3000], "samples was 2000, is 3000); --fresh replaces them"),
+        (["run", DEMO, "--out", "file/inside"], "error: file/inside: cannot be written to"),
+        (["report", "nowhere"], "error: nowhere: holds no run"),
+        (["compare", "nowhere"], "error: nowhere: holds no finished run"),
+        (["partials", "nowhere.toml"], "error: nowhere.toml: no such file"),
+    ],
+    ids=str,
+)
+def test_bad_input(arguments: list[object], message: str, workplace: Path) -> None:
+    """One line, exit status 2, no traceback, and earlier results as they were."""
+    (workplace / "file").touch()
+    wrong = 'samples = 3\n[scenario]\ntype = "reentry"\ntrajectory = 4\n[errors]\ngyro_drift = "5 km"\n'
+    (workplace / "wrong.toml").write_text(wrong)
+    summary = workplace / "reports" / DEMO.stem / "summary.json"
+    before = summary.read_bytes()
+    finished = mcnav(*arguments, cwd=workplace)
+    assert finished.returncode == 2
+    assert message in finished.stderr
+    assert len(finished.stderr.splitlines()) == 1
+    assert summary.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    "arguments", [["run", DEMO, "--jobs", 0], ["run", DEMO, "--engine", "magic"], ["fly"], ["run"]]
+)
+def test_wrong_use(arguments: list[object], workplace: Path) -> None:
+    finished = mcnav(*arguments, cwd=workplace)
+    assert finished.returncode == 2
+    assert "Traceback" not in finished.stderr
+    assert finished.stderr
+
+
+def test_failed_samples_give_status_3(workplace: Path) -> None:
+    described = '[scenario]\ntype = "reentry"\ntrajectory = 4\n[errors]\n'
+    described += 'altitude = { distribution = "uniform", half_width = "40000 km" }\n'
+    (workplace / "failing.toml").write_text(described)
+    finished = mcnav("run", "failing.toml", "--samples", 40, cwd=workplace)
+    assert finished.returncode == 3
+    assert "samples failed and are left out of every figure" in finished.stdout.replace("\n", " ")

@@ -1,0 +1,65 @@
+"""Scenarios and campaigns that many tests share; each is built once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mcnav.campaign.file import Campaign, parse_campaign
+from mcnav.physics.vehicle import Vehicle
+from mcnav.scenarios.reentry import SOURCES, Flight, Reentry
+from mcnav.scenarios.tn_d1772 import ERRORS, TABLE_I, start_state
+
+ROOT = Path(__file__).parent.parent
+TRAJECTORIES = tuple(TABLE_I)
+
+
+@lru_cache
+def reentry(trajectory: int, **options: Any) -> Reentry:
+    """A trajectory of Table I as a scenario."""
+    row = TABLE_I[trajectory]
+    return Reentry(Flight(start_state(trajectory), Vehicle(row.lift_law), row.final_altitude, **options))
+
+
+def tn_errors(multiple: float = 1.0) -> dict[str, Any]:
+    """The ``[errors]`` of NASA TN D-1772, some multiple of them."""
+    return {
+        source.name: f"{float(size * multiple)!r} {source.unit if source.unit != '1' else ''}".strip()
+        for source, size in zip(SOURCES, ERRORS, strict=True)
+    }
+
+
+def content(trajectory: int = 4, multiple: float = 1.0, **entries: Any) -> dict[str, Any]:
+    """The content of a campaign file."""
+    return {
+        "samples": 500,
+        "seed": 1772,
+        "scenario": {"type": "reentry", "trajectory": trajectory},
+        "errors": tn_errors(multiple),
+    } | entries
+
+
+def campaign(trajectory: int = 4, multiple: float = 1.0, **entries: Any) -> Campaign:
+    """A campaign at some multiple of the report's errors."""
+    return parse_campaign(content(trajectory, multiple, **entries), "test.toml", "test")
+
+
+@pytest.fixture(params=TRAJECTORIES, ids=lambda number: f"trajectory {number}")
+def scenario(request: pytest.FixtureRequest) -> Reentry:
+    """Each trajectory of Table I in turn."""
+    return reentry(request.param)
+
+
+@pytest.fixture
+def draws() -> Callable[[int, float], np.ndarray]:
+    """Normal draws at a multiple of the report's one-sigma errors, shape (count, 10)."""
+
+    def draw(count: int, multiple: float = 1.0) -> np.ndarray:
+        return np.random.default_rng(1963).standard_normal((count, len(ERRORS))) * ERRORS * multiple
+
+    return draw

@@ -1,0 +1,89 @@
+"""Our statistics and linear algebra against scipy, filterpy and OpenTURNS."""
+
+from __future__ import annotations
+
+import numpy as np
+import openturns as ot
+import pytest
+from filterpy.stats import NEES
+from scipy import stats
+
+from mcnav.analysis.comparison import Criterion, Model, compare
+from mcnav.linear.covariance import propagated_covariance
+from mcnav.linear.unscented import unscented
+from mcnav.sampling.distributions import Distribution, Normal, StudentT, Triangular, TruncatedNormal, Uniform
+from mcnav.scenarios.protocol import Outcomes
+from mcnav.statistics.estimates import blocked_mean
+from tests.conftest import campaign, reentry
+
+PAIRS = [
+    (Normal(2.0), stats.norm(scale=2.0)),
+    (Uniform(3.0), stats.uniform(-3.0, 6.0)),
+    (Triangular(3.0), stats.triang(0.5, -3.0, 6.0)),
+    (TruncatedNormal(2.0, 3.0), stats.truncnorm(-1.5, 1.5, scale=2.0)),
+    (TruncatedNormal(2.0, 0.02), stats.truncnorm(-0.01, 0.01, scale=2.0)),
+    (StudentT(2.0, 5.0), stats.t(5.0, scale=2.0 * np.sqrt(3.0 / 5.0))),
+]
+
+
+@pytest.mark.parametrize(("ours", "theirs"), PAIRS, ids=lambda value: type(value).__name__)
+def test_distributions_against_scipy(ours: Distribution, theirs: stats.rv_continuous) -> None:
+    """Quantiles at normal variates out to 6 sigma, and the standard deviation."""
+    normal = np.linspace(-6.0, 6.0, 61)
+    below = np.minimum(normal, 0.0)  # scipy's quantiles lose digits in the upper tail
+    np.testing.assert_allclose(ours.transform(below), theirs.ppf(stats.norm.cdf(below)), rtol=1e-7, atol=1e-12)
+    np.testing.assert_array_equal(ours.transform(normal), -ours.transform(-normal))
+    assert ours.standard_deviation == pytest.approx(theirs.std(), rel=1e-6)
+
+
+def test_nees_against_filterpy() -> None:
+    run = campaign(1, 3.0)
+    errors = run.errors.draw("random", 1, 400, 0, 400)
+    outcomes = run.scenario.prepared("ensemble", errors[:64]).propagate(errors).values
+    linear = run.scenario.linearised()
+    model = Model(linear.partials, linear.nominal, run.errors.mean, run.errors.covariance)
+    found = compare(model, errors, outcomes, np.arange(400), Criterion()).ellipsoid
+    assert found is not None
+    scale = 1.0 / np.sqrt(np.diag(model.outcome_covariance))
+    scaled = model.outcome_covariance * np.outer(scale, scale)
+    # filterpy inverts the covariance as it is; in units of sigma that costs few digits
+    expected = NEES(outcomes * scale, np.zeros_like(outcomes), [scaled] * len(outcomes))
+    np.testing.assert_allclose(found.values, expected, rtol=1e-8)
+    assert found.nees.value == pytest.approx(np.mean(expected), rel=1e-8)
+
+
+def test_covariance_against_openturns() -> None:
+    """OpenTURNS' Taylor expansion of a linear function is P S P^T."""
+    run = campaign(4, correlations=[{"between": ["altitude", "altitude_rate"], "coefficient": -0.6}])
+    scenario = reentry(4)
+    sigma = run.errors.standard_deviations
+    partials = scenario.linearised().partials * sigma  # per sigma: OpenTURNS wants a correlation of order one
+    correlation = run.errors.covariance / np.outer(sigma, sigma)
+    function = ot.LinearFunction([0.0] * 10, [0.0] * 4, ot.Matrix(partials.tolist()))
+    distribution = ot.Normal([0.0] * 10, [1.0] * 10, ot.CorrelationMatrix(correlation.tolist()))
+    expansion = ot.TaylorExpansionMoments(ot.CompositeRandomVector(function, ot.RandomVector(distribution)))
+    expected = np.array(expansion.getCovariance())
+    ours = propagated_covariance(scenario.linearised().partials, run.errors.covariance)
+    np.testing.assert_allclose(ours, expected, rtol=1e-9)
+
+
+def test_unscented_transform_is_exact_for_a_quadratic() -> None:
+    """Mean of y = x + a x^2 in several normal dimensions: a sigma^2 each; sigma points of order two give it exactly."""
+    sigma = np.array([2.0, 0.5, 0.0])
+    correlation = 0.3
+    covariance = np.diag(sigma**2)
+    covariance[0, 1] = covariance[1, 0] = correlation * sigma[0] * sigma[1]
+
+    def propagate(errors: np.ndarray) -> Outcomes:
+        return Outcomes(np.column_stack([errors[:, 0] + 0.1 * errors[:, 0] ** 2, errors[:, 1] - errors[:, 0] * 0.5]))
+
+    mean, found = unscented(propagate, np.zeros(3), covariance)
+    np.testing.assert_allclose(mean, [0.1 * 4.0, 0.0], atol=1e-12)
+    assert found[1, 1] == pytest.approx(0.25 + 0.25 * 4.0 - correlation * 2.0 * 0.5, rel=1e-12)
+
+
+def test_standard_error_of_independent_blocks_is_the_textbooks() -> None:
+    values = np.random.default_rng(3).standard_normal(50) ** 2
+    found = blocked_mean(values, np.arange(50))
+    low, high = stats.t.interval(0.95, 49, loc=values.mean(), scale=stats.sem(values))
+    assert found.interval(0.95) == pytest.approx((low, high), rel=1e-12)

@@ -1,0 +1,83 @@
+"""Symmetries of the navigator, for any errors (hypothesis)."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mcnav.linear.covariance import propagated_covariance
+from mcnav.physics.ensemble import fly_ensemble
+from mcnav.physics.grid import shared_grid
+from mcnav.physics.navigator import fly_indicated
+from mcnav.sampling.errors import ErrorModel
+from mcnav.scenarios.reentry import OUTPUTS, SOURCES
+from mcnav.scenarios.tn_d1772 import ERRORS
+from mcnav.units import quantity
+from tests.conftest import reentry
+
+MULTIPLES = st.lists(st.floats(-3.0, 3.0), min_size=10, max_size=10).map(np.array)
+
+
+@settings(max_examples=30, deadline=None)
+@given(MULTIPLES)
+def test_engines_agree_for_any_errors(multiples: np.ndarray) -> None:
+    """A few parts in 1e8 of the one-sigma dispersion on eight parts a step; the reference path's own error is below."""
+    navigation = reentry(1).navigation
+    errors = multiples * ERRORS
+    grid = shared_grid(navigation.trajectory, navigation.start, navigation.theta_axes, 8)
+    fast, _ = fly_ensemble(grid, errors[None, :])
+    slow = fly_indicated(navigation.trajectory, errors, navigation.start, navigation.theta_axes)
+    sigma = np.sqrt(np.diag(propagated_covariance(reentry(1).linearised().partials, np.diag(ERRORS**2))))
+    np.testing.assert_array_less(np.abs(fast[0] - slow), 1e-7 * sigma)
+
+
+@settings(max_examples=30, deadline=None)
+@given(MULTIPLES.map(lambda m: m[[4, 5, 6, 7, 8, 9]]), st.floats(-3.0, 3.0))
+def test_an_initial_range_error_turns_the_axes(equipment: np.ndarray, turn: float) -> None:
+    """Turning the indicated start and the platform together only shifts the range: the physics has no preferred angle.
+
+    With range error R and misalinement -R / r_o the navigator flies the true flight, rotated; every other final error
+    stays as it was, to the accuracy of the grid's coefficients.
+    """
+    scenario = reentry(4)
+    navigation = scenario.navigation
+    grid = shared_grid(navigation.trajectory, navigation.start, navigation.theta_axes, 4)
+    radius = navigation.trajectory.state(0.0)[0]
+    plain = np.zeros(10)
+    plain[5], plain[8:] = equipment[1] * ERRORS[5], 0.0
+    turned = plain.copy()
+    turned[1] = turn * ERRORS[1]
+    turned[4] = -turned[1] / radius
+    outcome, _ = fly_ensemble(grid, np.stack([plain, turned]))
+    shift = 6378140.0 * turned[1] / radius
+    np.testing.assert_allclose(outcome[1] - outcome[0], [0.0, shift, 0.0, 0.0], rtol=1e-9, atol=1e-4)
+
+
+@settings(max_examples=50, deadline=None)
+@given(MULTIPLES, st.floats(1e-3, 1e3))
+def test_linear_covariance_scales_and_stays_symmetric(multiples: np.ndarray, factor: float) -> None:
+    partials = reentry(4).linearised().partials
+    start = np.diag((multiples * ERRORS) ** 2)
+    covariance = propagated_covariance(partials, start)
+    assert np.array_equal(covariance, covariance.T)
+    assert np.linalg.eigvalsh(covariance / max(1e-300, np.abs(covariance).max()))[0] > -1e-12
+    np.testing.assert_allclose(propagated_covariance(partials, factor**2 * start), factor**2 * covariance, rtol=1e-12)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 2**63 - 1), st.integers(0, 10_000), st.integers(1, 50))
+def test_draws_depend_on_seed_and_index_alone(seed: int, begin: int, count: int) -> None:
+    from mcnav.sampling.distributions import Normal
+
+    model = ErrorModel([s.name for s in SOURCES], {"gyro_drift": Normal(1.0)})
+    drawn = model.draw("random", seed, 20_000, begin, begin + count)
+    assert np.array_equal(drawn[-1:], model.draw("random", seed, 20_000, begin + count - 1, begin + count))
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.floats(-1e6, 1e6, allow_subnormal=False), st.sampled_from([*SOURCES, *OUTPUTS]))
+def test_quantities_survive_writing(value: float, channel: object) -> None:
+    """What a resolved campaign prints is read back to the same bits."""
+    unit = channel.unit  # type: ignore[attr-defined]
+    assert quantity(f"{value!r} {unit}" if unit != "1" else value, unit) == value
