@@ -179,13 +179,13 @@ def partials(
     """Show the partial derivatives of the final errors, and how well three methods agree on them."""
     with _errors_told():
         from mcnav.campaign.file import read_campaign
+        from mcnav.linear.agreement import compared_partials
         from mcnav.report import terminal
-        from mcnav.study import partials_of
 
         described = read_campaign(campaign)
         sources, outputs = described.scenario.sources, described.scenario.outputs
         methods = [each for each in Method if each != Method.ALL] if method == Method.ALL else [method]
-        shown, differences = partials_of(described, [each.value for each in methods])
+        shown, differences = compared_partials(described.scenario, [each.value for each in methods])
         out.print(terminal.partials(sources, outputs, shown))
         if differences:
             out.print()

@@ -64,7 +64,7 @@ def _fly_chunk(work: Work, number: int, begin: int, end: int) -> Part:
         return work.folder.write_part(number, begin, work.identity, work.layout, errors, outcomes)
 
 
-def fly(work: Work, jobs: int, progress: Progress) -> list[Part]:
+def fly(work: Work, jobs: int, progress: Progress) -> tuple[list[Part], int]:
     """Fly every chunk that is not already stored whole.
 
     Parameters
@@ -77,8 +77,10 @@ def fly(work: Work, jobs: int, progress: Progress) -> list[Part]:
 
     Returns
     -------
-    list of Part
+    parts : list of Part
         All parts of the run, in the order in which they became ready.
+    flown : int
+        Samples that were not stored already.
     """
     samples, chunk = work.draws.samples, work.prepared.chunk
     parts, missing = [], []
@@ -97,4 +99,4 @@ def fly(work: Work, jobs: int, progress: Progress) -> list[Part]:
     for part in flights(delayed(_fly_chunk)(work, *place) for place in missing):
         parts.append(part)
         progress(part.end - part.begin)
-    return parts
+    return parts, sum(end - begin for _, begin, end in missing)

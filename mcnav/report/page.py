@@ -144,7 +144,7 @@ def render(content: Content) -> str:
     )  # fmt: skip
     style = environment.loader.get_source(environment, "style.css")[0] if environment.loader else ""
     manifest, summary = content.manifest, content.summary
-    speed = summary["samples"] / max(manifest["flight"]["seconds"], 1e-9)
+    flown, seconds = manifest["flight"]["samples"], manifest["flight"]["seconds"]
     return environment.get_template("template.html").render(
         style=Markup(style),
         summary=summary,
@@ -166,7 +166,7 @@ def render(content: Content) -> str:
         matrices=_matrices(content),
         ellipsoid=_ellipsoid(content),
         confidence_each=f"{100.0 * content.comparison.confidence_each:.4g} %",
-        speed=f"{speed:,.0f}",
+        speed=f"{flown / max(seconds, 1e-3):,.0f}" if flown == summary["samples"] else None,
         failed=[(int(index), reason) for index, reason in zip(content.index, content.status, strict=True)
                 if reason != "ok"][:20],
         campaign=content.campaign,

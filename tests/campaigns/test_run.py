@@ -134,7 +134,7 @@ def test_a_missing_or_damaged_part_is_flown_again(tmp_path: Path) -> None:
     content = bytearray(parts[1].read_bytes())
     content[len(content) // 2] ^= 1
     parts[1].write_bytes(content)
-    with pytest.raises(RunFolderError, match="part-00000.parquet: cannot be read"):
+    with pytest.raises(RunFolderError, match=r"part-00000\.parquet: cannot be read"):
         report_run(folder)
     flown: list[int] = []
     run_campaign(run, folder, "ensemble", 1, progress=flown.append)
@@ -190,7 +190,7 @@ def test_failed_samples_are_rows_with_their_reason(tmp_path: Path) -> None:
 
 
 def test_samples_beyond_the_kernel_are_handed_over(tmp_path: Path) -> None:
-    """They come out as the reference engine flies them, and range angles are not wrapped: some go more than half round."""
+    """They come out as the reference engine flies them, and no range angle is wrapped: some go more than half round."""
     run = campaign(7, 300.0, samples=32)
     for engine in ("ensemble", "reference"):
         run_campaign(run, tmp_path / engine, engine, 1)

@@ -1,7 +1,7 @@
 """NASA TN D-1772, Tables II (pp. 24-27) and IV (pp. 28-29): final errors, every entry, on both engines.
 
-No entry is excused. What the errata list of these tables (II(b) run 3, II(d) run 4, IV(b) run 2) either stands corrected
-in the transcription, where the report's own sums need it, or lies within the tolerances.
+No entry is excused. What the errata list of these tables (II(b) run 3, II(d) run 4, IV(b) run 2) either stands
+corrected in the transcription, where the report's own sums need it, or lies within the tolerances.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def _compare(table: str, computed: np.ndarray, share: float, least: float) -> No
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("number", TRAJECTORIES)
 def test_table_ii(number: int, engine: str) -> None:
-    """0.5 % of the column's largest entry, or 0.02 in the printed unit: what the best solution of the equations leaves."""
+    """0.5 % of the column's largest entry, or 0.02 in the printed unit: what the printed start point leaves open."""
     _compare(TABLE_II[number], _runs(number, engine, 1.0), 0.005, 0.02)
 
 

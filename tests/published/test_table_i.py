@@ -31,8 +31,8 @@ def _range_and_minutes(number: int, start: np.ndarray, final_altitude: float) ->
 def test_final_range_and_time(number: int) -> None:
     """They agree as far as the printed digits of start point, final altitude and results let them.
 
-    The report starts from more digits than eq. (18) prints, and a skip magnifies what was left off: 5 m of start altitude
-    are 20 km of range on trajectory 5.
+    The report starts from more digits than eq. (18) prints, and a skip magnifies what was left off: 5 m of start
+    altitude are 20 km of range on trajectory 5.
     """
     row = TABLE_I[number]
     computed = _range_and_minutes(number, common_start(), row.final_altitude)
@@ -43,15 +43,15 @@ def test_final_range_and_time(number: int) -> None:
         left_off += np.abs(_range_and_minutes(number, start, row.final_altitude) - computed)
     printed = trajectories()[number]
     expected = [float(printed["final_range_km"]) * 1e3, float(printed["final_time_after_reentry_min"])]
-    assert np.all(np.abs(computed - expected) <= left_off + [5e3, 0.005])
+    assert np.all(np.abs(computed - expected) <= left_off + np.array([5e3, 0.005]))
 
 
 @pytest.mark.parametrize("number", SOLVED_FOR_RANGE)
 def test_trajectories_solved_for_their_range(number: int) -> None:
-    """They meet it to 0.1 m (a root to 1e-13 deg, at 1e12 m/rad), and then the printed time as far as digits let them.
+    """They meet it to 0.1 m (a root to 1e-13 deg, at 1e12 m/rad), and then the printed time as digits let them.
 
-    Half a digit of the start's altitude, speed and range and of the final altitude each change the time, while the start
-    angle takes up what they do to the range; and the range itself is printed to 10 km. The instant of reentry, from which
+    Half a digit of the start's altitude and speed and of the final altitude each change the time, while the start angle
+    takes up what they do to the range; and the range itself is printed to 10 km. The instant of reentry, from which
     the report counts, is itself off by what its start time of 63.51 min differs from ours (errata, item 13).
     """
     row, printed = TABLE_I[number], trajectories()[number]
@@ -61,7 +61,7 @@ def test_trajectories_solved_for_their_range(number: int) -> None:
 
     def change(speed: float = 0.0, angle: float = 0.0, altitude: float = 0.0, final: float = 0.0) -> np.ndarray:
         airspeed, flight_path = airspeed_and_angle(start)
-        moved = start + [altitude, 0.0, 0.0, 0.0]
+        moved = start + np.array([altitude, 0.0, 0.0, 0.0])
         moved[2] = (airspeed + speed) * np.sin(flight_path + angle)
         moved[3] = EARTH_RATE + (airspeed + speed) * np.cos(flight_path + angle) / moved[0]
         return _range_and_minutes(number, moved, row.final_altitude + final) - computed

@@ -1,9 +1,9 @@
 """Do the intervals cover as often as they say? Measured, with fixed seeds, on a system whose truth is known.
 
-A system ``y = x_1 + c (x_2^2 - 1)`` with independent normal errors has the variance ``1 + 2 c^2`` exactly; linear analysis
-says 1. Each campaign is one trial, and the number of intervals that miss is binomial. The bounds are those of a one in a
-million false alarm, widened by the miss rate's own approximation error (`SLACK`): intervals from a finite number of blocks
-are asymptotic.
+A system ``y = x_1 + c (x_2^2 - 1)`` with independent normal errors has the variance ``1 + 2 c^2`` exactly; linear
+analysis says 1. Each campaign is one trial, and the number of intervals that miss is binomial. The bounds are those of
+a one in a million false alarm, widened by the miss rate's own approximation error (`SLACK`): intervals from a finite
+number of blocks are asymptotic.
 """
 
 from __future__ import annotations

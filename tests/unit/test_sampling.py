@@ -104,7 +104,7 @@ def test_each_hypercube_fills_its_strata() -> None:
 
 @pytest.mark.parametrize("name", "abcde")
 def test_hermite_coefficients_carry_the_whole_variance(name: str) -> None:
-    """Parseval: they square up to one, and even ones vanish for symmetric distributions. The triangle's kink costs 1e-7."""
+    """Parseval: they square up to one, and even ones vanish by symmetry. The triangle's kink costs 1e-7."""
     coefficients = hermite_coefficients(ALL[name])
     assert np.sum(coefficients**2) == pytest.approx(1.0, abs=2e-7)
     assert np.abs(coefficients[::2]).max() < 1e-10
@@ -131,7 +131,7 @@ def test_perfect_correlation_can_be_drawn() -> None:
 def test_impossible_correlations_are_refused() -> None:
     names = ["a", "b", "c"]
     pairs = [Correlation(("a", "b"), 0.9), Correlation(("a", "c"), 0.9), Correlation(("b", "c"), -0.9)]
-    with pytest.raises(CorrelationError, match="no correlation matrix: its smallest eigenvalue is -0.8"):
+    with pytest.raises(CorrelationError, match=r"no correlation matrix: its smallest eigenvalue is -0\.8"):
         ErrorModel(names, dict.fromkeys(names, Normal(1.0)), pairs)
 
 

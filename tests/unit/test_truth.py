@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -45,7 +47,7 @@ def test_phases_meet_without_gaps_at_the_kinks(scenario: Reentry) -> None:
     phases = scenario.trajectory.phases
     assert phases[0].start == 0.0
     corner = VariableLift().limiting_rate
-    for before, after in zip(phases, phases[1:], strict=False):
+    for before, after in pairwise(phases):
         assert before.end == after.start
         state = before.solution(before.end)
         np.testing.assert_allclose(state, after.solution(after.start), rtol=1e-11, atol=1e-9)
@@ -55,7 +57,7 @@ def test_phases_meet_without_gaps_at_the_kinks(scenario: Reentry) -> None:
 
 def test_force_is_continuous_across_phases(scenario: Reentry) -> None:
     phases = scenario.trajectory.phases
-    for before, after in zip(phases, phases[1:], strict=False):
+    for before, after in pairwise(phases):
         state = before.solution(before.end)
         forces = [truth_force(state, phase.coefficients) for phase in (before, after)]
         np.testing.assert_allclose(forces[0], forces[1], rtol=1e-8, atol=1e-14)
@@ -105,7 +107,7 @@ def test_a_start_below_the_final_altitude_is_refused() -> None:
 def test_a_flight_that_leaves_is_given_up() -> None:
     start = common_start()
     start[2] = 12_000.0
-    with pytest.raises(NeverComesDown, match="never comes down to 30.00 km"):
+    with pytest.raises(NeverComesDown, match=r"never comes down to 30\.00 km"):
         fly_truth(start, Vehicle(ConstantLift(0.1)), 30_000.0)
 
 
