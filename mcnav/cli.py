@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,20 +16,19 @@ from rich.console import Console
 if TYPE_CHECKING:
     from mcnav.campaign.runner import Progress as Told
 
-BAD_INPUT, SOME_FAILED, BUSY, INTERRUPTED = 2, 3, 4, 130
+BAD_INPUT, SOME_FAILED, BUSY, INTERRUPTED, TERMINATED = 2, 3, 4, 130, 143
 """Exit statuses; 0 is success."""
 
 QUIET_SECONDS = 1.0
 """A progress bar appears when a run takes longer."""
 
 app = typer.Typer(
-    help="May the linear covariance analysis of this inertial navigation system be trusted? Monte Carlo answers.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     add_completion=True,
 )
-out, err = Console(highlight=False), Console(stderr=True, highlight=False)
+out, err = Console(highlight=False, soft_wrap=True), Console(stderr=True, highlight=False, soft_wrap=True)
 
 CampaignFile = Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file (TOML).")]
 Folders = Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders.")]
@@ -50,6 +50,15 @@ class Method(StrEnum):
     RUNS = "runs"
 
 
+_asked_to_end: list[int] = []
+"""Signals that ended the command, of those that are treated as Ctrl-C."""
+
+
+def _end(number: int, frame: object) -> None:
+    _asked_to_end.append(number)
+    raise KeyboardInterrupt
+
+
 def _fail(message: str, status: int) -> typer.Exit:
     for line in message.splitlines():
         err.print(f"error: {line}", markup=False, soft_wrap=True)
@@ -62,16 +71,18 @@ def _errors_told() -> Iterator[None]:
     from mcnav.campaign.problems import CampaignError, RunFolderBusy, RunFolderError
     from mcnav.linear.partials import FlightFailed
 
+    signal.signal(signal.SIGTERM, _end)
     try:
         yield
     except RunFolderBusy as problem:
         raise _fail(str(problem), BUSY) from None
     except (CampaignError, RunFolderError, FlightFailed) as problem:
         raise _fail(str(problem), BAD_INPUT) from None
+    except OSError as problem:
+        raise _fail(f"{problem.filename or 'a file'}: {problem.strerror or problem}", BAD_INPUT) from None
     except KeyboardInterrupt:
-        raise _fail(
-            "interrupted; what is stored is kept, and the same command goes on from there", INTERRUPTED
-        ) from None
+        status = TERMINATED if _asked_to_end else INTERRUPTED
+        raise _fail("interrupted; what is stored is kept, and the same command goes on from there", status) from None
 
 
 @contextmanager
@@ -108,20 +119,37 @@ def _progress(samples: int) -> Iterator[Told]:
 
 
 def run_folder(campaign: Path) -> Path:
-    """Where a campaign file's results go: ``reports/NAME``; a run folder's own file goes on in that folder."""
+    """Where results go: ``reports/`` and the campaign file's stem; a run folder's own file goes on in that folder."""
     if campaign.name == "campaign.toml" and (campaign.parent / "manifest.json").exists():
         return campaign.parent
     return Path("reports") / campaign.stem
 
 
+def _version(asked: bool) -> None:
+    if asked:
+        from importlib.metadata import version
+
+        out.print(f"mcnav {version('mcnav')}")
+        raise typer.Exit
+
+
+@app.callback()
+def program(
+    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Show it.")] = False,
+) -> None:
+    """May the linear covariance analysis of this inertial navigation system be trusted? Monte Carlo answers."""
+
+
 @app.command()
 def run(
     campaign: CampaignFile,
-    folder: Annotated[Path | None, typer.Option("--out", help="Run folder [default: reports/NAME].")] = None,
-    engine: Annotated[Engine, typer.Option(help="How samples are flown.")] = Engine.ENSEMBLE,
+    folder: Annotated[
+        Path | None, typer.Option("--out", help="Run folder [default: reports/ and the file's name without .toml].")
+    ] = None,
+    engine: Annotated[Engine | None, typer.Option(help="How samples are flown [default: ensemble].")] = None,
     jobs: Annotated[int, typer.Option(min=1, help="Workers.")] = 2,
-    samples: Annotated[int | None, typer.Option(help="Samples, in place of the file's.")] = None,
-    seed: Annotated[int | None, typer.Option(help="Seed, in place of the file's.")] = None,
+    samples: Annotated[int | None, typer.Option(min=2, help="Samples, in place of the file's.")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Seed, in place of the file's.")] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Replace an earlier run in the folder.")] = False,
 ) -> None:
     """Fly a campaign, compare linear with Monte Carlo, write the report.
@@ -131,18 +159,21 @@ def run(
     with _errors_told():
         from mcnav.campaign.file import read_campaign
         from mcnav.report import terminal
-        from mcnav.study import run_campaign
+        from mcnav.study import engine_of, run_campaign
 
         given = {key: value for key, value in (("samples", samples), ("seed", seed)) if value is not None}
         described = read_campaign(campaign, given)
         target = folder or run_folder(campaign)
+        chosen = engine.value if engine else engine_of(target, campaign) or Engine.ENSEMBLE.value
         with _progress(described.samples) as told:
-            summary = run_campaign(described, target, engine.value, jobs, fresh, told)
-        out.print(terminal.comparison(summary))
+            done = run_campaign(described, target, chosen, jobs, fresh, told)
+        out.print(terminal.comparison({described.name: done.summary}))
         out.print()
-        out.print(terminal.verdict(summary))
-        out.print(f"\nreport: {target / 'report.html'}", markup=False, soft_wrap=True)
-        if summary["failed"]:
+        out.print(terminal.verdict(done.summary), soft_wrap=False)
+        if done.flown < described.samples:
+            out.print(f"\n{described.samples - done.flown:,} samples were stored already, {done.flown:,} flown now")
+        out.print(f"\nreport: {target / 'report.html'}", markup=False)
+        if done.summary["failed"]:
             raise typer.Exit(SOME_FAILED)
 
 
@@ -164,11 +195,11 @@ def compare(folders: Folders) -> None:
         from mcnav.report import terminal
         from mcnav.study import summary_of
 
-        summaries: list[dict[str, Any]] = [summary_of(folder) for folder in folders]
-        for summary in summaries:
-            out.print(terminal.comparison(summary))
-            out.print(terminal.verdict(summary))
-            out.print()
+        runs: dict[str, dict[str, Any]] = {str(folder): summary_of(folder) for folder in folders}
+        out.print(terminal.comparison(runs))
+        for folder, summary in runs.items():
+            out.print(f"\n{folder}: {summary['campaign']}", markup=False, style="bold")
+            out.print(terminal.verdict(summary), soft_wrap=False)
 
 
 @app.command()

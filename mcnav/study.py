@@ -16,7 +16,7 @@ from threadpoolctl import threadpool_limits
 from mcnav.analysis.budget import ErrorBudget, error_budget
 from mcnav.analysis.comparison import Comparison, Criterion, Model, compare
 from mcnav.campaign.file import Campaign
-from mcnav.campaign.folder import CAMPAIGN, MANIFEST, REPORT, SUMMARY, Layout, RunFolder, Samples, as_records
+from mcnav.campaign.folder import CAMPAIGN, MANIFEST, REPORT, SUMMARY, Layout, RunFolder, Samples, as_records, plain
 from mcnav.campaign.identity import digest, identity_of, refuse_changed, refuse_foreign
 from mcnav.campaign.problems import RunFolderError
 from mcnav.campaign.runner import Draws, Progress, Work, fly
@@ -25,7 +25,7 @@ from mcnav.linear.unscented import unscented
 from mcnav.report.content import Content
 from mcnav.report.page import render
 from mcnav.report.summary import summarise
-from mcnav.sampling.designs import block_length
+from mcnav.sampling.designs import FEWEST_BLOCKS, block_length
 from mcnav.scenarios.protocol import Prepared
 
 PROBES: Final = 64
@@ -57,6 +57,22 @@ class Analysis:
     budget: ErrorBudget
 
 
+@dataclass(frozen=True)
+class Run:
+    """What came of running a campaign.
+
+    Attributes
+    ----------
+    summary : dict
+        The content of ``summary.json``.
+    flown : int
+        Samples that were flown now; the others were stored already.
+    """
+
+    summary: dict[str, Any]
+    flown: int
+
+
 def run_campaign(
     campaign: Campaign,
     path: Path,
@@ -64,7 +80,7 @@ def run_campaign(
     jobs: int,
     fresh: bool = False,
     progress: Progress = lambda samples: None,
-) -> dict[str, Any]:
+) -> Run:
     """Fly a campaign into a run folder, analyse it and write its report.
 
     A run that was broken off goes on where it stopped; chunks that are stored whole are not flown again.
@@ -85,8 +101,7 @@ def run_campaign(
 
     Returns
     -------
-    dict
-        The content of ``summary.json``.
+    Run
 
     Raises
     ------
@@ -97,6 +112,7 @@ def run_campaign(
     identity = identity_of(campaign, engine)
     refuse_foreign(folder)
     with folder.held(), threadpool_limits(1):
+        folder.sweep()
         if fresh:
             folder.clear()
         refuse_changed(folder, identity)
@@ -115,13 +131,14 @@ def run_campaign(
             "identity": identity,
             "accuracy": prepared.accuracy,
             "started": datetime.now(UTC).isoformat(timespec="seconds"),
+            "heavy_tailed": campaign.errors.heavy_tailed,
             "model": _model(campaign, prepared),
             "complete": False,
             "parts": [],
         }
         folder.write(CAMPAIGN, campaign.to_toml().encode())
         folder.write_history(campaign.scenario.history())
-        folder.write_json(MANIFEST, manifest)
+        folder.write_manifest(manifest)
         layout = Layout.of(campaign.scenario.sources, campaign.scenario.outputs)
         began = time.perf_counter()
         try:
@@ -133,8 +150,8 @@ def run_campaign(
         seconds = round(time.perf_counter() - began, 3)
         manifest |= {"complete": True, "parts": as_records(parts)}
         manifest["flight"] = {"jobs": jobs, "seconds": seconds, "samples": flown}
-        folder.write_json(MANIFEST, manifest)
-        return _finish(folder, analyse(folder))
+        folder.write_manifest(manifest)
+        return Run(_finish(folder, analyse(folder)), flown)
 
 
 def report_run(path: Path) -> dict[str, Any]:
@@ -200,10 +217,10 @@ def analyse(folder: RunFolder) -> Analysis:
         layout = Layout.of(*([SimpleNamespace(**entry) for entry in described[key]] for key in ("sources", "outputs")))
         criterion = Criterion(**manifest["criterion"])
         samples = folder.samples(manifest["parts"], layout)
-        length = block_length(manifest["design"], manifest["samples"])
+        length, fewest = block_length(manifest["design"], manifest["samples"]), FEWEST_BLOCKS[manifest["design"]]
     except (KeyError, TypeError, ValueError) as failure:
         raise RunFolderError(f"{folder.path / MANIFEST}: is damaged ({failure}); run with --fresh") from None
-    comparison = compare(model, samples.errors, samples.outputs, samples.index // length, criterion)
+    comparison = compare(model, samples.errors, samples.outputs, samples.index // length, criterion, fewest)
     return Analysis(manifest, samples, model, criterion, comparison, error_budget(model.partials, model.covariance))
 
 
@@ -223,10 +240,10 @@ def _finish(folder: RunFolder, analysis: Analysis) -> dict[str, Any]:
         index=analysis.samples.index,
         status=analysis.samples.status,
         history=folder.history(),
-        campaign=(folder.path / CAMPAIGN).read_text(encoding="utf-8"),
+        campaign=folder.campaign(),
     )
     folder.write(REPORT, render(content).encode())
-    return summary
+    return dict(plain(summary))
 
 
 def summary_of(path: Path) -> dict[str, Any]:
@@ -241,3 +258,9 @@ def summary_of(path: Path) -> dict[str, Any]:
     if not {"verdict", "outputs", "sigma_linear", "verdict_matrix", "direction_ratio"} <= summary.keys():
         raise RunFolderError(f"{path / SUMMARY}: is not a summary of this program; run mcnav report on the folder")
     return summary
+
+
+def engine_of(path: Path, campaign: Path) -> str | None:
+    """The engine of the run that a campaign file was stored with; none when it is not a run folder's own file."""
+    manifest = RunFolder(path).manifest() if campaign.parent == path and campaign.name == CAMPAIGN else None
+    return None if manifest is None else str(manifest["identity"]["engine"])

@@ -146,4 +146,7 @@ def _words(unit: pint.Unit) -> str:
 
 
 def _described(value: object) -> str:
-    return {bool: "true or false", list: "a list", dict: "a table"}.get(type(value), type(value).__name__)
+    if isinstance(value, bool):
+        return str(value).lower()
+    names: dict[type, str] = {list: "a list", dict: "a table"}
+    return names.get(type(value), type(value).__name__)

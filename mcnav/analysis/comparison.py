@@ -8,6 +8,7 @@ y and z share cancels (z is a control variate whose covariance is known). Its er
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,18 @@ from mcnav.statistics.estimates import Estimate, blocked_mean
 
 Array = NDArray[np.float64]
 
-RANK_TOLERANCE = 1e-9
+FEWEST_BLOCKS: Final = 20
+
+LARGEST_FAILED_SHARE: Final = 1e-3
+"""When a larger share of the samples failed, the agreement of those that are left says nothing and is not claimed."""
+
+ROUNDING: Final = 1e-10
+"""A sigma below this share of the terms that make it up is rounding, and counts as zero."""
+
+LARGEST_EXPONENT: Final = 700.0
+"""The exponential of more is infinite in double precision."""
+
+RANK_TOLERANCE: Final = 1e-9
 """Eigenvalues of the linear correlation matrix below this share of the largest count as zero."""
 
 
@@ -49,8 +61,16 @@ class Model:
 
     @property
     def outcome_covariance(self) -> Array:
-        """P S P^T, shape (outputs, outputs)."""
-        return propagated_covariance(self.partials, self.covariance)
+        """P S P^T, shape (outputs, outputs); zero in the rows and columns of outputs whose sigma is only rounding."""
+        covariance = propagated_covariance(self.partials, self.covariance)
+        dispersed = np.diag(covariance) > self.rounding**2
+        return np.asarray(np.where(np.outer(dispersed, dispersed), covariance, 0.0), dtype=float)
+
+    @property
+    def rounding(self) -> Array:
+        """The sigma that rounding alone may leave in each output, shape (outputs,)."""
+        terms = np.abs(self.partials) * np.sqrt(np.diag(self.covariance))
+        return np.asarray(ROUNDING * np.maximum(terms.max(axis=1, initial=0.0), np.abs(self.outcome_mean)))
 
 
 @dataclass(frozen=True)
@@ -147,7 +167,12 @@ def correlations(covariance: Array) -> Array:
 
 
 def compare(
-    model: Model, errors: Array, outcomes: Array, blocks: NDArray[np.int64], criterion: Criterion
+    model: Model,
+    errors: Array,
+    outcomes: Array,
+    blocks: NDArray[np.int64],
+    criterion: Criterion,
+    fewest: int = FEWEST_BLOCKS,
 ) -> Comparison:
     """Compare the flights of a campaign with the linear model.
 
@@ -162,8 +187,10 @@ def compare(
         Independent block of each sample (`mcnav.sampling.designs`).
     criterion : Criterion
         Tolerance, and the confidence that holds for all verdicts together (Bonferroni).
+    fewest : int
+        Independent blocks below which nothing is decided.
     """
-    flown = np.isfinite(outcomes).all(axis=1)
+    flown = np.asarray(np.isfinite(outcomes).all(axis=1))
     errors, outcomes, blocks = errors[flown], outcomes[flown], blocks[flown]
     count = len(outcomes)
     linear = model.outcome_covariance
@@ -178,13 +205,49 @@ def compare(
     mean = outcomes.mean(axis=0)
     sample = _covariance(outcomes)
     paired = sample - _covariance(predicted) + linear
+    blocked = _Blocked(blocks, fewest, criterion.tolerance, each)
+    floors = model.rounding**2
     outputs = tuple(
-        _compare_output(outcomes[:, i], predicted[:, i], float(linear[i, i]), blocks, criterion.tolerance, each)
+        _compare_output(outcomes[:, i], predicted[:, i], float(linear[i, i]), float(floors[i]), blocked)
         for i in range(len(linear))
     )
-    ellipsoid = _compare_ellipsoid(model, outcomes, predicted, paired, blocks, criterion.tolerance, each)
+    ellipsoid = _compare_ellipsoid(model, outcomes, predicted, paired, blocked)
     verdict = worst([output.paired.verdict for output in outputs])
-    return Comparison(count, int((~flown).sum()), each, mean, linear, sample, paired, outputs, ellipsoid, verdict)
+    failed = int((~flown).sum())
+    nothing_to_compare = all(output.paired.ratio is None for output in outputs) and verdict == Verdict.AGREES
+    if nothing_to_compare or (verdict == Verdict.AGREES and failed > LARGEST_FAILED_SHARE * len(flown)):
+        verdict = Verdict.UNDECIDED
+    return Comparison(count, failed, each, mean, linear, sample, paired, outputs, ellipsoid, verdict)
+
+
+@dataclass(frozen=True)
+class _Blocked:
+    """How estimates are formed and judged throughout one comparison."""
+
+    blocks: NDArray[np.int64]
+    fewest: int
+    tolerance: float
+    confidence: float
+
+    def mean(self, values: Array) -> Estimate:
+        return blocked_mean(values, self.blocks, self.fewest)
+
+    def judged(self, estimate: Estimate, expected: float, floor: float = 0.0) -> Judgement:
+        """Judge the square root of an estimated variance over the expected one."""
+        if expected <= 0.0:
+            agrees = estimate.value <= floor
+            return Judgement(Verdict.AGREES if agrees else Verdict.DIFFERS, None, None, certain=not agrees)
+        share = estimate.value / expected
+        half = estimate.half_width(self.confidence) / expected
+        ratio = float(np.sqrt(max(share, 0.0)))
+        if not np.isfinite(half):
+            interval = (0.0, float("inf"))
+        elif share > 0.0:  # on the scale of the logarithm, where a variance's error is nearly symmetric
+            spread = float(np.exp(min(0.5 * half / share, LARGEST_EXPONENT)))
+            interval = (ratio / spread, ratio * spread)
+        else:
+            interval = (0.0, float(np.sqrt(max(share + half, 0.0))))
+        return judge(ratio, interval, self.tolerance, len(self.blocks))
 
 
 def _covariance(values: Array) -> Array:
@@ -194,50 +257,27 @@ def _covariance(values: Array) -> Array:
 
 
 def _compare_output(
-    flown: Array, predicted: Array, variance: float, blocks: NDArray[np.int64], tolerance: float, confidence: float
+    flown: Array, predicted: Array, variance: float, floor: float, blocked: _Blocked
 ) -> OutputComparison:
     count = len(flown)
     unbiased = count / (count - 1.0)
     flown_squares = unbiased * (flown - flown.mean()) ** 2
     predicted_squares = unbiased * (predicted - predicted.mean()) ** 2
-    plain = blocked_mean(flown_squares, blocks)
-    difference = blocked_mean(flown_squares - predicted_squares, blocks)
-    bias = blocked_mean(flown - predicted, blocks)
+    plain = blocked.mean(flown_squares)
+    difference = blocked.mean(flown_squares - predicted_squares)
     paired = Estimate(variance + difference.value, difference.standard_error, difference.degrees_of_freedom)
     return OutputComparison(
         sigma_linear=float(np.sqrt(variance)),
         sigma_sample=float(np.sqrt(plain.value)),
         sigma_paired=float(np.sqrt(paired.value)) if paired.value >= 0.0 else float("nan"),
-        plain=_judged(plain, variance, count, tolerance, confidence),
-        paired=_judged(paired, variance, count, tolerance, confidence),
-        bias=bias,
+        plain=blocked.judged(plain, variance, floor),
+        paired=blocked.judged(paired, variance, floor),
+        bias=blocked.mean(flown - predicted),
     )
 
 
-def _judged(estimate: Estimate, expected: float, count: int, tolerance: float, confidence: float) -> Judgement:
-    """Judge the square root of an estimated variance over the expected one."""
-    if expected <= 0.0:
-        agrees = estimate.value == 0.0
-        return Judgement(Verdict.AGREES if agrees else Verdict.DIFFERS, None, None, certain=not agrees)
-    share = estimate.value / expected
-    half = estimate.half_width(confidence) / expected
-    ratio = float(np.sqrt(max(share, 0.0)))
-    if share > 0.0 and half < share:  # on the scale of the logarithm, where a variance's error is nearly symmetric
-        spread = float(np.exp(0.5 * half / share))
-        interval = (ratio / spread, ratio * spread)
-    else:
-        interval = (0.0, float(np.sqrt(max(share, 0.0) + half)))
-    return judge(ratio, interval, tolerance, count)
-
-
 def _compare_ellipsoid(
-    model: Model,
-    flown: Array,
-    predicted: Array,
-    paired: Array,
-    blocks: NDArray[np.int64],
-    tolerance: float,
-    confidence: float,
+    model: Model, flown: Array, predicted: Array, paired: Array, blocked: _Blocked
 ) -> Ellipsoid | None:
     """NEES against the linear covariance, on the subspace where that has dispersion."""
     covariance, centre = model.outcome_covariance, model.outcome_mean
@@ -251,7 +291,7 @@ def _compare_ellipsoid(
     dimension = int(kept.sum())
     flown_nees = np.sum(((flown - centre) @ whiten) ** 2, axis=1)
     predicted_nees = np.sum(((predicted - centre) @ whiten) ** 2, axis=1)
-    difference = blocked_mean(flown_nees - predicted_nees, blocks)
+    difference = blocked.mean(flown_nees - predicted_nees)
     controlled = Estimate(dimension + difference.value, difference.standard_error, difference.degrees_of_freedom)
     ratios, rotations = np.linalg.eigh(whiten.T @ paired @ whiten)
     directions = (vectors[:, kept] / np.sqrt(values[kept])) @ rotations
@@ -259,9 +299,9 @@ def _compare_ellipsoid(
     return Ellipsoid(
         dimension,
         flown_nees,
-        blocked_mean(flown_nees, blocks),
+        blocked.mean(flown_nees),
         controlled,
-        _judged(controlled, float(dimension), len(flown), tolerance, confidence),
+        blocked.judged(controlled, float(dimension)),
         directions.T,
         np.sqrt(np.where(ratios >= 0.0, ratios, np.nan)),
     )

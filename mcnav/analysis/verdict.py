@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Final
 
 
 class Verdict(StrEnum):
@@ -13,6 +14,11 @@ class Verdict(StrEnum):
     AGREES = "agrees"
     DIFFERS = "differs"
     UNDECIDED = "undecided"
+
+
+HOPELESS: Final = 1e4
+"""An interval this many times wider than its distance from the tolerance would need 1e8 times the samples: no number is
+given then."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +63,7 @@ def judge(ratio: float, interval: tuple[float, float], tolerance: float, samples
     half = 0.5 * (high - low)
     distance = min(abs(ratio - (1.0 - tolerance)), abs(ratio - (1.0 + tolerance)))
     needed = None
-    if math.isfinite(half) and distance > 0.0:
+    if distance > 0.0 and half / distance < HOPELESS:
         needed = max(samples + 1, math.ceil(samples * (half / distance) ** 2))
     return Judgement(Verdict.UNDECIDED, ratio, interval, certain, needed)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -33,6 +34,9 @@ from mcnav.units import UnitError, quantity
 
 LARGEST_FILE: Final = 1_000_000
 """Bytes; a campaign is a page of text."""
+
+LARGEST_MULTIPLE: Final = 1e9
+"""An error of more than this many times its usual size is a slip of the pen, and would overflow somewhere."""
 
 OWN_UNIT: Final = "own"
 """Stands for the unit of the source itself."""
@@ -108,7 +112,7 @@ def _load(path: Path) -> dict[str, Any]:
         size = path.stat().st_size
         if size > LARGEST_FILE:
             raise problem(f"is {size} bytes long; a campaign file has at most {LARGEST_FILE}")
-        return tomllib.loads(path.read_bytes().decode("utf-8"))
+        return tomllib.loads(path.read_bytes().decode("utf-8-sig"))
     except FileNotFoundError:
         raise problem("no such file; expected a campaign file in TOML") from None
     except OSError as failure:
@@ -117,8 +121,10 @@ def _load(path: Path) -> dict[str, Any]:
         raise problem(f"is not UTF-8 text (byte {failure.start})") from None
     except tomllib.TOMLDecodeError as failure:
         raise problem(f"is not TOML: {failure}") from None
-    except (RecursionError, ValueError) as failure:
-        raise problem(f"is not TOML that can be read: {failure}") from None
+    except (RecursionError, ValueError):
+        raise problem(
+            "is not TOML that can be read: it is nested too deeply, or holds a number of too many digits"
+        ) from None
 
 
 def parse_campaign(
@@ -174,12 +180,10 @@ def parse_campaign(
 _WORDS: Final = {
     "int_type": "expected a whole number",
     "string_type": "expected text in quotes",
-    "string_pattern_mismatch": "expected text without control characters",
+    "string_pattern_mismatch": "expected some text without control characters",
     "model_type": "expected a table",
     "dict_type": "expected a table",
     "list_type": "expected a list",
-    "too_short": "expected two names",
-    "too_long": "expected two names",
     "model_attributes_type": "expected a table with a type",
     "union_tag_not_found": "expected a table with a type",
 }
@@ -200,9 +204,13 @@ def _problem(file: str, error: dict[str, Any]) -> Problem:
     message = _WORDS.get(kind, str(error["msg"]).removeprefix("Value error, "))
     if kind == "value_error":
         return Problem(file, key, message)
+    if kind in ("too_short", "too_long"):
+        return Problem(file, key, f"got {len(came)} names; expected two")
     shown = repr(came) if not isinstance(came, (dict, list)) else ("a table" if isinstance(came, dict) else "a list")
     if len(shown) > 80:
         shown = shown[:77] + "..."
+    message = re.sub(r"^[Ii]nput should be (?=greater|less)", "expected a number ", message)
+    message = re.sub(r"^[Ii]nput should be ", "expected ", message)
     return Problem(file, key, f"got {shown}; {message[0].lower()}{message[1:]}")
 
 
@@ -226,23 +234,23 @@ def _read_errors(
     entries: Mapping[str, Any], file: str, sources: tuple[Source, ...], problems: list[Problem]
 ) -> dict[str, Distribution]:
     """The distributions of ``[errors]``; mistakes are added to the list."""
-    units = {source.name: source.unit for source in sources}
+    known = {source.name: source for source in sources}
     found = {}
     for name, entry in entries.items():
         key = f"errors.{name}"
-        if name not in units:
-            problems.append(Problem(file, key, f"unknown error source{_suggestion(name, list(units))}"))
+        if name not in known:
+            problems.append(Problem(file, key, f"unknown error source{_suggestion(name, list(known))}"))
             continue
         table = entry if isinstance(entry, dict) else {"distribution": "normal", "sigma": entry}
         before = len(problems)
-        distribution = _read_distribution(table, units[name], file, key, isinstance(entry, dict), problems)
+        distribution = _read_distribution(table, known[name], file, key, isinstance(entry, dict), problems)
         if distribution is not None and len(problems) == before:
             found[name] = distribution
     return found
 
 
 def _read_distribution(
-    table: Mapping[str, Any], unit: str, file: str, key: str, spelled_out: bool, problems: list[Problem]
+    table: Mapping[str, Any], source: Source, file: str, key: str, spelled_out: bool, problems: list[Problem]
 ) -> Distribution | None:
     kind = table.get("distribution", "normal")
     if not isinstance(kind, str) or kind not in DISTRIBUTIONS:
@@ -260,15 +268,22 @@ def _read_distribution(
             problems.append(Problem(file, place, f"is missing; a {kind} distribution needs {' and '.join(keys)}"))
             continue
         try:
-            values[name] = quantity(table[name], unit if own == OWN_UNIT else own)
+            values[name] = quantity(table[name], source.unit if own == OWN_UNIT else own)
         except UnitError as wrong:
             problems.append(Problem(file, place, str(wrong)))
     if len(values) < len(keys):
         return None
+    for name, own in keys.items():
+        if own == OWN_UNIT and abs(values[name]) > LARGEST_MULTIPLE * source.nominal:
+            largest = f"{LARGEST_MULTIPLE * source.nominal:.3g} {source.unit if source.unit != '1' else ''}".strip()
+            place = f"{key}.{name}" if spelled_out else key
+            problems.append(Problem(file, place, f"got {table[name]!r}; at most {largest} makes sense"))
+            return None
     try:
         return make(**values)
     except ValueError as wrong:
-        problems.append(Problem(file, key, f"{wrong} {unit}" if unit != "1" else str(wrong)))
+        written = ", ".join(f"{name} = {table[name]!r}" for name in keys)
+        problems.append(Problem(file, key, f"got {written if spelled_out else repr(table['sigma'])}; {wrong}"))
         return None
 
 

@@ -126,6 +126,10 @@ def _parquet(table: pa.Table, text: Sequence[str] = ()) -> bytes:
     return buffer.getvalue()
 
 
+def _checksum(content: Mapping[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
 class RunFolder:
     """One run folder.
 
@@ -154,6 +158,8 @@ class RunFolder:
             lock.acquire(timeout=0)
         except filelock.Timeout:
             raise RunFolderBusy(f"{self.path}: another mcnav is writing here; wait for it, or choose --out") from None
+        except (FileExistsError, NotADirectoryError):
+            raise RunFolderError(f"{self.path}: cannot be written to: a file is where a folder should be") from None
         except OSError as failure:
             raise RunFolderError(f"{self.path}: cannot be written to: {failure.strerror or failure}") from None
         try:
@@ -167,9 +173,19 @@ class RunFolder:
         Raises
         ------
         RunFolderError
-            When the manifest is there but cannot be read.
+            When the manifest is there but is not as this program wrote it.
         """
-        return self._json(MANIFEST)
+        content = self._json(MANIFEST, "run the campaign again with --fresh")
+        if content is not None and content.pop("checksum", None) != _checksum(content):
+            raise RunFolderError(
+                f"{self.path / MANIFEST}: is damaged or was edited; run the campaign again with --fresh"
+            )
+        return content
+
+    def write_manifest(self, content: Mapping[str, Any]) -> None:
+        """Write the manifest with a checksum of itself."""
+        known = plain(content)
+        self.write_json(MANIFEST, known | {"checksum": _checksum(known)})
 
     def summary(self) -> dict[str, Any]:
         """The analysed results.
@@ -177,14 +193,18 @@ class RunFolder:
         Raises
         ------
         RunFolderError
-            When there are none.
+            When there are none, or they are not those of the run.
         """
-        summary = self._json(SUMMARY)
-        if summary is None:
-            raise RunFolderError(f"{self.path}: holds no finished run ({SUMMARY} is missing); run the campaign first")
+        remedy = "run mcnav report on the folder"
+        summary, manifest = self._json(SUMMARY, remedy), self.manifest()
+        if summary is None or manifest is None:
+            raise RunFolderError(f"{self.path}: holds no finished run; run the campaign first")
+        told = ("campaign", "samples", "seed", "design")
+        if not manifest.get("complete") or any(summary.get(key) != manifest.get(key) for key in told):
+            raise RunFolderError(f"{self.path / SUMMARY}: is not that of the run in this folder; {remedy}")
         return summary
 
-    def _json(self, name: str) -> dict[str, Any] | None:
+    def _json(self, name: str, remedy: str) -> dict[str, Any] | None:
         path = self.path / name
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
@@ -193,9 +213,9 @@ class RunFolder:
         except OSError as failure:
             raise RunFolderError(f"{path}: cannot be read: {failure.strerror or failure}") from None
         except (ValueError, RecursionError):
-            raise RunFolderError(f"{path}: is damaged; run the campaign again with --fresh") from None
+            raise RunFolderError(f"{path}: is damaged; {remedy}") from None
         if not isinstance(content, dict):
-            raise RunFolderError(f"{path}: is damaged; run the campaign again with --fresh")
+            raise RunFolderError(f"{path}: is damaged; {remedy}")
         return content
 
     def write_json(self, name: str, content: Mapping[str, Any]) -> None:
@@ -229,6 +249,12 @@ class RunFolder:
             (self.path / name).unlink(missing_ok=True)
         for part in (self.path / SAMPLES).glob("part-*.parquet"):
             part.unlink()
+
+    def sweep(self) -> None:
+        """Delete what a killed process left half written."""
+        for place in (self.path, self.path / SAMPLES):
+            for temporary in place.glob(".*.tmp"):
+                temporary.unlink()
 
     def write_part(
         self, number: int, begin: int, identity: str, layout: Layout, errors: Array, outcomes: Outcomes
@@ -273,6 +299,10 @@ class RunFolder:
         RunFolderError
             When a part is missing, or its content is not what the manifest says.
         """
+        listed = {str(part["file"]) for part in parts}
+        for found in sorted((self.path / SAMPLES).iterdir()):
+            if found.name not in listed and not found.name.startswith("."):
+                raise RunFolderError(f"{found}: is not of this run; remove it, or run the campaign again with --fresh")
         tables = []
         for part in parts:
             path = self.path / SAMPLES / str(part["file"])
@@ -295,6 +325,19 @@ class RunFolder:
         index = np.asarray(table.column("index").to_numpy(), dtype=np.int64)
         return Samples(index, status, block(layout.errors), block(layout.outputs))
 
+    def campaign(self) -> str:
+        """The resolved campaign file.
+
+        Raises
+        ------
+        RunFolderError
+            When it cannot be read.
+        """
+        try:
+            return (self.path / CAMPAIGN).read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as failure:
+            raise RunFolderError(f"{self.path / CAMPAIGN}: cannot be read; run the campaign again") from failure
+
     def write_history(self, history: History) -> None:
         """Store what was flown."""
         table = pa.table(dict(history.columns))
@@ -313,7 +356,7 @@ class RunFolder:
             table = pq.read_table(self.path / HISTORY, page_checksum_verification=True)
             events = json.loads((table.schema.metadata or {})[b"mcnav.events"])
         except (OSError, pa.ArrowException, KeyError, ValueError) as failure:
-            raise RunFolderError(f"{self.path / HISTORY}: cannot be read: {failure}; run the campaign again") from None
+            raise RunFolderError(f"{self.path / HISTORY}: is missing or damaged; run the campaign again") from failure
         return History({name: table.column(name).to_numpy() for name in table.column_names}, events)
 
 

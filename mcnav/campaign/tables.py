@@ -23,7 +23,10 @@ Speed = Annotated[float, _read("m/s")]
 AreaPerMass = Annotated[float, _read("m^2/kg")]
 TimePerLength = Annotated[float, _read("s/m")]
 Number = Annotated[float, _read("1")]
-Text = Annotated[str, StringConstraints(min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f]*$")]
+Text = Annotated[
+    str,
+    StringConstraints(min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f]*[^\x00-\x20\x7f][^\x00-\x1f\x7f]*$"),
+]
 
 
 class Table(BaseModel):
@@ -63,7 +66,7 @@ class ReentryTable(Table):
     trajectory: Annotated[int, Field(ge=1, le=7)] | None = None
     first_point: FirstPointTable | None = None
     lift_law: Annotated[ConstantLiftTable | VariableLiftTable, Field(discriminator="type")] | None = None
-    ballistic: Annotated[AreaPerMass, Field(ge=0.0)] | None = None
+    ballistic: Annotated[AreaPerMass, Field(ge=0.0, le=100.0)] | None = None
     final_altitude: Length | None = None
     start: Duration | None = None
     axes: Literal["start", "trajectory"] = "start"

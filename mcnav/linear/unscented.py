@@ -1,11 +1,11 @@
-"""The unscented transform (filterpy): mean and covariance to second order from a handful of flights."""
+"""The unscented transform (filterpy): a covariance from a handful of flights."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav.linear.partials import Propagate, flown_values
+from mcnav.linear.partials import FlightFailed, Propagate, flown_values
 
 Array = NDArray[np.float64]
 
@@ -14,7 +14,8 @@ def unscented(propagate: Propagate, mean: Array, covariance: Array) -> tuple[Arr
     """Mean and covariance of the final errors by the scaled unscented transform.
 
     Sigma points at ``sqrt(n)`` standard deviations (alpha 1, beta 2, kappa 0) over the sources that have a dispersion,
-    in units of their standard deviations.
+    in units of their standard deviations. The mean is right to second order. The covariance is exact for a linear
+    system; of quadratic terms it takes up to n/2 times their share, so that it errs to the safe side.
 
     Parameters
     ----------
@@ -47,5 +48,8 @@ def unscented(propagate: Propagate, mean: Array, covariance: Array) -> tuple[Arr
     unit = points.sigma_points(np.zeros(int(kept.sum())), np.eye(int(kept.sum())))
     errors = np.tile(mean, (len(unit), 1))
     errors[:, active] += unit @ directions.T * sigma[active]
-    outcome_mean, outcome_covariance = unscented_transform(flown_values(propagate, errors), points.Wm, points.Wc)
+    try:
+        outcome_mean, outcome_covariance = unscented_transform(flown_values(propagate, errors), points.Wm, points.Wc)
+    except np.linalg.LinAlgError as failure:
+        raise FlightFailed(f"the sigma points have no covariance: {failure}") from None
     return np.asarray(outcome_mean), np.asarray(outcome_covariance)

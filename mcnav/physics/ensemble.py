@@ -99,7 +99,6 @@ def _load(block: Array, errors: Array, first: Array) -> None:
     radius, angle, radius_rate, angle_rate = first
     speed = radius * angle_rate
     block[:] = 0.0
-    block[10 * LANES :] = 1.0
     for lane in range(errors.shape[0]):
         altitude, arc, altitude_rate, arc_rate = errors[lane, :4]
         shift = arc / radius
@@ -111,6 +110,7 @@ def _load(block: Array, errors: Array, first: Array) -> None:
         block[LANES + lane] = altitude * up_y + radius * turn_y
         block[2 * LANES + lane] = altitude_rate * up_x + radius_rate * turn_x + faster * up_y + speed * turn_y
         block[3 * LANES + lane] = altitude_rate * up_y + radius_rate * turn_y - faster * up_x - speed * turn_x
+        block[10 * LANES + lane] = (1.0 + altitude / radius) * np.cos(shift)
         for row in range(4, 10):
             block[row * LANES + lane] = errors[lane, row]
 

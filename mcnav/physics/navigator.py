@@ -1,7 +1,7 @@
 """The navigator, flown as the report writes it: NASA TN D-1772, eqs. (5), (9), (10), in polar coordinates.
 
 This is the reference path. Truth and indicated motion are integrated together, one sample at a time, by scipy's DOP853
-with a restart at every kink of the truth. The ensemble path (`mcnav.physics.encke`) shares none of these equations.
+with a restart at every kink of the truth. The ensemble path (`mcnav.physics.ensemble`) shares none of these equations.
 """
 
 from __future__ import annotations

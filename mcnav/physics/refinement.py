@@ -15,7 +15,7 @@ from mcnav.physics.truth import Trajectory
 Array = NDArray[np.float64]
 
 TOLERANCE: Final = 2e-6
-"""Largest error of any probe, as a share of the probes' root mean square in that output."""
+"""Largest error of any probe, as a share of the probes' standard deviation in that output."""
 
 FINEST: Final = 64
 """Largest number of parts of one step of the truth's integrator."""
@@ -26,7 +26,7 @@ _ORDER: Final = 4
 
 @dataclass(frozen=True)
 class Refinement:
-    """A grid and the error that was measured with it (share of the probes' root mean square)."""
+    """A grid and the error that was measured with it (share of the probes' standard deviation)."""
 
     grid: Grid
     parts: int
@@ -48,7 +48,7 @@ def refined_grid(
     probes : ndarray, shape (n, 10)
         Samples as the campaign will fly them.
     tolerance : float
-        Share of each output's root mean square.
+        Share of each output's standard deviation over the probes (or of its size, where they do not differ).
     """
 
     def flown(parts: int) -> tuple[Grid, Array]:
@@ -60,7 +60,8 @@ def refined_grid(
     while True:
         grid, coarse = flown(parts)
         _, fine = flown(2 * parts)
-        scale = np.sqrt(np.mean(fine**2, axis=0))
+        scale = fine.std(axis=0)
+        scale = np.where(scale > 0.0, scale, np.abs(fine).max(axis=0))
         shares = np.abs(coarse - fine).max(axis=0)[scale > 0.0] / scale[scale > 0.0]
         error = float(shares.max(initial=0.0)) * 2**_ORDER / (2**_ORDER - 1)
         if error <= tolerance or parts >= FINEST:

@@ -1,10 +1,11 @@
 """The actual motion of the vehicle: NASA TN D-1772, eqs. (1)-(4), flown phase by phase.
 
 Within one *phase* the atmosphere has one layer, the lift law one regime and the accelerometers one switch position, so
-that the equations are smooth. Phases end where the truth crosses a layer boundary, reaches or leaves the limit of the
-lift law, or passes the accelerometers' switching altitude; the crossing is found as a root of the integrator's dense
-output, and the integration starts afresh behind it. Kinks therefore cost no accuracy, and everything that is later
-flown along this truth (navigator, variational equations, ensemble kernel) takes its nodes from the same phases.
+that the equations are smooth, and the altitude only rises or only falls. Phases end where the truth crosses a layer
+boundary, reaches or leaves the limit of the lift law, passes the accelerometers' switching altitude, or turns; the
+instant is found as a root of the integrator's dense output, and the integration starts afresh behind it. Altitude being
+monotone within a phase, no crossing hides between two steps. Kinks therefore cost no accuracy, and everything that is
+later flown along this truth (navigator, variational equations, ensemble kernel) takes its nodes from the same phases.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import DOP853, OdeSolution, solve_ivp
+from scipy.optimize import brentq
 
 from mcnav.constants import EARTH_RADIUS, EARTH_RATE, GRAVITATIONAL_PARAMETER, REENTRY_ALTITUDE
 from mcnav.physics.atmosphere import LAYER_BOUNDARIES, LAYERS, Layer, layer_density
@@ -199,13 +201,13 @@ def _bands(switching_altitude: float | None) -> tuple[_Band, ...]:
 Event = Callable[[float, Array, Array], float]
 
 
-def _crossing(component: int, level: float, direction: int, terminal: bool = True) -> Event:
-    """An event of `solve_ivp`: a component of the state passes a level, rising (+1) or falling (-1)."""
+def _crossing(component: int, level: float, direction: int) -> Event:
+    """A terminal event of `solve_ivp`: a component of the state passes a level, rising (+1) or falling (-1)."""
 
     def event(time: float, state: Array, coefficients: Array) -> float:
         return float(state[component]) - level
 
-    event.terminal = terminal  # type: ignore[attr-defined]
+    event.terminal = True  # type: ignore[attr-defined]
     event.direction = float(direction)  # type: ignore[attr-defined]
     return event
 
@@ -245,17 +247,20 @@ def fly_truth(
     bands, regimes = _bands(switching_altitude), _regimes(vehicle.lift_law)
     band = next(i for i, candidate in enumerate(bands) if start[0] < candidate.top)
     regime = next(i for i, candidate in enumerate(regimes) if start[2] < candidate.fastest)
-    comes_down = _crossing(0, EARTH_RADIUS + final_altitude, -1)
-    reenters = _crossing(0, EARTH_RADIUS + REENTRY_ALTITUDE, -1, terminal=False)
-
     time, state = 0.0, np.array(start, dtype=float)
-    reentry = 0.0 if state[0] <= EARTH_RADIUS + REENTRY_ALTITUDE else None
     phases: list[Phase] = []
+    rising: bool | None = None
     while True:
         air, law = bands[band], regimes[regime]
         layer = air.layer
         of_layer = (layer.base, layer.temperature, layer.lapse, layer.density)
         coefficients = np.array([*of_layer, vehicle.ballistic_coefficient, law.fixed, law.per_rate])
+        if rising is None:
+            rising = bool(state[2] > 0.0 or (state[2] == 0.0 and truth_rates(time, state, coefficients)[2] > 0.0))
+        end = EARTH_RADIUS + final_altitude
+        # where the altitude may leave this phase: above when it rises, below (the end included) when it falls
+        level = air.top + ALTITUDE_HYSTERESIS if rising else max(air.bottom - ALTITUDE_HYSTERESIS, end)
+        direction = 1 if rising else -1
         flown = solve_ivp(
             truth_rates,
             (time, LONGEST_FLIGHT),
@@ -266,26 +271,43 @@ def fly_truth(
             dense_output=True,
             args=(coefficients,),
             events=[
-                comes_down,
-                reenters,
-                _crossing(0, air.bottom - ALTITUDE_HYSTERESIS, -1),
-                _crossing(0, air.top + ALTITUDE_HYSTERESIS, +1),
+                _crossing(0, level, direction),
+                _crossing(2, -direction * RATE_HYSTERESIS, -direction),
                 _crossing(2, law.slowest - RATE_HYSTERESIS, -1),
                 _crossing(2, law.fastest + RATE_HYSTERESIS, +1),
             ],
         )
-        ended, reentered, *moved = (found.size > 0 for found in flown.t_events)
         if flown.status != 1:
             raise NeverComesDown(_what_it_does_instead(phases, flown.y, final_altitude))
-        phases.append(Phase(coefficients, air.accelerometers_on, time, float(flown.t[-1]), flown.sol))
-        if reentered and reentry is None:
-            reentry = float(flown.t_events[1][0])
-        if ended:
-            return Trajectory(tuple(phases), phases[-1].end if reentry is None else reentry)
-        down, up, slower, faster = moved
-        band += int(up) - int(down)
+        crossed, turned, slower, faster = (found.size > 0 for found in flown.t_events)
+        until = float(flown.t[-1])
+        if not crossed and direction * (flown.y[0, -1] - level) > 0.0:
+            # beyond the level and back within one step, which shows at its turning point alone
+            until = _when(flown.sol, level, float(flown.t[-2]), until)
+            crossed, turned, slower, faster = True, False, False, False
+        phases.append(Phase(coefficients, air.accelerometers_on, time, until, flown.sol))
+        time, state = until, np.asarray(flown.sol(until))
+        if crossed and level == end:
+            return Trajectory(tuple(phases), _reentry_time(phases))
+        band += direction if crossed else 0
         regime += int(faster) - int(slower)
-        time, state = phases[-1].end, flown.y[:, -1]
+        rising = rising != turned
+
+
+def _when(solution: OdeSolution, radius: float, begin: float, end: float) -> float:
+    """When a solution whose radius is monotone on [begin, end] passes a radius there, s."""
+    return float(brentq(lambda time: float(solution(time)[0]) - radius, begin, end, xtol=1e-12))
+
+
+def _reentry_time(phases: list[Phase]) -> float:
+    """When the altitude first falls through 121.92 km; zero when it starts below."""
+    level = EARTH_RADIUS + REENTRY_ALTITUDE
+    if phases[0].solution(phases[0].start)[0] <= level:
+        return 0.0
+    for phase in phases:
+        if phase.solution(phase.end)[0] <= level < phase.solution(phase.start)[0]:
+            return _when(phase.solution, level, phase.start, phase.end)
+    return phases[-1].end
 
 
 def _kilometres(radius: float) -> str:

@@ -37,6 +37,11 @@ class Content:
     campaign: str
 
     @property
+    def dispersed(self) -> bool:
+        """Whether there is any dispersion to show: some output has one by linear analysis, and samples were flown."""
+        return bool(self.comparison.outputs) and bool(np.any(np.diag(self.comparison.covariance_linear) > 0.0))
+
+    @property
     def source_names(self) -> list[str]:
         """Names of the sources for people."""
         return [spoken(entry["name"]) for entry in self.manifest["model"]["sources"]]

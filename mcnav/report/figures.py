@@ -253,6 +253,7 @@ def scatter(content: Content) -> str:
             first = (i, j) == pairs[0]
             _ellipse(axes, centre[[i, j]], linear[pick], LINEAR, "-", "linear, 1 and 3 sigma" if first else None)
             _ellipse(axes, mean[[i, j]], sample[pick], FLOWN, "--", "Monte Carlo, 1 and 3 sigma" if first else None)
+            axes.locator_params(nbins=5)
             axes.set_xlabel(f"{names[i]} ({units[i]})")
             axes.set_ylabel(f"{names[j]} ({units[j]})")
         figure.legend(loc="outside upper left", ncols=2)
@@ -283,11 +284,12 @@ def histograms(content: Content) -> str:
                 bell = np.exp(-0.5 * ((x - centre[i]) / sigma[i]) ** 2) / (sigma[i] * np.sqrt(2.0 * np.pi))
                 axes.plot(x, bell, color=LINEAR, linewidth=1.6, label="linear Gaussian" if i == 0 else None)
             axes.set_xlabel(f"{names[i]} ({units[i]})")
+            axes.locator_params(axis="x", nbins=7)
             axes.set_yticks([])
             axes.set_ylim(bottom=0.0)
             outside = len(flown) - int(counts.sum())
             if outside:
-                axes.set_title(f"{outside} beyond the picture", fontsize=8)
+                axes.set_title(f"{outside:,} beyond the picture", fontsize=8)
         figure.legend(loc="outside upper left", ncols=2)
         return _svg(
             figure,
@@ -303,9 +305,11 @@ def nees(content: Content) -> str:
     if comparison.ellipsoid is None:
         return ""
     dimension, values = comparison.ellipsoid.dimension, comparison.ellipsoid.values
-    top = float(special.chdtri(dimension, 5e-4))
-    edges = np.linspace(0.0, top, 60)
+    expected = float(special.chdtri(dimension, 5e-4))
+    top = min(max(expected, float(np.quantile(values, 0.98))), 10.0 * expected)
+    edges = np.linspace(0.0, top, 80)
     counts, _ = np.histogram(values, edges)
+    outside = len(values) - int(counts.sum())
     with mpl.rc_context(STYLE):
         figure, axes_array = _new(9.0, 2.7)
         axes: Axes = axes_array[0, 0]
@@ -316,6 +320,8 @@ def nees(content: Content) -> str:
         axes.plot(x, density, color=LINEAR, linewidth=1.6, label=f"chi-square, {dimension} degrees")
         axes.set(xlabel="NEES against the linear covariance", yticks=[], ylim=(0.0, None))
         axes.legend(loc="upper right")
+        if outside:
+            axes.set_title(f"{outside:,} of {len(values):,} beyond the picture", fontsize=8)
         return _svg(
             figure,
             "nees",

@@ -46,6 +46,10 @@ def _interval(interval: tuple[float, float] | None) -> str:
     return "–" if interval is None else f"{interval[0]:.4f} … {interval[1]:.4f}"
 
 
+def _with_error(value: float, half_width: float) -> str:
+    return f"{number(value, 4)} ± {number(half_width, 2)}"
+
+
 def _output_rows(content: Content) -> list[dict[str, Any]]:
     scale, unscented = content.output_scale, content.summary["unscented"]
     rows = []
@@ -115,8 +119,8 @@ def _ellipsoid(content: Content) -> dict[str, Any] | None:
     confidence = content.comparison.confidence_each
     return {
         "dimension": ellipsoid.dimension,
-        "nees": f"{ellipsoid.nees.value:.4f} ± {ellipsoid.nees.half_width(confidence):.4f}",
-        "paired": f"{ellipsoid.nees_paired.value:.4f} ± {ellipsoid.nees_paired.half_width(confidence):.4f}",
+        "nees": _with_error(ellipsoid.nees.value, ellipsoid.nees.half_width(confidence)),
+        "paired": _with_error(ellipsoid.nees_paired.value, ellipsoid.nees_paired.half_width(confidence)),
         "verdict": ellipsoid.judgement.verdict.value,
         "ratio": number(float(ellipsoid.direction_ratios[ellipsoid.farthest]), 5),
         "combination": combination.removeprefix("+ "),
@@ -124,9 +128,10 @@ def _ellipsoid(content: Content) -> dict[str, Any] | None:
 
 
 def _figures(content: Content) -> dict[str, Markup]:
-    drawn = {"flight": figures.flight(content), "budget": figures.budget(content)}
-    if content.comparison.outputs:
+    drawn = {"flight": figures.flight(content)}
+    if content.dispersed:
         drawn |= {
+            "budget": figures.budget(content),
             "ratios": figures.sigma_ratios(content),
             "correlation": figures.correlation_maps(content),
             "scatter": figures.scatter(content),
@@ -154,9 +159,12 @@ def render(content: Content) -> str:
         joint=wording.joint_explanation(summary),
         tone=wording.tone(summary),
         certain=wording.certain_but_small(summary),
+        caveat=wording.caveat(summary),
         failures=wording.failures(summary),
         figures=_figures(content),
-        outputs=_output_rows(content),
+        outputs=_output_rows(content) if content.dispersed else [],
+        together=f"{100.0 * content.criterion.confidence:g} %",
+        tolerance=f"{100.0 * content.criterion.tolerance:g} %",
         output_names=content.output_names,
         output_units=content.output_units,
         sources=_source_rows(content),

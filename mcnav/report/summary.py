@@ -40,6 +40,7 @@ def summarise(
         "design": manifest["design"],
         "tolerance": criterion.tolerance,
         "confidence": criterion.confidence,
+        "heavy_tailed": manifest["heavy_tailed"],
         "confidence_each": comparison.confidence_each,
         **named,
         "partials": model.partials,

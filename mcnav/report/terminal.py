@@ -34,38 +34,50 @@ def _table(title: str) -> Table:
 def verdict(summary: Mapping[str, Any]) -> RenderableType:
     """The verdict in sentences."""
     lines = [Text(wording.headline(summary), style=f"bold {COLOURS[wording.tone(summary)]}")]
-    sentences = (wording.explanation, wording.joint_explanation, wording.certain_but_small, wording.failures)
-    lines += [Text(sentence) for sentence in (say(summary) for say in sentences) if sentence]
+    remarks = (wording.joint_explanation, wording.certain_but_small, wording.caveat, wording.failures)
+    lines += [Text(sentence) for sentence in (say(summary) for say in (wording.explanation, *remarks)) if sentence]
     return Group(*lines)
 
 
-def comparison(summary: Mapping[str, Any]) -> RenderableType:
-    """Linear beside Monte Carlo, an output a line."""
-    table = _table(f"{summary['campaign']}: {summary['samples']:,} samples, {summary['engine']} engine")
-    table.add_column("final error, 1σ")
-    for heading in ("linear", "Monte Carlo", "ratio", "paired ratio", "interval"):
-        table.add_column(heading, justify="right")
-    table.add_column("verdict")
-    for i, output in enumerate(summary["outputs"]):
-        unit = SHOWN_IN.get(output["unit"], output["unit"])
-        scale = conversion(output["unit"], unit)
-        linear = f"{summary['sigma_linear'][i] * scale:.5g}"
-        if not summary["verdicts"]:
-            table.add_row(f"{spoken(output['name'])} [{unit}]", linear, *["–"] * 5)
-            continue
-        ratio, paired = summary["sigma_ratio"][i], summary["sigma_ratio_paired"][i]
-        interval = summary["sigma_ratio_paired_interval"][i]
-        found = summary["verdicts"][i]
-        table.add_row(
-            Text(f"{spoken(output['name'])} [{unit}]"),
-            linear,
-            f"{summary['sigma_sample'][i] * scale:.5g}",
-            "–" if ratio is None else f"{ratio:.4f}",
-            "–" if paired is None else f"{paired:.5f}",
-            "–" if interval is None else f"{interval[0]:.5f} … {interval[1]:.5f}",
-            Text(found, style=COLOURS[found]),
-        )
+def comparison(runs: Mapping[str, Mapping[str, Any]]) -> RenderableType:
+    """Linear beside Monte Carlo, an output a line; with several runs, by name, each output has a line for every run."""
+    several = len(runs) > 1
+    first = next(iter(runs.values()))
+    about = f"{len(runs)} runs" if several else f"{first['samples']:,} samples, {first['engine']} engine"
+    table = _table(about if several else f"{first['campaign']}: {about}")
+    table.add_column("final error, 1σ", no_wrap=True)
+    if several:
+        table.add_column("run", overflow="fold")
+    for heading in ("linear", "Monte Carlo", "paired ratio", "interval"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("verdict", no_wrap=True)
+    names = dict.fromkeys((entry["name"], entry["unit"]) for run in runs.values() for entry in run["outputs"])
+    for name, unit in names:
+        shown = SHOWN_IN.get(unit, unit)
+        label = f"{spoken(name)} [{shown}]"
+        for title, run in runs.items():
+            at = [(entry["name"], entry["unit"]) for entry in run["outputs"]]
+            if (name, unit) in at:
+                cells = _output_cells(run, at.index((name, unit)), conversion(unit, shown))
+                table.add_row(Text(label), *([Text(title)] if several else []), *cells)
+                label = ""
     return table
+
+
+def _output_cells(summary: Mapping[str, Any], i: int, scale: float) -> list[Text]:
+    linear = f"{summary['sigma_linear'][i] * scale:.5g}"
+    if not summary["verdicts"]:
+        return [Text(linear), *(Text("–") for _ in range(4))]
+    ratio, interval = summary["sigma_ratio_paired"][i], summary["sigma_ratio_paired_interval"][i]
+    found = summary["verdicts"][i]
+    known = interval is not None and None not in interval
+    return [
+        Text(linear),
+        Text(f"{summary['sigma_sample'][i] * scale:.5g}"),
+        Text("–" if ratio is None else f"{ratio:.4f}"),
+        Text(f"{interval[0]:.4f}…{interval[1]:.4f}" if known else "–"),
+        Text(found, style=COLOURS[found]),
+    ]
 
 
 def partials(sources: Sequence[Source], outputs: Sequence[Output], matrix: Array) -> RenderableType:

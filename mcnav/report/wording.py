@@ -4,19 +4,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Final
 
 from mcnav.report.content import spoken
 
+LARGE_RATIO: Final = 3.0
+"""A sigma ratio above this is told as a multiple, not in per cent."""
+
 
 def percent(share: float) -> str:
-    """A signed difference in per cent, with two significant digits below one per cent and two decimals above.
+    """A signed difference in per cent: two significant digits below 0.1 %, two decimals to 10 %, one above.
 
-    >>> percent(0.0312), percent(-0.0000213)
-    ('+3.12 %', '−0.0021 %')
+    >>> percent(0.0312), percent(-0.0000213), percent(3.5341)
+    ('+3.12 %', '−0.0021 %', '+353.4 %')
     """
     value = 100.0 * share
-    decimals = 2 if value == 0.0 or abs(value) >= 0.1 else 1 - math.floor(math.log10(abs(value)))
+    if not math.isfinite(value):
+        return "–"
+    size = abs(value)
+    decimals = 1 if size >= 10.0 else 2 if size >= 0.1 or size == 0.0 else 1 - math.floor(math.log10(size))
     return f"{value:+.{decimals}f} %".replace("-", "−")
 
 
@@ -32,6 +38,8 @@ def headline(summary: Mapping[str, Any]) -> str:
     if tone(summary) == "partly":
         rest = {"differs": "no for their joint distribution", "undecided": "their joint distribution is not decided"}
         return f"Yes for the dispersion of each output; {rest[summary['verdict_matrix']]}."
+    if not any(summary["sigma_linear"]):
+        return "Nothing to compare: no error has a dispersion."
     return {
         "agrees": "Yes: the linear covariance analysis may be trusted here.",
         "differs": "No: the linear covariance analysis does not hold here.",
@@ -55,28 +63,32 @@ def explanation(summary: Mapping[str, Any]) -> str:
         name: ratio for name, ratio in zip(names, summary["sigma_ratio_paired"], strict=True) if ratio is not None
     }
     if not ratios:
-        return "No error source has a dispersion, and so there is none to compare."
-    farthest = max(ratios, key=lambda name: abs(ratios[name] - 1.0))
-    largest = f"the largest difference is {percent(ratios[farthest] - 1.0)}, in {farthest}"
+        return "The errors are fixed or absent, so that every flight is the same."
     judged = dict(zip(names, summary["verdicts"], strict=True))
-    if summary["verdict"] == "agrees":
-        return (
-            f"In every output the dispersion of {flown:,} nonlinear flights lies within {tolerance} of that of P·S·Pᵀ, "
-            f"with {confidence}; {largest}."
-        )
-    if summary["verdict"] == "differs":
-        wrong = [name for name in names if judged[name] == "differs"]
+    wrong = [name for name in names if judged[name] == "differs"]
+    unsure = [name for name in names if judged[name] == "undecided"]
+    farthest = max(wrong or ratios, key=lambda name: abs(ratios.get(name, 1.0) - 1.0))
+    largest = f"the largest difference is {percent(ratios.get(farthest, 1.0) - 1.0)}, in {farthest}"
+    rest = f" {_not_decided(summary, unsure)}" if unsure else ""
+    if wrong:
         return (
             f"The dispersion of {_listed(wrong)} in {flown:,} nonlinear flights differs by more than {tolerance} from "
-            f"that of P·S·Pᵀ, with {confidence}; {largest}."
+            f"that of P·S·Pᵀ, with {confidence}; {largest}.{rest}"
         )
-    needed = [count for count in summary["samples_needed"] if count]
-    more = f" About {max(needed):,} samples would decide." if needed else ""
-    open_ones = [name for name in names if judged[name] == "undecided"]
+    if unsure:
+        return f"With {flown:,} flights, {confidence} and a tolerance of {tolerance}: {rest.strip()}"
     return (
-        f"With {flown:,} flights the interval for {_listed(open_ones)} reaches across the tolerance of {tolerance} at "
-        f"{confidence}.{more}"
+        f"In every output the dispersion of {flown:,} nonlinear flights lies within {tolerance} of that of P·S·Pᵀ, "
+        f"with {confidence}; {largest}."
     )
+
+
+def _not_decided(summary: Mapping[str, Any], unsure: list[str]) -> str:
+    """Which outputs are open, and what would decide them."""
+    needed = [count for count in summary["samples_needed"] if count]
+    if needed:
+        return f"Not decided for {_listed(unsure)}: about {max(needed):,} samples would."
+    return f"Not decided for {_listed(unsure)}: too few independent samples for an interval."
 
 
 def joint_explanation(summary: Mapping[str, Any]) -> str:
@@ -84,14 +96,19 @@ def joint_explanation(summary: Mapping[str, Any]) -> str:
     verdict, dimension = summary["verdict_matrix"], summary["nees_dimension"]
     if verdict is None:
         return ""
-    nees = f"the mean NEES is {summary['nees_mean_paired']:.2f} where linear analysis expects {dimension}"
+    mean = summary["nees_mean_paired"]
+    if mean is None or mean <= 0.0:
+        mean = summary["nees_mean"]
+    nees = f"the mean NEES is {mean:.4g} where linear analysis expects {dimension}"
     if verdict == "agrees":
         return f"The outputs' joint distribution agrees as well: {nees}."
     ratio = summary["direction_ratio"]
     if ratio is None:
         return f"The outputs' joint distribution does not follow P·S·Pᵀ: {nees}."
     size = "larger" if ratio > 1.0 else "smaller"
-    direction = f"in one combination of the outputs the flown sigma is {100 * abs(ratio - 1.0):.1f} % {size}"
+    direction = f"in one combination of the outputs the flown sigma is {100 * abs(ratio - 1.0):.3g} % {size}"
+    if abs(ratio) > LARGE_RATIO:
+        direction = f"in one combination of the outputs the flown sigma is {ratio:,.3g} times the linear one"
     if verdict == "differs":
         return (
             f"The outputs' joint distribution differs: {nees}, and {direction}, so that P·S·Pᵀ is no error ellipsoid "
@@ -125,4 +142,15 @@ def failures(summary: Mapping[str, Any]) -> str:
     return (
         f"{summary['failed']:,} of {summary['samples']:,} samples failed and are left out of every figure. If they are "
         "the largest errors, the flown dispersion is larger than it looks."
+    )
+
+
+def caveat(summary: Mapping[str, Any]) -> str:
+    """A remark on sources whose tails are too heavy for the intervals; empty when there are none."""
+    names = [spoken(name) for name in summary["heavy_tailed"]]
+    if not names:
+        return ""
+    return (
+        f"The intervals are only nominal, because of heavy tails: for Student's t with at most 8 degrees of freedom "
+        f"({_listed(names)}) the variance of a sample variance need not exist."
     )

@@ -22,6 +22,10 @@ DESIGNS: Final = ("random", "antithetic", "latin-hypercube", "sobol")
 REPLICATES: Final = 16
 """Replicates of a replicated design, at least (where there are as many samples)."""
 
+FEWEST_BLOCKS: Final = {"random": 20, "antithetic": 400, "latin-hypercube": REPLICATES, "sobol": REPLICATES}
+"""Independent blocks below which no interval is given. Measured: with fewer, intervals that should cover 95 % cover
+less. Antithetic pairs need most: within a pair the nearly symmetric part cancels, and a skewed rest is left."""
+
 LARGEST_HYPERCUBE: Final = 1_024
 _WORDS: Final = 4
 """Philox gives its 64-bit words in fours."""
@@ -31,8 +35,8 @@ def block_length(design: str, samples: int) -> int:
     """Samples in one independent block of a design.
 
     Latin hypercubes and Sobol nets take the largest power of two that leaves `REPLICATES` of them; hypercubes stop at
-    1024, beyond which further rows bring nothing. A power of two keeps its block length, and so its samples, while the
-    number of samples grows by less than a factor of two.
+    1024, beyond which further rows bring nothing. The samples of these two designs change with the block length, and so
+    each time that ``samples / REPLICATES`` reaches another power of two.
     """
     if design == "random":
         return 1
@@ -52,7 +56,7 @@ def _random(seed: int, begin: int, end: int, dimensions: int) -> Array:
     stream = np.random.Philox(_key(seed))
     stream.advance(begin * stride)
     words = stream.random_raw((end - begin) * stride * _WORDS).reshape(end - begin, -1)[:, :dimensions]
-    return np.asarray(((words >> np.uint64(11)).astype(float) + 0.5) * 2.0**-53)
+    return np.asarray(((words >> np.uint64(12)).astype(float) + 0.5) * 2.0**-52)  # strictly between 0 and 1
 
 
 def _latin_hypercube(seed: int, block: int, length: int, dimensions: int) -> Array:

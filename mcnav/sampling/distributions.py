@@ -38,7 +38,7 @@ class Distribution(Protocol):
 
 def _positive(name: str, value: float) -> None:
     if not (math.isfinite(value) and value > 0.0):
-        raise ValueError(f"{name} must be positive and finite; got {value:g}")
+        raise ValueError(f"{name} must be positive and finite")
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Normal:
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.sigma) and self.sigma >= 0.0):
-            raise ValueError(f"sigma must not be negative; got {self.sigma:g}")
+            raise ValueError("sigma must not be negative")
 
     @property
     def standard_deviation(self) -> float:
@@ -93,7 +93,7 @@ class TruncatedNormal:
         _positive("sigma", self.sigma)
         _positive("limit", self.limit)
         if not self.limit / self.sigma >= 1e-3:
-            raise ValueError(f"limit must be at least 0.001 sigma; got {self.limit:g} for a sigma of {self.sigma:g}")
+            raise ValueError("limit must be at least 0.001 sigma")
 
     @property
     def _inside(self) -> float:
@@ -143,7 +143,7 @@ class StudentT:
     def __post_init__(self) -> None:
         _positive("sigma", self.sigma)
         if not (math.isfinite(self.degrees_of_freedom) and self.degrees_of_freedom > 2.0):
-            raise ValueError(f"degrees_of_freedom must exceed 2 for a finite variance; got {self.degrees_of_freedom:g}")
+            raise ValueError("degrees_of_freedom must exceed 2 for a finite variance")
 
     @property
     def standard_deviation(self) -> float:
@@ -163,7 +163,7 @@ class Fixed:
 
     def __post_init__(self) -> None:
         if not math.isfinite(self.mean):
-            raise ValueError(f"value must be finite; got {self.mean:g}")
+            raise ValueError("value must be finite")
 
     @property
     def standard_deviation(self) -> float:

@@ -5,15 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mcnav.sampling.copula import normal_correlation, semidefinite_factor
 from mcnav.sampling.designs import standard_normals
-from mcnav.sampling.distributions import Distribution, Fixed
+from mcnav.sampling.distributions import Distribution, Fixed, StudentT
 
 Array = NDArray[np.float64]
+
+
+LIGHT_TAILS: Final = 8.0
+"""Degrees of freedom of Student's t up to which squares of nonlinear terms have no variance."""
 
 
 class CorrelationError(ValueError):
@@ -93,6 +98,15 @@ class ErrorModel:
     def covariance(self) -> Array:
         """The start covariance S of NASA TN D-1772's errors, shape (sources, sources)."""
         return np.asarray(self._correlation * np.outer(self.standard_deviations, self.standard_deviations))
+
+    @property
+    def heavy_tailed(self) -> tuple[str, ...]:
+        """Sources whose eighth moment does not exist: intervals of second moments are only nominal with them."""
+        return tuple(
+            name
+            for name, distribution in zip(self.names, self.distributions, strict=True)
+            if isinstance(distribution, StudentT) and distribution.degrees_of_freedom <= LIGHT_TAILS
+        )
 
     def draw(self, design: str, seed: int, samples: int, begin: int, end: int) -> Array:
         """Errors of samples [begin, end) of a campaign of so many samples, shape (end - begin, sources), SI.

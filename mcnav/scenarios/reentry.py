@@ -7,7 +7,7 @@ Two engines fly it. ``ensemble`` takes Encke's form in cartesian axes through a 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final, Literal
 
@@ -59,6 +59,9 @@ OUTPUTS: Final = (
 ENSEMBLE_CHUNK: Final = 8_192
 REFERENCE_CHUNK: Final = 32
 HISTORY_POINTS: Final = 600
+
+HAND_OVER_SHARE: Final = 0.01
+"""When more of the probes leave the kernel's validity, the reference path will do most of the work, in processes."""
 
 
 @dataclass(frozen=True)
@@ -215,7 +218,10 @@ class Reentry:
             f"Encke's form, Nyström order 4, {len(refined.grid.steps)} steps; largest numerical error of "
             f"{len(probes)} probe samples {refined.error:.1e} of an output's dispersion"
         )
-        return EnsembleEngine(self.navigation, refined.grid, accuracy)
+        ready = EnsembleEngine(self.navigation, refined.grid, accuracy)
+        if ready.propagate(probes).handed_over > HAND_OVER_SHARE * len(probes):
+            return replace(ready, parallel="processes", chunk=REFERENCE_CHUNK)
+        return ready
 
     def history(self) -> History:
         """Altitude, range, speed, angle and force of the truth against time from reentry."""

@@ -44,7 +44,7 @@ class Estimate:
         return self.value - half, self.value + half
 
 
-def blocked_mean(values: Array, blocks: NDArray[np.int64]) -> Estimate:
+def blocked_mean(values: Array, blocks: NDArray[np.int64], fewest: int = 2) -> Estimate:
     """Mean of one quantity over samples that belong to independent blocks.
 
     With m_b the mean and n_b the size of block b, ``s.e.^2 = B / (B - 1) sum_b n_b^2 (m_b - m)^2 / n^2``: the ratio
@@ -55,6 +55,8 @@ def blocked_mean(values: Array, blocks: NDArray[np.int64]) -> Estimate:
     values : ndarray, shape (n,)
     blocks : ndarray of int, shape (n,)
         The block of each sample, not decreasing.
+    fewest : int
+        With fewer blocks than this the standard error is infinite: nothing is claimed from so little.
     """
     count = len(values)
     if count == 0:
@@ -63,7 +65,7 @@ def blocked_mean(values: Array, blocks: NDArray[np.int64]) -> Estimate:
     begins = np.flatnonzero(np.diff(blocks, prepend=blocks[0] - 1))
     deviations = np.add.reduceat(values - mean, begins)
     number = len(begins)
-    if number < 2:
+    if number < max(2, fewest):
         return Estimate(mean, float("inf"), 0.0)
     error = np.sqrt(number / (number - 1.0) * float(np.sum(deviations**2))) / count
     return Estimate(mean, float(error), number - 1.0)

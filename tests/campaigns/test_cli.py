@@ -55,8 +55,9 @@ def test_report_and_compare(workplace: Path) -> None:
     assert mcnav("run", DEMO, "--samples", 500, "--seed", 3, "--jobs", 1, "--out", other, cwd=workplace).returncode == 0
     compared = mcnav("compare", folder, other, cwd=workplace)
     assert compared.returncode == 0
+    assert "2 runs" in compared.stdout
+    assert compared.stdout.count(str(folder)) >= 5
     for summary in (json.loads((each / "summary.json").read_text()) for each in (folder, other)):
-        assert f"{summary['samples']:,} samples" in compared.stdout
         for value in summary["sigma_sample"][:2]:
             assert f"{value * 1e-3:.5g}" in compared.stdout
 
@@ -82,9 +83,9 @@ def test_a_run_folders_own_campaign_goes_on_there(workplace: Path) -> None:
     [
         (["run", "nowhere.toml"], "error: nowhere.toml: no such file"),
         (["run", "wrong.toml"], "error: wrong.toml: errors.gyro_drift: got '5 km', which is a length"),
-        (["run", DEMO, "--samples", 1], "samples: got 1"),
         (["run", DEMO, "--samples", 3000], "samples was 2000, is 3000); --fresh replaces them"),
         (["run", DEMO, "--out", "file/inside"], "error: file/inside: cannot be written to"),
+        (["run", DEMO, "--out", "x" * 300], "File name too long"),
         (["report", "nowhere"], "error: nowhere: holds no run"),
         (["compare", "nowhere"], "error: nowhere: holds no finished run"),
         (["partials", "nowhere.toml"], "error: nowhere.toml: no such file"),
@@ -106,7 +107,8 @@ def test_bad_input(arguments: list[object], message: str, workplace: Path) -> No
 
 
 @pytest.mark.parametrize(
-    "arguments", [["run", DEMO, "--jobs", 0], ["run", DEMO, "--engine", "magic"], ["fly"], ["run"]]
+    "arguments",
+    [["run", DEMO, "--jobs", 0], ["run", DEMO, "--samples", 1], ["run", DEMO, "--engine", "magic"], ["fly"], ["run"]],
 )
 def test_wrong_use(arguments: list[object], workplace: Path) -> None:
     finished = mcnav(*arguments, cwd=workplace)

@@ -33,7 +33,7 @@ def _digests(folder: Path) -> dict[str, str]:
 def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
     """A run of two chunks."""
     folder = tmp_path_factory.mktemp("runs") / "finished"
-    return folder, run_campaign(campaign(4, samples=9_000), folder, "ensemble", 2)
+    return folder, run_campaign(campaign(4, samples=9_000), folder, "ensemble", 2).summary
 
 
 def test_run_folder(finished: tuple[Path, dict[str, Any]]) -> None:
@@ -136,9 +136,11 @@ def test_a_missing_or_damaged_part_is_flown_again(tmp_path: Path) -> None:
     parts[1].write_bytes(content)
     with pytest.raises(RunFolderError, match=r"part-00000\.parquet: cannot be read"):
         report_run(folder)
-    flown: list[int] = []
-    run_campaign(run, folder, "ensemble", 1, progress=flown.append)
+    told: list[int] = []
+    done = run_campaign(run, folder, "ensemble", 1, progress=told.append)
     assert _digests(folder) == before
+    assert sum(told) == 20_000
+    assert done.flown == 2 * 8_192
 
 
 def test_another_campaign_does_not_touch_earlier_results(tmp_path: Path) -> None:
@@ -150,7 +152,7 @@ def test_another_campaign_does_not_touch_earlier_results(tmp_path: Path) -> None
     with pytest.raises(RunFolderError, match="engine was ensemble, is reference"):
         run_campaign(campaign(1), folder, "reference", 1)
     assert {path.name: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
-    summary = run_campaign(campaign(1, seed=5), folder, "ensemble", 1, fresh=True)
+    summary = run_campaign(campaign(1, seed=5), folder, "ensemble", 1, fresh=True).summary
     assert summary["seed"] == 5
 
 
@@ -166,6 +168,63 @@ def test_a_folder_in_use_is_respected(tmp_path: Path) -> None:
         run_campaign(campaign(1), tmp_path, "ensemble", 1)
 
 
+def test_a_part_that_is_not_of_the_run_is_named(tmp_path: Path) -> None:
+    run_campaign(campaign(1), tmp_path / "run", "ensemble", 1)
+    samples = tmp_path / "run" / "samples"
+    (samples / "part-00009.parquet").write_bytes((samples / "part-00000.parquet").read_bytes())
+    with pytest.raises(RunFolderError, match=r"part-00009\.parquet: is not of this run; remove it"):
+        report_run(tmp_path / "run")
+
+
+@pytest.mark.parametrize("name", ["manifest.json", "summary.json", "history.parquet", "campaign.toml"])
+@pytest.mark.parametrize("damage", ["missing", "cut", "flipped"])
+def test_damage_is_noticed_and_named(name: str, damage: str, tmp_path: Path) -> None:
+    """And mended by running the campaign again, except for the manifest, which takes ``--fresh``."""
+    folder = tmp_path / "run"
+    run = campaign(1)
+    run_campaign(run, folder, "ensemble", 1)
+    path = folder / name
+    whole = path.read_bytes()
+    middle = len(whole) // 2
+    flipped = whole[:middle] + bytes([whole[middle] ^ 4]) + whole[middle + 1 :]
+    path.write_bytes({"missing": b"", "cut": whole[:middle], "flipped": flipped}[damage])
+    if damage == "missing":
+        path.unlink()
+    if name == "manifest.json" and damage != "missing":
+        with pytest.raises(RunFolderError, match=r"manifest\.json: is damaged"):
+            run_campaign(run, folder, "ensemble", 1)
+    elif name == "history.parquet" or (name, damage) in {("campaign.toml", "missing"), ("manifest.json", "missing")}:
+        with pytest.raises(RunFolderError, match=r"run the campaign|holds no run"):
+            report_run(folder)
+    run_campaign(run, folder, "ensemble", 1, fresh=name == "manifest.json")
+    report_run(folder)
+    summary_of(folder)
+
+
+def test_nothing_to_compare_is_said_so(tmp_path: Path) -> None:
+    """Errors that are all fixed, or absent: no verdict, no empty figures, no warnings."""
+    for errors in ({}, {"altitude": {"distribution": "fixed", "value": "1 km"}}):
+        summary = run_campaign(campaign(1, errors=errors), tmp_path / str(len(errors)), "ensemble", 1).summary
+        assert summary["verdict"] == "undecided"
+        page = (tmp_path / str(len(errors)) / "report.html").read_text()
+        assert "Nothing to compare: no error has a dispersion." in page
+        assert page.count("<svg") == 1
+
+
+@pytest.mark.parametrize("design", ["random", "antithetic", "latin-hypercube", "sobol"])
+def test_a_handful_of_samples_decides_nothing(design: str, tmp_path: Path) -> None:
+    summary = run_campaign(campaign(4, samples=8, design=design), tmp_path / "run", "ensemble", 1).summary
+    assert summary["verdict"] == "undecided"
+    assert summary["verdict_matrix"] == "undecided"
+    assert summary["sigma_ratio_paired_interval"][0] == [0.0, None]
+
+
+def test_heavy_tails_are_remarked_upon(tmp_path: Path) -> None:
+    tails = {"distribution": "student-t", "sigma": "5 km", "degrees_of_freedom": 5}
+    run_campaign(campaign(4, errors={"altitude": tails}), tmp_path / "run", "ensemble", 1)
+    assert "The intervals are only nominal" in (tmp_path / "run" / "report.html").read_text()
+
+
 def test_a_file_in_place_of_the_folder(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(RunFolderError, match="cannot be written to"):
@@ -175,7 +234,7 @@ def test_a_file_in_place_of_the_folder(tmp_path: Path) -> None:
 def test_failed_samples_are_rows_with_their_reason(tmp_path: Path) -> None:
     """Initial altitude errors that put the navigator near the earth's centre, or below it."""
     run = campaign(4, samples=64, errors={"altitude": {"distribution": "uniform", "half_width": "40000 km"}})
-    summary = run_campaign(run, tmp_path / "run", "ensemble", 1)
+    summary = run_campaign(run, tmp_path / "run", "ensemble", 1).summary
     samples = pd.read_parquet(tmp_path / "run" / "samples")
     failed = samples["status"] != "ok"
     outputs = samples.filter(like="output")

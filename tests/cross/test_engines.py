@@ -54,6 +54,16 @@ def test_every_option(options: dict[str, Any], draws: Draw) -> None:
     assert _difference(reentry(4, **options), draws(20, 1.0), 1.0).max() < 1e-5
 
 
+def test_accelerometers_off_deep_in_the_atmosphere(draws: Draw) -> None:
+    """The forces that are missed leave a nominal error of many sigmas, about which the grid must be as fine.
+
+    On trajectory 1: the truth of trajectory 4 turns rounding into metres, which shows once the navigator has lost it.
+    """
+    scenario = reentry(1, accelerometers_off_above=60_000.0)
+    assert np.abs(scenario.linearised().nominal).max() > 10_000.0
+    assert _difference(scenario, draws(20, 1.0), 1.0).max() < 1e-5
+
+
 def test_a_perfect_system_has_no_error(scenario: Reentry) -> None:
     """Exactly none on the ensemble path; under 1e-6 km and 1e-6 m/s on the reference path."""
     nothing = np.zeros((1, 10))

@@ -77,7 +77,7 @@ def test_too_few_samples_are_a_statement(left: int) -> None:
 
 def test_no_errors_at_all() -> None:
     found = _compared(_model(sigma=np.zeros(3)), np.zeros((10, 3)), np.zeros((10, 2)))
-    assert found.verdict == Verdict.AGREES
+    assert found.verdict == Verdict.UNDECIDED
     assert found.ellipsoid is None
     assert [output.paired.ratio for output in found.outputs] == [None, None]
 
@@ -101,6 +101,35 @@ def test_dispersion_where_linear_analysis_has_none_differs() -> None:
     outcomes[:, 1] = errors[:, 0] ** 2
     found = _compared(_model(partials), errors, outcomes)
     assert found.outputs[1].paired.verdict == Verdict.DIFFERS
+
+
+def test_cancelling_sources_leave_rounding_not_dispersion() -> None:
+    """Perfectly anticorrelated errors that cancel in an output: what is left of its sigma is rounding, and so none."""
+    covariance = np.array([[1.0, -0.1], [-0.1, 0.01]])
+    partials = np.array([[1.0, 10.0], [1.0, 0.0]])
+    model = Model(partials, np.zeros(2), np.zeros(2), covariance)
+    first = np.random.default_rng(4).standard_normal(300)
+    errors = np.column_stack([first, -0.1 * first])
+    found = _compared(model, errors, errors @ partials.T)
+    assert found.verdict == Verdict.AGREES
+    assert found.outputs[0].paired.ratio is None
+    assert found.outputs[1].paired.ratio == pytest.approx(1.0, rel=1e-12)
+
+
+def test_two_samples_decide_nothing() -> None:
+    """Their squares about their own mean are equal, which must not pass for certainty."""
+    errors = _errors(2)
+    found = _compared(_model(), errors, 1.3 * errors @ PARTIALS.T)
+    assert found.verdict == Verdict.UNDECIDED
+    assert found.outputs[0].paired.interval == (0.0, pytest.approx(np.inf))
+
+
+def test_many_failures_take_agreement_away() -> None:
+    """A third of the samples failed, the largest errors among them: the rest may agree, and that says nothing."""
+    errors = _errors(2000)
+    outcomes = errors @ PARTIALS.T
+    outcomes[np.abs(outcomes[:, 0]) > 1.4] = np.nan
+    assert _compared(_model(), errors, outcomes).verdict == Verdict.UNDECIDED
 
 
 @pytest.mark.parametrize(

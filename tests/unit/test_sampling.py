@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -120,6 +122,18 @@ def test_copula_of_uniforms_is_the_textbooks() -> None:
 def test_a_correlation_out_of_reach_is_refused() -> None:
     with pytest.raises(CorrelationError, match=r"correlated up to 0\.\d+; got 0\.9999"):
         ErrorModel(["a", "b"], {"a": Normal(1.0), "b": StudentT(1.0, 2.5)}, [Correlation(("a", "b"), 0.9999)])
+
+
+@pytest.mark.parametrize("kind", [Uniform, Triangular, lambda size: StudentT(size, 5.0), Normal])
+def test_perfect_correlation_between_like_distributions(kind: Callable[[float], Distribution]) -> None:
+    model = ErrorModel(["a", "b"], {"a": kind(1.0), "b": kind(0.5)}, [Correlation(("a", "b"), -1.0)])
+    errors = model.draw("random", 1, 50, 0, 50)
+    np.testing.assert_allclose(errors[:, 1], -0.5 * errors[:, 0], rtol=1e-12)
+
+
+def test_tails_too_heavy_to_correlate_are_refused() -> None:
+    with pytest.raises(CorrelationError, match="tails too heavy to be correlated"):
+        ErrorModel(["a", "b"], {"a": Normal(1.0), "b": StudentT(1.0, 2.01)}, [Correlation(("a", "b"), 0.1)])
 
 
 def test_perfect_correlation_can_be_drawn() -> None:
