@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from mcnav.campaign.file import Campaign, read_campaign
     from mcnav.campaign.problems import CampaignError, RunFolderError
-    from mcnav.study import report_run, run_campaign, summary_of
+    from mcnav.study import report_run, run_campaign, samples_of, summary_of
 
 _HOMES = {
     "Campaign": "mcnav.campaign.file",
@@ -34,10 +34,20 @@ _HOMES = {
     "read_campaign": "mcnav.campaign.file",
     "report_run": "mcnav.study",
     "run_campaign": "mcnav.study",
+    "samples_of": "mcnav.study",
     "summary_of": "mcnav.study",
 }
 
-__all__ = ["Campaign", "CampaignError", "RunFolderError", "read_campaign", "report_run", "run_campaign", "summary_of"]
+__all__ = [
+    "Campaign",
+    "CampaignError",
+    "RunFolderError",
+    "read_campaign",
+    "report_run",
+    "run_campaign",
+    "samples_of",
+    "summary_of",
+]
 
 
 def __getattr__(name: str) -> Any:

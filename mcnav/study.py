@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -27,6 +27,9 @@ from mcnav.report.page import render
 from mcnav.report.summary import summarise
 from mcnav.sampling.designs import FEWEST_BLOCKS, block_length
 from mcnav.scenarios.protocol import Prepared
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 PROBES: Final = 64
 """Samples on which an engine's accuracy is settled: the first of the campaign itself."""
@@ -193,6 +196,30 @@ def _model(campaign: Campaign, prepared: Prepared) -> dict[str, Any]:
     return model
 
 
+def _finished(folder: RunFolder) -> dict[str, Any]:
+    """The manifest of a run that is finished."""
+    manifest = folder.manifest()
+    if manifest is None or not manifest.get("complete"):
+        raise RunFolderError(
+            f"{folder.path}: the run is not finished; run the campaign again, it goes on where it stopped"
+        )
+    return manifest
+
+
+def samples_of(path: Path) -> pd.DataFrame:
+    """The samples of a finished run folder as a table, their checksums verified.
+
+    Columns: ``index``, ``status``, ``error NAME [unit]``, ``output NAME [unit]``; SI units.
+
+    Raises
+    ------
+    RunFolderError
+        When the run is not finished, or a part of it is damaged.
+    """
+    folder = RunFolder(path)
+    return folder.table(_finished(folder)["parts"]).to_pandas()
+
+
 def analyse(folder: RunFolder) -> Analysis:
     """Judge what a run folder holds; nothing is flown.
 
@@ -201,11 +228,7 @@ def analyse(folder: RunFolder) -> Analysis:
     RunFolderError
         When the run is not finished or damaged.
     """
-    manifest = folder.manifest()
-    if manifest is None or not manifest.get("complete"):
-        raise RunFolderError(
-            f"{folder.path}: the run is not finished; run the campaign again, it goes on where it stopped"
-        )
+    manifest = _finished(folder)
     try:
         described = manifest["model"]
         model = Model(

@@ -9,11 +9,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import settings
 
 from mcnav.campaign.file import Campaign, parse_campaign
 from mcnav.physics.vehicle import Vehicle
 from mcnav.scenarios.reentry import SOURCES, Flight, Reentry
 from mcnav.scenarios.tn_d1772 import ERRORS, TABLE_I, start_state
+
+settings.register_profile("suite", derandomize=True, deadline=None)
+settings.load_profile("suite")
 
 ROOT = Path(__file__).parent.parent
 TRAJECTORIES = tuple(TABLE_I)

@@ -291,8 +291,8 @@ class RunFolder:
         handed_over = int(place.get("mcnav.handed_over", "0"))
         return Part(name, begin, end, failed, handed_over, hashlib.sha256(content).hexdigest())
 
-    def samples(self, parts: Sequence[Mapping[str, Any]], layout: Layout) -> Samples:
-        """All samples of the parts that a manifest lists, in order.
+    def table(self, parts: Sequence[Mapping[str, Any]]) -> pa.Table:
+        """All samples of the parts that a manifest lists, in order, every part verified.
 
         Raises
         ------
@@ -315,7 +315,11 @@ class RunFolder:
             if hashlib.sha256(content).hexdigest() != part["sha256"]:
                 raise RunFolderError(f"{path}: is damaged (its checksum differs); run the campaign again to mend it")
             tables.append(pq.read_table(io.BytesIO(content)))
-        table = pa.concat_tables(tables).combine_chunks()
+        return pa.concat_tables(tables).combine_chunks()
+
+    def samples(self, parts: Sequence[Mapping[str, Any]], layout: Layout) -> Samples:
+        """The same samples as arrays; see `table`."""
+        table = self.table(parts)
 
         def block(names: Sequence[str]) -> Array:
             columns = [table.column(name).to_numpy(zero_copy_only=False) for name in names]

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from joblib import Parallel, delayed
+from joblib.externals.loky import get_reusable_executor
 from threadpoolctl import threadpool_limits
 
 from mcnav.campaign.folder import Layout, Part, RunFolder
@@ -96,7 +97,11 @@ def fly(work: Work, jobs: int, progress: Progress) -> tuple[list[Part], int]:
     if work.prepared.parallel == "processes":
         workers = {"backend": "loky", "initializer": _end_with_parent, "initargs": (os.getpid(),)}
     flights = Parallel(n_jobs=min(jobs, max(1, len(missing))), return_as="generator_unordered", **workers)
-    for part in flights(delayed(_fly_chunk)(work, *place) for place in missing):
-        parts.append(part)
-        progress(part.end - part.begin)
+    try:
+        for part in flights(delayed(_fly_chunk)(work, *place) for place in missing):
+            parts.append(part)
+            progress(part.end - part.begin)
+    finally:
+        if work.prepared.parallel == "processes":
+            get_reusable_executor().shutdown(wait=True, kill_workers=True)
     return parts, sum(end - begin for _, begin, end in missing)

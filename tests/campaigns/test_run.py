@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import mcnav
 from mcnav.campaign.file import read_campaign
 from mcnav.campaign.folder import RunFolder
 from mcnav.campaign.problems import RunFolderBusy, RunFolderError
@@ -51,6 +53,7 @@ def test_samples(finished: tuple[Path, dict[str, Any]]) -> None:
     """Index, status, every error and output with its unit; the errors are those that the campaign draws."""
     folder, _ = finished
     samples = pd.read_parquet(folder / "samples")
+    pd.testing.assert_frame_equal(samples, mcnav.samples_of(folder), check_exact=True)
     columns = ["index", "status"]
     columns += [f"error {name} [{unit}]" for name, unit in SOURCES]
     columns += [f"output {name} [{unit}]" for name, unit in OUTPUTS]
@@ -178,11 +181,13 @@ def test_a_part_that_is_not_of_the_run_is_named(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["manifest.json", "summary.json", "history.parquet", "campaign.toml"])
 @pytest.mark.parametrize("damage", ["missing", "cut", "flipped"])
-def test_damage_is_noticed_and_named(name: str, damage: str, tmp_path: Path) -> None:
+def test_damage_is_noticed_and_named(
+    name: str, damage: str, finished: tuple[Path, dict[str, Any]], tmp_path: Path
+) -> None:
     """And mended by running the campaign again, except for the manifest, which takes ``--fresh``."""
     folder = tmp_path / "run"
-    run = campaign(1)
-    run_campaign(run, folder, "ensemble", 1)
+    shutil.copytree(finished[0], folder)
+    run = campaign(4, samples=9_000)
     path = folder / name
     whole = path.read_bytes()
     middle = len(whole) // 2
@@ -197,8 +202,7 @@ def test_damage_is_noticed_and_named(name: str, damage: str, tmp_path: Path) -> 
         with pytest.raises(RunFolderError, match=r"run the campaign|holds no run"):
             report_run(folder)
     run_campaign(run, folder, "ensemble", 1, fresh=name == "manifest.json")
-    report_run(folder)
-    summary_of(folder)
+    assert summary_of(folder) == finished[1]
 
 
 def test_nothing_to_compare_is_said_so(tmp_path: Path) -> None:
