@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -13,43 +12,19 @@ from typing import Any, Final
 import tomli_w
 from pydantic import ValidationError
 
-from mcnav.campaign.problems import CampaignError, Problem
+from mcnav.campaign.errors import read_correlations, read_errors
+from mcnav.campaign.problems import CampaignError, Problem, suggestion
 from mcnav.campaign.tables import CampaignTable, ReentryTable
 from mcnav.constants import BALLISTIC_COEFFICIENT, EARTH_RADIUS
 from mcnav.physics.vehicle import ConstantLift, LiftLaw, VariableLift, Vehicle
-from mcnav.sampling.distributions import (
-    Distribution,
-    Fixed,
-    Normal,
-    StudentT,
-    Triangular,
-    TruncatedNormal,
-    Uniform,
-)
-from mcnav.sampling.errors import Correlation, CorrelationError, ErrorModel
-from mcnav.scenarios.protocol import Scenario, ScenarioError, Source
+from mcnav.sampling.distributions import Distribution
+from mcnav.sampling.errors import CorrelationError, ErrorModel
+from mcnav.scenarios.protocol import Scenario, ScenarioError
 from mcnav.scenarios.reentry import SOURCES, Flight, Reentry
 from mcnav.scenarios.tn_d1772 import TABLE_I, common_start, start_state
-from mcnav.units import UnitError, quantity
 
 LARGEST_FILE: Final = 1_000_000
 """Bytes; a campaign is a page of text."""
-
-LARGEST_MULTIPLE: Final = 1e9
-"""An error of more than this many times its usual size is a slip of the pen, and would overflow somewhere."""
-
-OWN_UNIT: Final = "own"
-"""Stands for the unit of the source itself."""
-
-DISTRIBUTIONS: Final[Mapping[str, tuple[Callable[..., Distribution], Mapping[str, str]]]] = {
-    "normal": (Normal, {"sigma": OWN_UNIT}),
-    "uniform": (Uniform, {"half_width": OWN_UNIT}),
-    "truncated-normal": (TruncatedNormal, {"sigma": OWN_UNIT, "limit": OWN_UNIT}),
-    "triangular": (Triangular, {"half_width": OWN_UNIT}),
-    "student-t": (StudentT, {"sigma": OWN_UNIT, "degrees_of_freedom": "1"}),
-    "fixed": (lambda value: Fixed(value), {"value": OWN_UNIT}),
-}
-"""Each distribution with its keys and their units."""
 
 
 @dataclass(frozen=True)
@@ -142,11 +117,11 @@ def parse_campaign(
     entries = content.get("errors", {})
     distributions: dict[str, Distribution] = {}
     if isinstance(entries, dict):
-        distributions = _read_errors(entries, file, SOURCES, problems)
+        distributions = read_errors(entries, file, SOURCES, problems)
     if table is None:
         raise CampaignError(problems)
 
-    correlations = _read_correlations(table, file, problems)
+    correlations = read_correlations(table.correlations, file, SOURCES, problems)
     model: ErrorModel | None = None
     if not problems:
         try:
@@ -198,7 +173,7 @@ def _problem(file: str, error: dict[str, Any]) -> Problem:
         key += f" #{part + 1}" if isinstance(part, int) else f"{'.' if key else ''}{part}"
     came, kind = error["input"], error["type"]
     if kind == "extra_forbidden":
-        return Problem(file, key, f"unknown key{_suggestion(str(location[-1]), _known_keys(location[:-1]))}")
+        return Problem(file, key, f"unknown key{suggestion(str(location[-1]), _known_keys(location[:-1]))}")
     if kind == "missing":
         return Problem(file, key, "is missing")
     message = _WORDS.get(kind, str(error["msg"]).removeprefix("Value error, "))
@@ -221,91 +196,6 @@ def _known_keys(location: list[str | int]) -> list[str]:
     elif location:
         model = None
     return list(model.model_fields) if model is not None else []
-
-
-def _suggestion(name: str, known: list[str]) -> str:
-    close = difflib.get_close_matches(name, known, n=1)
-    if close:
-        return f"; did you mean {close[0]!r}?"
-    return f"; expected one of {', '.join(known)}" if known else ""
-
-
-def _read_errors(
-    entries: Mapping[str, Any], file: str, sources: tuple[Source, ...], problems: list[Problem]
-) -> dict[str, Distribution]:
-    """The distributions of ``[errors]``; mistakes are added to the list."""
-    known = {source.name: source for source in sources}
-    found = {}
-    for name, entry in entries.items():
-        key = f"errors.{name}"
-        if name not in known:
-            problems.append(Problem(file, key, f"unknown error source{_suggestion(name, list(known))}"))
-            continue
-        table = entry if isinstance(entry, dict) else {"distribution": "normal", "sigma": entry}
-        before = len(problems)
-        distribution = _read_distribution(table, known[name], file, key, isinstance(entry, dict), problems)
-        if distribution is not None and len(problems) == before:
-            found[name] = distribution
-    return found
-
-
-def _read_distribution(
-    table: Mapping[str, Any], source: Source, file: str, key: str, spelled_out: bool, problems: list[Problem]
-) -> Distribution | None:
-    kind = table.get("distribution", "normal")
-    if not isinstance(kind, str) or kind not in DISTRIBUTIONS:
-        wanted = ", ".join(DISTRIBUTIONS)
-        problems.append(Problem(file, f"{key}.distribution", f"got {kind!r}; expected one of {wanted}"))
-        return None
-    make, keys = DISTRIBUTIONS[kind]
-    for extra in table.keys() - keys.keys() - {"distribution"}:
-        message = f"unknown key of a {kind} distribution{_suggestion(extra, list(keys))}"
-        problems.append(Problem(file, f"{key}.{extra}", message))
-    values: dict[str, float] = {}
-    for name, own in keys.items():
-        place = f"{key}.{name}" if spelled_out else key
-        if name not in table:
-            problems.append(Problem(file, place, f"is missing; a {kind} distribution needs {' and '.join(keys)}"))
-            continue
-        try:
-            values[name] = quantity(table[name], source.unit if own == OWN_UNIT else own)
-        except UnitError as wrong:
-            problems.append(Problem(file, place, str(wrong)))
-    if len(values) < len(keys):
-        return None
-    for name, own in keys.items():
-        if own == OWN_UNIT and abs(values[name]) > LARGEST_MULTIPLE * source.nominal:
-            largest = f"{LARGEST_MULTIPLE * source.nominal:.3g} {source.unit if source.unit != '1' else ''}".strip()
-            place = f"{key}.{name}" if spelled_out else key
-            problems.append(Problem(file, place, f"got {table[name]!r}; at most {largest} makes sense"))
-            return None
-    try:
-        return make(**values)
-    except ValueError as wrong:
-        written = ", ".join(f"{name} = {table[name]!r}" for name in keys)
-        problems.append(Problem(file, key, f"got {written if spelled_out else repr(table['sigma'])}; {wrong}"))
-        return None
-
-
-def _read_correlations(table: CampaignTable, file: str, problems: list[Problem]) -> list[Correlation]:
-    names = [source.name for source in SOURCES]
-    found: list[Correlation] = []
-    seen: set[frozenset[str]] = set()
-    for number, entry in enumerate(table.correlations, start=1):
-        key = f"correlations #{number}.between"
-        problems += [
-            Problem(file, key, f"unknown error source {name!r}{_suggestion(name, names)}")
-            for name in entry.between
-            if name not in names
-        ]
-        pair = frozenset(entry.between)
-        if len(pair) == 1:
-            problems.append(Problem(file, key, f"got {entry.between[0]!r} twice; expected two different sources"))
-        elif pair in seen:
-            problems.append(Problem(file, key, f"{' and '.join(entry.between)} are correlated twice"))
-        seen.add(pair)
-        found.append(Correlation((entry.between[0], entry.between[1]), entry.coefficient))
-    return found
 
 
 def _read_flight(table: ReentryTable, file: str, problems: list[Problem]) -> Flight | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -38,3 +39,11 @@ class RunFolderError(Exception):
 
 class RunFolderBusy(RunFolderError):
     """Another process is writing to the run folder."""
+
+
+def suggestion(name: str, known: list[str]) -> str:
+    """What an unknown name may have meant, or what is known, as the end of a message."""
+    close = difflib.get_close_matches(name, known, n=1)
+    if close:
+        return f"; did you mean {close[0]!r}?"
+    return f"; expected one of {', '.join(known)}" if known else ""

@@ -110,7 +110,8 @@ def _load(block: Array, errors: Array, first: Array) -> None:
         block[LANES + lane] = altitude * up_y + radius * turn_y
         block[2 * LANES + lane] = altitude_rate * up_x + radius_rate * turn_x + faster * up_y + speed * turn_y
         block[3 * LANES + lane] = altitude_rate * up_y + radius_rate * turn_y - faster * up_x - speed * turn_x
-        block[10 * LANES + lane] = (1.0 + altitude / radius) * np.cos(shift)
+        within_reach = abs(shift) < 0.5 * np.pi  # a start farther round would come out wrapped
+        block[10 * LANES + lane] = (1.0 + altitude / radius) * np.cos(shift) if within_reach else -1.0
         for row in range(4, 10):
             block[row * LANES + lane] = errors[lane, row]
 
