@@ -50,6 +50,13 @@ class Method(StrEnum):
     RUNS = "runs"
 
 
+class Axes(StrEnum):
+    """Where the reference axes are alined."""
+
+    START = "start"
+    TRAJECTORY = "trajectory"
+
+
 _asked_to_end: list[int] = []
 """Signals that ended the command, of those that are treated as Ctrl-C."""
 
@@ -206,14 +213,30 @@ def compare(folders: Folders) -> None:
 def partials(
     campaign: CampaignFile,
     method: Annotated[Method, typer.Option(help="How they are found.")] = Method.ALL,
+    start_times: Annotated[
+        int | None, typer.Option("--start-times", min=2, help="For so many start times over the flight instead.")
+    ] = None,
+    axes: Annotated[Axes, typer.Option(help="Reference axes, with --start-times.")] = Axes.START,
+    folder: Annotated[
+        Path | None, typer.Option("--out", help="With --start-times [default: reports/ and NAME_start_times].")
+    ] = None,
 ) -> None:
-    """Show the partial derivatives of the final errors, and how well three methods agree on them."""
+    """Show the partial derivatives of the final errors, and how well three methods agree on them.
+
+    With --start-times, write them and the dispersion against the start of navigation as a table and a page.
+    """
     with _errors_told():
         from mcnav.campaign.file import read_campaign
         from mcnav.linear.agreement import compared_partials
         from mcnav.report import terminal
+        from mcnav.study import write_start_times
 
         described = read_campaign(campaign)
+        if start_times is not None:
+            target = folder or Path("reports") / f"{campaign.stem}_start_times"
+            for written in write_start_times(described, target, axes.value, start_times):
+                out.print(f"written: {written}", markup=False)
+            return
         sources, outputs = described.scenario.sources, described.scenario.outputs
         methods = [each for each in Method if each != Method.ALL] if method == Method.ALL else [method]
         shown, differences = compared_partials(described.scenario, [each.value for each in methods])

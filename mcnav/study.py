@@ -16,17 +16,29 @@ from threadpoolctl import threadpool_limits
 from mcnav.analysis.budget import ErrorBudget, error_budget
 from mcnav.analysis.comparison import Comparison, Criterion, Model, compare
 from mcnav.campaign.file import Campaign
-from mcnav.campaign.folder import CAMPAIGN, MANIFEST, REPORT, SUMMARY, Layout, RunFolder, Samples, as_records, plain
+from mcnav.campaign.folder import (
+    CAMPAIGN,
+    MANIFEST,
+    REPORT,
+    SUMMARY,
+    Layout,
+    RunFolder,
+    Samples,
+    as_records,
+    plain,
+    write_whole,
+)
 from mcnav.campaign.identity import digest, identity_of, refuse_changed, refuse_foreign
-from mcnav.campaign.problems import RunFolderError
+from mcnav.campaign.problems import CampaignError, Problem, RunFolderError
 from mcnav.campaign.runner import Draws, Progress, Work, fly
 from mcnav.linear.partials import FlightFailed
+from mcnav.linear.start_times import study_start_times
 from mcnav.linear.unscented import unscented
 from mcnav.report.content import Content
 from mcnav.report.page import render
 from mcnav.report.summary import summarise
 from mcnav.sampling.designs import FEWEST_BLOCKS, block_length
-from mcnav.scenarios.protocol import Prepared
+from mcnav.scenarios.protocol import Prepared, StartTimes
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -287,3 +299,36 @@ def engine_of(path: Path, campaign: Path) -> str | None:
     """The engine of the run that a campaign file was stored with; none when it is not a run folder's own file."""
     manifest = RunFolder(path).manifest() if campaign.parent == path and campaign.name == CAMPAIGN else None
     return None if manifest is None else str(manifest["identity"]["engine"])
+
+
+def write_start_times(campaign: Campaign, path: Path, axes: str, count: int) -> tuple[Path, Path]:
+    """Write partial derivatives and dispersion against the start time, as ``start_times.csv`` and ``start_times.html``.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        Its errors are taken to be those at whatever time navigation starts.
+    path : Path
+        Folder.
+    axes : str
+        ``start`` or ``trajectory``; see `mcnav.linear.start_times.study_start_times`.
+    count : int
+        Start times.
+
+    Returns
+    -------
+    table, page : Path
+    """
+    from mcnav.report import start_times as shown  # pandas, for those who ask for a table
+
+    scenario, errors = campaign.scenario, campaign.errors
+    if not isinstance(scenario, StartTimes):
+        raise CampaignError([Problem(campaign.name, "scenario", "has no start times to choose from")])
+    with threadpool_limits(1):
+        study = study_start_times(scenario, errors.covariance, axes, count)
+    path.mkdir(parents=True, exist_ok=True)
+    table, page = path / "start_times.csv", path / "start_times.html"
+    write_whole(table, shown.table(study, scenario.sources, scenario.outputs).to_csv(index=False).encode())
+    text = shown.render(campaign.name, study, scenario.sources, scenario.outputs, errors.standard_deviations)
+    write_whole(page, text.encode())
+    return table, page

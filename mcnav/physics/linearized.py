@@ -94,7 +94,7 @@ def linearise(trajectory: Trajectory, start: float, theta_axes: float) -> tuple[
     nominal : ndarray, shape (4,)
         Final errors of a perfect system: zero unless the accelerometers are switched off above an altitude.
     """
-    actual = trajectory.state(start)
+    actual = trajectory.departure(start)
     sensitivity = np.zeros((4, 10))
     sensitivity[:, :4] = np.diag([1.0, 1.0 / actual[0], 1.0, 1.0 / actual[0]])
     state = np.concatenate([actual, actual, sensitivity.ravel()])

@@ -97,7 +97,7 @@ def fly_indicated(trajectory: Trajectory, errors: Array, start: float, theta_axe
     Diverged
         When the indicated position comes near the earth's centre, or the integration breaks down.
     """
-    actual = trajectory.state(start)
+    actual = trajectory.departure(start)
     state = np.concatenate([actual, indicated_start(actual, errors)])
     if not np.all(np.isfinite(state)) or state[4] <= LOWEST_RADIUS:
         raise Diverged(f"the indicated radius starts at {state[4]:.6g} m")

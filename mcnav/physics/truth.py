@@ -134,6 +134,27 @@ class Trajectory:
         """Polar state (r, theta, r_dot, theta_dot) at a time: m, rad, m/s, rad/s; shape (4,)."""
         return np.asarray(self.phase_at(time).solution(time), dtype=float)
 
+    def departure(self, time: float) -> Array:
+        """The state at a time from which something is to be flown, shape (4,).
+
+        Integrated from the last step's beginning, not interpolated: a skip magnifies what the interpolation leaves.
+        """
+        phase = self.phase_at(time)
+        known = phase.solution.ts
+        node = float(known[known <= time].max(initial=phase.start))
+        if node == time:
+            return self.state(time)
+        flown = solve_ivp(
+            truth_rates,
+            (node, time),
+            phase.solution(node),
+            method=DOP853,
+            rtol=RELATIVE_TOLERANCE,
+            atol=ABSOLUTE_TOLERANCE,
+            args=(phase.coefficients,),
+        )
+        return np.asarray(flown.y[:, -1])
+
     def states(self, times: Array) -> Array:
         """Polar states at many times, shape (n, 4)."""
         return np.array([self.state(time) for time in times])

@@ -57,7 +57,7 @@ STYLE: Final[Any] = {
 }
 
 
-def _svg(figure: Figure, key: str, title: str, description: str) -> str:
+def svg(figure: Figure, key: str, title: str, description: str) -> str:
     """A figure as SVG for one place of a page: no date, no prologue, ids of its own, a title and a description."""
     buffer = io.StringIO()
     with mpl.rc_context({"svg.hashsalt": key}):
@@ -74,7 +74,8 @@ def _svg(figure: Figure, key: str, title: str, description: str) -> str:
     return re.sub(r"<svg ([^>]*)>", rf"<svg {labels}\1>{inside}", text, count=1)
 
 
-def _new(width: float, height: float, rows: int = 1, columns: int = 1, **keywords: Any) -> tuple[Figure, NDArray[Any]]:
+def new(width: float, height: float, rows: int = 1, columns: int = 1, **keywords: Any) -> tuple[Figure, NDArray[Any]]:
+    """A figure of a size in inches with an array of axes, shape (rows, columns)."""
     figure = Figure(figsize=(width, height), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False, **keywords)
     return figure, axes
@@ -93,7 +94,7 @@ def flight(content: Content) -> str:
     time = columns["time from reentry [min]"]
     force = np.hypot(columns["horizontal force [m/s^2]"], columns["vertical force, down [m/s^2]"]) / 9.80665
     with mpl.rc_context(STYLE):
-        figure, ((profile, air), (speed, load)) = _new(9.0, 5.6, 2, 2)
+        figure, ((profile, air), (speed, load)) = new(9.0, 5.6, 2, 2)
         profile.plot(columns["range [km]"] / 1e3, columns["altitude [km]"], color=LINEAR)
         profile.set_yscale("log")
         profile.yaxis.set_major_formatter(lambda value, _: f"{value:,.10g}")  # the default one writes mathematics
@@ -112,7 +113,7 @@ def flight(content: Content) -> str:
         speed.axvline(start, color=FLOWN, linewidth=1.0, linestyle="--")
         speed.annotate(" navigation starts", (start, 0.02), xycoords=("data", "axes fraction"), color=FLOWN, fontsize=8)
         peak = f"{force.max():.2f} g"
-        return _svg(
+        return svg(
             figure,
             "flight",
             "What was flown",
@@ -125,7 +126,7 @@ def sigma_ratios(content: Content) -> str:
     names, outputs = content.output_names, content.comparison.outputs
     tolerance = content.criterion.tolerance
     with mpl.rc_context(STYLE):
-        figure, axes_array = _new(9.0, 0.9 + 0.55 * len(names))
+        figure, axes_array = new(9.0, 0.9 + 0.55 * len(names))
         axes: Axes = axes_array[0, 0]
         axes.axvspan(1.0 - tolerance, 1.0 + tolerance, color="#e4eef7", zorder=0)
         axes.axvline(1.0, color=LINEAR, linewidth=1.2)
@@ -146,7 +147,7 @@ def sigma_ratios(content: Content) -> str:
         axes.grid(axis="y", visible=False)
         axes.set_xlabel("Monte Carlo sigma / linear sigma (shaded: tolerance)")
         axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
-        return _svg(
+        return svg(
             figure,
             "ratios",
             "Sigma ratios",
@@ -158,7 +159,7 @@ def budget(content: Content) -> str:
     """Stacked shares of each source in each output's linear variance."""
     names, shares = content.output_names, content.budget.shares
     with mpl.rc_context(STYLE):
-        figure, axes_array = _new(9.0, 1.3 + 0.5 * len(names))
+        figure, axes_array = new(9.0, 1.3 + 0.5 * len(names))
         axes: Axes = axes_array[0, 0]
         left = np.zeros(len(names))
         for number, source in enumerate(content.source_names):
@@ -181,7 +182,7 @@ def budget(content: Content) -> str:
         axes.grid(axis="y", visible=False)
         axes.set_xlabel("share of the linear variance (%)")
         axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.03))
-        return _svg(
+        return svg(
             figure, "budget", "Error budget", "Share of each error source in the linear variance of each output."
         )
 
@@ -192,7 +193,7 @@ def correlation_maps(content: Content) -> str:
     linear, sample = correlations(comparison.covariance_linear), correlations(comparison.covariance_sample)
     panels = [("linear, P·S·Pᵀ", linear, 1.0), ("Monte Carlo", sample, 1.0)]
     with mpl.rc_context({**STYLE, "axes.grid": False}):
-        figure, axes_array = _new(9.0, 3.9, 1, 2)
+        figure, axes_array = new(9.0, 3.9, 1, 2)
         for axes, (title, matrix, limit) in zip(axes_array[0], panels, strict=True):
             axes.imshow(matrix, cmap="RdBu_r", vmin=-limit, vmax=limit)
             axes.set_xticks(range(len(names)), names, rotation=30, ha="right")
@@ -203,7 +204,7 @@ def correlation_maps(content: Content) -> str:
                 if np.isfinite(value):
                     colour = "white" if abs(value) > 0.6 else INK
                     axes.text(column, row, f"{value:+.3f}", ha="center", va="center", color=colour, fontsize=8.5)
-        return _svg(
+        return svg(
             figure,
             "correlation",
             "Correlations of the final errors",
@@ -245,7 +246,7 @@ def scatter(content: Content) -> str:
     columns = min(3, len(pairs))
     rows = -(-len(pairs) // columns)
     with mpl.rc_context(STYLE):
-        figure, axes_array = _new(9.0, 2.9 * rows + 0.3, rows, columns)
+        figure, axes_array = new(9.0, 2.9 * rows + 0.3, rows, columns)
         for axes, (i, j) in zip(axes_array.flat, pairs, strict=False):
             axes.plot(points[:, i], points[:, j], ".", color="#9aa5b1", markersize=2.0, alpha=0.55, rasterized=True,
                       markeredgewidth=0.0)  # fmt: skip
@@ -257,7 +258,7 @@ def scatter(content: Content) -> str:
             axes.set_xlabel(f"{names[i]} ({units[i]})")
             axes.set_ylabel(f"{names[j]} ({units[j]})")
         figure.legend(loc="outside upper left", ncols=2)
-        return _svg(
+        return svg(
             figure,
             "scatter",
             "Final errors, pair by pair",
@@ -272,7 +273,7 @@ def histograms(content: Content) -> str:
     sigma = np.sqrt(np.diag(content.comparison.covariance_linear)) * scale
     centre = content.model.outcome_mean * scale
     with mpl.rc_context(STYLE):
-        figure, axes_array = _new(9.0, 2.5 * -(-len(names) // 2) + 0.3, -(-len(names) // 2), 2)
+        figure, axes_array = new(9.0, 2.5 * -(-len(names) // 2) + 0.3, -(-len(names) // 2), 2)
         for i, axes in zip(range(len(names)), axes_array.flat, strict=False):
             reach = 4.5 * sigma[i] if sigma[i] > 0.0 else np.ptp(flown[:, i]) + 1.0
             edges = np.linspace(centre[i] - reach, centre[i] + reach, 64)
@@ -291,7 +292,7 @@ def histograms(content: Content) -> str:
             if outside:
                 axes.set_title(f"{outside:,} beyond the picture", fontsize=8)
         figure.legend(loc="outside upper left", ncols=2)
-        return _svg(
+        return svg(
             figure,
             "histograms",
             "Distribution of each output",
@@ -311,7 +312,7 @@ def nees(content: Content) -> str:
     counts, _ = np.histogram(values, edges)
     outside = len(values) - int(counts.sum())
     with mpl.rc_context(STYLE):
-        figure, axes_array = _new(9.0, 2.7)
+        figure, axes_array = new(9.0, 2.7)
         axes: Axes = axes_array[0, 0]
         axes.stairs(counts / (len(values) * np.diff(edges)), edges, fill=True, color="#f3c9a8", label="Monte Carlo")
         x = np.linspace(1e-6, top, 300)
@@ -322,7 +323,7 @@ def nees(content: Content) -> str:
         axes.legend(loc="upper right")
         if outside:
             axes.set_title(f"{outside:,} of {len(values):,} beyond the picture", fontsize=8)
-        return _svg(
+        return svg(
             figure,
             "nees",
             "NEES of the flown errors",

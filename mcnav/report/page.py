@@ -141,17 +141,22 @@ def _figures(content: Content) -> dict[str, Markup]:
     return {key: Markup(svg) for key, svg in drawn.items()}
 
 
-def render(content: Content) -> str:
-    """The report as one HTML page."""
+def filled(template: str, **values: Any) -> str:
+    """A page of this package with values in it; text is escaped, only figures come as markup."""
     environment = Environment(
         loader=PackageLoader("mcnav.report", "."), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
         lstrip_blocks=True,
     )  # fmt: skip
     style = environment.loader.get_source(environment, "style.css")[0] if environment.loader else ""
+    return environment.get_template(template).render(style=Markup(style), **values)
+
+
+def render(content: Content) -> str:
+    """The report as one HTML page."""
     manifest, summary = content.manifest, content.summary
     flown, seconds = manifest["flight"]["samples"], manifest["flight"]["seconds"]
-    return environment.get_template("template.html").render(
-        style=Markup(style),
+    return filled(
+        "campaign.html",
         summary=summary,
         manifest=manifest,
         headline=wording.headline(summary),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,6 +116,17 @@ class Scenario(Protocol):
 
     def history(self) -> History:
         """The truth over time."""
+
+
+@runtime_checkable
+class StartTimes(Protocol):
+    """A scenario whose navigation may start at any time of its flight."""
+
+    def start_times(self, count: int) -> Array:
+        """Evenly spaced start times from the first possible one on, shape (count,), s from the scenario's own event."""
+
+    def partials_at(self, times: Array, axes: str) -> Array:
+        """Partial derivatives for navigation started at each time, shape (n, outputs, sources)."""
 
 
 class Prepared(Protocol):

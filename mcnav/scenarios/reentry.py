@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcnav.constants import EARTH_RADIUS, REENTRY_ALTITUDE
+from mcnav.physics.adjoint import Adjoint, sweep
 from mcnav.physics.ensemble import fly_ensemble
 from mcnav.physics.grid import Grid
 from mcnav.physics.linearized import linearise
@@ -208,6 +209,23 @@ class Reentry:
     def linearised(self) -> LinearModel:
         """Partial derivatives by the variational equations along the truth."""
         return self._model
+
+    @cached_property
+    def _adjoint(self) -> Adjoint:
+        return sweep(self.trajectory, float(self.trajectory.state(0.0)[1]))
+
+    def start_times(self, count: int) -> Array:
+        """Start times from the first point of the truth to its end, shape (count,), s from reentry."""
+        trajectory = self.trajectory
+        return np.asarray(np.linspace(0.0, trajectory.final_time, count) - trajectory.reentry_time)
+
+    def partials_at(self, times: Array, axes: str = "start") -> Array:
+        """Partial derivatives for navigation started at each time (s from reentry), shape (n, 4, 10).
+
+        From one backward sweep of the adjoint. ``axes`` as in `Flight`.
+        """
+        starts = np.clip(times + self.trajectory.reentry_time, 0.0, self.trajectory.final_time)
+        return np.array([self._adjoint.partials(float(start), axes) for start in starts])
 
     def prepared(self, engine: str, probes: Array) -> Prepared:
         """A flyer for one of `engines`; the ensemble's grid is refined until the probes, shape (n, 10), agree."""

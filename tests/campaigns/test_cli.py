@@ -8,6 +8,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pytest
 
 from tests.conftest import ROOT
@@ -69,6 +71,23 @@ def test_partials(workplace: Path) -> None:
         assert word in finished.stdout
     single = mcnav("partials", DEMO, "--method", "runs", cwd=workplace)
     assert single.returncode == 0
+
+
+def test_partials_for_every_start_time(workplace: Path) -> None:
+    """The table holds what a campaign that starts at the first point has as its partials, in both axes."""
+    for axes in ("start", "trajectory"):
+        folder = workplace / axes
+        finished = mcnav("partials", DEMO, "--start-times", 9, "--axes", axes, "--out", folder, cwd=workplace)
+        assert finished.returncode == 0, finished.stderr
+        table = pd.read_csv(folder / "start_times.csv")
+        assert len(table) == 9
+        summary = json.loads((workplace / "reports" / DEMO.stem / "summary.json").read_text())
+        found = table.filter(regex=r"^d ").iloc[0].to_numpy().reshape(4, 10)
+        contributions = np.sqrt(np.diag(summary["start_covariance"]))
+        difference = np.abs(found - summary["partials"]) * contributions
+        assert (difference.max(axis=1) < 1e-5 * np.array(summary["sigma_linear"])).all()
+        assert table.filter(like="sigma").iloc[0].tolist() == pytest.approx(summary["sigma_linear"], rel=1e-5)
+        assert (folder / "start_times.html").read_text().count("<svg") == 5
 
 
 def test_a_run_folders_own_campaign_goes_on_there(workplace: Path) -> None:

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from mcnav.linear.partials import partials_by_differences, partials_by_independent_sets, partials_from_runs
+from mcnav.physics.adjoint import sweep
+from mcnav.physics.linearized import linearise
 from mcnav.scenarios.reentry import Reentry
 from mcnav.scenarios.tn_d1772 import ERRORS
 from tests.conftest import reentry
@@ -68,3 +70,25 @@ def test_axes_do_not_matter_without_accelerometer_errors() -> None:
     here, there = (reentry(4, start=-214.8, axes=axes).linearised().partials for axes in ("start", "trajectory"))
     np.testing.assert_allclose(here[:, :6] * ERRORS[:6], there[:, :6] * ERRORS[:6], rtol=1e-7, atol=1e-6)
     assert np.abs((here - there)[:, 6:] * ERRORS[6:]).max() > 100.0
+
+
+@pytest.mark.parametrize("axes", ["start", "trajectory"])
+def test_one_adjoint_sweep_gives_every_start_time(scenario: Reentry, axes: str) -> None:
+    """Against the variational equations integrated afresh from each of 50 start times, axes old and new."""
+    trajectory = scenario.trajectory
+    first = float(trajectory.state(0.0)[1])
+    adjoint = sweep(trajectory, first)
+    for start in np.linspace(0.0, 0.999 * trajectory.final_time, 50):
+        theta_axes = float(trajectory.state(start)[1]) if axes == "start" else first
+        fresh, _ = linearise(trajectory, start, theta_axes)
+        largest = np.abs(fresh * ERRORS).max(axis=1, keepdims=True)
+        assert (np.abs(adjoint.partials(start, axes) - fresh) * ERRORS / largest).max() < AGREEMENT
+
+
+def test_adjoint_at_the_end_is_the_identity() -> None:
+    """Nothing is left to happen: each final error is the start error, and equipment errors have no time."""
+    trajectory = reentry(4).trajectory
+    partials = sweep(trajectory, 0.0).partials(trajectory.final_time, "trajectory")
+    share = 6378140.0 / trajectory.state(trajectory.final_time)[0]
+    np.testing.assert_allclose(partials[:, :4], np.diag([1.0, share, 1.0, share]), atol=1e-9)
+    np.testing.assert_allclose(partials[:, 4:] * ERRORS[4:], 0.0, atol=1e-6)
