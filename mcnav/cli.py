@@ -246,6 +246,36 @@ def partials(
             out.print(terminal.agreement(outputs, differences))
 
 
+class Seed(StrEnum):
+    """What can be reproduced."""
+
+    TN_D1772 = "tn-d1772"
+
+
+@app.command()
+def reproduce(
+    seed: Annotated[Seed, typer.Argument(metavar="SEED", help="tn-d1772: Tables I to VI of NASA TN D-1772.")],
+    folder: Annotated[Path | None, typer.Option("--out", help="Folder [default: reports/SEED].")] = None,
+) -> None:
+    """Recompute a seed document's tables, every printed number beside the computed one, as a page and a CSV file."""
+    with _errors_told():
+        from collections import Counter
+
+        from mcnav.campaign.folder import write_whole
+        from mcnav.reproduce import page
+        from mcnav.reproduce.tn_d1772 import all_cells
+
+        cells = all_cells()
+        target = folder or Path("reports") / seed.value
+        target.mkdir(parents=True, exist_ok=True)
+        write_whole(target / "tables.csv", page.table(cells).to_csv(index=False).encode())
+        write_whole(target / "tables.html", page.render("NASA TN D-1772, Tables I to VI", cells).encode())
+        out.print(f"{len(cells)} printed numbers")
+        for mark, count in Counter(cell.mark for cell in cells).most_common():
+            out.print(f"{count:6} {page.PHRASES[mark]}")
+        out.print(f"\nwritten: {target / 'tables.html'}\nwritten: {target / 'tables.csv'}", markup=False)
+
+
 def main() -> None:
     """Entry point of ``mcnav``."""
     app(prog_name="mcnav")

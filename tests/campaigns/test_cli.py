@@ -39,7 +39,7 @@ def workplace(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_help(tmp_path: Path) -> None:
     finished = mcnav("--help", cwd=tmp_path)
     assert finished.returncode == 0
-    for command in ("run", "report", "compare", "partials"):
+    for command in ("run", "report", "compare", "partials", "reproduce"):
         assert command in finished.stdout
 
 
@@ -88,6 +88,14 @@ def test_partials_for_every_start_time(workplace: Path) -> None:
         assert (difference.max(axis=1) < 1e-5 * np.array(summary["sigma_linear"])).all()
         assert table.filter(like="sigma").iloc[0].tolist() == pytest.approx(summary["sigma_linear"], rel=1e-5)
         assert (folder / "start_times.html").read_text().count("<svg") == 5
+
+
+def test_reproduce(workplace: Path) -> None:
+    finished = mcnav("reproduce", "tn-d1772", "--out", workplace / "tn", cwd=workplace)
+    assert finished.returncode == 0, finished.stderr
+    table = pd.read_csv(workplace / "tn" / "tables.csv")
+    assert f"{len(table)} printed numbers" in finished.stdout
+    assert (workplace / "tn" / "tables.html").exists()
 
 
 def test_a_run_folders_own_campaign_goes_on_there(workplace: Path) -> None:

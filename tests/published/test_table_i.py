@@ -8,9 +8,9 @@ import pytest
 from mcnav.constants import EARTH_RADIUS, EARTH_RATE
 from mcnav.physics.truth import airspeed_and_angle, fly_truth
 from mcnav.physics.vehicle import Vehicle
+from mcnav.reproduce.printed import trajectories
 from mcnav.scenarios.tn_d1772 import START_AIRSPEED, TABLE_I, common_start, range_from_reentry
 from tests.conftest import TRAJECTORIES, reentry
-from tests.published.printed import trajectories
 
 SOLVED_FOR_RANGE = (4, 6)
 FROM_PRINTED_START = tuple(number for number in TRAJECTORIES if number not in SOLVED_FOR_RANGE)

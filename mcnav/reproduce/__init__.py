@@ -1,0 +1,1 @@
+"""The seeds' tables recomputed, each number beside the printed one."""
