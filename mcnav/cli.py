@@ -261,7 +261,7 @@ def reproduce(
     with _errors_told():
         from collections import Counter
 
-        from mcnav.campaign.folder import write_whole
+        from mcnav.campaign.files import write_whole
         from mcnav.reproduce import page
         from mcnav.reproduce.tn_d1772 import all_cells
 

@@ -16,19 +16,10 @@ from threadpoolctl import threadpool_limits
 from mcnav.analysis.budget import ErrorBudget, error_budget
 from mcnav.analysis.comparison import Comparison, Criterion, Model, compare
 from mcnav.campaign.file import Campaign
-from mcnav.campaign.folder import (
-    CAMPAIGN,
-    MANIFEST,
-    REPORT,
-    SUMMARY,
-    Layout,
-    RunFolder,
-    Samples,
-    as_records,
-    plain,
-    write_whole,
-)
+from mcnav.campaign.files import plain, write_whole
+from mcnav.campaign.folder import CAMPAIGN, MANIFEST, REPORT, SUMMARY, RunFolder
 from mcnav.campaign.identity import digest, identity_of, refuse_changed, refuse_foreign
+from mcnav.campaign.parts import Layout, Samples, as_records, samples_from
 from mcnav.campaign.problems import CampaignError, Problem, RunFolderError
 from mcnav.campaign.runner import Draws, Progress, Work, fly
 from mcnav.linear.partials import FlightFailed
@@ -251,7 +242,7 @@ def analyse(folder: RunFolder) -> Analysis:
         )
         layout = Layout.of(*([SimpleNamespace(**entry) for entry in described[key]] for key in ("sources", "outputs")))
         criterion = Criterion(**manifest["criterion"])
-        samples = folder.samples(manifest["parts"], layout)
+        samples = samples_from(folder.table(manifest["parts"]), layout)
         length, fewest = block_length(manifest["design"], manifest["samples"]), FEWEST_BLOCKS[manifest["design"]]
     except (KeyError, TypeError, ValueError) as failure:
         raise RunFolderError(f"{folder.path / MANIFEST}: is damaged ({failure}); run with --fresh") from None

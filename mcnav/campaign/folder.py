@@ -11,14 +11,10 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import math
-import os
-import secrets
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import filelock
 import numpy as np
@@ -26,104 +22,14 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from mcnav.campaign.files import parquet_bytes, plain, write_whole
 from mcnav.campaign.problems import RunFolderBusy, RunFolderError
-from mcnav.scenarios.protocol import History, Outcomes
+from mcnav.scenarios.protocol import History
 
 Array = NDArray[np.float64]
 
 CAMPAIGN, MANIFEST, SUMMARY, REPORT = "campaign.toml", "manifest.json", "summary.json", "report.html"
 HISTORY, SAMPLES, LOCK = "history.parquet", "samples", ".lock"
-OK: Final = "ok"
-
-
-@dataclass(frozen=True)
-class Part:
-    """What the manifest says of one file of samples [begin, end)."""
-
-    file: str
-    begin: int
-    end: int
-    failed: int
-    handed_over: int
-    sha256: str
-
-
-@dataclass(frozen=True)
-class Samples:
-    """All samples of a run.
-
-    Attributes
-    ----------
-    index : ndarray of int, shape (n,)
-    status : tuple of str
-        ``ok``, or why the sample failed.
-    errors : ndarray, shape (n, sources)
-        SI.
-    outputs : ndarray, shape (n, outputs)
-        SI; NaN in the row of a sample that failed.
-    """
-
-    index: NDArray[np.int64]
-    status: tuple[str, ...]
-    errors: Array
-    outputs: Array
-
-
-@dataclass(frozen=True)
-class Layout:
-    """Columns of the sample files: ``error NAME [unit]`` and ``output NAME [unit]``."""
-
-    errors: tuple[str, ...]
-    outputs: tuple[str, ...]
-
-    @classmethod
-    def of(cls, sources: Sequence[Any], outputs: Sequence[Any]) -> Layout:
-        """The layout for the sources and outputs of a scenario."""
-        return cls(
-            tuple(f"error {source.name} [{source.unit}]" for source in sources),
-            tuple(f"output {output.name} [{output.unit}]" for output in outputs),
-        )
-
-
-def plain(value: Any) -> Any:
-    """A value as JSON can hold it: arrays as lists, what is not finite as null."""
-    if isinstance(value, np.ndarray):
-        return plain(value.tolist())
-    if isinstance(value, Mapping):
-        return {key: plain(entry) for key, entry in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(entry) for entry in value]
-    if isinstance(value, (float, np.floating)):
-        return float(value) if math.isfinite(value) else None
-    return value
-
-
-def write_whole(path: Path, content: bytes) -> None:
-    """Write a file so that it is either there whole, or not there."""
-    temporary = path.with_name(f".{path.name}.{secrets.token_hex(6)}.tmp")
-    try:
-        with temporary.open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
-
-
-def _parquet(table: pa.Table, text: Sequence[str] = ()) -> bytes:
-    """A parquet file with page checksums; the same table gives the same bytes."""
-    numbers = [name for name in table.column_names if name not in text]
-    buffer = io.BytesIO()
-    pq.write_table(
-        table,
-        buffer,
-        compression="zstd",
-        use_dictionary=list(text),
-        use_byte_stream_split=[name for name in numbers if pa.types.is_floating(table.schema.field(name).type)],
-        write_page_checksum=True,
-    )
-    return buffer.getvalue()
 
 
 def _checksum(content: Mapping[str, Any]) -> str:
@@ -154,7 +60,7 @@ class RunFolder:
         """
         lock = filelock.FileLock(self.path / LOCK)
         try:
-            (self.path / SAMPLES).mkdir(parents=True, exist_ok=True)
+            (self.parts).mkdir(parents=True, exist_ok=True)
             lock.acquire(timeout=0)
         except filelock.Timeout:
             raise RunFolderBusy(f"{self.path}: another mcnav is writing here; wait for it, or choose --out") from None
@@ -247,49 +153,19 @@ class RunFolder:
         """Delete what a run wrote here, and nothing else."""
         for name in (MANIFEST, SUMMARY, REPORT, HISTORY, CAMPAIGN):
             (self.path / name).unlink(missing_ok=True)
-        for part in (self.path / SAMPLES).glob("part-*.parquet"):
+        for part in (self.parts).glob("part-*.parquet"):
             part.unlink()
 
     def sweep(self) -> None:
         """Delete what a killed process left half written."""
-        for place in (self.path, self.path / SAMPLES):
+        for place in (self.path, self.parts):
             for temporary in place.glob(".*.tmp"):
                 temporary.unlink()
 
-    def write_part(
-        self, number: int, begin: int, identity: str, layout: Layout, errors: Array, outcomes: Outcomes
-    ) -> Part:
-        """Store one chunk of samples; see `Part`."""
-        count = len(errors)
-        status = [f"failed: {outcomes.failures[row]}" if row in outcomes.failures else OK for row in range(count)]
-        columns: dict[str, Any] = {"index": np.arange(begin, begin + count), "status": pa.array(status)}
-        columns.update(zip(layout.errors, errors.T, strict=True))
-        failed = np.isnan(outcomes.values).any(axis=1)
-        for name, values in zip(layout.outputs, outcomes.values.T, strict=True):
-            columns[name] = pa.array(np.ascontiguousarray(values), mask=failed)
-        table = pa.table({name: pa.array(column) for name, column in columns.items()})
-        place = {"mcnav.identity": identity, "mcnav.begin": str(begin), "mcnav.handed_over": str(outcomes.handed_over)}
-        content = _parquet(table.replace_schema_metadata(place), ["status"])
-        name = f"part-{number:05d}.parquet"
-        write_whole(self.path / SAMPLES / name, content)
-        digest = hashlib.sha256(content).hexdigest()
-        return Part(name, begin, begin + count, int(failed.sum()), outcomes.handed_over, digest)
-
-    def verified_part(self, number: int, begin: int, end: int, identity: str) -> Part | None:
-        """The part for samples [begin, end), when a whole one of this very run is there."""
-        name = f"part-{number:05d}.parquet"
-        try:
-            content = (self.path / SAMPLES / name).read_bytes()
-            table = pq.read_table(io.BytesIO(content), page_checksum_verification=True)
-        except (OSError, pa.ArrowException):
-            return None
-        place = {key.decode(): value.decode() for key, value in (table.schema.metadata or {}).items()}
-        index = table.column("index").to_numpy() if "index" in table.column_names else np.empty(0)
-        if place.get("mcnav.identity") != identity or not np.array_equal(index, np.arange(begin, end)):
-            return None
-        failed = sum(entry != OK for entry in table.column("status").to_pylist())
-        handed_over = int(place.get("mcnav.handed_over", "0"))
-        return Part(name, begin, end, failed, handed_over, hashlib.sha256(content).hexdigest())
+    @property
+    def parts(self) -> Path:
+        """Where the sample files are."""
+        return self.path / SAMPLES
 
     def table(self, parts: Sequence[Mapping[str, Any]]) -> pa.Table:
         """All samples of the parts that a manifest lists, in order, every part verified.
@@ -300,12 +176,12 @@ class RunFolder:
             When a part is missing, or its content is not what the manifest says.
         """
         listed = {str(part["file"]) for part in parts}
-        for found in sorted((self.path / SAMPLES).iterdir()):
+        for found in sorted((self.parts).iterdir()):
             if found.name not in listed and not found.name.startswith("."):
                 raise RunFolderError(f"{found}: is not of this run; remove it, or run the campaign again with --fresh")
         tables = []
         for part in parts:
-            path = self.path / SAMPLES / str(part["file"])
+            path = self.parts / str(part["file"])
             try:
                 content = path.read_bytes()
             except OSError as failure:
@@ -316,18 +192,6 @@ class RunFolder:
                 raise RunFolderError(f"{path}: is damaged (its checksum differs); run the campaign again to mend it")
             tables.append(pq.read_table(io.BytesIO(content)))
         return pa.concat_tables(tables).combine_chunks()
-
-    def samples(self, parts: Sequence[Mapping[str, Any]], layout: Layout) -> Samples:
-        """The same samples as arrays; see `table`."""
-        table = self.table(parts)
-
-        def block(names: Sequence[str]) -> Array:
-            columns = [table.column(name).to_numpy(zero_copy_only=False) for name in names]
-            return np.column_stack(columns).astype(float)
-
-        status = tuple(table.column("status").to_pylist())
-        index = np.asarray(table.column("index").to_numpy(), dtype=np.int64)
-        return Samples(index, status, block(layout.errors), block(layout.outputs))
 
     def campaign(self) -> str:
         """The resolved campaign file.
@@ -346,7 +210,7 @@ class RunFolder:
         """Store what was flown."""
         table = pa.table(dict(history.columns))
         events = {"mcnav.events": json.dumps(dict(history.events))}
-        self.write(HISTORY, _parquet(table.replace_schema_metadata(events)))
+        self.write(HISTORY, parquet_bytes(table.replace_schema_metadata(events)))
 
     def history(self) -> History:
         """What was flown.
@@ -362,8 +226,3 @@ class RunFolder:
         except (OSError, pa.ArrowException, KeyError, ValueError) as failure:
             raise RunFolderError(f"{self.path / HISTORY}: is missing or damaged; run the campaign again") from failure
         return History({name: table.column(name).to_numpy() for name in table.column_names}, events)
-
-
-def as_records(parts: Sequence[Part]) -> list[dict[str, Any]]:
-    """Parts as the manifest lists them, in the order of their samples."""
-    return [asdict(part) for part in sorted(parts, key=lambda part: part.begin)]

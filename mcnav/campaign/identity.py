@@ -10,7 +10,8 @@ from importlib.metadata import version
 from typing import Any, Final
 
 from mcnav.campaign.file import Campaign
-from mcnav.campaign.folder import RunFolder, plain
+from mcnav.campaign.files import plain
+from mcnav.campaign.folder import RunFolder
 from mcnav.campaign.problems import RunFolderError
 
 LIBRARIES: Final = ("numpy", "scipy", "numba", "pyarrow")

@@ -18,7 +18,8 @@ from joblib import Parallel, delayed
 from joblib.externals.loky import get_reusable_executor
 from threadpoolctl import threadpool_limits
 
-from mcnav.campaign.folder import Layout, Part, RunFolder
+from mcnav.campaign.folder import RunFolder
+from mcnav.campaign.parts import Layout, Part, verified_part, write_part
 from mcnav.sampling.errors import ErrorModel
 from mcnav.scenarios.protocol import Prepared
 
@@ -62,7 +63,7 @@ def _fly_chunk(work: Work, number: int, begin: int, end: int) -> Part:
         draws = work.draws
         errors = draws.model.draw(draws.design, draws.seed, draws.samples, begin, end)
         outcomes = work.prepared.propagate(errors)
-        return work.folder.write_part(number, begin, work.identity, work.layout, errors, outcomes)
+        return write_part(work.folder.parts, number, begin, work.identity, work.layout, errors, outcomes)
 
 
 def fly(work: Work, jobs: int, progress: Progress) -> tuple[list[Part], int]:
@@ -87,7 +88,7 @@ def fly(work: Work, jobs: int, progress: Progress) -> tuple[list[Part], int]:
     parts, missing = [], []
     for number, begin in enumerate(range(0, samples, chunk)):
         end = min(begin + chunk, samples)
-        stored = work.folder.verified_part(number, begin, end, work.identity)
+        stored = verified_part(work.folder.parts, number, begin, end, work.identity)
         if stored is None:
             missing.append((number, begin, end))
         else:
