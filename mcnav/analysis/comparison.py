@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 
 from mcnav.analysis.verdict import Judgement, Verdict, judge, worst
 from mcnav.linear.covariance import propagated_covariance
+from mcnav.sampling.designs import FEWEST_BLOCKS
 from mcnav.statistics.estimates import Estimate, blocked_mean
 
 Array = NDArray[np.float64]
-
-FEWEST_BLOCKS: Final = 20
 
 LARGEST_FAILED_SHARE: Final = 1e-3
 """When a larger share of the samples failed, the agreement of those that are left says nothing and is not claimed."""
@@ -172,7 +171,7 @@ def compare(
     outcomes: Array,
     blocks: NDArray[np.int64],
     criterion: Criterion,
-    fewest: int = FEWEST_BLOCKS,
+    fewest: int = FEWEST_BLOCKS["random"],
 ) -> Comparison:
     """Compare the flights of a campaign with the linear model.
 

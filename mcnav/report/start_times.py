@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from mcnav.linear.start_times import StartTimeStudy
 from mcnav.report.content import spoken
-from mcnav.report.figures import FLOWN, SOURCE_COLOURS, STYLE, new, svg
 from mcnav.report.page import filled, number
+from mcnav.report.svg import FLOWN, LINEAR, MUTED, SOURCE_COLOURS, STYLE, new, svg
 from mcnav.scenarios.protocol import Output, Source
 from mcnav.units import conversion
 
@@ -75,9 +75,9 @@ def _dispersion(minutes: Array, sigma: Array, outputs: Sequence[Output], best: A
     with mpl.rc_context(STYLE):
         figure, axes_array = new(9.0, 5.2, -(-len(outputs) // 2), 2)
         for i, (axes, output) in enumerate(zip(axes_array.flat, outputs, strict=False)):
-            axes.plot(minutes, sigma[:, i], color="#0b5fa5")
+            axes.plot(minutes, sigma[:, i], color=LINEAR)
             axes.plot(minutes[best[i]], sigma[best[i], i], "o", color=FLOWN, markersize=5)
-            axes.axvline(0.0, color="#5d6b7a", linewidth=0.8, linestyle="--")
+            axes.axvline(0.0, color=MUTED, linewidth=0.8, linestyle="--")
             axes.set_ylim(bottom=0.0)
             axes.set(title=f"final {spoken(output.name)}", ylabel=f"sigma ({output.shown_in})")
             axes.set_xlabel("start of navigation (min from reentry)")
@@ -101,7 +101,7 @@ def _effects(minutes: Array, effects: Array, sources: Sequence[Source], output: 
             for j in members:
                 colour = SOURCE_COLOURS[j % len(SOURCE_COLOURS)]
                 axes.plot(minutes, effects[:, j], color=colour, label=spoken(sources[j].name))
-            axes.axvline(0.0, color="#5d6b7a", linewidth=0.8, linestyle="--")
+            axes.axvline(0.0, color=MUTED, linewidth=0.8, linestyle="--")
             axes.set(title=title, xlabel="start of navigation (min from reentry)")
             axes.legend(loc="best", fontsize=8)
         axes_array[0, 0].set_ylabel(f"{spoken(output.name)} for one sigma ({output.shown_in})")

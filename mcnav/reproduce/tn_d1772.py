@@ -120,17 +120,21 @@ CASES: Final = (
 """Tables II, IV, V and VI. Part (a) of Table V keeps the axes of the first start; part (b) has its own."""
 
 CONTRADICTIONS: Final = {
-    ("II(a)", "sum of |equipment|", "range rate"): "the six printed runs sum to 11.80",
-    ("II(a)", "sum of |all|", "range rate"): "the ten printed runs sum to 15.44",
-    ("IV(b)", "algebraic sum", "range"): "it counts run 8 with the sign reversed; the ten printed runs sum to -358.86",
-    ("VI", "1: altitude", "range rate"): "contradicts run 11 (6.50): the ten printed runs sum to 2.40",
-    ("VI", "6: gyro drift", "range rate"): "contradicts run 11 (6.50): the ten printed runs sum to 2.40",
+    ("II(a)", "sum of |equipment|", "range rate"): "the six printed runs sum to {total:.2f}",
+    ("II(a)", "sum of |all|", "range rate"): "the ten printed runs sum to {total:.2f}",
+    (
+        "IV(b)",
+        "algebraic sum",
+        "range",
+    ): "it counts run 8 with the sign reversed; the ten printed runs sum to {total:.2f}",
+    ("VI", "1: altitude", "range rate"): "contradicts run 11 of the table, to which the ten printed runs do not sum",
+    ("VI", "6: gyro drift", "range rate"): "contradicts run 11 of the table, to which the ten printed runs do not sum",
     ("VI", "algebraic sum", "range rate"): "sums the two runs that contradict run 11",
     ("VI", "sum of |initial conditions|", "range rate"): "sums run 1, which contradicts run 11",
     ("VI", "sum of |equipment|", "range rate"): "sums run 6, which contradicts run 11",
     ("VI", "sum of |all|", "range rate"): "sums the two runs that contradict run 11",
 }
-"""Printed numbers that contradict others of the report, and how."""
+"""Printed numbers that contradict others of the report, and how; ``total`` is what the printed runs really sum to."""
 
 SUM_NAMES: Final = dict(
     zip(SUMS, ("algebraic sum", "sum of |initial conditions|", "sum of |equipment|", "sum of |all|"), strict=True)
@@ -162,9 +166,11 @@ def final_error_cells(case: Case, engine: str = "reference") -> Iterator[Cell]:
     largest = np.abs(np.array(printed, dtype=float)).max(axis=0)
     tolerance = np.maximum(case.share * largest, case.least)
 
-    def cell(row: str, column: int, text: str, value: float, allowed: float) -> Cell:
+    of_printed = _sums(np.array(printed[:10], dtype=float))
+
+    def cell(row: str, column: int, text: str, value: float, allowed: float, total: float = np.nan) -> Cell:
         name = NAMES[column]
-        reason = CONTRADICTIONS.get((case.table, row, name), "")
+        reason = CONTRADICTIONS.get((case.table, row, name), "").format(total=total)
         return Cell(case.table, row, name, UNITS[column], text, float(value), allowed, reason, bool(reason))
 
     for run, entries in enumerate(printed):
@@ -174,7 +180,7 @@ def final_error_cells(case: Case, engine: str = "reference") -> Iterator[Cell]:
     for name, values in _sums(computed[:10]).items():
         for column, text in enumerate(sums(case.table)[name]):
             allowed = float(tolerance[column] * np.sqrt(counts[name]))
-            yield cell(SUM_NAMES[name], column, text, values[column], allowed)
+            yield cell(SUM_NAMES[name], column, text, values[column], allowed, float(of_printed[name][column]))
 
 
 def table_i_cells() -> Iterator[Cell]:

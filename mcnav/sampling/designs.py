@@ -22,9 +22,13 @@ DESIGNS: Final = ("random", "antithetic", "latin-hypercube", "sobol")
 REPLICATES: Final = 16
 """Replicates of a replicated design, at least (where there are as many samples)."""
 
-FEWEST_BLOCKS: Final = {"random": 20, "antithetic": 400, "latin-hypercube": REPLICATES, "sobol": REPLICATES}
-"""Independent blocks below which no interval is given. Measured: with fewer, intervals that should cover 95 % cover
-less. Antithetic pairs need most: within a pair the nearly symmetric part cancels, and a skewed rest is left."""
+FEWEST_BLOCKS: Final = {"random": 100, "antithetic": 1_000, "latin-hypercube": REPLICATES, "sobol": REPLICATES}
+"""Independent blocks below which no interval is given.
+
+At these counts intervals of a quadratic system that should cover 95 % were measured to cover 93.5 to 95.3 %, within a
+point of error; 20 random draws covered 91 %, 400 antithetic pairs 89 %. Pairs need the most: within a pair the nearly
+symmetric part cancels, and a skewed rest is left. `tests/statistical/test_intervals.py` measures it again.
+"""
 
 LARGEST_HYPERCUBE: Final = 1_024
 _WORDS: Final = 4

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import numpy as np
 import pytest
 
 from mcnav.reproduce import page
 from mcnav.reproduce.printed import SUMS, final_errors, sums
 from mcnav.reproduce.tn_d1772 import CASES, CONTRADICTIONS, SUM_NAMES, Cell, Mark, all_cells
+from tests.conftest import ROOT
 
 
 @pytest.fixture(scope="module")
@@ -53,3 +56,12 @@ def test_page_and_table(cells: list[Cell]) -> None:
     assert len(page.table(cells)) == len(cells)
     for name in SUM_NAMES.values():
         assert name in text
+
+
+def test_the_readme_counts_right(cells: list[Cell]) -> None:
+    counted = Counter(cell.mark for cell in cells)
+    agree = counted[Mark.DIGITS] + counted[Mark.TOLERANCE]
+    said = f"{agree} agree, {counted[Mark.INCONSISTENT]} are contradicted by the report itself, {counted[Mark.DIFFERS]}"
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert f"all {len(cells)} printed numbers" in text
+    assert said in text
