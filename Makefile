@@ -3,13 +3,13 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constraint .ci/constraints.txt
 
-.PHONY: demo test lint check clean
+.PHONY: demo test lint check examples clean
 
 demo: .venv/installed
 	$(BIN)/mcnav run campaigns/01_tn_d1772_trajectory_4.toml
 
 test: .venv/tested
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses 2
 
 lint: .venv/tested
 	$(BIN)/ruff check .
@@ -18,6 +18,15 @@ lint: .venv/tested
 	$(BIN)/lint-imports
 
 check: lint test
+
+# The small reports under reports/examples, flown again only where what they depend on has changed.
+EXAMPLES := 01_tn_d1772_trajectory_4 11_cruise 14_polar
+examples: .venv/installed
+	for name in $(EXAMPLES); do \
+	  run="$(BIN)/mcnav run campaigns/$$name.toml --samples 1000 --jobs 1 --out reports/examples/$$name"; \
+	  $$run >/dev/null 2>&1 || $$run --fresh || exit 1; \
+	done
+	$(BIN)/mcnav index reports/examples
 
 .venv/installed: pyproject.toml .ci/constraints.txt
 	$(PYTHON) -m venv .venv

@@ -1,6 +1,6 @@
 """May the linear covariance analysis of an inertial navigation system be trusted, and where does it stop?
 
-Frames and signs
+Frames and signs (reentry; those of cruise and hover are in `mcnav.physics.steady`)
     Planar motion, east in the equatorial plane of a spherical, rotating earth. Earth-centred polar state
     ``(r, theta, r_dot, theta_dot)``; ``f_x`` horizontal (positive east), ``f_z`` vertical (positive **down**), both
     specific forces. The reference axes of the instruments are horizontal and vertical at the start of navigation.
@@ -25,12 +25,26 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from mcnav.campaign.file import Campaign, read_campaign
     from mcnav.campaign.problems import CampaignError, RunFolderError
-    from mcnav.study import report_run, run_campaign, samples_of, summary_of
+    from mcnav.comparing import Between, compare_runs
+    from mcnav.notebook import FlownRun, fly, open_run
+    from mcnav.scenarios.protocol import History, Outcomes, Output, Panel, Source
+    from mcnav.study import check_scenario, report_run, run_campaign, samples_of, summary_of
 
 _HOMES = {
+    "Between": "mcnav.comparing",
     "Campaign": "mcnav.campaign.file",
     "CampaignError": "mcnav.campaign.problems",
+    "FlownRun": "mcnav.notebook",
+    "History": "mcnav.scenarios.protocol",
+    "Outcomes": "mcnav.scenarios.protocol",
+    "Output": "mcnav.scenarios.protocol",
+    "Panel": "mcnav.scenarios.protocol",
     "RunFolderError": "mcnav.campaign.problems",
+    "Source": "mcnav.scenarios.protocol",
+    "check_scenario": "mcnav.study",
+    "compare_runs": "mcnav.comparing",
+    "fly": "mcnav.notebook",
+    "open_run": "mcnav.notebook",
     "read_campaign": "mcnav.campaign.file",
     "report_run": "mcnav.study",
     "run_campaign": "mcnav.study",
@@ -39,9 +53,20 @@ _HOMES = {
 }
 
 __all__ = [
+    "Between",
     "Campaign",
     "CampaignError",
+    "FlownRun",
+    "History",
+    "Outcomes",
+    "Output",
+    "Panel",
     "RunFolderError",
+    "Source",
+    "check_scenario",
+    "compare_runs",
+    "fly",
+    "open_run",
     "read_campaign",
     "report_run",
     "run_campaign",

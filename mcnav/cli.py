@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import time
 from collections.abc import Iterator
@@ -16,7 +17,7 @@ from rich.console import Console
 if TYPE_CHECKING:
     from mcnav.campaign.runner import Progress as Told
 
-BAD_INPUT, SOME_FAILED, BUSY, INTERRUPTED, TERMINATED = 2, 3, 4, 130, 143
+NOT_KEPT, BAD_INPUT, SOME_FAILED, BUSY, INTERRUPTED, TERMINATED = 1, 2, 3, 4, 130, 143
 """Exit statuses; 0 is success."""
 
 QUIET_SECONDS = 1.0
@@ -34,13 +35,6 @@ CampaignFile = Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Campaign
 Folders = Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders.")]
 
 
-class Engine(StrEnum):
-    """How samples are flown."""
-
-    ENSEMBLE = "ensemble"
-    REFERENCE = "reference"
-
-
 class Method(StrEnum):
     """How partial derivatives are found."""
 
@@ -48,6 +42,13 @@ class Method(StrEnum):
     VARIATIONAL = "variational"
     DIFFERENCES = "differences"
     RUNS = "runs"
+
+
+class Store(StrEnum):
+    """What a run keeps."""
+
+    SAMPLES = "samples"
+    SUMMARY = "summary"
 
 
 class Axes(StrEnum):
@@ -58,12 +59,19 @@ class Axes(StrEnum):
 
 
 _asked_to_end: list[int] = []
-"""Signals that ended the command, of those that are treated as Ctrl-C."""
+"""Signals that ended the command."""
 
 
 def _end(number: int, frame: object) -> None:
+    """Break off in order; when asked again, at once: files are whole or not there, workers end with this process."""
     _asked_to_end.append(number)
+    if len(_asked_to_end) > 1:
+        os._exit(_status_when_ended())
     raise KeyboardInterrupt
+
+
+def _status_when_ended() -> int:
+    return TERMINATED if _asked_to_end[:1] == [signal.SIGTERM] else INTERRUPTED
 
 
 def _fail(message: str, status: int) -> typer.Exit:
@@ -75,21 +83,29 @@ def _fail(message: str, status: int) -> typer.Exit:
 @contextmanager
 def _errors_told() -> Iterator[None]:
     """Turn what the user can mend into lines and an exit status."""
-    from mcnav.campaign.problems import CampaignError, RunFolderBusy, RunFolderError
+    from mcnav.campaign.problems import CampaignError, RunFolderBusy, RunFolderError, TooManyFailures
     from mcnav.linear.partials import FlightFailed
+    from mcnav.scenarios.protocol import ScenarioError
 
-    signal.signal(signal.SIGTERM, _end)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _end)
     try:
         yield
     except RunFolderBusy as problem:
         raise _fail(str(problem), BUSY) from None
-    except (CampaignError, RunFolderError, FlightFailed) as problem:
+    except TooManyFailures as problem:
+        message = f"{problem}; what is stored is kept, and the same command without --max-failures goes on from there"
+        raise _fail(message, SOME_FAILED) from None
+    except MemoryError:
+        message = "not enough memory; what is stored is kept, and the same command goes on from there"
+        raise _fail(f"{message} (fewer --jobs need less)", BAD_INPUT) from None
+    except (CampaignError, RunFolderError, FlightFailed, ScenarioError) as problem:
         raise _fail(str(problem), BAD_INPUT) from None
     except OSError as problem:
         raise _fail(f"{problem.filename or 'a file'}: {problem.strerror or problem}", BAD_INPUT) from None
     except KeyboardInterrupt:
-        status = TERMINATED if _asked_to_end else INTERRUPTED
-        raise _fail("interrupted; what is stored is kept, and the same command goes on from there", status) from None
+        message = "interrupted; what is stored is kept, and the same command goes on from there"
+        raise _fail(message, _status_when_ended()) from None
 
 
 @contextmanager
@@ -153,33 +169,62 @@ def run(
     folder: Annotated[
         Path | None, typer.Option("--out", help="Run folder [default: reports/ and the file's name without .toml].")
     ] = None,
-    engine: Annotated[Engine | None, typer.Option(help="How samples are flown [default: ensemble].")] = None,
+    engine: Annotated[
+        str | None,
+        typer.Option(help="How samples are flown: ensemble, reference or map [default: the scenario's first]."),
+    ] = None,
     jobs: Annotated[int, typer.Option(min=1, help="Workers.")] = 2,
     samples: Annotated[int | None, typer.Option(min=2, help="Samples, in place of the file's.")] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed, in place of the file's.")] = None,
+    store: Annotated[
+        Store | None, typer.Option(help="Keep every sample, or a summary of any number of them [default: the file's].")
+    ] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Replace an earlier run in the folder.")] = False,
+    check: Annotated[bool, typer.Option("--check", help="Exit 1 unless every requirement of [accept] is met.")] = False,
+    timeout: Annotated[
+        str | None, typer.Option(metavar="TIME", help="Time that a sample may take, such as '10 s'.")
+    ] = None,
+    max_failures: Annotated[int | None, typer.Option(min=0, help="Break off when more samples fail.")] = None,
 ) -> None:
     """Fly a campaign, compare linear with Monte Carlo, write the report.
 
-    Exit status: 0 done, 2 bad input, 3 some samples failed, 4 folder in use, 130 interrupted.
+    Exit status: 0 done, 1 a requirement is not met or not decided (with --check), 2 bad input,
+    3 some samples failed, 4 folder in use, 130 interrupted.
     """
     with _errors_told():
         from mcnav.campaign.file import read_campaign
         from mcnav.report import terminal
         from mcnav.study import engine_of, run_campaign
 
-        given = {key: value for key, value in (("samples", samples), ("seed", seed)) if value is not None}
+        options = {
+            "samples": samples,
+            "seed": seed,
+            "sample_timeout": timeout,
+            "store": store.value if store else None,
+        }
+        given = {key: value for key, value in options.items() if value is not None}
         described = read_campaign(campaign, given)
+        if check and not described.requirements:
+            raise _fail(f"{campaign}: accept: is missing; --check has nothing to check", BAD_INPUT)
         target = folder or run_folder(campaign)
-        chosen = engine.value if engine else engine_of(target, campaign) or Engine.ENSEMBLE.value
+        chosen = engine or engine_of(target, campaign)
         with _progress(described.samples) as told:
-            done = run_campaign(described, target, chosen, jobs, fresh, told)
+            done = run_campaign(described, target, chosen, jobs, fresh, told, max_failures)
+        for notice in done.notices:
+            err.print(f"note: {notice}", markup=False)
         out.print(terminal.comparison({described.name: done.summary}))
         out.print()
         out.print(terminal.verdict(done.summary), soft_wrap=False)
-        if done.flown < described.samples:
-            out.print(f"\n{described.samples - done.flown:,} samples were stored already, {done.flown:,} flown now")
+        if done.summary["requirements"]:
+            out.print()
+            out.print(terminal.requirements(done.summary), soft_wrap=False)
+        if done.flown < done.summary["samples"]:
+            out.print(
+                f"\n{done.summary['samples'] - done.flown:,} samples were stored already, {done.flown:,} flown now"
+            )
         out.print(f"\nreport: {target / 'report.html'}", markup=False)
+        if check and any(entry["finding"] != "met" for entry in done.summary["requirements"]):
+            raise typer.Exit(NOT_KEPT)
         if done.summary["failed"]:
             raise typer.Exit(SOME_FAILED)
 
@@ -196,17 +241,86 @@ def report(folders: Folders) -> None:
 
 
 @app.command()
-def compare(folders: Folders) -> None:
-    """Show linear beside Monte Carlo for one or several run folders."""
+def compare(
+    folders: Folders,
+    html: Annotated[Path | None, typer.Option("--html", help="Write the comparison as a page, too.")] = None,
+) -> None:
+    """Show linear beside Monte Carlo for one or several run folders.
+
+    With several: what was changed in the campaigns since the first, and what has become of each output, with intervals;
+    on common draws where seeds allow.
+    """
     with _errors_told():
+        from mcnav.campaign.files import write_whole
+        from mcnav.campaign.problems import as_written
+        from mcnav.comparing import compare_runs
         from mcnav.report import terminal
         from mcnav.study import summary_of
 
         runs: dict[str, dict[str, Any]] = {str(folder): summary_of(folder) for folder in folders}
+        told = []
+        for name, summary in runs.items():
+            with as_written(Path(name) / "summary.json"):
+                terminal.comparison({name: summary})
+                told.append((f"\n{name}: {summary['campaign']}", terminal.verdict(summary)))
         out.print(terminal.comparison(runs))
-        for folder, summary in runs.items():
-            out.print(f"\n{folder}: {summary['campaign']}", markup=False, style="bold")
-            out.print(terminal.verdict(summary), soft_wrap=False)
+        for heading, verdict in told:
+            out.print(heading, markup=False, style="bold")
+            out.print(verdict, soft_wrap=False)
+        if len(folders) == 1 and html is None:
+            return
+        found = compare_runs(folders)
+        out.print()
+        out.print(terminal.inputs(found.titles, found.manifests), soft_wrap=False)
+        out.print()
+        out.print(terminal.changes(found.titles, found.rows), soft_wrap=False)
+        if html is not None:
+            html.parent.mkdir(parents=True, exist_ok=True)
+            write_whole(html, found.page.encode())
+            out.print(f"\nwritten: {html}", markup=False)
+
+
+@app.command()
+def replay(
+    folder: Annotated[Path, typer.Argument(metavar="RUN", help="Run folder.")],
+    index: Annotated[int, typer.Argument(metavar="INDEX", min=0, help="Of the sample.")],
+    campaign: Annotated[
+        Path | None, typer.Option(help="The run's campaign file; needed when its scenario is code of your own.")
+    ] = None,
+    into: Annotated[Path | None, typer.Option("--out", help="Folder [default: the run folder].")] = None,
+) -> None:
+    """Fly one sample of a run again, failed or not: its errors, its outcomes, its history as a page and a CSV file.
+
+    Exit status: 0 as stored, 1 the outcome is another than the one stored, 2 bad input.
+    """
+    with _errors_told():
+        from mcnav.replay import as_stored, write_replay
+        from mcnav.replay import replay as fly_again
+        from mcnav.report.replay import lines
+
+        found = fly_again(folder, index, campaign)
+        out.print(lines(found))
+        out.print()
+        for written in write_replay(found, into or folder):
+            out.print(f"written: {written}", markup=False)
+        if not as_stored(found):
+            raise _fail(f"sample {index} did not come out again as it is stored", NOT_KEPT)
+
+
+@app.command()
+def index(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of run folders.")] = Path("reports"),
+) -> None:
+    """Write index.html of all runs in a folder and below it: verdict, sigmas, date, identity."""
+    with _errors_told():
+        from mcnav.gallery import write_index
+
+        written, count = write_index(folder)
+        out.print(f"{count} runs\n\nwritten: {written}", markup=False)
+
+
+Count = Annotated[int | None, typer.Option("--count", min=2, max=100_000, help="Start times [default: 241].")]
+ChosenAxes = Annotated[Axes | None, typer.Option(help="Reference axes [default: start].")]
 
 
 @app.command()
@@ -214,29 +328,27 @@ def partials(
     campaign: CampaignFile,
     method: Annotated[Method, typer.Option(help="How they are found.")] = Method.ALL,
     start_times: Annotated[
-        int | None, typer.Option("--start-times", min=2, help="For so many start times over the flight instead.")
-    ] = None,
-    axes: Annotated[Axes, typer.Option(help="Reference axes, with --start-times.")] = Axes.START,
+        bool, typer.Option("--start-times", help="For every start time of the flight instead, as table and curves.")
+    ] = False,
+    count: Count = None,
+    axes: ChosenAxes = None,
     folder: Annotated[
         Path | None, typer.Option("--out", help="With --start-times [default: reports/ and NAME_start_times].")
     ] = None,
 ) -> None:
     """Show the partial derivatives of the final errors, and how well three methods agree on them.
 
-    With --start-times, write them and the dispersion against the start of navigation as a table and a page.
+    With --start-times, write them and the linear dispersion against the start of navigation.
     """
     with _errors_told():
         from mcnav.campaign.file import read_campaign
         from mcnav.linear.agreement import compared_partials
         from mcnav.report import terminal
-        from mcnav.study import write_start_times
 
-        described = read_campaign(campaign)
-        if start_times is not None:
-            target = folder or Path("reports") / f"{campaign.stem}_start_times"
-            for written in write_start_times(described, target, axes.value, start_times):
-                out.print(f"written: {written}", markup=False)
+        if start_times:
+            _start_times(campaign, folder, axes, count, checks=False)
             return
+        described = read_campaign(campaign)
         sources, outputs = described.scenario.sources, described.scenario.outputs
         methods = [each for each in Method if each != Method.ALL] if method == Method.ALL else [method]
         shown, differences = compared_partials(described.scenario, [each.value for each in methods])
@@ -246,34 +358,201 @@ def partials(
             out.print(terminal.agreement(outputs, differences))
 
 
+@app.command("start-times")
+def start_times(
+    campaign: CampaignFile,
+    count: Count = None,
+    axes: ChosenAxes = None,
+    folder: Annotated[Path | None, typer.Option("--out", help="[default: reports/ and NAME_start_times].")] = None,
+) -> None:
+    """Find when to start navigation: dispersion against start time, linear and checked by Monte Carlo.
+
+    The campaign's table [start_times] may say how errors change with the start time, what each output's dispersion is
+    worth, and which start times to check.
+    """
+    with _errors_told():
+        _start_times(campaign, folder, axes, count, checks=True)
+
+
+def _start_times(campaign: Path, folder: Path | None, axes: Axes | None, count: int | None, checks: bool) -> None:
+    from mcnav.campaign.file import read_campaign
+    from mcnav.sweeps.start_times import write_start_times
+
+    target = folder or Path("reports") / f"{campaign.stem}_start_times"
+    described = read_campaign(campaign)
+    for written in write_start_times(described, target, axes.value if axes else None, count, checks):
+        out.print(f"written: {written}", markup=False)
+
+
+@app.command()
+def linearity(
+    campaign: CampaignFile,
+    tolerance: Annotated[
+        float | None, typer.Option(min=1e-4, max=1.0, help="Departure that counts, a share [default: the campaign's].")
+    ] = None,
+    samples: Annotated[int, typer.Option(min=200, max=1_000_000, help="Flights at each multiple.")] = 2_000,
+    largest: Annotated[float, typer.Option(min=0.2, max=1_000.0, help="Largest multiple of all errors.")] = 50.0,
+    folder: Annotated[Path | None, typer.Option("--out", help="[default: reports/ and NAME_linearity].")] = None,
+) -> None:
+    """Find how many times larger the errors could be before linear analysis fails, source by source and together."""
+    with _errors_told():
+        from mcnav.campaign.file import read_campaign
+        from mcnav.report import terminal
+        from mcnav.sweeps.linearity import write_linearity
+
+        described = read_campaign(campaign)
+        target = folder or Path("reports") / f"{campaign.stem}_linearity"
+        study, files = write_linearity(described, target, tolerance, samples, largest)
+        out.print(terminal.linearity(described.scenario.outputs, study.together, study.tolerance))
+        out.print()
+        for written in files:
+            out.print(f"written: {written}", markup=False)
+
+
+@app.command("check-scenario")
+def check_scenario(campaign: CampaignFile) -> None:
+    """Try out a campaign's scenario: determinism, shapes, units, linearity near zero, partials against differences.
+
+    Exit status: 0 all kept, 1 something is not, 2 bad input.
+    """
+    with _errors_told():
+        from mcnav import study
+        from mcnav.report import terminal
+
+        checks = study.check_scenario(campaign)
+        out.print(terminal.checks([(check.name, check.passed, check.told) for check in checks]))
+        if not all(check.passed for check in checks):
+            raise typer.Exit(NOT_KEPT)
+
+
+new = typer.Typer(no_args_is_help=True, help="Write a campaign, or a scenario with its test, that runs as it stands.")
+app.add_typer(new, name="new")
+
+Name = Annotated[str, typer.Argument(metavar="NAME", help="Of the files: letters, digits and _.")]
+Into = Annotated[Path, typer.Option("--in", help="Folder.")]
+
+
+class Kind(StrEnum):
+    """What a new campaign flies."""
+
+    REENTRY = "reentry"
+    CRUISE = "cruise"
+    HOVER = "hover"
+
+
+@new.command("campaign")
+def new_campaign(
+    name: Name, kind: Annotated[Kind, typer.Option("--type", help="What it flies.")] = Kind.REENTRY, into: Into = Path()
+) -> None:
+    """Write a campaign file."""
+    with _errors_told():
+        from mcnav.campaign.new import new_campaign
+
+        (written,) = new_campaign(name, into, kind.value)
+        out.print(f"written: {written}\n\nnext: mcnav run {written}", markup=False)
+
+
+@new.command("scenario")
+def new_scenario(name: Name, into: Into = Path()) -> None:
+    """Write a scenario of one's own: the class, a campaign that flies it, and its test."""
+    with _errors_told():
+        from mcnav.campaign.new import new_scenario
+
+        code, campaign, test = new_scenario(name, into)
+        out.print(f"written: {code}\nwritten: {campaign}\nwritten: {test}", markup=False)
+        out.print(f"\nnext: mcnav run {campaign}, then change propagate in {code}", markup=False)
+
+
+class Page(StrEnum):
+    """Pages of the documentation that come with the program."""
+
+    GUIDE = "guide"
+    NOTEBOOK = "notebook"
+    NOTATION = "notation"
+    ARCHITECTURE = "architecture"
+    TN_D1772 = "tn-d1772"
+    STORY = "story"
+
+
+FILES = {
+    Page.TN_D1772: "reproduce/TN_D1772.md",
+    Page.STORY: "reproduce/STORY_OF_84_MINUTES.md",
+}
+"""Where a page is, if not under its own name."""
+
+
+@app.command()
+def docs(page: Annotated[Page, typer.Argument(metavar="PAGE", help="Which one.")] = Page.GUIDE) -> None:
+    """Show the documentation: guide, notebook, notation, architecture, tn-d1772 or story."""
+    from importlib.resources import files
+
+    text = files("mcnav").joinpath(FILES.get(page, f"{page.value.upper()}.md")).read_text(encoding="utf-8")
+    if out.is_terminal:
+        from rich.markdown import Markdown
+
+        with out.pager(styles=True):
+            out.print(Markdown(text))
+    else:
+        out.print(text, markup=False, soft_wrap=True)
+
+
 class Seed(StrEnum):
     """What can be reproduced."""
 
     TN_D1772 = "tn-d1772"
+    STORY = "story-of-84-minutes"
 
 
 @app.command()
 def reproduce(
-    seed: Annotated[Seed, typer.Argument(metavar="SEED", help="tn-d1772: Tables I to VI of NASA TN D-1772.")],
+    seed: Annotated[Seed, typer.Argument(metavar="SEED", help="tn-d1772 (NASA TN D-1772) or story-of-84-minutes.")],
     folder: Annotated[Path | None, typer.Option("--out", help="Folder [default: reports/SEED].")] = None,
 ) -> None:
-    """Recompute a seed document's tables, every printed number beside the computed one, as a page and a CSV file."""
+    """Recompute a seed document, every printed number and figure beside the computed one, as a page and CSV files."""
     with _errors_told():
         from collections import Counter
 
-        from mcnav.campaign.files import write_whole
-        from mcnav.reproduce import page
-        from mcnav.reproduce.tn_d1772 import all_cells
+        from mcnav.reproduce import page, story_page
 
-        cells = all_cells()
+        if seed is Seed.STORY:
+            for path in story_page.write(folder or Path("reports") / seed.value):
+                out.print(f"written: {path}", markup=False)
+            return
+
         target = folder or Path("reports") / seed.value
-        target.mkdir(parents=True, exist_ok=True)
-        write_whole(target / "tables.csv", page.table(cells).to_csv(index=False).encode())
-        write_whole(target / "tables.html", page.render("NASA TN D-1772, Tables I to VI", cells).encode())
+        cells, files = page.write_reproduction(target)
         out.print(f"{len(cells)} printed numbers")
         for mark, count in Counter(cell.mark for cell in cells).most_common():
             out.print(f"{count:6} {page.PHRASES[mark]}")
-        out.print(f"\nwritten: {target / 'tables.html'}\nwritten: {target / 'tables.csv'}", markup=False)
+        out.print(f"\nwritten: {files[0]}", markup=False)
+        out.print(f"written: {len(files) - 1} tables beside it (CSV)", markup=False)
+
+
+@app.command()
+def calibrate(
+    trials: Annotated[int, typer.Option(min=2, help="Campaigns of each kind.")] = 100,
+    jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
+    folder: Annotated[Path, typer.Option("--out", help="Folder.")] = Path("reports/calibration"),
+) -> None:
+    """Measure how often the program's intervals cover, its tests alarm and its verdicts find, as a page and a CSV file.
+
+    Synthetic campaigns on systems whose truth is known; the binomial error of every rate is beside it.
+    """
+    with _errors_told():
+        from mcnav.calibration import page
+        from mcnav.calibration.table import rates
+        from mcnav.calibration.trials import run_trials
+        from mcnav.campaign.files import write_whole
+        from mcnav.sampling.designs import DESIGNS
+
+        table = rates(*run_trials(trials, jobs, DESIGNS))
+        folder.mkdir(parents=True, exist_ok=True)
+        written = table.to_csv(index=False, float_format="%.4f")
+        write_whole(folder / "calibration.csv", written.encode())
+        write_whole(folder / "calibration.html", page.render(table, trials).encode())
+        for finding, count in table[table["finding"] != ""]["finding"].value_counts().items():
+            out.print(f"{count:6} rates {finding}")
+        out.print(f"\nwritten: {folder / 'calibration.html'}\nwritten: {folder / 'calibration.csv'}", markup=False)
 
 
 def main() -> None:

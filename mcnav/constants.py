@@ -20,6 +20,9 @@ EARTH_RATE: Final = 7.29211e-5
 TN_GRAVITY: Final = GRAVITATIONAL_PARAMETER / EARTH_RADIUS**2
 """The report's accelerometer unit, g = mu / r_E^2 = 9.798597 m/s^2 (not the standard 9.80665)."""
 
+STANDARD_GRAVITY: Final = 9.80665
+"""The unit ``g`` of campaign files and reports, m/s^2 (3rd CGPM, 1901)."""
+
 REENTRY_ALTITUDE: Final = 121_920.0
 """Altitude at which reentry is counted, 400,000 ft, m (NASA TN D-1772, notation)."""
 

@@ -12,6 +12,7 @@ import pytest
 from hypothesis import settings
 
 from mcnav.campaign.file import Campaign, parse_campaign
+from mcnav.physics.response import Response, linear_response
 from mcnav.physics.vehicle import Vehicle
 from mcnav.scenarios.reentry import SOURCES, Flight, Reentry
 from mcnav.scenarios.tn_d1772 import ERRORS, TABLE_I, start_state
@@ -28,6 +29,13 @@ def reentry(trajectory: int, **options: Any) -> Reentry:
     """A trajectory of Table I as a scenario."""
     row = TABLE_I[trajectory]
     return Reentry(Flight(start_state(trajectory), Vehicle(row.lift_law), row.final_altitude, **options))
+
+
+@lru_cache
+def response(scenario: Reentry) -> Response:
+    """The linear response from a scenario's start of navigation."""
+    navigation = scenario.navigation
+    return linear_response(navigation.trajectory, navigation.start, navigation.theta_axes)
 
 
 def tn_errors(multiple: float = 1.0) -> dict[str, Any]:

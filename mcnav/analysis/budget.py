@@ -22,11 +22,14 @@ class ErrorBudget:
         What correlations between sources add or take away; shares and cross-terms sum to one.
     contributions : ndarray, shape (outputs, sources)
         ``P_ij sqrt(S_jj)`` with its sign: the final error of a one-sigma error of that source alone.
+    saved : ndarray, shape (outputs, sources)
+        Share of the variance that goes when the source goes: its own share and its cross-terms.
     """
 
     shares: Array
     cross_terms: Array
     contributions: Array
+    saved: Array
 
 
 def error_budget(partials: Array, start_covariance: Array) -> ErrorBudget:
@@ -41,4 +44,5 @@ def error_budget(partials: Array, start_covariance: Array) -> ErrorBudget:
     variances = np.einsum("ij,jk,ik->i", partials, start_covariance, partials)
     divisor = np.where(variances > 0.0, variances, np.nan)
     shares = contributions**2 / divisor[:, None]
-    return ErrorBudget(shares, 1.0 - shares.sum(axis=1), contributions)
+    crossed = 2.0 * partials * (partials @ start_covariance) / divisor[:, None]
+    return ErrorBudget(shares, 1.0 - shares.sum(axis=1), contributions, crossed - shares)

@@ -7,16 +7,21 @@ y and z share cancels (z is a control variate whose covariance is known). Its er
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mcnav.analysis.joint import Joint, compare_jointly
 from mcnav.analysis.verdict import Judgement, Verdict, judge, worst
 from mcnav.linear.covariance import propagated_covariance
 from mcnav.sampling.designs import FEWEST_BLOCKS
 from mcnav.statistics.estimates import Estimate, blocked_mean
+from mcnav.statistics.power import detectable_ratio, samples_to_detect
+from mcnav.statistics.stopping import confidence_of_each
+from mcnav.statistics.whitening import Whitening, whitening
 
 Array = NDArray[np.float64]
 
@@ -28,9 +33,6 @@ ROUNDING: Final = 1e-10
 
 LARGEST_EXPONENT: Final = 700.0
 """The exponential of more is infinite in double precision."""
-
-RANK_TOLERANCE: Final = 1e-9
-"""Eigenvalues of the linear correlation matrix below this share of the largest count as zero."""
 
 
 @dataclass(frozen=True)
@@ -74,10 +76,45 @@ class Model:
 
 @dataclass(frozen=True)
 class Criterion:
-    """What counts as agreement: a tolerance on sigma ratios, and the confidence of all verdicts together."""
+    """What counts as agreement: a tolerance on sigma ratios, and the confidence of all verdicts together.
+
+    ``looks`` is how often the results may be looked at before the samples are enough (`mcnav.statistics.stopping`).
+    """
 
     tolerance: float = 0.05
     confidence: float = 0.95
+    looks: int = 1
+
+
+@dataclass(frozen=True)
+class Judging:
+    """How estimates are judged throughout one comparison, of so many samples."""
+
+    samples: int
+    tolerance: float
+    confidence: float
+
+    def judged(self, estimate: Estimate, expected: float, floor: float = 0.0) -> Judgement:
+        """Judge the square root of an estimated variance over the expected one."""
+        if expected <= 0.0:
+            agrees = estimate.value <= floor
+            return Judgement(Verdict.AGREES if agrees else Verdict.DIFFERS, None, None, certain=not agrees)
+        ratio, interval = ratio_interval(estimate, expected, self.confidence)
+        return judge(ratio, interval, self.tolerance, self.samples)
+
+    def detectable(self, estimate: Estimate, expected: float) -> float:
+        """The smallest departure of the sigma ratio from one that would have been found."""
+        if expected <= 0.0 or estimate.value <= 0.0:
+            return float("nan")
+        error = 0.5 * estimate.standard_error / estimate.value
+        return detectable_ratio(error, estimate.degrees_of_freedom, self.confidence)
+
+    def samples_to_see(self, estimate: Estimate, expected: float) -> float:
+        """Samples with which a departure as large as the tolerance would be found."""
+        if expected <= 0.0 or estimate.value <= 0.0 or not np.isfinite(estimate.standard_error):
+            return float("nan")
+        error = 0.5 * estimate.standard_error / estimate.value
+        return float(np.ceil(samples_to_detect(self.tolerance, error, self.samples, self.confidence)))
 
 
 @dataclass(frozen=True)
@@ -90,8 +127,15 @@ class OutputComparison:
         SI; the last is NaN when the paired variance comes out negative.
     plain, paired : Judgement
         Of the two Monte Carlo estimates over the linear sigma; the verdict is that of the paired one.
+    paired_variance : Estimate
+        The paired variance, SI.
     bias : Estimate
         Mean of the flown less the linear final errors, SI.
+    detectable_plain, detectable_paired : float
+        The smallest departure of the sigma ratio from one that so many samples find with a probability of 90 %; NaN
+        where there is no ratio.
+    samples_to_see : float
+        Samples with which the paired estimate finds a departure as large as the tolerance, as often.
     """
 
     sigma_linear: float
@@ -99,7 +143,30 @@ class OutputComparison:
     sigma_paired: float
     plain: Judgement
     paired: Judgement
+    paired_variance: Estimate
     bias: Estimate
+    detectable_plain: float
+    detectable_paired: float
+    samples_to_see: float
+
+    @classmethod
+    def judged(
+        cls, variance: float, floor: float, plain: Estimate, difference: Estimate, bias: Estimate, judging: Judging
+    ) -> OutputComparison:
+        """From the linear variance, the flown one, and the difference of flown and predicted ones."""
+        paired = replace(difference, value=variance + difference.value)
+        return cls(
+            sigma_linear=float(np.sqrt(variance)),
+            sigma_sample=float(np.sqrt(plain.value)),
+            sigma_paired=float(np.sqrt(paired.value)) if paired.value >= 0.0 else float("nan"),
+            plain=judging.judged(plain, variance, floor),
+            paired=judging.judged(paired, variance, floor),
+            paired_variance=paired,
+            bias=bias,
+            detectable_plain=judging.detectable(plain, variance),
+            detectable_paired=judging.detectable(paired, variance),
+            samples_to_see=judging.samples_to_see(paired, variance),
+        )
 
 
 @dataclass(frozen=True)
@@ -133,6 +200,26 @@ class Ellipsoid:
     directions: Array
     direction_ratios: Array
 
+    @classmethod
+    def judged(
+        cls, values: Array, given: Whitening, nees: Estimate, difference: Estimate, paired: Array, judging: Judging
+    ) -> Ellipsoid:
+        """From the mean NEES of the flown errors, and the difference of it and the linear errors' NEES."""
+        dimension = given.rank
+        controlled = replace(difference, value=dimension + difference.value)
+        ratios, rotations = np.linalg.eigh(given.matrix.T @ paired @ given.matrix)
+        directions = given.directions @ rotations
+        directions = directions / np.linalg.norm(directions, axis=0)
+        return cls(
+            dimension,
+            values,
+            nees,
+            controlled,
+            judging.judged(controlled, float(dimension)),
+            directions.T,
+            np.sqrt(np.where(ratios >= 0.0, ratios, np.nan)),
+        )
+
     @property
     def farthest(self) -> int:
         """The combination whose sigma ratio is farthest from one."""
@@ -143,6 +230,7 @@ class Ellipsoid:
 class Comparison:
     """The result of a campaign; arrays in the order of the scenario's outputs, SI.
 
+    ``joint`` holds the tests of all outputs together; it is none when there is nothing to test.
     ``verdict`` is that on the outputs' sigmas. The whole matrix has a judgement of its own (`Ellipsoid`), which is the
     harder one to pass: the thin directions of the ellipsoid show nonlinearity first.
     """
@@ -156,6 +244,7 @@ class Comparison:
     covariance_paired: Array
     outputs: tuple[OutputComparison, ...]
     ellipsoid: Ellipsoid | None
+    joint: Joint | None
     verdict: Verdict
 
 
@@ -171,7 +260,8 @@ def compare(
     outcomes: Array,
     blocks: NDArray[np.int64],
     criterion: Criterion,
-    fewest: int = FEWEST_BLOCKS["random"],
+    fewest: float = FEWEST_BLOCKS["random"],
+    normal: bool = True,
 ) -> Comparison:
     """Compare the flights of a campaign with the linear model.
 
@@ -186,37 +276,50 @@ def compare(
         Independent block of each sample (`mcnav.sampling.designs`).
     criterion : Criterion
         Tolerance, and the confidence that holds for all verdicts together (Bonferroni).
-    fewest : int
-        Independent blocks below which nothing is decided.
+    fewest : float
+        Independent blocks below which nothing is decided; infinite when no interval can be promised.
+    normal : bool
+        Whether the sources are normal.
     """
     flown = np.asarray(np.isfinite(outcomes).all(axis=1))
     errors, outcomes, blocks = errors[flown], outcomes[flown], blocks[flown]
     count = len(outcomes)
     linear = model.outcome_covariance
-    each = 1.0 - (1.0 - criterion.confidence) / (len(linear) + 1)
+    each = 1.0 - (1.0 - confidence_of_each(criterion.confidence, criterion.looks)) / (len(linear) + 1)
     if count < 2:
         unknown = np.full_like(linear, np.nan)
         return Comparison(
             count, int((~flown).sum()), each, np.full(len(linear), np.nan), linear, unknown, unknown, (), None,
-            Verdict.UNDECIDED,
+            None, Verdict.UNDECIDED,
         )  # fmt: skip
     predicted = model.nominal + np.einsum("nj,ij->ni", errors, model.partials)
     mean = outcomes.mean(axis=0)
     sample = _covariance(outcomes)
     paired = sample - _covariance(predicted) + linear
-    blocked = _Blocked(blocks, fewest, criterion.tolerance, each)
+    blocked = _Blocked(blocks, fewest, Judging(len(blocks), criterion.tolerance, each))
     floors = model.rounding**2
     outputs = tuple(
         _compare_output(outcomes[:, i], predicted[:, i], float(linear[i, i]), float(floors[i]), blocked)
         for i in range(len(linear))
     )
     ellipsoid = _compare_ellipsoid(model, outcomes, predicted, paired, blocked)
-    verdict = worst([output.paired.verdict for output in outputs])
+    joint = None
+    if ellipsoid is not None:
+        joint = compare_jointly(linear, model.outcome_mean, outcomes, predicted, paired, blocks, fewest, each, normal)
     failed = int((~flown).sum())
+    return Comparison(
+        count, failed, each, mean, linear, sample, paired, outputs, ellipsoid, joint,
+        overall(outputs, failed, len(flown)),
+    )  # fmt: skip
+
+
+def overall(outputs: Sequence[OutputComparison], failed: int, samples: int) -> Verdict:
+    """The verdict on all outputs' sigmas."""
+    verdict = worst([output.paired.verdict for output in outputs])
     nothing_to_compare = all(output.paired.ratio is None for output in outputs) and verdict == Verdict.AGREES
-    if nothing_to_compare or (verdict == Verdict.AGREES and failed > LARGEST_FAILED_SHARE * len(flown)):
-        verdict = Verdict.UNDECIDED
-    return Comparison(count, failed, each, mean, linear, sample, paired, outputs, ellipsoid, verdict)
+    if nothing_to_compare or (verdict == Verdict.AGREES and failed > LARGEST_FAILED_SHARE * samples):
+        return Verdict.UNDECIDED
+    return verdict
 
 
 @dataclass(frozen=True)
@@ -224,29 +327,30 @@ class _Blocked:
     """How estimates are formed and judged throughout one comparison."""
 
     blocks: NDArray[np.int64]
-    fewest: int
-    tolerance: float
-    confidence: float
+    fewest: float
+    judging: Judging
 
     def mean(self, values: Array) -> Estimate:
         return blocked_mean(values, self.blocks, self.fewest)
 
-    def judged(self, estimate: Estimate, expected: float, floor: float = 0.0) -> Judgement:
-        """Judge the square root of an estimated variance over the expected one."""
-        if expected <= 0.0:
-            agrees = estimate.value <= floor
-            return Judgement(Verdict.AGREES if agrees else Verdict.DIFFERS, None, None, certain=not agrees)
-        share = estimate.value / expected
-        half = estimate.half_width(self.confidence) / expected
-        ratio = float(np.sqrt(max(share, 0.0)))
-        if not np.isfinite(half):
-            interval = (0.0, float("inf"))
-        elif share > 0.0:  # on the scale of the logarithm, where a variance's error is nearly symmetric
-            spread = float(np.exp(min(0.5 * half / share, LARGEST_EXPONENT)))
-            interval = (ratio / spread, ratio * spread)
-        else:
-            interval = (0.0, float(np.sqrt(max(share + half, 0.0))))
-        return judge(ratio, interval, self.tolerance, len(self.blocks))
+
+def ratio_interval(estimate: Estimate, expected: float, confidence: float) -> tuple[float, tuple[float, float]]:
+    """Square root of an estimated variance over the expected one, and its interval.
+
+    The interval is formed on the scale of the logarithm, where a variance's error is nearly symmetric, and reaches
+    further where the skewness of the blocks asks for it (`mcnav.statistics.estimates`).
+    """
+    share = estimate.value / expected
+    half = estimate.half_width(confidence) / expected
+    ratio = float(np.sqrt(max(share, 0.0)))
+    if not np.isfinite(half):
+        return ratio, (0.0, float("inf"))
+    down, up = (reach / expected for reach in estimate.reach_of_skewness(confidence))
+    low, high = (float(np.sqrt(max(each, 0.0))) for each in (share - down, share + up))
+    if share > 0.0:
+        spread = float(np.exp(min(0.5 * half / share, LARGEST_EXPONENT)))
+        return ratio, (min(ratio / spread, low), max(ratio * spread, high))
+    return ratio, (0.0, max(float(np.sqrt(max(share + half, 0.0))), high))
 
 
 def _covariance(values: Array) -> Array:
@@ -262,16 +366,13 @@ def _compare_output(
     unbiased = count / (count - 1.0)
     flown_squares = unbiased * (flown - flown.mean()) ** 2
     predicted_squares = unbiased * (predicted - predicted.mean()) ** 2
-    plain = blocked.mean(flown_squares)
-    difference = blocked.mean(flown_squares - predicted_squares)
-    paired = Estimate(variance + difference.value, difference.standard_error, difference.degrees_of_freedom)
-    return OutputComparison(
-        sigma_linear=float(np.sqrt(variance)),
-        sigma_sample=float(np.sqrt(plain.value)),
-        sigma_paired=float(np.sqrt(paired.value)) if paired.value >= 0.0 else float("nan"),
-        plain=blocked.judged(plain, variance, floor),
-        paired=blocked.judged(paired, variance, floor),
-        bias=blocked.mean(flown - predicted),
+    return OutputComparison.judged(
+        variance,
+        floor,
+        blocked.mean(flown_squares),
+        blocked.mean(flown_squares - predicted_squares),
+        blocked.mean(flown - predicted),
+        blocked.judging,
     )
 
 
@@ -280,27 +381,11 @@ def _compare_ellipsoid(
 ) -> Ellipsoid | None:
     """NEES against the linear covariance, on the subspace where that has dispersion."""
     covariance, centre = model.outcome_covariance, model.outcome_mean
-    sigma = np.sqrt(np.diag(covariance))
-    if not (sigma > 0.0).any():
+    if not np.any(covariance):
         return None
-    scale = np.divide(1.0, sigma, out=np.zeros_like(sigma), where=sigma > 0.0)
-    values, vectors = np.linalg.eigh(covariance * np.outer(scale, scale))
-    kept = values > RANK_TOLERANCE * values[-1]
-    whiten = scale[:, None] * vectors[:, kept] / np.sqrt(values[kept])
-    dimension = int(kept.sum())
+    given = whitening(covariance)
+    whiten = given.matrix
     flown_nees = np.sum(((flown - centre) @ whiten) ** 2, axis=1)
     predicted_nees = np.sum(((predicted - centre) @ whiten) ** 2, axis=1)
-    difference = blocked.mean(flown_nees - predicted_nees)
-    controlled = Estimate(dimension + difference.value, difference.standard_error, difference.degrees_of_freedom)
-    ratios, rotations = np.linalg.eigh(whiten.T @ paired @ whiten)
-    directions = (vectors[:, kept] / np.sqrt(values[kept])) @ rotations
-    directions = directions / np.linalg.norm(directions, axis=0)
-    return Ellipsoid(
-        dimension,
-        flown_nees,
-        blocked.mean(flown_nees),
-        controlled,
-        blocked.judged(controlled, float(dimension)),
-        directions.T,
-        np.sqrt(np.where(ratios >= 0.0, ratios, np.nan)),
-    )
+    nees, difference = blocked.mean(flown_nees), blocked.mean(flown_nees - predicted_nees)
+    return Ellipsoid.judged(flown_nees, given, nees, difference, paired, blocked.judging)

@@ -1,12 +1,13 @@
-"""The tables ``[errors]`` and ``[[correlations]]`` of a campaign file, read in the units of a scenario's sources."""
+"""The tables ``[errors]``, ``[[correlations]]`` and ``[[joint]]`` of a campaign file, in the units of its sources."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
-from mcnav.campaign.problems import Problem, suggestion
-from mcnav.campaign.tables import CorrelationTable
+from mcnav.campaign.elsewhere import SCIPY, TABLE, read_scipy, read_table
+from mcnav.campaign.problems import MOST_PROBLEMS, Problem, suggestion
+from mcnav.campaign.tables import CorrelationTable, JointTable
 from mcnav.sampling.distributions import (
     Distribution,
     Fixed,
@@ -17,6 +18,7 @@ from mcnav.sampling.distributions import (
     Uniform,
 )
 from mcnav.sampling.errors import Correlation
+from mcnav.sampling.shared_tails import SharedTails
 from mcnav.scenarios.protocol import Source
 from mcnav.units import UnitError, quantity
 
@@ -45,6 +47,8 @@ def read_errors(
     found = {}
     for name, entry in entries.items():
         key = f"errors.{name}"
+        if len(problems) > MOST_PROBLEMS:
+            break
         if name not in known:
             problems.append(Problem(file, key, f"unknown error source{suggestion(name, list(known))}"))
             continue
@@ -60,8 +64,12 @@ def _read_distribution(
     table: Mapping[str, Any], source: Source, file: str, key: str, spelled_out: bool, problems: list[Problem]
 ) -> Distribution | None:
     kind = table.get("distribution", "normal")
+    if isinstance(kind, str) and kind.startswith(SCIPY):
+        return _sized(read_scipy(table, source, file, key, problems), source, file, key, problems)
+    if kind == TABLE:
+        return _sized(read_table(table, source, file, key, problems), source, file, key, problems)
     if not isinstance(kind, str) or kind not in DISTRIBUTIONS:
-        wanted = ", ".join(DISTRIBUTIONS)
+        wanted = ", ".join((*DISTRIBUTIONS, TABLE, f"{SCIPY}NAME"))
         problems.append(Problem(file, f"{key}.distribution", f"got {kind!r}; expected one of {wanted}"))
         return None
     make, keys = DISTRIBUTIONS[kind]
@@ -94,6 +102,20 @@ def _read_distribution(
         return None
 
 
+def _sized(
+    found: Distribution | None, source: Source, file: str, key: str, problems: list[Problem]
+) -> Distribution | None:
+    """A distribution from elsewhere, unless it is larger than makes sense."""
+    if found is None:
+        return None
+    size = max(abs(found.mean), found.standard_deviation)
+    if size > LARGEST_MULTIPLE * source.nominal:
+        largest = f"{LARGEST_MULTIPLE * source.nominal:.3g} {source.unit if source.unit != '1' else ''}".strip()
+        problems.append(Problem(file, key, f"its mean or sigma is {size:.3g}; at most {largest} makes sense"))
+        return None
+    return found
+
+
 def read_correlations(
     tables: Sequence[CorrelationTable], file: str, sources: Sequence[Source], problems: list[Problem]
 ) -> list[Correlation]:
@@ -114,5 +136,32 @@ def read_correlations(
         elif pair in seen:
             problems.append(Problem(file, key, f"{' and '.join(entry.between)} are correlated twice"))
         seen.add(pair)
-        found.append(Correlation((entry.between[0], entry.between[1]), entry.coefficient))
+        given = [each for each in (entry.coefficient, entry.rank_coefficient) if each is not None]
+        if len(given) == 1:
+            of_ranks = entry.coefficient is None
+            found.append(Correlation((entry.between[0], entry.between[1]), given[0], of_ranks))
+        else:
+            came = "both" if given else "neither"
+            message = f"got {came}; expected coefficient (Pearson's) or rank_coefficient (Spearman's)"
+            problems.append(Problem(file, f"correlations #{number}", message))
+    return found
+
+
+def read_joint(
+    tables: Sequence[JointTable], file: str, sources: Sequence[Source], problems: list[Problem]
+) -> list[SharedTails]:
+    """The entries of ``[[joint]]``; mistakes are added to the list."""
+    names = [source.name for source in sources]
+    found = []
+    for number, entry in enumerate(tables, start=1):
+        key = f"joint #{number}"
+        problems += [
+            Problem(file, f"{key}.sources", f"unknown error source {name!r}{suggestion(name, names)}")
+            for name in entry.sources
+            if name not in names
+        ]
+        try:
+            found.append(SharedTails(tuple(entry.sources), entry.degrees_of_freedom))
+        except ValueError as wrong:
+            problems.append(Problem(file, f"{key}.degrees_of_freedom", f"got {entry.degrees_of_freedom:g}; {wrong}"))
     return found

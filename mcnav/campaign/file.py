@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -12,16 +12,37 @@ from typing import Any, Final
 import tomli_w
 from pydantic import ValidationError
 
-from mcnav.campaign.errors import read_correlations, read_errors
-from mcnav.campaign.problems import CampaignError, Problem, suggestion
-from mcnav.campaign.tables import CampaignTable, ReentryTable
-from mcnav.constants import BALLISTIC_COEFFICIENT, EARTH_RADIUS
-from mcnav.physics.vehicle import ConstantLift, LiftLaw, VariableLift, Vehicle
+from mcnav.campaign.accept import read_accept
+from mcnav.campaign.elsewhere import resolved_table
+from mcnav.campaign.errors import read_correlations, read_errors, read_joint
+from mcnav.campaign.kinds import KINDS, OWN, Described, Kind, Place, kind_of
+from mcnav.campaign.problems import MOST_PROBLEMS, CampaignError, Problem, suggestion
+from mcnav.campaign.reduced import SUMMARY
+from mcnav.campaign.start_times import StartTimesPlan, read_start_times
+from mcnav.campaign.tables import (
+    AcceptTable,
+    BoxTable,
+    CampaignTable,
+    CircularTable,
+    CorrelationTable,
+    JointTable,
+    QuantileTable,
+    StartTimesTable,
+    Table,
+    UntilTable,
+)
+from mcnav.campaign.until import Until, read_until
 from mcnav.sampling.distributions import Distribution
-from mcnav.sampling.errors import CorrelationError, ErrorModel
-from mcnav.scenarios.protocol import Scenario, ScenarioError
-from mcnav.scenarios.reentry import SOURCES, Flight, Reentry
-from mcnav.scenarios.tn_d1772 import TABLE_I, common_start, start_state
+from mcnav.sampling.errors import CorrelationError, ErrorModel, JointError
+from mcnav.sampling.others import Empirical
+from mcnav.scenarios.own import Code, Own
+from mcnav.scenarios.protocol import Scenario, Source, StartTimes
+
+MOST_STORED: Final = 1_000_000_000
+"""Samples that may be stored one by one."""
+
+DOTTED: Final = re.compile(rb"(?:[\w-]{1,100}[ \t]?\.[ \t]?){200}")
+"""More names in one dotted key than any campaign has."""
 
 LARGEST_FILE: Final = 1_000_000
 """Bytes; a campaign is a page of text."""
@@ -35,32 +56,53 @@ class Campaign:
     ----------
     name : str
     samples, seed : int
+        Samples at most, when ``until`` says when to stop.
+    until : Until or None
     design : str
         One of `mcnav.sampling.designs.DESIGNS`.
     tolerance, confidence : float
         What counts as agreement between linear and Monte Carlo.
+    sample_timeout : float or None
+        Time that one sample may take, s.
     scenario : Scenario
     errors : ErrorModel
+    start_times : StartTimesPlan
+        What a study of start times is to do; a run takes no notice of it.
+    requirements : tuple of mapping
+        Of ``[accept]``; see `mcnav.campaign.accept.read_accept`.
+    tables : mapping of str to bytes
+        Files that the resolved campaign reads, by their path beside it.
     resolved : mapping
         The file's content with every default spelled out; written as TOML it runs the same campaign again.
+    code : Code, optional
+        The file of the user's own that the scenario is made of.
+    store : str
+        ``samples``: every sample is stored. ``summary``: what the analysis needs, bounded whatever their number.
     """
 
     name: str
     samples: int
     seed: int
+    until: Until | None
     design: str
     tolerance: float
     confidence: float
     scenario: Scenario
     errors: ErrorModel
+    start_times: StartTimesPlan
+    requirements: tuple[Mapping[str, Any], ...]
+    tables: Mapping[str, bytes]
     resolved: Mapping[str, Any]
+    code: Code | None = None
+    sample_timeout: float | None = None
+    store: str = "samples"
 
     def to_toml(self) -> str:
         """The resolved campaign as a file."""
         return tomli_w.dumps(dict(self.resolved))
 
 
-def read_campaign(path: Path, overrides: Mapping[str, Any] | None = None) -> Campaign:
+def read_campaign(path: Path, overrides: Mapping[str, Any] | None = None, execute: bool = True) -> Campaign:
     """Read a campaign file.
 
     Parameters
@@ -68,13 +110,21 @@ def read_campaign(path: Path, overrides: Mapping[str, Any] | None = None) -> Cam
     path : Path
     overrides : mapping, optional
         Top-level entries that take the place of the file's.
+    execute : bool
+        Whether a scenario of the user's own, which is code, may be executed.
 
     Raises
     ------
     CampaignError
         With every mistake that was found.
     """
-    return parse_campaign(_load(path), str(path), path.stem, overrides)
+    content = _load(path)
+    entries = content.get("scenario")
+    kind = entries.get("type") if isinstance(entries, dict) else None
+    if not execute and kind_of(kind) is OWN:
+        message = f"got {kind!r}, which is code; nothing in a run folder is executed, so name the run's --campaign"
+        raise CampaignError([Problem(str(path), "scenario.type", message)])
+    return parse_campaign(content, str(path), path.stem, overrides)
 
 
 def _load(path: Path) -> dict[str, Any]:
@@ -84,10 +134,13 @@ def _load(path: Path) -> dict[str, Any]:
     try:
         if path.is_dir():
             raise problem("is a folder; expected a campaign file in TOML")
-        size = path.stat().st_size
-        if size > LARGEST_FILE:
-            raise problem(f"is {size} bytes long; a campaign file has at most {LARGEST_FILE}")
-        return tomllib.loads(path.read_bytes().decode("utf-8-sig"))
+        with path.open("rb") as file:
+            content = file.read(LARGEST_FILE + 1)
+        if len(content) > LARGEST_FILE:
+            raise problem(f"is larger than the {LARGEST_FILE} bytes that a campaign file has at most")
+        if DOTTED.search(content):
+            raise ValueError  # the parser takes the square of their number
+        return tomllib.loads(content.decode("utf-8-sig"))
     except FileNotFoundError:
         raise problem("no such file; expected a campaign file in TOML") from None
     except OSError as failure:
@@ -109,47 +162,136 @@ def parse_campaign(
     content = {**content, **(overrides or {})}
     problems: list[Problem] = []
     table: CampaignTable | None = None
+    stop: UntilTable | None = None
+    plain = dict(content)
+    if isinstance(content.get("samples"), dict):
+        plain["samples"] = 2
+        try:
+            stop = UntilTable.model_validate(content["samples"])
+            plain["samples"] = stop.at_most
+        except ValidationError as invalid:
+            found = invalid.errors(include_url=False)
+            problems += [
+                _problem(file, {**dict(error), "loc": ("samples", *error["loc"])}, CampaignTable) for error in found
+            ]
     try:
-        table = CampaignTable.model_validate(content)
+        table = CampaignTable.model_validate(plain)
     except ValidationError as invalid:
-        problems += [_problem(file, dict(error)) for error in invalid.errors(include_url=False)]
+        problems += [_problem(file, dict(error), CampaignTable) for error in _first(invalid)]
 
+    described, sources = _read_scenario(content.get("scenario"), file, problems)
     entries = content.get("errors", {})
     distributions: dict[str, Distribution] = {}
-    if isinstance(entries, dict):
-        distributions = read_errors(entries, file, SOURCES, problems)
-    if table is None:
+    if isinstance(entries, dict) and sources is not None:
+        distributions = read_errors(entries, file, sources, problems)
+    if table is None or sources is None:
         raise CampaignError(problems)
 
-    correlations = read_correlations(table.correlations, file, SOURCES, problems)
+    if table.store == "samples" and table.samples > MOST_STORED:
+        problems.append(
+            Problem(file, "samples", f"got {table.samples}; more than {MOST_STORED} need store = 'summary'")
+        )
+    correlations = read_correlations(table.correlations, file, sources, problems)
+    joint = read_joint(table.joint, file, sources, problems)
+    requirements = _read_requirements(table, file, described, problems)
+    until = read_until(stop, str(table.design), file, problems) if stop else None
+    if stop and table.store == SUMMARY:
+        problems.append(
+            Problem(file, "samples.until", "needs store = 'samples': a summary's blocks are laid down for one size")
+        )
     model: ErrorModel | None = None
     if not problems:
         try:
-            model = ErrorModel([source.name for source in SOURCES], distributions, correlations)
+            model = ErrorModel([source.name for source in sources], distributions, correlations, joint)
         except CorrelationError as wrong:
             key = "correlations" if wrong.entry is None else f"correlations #{wrong.entry + 1}"
             problems.append(Problem(file, key, str(wrong)))
-    flight = _read_flight(table.scenario, file, problems)
-    scenario: Reentry | None = None
-    if flight is not None:
-        try:
-            scenario = Reentry(flight)
-        except ScenarioError as wrong:
-            problems.append(Problem(file, f"scenario.{wrong.key}", str(wrong)))
-    if problems or model is None or scenario is None or flight is None:
+        except JointError as wrong:
+            problems.append(Problem(file, f"joint #{wrong.entry + 1}.sources", str(wrong)))
+    start_times = _read_start_times(content, table, file, described, distributions, problems)
+    if problems or model is None or described is None:
         raise CampaignError(problems)
     name = table.name or stem
+    scenario = described.scenario
+    kept = {
+        source.name: resolved_table(source, each)
+        for source in sources
+        if isinstance(each := distributions.get(source.name), Empirical)
+    }
+    resolved = _resolved(content, table, name, described)
+    resolved["errors"] = {**resolved["errors"], **{source: entry for source, (entry, _, _) in kept.items()}}
     return Campaign(
         name=name,
         samples=table.samples,
         seed=table.seed,
+        until=until,
         design=str(table.design),
         tolerance=table.tolerance,
         confidence=table.confidence,
-        scenario=scenario,
+        scenario=scenario.sized(model.standard_deviations) if isinstance(scenario, Own) else scenario,
         errors=model,
-        resolved=_resolved(content, table, name, flight),
+        requirements=tuple(requirements),
+        start_times=start_times,
+        tables={path: written for _, path, written in kept.values()},
+        resolved=resolved,
+        code=described.code,
+        sample_timeout=table.sample_timeout,
+        store=str(table.store),
     )
+
+
+def _read_requirements(
+    table: CampaignTable, file: str, described: Described | None, problems: list[Problem]
+) -> list[Mapping[str, Any]]:
+    """The requirements of ``[accept]``, when the outputs are known that they speak of."""
+    if table.accept is None or described is None:
+        return []
+    return read_accept(table.accept, file, described.scenario.outputs, problems)
+
+
+def _read_start_times(
+    content: Mapping[str, Any],
+    table: CampaignTable,
+    file: str,
+    described: Described | None,
+    distributions: Mapping[str, Distribution],
+    problems: list[Problem],
+) -> StartTimesPlan:
+    """The plan for a study of start times; one of a scenario that has none must not be asked for."""
+    if described is None:
+        return read_start_times(table.start_times, file, (), (), distributions, [])
+    if "start_times" in content and not isinstance(described.scenario, StartTimes):
+        problems.append(Problem(file, "start_times", "this scenario has no start times to choose from; leave it out"))
+    sources, outputs = described.scenario.sources, described.scenario.outputs
+    return read_start_times(table.start_times, file, sources, outputs, distributions, problems)
+
+
+def _read_scenario(
+    entries: Any, file: str, problems: list[Problem]
+) -> tuple[Described | None, Sequence[Source] | None]:
+    """The scenario, and the sources that ``[errors]`` may name; mistakes are added to the list."""
+    if not isinstance(entries, dict):
+        return None, None  # said already, of the whole file
+    kind: Kind | None = kind_of(entries.get("type"))
+    if kind is None:
+        known = f"{', '.join(KINDS)}, or a file and class such as 'my_module.py:Boost'"
+        came = f"got {entries['type']!r}; expected" if "type" in entries else "is missing; it is"
+        problems.append(Problem(file, "scenario.type", f"{came} one of {known}"))
+        return None, None
+    try:
+        table = kind.table.model_validate(entries)
+    except ValidationError as invalid:
+        for error in _first(invalid):
+            found: dict[str, Any] = {**error, "loc": ("scenario", *error["loc"])}
+            problems.append(_problem(file, found, kind.table))
+        return None, kind.sources
+    described = kind.describe(table, entries, Place(file, Path(file).parent), problems)
+    return described, kind.sources if described is None else described.scenario.sources
+
+
+def _first(invalid: ValidationError) -> Sequence[Any]:
+    """As many of pydantic's findings as are told."""
+    return invalid.errors(include_url=False)[: MOST_PROBLEMS + 1]
 
 
 _WORDS: Final = {
@@ -165,15 +307,15 @@ _WORDS: Final = {
 """Pydantic's findings whose own words speak of Python rather than of the file."""
 
 
-def _problem(file: str, error: dict[str, Any]) -> Problem:
-    """One of pydantic's findings in our words."""
+def _problem(file: str, error: dict[str, Any], table: type[Table]) -> Problem:
+    """One of pydantic's findings on a table in our words."""
     location = [part for part in error["loc"] if part not in ("constant", "variable")]
     key = ""
     for part in location:
         key += f" #{part + 1}" if isinstance(part, int) else f"{'.' if key else ''}{part}"
     came, kind = error["input"], error["type"]
     if kind == "extra_forbidden":
-        return Problem(file, key, f"unknown key{suggestion(str(location[-1]), _known_keys(location[:-1]))}")
+        return Problem(file, key, f"unknown key{suggestion(str(location[-1]), _known_keys(location, table))}")
     if kind == "missing":
         return Problem(file, key, "is missing")
     message = _WORDS.get(kind, str(error["msg"]).removeprefix("Value error, "))
@@ -189,83 +331,42 @@ def _problem(file: str, error: dict[str, Any]) -> Problem:
     return Problem(file, key, f"got {shown}; {message[0].lower()}{message[1:]}")
 
 
-def _known_keys(location: list[str | int]) -> list[str]:
-    model: Any = CampaignTable
-    if location[:1] == ["scenario"]:
-        model = ReentryTable if len(location) == 1 else None
-    elif location:
-        model = None
-    return list(model.model_fields) if model is not None else []
+_INSIDE: Final[Mapping[tuple[str, ...], type[Table]]] = {
+    (): CampaignTable,
+    ("samples",): UntilTable,
+    ("start_times",): StartTimesTable,
+    ("accept",): AcceptTable,
+    ("accept", "quantile"): QuantileTable,
+    ("accept", "cep"): CircularTable,
+    ("accept", "box"): BoxTable,
+    ("correlations",): CorrelationTable,
+    ("joint",): JointTable,
+}
+"""Tables of the whole file by the names that lead to them."""
 
 
-def _read_flight(table: ReentryTable, file: str, problems: list[Problem]) -> Flight | None:
-    """What to fly: a row of Table I, with whatever is spelled out in its place."""
-    row = None if table.trajectory is None else TABLE_I[table.trajectory]
-    law: LiftLaw | None = row.lift_law if row else None
-    if table.lift_law is not None:
-        spelled = table.lift_law
-        law = (
-            ConstantLift(spelled.lift_to_drag)
-            if spelled.type == "constant"
-            else VariableLift(spelled.gain, spelled.limit)
-        )
-    final_altitude = table.final_altitude
-    if final_altitude is None and row is not None:
-        final_altitude = row.final_altitude
-    for key, value in (("lift_law", law), ("final_altitude", final_altitude)):
-        if value is None:
-            problems.append(
-                Problem(file, f"scenario.{key}", "is missing; give it, or a trajectory of Table I by its number")
-            )
-    if table.first_point is not None and table.trajectory is not None:
-        problems.append(
-            Problem(file, "scenario.first_point", "got with a trajectory of Table I, which has its own; keep one")
-        )
-    if law is None or final_altitude is None:
-        return None
-    if table.first_point is not None:
-        at = table.first_point
-        first: tuple[float, ...] = (
-            EARTH_RADIUS + at.altitude,
-            at.range / EARTH_RADIUS,
-            at.altitude_rate,
-            at.range_rate / EARTH_RADIUS,
-        )
-    else:
-        first = start_state(table.trajectory) if table.trajectory else tuple(common_start())
-    ballistic = BALLISTIC_COEFFICIENT if table.ballistic is None else table.ballistic
-    return Flight(
-        first_point=first,
-        vehicle=Vehicle(law, ballistic),
-        final_altitude=final_altitude,
-        start=table.start,
-        axes=table.axes,
-        accelerometers_off_above=table.accelerometers_off_above,
-    )
+def _known_keys(location: Sequence[str | int], table: type[Table]) -> list[str]:
+    """The keys that could have stood where an unknown one did; none for a table inside a scenario's."""
+    path = tuple(part for part in location[:-1] if isinstance(part, str))
+    inside = _INSIDE.get(path) if table is CampaignTable else table if path == ("scenario",) else None
+    return list(inside.model_fields) if inside is not None else []
 
 
-def _resolved(content: Mapping[str, Any], table: CampaignTable, name: str, flight: Flight) -> dict[str, Any]:
+def _resolved(content: Mapping[str, Any], table: CampaignTable, name: str, described: Described) -> dict[str, Any]:
     """The file's own entries with the defaults beside them; numbers as Python prints them, so that nothing is lost."""
-    law = flight.vehicle.lift_law
-    lift: dict[str, Any] = (
-        {"type": "constant", "lift_to_drag": law.lift_to_drag}
-        if isinstance(law, ConstantLift)
-        else {"type": "variable", "gain": f"{law.gain!r} s/m", "limit": law.limit}
-    )
-    defaults = {
-        "lift_law": lift,
-        "ballistic": f"{flight.vehicle.ballistic_coefficient!r} m^2/kg",
-        "final_altitude": f"{flight.final_altitude!r} m",
-        "axes": flight.axes,
-    }
-    return {
+    resolved = {
         "name": name,
-        "samples": table.samples,
+        "samples": content["samples"] if isinstance(content.get("samples"), dict) else table.samples,
         "seed": table.seed,
         "design": str(table.design),
         "tolerance": content.get("tolerance", table.tolerance),
         "confidence": content.get("confidence", table.confidence),
-        "scenario": {**defaults, **content["scenario"]},
+        **({"store": table.store} if table.store != "samples" else {}),
+        **({"sample_timeout": content["sample_timeout"]} if "sample_timeout" in content else {}),
+        "scenario": dict(described.resolved),
         "errors": content.get("errors", {}),
         "correlations": content.get("correlations", []),
+        **({"joint": content["joint"]} if table.joint else {}),
+        **({"start_times": content["start_times"]} if "start_times" in content else {}),
     }
+    return resolved | ({"accept": content["accept"]} if table.accept else {})

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import math
 import os
+import re
 import secrets
+import stat
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
@@ -28,6 +31,14 @@ def plain(value: Any) -> Any:
     return value
 
 
+_TEMPORARY: Final = re.compile(r"\..+\.[0-9a-f]{12}\.tmp")
+
+
+def is_temporary(name: str) -> bool:
+    """Whether a file of this name is one that `write_whole` did not finish."""
+    return _TEMPORARY.fullmatch(name) is not None
+
+
 def write_whole(path: Path, content: bytes) -> None:
     """Write a file so that it is either there whole, or not there."""
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(6)}.tmp")
@@ -39,6 +50,23 @@ def write_whole(path: Path, content: bytes) -> None:
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def read_whole(path: Path, most: int) -> bytes:
+    """The content of a file, when it is a file and no longer than so many bytes.
+
+    Raises
+    ------
+    OSError
+        When it cannot be read, is no file (reading a pipe might never end), or is longer.
+    """
+    found = path.stat()
+    if not stat.S_ISREG(found.st_mode):
+        raise OSError(errno.EINVAL, "is no file")
+    if found.st_size > most:
+        raise OSError(errno.EFBIG, f"is longer than {most:,} bytes")
+    with path.open("rb") as file:
+        return file.read(most)
 
 
 def parquet_bytes(table: pa.Table, text: Sequence[str] = ()) -> bytes:

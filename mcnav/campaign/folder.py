@@ -1,39 +1,56 @@
 """The run folder: what a run leaves behind, and all that a report needs.
 
-``campaign.toml`` (resolved), ``manifest.json``, ``samples/part-*.parquet``, ``history.parquet``, ``summary.json``,
-``report.html``. Every file is written under a temporary name and renamed when it is complete, so that a file that is
-there is whole. A part carries the identity of its run and its place in it; it is believed by its content, not because
-the manifest mentions it.
+``campaign.toml`` (resolved), ``manifest.json``, ``samples/part-*.parquet``, ``history.parquet``, where the engine knows
+errors throughout the flight ``epochs.parquet`` and ``histories.parquet``, ``summary.json``, ``report.html``, and the
+Python file of a scenario of the user's own, which only ``mcnav run`` on the campaign beside it ever executes. A file
+is written under a temporary name and renamed when it is complete, so that a file that is there is whole. A part carries
+the identity of its run and its place in it; it is believed by its content, not because the manifest mentions it.
 """
 
 from __future__ import annotations
 
 import hashlib
-import io
 import json
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import filelock
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from mcnav.campaign.files import parquet_bytes, plain, write_whole
+from mcnav.campaign.elsewhere import TABLES
+from mcnav.campaign.files import is_temporary, parquet_bytes, plain, read_whole, write_whole
+from mcnav.campaign.manifest import fault_in
+from mcnav.campaign.parts import LARGEST_PART, in_order, table_from
 from mcnav.campaign.problems import RunFolderBusy, RunFolderError
-from mcnav.scenarios.protocol import History
+from mcnav.scenarios.histories import checked
+from mcnav.scenarios.protocol import History, Panel
 
 Array = NDArray[np.float64]
 
 CAMPAIGN, MANIFEST, SUMMARY, REPORT = "campaign.toml", "manifest.json", "summary.json", "report.html"
 HISTORY, SAMPLES, LOCK = "history.parquet", "samples", ".lock"
+EPOCHS, HISTORIES = "epochs.parquet", "histories.parquet"
+
+LARGEST_JSON: Final = 64_000_000
+"""Bytes of a manifest or summary; a quarter of a million chunks."""
+
+
+_REPLAY: Final = re.compile(r"replay_\d+\.(?:html|csv)")
 
 
 def _checksum(content: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def _as_text(content: Mapping[str, Any]) -> bytes:
+    """How this program writes JSON; nothing else in a file that it wrote."""
+    return (json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
 class RunFolder:
@@ -59,6 +76,9 @@ class RunFolder:
             When the folder cannot be made or written to.
         """
         lock = filelock.FileLock(self.path / LOCK)
+        linked = [place for place in (self.path / LOCK, self.parts, self.path / TABLES) if place.is_symlink()]
+        if linked:
+            raise RunFolderError(f"{linked[0]}: is a link to somewhere else, which no run makes; remove it")
         try:
             (self.parts).mkdir(parents=True, exist_ok=True)
             lock.acquire(timeout=0)
@@ -81,11 +101,19 @@ class RunFolder:
         RunFolderError
             When the manifest is there but is not as this program wrote it.
         """
-        content = self._json(MANIFEST, "run the campaign again with --fresh")
-        if content is not None and content.pop("checksum", None) != _checksum(content):
-            raise RunFolderError(
-                f"{self.path / MANIFEST}: is damaged or was edited; run the campaign again with --fresh"
-            )
+        remedy = "run the campaign again to mend it"
+        content = self._json(MANIFEST, remedy)
+        if content is None:
+            return None
+        try:
+            whole = _as_text(content) == self._read(MANIFEST, remedy)
+        except ValueError:
+            whole = False
+        if not whole or content.pop("checksum", None) != _checksum(content):
+            raise RunFolderError(f"{self.path / MANIFEST}: is damaged or was edited; {remedy}")
+        fault = fault_in(content)
+        if fault is not None:
+            raise RunFolderError(f"{self.path / MANIFEST}: is not as this program writes it ({fault}); {remedy}")
         return content
 
     def write_manifest(self, content: Mapping[str, Any]) -> None:
@@ -110,24 +138,31 @@ class RunFolder:
             raise RunFolderError(f"{self.path / SUMMARY}: is not that of the run in this folder; {remedy}")
         return summary
 
-    def _json(self, name: str, remedy: str) -> dict[str, Any] | None:
-        path = self.path / name
+    def _read(self, name: str, remedy: str) -> bytes | None:
+        """A file of this folder; none when it is not there."""
         try:
-            content = json.loads(path.read_text(encoding="utf-8"))
+            return read_whole(self.path / name, LARGEST_JSON)
         except (FileNotFoundError, NotADirectoryError):
             return None
         except OSError as failure:
-            raise RunFolderError(f"{path}: cannot be read: {failure.strerror or failure}") from None
+            told = failure.strerror or failure
+            raise RunFolderError(f"{self.path / name}: cannot be read: {told}; {remedy}") from None
+
+    def _json(self, name: str, remedy: str) -> dict[str, Any] | None:
+        found = self._read(name, remedy)
+        if found is None:
+            return None
+        try:
+            content = json.loads(found.decode("utf-8"))
         except (ValueError, RecursionError):
-            raise RunFolderError(f"{path}: is damaged; {remedy}") from None
+            content = None
         if not isinstance(content, dict):
-            raise RunFolderError(f"{path}: is damaged; {remedy}")
+            raise RunFolderError(f"{self.path / name}: is damaged; {remedy}")
         return content
 
     def write_json(self, name: str, content: Mapping[str, Any]) -> None:
         """Write a JSON file of this folder."""
-        text = json.dumps(plain(content), indent=1, ensure_ascii=False, allow_nan=False)
-        self.write(name, (text + "\n").encode())
+        self.write(name, _as_text(plain(content)))
 
     def write(self, name: str, content: bytes) -> None:
         """Write a file of this folder, whole.
@@ -142,33 +177,66 @@ class RunFolder:
         except OSError as failure:
             raise RunFolderError(f"{self.path / name}: cannot be written: {failure.strerror or failure}") from None
 
+    def write_tables(self, tables: Mapping[str, bytes]) -> None:
+        """Store the tables that the campaign file reads."""
+        if tables:
+            (self.path / TABLES).mkdir(exist_ok=True)
+        for name, content in tables.items():
+            self.write(name, content)
+
     def foreign(self) -> list[str]:
         """Names in the folder that no run writes."""
-        own = {CAMPAIGN, MANIFEST, SUMMARY, REPORT, HISTORY, SAMPLES, LOCK}
+        own = {CAMPAIGN, MANIFEST, SUMMARY, REPORT, HISTORY, EPOCHS, HISTORIES, SAMPLES, TABLES, LOCK}
         if not self.path.is_dir():
             return []
-        return sorted(entry.name for entry in self.path.iterdir() if entry.name not in own)
+        names = (entry.name for entry in self.path.iterdir())
+        return sorted(name for name in names if name not in own and not (is_temporary(name) or _REPLAY.fullmatch(name)))
 
     def clear(self) -> None:
         """Delete what a run wrote here, and nothing else."""
-        for name in (MANIFEST, SUMMARY, REPORT, HISTORY, CAMPAIGN):
+        self._clear_code()
+        for name in (MANIFEST, SUMMARY, REPORT, HISTORY, EPOCHS, HISTORIES, CAMPAIGN):
             (self.path / name).unlink(missing_ok=True)
         for part in (self.parts).glob("part-*.parquet"):
             part.unlink()
+        for written in self.path.glob("replay_*"):
+            if _REPLAY.fullmatch(written.name):
+                written.unlink()
+        for table in (self.path / TABLES).glob("*.csv"):
+            table.unlink()
+
+    def _clear_code(self) -> None:
+        """Delete the copy of the user's own file, if it is still what the run wrote."""
+        try:
+            kept = ((self.manifest() or {}).get("identity") or {}).get("code") or {}
+            path = self.path / Path(str(kept["file"])).name
+            if path.suffix == ".py" and hashlib.sha256(path.read_bytes()).hexdigest() == kept["sha256"]:
+                path.unlink()
+        except (RunFolderError, OSError, KeyError, TypeError, AttributeError):
+            return
 
     def sweep(self) -> None:
         """Delete what a killed process left half written."""
-        for place in (self.path, self.parts):
-            for temporary in place.glob(".*.tmp"):
-                temporary.unlink()
+        for place in (self.path, self.parts, self.path / TABLES):
+            for entry in place.glob(".*.tmp"):
+                if is_temporary(entry.name):
+                    entry.unlink()
 
     @property
     def parts(self) -> Path:
         """Where the sample files are."""
         return self.path / SAMPLES
 
-    def table(self, parts: Sequence[Mapping[str, Any]]) -> pa.Table:
+    def table(self, parts: Sequence[Mapping[str, Any]], alone: bool = True, kept: int | None = None) -> pa.Table:
         """All samples of the parts that a manifest lists, in order, every part verified.
+
+        Parameters
+        ----------
+        parts : sequence of mapping
+        alone : bool
+            Whether there must be no other parts: while a run goes on, there may be.
+        kept : int, optional
+            Samples of which a summary keeps the rows.
 
         Raises
         ------
@@ -177,21 +245,32 @@ class RunFolder:
         """
         listed = {str(part["file"]) for part in parts}
         for found in sorted((self.parts).iterdir()):
-            if found.name not in listed and not found.name.startswith("."):
+            if alone and found.name not in listed and not found.name.startswith("."):
                 raise RunFolderError(f"{found}: is not of this run; remove it, or run the campaign again with --fresh")
         tables = []
         for part in parts:
             path = self.parts / str(part["file"])
             try:
-                content = path.read_bytes()
+                content = read_whole(path, LARGEST_PART)
             except OSError as failure:
                 raise RunFolderError(
                     f"{path}: cannot be read: {failure.strerror or failure}; run the campaign again"
                 ) from None
             if hashlib.sha256(content).hexdigest() != part["sha256"]:
                 raise RunFolderError(f"{path}: is damaged (its checksum differs); run the campaign again to mend it")
-            tables.append(pq.read_table(io.BytesIO(content)))
-        return pa.concat_tables(tables).combine_chunks()
+            try:
+                begin, end = int(part["begin"]), int(part["end"])
+                tables.append(table_from(content, end - begin if kept is None else max(min(end, kept) - begin, 0)))
+            except (pa.ArrowException, ValueError, OSError) as failure:
+                raise RunFolderError(f"{path}: is no chunk of this program ({failure})") from None
+        try:
+            whole = pa.concat_tables(tables).combine_chunks()
+            ordered = in_order(whole)
+        except (pa.ArrowException, KeyError):
+            raise RunFolderError(f"{self.parts}: the chunks do not have the same columns") from None
+        if not ordered:
+            raise RunFolderError(f"{self.parts}: does not hold each sample once, in order, with its status")
+        return whole
 
     def campaign(self) -> str:
         """The resolved campaign file.
@@ -202,15 +281,16 @@ class RunFolder:
             When it cannot be read.
         """
         try:
-            return (self.path / CAMPAIGN).read_text(encoding="utf-8")
+            return read_whole(self.path / CAMPAIGN, LARGEST_JSON).decode("utf-8")
         except (OSError, UnicodeDecodeError) as failure:
             raise RunFolderError(f"{self.path / CAMPAIGN}: cannot be read; run the campaign again") from failure
 
     def write_history(self, history: History) -> None:
         """Store what was flown."""
         table = pa.table(dict(history.columns))
-        events = {"mcnav.events": json.dumps(dict(history.events))}
-        self.write(HISTORY, parquet_bytes(table.replace_schema_metadata(events)))
+        panels = [asdict(panel) for panel in history.panels]
+        marks = {"mcnav.events": json.dumps(dict(history.events)), "mcnav.panels": json.dumps(panels)}
+        self.write(HISTORY, parquet_bytes(table.replace_schema_metadata(marks)))
 
     def history(self) -> History:
         """What was flown.
@@ -221,8 +301,31 @@ class RunFolder:
             When it cannot be read.
         """
         try:
-            table = pq.read_table(self.path / HISTORY, page_checksum_verification=True)
-            events = json.loads((table.schema.metadata or {})[b"mcnav.events"])
-        except (OSError, pa.ArrowException, KeyError, ValueError) as failure:
+            table = table_from(read_whole(self.path / HISTORY, LARGEST_JSON))
+            marks = table.schema.metadata or {}
+            events, described = json.loads(marks[b"mcnav.events"]), json.loads(marks[b"mcnav.panels"])
+            panels = tuple(
+                Panel(**entry | {key: tuple(entry[key]) for key in ("y", "legend", "marks")}) for entry in described
+            )
+            columns = {name: table.column(name).to_numpy() for name in table.column_names}
+            return checked(History(columns, events, panels))
+        except (OSError, pa.ArrowException, KeyError, TypeError, ValueError, AttributeError, RecursionError) as failure:
             raise RunFolderError(f"{self.path / HISTORY}: is missing or damaged; run the campaign again") from failure
-        return History({name: table.column(name).to_numpy() for name in table.column_names}, events)
+
+    def epochs(self) -> tuple[dict[str, Array], dict[str, Any]] | None:
+        """Columns of ``epochs.parquet`` and what it says of itself; none where the run has none.
+
+        Raises
+        ------
+        RunFolderError
+            When it cannot be read.
+        """
+        path = self.path / EPOCHS
+        if not path.exists():
+            return None
+        try:
+            table = table_from(read_whole(path, LARGEST_JSON))
+            described = json.loads((table.schema.metadata or {})[b"mcnav.epochs"])
+        except (OSError, pa.ArrowException, KeyError, TypeError, ValueError, RecursionError) as failure:
+            raise RunFolderError(f"{path}: is damaged; run the campaign again") from failure
+        return {name: table.column(name).to_numpy() for name in table.column_names}, described

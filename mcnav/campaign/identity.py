@@ -1,4 +1,8 @@
-"""What a run's numbers depend on: two runs with one identity have the same samples, bit for bit."""
+"""What a run's numbers depend on: two runs with one identity have the same samples, bit for bit.
+
+The number of samples is part of a run's identity, but not of a chunk's: a sample depends on its index alone, as long as
+the design's blocks and the probes of the engine stay the same. So a run can be extended.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +15,27 @@ from typing import Any, Final
 
 from mcnav.campaign.file import Campaign
 from mcnav.campaign.files import plain
-from mcnav.campaign.folder import RunFolder
+from mcnav.campaign.folder import MANIFEST, RunFolder
+from mcnav.campaign.parts import identities_in
 from mcnav.campaign.problems import RunFolderError
+from mcnav.campaign.reduced import SLOW, SUMMARY, chunk_of
+from mcnav.linear.reduction import reduced_block
+from mcnav.sampling.designs import REPLICATES, block_length
 
 LIBRARIES: Final = ("numpy", "scipy", "numba", "pyarrow")
+CHUNKS: Final = 2
+"""Counts the changes of what a chunk's file holds."""
+
 SHOWN: Final = 3
 """Differences that a refusal names."""
+
+PROBES: Final = 64
+"""Samples on which an engine's accuracy is settled: the first of the campaign itself."""
+
+SAMPLES: Final = "samples"
+UNUSED: Final = ("start_times", "accept", "sample_timeout")
+"""Entries of a campaign on which its samples do not depend."""
+REMEDY: Final = "--fresh replaces them, --out writes elsewhere"
 
 
 def versions() -> dict[str, str]:
@@ -29,40 +48,128 @@ def versions() -> dict[str, str]:
 
 
 def identity_of(campaign: Campaign, engine: str) -> dict[str, Any]:
-    """The resolved campaign, the engine and the versions, as the manifest keeps them."""
-    return {"campaign": plain(campaign.resolved), "engine": engine, "versions": versions()}
+    """The resolved campaign, the engine, the versions and any code of the user's, as the manifest keeps them.
+
+    What the samples do not depend on is left out.
+    """
+    described = {key: entry for key, entry in campaign.resolved.items() if key not in UNUSED}
+    identity = {"campaign": plain(described), "engine": engine, "versions": versions(), "chunks": CHUNKS}
+    if campaign.code is not None:
+        identity["code"] = {"file": campaign.code.file, "sha256": campaign.code.digest}
+    return identity
 
 
 def digest(identity: Mapping[str, Any]) -> str:
-    """SHA-256 of an identity: every stored chunk carries it."""
+    """SHA-256 of an identity."""
     return hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()
+
+
+def chunk_digest(identity: Mapping[str, Any], design: str, samples: int) -> str:
+    """Digest of what the samples of a run depend on, whatever their number: every stored chunk carries it."""
+    described = {key: entry for key, entry in identity["campaign"].items() if key != SAMPLES}
+    return digest(
+        {**identity, "campaign": described, "drawn": _drawn(design, samples), **_summed(identity, design, samples)}
+    )
+
+
+def _drawn(design: str, samples: int) -> dict[str, int]:
+    """What the number of samples decides of each of them."""
+    return {"block": block_length(design, samples), "probes": min(PROBES, samples)}
+
+
+def _summed(identity: Mapping[str, Any], design: str, samples: int) -> dict[str, Any]:
+    """What the number of samples decides of the sums that a summary keeps; nothing of stored samples."""
+    if identity["campaign"].get("store") != SUMMARY:
+        return {}
+    return {
+        "summed": {"block": reduced_block(samples, block_length(design, samples)), "chunk": chunk_of(SLOW, samples)}
+    }
+
+
+def admit(folder: RunFolder, identity: Mapping[str, Any], design: str, samples: int) -> list[str]:
+    """Raise `RunFolderError` when a folder holds another run: its results are neither mixed with nor overwritten.
+
+    A damaged manifest is replaced when the chunks beside it are of this very run.
+
+    Returns
+    -------
+    list of str
+        What the user should know, a line each.
+    """
+    damage: RunFolderError | None = None
+    try:
+        earlier = folder.manifest()
+    except RunFolderError as found:
+        earlier, damage = None, found
+    if earlier is not None:
+        _refuse_changed(folder, earlier, identity, design, samples)
+        return []
+    stored = identities_in(folder.parts)
+    if stored - {chunk_digest(identity, design, samples)}:
+        state = "missing" if damage is None else "damaged"
+        raise RunFolderError(
+            f"{folder.path}: holds samples of another run, and the {MANIFEST} that would say which is {state}; {REMEDY}"
+        )
+    if damage is None:
+        return []
+    return [f"{folder.path / MANIFEST}: was damaged; it is written again, and stored samples are believed by content"]
 
 
 def refuse_foreign(folder: RunFolder) -> None:
     """Raise `RunFolderError` when a folder holds files but no run of this program."""
     foreign = folder.foreign()
-    if foreign and folder.manifest() is None:
+    if not foreign or identities_in(folder.parts):
+        return
+    try:
+        known = folder.manifest() is not None
+    except RunFolderError:
+        known = False
+    if not known:
         raise RunFolderError(
             f"{folder.path}: holds {foreign[0]!r}, which is not of a run; choose another folder with --out"
         )
 
 
-def refuse_changed(folder: RunFolder, identity: Mapping[str, Any]) -> None:
-    """Raise `RunFolderError` when a folder holds another run: its results are neither mixed with nor overwritten."""
-    earlier = folder.manifest()
-    if earlier is None:
-        return
+def _refuse_changed(
+    folder: RunFolder, earlier: Mapping[str, Any], identity: Mapping[str, Any], design: str, samples: int
+) -> None:
+    """Raise `RunFolderError` when the earlier run is neither this one nor the beginning of it."""
     before, now = _flat(earlier.get("identity", {})), _flat(plain(identity))
-    changed = [
-        f"{key} was {before.get(key, 'absent')}, is {now.get(key, 'absent')}"
-        for key in sorted(before.keys() | now.keys())
-        if before.get(key) != now.get(key)
-    ]
+    changed = [key for key in sorted(before.keys() | now.keys()) if before.get(key) != now.get(key)]
+    if changed == [SAMPLES] and isinstance(before.get(SAMPLES), int) and isinstance(now.get(SAMPLES), int):
+        _refuse_other_samples(folder, identity, design, before[SAMPLES], samples)
+        return
     if changed:
+        lines = [f"{key} was {before.get(key, 'absent')}, is {now.get(key, 'absent')}" for key in changed[:SHOWN]]
         more = f" and {len(changed) - SHOWN} more" if len(changed) > SHOWN else ""
+        raise RunFolderError(f"{folder.path}: holds the results of another run ({'; '.join(lines)}{more}); {REMEDY}")
+
+
+def _refuse_other_samples(
+    folder: RunFolder, identity: Mapping[str, Any], design: str, before: int, samples: int
+) -> None:
+    """Raise `RunFolderError` when so many samples do not begin with the earlier ones."""
+    if samples < before:
         raise RunFolderError(
-            f"{folder.path}: holds the results of another run ({'; '.join(changed[:SHOWN])}{more}); "
-            "--fresh replaces them, --out writes elsewhere"
+            f"{folder.path}: holds a run of {before:,} samples, and {samples:,} are fewer; ask for as many or more, "
+            f"{REMEDY}"
+        )
+    if before < PROBES:
+        raise RunFolderError(
+            f"{folder.path}: holds a run of {before} samples; one of fewer than {PROBES} is too short to be "
+            f"extended: {REMEDY}"
+        )
+    if _drawn(design, before) != _drawn(design, samples):
+        most = 2 * REPLICATES * block_length(design, before) - 1
+        raise RunFolderError(
+            f"{folder.path}: holds a run of {before:,} samples, which design {design} would change if there were "
+            f"{samples:,}; up to {most:,} they stay as they are, {REMEDY}"
+        )
+
+    if _summed(identity, design, before) != _summed(identity, design, samples):
+        raise RunFolderError(
+            f"{folder.path}: holds a summary of {before:,} samples, and one of {samples:,} is kept in larger blocks; "
+            f"{REMEDY}"
         )
 
 

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 from mcnav.units import printable
+
+MOST_PROBLEMS: Final = 50
+"""Mistakes told of one file."""
 
 LONGEST: Final = 400
 """Characters of a file name, key or message that are shown."""
@@ -26,10 +31,13 @@ class Problem:
 
 
 class CampaignError(Exception):
-    """A campaign that cannot be run as it stands; all its mistakes together, one a line."""
+    """A campaign that cannot be run as it stands; its mistakes together, one a line, as many as anybody reads."""
 
     def __init__(self, problems: Sequence[Problem]) -> None:
-        super().__init__("\n".join(str(problem) for problem in problems))
+        lines = [str(problem) for problem in problems[:MOST_PROBLEMS]]
+        if len(problems) > MOST_PROBLEMS:
+            lines.append(f"{problems[0].file}: and more")
+        super().__init__("\n".join(lines))
         self.problems = tuple(problems)
 
 
@@ -41,9 +49,33 @@ class RunFolderBusy(RunFolderError):
     """Another process is writing to the run folder."""
 
 
+LONGEST_NAME: Final = 100
+"""Characters of a name that may have been meant for another."""
+
+
+class TooManyFailures(Exception):
+    """More samples failed than a run was allowed; the message says how many."""
+
+
+@contextmanager
+def as_written(path: Path) -> Iterator[None]:
+    """Let a file of a run folder that is not as this program writes it be told so, whatever is the matter with it.
+
+    Raises
+    ------
+    RunFolderError
+        In place of what code raises that is given numbers, names or shapes that it has never seen.
+    """
+    try:
+        yield
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError) as failure:
+        told = printable(f"{type(failure).__name__}: {failure}", 120)
+        raise RunFolderError(f"{path}: is not as this program writes it ({told}); run the campaign again") from failure
+
+
 def suggestion(name: str, known: list[str]) -> str:
     """What an unknown name may have meant, or what is known, as the end of a message."""
-    close = difflib.get_close_matches(name, known, n=1)
+    close = difflib.get_close_matches(name, known, n=1) if len(name) <= LONGEST_NAME else []
     if close:
         return f"; did you mean {close[0]!r}?"
     return f"; expected one of {', '.join(known)}" if known else ""

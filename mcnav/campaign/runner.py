@@ -7,66 +7,38 @@ their sums would depend on it.
 
 from __future__ import annotations
 
-import os
-import threading
-import time
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Iterator, Sequence
 
 from joblib import Parallel, delayed
-from joblib.externals.loky import get_reusable_executor
-from threadpoolctl import threadpool_limits
 
-from mcnav.campaign.folder import RunFolder
-from mcnav.campaign.parts import Layout, Part, verified_part, write_part
-from mcnav.sampling.errors import ErrorModel
-from mcnav.scenarios.protocol import Prepared
+from mcnav.campaign.parts import Part, part_name
+from mcnav.campaign.problems import TooManyFailures
+from mcnav.campaign.processes import end_workers, fly_in_processes
+from mcnav.campaign.work import Place, Work, fly_chunk, whole
 
 Progress = Callable[[int], None]
 
 
-@dataclass(frozen=True)
-class Draws:
-    """Which samples to draw; see `ErrorModel.draw`."""
-
-    model: ErrorModel
-    design: str
-    seed: int
-    samples: int
+def _fly_in_threads(work: Work, missing: Sequence[Place], jobs: int) -> Iterator[Part]:
+    workers = min(jobs, max(1, len(missing)))
+    flights = Parallel(n_jobs=workers, return_as="generator_unordered", backend="threading")
+    yield from flights(delayed(fly_chunk)(work, place) for place in missing)
 
 
-@dataclass(frozen=True)
-class Work:
-    """What a worker needs to fly any chunk of a run."""
-
-    draws: Draws
-    prepared: Prepared
-    folder: RunFolder
-    identity: str
-    layout: Layout
+def _refuse_failures(parts: Sequence[Part], most: int | None) -> None:
+    failed, flown = sum(part.failed for part in parts), sum(part.end - part.begin for part in parts)
+    if most is not None and failed > most:
+        raise TooManyFailures(f"{failed:,} of the {flown:,} samples flown so far failed, where {most:,} may")
 
 
-def _end_with_parent(parent: int) -> None:
-    """Let a worker process end within a second of its parent, also when that was killed and could not say so."""
-
-    def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(0.5)
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
-
-
-def _fly_chunk(work: Work, number: int, begin: int, end: int) -> Part:
-    with threadpool_limits(1):
-        draws = work.draws
-        errors = draws.model.draw(draws.design, draws.seed, draws.samples, begin, end)
-        outcomes = work.prepared.propagate(errors)
-        return write_part(work.folder.parts, number, begin, work.identity, work.layout, errors, outcomes)
-
-
-def fly(work: Work, jobs: int, progress: Progress) -> tuple[list[Part], int]:
+def fly(
+    work: Work,
+    jobs: int,
+    progress: Progress,
+    first: int = 0,
+    notice: Callable[[str], None] = lambda line: None,
+    most_failures: int | None = None,
+) -> tuple[list[Part], int]:
     """Fly every chunk that is not already stored whole.
 
     Parameters
@@ -76,33 +48,47 @@ def fly(work: Work, jobs: int, progress: Progress) -> tuple[list[Part], int]:
         Workers: threads for an engine that runs free of the interpreter lock, else processes.
     progress : callable
         Told how many samples have become ready, each time some do.
+    first : int
+        Sample to begin with, the first of a chunk.
+    notice : callable
+        Told, in a line, of each stored chunk that turned out damaged.
+    most_failures : int, optional
+        Samples that may fail.
 
     Returns
     -------
     parts : list of Part
-        All parts of the run, in the order in which they became ready.
+        All parts from there on, in the order in which they became ready.
     flown : int
         Samples that were not stored already.
+
+    Raises
+    ------
+    TooManyFailures
+        As soon as more samples have failed; what is stored is kept.
     """
-    samples, chunk = work.draws.samples, work.prepared.chunk
+    samples, chunk = work.draws.samples, work.chunk
     parts, missing = [], []
-    for number, begin in enumerate(range(0, samples, chunk)):
-        end = min(begin + chunk, samples)
-        stored = verified_part(work.folder.parts, number, begin, end, work.identity)
-        if stored is None:
-            missing.append((number, begin, end))
-        else:
-            parts.append(stored)
-            progress(end - begin)
-    workers: dict[str, Any] = {"backend": "threading"}
-    if work.prepared.parallel == "processes":
-        workers = {"backend": "loky", "initializer": _end_with_parent, "initargs": (os.getpid(),)}
-    flights = Parallel(n_jobs=min(jobs, max(1, len(missing))), return_as="generator_unordered", **workers)
+    for number, begin in enumerate(range(first, samples, chunk), start=first // chunk):
+        place = Place(number, begin, min(begin + chunk, samples))
+        known = whole(work, number)
+        if known is not None and (known.begin, known.end) == (begin, place.end):
+            parts.append(known)
+            progress(place.end - begin)
+            continue
+        missing.append(place)
+        path = work.folder.parts / part_name(number)
+        if path.exists() and (known is None or known.begin != begin):
+            notice(f"{path}: is damaged; its samples are flown again")
+    in_processes = work.prepared.parallel == "processes" or work.timeout is not None
+    flights = fly_in_processes if in_processes else _fly_in_threads
     try:
-        for part in flights(delayed(_fly_chunk)(work, *place) for place in missing):
+        _refuse_failures(parts, most_failures)
+        for part in flights(work, missing, jobs):
             parts.append(part)
             progress(part.end - part.begin)
+            _refuse_failures(parts, most_failures)
     finally:
-        if work.prepared.parallel == "processes":
-            get_reusable_executor().shutdown(wait=True, kill_workers=True)
-    return parts, sum(end - begin for _, begin, end in missing)
+        if in_processes:
+            end_workers()
+    return parts, sum(place.end - place.begin for place in missing)

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav.scenarios.protocol import Outcomes
+from mcnav.scenarios.protocol import Followed, Outcomes
 
 Array = NDArray[np.float64]
 Propagate = Callable[[Array], Outcomes]
@@ -20,6 +20,10 @@ Propagate = Callable[[Array], Outcomes]
 STEP: Final = 1e-3
 """Step of the differences, as a share of each source's nominal size: the third-order term, the error of a central
 difference, falls with its square, while the engines resolve errors a million times smaller."""
+
+HISTORY_STEP: Final = 2e-2
+"""The same for histories: their errors are differences of positions, 1e-9 m apart from rounding, which the inverse of S
+magnifies up to a million times where ten runs have become nearly alike. The third-order term is extrapolated away."""
 
 RUNS_SEED: Final = 1963
 
@@ -90,8 +94,66 @@ def partials_by_independent_sets(propagate: Propagate, nominal_sizes: Array, ste
     """
     sizes = np.asarray(nominal_sizes)
     count = len(sizes)
-    orthogonal, _ = np.linalg.qr(np.random.default_rng(RUNS_SEED).standard_normal((count, count)))
-    sets = step * orthogonal
+    sets = step * _orthogonal(count)
     values = flown_values(propagate, np.vstack([sets.T * sizes, -sets.T * sizes]))
     # solved for the scaled sources, whose matrix is orthogonal: metres beside microradians would cost digits
     return np.asarray(partials_from_runs(sets, 0.5 * (values[:count] - values[count:]).T) / sizes)
+
+
+def partials_at_later_starts(
+    histories: Callable[[Array], tuple[Array, Array]], nominal_sizes: Array, step: float = HISTORY_STEP
+) -> Array:
+    """P for every later start time from the histories of one set of runs, shape (times, outputs, sources).
+
+    The errors that exist at an instant are the start errors of a flight begun there (NASA TN D-1772, eqs. 14-16). Each
+    set is flown with both signs, as in `partials_by_independent_sets`, and with two step sizes, from which the error of
+    second order in the step is extrapolated away.
+
+    Parameters
+    ----------
+    histories : callable
+        Errors, shape (n, sources), to the error sets in force at each start time, shape (times, n, sources), and the
+        final errors, shape (n, outputs).
+    nominal_sizes : ndarray, shape (sources,)
+    step : float
+        The smaller step, as a share of the nominal sizes.
+    """
+    sizes = np.asarray(nominal_sizes)
+    count = len(sizes)
+
+    def estimate(size: float) -> Array:
+        runs = size * _orthogonal(count).T * sizes
+        sets, final = histories(np.vstack([runs, -runs]))
+        halved = 0.5 * (sets[:, :count] - sets[:, count:]) / sizes
+        outcome = 0.5 * (final[:count] - final[count:]).T
+        return np.array([partials_from_runs(start.T, outcome) / sizes for start in halved])
+
+    return np.asarray((4.0 * estimate(step) - estimate(2.0 * step)) / 3.0)
+
+
+def _orthogonal(count: int) -> Array:
+    """A random orthogonal matrix, always the same."""
+    return np.asarray(np.linalg.qr(np.random.default_rng(RUNS_SEED).standard_normal((count, count)))[0])
+
+
+def partials_throughout(engine: Followed, nominal_sizes: Array, step: float = STEP) -> tuple[Array, Array]:
+    """P at every epoch by central differences of histories, and the errors of a system without any.
+
+    Parameters
+    ----------
+    engine : Followed
+    nominal_sizes : ndarray, shape (sources,)
+        A usual size of each error, SI.
+    step : float
+        As for `partials_by_differences`.
+
+    Returns
+    -------
+    partials : ndarray, shape (m, outputs, sources)
+    nominal : ndarray, shape (m, outputs)
+    """
+    steps = step * np.asarray(nominal_sizes)
+    moved = np.concatenate([np.diag(steps), -np.diag(steps), np.zeros((1, len(steps)))])
+    flown = engine.histories(moved)
+    up, down, nominal = flown[: len(steps)], flown[len(steps) : -1], flown[-1]
+    return np.asarray(((up - down) / (2.0 * steps[:, None, None])).transpose(1, 2, 0)), nominal

@@ -20,6 +20,12 @@ def compiled(function: Function) -> Function:
     return cast(Function, decorate(function))
 
 
+def reduced(function: Function) -> Function:
+    """Compile a sum over lanes, which may be taken in any order: the same one for the same lanes on one machine."""
+    decorate = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
+    return cast(Function, decorate(function))
+
+
 def inlined(function: Function) -> Function:
     """Compile a function so that its body stands wherever it is called: a call would break a vector loop."""
     decorate = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")

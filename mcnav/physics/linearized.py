@@ -6,7 +6,8 @@ phase, in polar coordinates. Where the accelerometers are always on, the zero-er
 
 from __future__ import annotations
 
-from typing import Final
+from collections.abc import Iterator
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,6 +75,35 @@ def variational_rates(
     return rates
 
 
+SCALE: Final = np.array([1.0, EARTH_RADIUS, 1.0, EARTH_RADIUS])
+"""What turns errors of the polar state into those of altitude, range and their rates: m and m/s."""
+
+
+def _stretches(
+    trajectory: Trajectory, start: float, theta_axes: float, dense: bool
+) -> Iterator[tuple[float, float, Any]]:
+    """Each phase's begin and end (s), and scipy's solution of `variational_rates` within it."""
+    actual = trajectory.departure(start)
+    sensitivity = np.zeros((4, 10))
+    sensitivity[:, :4] = np.diag([1.0, 1.0 / actual[0], 1.0, 1.0 / actual[0]])
+    state = np.concatenate([actual, actual, sensitivity.ravel()])
+    for begin, end, phase in trajectory.navigated(start):
+        flown = solve_ivp(
+            variational_rates,
+            (begin, end),
+            np.concatenate([trajectory.shared(begin, phase, state[:8]), state[8:]]),
+            method=DOP853,
+            rtol=RELATIVE_TOLERANCE,
+            atol=ABSOLUTE_TOLERANCE,
+            dense_output=dense,
+            args=(phase.coefficients, float(phase.accelerometers_on), _NO_ERRORS, start, theta_axes),
+        )
+        if flown.status != 0:
+            raise ArithmeticError(f"the variational equations broke down at {flown.t[-1]:.1f} s: {flown.message}")
+        yield begin, end, flown
+        state = flown.y[:, -1]
+
+
 def linearise(trajectory: Trajectory, start: float, theta_axes: float) -> tuple[Array, Array]:
     """Partial derivatives of the final errors, and the final errors without any error.
 
@@ -94,22 +124,24 @@ def linearise(trajectory: Trajectory, start: float, theta_axes: float) -> tuple[
     nominal : ndarray, shape (4,)
         Final errors of a perfect system: zero unless the accelerometers are switched off above an altitude.
     """
-    actual = trajectory.departure(start)
-    sensitivity = np.zeros((4, 10))
-    sensitivity[:, :4] = np.diag([1.0, 1.0 / actual[0], 1.0, 1.0 / actual[0]])
-    state = np.concatenate([actual, actual, sensitivity.ravel()])
-    for begin, end, phase in trajectory.navigated(start):
-        flown = solve_ivp(
-            variational_rates,
-            (begin, end),
-            state,
-            method=DOP853,
-            rtol=RELATIVE_TOLERANCE,
-            atol=ABSOLUTE_TOLERANCE,
-            args=(phase.coefficients, float(phase.accelerometers_on), _NO_ERRORS, start, theta_axes),
-        )
-        if flown.status != 0:
-            raise ArithmeticError(f"the variational equations broke down at {flown.t[-1]:.1f} s: {flown.message}")
-        state = flown.y[:, -1]
-    scale = np.array([1.0, EARTH_RADIUS, 1.0, EARTH_RADIUS])
-    return scale[:, None] * state[8:].reshape(4, 10), navigation_error(state[:4], state[4:8])
+    *_, (_, _, last) = _stretches(trajectory, start, theta_axes, dense=False)
+    state = last.y[:, -1]
+    return SCALE[:, None] * state[8:].reshape(4, 10), navigation_error(state[:4], state[4:8])
+
+
+def linearise_throughout(trajectory: Trajectory, start: float, theta_axes: float, times: Array) -> Array:
+    """Partial derivatives of the errors at some times of the flight (s from the first point), shape (n, 4, 10).
+
+    Parameters
+    ----------
+    trajectory, start, theta_axes
+        As those of `linearise`.
+    times : ndarray, shape (n,)
+        Between the start of navigation and the end.
+    """
+    partials = np.empty((len(times), 4, 10))
+    for begin, end, flown in _stretches(trajectory, start, theta_axes, dense=True):
+        within = (begin <= times) & (times <= end)
+        if within.any():
+            partials[within] = flown.sol(times[within])[8:].T.reshape(-1, 4, 10)
+    return np.asarray(SCALE[:, None] * partials)

@@ -6,6 +6,7 @@ with a restart at every kink of the truth. The ensemble path (`mcnav.physics.ens
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Final
 
 import numpy as np
@@ -73,7 +74,13 @@ def _too_low(time: float, state: Array, *_: object) -> float:
 _too_low.terminal = True  # type: ignore[attr-defined]
 
 
-def fly_indicated(trajectory: Trajectory, errors: Array, start: float, theta_axes: float) -> Array:
+def fly_indicated(
+    trajectory: Trajectory,
+    errors: Array,
+    start: float,
+    theta_axes: float,
+    watch: Callable[[Array, Array], None] = lambda times, states: None,
+) -> Array:
     """Final navigation errors of one sample, flown along a truth from the start of navigation.
 
     Parameters
@@ -86,6 +93,9 @@ def fly_indicated(trajectory: Trajectory, errors: Array, start: float, theta_axe
         Start of navigation, s from the first point of the truth.
     theta_axes : float
         Range angle at which the reference axes are horizontal and vertical, rad.
+    watch : callable
+        Shown the integrator's steps as they are flown, also of a flight that diverges: times, shape (m,), s from the
+        first point of the truth; actual and indicated states, shape (8, m).
 
     Returns
     -------
@@ -105,13 +115,14 @@ def fly_indicated(trajectory: Trajectory, errors: Array, start: float, theta_axe
         flown = solve_ivp(
             joint_rates,
             (begin, end),
-            state,
+            trajectory.shared(begin, phase, state),
             method=DOP853,
             rtol=RELATIVE_TOLERANCE,
             atol=ABSOLUTE_TOLERANCE,
             events=_too_low,
             args=(phase.coefficients, float(phase.accelerometers_on), errors, start, theta_axes),
         )
+        watch(flown.t, flown.y)
         state = flown.y[:, -1]
         if flown.status == 1:
             raise Diverged(f"the indicated position fell to {state[4] / 1e3:.0f} km from the earth's centre")

@@ -5,7 +5,7 @@ that the equations are smooth, and the altitude only rises or only falls. Phases
 boundary, reaches or leaves the limit of the lift law, passes the accelerometers' switching altitude, or turns; the
 instant is found as a root of the integrator's dense output, and the integration starts afresh behind it. Altitude being
 monotone within a phase, no crossing hides between two steps. Kinks therefore cost no accuracy, and everything that is
-later flown along this truth (navigator, variational equations, ensemble kernel) takes its nodes from the same phases.
+later integrated along this truth (navigator, variational equations, linear response) restarts with the same phases.
 """
 
 from __future__ import annotations
@@ -162,6 +162,17 @@ class Trajectory:
     def forces(self, times: Array) -> Array:
         """Specific forces (f_x, f_z) at many times, m/s^2, shape (n, 2); f_z is positive down."""
         return np.array([truth_force(self.state(time), self.phase_at(time).coefficients) for time in times])
+
+    def shared(self, begin: float, phase: Phase, flown: Array) -> Array:
+        """States flown along this truth, shape (4 n,), moved as one so that the first is the truth at a phase's begin.
+
+        An integrator of its own leaves the truth by its own error, which a skip magnifies. Differences of states from
+        the truth, which are what is wanted, stay as they are.
+        """
+        if begin != phase.start:
+            return flown
+        drift = np.asarray(phase.solution(begin)) - flown[:4]
+        return np.asarray(flown + np.tile(drift, len(flown) // 4))
 
     def navigated(self, start: float) -> tuple[tuple[float, float, Phase], ...]:
         """The stretches (begin, end, phase) that remain when navigation starts at a time (s)."""

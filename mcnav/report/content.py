@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mcnav.analysis.budget import ErrorBudget
+from mcnav.analysis.causes import Causes
 from mcnav.analysis.comparison import Comparison, Criterion, Model
-from mcnav.scenarios.protocol import History
+from mcnav.analysis.convergence import Convergence
+from mcnav.analysis.envelopes import Envelopes
+from mcnav.analysis.requirements import Judged
+from mcnav.analysis.tails import Quantile
+from mcnav.scenarios.protocol import Development, History
 from mcnav.units import conversion
 
 Array = NDArray[np.float64]
@@ -30,16 +36,36 @@ class Content:
     criterion: Criterion
     comparison: Comparison
     budget: ErrorBudget
+    causes: Causes | None
+    requirements: tuple[Judged, ...]
+    convergence: Convergence | None
+    tails: tuple[Quantile, ...]
     outputs: Array
     index: NDArray[np.int64]
-    status: tuple[str, ...]
+    failures: Mapping[str, tuple[int, Sequence[int]]]
     history: History
     campaign: str
+    development: Development | None = None
+    envelopes: Envelopes | None = None
+
+    @property
+    def higher_order(self) -> Mapping[str, Any] | None:
+        """Moments in closed form, SI; none where there are none: see `mcnav.linear.beyond.higher_order`."""
+        found: Mapping[str, Any] = self.summary.get("higher_order") or {}
+        return found if "sigma" in found else None
 
     @property
     def dispersed(self) -> bool:
         """Whether there is any dispersion to show: some output has one by linear analysis, and samples were flown."""
         return bool(self.comparison.outputs) and bool(np.any(np.diag(self.comparison.covariance_linear) > 0.0))
+
+    @property
+    def moving(self) -> list[int]:
+        """The outputs that have any dispersion, by linear analysis or flown."""
+        flown = self.flown
+        spread = np.ptp(flown, axis=0) if len(flown) else np.zeros(len(self.output_names))
+        linear = np.diag(self.comparison.covariance_linear)
+        return [i for i in range(len(linear)) if linear[i] > 0.0 or spread[i] > 0.0]
 
     @property
     def source_names(self) -> list[str]:
@@ -71,7 +97,7 @@ class Content:
         """What SI values of the outputs are multiplied by to be shown."""
         return _scale(self.manifest["model"]["outputs"])
 
-    @property
+    @cached_property
     def flown(self) -> Array:
         """Final errors of the samples that did not fail, in the units shown, shape (n, outputs)."""
         return np.asarray(self.outputs[np.isfinite(self.outputs).all(axis=1)] * self.output_scale)

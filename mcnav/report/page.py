@@ -2,48 +2,50 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
+import json
 import math
+import re
 import shlex
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from mcnav.report import figures, wording
+from mcnav.report import wording
+from mcnav.report.budget import two_routes
+from mcnav.report.causes import causes
 from mcnav.report.content import Content
+from mcnav.report.drawings import agreement, dispersion, matrices, sources
+from mcnav.report.drawings.drawing import Drawing
+from mcnav.report.drawings.envelopes import envelopes
+from mcnav.report.drawings.flight import flight
+from mcnav.report.failures import failure_rows
+from mcnav.report.joint import joint
+from mcnav.report.numbers import number, share
+from mcnav.report.requirements import requirement_rows
+from mcnav.report.tails import tail_rows
 
+FIGURES: Final = (
+    "flight", "ratios", "nees", "matrices", "budget", "development", "envelopes", "scatter", "histograms", "quantiles",
+    "convergence",
+)  # fmt: skip
+"""Figures that the template knows."""
 
-def number(value: float | None, digits: int = 4) -> str:
-    """A number with so many significant digits; a dash for one that does not exist.
+FARTHEST: Final = 5
+"""Flights with the largest NEES that are listed."""
 
-    >>> number(36.3456789)
-    '36.35'
-    """
-    if value is None or not math.isfinite(value):
-        return "–"
-    if value == 0.0:
-        return "0"
-    magnitude = math.floor(math.log10(abs(value)))
-    if magnitude >= digits + 2 or magnitude < -4:
-        mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
-        return f"{mantissa}·10^{int(exponent)}".replace("-", "−")
-    return f"{value:,.{max(0, digits - 1 - magnitude)}f}".replace("-", "−")
+FAILED: Final = 20
+"""Failed samples that are listed."""
 
-
-def share(value: float) -> str:
-    """A share of a variance in per cent.
-
-    >>> share(0.00001)
-    '<0.01'
-    """
-    if not math.isfinite(value):
-        return "–"
-    return "<0.01" if 0.0 < abs(value) < 5e-5 else f"{100.0 * value:.2f}".replace("-", "−")
+CONTENTS: Final = "<!-- contents -->"
+"""Where the base template has its contents."""
 
 
 def _interval(interval: tuple[float, float] | None) -> str:
-    return "–" if interval is None else f"{interval[0]:.4f} … {interval[1]:.4f}"
+    return "–" if interval is None or not math.isfinite(interval[1]) else f"{interval[0]:.4f} … {interval[1]:.4f}"
 
 
 def _with_error(value: float, half_width: float) -> str:
@@ -52,6 +54,7 @@ def _with_error(value: float, half_width: float) -> str:
 
 def _output_rows(content: Content) -> list[dict[str, Any]]:
     scale, unscented = content.output_scale, content.summary["unscented"]
+    higher = content.higher_order
     rows = []
     for i, output in enumerate(content.comparison.outputs):
         second = math.sqrt(max(unscented["covariance"][i][i], 0.0)) * scale[i] if "covariance" in unscented else None
@@ -60,10 +63,13 @@ def _output_rows(content: Content) -> list[dict[str, Any]]:
             {
                 "name": content.output_names[i],
                 "unit": content.output_units[i],
+                "shown": number(output.sigma_paired * scale[i], 4),
+                "change": "" if output.paired.ratio is None else wording.percent(output.paired.ratio - 1.0),
                 "linear": number(sigma * scale[i], 5),
                 "sample": number(output.sigma_sample * scale[i], 5),
                 "paired": number(output.sigma_paired * scale[i], 5),
                 "unscented": number(second, 5),
+                "higher_order": number(higher["sigma"][i] * scale[i] if higher else None, 5),
                 "plain_ratio": number(output.plain.ratio, 5),
                 "plain_interval": _interval(output.plain.interval),
                 "paired_ratio": number(output.paired.ratio, 5),
@@ -71,6 +77,7 @@ def _output_rows(content: Content) -> list[dict[str, Any]]:
                 "bias": number(100.0 * output.bias.value / sigma if sigma > 0.0 else None, 3),
                 "bias_error": number(100.0 * output.bias.standard_error / sigma if sigma > 0.0 else None, 2),
                 "verdict": output.paired.verdict.value,
+                "detectable": number(100.0 * output.detectable_paired, 2),
                 "needed": output.paired.samples_needed,
             }
         )
@@ -94,19 +101,6 @@ def _source_rows(content: Content) -> list[dict[str, Any]]:
     ]
 
 
-def _matrices(content: Content) -> list[dict[str, Any]]:
-    square = np.outer(content.output_scale, content.output_scale)
-    comparison = content.comparison
-    return [
-        {"title": title, "rows": [[number(value, 5) for value in row] for row in matrix * square]}
-        for title, matrix in (
-            ("Linear, P·S·Pᵀ", comparison.covariance_linear),
-            ("Monte Carlo, plain sample", comparison.covariance_sample),
-            ("Monte Carlo, paired estimate", comparison.covariance_paired),
-        )
-    ]
-
-
 def _ellipsoid(content: Content) -> dict[str, Any] | None:
     ellipsoid = content.comparison.ellipsoid
     if ellipsoid is None:
@@ -119,54 +113,119 @@ def _ellipsoid(content: Content) -> dict[str, Any] | None:
     confidence = content.comparison.confidence_each
     return {
         "dimension": ellipsoid.dimension,
-        "nees": _with_error(ellipsoid.nees.value, ellipsoid.nees.half_width(confidence)),
-        "paired": _with_error(ellipsoid.nees_paired.value, ellipsoid.nees_paired.half_width(confidence)),
+        "mean": number(ellipsoid.nees_paired.value, 4),
+        "nees": _with_error(ellipsoid.nees.value, ellipsoid.nees.reach(confidence)),
+        "paired": _with_error(ellipsoid.nees_paired.value, ellipsoid.nees_paired.reach(confidence)),
         "verdict": ellipsoid.judgement.verdict.value,
         "ratio": number(float(ellipsoid.direction_ratios[ellipsoid.farthest]), 5),
         "combination": combination.removeprefix("+ "),
     }
 
 
-def _figures(content: Content) -> dict[str, Markup]:
-    drawn = {"flight": figures.flight(content)}
+def _farthest(content: Content) -> list[dict[str, Any]]:
+    """The flights with the largest NEES, farthest first."""
+    ellipsoid = content.comparison.ellipsoid
+    if ellipsoid is None:
+        return []
+    numbers = content.index[np.isfinite(content.outputs).all(axis=1)]
+    flown = content.flown
+    rows = np.argsort(-ellipsoid.values, kind="stable")[:FARTHEST]
+    return [
+        {
+            "index": int(numbers[k]),
+            "nees": number(float(ellipsoid.values[k])),
+            "outputs": [number(float(value), 5) for value in flown[k]],
+            "replay": f"mcnav replay . {numbers[k]}",
+        }
+        for k in rows
+    ]
+
+
+def drawings(content: Content) -> dict[str, Drawing]:
+    """Every figure of the report that there is something to show in, by name."""
+    drawn: dict[str, Drawing | None] = {"flight": flight(content.history)}
     if content.dispersed:
         drawn |= {
-            "budget": figures.budget(content),
-            "ratios": figures.sigma_ratios(content),
-            "correlation": figures.correlation_maps(content),
-            "scatter": figures.scatter(content),
-            "histograms": figures.histograms(content),
-            "nees": figures.nees(content),
+            "ratios": agreement.sigma_ratios(content),
+            "nees": agreement.nees(content),
+            "matrices": matrices.matrices(content),
+            "budget": sources.budget(content),
+            "development": sources.development(content),
+            "envelopes": envelopes(content),
+            "scatter": dispersion.scatter(content),
+            "histograms": dispersion.histograms(content),
+            "quantiles": agreement.normal_quantiles(content),
+            "convergence": agreement.running_ratios(content),
         }
-    return {key: Markup(svg) for key, svg in drawn.items()}
+    return {name: drawing for name, drawing in drawn.items() if drawing is not None}
 
 
 def filled(template: str, **values: Any) -> str:
-    """A page of this package with values in it; text is escaped, only figures come as markup."""
+    """A page of this package with values in it; text is escaped, only figures come as markup.
+
+    The page gets its contents from its sections that have an id and a heading, and one script of our own, which its
+    content security policy names by its hash; whatever scrolls can be reached by keyboard.
+    """
     environment = Environment(
         loader=PackageLoader("mcnav.report", "."), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
         lstrip_blocks=True,
     )  # fmt: skip
-    style = environment.loader.get_source(environment, "style.css")[0] if environment.loader else ""
-    return environment.get_template(template).render(style=Markup(style), **values)
+    style, script = (_source(environment, name) for name in ("style.css", "script.js"))
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    text = environment.get_template(template).render(
+        style=Markup(style), script=Markup(script), script_hash=Markup(f"sha256-{digest}"), **values
+    )
+    return _reachable(_with_contents(text))
+
+
+def _source(environment: Environment, name: str) -> str:
+    return environment.loader.get_source(environment, name)[0] if environment.loader else ""
+
+
+def _with_contents(text: str) -> str:
+    """A page with a list of its sections at its side."""
+    sections = re.findall(r'<section id="([^"]+)"[^>]*>\s*<h2[^>]*>(.*?)</h2>', text, flags=re.DOTALL)
+    if len(sections) < 3:
+        return text.replace(CONTENTS, "", 1)
+    links = "\n".join(f'<li><a href="#{name}">{heading}</a></li>' for name, heading in sections)
+    nav = f'<nav class="contents" aria-label="Contents"><p class="heading">On this page</p>\n<ul>\n{links}\n</ul></nav>'
+    return text.replace(CONTENTS, nav, 1).replace('<div class="page">', '<div class="page with-contents">', 1)
+
+
+def _reachable(text: str) -> str:
+    """A page whose scrolling boxes take the keyboard's focus and have names, and whose captions stay in sight."""
+    text = re.sub("<caption>(.*?)</caption>", r"<caption><span>\1</span></caption>", text, flags=re.DOTALL)
+    number_of = iter(range(1, text.count('<div class="scroll">') + 1))
+    return re.sub(
+        '<div class="scroll">',
+        lambda _: f'<div class="scroll" tabindex="0" role="group" aria-label="Table {next(number_of)}">',
+        text,
+    )
 
 
 def render(content: Content) -> str:
     """The report as one HTML page."""
     manifest, summary = content.manifest, content.summary
+    drawn = drawings(content)
     flown, seconds = manifest["flight"]["samples"], manifest["flight"]["seconds"]
     return filled(
         "campaign.html",
         summary=summary,
-        manifest=manifest,
+        manifest={"commit": None, **manifest},
         headline=wording.headline(summary),
         explanation=wording.explanation(summary),
-        joint=wording.joint_explanation(summary),
+        joint_explanation=wording.joint_explanation(summary),
+        joint=joint(content),
+        requirements=requirement_rows(content),
+        tails=tail_rows(content),
+        causes=causes(content),
+        routes=two_routes(content),
         tone=wording.tone(summary),
         certain=wording.certain_but_small(summary),
+        stopping=wording.stopping(summary),
         caveat=wording.caveat(summary),
         failures=wording.failures(summary),
-        figures=_figures(content),
+        figures={key: drawn.get(key) for key in FIGURES},
         outputs=_output_rows(content) if content.dispersed else [],
         together=f"{100.0 * content.criterion.confidence:g} %",
         tolerance=f"{100.0 * content.criterion.tolerance:g} %",
@@ -176,12 +235,12 @@ def render(content: Content) -> str:
         means=bool(np.any(content.model.mean)),
         cross=[share(value) for value in content.budget.cross_terms],
         correlated=bool(np.nanmax(np.abs(content.budget.cross_terms), initial=0.0) > 1e-12),
-        matrices=_matrices(content),
+        farthest=_farthest(content) if content.dispersed else [],
+        identity=hashlib.sha256(json.dumps(manifest["identity"], sort_keys=True).encode()).hexdigest(),
         ellipsoid=_ellipsoid(content),
         confidence_each=f"{100.0 * content.comparison.confidence_each:.4g} %",
         speed=f"{flown / max(seconds, 1e-3):,.0f}" if flown == summary["samples"] else None,
-        failed=[(int(index), reason) for index, reason in zip(content.index, content.status, strict=True)
-                if reason != "ok"][:20],
+        failed=failure_rows(content),
         campaign=content.campaign,
         rerun=f"mcnav run campaign.toml --engine {shlex.quote(summary['engine'])}",
     )  # fmt: skip

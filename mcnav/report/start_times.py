@@ -1,9 +1,9 @@
-"""A study of start times as one page and as a table."""
+"""A study of start times as one page and as tables."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Final
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
 
 import matplotlib as mpl
 import numpy as np
@@ -11,9 +11,11 @@ import pandas as pd
 from markupsafe import Markup
 from numpy.typing import NDArray
 
+from mcnav.analysis.comparison import Comparison
 from mcnav.linear.start_times import StartTimeStudy
 from mcnav.report.content import spoken
-from mcnav.report.page import filled, number
+from mcnav.report.numbers import number
+from mcnav.report.page import filled
 from mcnav.report.svg import FLOWN, LINEAR, MUTED, SOURCE_COLOURS, STYLE, new, svg
 from mcnav.scenarios.protocol import Output, Source
 from mcnav.units import conversion
@@ -33,6 +35,7 @@ def table(study: StartTimeStudy, sources: Sequence[Source], outputs: Sequence[Ou
     columns = {"start [s]": study.times}
     for i, output in enumerate(outputs):
         columns[f"sigma {output.name} [{output.unit}]"] = study.sigma[:, i]
+    columns["weighted sigma [1]"] = study.weighted
     for i, output in enumerate(outputs):
         for j, source in enumerate(sources):
             unit = f"{output.unit} per {source.unit}"
@@ -40,56 +43,118 @@ def table(study: StartTimeStudy, sources: Sequence[Source], outputs: Sequence[Ou
     return pd.DataFrame(columns)
 
 
+def check_table(checks: Mapping[float, Comparison], outputs: Sequence[Output]) -> pd.DataFrame:
+    """One row for each output at each start time that Monte Carlo checked, SI."""
+    rows = []
+    for time, comparison in checks.items():
+        for output, found in zip(outputs, comparison.outputs, strict=False):
+            low, high = found.paired.interval or (float("nan"), float("nan"))
+            rows.append(
+                {
+                    "start [s]": time,
+                    "output": output.name,
+                    "unit": output.unit,
+                    "samples": comparison.samples,
+                    "failed": comparison.failed,
+                    "sigma linear": found.sigma_linear,
+                    "sigma Monte Carlo": found.sigma_sample,
+                    "sigma paired": found.sigma_paired,
+                    "paired ratio": found.paired.ratio,
+                    "interval from": low,
+                    "interval to": high,
+                    "verdict": found.paired.verdict.value,
+                }
+            )
+    return pd.DataFrame(rows)
+
+
 def render(
-    campaign: str, study: StartTimeStudy, sources: Sequence[Source], outputs: Sequence[Output], sizes: Array
+    campaign: str,
+    study: StartTimeStudy,
+    checks: Mapping[float, Comparison],
+    sources: Sequence[Source],
+    outputs: Sequence[Output],
 ) -> str:
-    """The page. ``sizes``, shape (sources,), are the errors whose effects the curves show: one sigma of each, SI."""
-    minutes = study.times / 60.0
+    """The page. ``checks`` are Monte Carlo comparisons by start time, s."""
     scale = np.array([conversion(output.unit, output.shown_in) for output in outputs])
-    rows = [
-        {
-            "name": spoken(output.name),
-            "unit": output.shown_in,
-            "time": f"{minutes[study.best[i]]:.1f}".replace("-", "−"),
-            "sigma": number(study.sigma[study.best[i], i] * scale[i]),
-            "first": number(study.sigma[0, i] * scale[i]),
-        }
-        for i, output in enumerate(outputs)
-    ]
-    effects = study.partials * sizes * scale[:, None]
+    effects = study.effects * scale[:, None]
     curves = [
-        (spoken(output.name), Markup(_effects(minutes, effects[:, i], sources, output)))
+        (spoken(output.name), Markup(_effects(study.times / 60.0, effects[:, i], sources, output)))
         for i, output in enumerate(outputs)
     ]
     return filled(
         "start_times.html",
         campaign=campaign,
         convention=CONVENTIONS[study.axes],
-        dispersion=Markup(_dispersion(minutes, study.sigma * scale, outputs, study.best)),
-        best=rows,
+        dispersion=Markup(_dispersion(study, checks, scale, outputs)),
+        best=_best_rows(study, scale, outputs),
+        outputs=[(spoken(output.name), output.shown_in) for output in outputs],
+        checks=_check_rows(checks, scale),
+        flown=max((comparison.samples for comparison in checks.values()), default=0),
         partials=curves,
     )
 
 
-def _dispersion(minutes: Array, sigma: Array, outputs: Sequence[Output], best: Array) -> str:
+def minutes(seconds: float) -> str:
+    """A time from the event in minutes, as shown."""
+    return f"{seconds / 60.0:.1f}".replace("-", "−")
+
+
+def _best_rows(study: StartTimeStudy, scale: Array, outputs: Sequence[Output]) -> list[dict[str, Any]]:
+    """For each output, and for all of them weighted: the best start and the dispersion in each output then."""
+    places = [*((spoken(output.name), int(study.best[i])) for i, output in enumerate(outputs))]
+    places += [("all, weighted", study.best_weighted), ("(start at the first point)", 0)]
+    return [
+        {"name": name, "time": minutes(study.times[place]), "sigma": [number(v) for v in study.sigma[place] * scale]}
+        for name, place in places
+    ]
+
+
+def _check_rows(checks: Mapping[float, Comparison], scale: Array) -> list[dict[str, Any]]:
+    rows = []
+    for time, comparison in checks.items():
+        cells = [
+            {
+                "linear": number(found.sigma_linear * scale[i]),
+                "flown": number(found.sigma_paired * scale[i]),
+                "ratio": number(found.paired.ratio),
+                "verdict": found.paired.verdict.value,
+            }
+            for i, found in enumerate(comparison.outputs)
+        ]
+        rows.append({"time": minutes(time), "failed": comparison.failed, "cells": cells})
+    return rows
+
+
+def _dispersion(
+    study: StartTimeStudy, checks: Mapping[float, Comparison], scale: Array, outputs: Sequence[Output]
+) -> str:
+    starts, sigma = study.times / 60.0, study.sigma * scale
     with mpl.rc_context(STYLE):
         figure, axes_array = new(9.0, 5.2, -(-len(outputs) // 2), 2)
         for i, (axes, output) in enumerate(zip(axes_array.flat, outputs, strict=False)):
-            axes.plot(minutes, sigma[:, i], color=LINEAR)
-            axes.plot(minutes[best[i]], sigma[best[i], i], "o", color=FLOWN, markersize=5)
+            axes.plot(starts, sigma[:, i], color=LINEAR, label="linear, P·S·Pᵀ" if i == 0 else None)
+            best = study.best[i]
+            axes.plot(starts[best], sigma[best, i], "v", color=LINEAR, markersize=7, label="best" if i == 0 else None)
+            known = [(time / 60.0, c.outputs[i].sigma_paired * scale[i]) for time, c in checks.items() if c.outputs]
+            if known:
+                label = "Monte Carlo" if i == 0 else None
+                axes.plot(*np.array(known).T, "o", color=FLOWN, markersize=5, fillstyle="none", label=label)
             axes.axvline(0.0, color=MUTED, linewidth=0.8, linestyle="--")
             axes.set_ylim(bottom=0.0)
             axes.set(title=f"final {spoken(output.name)}", ylabel=f"sigma ({output.shown_in})")
             axes.set_xlabel("start of navigation (min from reentry)")
+        figure.legend(loc="outside upper left", ncols=3)
         return svg(
             figure,
             "start-dispersion",
             "Dispersion against the start of navigation",
-            "Linear sigma of each final error against the start time; a dot marks the best start up to reentry.",
+            "Sigma of each final error against the start time, linear and Monte Carlo; a triangle marks the best start "
+            "up to reentry.",
         )
 
 
-def _effects(minutes: Array, effects: Array, sources: Sequence[Source], output: Output) -> str:
+def _effects(starts: Array, effects: Array, sources: Sequence[Source], output: Output) -> str:
     """What one sigma of each source does to one output, against the start time: two panels."""
     with mpl.rc_context(STYLE):
         figure, axes_array = new(9.0, 3.4, 1, 2)
@@ -100,7 +165,7 @@ def _effects(minutes: Array, effects: Array, sources: Sequence[Source], output: 
         for axes, (title, members) in zip(axes_array[0], kinds, strict=True):
             for j in members:
                 colour = SOURCE_COLOURS[j % len(SOURCE_COLOURS)]
-                axes.plot(minutes, effects[:, j], color=colour, label=spoken(sources[j].name))
+                axes.plot(starts, effects[:, j], color=colour, label=spoken(sources[j].name))
             axes.axvline(0.0, color=MUTED, linewidth=0.8, linestyle="--")
             axes.set(title=title, xlabel="start of navigation (min from reentry)")
             axes.legend(loc="best", fontsize=8)

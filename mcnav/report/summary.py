@@ -2,17 +2,36 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import asdict
+from typing import Any, Final
 
 import numpy as np
 
+from mcnav.analysis.budget import ErrorBudget
+from mcnav.analysis.causes import Causes
 from mcnav.analysis.comparison import Comparison, Criterion, Model
+from mcnav.analysis.excluded import Excluded
+from mcnav.analysis.joint import Joint
+from mcnav.analysis.requirements import Judged
+from mcnav.analysis.tails import Quantile
+from mcnav.statistics.significance import Significance
+
+TESTS: Final = ("covariance", "covariance_paired", "bias", "bias_paired", "nees")
+"""Tests of the outputs together that `mcnav.analysis.joint.Joint` holds."""
 
 
 def summarise(
-    manifest: Mapping[str, Any], status: Sequence[str], model: Model, criterion: Criterion, comparison: Comparison
+    manifest: Mapping[str, Any],
+    failures: Mapping[str, int],
+    model: Model,
+    criterion: Criterion,
+    comparison: Comparison,
+    causes: Causes | None,
+    budget: ErrorBudget,
+    requirements: Sequence[Judged],
+    tails: Sequence[Quantile],
+    left_out: Excluded | None = None,
 ) -> dict[str, Any]:
     """The content of ``summary.json``: SI units, rows and columns in the order of outputs and sources.
 
@@ -20,9 +39,9 @@ def summarise(
     ----------
     manifest : mapping
         What the run says of itself.
-    status : sequence of str
-        Of every sample.
-    model, criterion, comparison
+    failures : mapping of str to int
+        How many samples failed for each reason.
+    model, criterion, comparison, causes, budget, requirements, tails, left_out
         As judged.
     """
     outputs, ellipsoid = comparison.outputs, comparison.ellipsoid
@@ -34,15 +53,21 @@ def summarise(
         "verdict": comparison.verdict.value,
         "samples": manifest["samples"],
         "failed": comparison.failed,
-        "failures": dict(Counter(reason for reason in status if reason != "ok")),
+        "failures": dict(failures),
+        "excluded": asdict(left_out) if left_out else None,
         "engine": manifest["identity"]["engine"],
         "seed": manifest["seed"],
         "design": manifest["design"],
+        "store": manifest.get("store", "samples"),
+        "kept": manifest.get("kept"),
         "tolerance": criterion.tolerance,
         "confidence": criterion.confidence,
         "heavy_tailed": manifest["heavy_tailed"],
+        "stopping": manifest.get("stopping"),
+        "long_tailed": manifest.get("long_tailed", []),
         "confidence_each": comparison.confidence_each,
         **named,
+        "shown_in": {key: [e["shown_in"] for e in manifest["model"][key]] for key in ("sources", "outputs")},
         "partials": model.partials,
         "start_mean": model.mean,
         "start_covariance": model.covariance,
@@ -71,4 +96,56 @@ def summarise(
         "direction_weights": ellipsoid.directions[ellipsoid.farthest] if ellipsoid else None,
         "verdict_matrix": ellipsoid.judgement.verdict.value if ellipsoid else None,
         "unscented": manifest["model"]["unscented"],
+        "detectable_ratio": [output.detectable_plain for output in outputs],
+        "samples_to_see_tolerance": [output.samples_to_see for output in outputs],
+        "nees_mean_expected": comparison.joint.nees_expected if comparison.joint else None,
+        "detectable_ratio_paired": [output.detectable_paired for output in outputs],
+        "principal_ratios": ellipsoid.direction_ratios if ellipsoid else [],
+        "principal_directions": ellipsoid.directions if ellipsoid else [],
+        **_joint(comparison.joint, len(model.partials)),
+        "second_order": manifest["model"].get("second_order"),
+        "higher_order": manifest["model"].get("higher_order"),
+        "causes": asdict(causes) if causes else None,
+        "tails": [_named(asdict(quantile), named["outputs"]) for quantile in tails],
+        "requirements": [_requirement(judged, named["outputs"]) for judged in requirements],
+        "budget": {**asdict(budget), "flown": manifest["model"].get("budget")},
+    }
+
+
+def _named(entry: dict[str, Any], outputs: Sequence[Mapping[str, str]]) -> dict[str, Any]:
+    return entry | {"outputs": [outputs[number]["name"] for number in entry["outputs"]]}
+
+
+def _requirement(judged: Judged, outputs: Sequence[Mapping[str, str]]) -> dict[str, Any]:
+    return {
+        **_named(asdict(judged.requirement), outputs),
+        "finding": judged.finding.value,
+        **{key: value for key, value in asdict(judged).items() if key not in ("requirement", "finding")},
+    }
+
+
+def _joint(joint: Joint | None, outputs: int) -> dict[str, Any]:
+    """Tests of all outputs together; each a table of its attributes, or null where it cannot be made."""
+    tests: dict[str, Significance | None] = dict.fromkeys((*TESTS, "skewness", "kurtosis"))
+    if joint is not None:
+        tests |= {name: getattr(joint, name) for name in TESTS}
+    if joint is not None and joint.normality is not None:
+        tests["skewness"], tests["kurtosis"] = joint.normality.skewness_test, joint.normality.kurtosis_test
+    correlations = joint.correlations if joint else ()
+    differences = {"correlation_difference": np.full((outputs, outputs), np.nan)}
+    differences["correlation_difference_standard_error"] = np.full((outputs, outputs), np.nan)
+    for pair in correlations:
+        for i, j in (pair.between, pair.between[::-1]):
+            differences["correlation_difference"][i, j] = pair.difference.value
+            differences["correlation_difference_standard_error"][i, j] = pair.difference.standard_error
+    shapes: dict[str, list[float]] = {}
+    for key in ("skewness", "excess_kurtosis"):
+        estimates = getattr(joint, key) if joint else ()
+        shapes[key] = [estimate.value for estimate in estimates]
+        shapes[f"{key}_standard_error"] = [estimate.standard_error for estimate in estimates]
+    return {
+        "tests": {name: asdict(test) if test else None for name, test in tests.items()},
+        "contained": [asdict(entry) for entry in joint.contained] if joint else [],
+        **differences,
+        **shapes,
     }

@@ -11,8 +11,10 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from mcnav.report import wording
+from mcnav.analysis.linearity import DispersionRange
+from mcnav.report import between, wording
 from mcnav.report.content import spoken
+from mcnav.report.requirements import TONES, shown_units, stated
 from mcnav.scenarios.protocol import Output, Source
 from mcnav.units import conversion
 
@@ -20,9 +22,6 @@ Array = NDArray[np.float64]
 
 COLOURS = {"agrees": "green", "partly": "yellow", "undecided": "yellow", "differs": "red"}
 """By tone of a verdict (`mcnav.report.wording.tone`)."""
-
-SHOWN_IN = {"m": "km"}
-"""Units for the terminal where the SI unit is not the customary one."""
 
 
 def _table(title: str) -> Table:
@@ -34,7 +33,7 @@ def _table(title: str) -> Table:
 def verdict(summary: Mapping[str, Any]) -> RenderableType:
     """The verdict in sentences."""
     lines = [Text(wording.headline(summary), style=f"bold {COLOURS[wording.tone(summary)]}")]
-    remarks = (wording.joint_explanation, wording.certain_but_small, wording.caveat, wording.failures)
+    remarks = (wording.joint_explanation, wording.certain_but_small, wording.stopping, wording.caveat, wording.failures)
     lines += [Text(sentence) for sentence in (say(summary) for say in (wording.explanation, *remarks)) if sentence]
     return Group(*lines)
 
@@ -51,9 +50,14 @@ def comparison(runs: Mapping[str, Mapping[str, Any]]) -> RenderableType:
     for heading in ("linear", "Monte Carlo", "paired ratio", "interval"):
         table.add_column(heading, justify="right", no_wrap=True)
     table.add_column("verdict", no_wrap=True)
+    units = {
+        (entry["name"], entry["unit"]): shown_units(run)[entry["name"]][1]
+        for run in [*runs.values()][::-1]
+        for entry in run["outputs"]
+    }
     names = dict.fromkeys((entry["name"], entry["unit"]) for run in runs.values() for entry in run["outputs"])
     for name, unit in names:
-        shown = SHOWN_IN.get(unit, unit)
+        shown = units[name, unit]
         label = f"{spoken(name)} [{shown}]"
         for title, run in runs.items():
             at = [(entry["name"], entry["unit"]) for entry in run["outputs"]]
@@ -80,6 +84,49 @@ def _output_cells(summary: Mapping[str, Any], i: int, scale: float) -> list[Text
     ]
 
 
+def inputs(titles: Sequence[str], manifests: Sequence[Mapping[str, Any]]) -> RenderableType:
+    """What the runs' campaigns do not have in common, a key a line."""
+    table = _table("What was changed")
+    table.add_column("key", overflow="fold")
+    for title in titles:
+        table.add_column(Text(title), overflow="fold")
+    for key, values in between.inputs(manifests).iterrows():
+        table.add_row(Text(str(key)), *(Text(str(value)) for value in values))
+    return table if table.row_count else Text("The runs have the same campaign, engine and versions.")
+
+
+def changes(titles: Sequence[str], rows: Sequence[between.Row]) -> RenderableType:
+    """What has become of each output of the first run in the others, a line each."""
+    table = _table(f"What has become of it, against {titles[0]}")
+    for heading in ("final error, 1σ", "run"):
+        table.add_column(heading, overflow="fold")
+    for heading in ("before", "after", "ratio", "interval"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("draws")
+    table.add_column("found")
+    for row in between.outputs(rows, titles).itertuples(index=False):
+        cells = (f"{row[3]:.5g}", f"{row[4]:.5g}", f"{row[5]:.4f}", f"{row[6]:.4f}…{row[7]:.4f}")
+        draws = "common" if row[10] else "separate"
+        table.add_row(
+            Text(f"{spoken(row[0])} [{row[1]}]"), Text(row[2]), *(Text(cell) for cell in cells), draws, Text(row[11])
+        )
+    return table
+
+
+def requirements(summary: Mapping[str, Any]) -> RenderableType:
+    """Each requirement, a line, with what was found."""
+    units = shown_units(summary)
+    table = _table("Requirements")
+    for heading in ("found", "requirement", "what would decide"):
+        table.add_column(heading, overflow="fold")
+    for entry in summary["requirements"]:
+        needed = f"about {entry['samples_needed']:,} samples" if entry["samples_needed"] else entry["remark"]
+        table.add_row(
+            Text(entry["finding"], style=COLOURS[TONES[entry["finding"]]]), Text(stated(entry, units)), Text(needed)
+        )
+    return table
+
+
 def partials(sources: Sequence[Source], outputs: Sequence[Output], matrix: Array) -> RenderableType:
     """P, a source a line, in the units shown."""
     table = _table("Partial derivatives of the final errors")
@@ -103,4 +150,29 @@ def agreement(outputs: Sequence[Output], differences: Mapping[str, Array]) -> Re
         table.add_column(spoken(output.name), justify="right")
     for method, shares in differences.items():
         table.add_row(method, *(f"{share:.1e}" for share in shares))
+    return table
+
+
+def linearity(outputs: Sequence[Output], found: DispersionRange, tolerance: float) -> RenderableType:
+    """Multiples of the stated errors at which dispersions leave the linear ones."""
+    table = _table(f"Multiple of the stated errors at which a sigma leaves the linear one by {100 * tolerance:g} %")
+    table.add_column("1σ of")
+    for heading in ("agrees up to", "leaves at", "differs from"):
+        table.add_column(heading, justify="right")
+    reached = float(found.multiples[-1])
+    for k, name in enumerate([*(spoken(output.name) for output in outputs), wording.JOINT]):
+        values = (found.agrees_until[k], found.departs[k], found.differs_from[k])
+        table.add_row(Text(name), *(wording.multiple_words(float(value), reached) for value in values))
+    return table
+
+
+def checks(found: Sequence[tuple[str, bool, str]]) -> RenderableType:
+    """Names, whether each is kept, and what was found."""
+    table = _table("What a scenario must keep")
+    for heading in ("check", "", "found"):
+        table.add_column(heading, overflow="fold")
+    for name, passed, told in found:
+        table.add_row(
+            Text(name), Text("kept" if passed else "not kept", style="green" if passed else "red"), Text(told)
+        )
     return table

@@ -11,6 +11,12 @@ from mcnav.report.content import spoken
 LARGE_RATIO: Final = 3.0
 """A sigma ratio above this is told as a multiple, not in per cent."""
 
+NEGLIGIBLE: Final = 1e-3
+"""Share of a sigma that failed samples may take off it without being suspected."""
+
+JOINT: Final = "joint distribution"
+"""What the NEES speaks of."""
+
 
 def percent(share: float) -> str:
     """A signed difference in per cent: two significant digits below 0.1 %, two decimals to 10 %, one above.
@@ -38,13 +44,19 @@ def headline(summary: Mapping[str, Any]) -> str:
     if tone(summary) == "partly":
         rest = {"differs": "no for their joint distribution", "undecided": "their joint distribution is not decided"}
         return f"Yes for the dispersion of each output; {rest[summary['verdict_matrix']]}."
-    if not any(summary["sigma_linear"]):
-        return "Nothing to compare: no error has a dispersion."
+    if not any(summary["sigma_linear"]) and summary["verdict"] != "differs":
+        return f"Nothing to compare: {_nothing(summary)}."
     return {
         "agrees": "Yes: the linear covariance analysis may be trusted here.",
         "differs": "No: the linear covariance analysis does not hold here.",
         "undecided": "Not decided: this campaign cannot tell whether the linear analysis holds.",
     }[summary["verdict"]]
+
+
+def _nothing(summary: Mapping[str, Any]) -> str:
+    """Why no output has a dispersion."""
+    dispersed = any(row[i] > 0.0 for i, row in enumerate(summary["start_covariance"]))
+    return "no output depends on an error" if dispersed else "no error has a dispersion"
 
 
 def _listed(names: list[str]) -> str:
@@ -62,11 +74,20 @@ def explanation(summary: Mapping[str, Any]) -> str:
     ratios = {
         name: ratio for name, ratio in zip(names, summary["sigma_ratio_paired"], strict=True) if ratio is not None
     }
-    if not ratios:
-        return "The errors are fixed or absent, so that every flight is the same."
     judged = dict(zip(names, summary["verdicts"], strict=True))
     wrong = [name for name in names if judged[name] == "differs"]
+    unforeseen = [name for name in wrong if name not in ratios]
     unsure = [name for name in names if judged[name] == "undecided"]
+    if unforeseen:
+        others = [name for name in wrong if name in ratios]
+        more = f" That of {_listed(others)} differs by more than {tolerance}." if others else ""
+        rest = f" {_not_decided(summary, unsure)}" if unsure else ""
+        return (
+            f"By linear analysis {_listed(unforeseen)} would have no dispersion at all; in {flown:,} nonlinear flights "
+            f"there is some.{more}{rest}"
+        )
+    if not ratios:
+        return f"Every flight is the same: {_nothing(summary)}."
     farthest = max(wrong or ratios, key=lambda name: abs(ratios.get(name, 1.0) - 1.0))
     largest = f"the largest difference is {percent(ratios.get(farthest, 1.0) - 1.0)}, in {farthest}"
     rest = f" {_not_decided(summary, unsure)}" if unsure else ""
@@ -88,6 +109,8 @@ def _not_decided(summary: Mapping[str, Any], unsure: list[str]) -> str:
     needed = [count for count in summary["samples_needed"] if count]
     if needed:
         return f"Not decided for {_listed(unsure)}: about {max(needed):,} samples would."
+    if summary["heavy_tailed"]:
+        return f"Not decided for {_listed(unsure)}: tails too heavy for an interval."
     return f"Not decided for {_listed(unsure)}: too few independent samples for an interval."
 
 
@@ -103,7 +126,7 @@ def joint_explanation(summary: Mapping[str, Any]) -> str:
     if verdict == "agrees":
         return f"The outputs' joint distribution agrees as well: {nees}."
     ratio = summary["direction_ratio"]
-    if ratio is None:
+    if ratio is None or not math.isfinite(ratio):  # no variance is left in the paired estimate
         return f"The outputs' joint distribution does not follow P·S·Pᵀ: {nees}."
     size = "larger" if ratio > 1.0 else "smaller"
     direction = f"in one combination of the outputs the flown sigma is {100 * abs(ratio - 1.0):.3g} % {size}"
@@ -136,21 +159,66 @@ def certain_but_small(summary: Mapping[str, Any]) -> str:
 
 
 def failures(summary: Mapping[str, Any]) -> str:
-    """What was left out; empty when nothing was."""
+    """What was left out and what that may hide; empty when nothing was."""
     if not summary["failed"]:
         return ""
+    told = f"{summary['failed']:,} of {summary['samples']:,} samples failed and are left out of every figure"
+    commonest = next(iter(summary["failures"]), "").removeprefix("failed: ")
+    if commonest:
+        told += f" ({'' if len(summary['failures']) == 1 else 'most often: '}{commonest})"
+    smallest = [ratio for ratio in (summary.get("excluded") or {}).get("sigma_ratio", ()) if ratio is not None]
+    smallest = [ratio for ratio in smallest if math.isfinite(ratio)]
+    if not smallest:
+        return f"{told}. If they are the largest errors, the flown dispersion is larger than it looks."
+    hidden = min(smallest) - 1.0
+    if hidden > -NEGLIGIBLE:
+        return f"{told}. By the linear model they are no larger errors than the others, so that little is hidden."
     return (
-        f"{summary['failed']:,} of {summary['samples']:,} samples failed and are left out of every figure. If they are "
-        "the largest errors, the flown dispersion is larger than it looks."
+        f"{told}. By the linear model they are larger errors than the others: leaving them out takes up to "
+        f"{percent(-hidden).removeprefix('+')} off a sigma, and flown to the end they might add more."
     )
+
+
+def stopping(summary: Mapping[str, Any]) -> str:
+    """Why there are as many samples as there are; empty for a fixed number."""
+    rule = summary.get("stopping")
+    if not rule:
+        return ""
+    kind = "paired" if rule["quantity"].endswith("paired") else "plain"
+    wanted = (
+        f"every {kind} sigma ratio to ±{100.0 * rule['precision']:g} % with {100.0 * rule['confidence']:g} % confidence"
+    )
+    held = f"the intervals hold although up to {rule['looks']} looks were taken"
+    if rule["reached"]:
+        return f"Flown until {wanted}: {summary['samples']:,} samples of at most {rule['at_most']:,}; {held}."
+    return f"Flown to the most that were allowed, {summary['samples']:,} samples, without {wanted}; {held}."
 
 
 def caveat(summary: Mapping[str, Any]) -> str:
     """A remark on sources whose tails are too heavy for the intervals; empty when there are none."""
-    names = [spoken(name) for name in summary["heavy_tailed"]]
-    if not names:
-        return ""
-    return (
-        f"The intervals are only nominal, because of heavy tails: for Student's t with at most 8 degrees of freedom "
-        f"({_listed(names)}) the variance of a sample variance need not exist."
-    )
+    heavy = [spoken(name) for name in summary["heavy_tailed"]]
+    if heavy:
+        return (
+            f"No interval is given and nothing decided, because of heavy tails ({_listed(heavy)}): with errors like "
+            "these and this design, intervals that should cover 95 % were measured to cover far less (mcnav calibrate)."
+        )
+    long = [spoken(name) for name in summary.get("long_tailed", [])]
+    if long:
+        return (
+            f"The intervals are only nearly right, because of long tails ({_listed(long)}): with errors like these, "
+            "those that should cover 95 % were measured to cover 91 to 95 %, those of skewness down to 83 %."
+        )
+    return ""
+
+
+def multiple_words(value: float, largest: float) -> str:
+    """A multiple as shown: none where there is no effect, beyond the largest where it was not reached.
+
+    >>> multiple_words(8.2345, 100.0), multiple_words(float("inf"), 100.0)
+    ('8.23', '> 100')
+    """
+    if math.isnan(value):
+        return "–"
+    if math.isinf(value):
+        return f"> {largest:g}"
+    return f"{value:.3g}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import lru_cache
 from typing import Any, Final
 
 import numpy as np
@@ -54,6 +55,8 @@ class Cell:
         Why the two differ, where that is known; else empty.
     contradicted : bool
         Whether the report itself contradicts the printed number.
+    second : float
+        The same on the ensemble engine, in the printed unit; NaN where only one engine computes it.
     """
 
     table: str
@@ -65,6 +68,7 @@ class Cell:
     tolerance: float
     reason: str = ""
     contradicted: bool = False
+    second: float = np.nan
 
     @property
     def difference(self) -> float:
@@ -141,43 +145,50 @@ SUM_NAMES: Final = dict(
 )
 
 
-def _scenario(number: int, **options: Any) -> Reentry:
+@lru_cache
+def table_i_scenario(number: int, **options: Any) -> Reentry:
+    """A trajectory of Table I, with options of `Flight`."""
     row = TABLE_I[number]
     return Reentry(Flight(start_state(number), Vehicle(row.lift_law), row.final_altitude, **options))
 
 
 def _sums(values: Array) -> dict[str, Array]:
-    """The four summary rows of ten runs, shape (10, 4)."""
+    """The four summary rows of ten runs, shape (10, ...)."""
     sizes = np.abs(values)
     equipment = sizes[INITIAL_CONDITIONS:].sum(axis=0)
     conditions = sizes[:INITIAL_CONDITIONS].sum(axis=0)
     return dict(zip(SUMS, (values.sum(axis=0), conditions, equipment, conditions + equipment), strict=True))
 
 
-def final_error_cells(case: Case, engine: str = "reference") -> Iterator[Cell]:
-    """Every number of a table of final errors and of the sums under it.
+def final_error_cells(case: Case, engine: str = "reference", second: str = "ensemble") -> Iterator[Cell]:
+    """Every number of a table of final errors and of the sums under it, by two engines; the first is compared.
 
     A sum's tolerance is that of an entry times the square root of the entries summed, their errors being independent.
     """
     errors = np.vstack([np.diag(ERRORS), ERRORS]) * case.multiple
-    prepared = _scenario(case.trajectory, **dict(case.options)).prepared(engine, errors)
-    computed = prepared.propagate(errors).values * np.array(TO_PRINTED)
+    scenario = table_i_scenario(case.trajectory, **dict(case.options))
+    computed, other = (
+        scenario.prepared(name, errors).propagate(errors).values * np.array(TO_PRINTED) for name in (engine, second)
+    )
     printed = final_errors(case.table)
     largest = np.abs(np.array(printed, dtype=float)).max(axis=0)
     tolerance = np.maximum(case.share * largest, case.least)
 
     of_printed = _sums(np.array(printed[:10], dtype=float))
 
-    def cell(row: str, column: int, text: str, value: float, allowed: float, total: float = np.nan) -> Cell:
+    def cell(row: str, column: int, text: str, values: Array, allowed: float, total: float = np.nan) -> Cell:
         name = NAMES[column]
         reason = CONTRADICTIONS.get((case.table, row, name), "").format(total=total)
-        return Cell(case.table, row, name, UNITS[column], text, float(value), allowed, reason, bool(reason))
+        first, by_second = map(float, values)
+        return Cell(case.table, row, name, UNITS[column], text, first, allowed, reason, bool(reason), by_second)
+
+    both = np.stack([computed, other], axis=-1)
 
     for run, entries in enumerate(printed):
         for column, text in enumerate(entries):
-            yield cell(f"{run + 1}: {RUNS[run]}", column, text, computed[run, column], float(tolerance[column]))
+            yield cell(f"{run + 1}: {RUNS[run]}", column, text, both[run, column], float(tolerance[column]))
     counts = {"algebraic": 10, "ic": INITIAL_CONDITIONS, "equipment": 10 - INITIAL_CONDITIONS, "all": 10}
-    for name, values in _sums(computed[:10]).items():
+    for name, values in _sums(both[:10]).items():
         for column, text in enumerate(sums(case.table)[name]):
             allowed = float(tolerance[column] * np.sqrt(counts[name]))
             yield cell(SUM_NAMES[name], column, text, values[column], allowed, float(of_printed[name][column]))
@@ -190,7 +201,7 @@ def table_i_cells() -> Iterator[Cell]:
     Its reentry angles differ by 0.014 deg from what its own eqs. (18) give.
     """
     for number, row in trajectories().items():
-        trajectory = _scenario(number).trajectory
+        trajectory = table_i_scenario(number).trajectory
         load, drag = _peak_loads(trajectory)
         at_start = airspeed_and_angle(trajectory.state(0.0))
         at_reentry = airspeed_and_angle(trajectory.state(trajectory.reentry_time))

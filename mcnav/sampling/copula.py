@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from mcnav.sampling.distributions import Distribution, Normal
+from mcnav.sampling.others import Empirical
 
 Array = NDArray[np.float64]
 
@@ -34,7 +35,8 @@ ROUNDING: Final = 1e-10
 def hermite_coefficients(distribution: Distribution) -> Array:
     """Coefficients a_0 ... a_120 of a unit-variance transform in the orthonormal Hermite polynomials, shape (121,).
 
-    What the finite sum leaves out (1e-7 for a triangle's kink) is made up by scaling.
+    What the finite sum leaves out (1e-7 for a triangle's kink) is made up by scaling. The steps of a table leave out
+    more, of which only correlations near one would see anything: its coefficients stay as they are.
 
     Raises
     ------
@@ -50,8 +52,13 @@ def hermite_coefficients(distribution: Distribution) -> Array:
         coefficients[degree] = np.sum(weights * values * current)
         before, current = current, (z * current - math.sqrt(degree) * before) / math.sqrt(degree + 1)
     captured = float(np.sum(coefficients**2))
+    if isinstance(distribution, Empirical) and 0.9 < captured < 0.999:
+        return coefficients
     if captured < 0.999:
-        raise ValueError("errors with so few degrees_of_freedom have tails too heavy to be correlated; 2.2 will do")
+        raise ValueError(
+            "an error has tails too heavy to be correlated (Student's t needs degrees_of_freedom of 2.2), or it has "
+            "too few values"
+        )
     return np.asarray(coefficients / math.sqrt(captured))
 
 
@@ -70,12 +77,22 @@ def normal_correlation(first: Distribution, second: Distribution, wanted: float)
     def excess(rho: float) -> float:
         return float(np.polynomial.polynomial.polyval(rho, products)) - wanted
 
-    reachable = excess(1.0) + wanted
-    if abs(wanted) >= reachable - 1e-12 and abs(wanted) <= reachable + 1e-9:
-        return math.copysign(1.0, wanted)
-    if abs(wanted) > reachable:
-        raise ValueError(f"errors of these distributions can be correlated up to {reachable:.4f}; got {wanted:g}")
+    lowest, highest = (excess(end) + wanted for end in (-1.0, 1.0))
+    for end, reached in ((1.0, highest), (-1.0, lowest)):
+        if abs(wanted - reached) <= 1e-9:
+            return end
+    if not lowest < wanted < highest:
+        span = f"up to {highest:.4f}" if abs(lowest + highest) < 1e-9 else f"from {lowest:.4f} to {highest:.4f}"
+        raise ValueError(f"errors of these distributions can be correlated {span}; got {wanted:g}")
     return float(brentq(excess, -1.0, 1.0, xtol=1e-15))
+
+
+def error_correlation(first: Distribution, second: Distribution, normal: float) -> float:
+    """Correlation of two errors whose normals have a given one."""
+    if isinstance(first, Normal) and isinstance(second, Normal):
+        return normal
+    products = np.asarray(hermite_coefficients(first)) * np.asarray(hermite_coefficients(second))
+    return float(np.polynomial.polynomial.polyval(normal, products))
 
 
 def semidefinite_factor(matrix: Array) -> Array:

@@ -9,6 +9,8 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from mcnav.physics.power_sums import PowerSums
+
 Array = NDArray[np.float64]
 
 
@@ -54,11 +56,14 @@ class Outcomes:
         Row of each failed sample, and why.
     handed_over : int
         How many samples left the fast engine's validity and were flown on the reference path instead.
+    tracebacks : mapping of int to str
+        Of failed samples that raised what nobody expected.
     """
 
     values: Array
     failures: Mapping[int, str] = field(default_factory=dict)
     handed_over: int = 0
+    tracebacks: Mapping[int, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -78,8 +83,44 @@ class LinearModel:
 
 
 @dataclass(frozen=True)
+class Panel:
+    """One diagram of what was flown.
+
+    Attributes
+    ----------
+    title : str
+    x : str
+        Column of the history along the axis.
+    y : tuple of str
+        Columns drawn; several share an axis.
+    legend : tuple of str
+        What each of several columns is called; by default its name.
+    y_label : str
+        Of that axis, as ``name [unit]``; by default the first column's.
+    log : bool
+        Whether the upward axis is logarithmic.
+    from_zero : bool
+        Whether the upward axis begins at zero.
+    begin : float, optional
+        Where in the first column (time) the diagram begins.
+    marks : tuple of str
+        Events shown as lines, where x is the first column.
+    """
+
+    title: str
+    x: str
+    y: tuple[str, ...]
+    legend: tuple[str, ...] = ()
+    y_label: str = ""
+    log: bool = False
+    from_zero: bool = False
+    begin: float | None = None
+    marks: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class History:
-    """What was flown, for figures: named columns over time.
+    """What was flown, for figures: named columns over time, and the diagrams that show them.
 
     Attributes
     ----------
@@ -87,10 +128,50 @@ class History:
         Keyed ``name [unit]``; all of one length, the first being time.
     events : mapping of str to float
         Named instants, in the unit of the first column.
+    panels : tuple of Panel
+        None when there is nothing to show.
     """
 
-    columns: Mapping[str, Array]
-    events: Mapping[str, float]
+    columns: Mapping[str, Array] = field(default_factory=dict)
+    events: Mapping[str, float] = field(default_factory=dict)
+    panels: tuple[Panel, ...] = ()
+
+
+@dataclass(frozen=True)
+class Development:
+    """Partial derivatives of the errors at many times of one flight.
+
+    Attributes
+    ----------
+    label : str
+        What the times are, as ``name [unit]``.
+    times : ndarray, shape (n,)
+    partials : ndarray, shape (n, outputs, sources)
+        SI.
+    """
+
+    label: str
+    times: Array
+    partials: Array
+
+
+@dataclass(frozen=True)
+class Epochs:
+    """Instants of the flight at which errors are read out.
+
+    Attributes
+    ----------
+    label : str
+        What the times are, as ``name [unit]``.
+    times : ndarray, shape (m,)
+        Rising.
+    events : mapping of str to float
+        Named instants, in the same unit.
+    """
+
+    label: str
+    times: Array
+    events: Mapping[str, float] = field(default_factory=dict)
 
 
 class Scenario(Protocol):
@@ -119,14 +200,33 @@ class Scenario(Protocol):
 
 
 @runtime_checkable
-class StartTimes(Protocol):
+class StartTimes(Scenario, Protocol):
     """A scenario whose navigation may start at any time of its flight."""
+
+    def started_at(self, time: float, axes: str) -> Scenario:
+        """The same flight with navigation from another time on; `ScenarioError` when that is not on it."""
 
     def start_times(self, count: int) -> Array:
         """Evenly spaced start times from the first possible one on, shape (count,), s from the scenario's own event."""
 
     def partials_at(self, times: Array, axes: str) -> Array:
         """Partial derivatives for navigation started at each time, shape (n, outputs, sources)."""
+
+
+@runtime_checkable
+class OverTime(Protocol):
+    """A scenario that knows its partial derivatives not at the end alone, but throughout the flight."""
+
+    def development(self, count: int) -> Development:
+        """Partial derivatives at so many rising times, from the start to the end."""
+
+
+@runtime_checkable
+class Replayed(Protocol):
+    """A scenario that can show one flight from beginning to end."""
+
+    def replayed(self, errors: Array) -> History:
+        """One sample, shape (sources,), flown by the reference engine to its end, or to where it failed."""
 
 
 class Prepared(Protocol):
@@ -146,6 +246,21 @@ class Prepared(Protocol):
 
     def propagate(self, errors: Array) -> Outcomes:
         """Fly samples, shape (n, sources), SI."""
+
+
+@runtime_checkable
+class Followed(Prepared, Protocol):
+    """An engine that knows the errors of its samples not at the end alone, but throughout the flight."""
+
+    @property
+    def epochs(self) -> Epochs:
+        """When."""
+
+    def histories(self, errors: Array) -> Array:
+        """Errors at every epoch, shape (n, m, outputs), SI; NaN for a sample that cannot be followed."""
+
+    def history_sums(self, errors: Array) -> PowerSums:
+        """Power sums over the samples that can be followed, at every epoch; nothing is kept of a single sample."""
 
 
 class ScenarioError(ValueError):

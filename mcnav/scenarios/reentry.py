@@ -1,11 +1,12 @@
 """Reentry navigation: the system of NASA TN D-1772 as a scenario.
 
-Two engines fly it. ``ensemble`` takes Encke's form in cartesian axes through a compiled kernel on a shared grid;
-``reference`` takes the report's polar equations, sample by sample, through scipy's DOP853.
+Two engines fly it. ``ensemble`` takes cartesian axes and the variation of constants through a compiled kernel on a
+shared grid; ``reference`` takes the report's polar equations, sample by sample, through scipy's DOP853.
 """
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -14,16 +15,34 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav.constants import EARTH_RADIUS, REENTRY_ALTITUDE
+from mcnav.constants import EARTH_RADIUS, REENTRY_ALTITUDE, STANDARD_GRAVITY
 from mcnav.physics.adjoint import Adjoint, sweep
 from mcnav.physics.ensemble import fly_ensemble
 from mcnav.physics.grid import Grid
-from mcnav.physics.linearized import linearise
-from mcnav.physics.navigator import Diverged, fly_indicated
+from mcnav.physics.histories import HistoryGrid, fly_histories, followed, history_grid, history_sums
+from mcnav.physics.instruments import Error
+from mcnav.physics.linearized import linearise, linearise_throughout
+from mcnav.physics.navigator import Diverged, fly_indicated, navigation_error
+from mcnav.physics.power_sums import PowerSums
 from mcnav.physics.refinement import refined_grid
+from mcnav.physics.response import linear_response
+from mcnav.physics.together import fly_together
 from mcnav.physics.truth import NeverComesDown, Trajectory, airspeed_and_angle, fly_truth
 from mcnav.physics.vehicle import Vehicle
-from mcnav.scenarios.protocol import History, LinearModel, Outcomes, Output, Prepared, ScenarioError, Source
+from mcnav.scenarios.histories import with_errors
+from mcnav.scenarios.one_by_one import Flown, fly_each
+from mcnav.scenarios.protocol import (
+    Development,
+    Epochs,
+    History,
+    LinearModel,
+    Outcomes,
+    Output,
+    Panel,
+    Prepared,
+    ScenarioError,
+    Source,
+)
 from mcnav.scenarios.tn_d1772 import ERRORS
 
 Array = NDArray[np.float64]
@@ -60,6 +79,24 @@ OUTPUTS: Final = (
 ENSEMBLE_CHUNK: Final = 8_192
 REFERENCE_CHUNK: Final = 32
 HISTORY_POINTS: Final = 600
+HISTORY_TIME: Final = "time from reentry [min]"
+
+EPOCHS: Final = 60
+"""Instants at which errors are read out."""
+
+FEWEST_AFTER_REENTRY: Final = 24
+"""Of them, at least: the flight through the atmosphere is short and eventful."""
+
+HISTORY_NODES: Final = 1.5
+"""Nodes for histories, as a multiple of those for final errors: remainders that stand in want them closer."""
+
+PANELS: Final = (
+    Panel("The whole flight", "range [km]", ("altitude [km]",), log=True),
+    Panel("From reentry on", "range [km]", ("altitude [km]",), begin=0.0, from_zero=True),
+    Panel("Speed", "time from reentry [min]", ("airspeed [km/s]",), marks=("start of navigation",)),
+    Panel("Aerodynamic force", "time from reentry [min]", ("aerodynamic force [g]",), begin=0.0, from_zero=True),
+)
+"""What a report shows of the flight."""
 
 HAND_OVER_SHARE: Final = 0.01
 """When more of the probes leave the kernel's validity, the reference path will do most of the work, in processes."""
@@ -109,16 +146,11 @@ class Navigation:
     start: float
     theta_axes: float
 
-    def by_reference(self, errors: Array, rows: Iterable[int]) -> tuple[dict[int, Array], dict[int, str]]:
-        """Fly some rows of errors, shape (n, 10), on the reference path: results and failures by row."""
-        flown: dict[int, Array] = {}
-        failures: dict[int, str] = {}
-        for row in rows:
-            try:
-                flown[row] = fly_indicated(self.trajectory, errors[row], self.start, self.theta_axes)
-            except Diverged as failure:
-                failures[row] = str(failure)
-        return flown, failures
+    def by_reference(self, errors: Array, rows: Iterable[int]) -> Flown:
+        """Fly some rows of errors, shape (n, 10), on the reference path."""
+        return fly_each(
+            lambda row: fly_indicated(self.trajectory, errors[row], self.start, self.theta_axes), rows, Diverged
+        )
 
 
 @dataclass(frozen=True)
@@ -132,16 +164,13 @@ class ReferenceEngine:
 
     def propagate(self, errors: Array) -> Outcomes:
         """Fly samples, shape (n, 10)."""
-        flown, failures = self.navigation.by_reference(errors, range(len(errors)))
-        values = np.full((len(errors), len(OUTPUTS)), np.nan)
-        for row, outcome in flown.items():
-            values[row] = outcome
-        return Outcomes(values, failures)
+        flown = self.navigation.by_reference(errors, range(len(errors)))
+        return flown.outcomes(np.full((len(errors), len(OUTPUTS)), np.nan))
 
 
 @dataclass(frozen=True)
 class EnsembleEngine:
-    """Encke's form on a shared grid; a sample beyond its validity is flown by the reference path instead."""
+    """Variation of constants on a shared grid; a sample beyond its validity is flown by the reference path instead."""
 
     navigation: Navigation
     grid: Grid
@@ -153,11 +182,61 @@ class EnsembleEngine:
         """Fly samples, shape (n, 10)."""
         values, valid = fly_ensemble(self.grid, errors)
         beyond = np.flatnonzero(~valid)
-        flown, failures = self.navigation.by_reference(errors, (int(row) for row in beyond))
-        values[beyond] = np.nan
-        for row, outcome in flown.items():
-            values[row] = outcome
-        return Outcomes(values, failures, len(beyond))
+        return self.navigation.by_reference(errors, (int(row) for row in beyond)).outcomes(values, len(beyond))
+
+    @cached_property
+    def epochs(self) -> Epochs:
+        """Evenly spaced before reentry, and evenly after it."""
+        trajectory = self.navigation.trajectory
+        start, reentry, end = self.navigation.start, trajectory.reentry_time, trajectory.final_time
+        if start >= reentry:
+            times = np.linspace(start, end, EPOCHS)
+        else:
+            after = min(max(FEWEST_AFTER_REENTRY, round(EPOCHS * (end - reentry) / (end - start))), EPOCHS - 2)
+            before = np.linspace(start, reentry, EPOCHS - after, endpoint=False)
+            times = np.concatenate([before, np.linspace(reentry, end, after)])
+        return Epochs(HISTORY_TIME, (times - reentry) / 60.0, events(self.navigation))
+
+    @cached_property
+    def _followed(self) -> HistoryGrid:
+        navigation = self.navigation
+        response = linear_response(navigation.trajectory, navigation.start, navigation.theta_axes)
+        times = self.epochs.times * 60.0 + navigation.trajectory.reentry_time
+        nodes = int(np.ceil(HISTORY_NODES * len(self.grid.readout)))
+        return history_grid(response, nodes, np.clip(times, response.start, response.end))
+
+    def histories(self, errors: Array) -> Array:
+        """Errors of samples, shape (n, 10), at every epoch, shape (n, m, 4)."""
+        values, component = fly_histories(self._followed, errors)
+        values[~followed(component)] = np.nan
+        return values
+
+    def history_sums(self, errors: Array) -> PowerSums:
+        """Power sums of samples' errors, shape (n, 10), at every epoch."""
+        return history_sums(self._followed, errors)
+
+
+def events(navigation: Navigation) -> dict[str, float]:
+    """Named instants of a flight, minutes from reentry."""
+    reentry, final = navigation.trajectory.reentry_time, navigation.trajectory.final_time
+    return {
+        "reentry": 0.0,
+        "start of navigation": (navigation.start - reentry) / 60.0,
+        "final altitude": (final - reentry) / 60.0,
+    }
+
+
+def _navigation(trajectory: Trajectory, start: float, axes: str) -> Navigation:
+    """Navigation along a truth from a time on (s from its first point); `ScenarioError` when that is not on it."""
+    if not 0.0 <= start < trajectory.final_time:
+        earliest, latest = -trajectory.reentry_time, trajectory.final_time - trajectory.reentry_time
+        raise ScenarioError(
+            "start",
+            f"{(start - trajectory.reentry_time) / 60:g} min from reentry is not on the trajectory, which runs "
+            f"from {earliest / 60:.2f} min to {latest / 60:.2f} min",
+        )
+    aligned = trajectory.state(start if axes == "start" else 0.0)
+    return Navigation(trajectory, start, float(aligned[1]))
 
 
 class Reentry:
@@ -187,15 +266,7 @@ class Reentry:
         except NeverComesDown as failure:
             raise ScenarioError("final_altitude", str(failure)) from None
         start = 0.0 if flight.start is None else trajectory.reentry_time + flight.start
-        if not 0.0 <= start < trajectory.final_time:
-            earliest, latest = -trajectory.reentry_time, trajectory.final_time - trajectory.reentry_time
-            raise ScenarioError(
-                "start",
-                f"{(start - trajectory.reentry_time) / 60:g} min from reentry is not on the trajectory, which runs "
-                f"from {earliest / 60:.2f} min to {latest / 60:.2f} min",
-            )
-        aligned = trajectory.state(start if flight.axes == "start" else 0.0)
-        self.navigation = Navigation(trajectory, start, float(aligned[1]))
+        self.navigation = _navigation(trajectory, start, flight.axes)
 
     @property
     def trajectory(self) -> Trajectory:
@@ -210,9 +281,34 @@ class Reentry:
         """Partial derivatives by the variational equations along the truth."""
         return self._model
 
+    def development(self, count: int) -> Development:
+        """Partial derivatives over the flight; half of the times are after reentry, where errors change fastest."""
+        navigation, reentry, final = self.navigation, self.trajectory.reentry_time, self.trajectory.final_time
+        before = count // 2 if navigation.start < reentry else 0
+        times = np.concatenate(
+            [
+                np.linspace(navigation.start, reentry, before, endpoint=False),
+                np.linspace(max(reentry, navigation.start), final, count - before),
+            ]
+        )
+        partials = linearise_throughout(self.trajectory, navigation.start, navigation.theta_axes, times)
+        return Development("time from reentry [min]", (times - reentry) / 60.0, partials)
+
     @cached_property
     def _adjoint(self) -> Adjoint:
         return sweep(self.trajectory, float(self.trajectory.state(0.0)[1]))
+
+    def started_at(self, time: float, axes: str) -> Reentry:
+        """The same flight with navigation from another time on (s from reentry); the truth is shared, not flown again.
+
+        Raises
+        ------
+        ScenarioError
+            When the time is not on the trajectory.
+        """
+        other = object.__new__(Reentry)
+        other.navigation = _navigation(self.trajectory, time + self.trajectory.reentry_time, axes)
+        return other
 
     def start_times(self, count: int) -> Array:
         """Start times from the first point of the truth to its end, shape (count,), s from reentry."""
@@ -227,13 +323,90 @@ class Reentry:
         starts = np.clip(times + self.trajectory.reentry_time, 0.0, self.trajectory.final_time)
         return np.array([self._adjoint.partials(float(start), axes) for start in starts])
 
+    def error_histories(self, errors: Array, times: Array) -> tuple[Array, Array, Array]:
+        """Actual and indicated states, and navigation errors, of a few samples at chosen times (s from reentry).
+
+        Parameters
+        ----------
+        errors : ndarray, shape (n, 10)
+        times : ndarray, shape (m,)
+            Rising, none before the start of navigation.
+
+        Returns
+        -------
+        actual, indicated, errors : ndarray, shapes (m, 4), (m, n, 4), (m, n, 4)
+        """
+        navigation, reentry = self.navigation, self.trajectory.reentry_time
+        moments = np.clip(times + reentry, navigation.start, self.trajectory.final_time)
+        flown = fly_together(self.trajectory, errors, navigation.start, navigation.theta_axes, moments)
+        return *flown, navigation_error(flown[0][:, None], flown[1])
+
+    def replayed(self, errors: Array) -> History:
+        """One sample, shape (10,), on the reference path: actual and indicated flight, and the navigation errors."""
+        times: list[Array] = []
+        states: list[Array] = []
+
+        def watch(since: Array, flown: Array) -> None:
+            times.append(since)
+            states.append(flown.T)
+
+        navigation = self.navigation
+        with contextlib.suppress(Diverged):
+            fly_indicated(self.trajectory, errors, navigation.start, navigation.theta_axes, watch)
+        if not times:
+            return History()
+        found = np.concatenate(states)
+        off = navigation_error(found[:, :4], found[:, 4:])
+        columns = {"time from reentry [min]": (np.concatenate(times) - self.trajectory.reentry_time) / 60.0}
+        for name, state in (("actual", found[:, :4]), ("indicated", found[:, 4:])):
+            columns[f"{name} altitude [km]"] = (state[:, 0] - EARTH_RADIUS) / 1e3
+            columns[f"{name} range [km]"] = EARTH_RADIUS * state[:, 1] / 1e3
+        panels = [
+            Panel(
+                f"{quantity.capitalize()}, actual and indicated",
+                "time from reentry [min]",
+                (f"actual {quantity} [km]", f"indicated {quantity} [km]"),
+                ("actual", "indicated"),
+                f"{quantity} [km]",
+            )
+            for quantity in ("altitude", "range")
+        ]
+        return with_errors(History(columns, {}, tuple(panels)), off, self.outputs)
+
+    def error_sets(self, errors: Array, times: Array) -> tuple[Array, Array]:
+        """The errors in force at chosen times of a few flights, as start errors of flights begun there.
+
+        Initial conditions are the navigation errors at that time, ranges as arc lengths at the radius of that time; the
+        platform has drifted on; biases and scale factors keep their axes.
+
+        Parameters
+        ----------
+        errors : ndarray, shape (n, 10)
+        times : ndarray, shape (m,)
+            Rising, s from reentry, none before the start of navigation.
+
+        Returns
+        -------
+        sets : ndarray, shape (m, n, 10)
+        final : ndarray, shape (n, 4)
+        """
+        reentry, final_time = self.trajectory.reentry_time, self.trajectory.final_time
+        actual, _, instantaneous = self.error_histories(errors, np.append(times, final_time - reentry))
+        sets = np.tile(errors, (len(times), 1, 1))
+        arcs = actual[:-1, 0] / EARTH_RADIUS
+        unchanged = np.ones_like(arcs)
+        sets[:, :, :4] = instantaneous[:-1] * np.stack([unchanged, arcs, unchanged, arcs], axis=1)[:, None]
+        elapsed = times + reentry - self.navigation.start
+        sets[:, :, Error.MISALIGNMENT] += elapsed[:, None] * errors[:, Error.GYRO_DRIFT]
+        return sets, instantaneous[-1]
+
     def prepared(self, engine: str, probes: Array) -> Prepared:
         """A flyer for one of `engines`; the ensemble's grid is refined until the probes, shape (n, 10), agree."""
         if engine == "reference":
             return ReferenceEngine(self.navigation)
         refined = refined_grid(self.trajectory, self.navigation.start, self.navigation.theta_axes, probes)
         accuracy = (
-            f"Encke's form, Nyström order 4, {len(refined.grid.steps)} steps; largest numerical error of "
+            f"variation of constants, {refined.nodes} nodes; largest numerical error of "
             f"{len(probes)} probe samples {refined.error:.1e} of an output's dispersion"
         )
         ready = EnsembleEngine(self.navigation, refined.grid, accuracy)
@@ -250,7 +423,7 @@ class Reentry:
         states, forces = self.trajectory.states(times), self.trajectory.forces(times)
         speeds, angles = np.array([airspeed_and_angle(state) for state in states]).T
         columns = {
-            "time from reentry [min]": (times - reentry) / 60.0,
+            HISTORY_TIME: (times - reentry) / 60.0,
             "altitude [km]": (states[:, 0] - EARTH_RADIUS) / 1e3,
             "range [km]": EARTH_RADIUS * states[:, 1] / 1e3,
             "altitude rate [km/s]": states[:, 2] / 1e3,
@@ -259,10 +432,6 @@ class Reentry:
             "flight-path angle [deg]": np.degrees(angles),
             "horizontal force [m/s^2]": forces[:, 0],
             "vertical force, down [m/s^2]": forces[:, 1],
+            "aerodynamic force [g]": np.hypot(forces[:, 0], forces[:, 1]) / STANDARD_GRAVITY,
         }
-        events = {
-            "reentry": 0.0,
-            "start of navigation": (self.navigation.start - reentry) / 60.0,
-            "final altitude": (final - reentry) / 60.0,
-        }
-        return History(columns, events)
+        return History(columns, events(self.navigation), PANELS)

@@ -3,11 +3,21 @@
 A design of draws (`mcnav.sampling.designs`) guarantees independence between blocks, not within them. The mean of a
 quantity therefore takes its standard error from the spread of its block means, and its interval from Student's t with
 the blocks' degrees of freedom.
+
+Where few blocks are skewed that interval misses on one side. With T the studentised mean of B blocks of skewness gamma
+and ``a = gamma / sqrt(B)``, the quantity
+
+    g(T) = T + a T^2 / 3 + a^2 T^3 / 27 + a / 6
+
+is free of the first effect of skewness, and rises with T (Hall, 1992). The interval here reaches as far to each side as
+the farther of Student's and Hall's: the skewness of a sample is mostly too small, and is believed where it widens the
+interval, not where it narrows it.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,25 +36,53 @@ class Estimate:
     standard_error : float
     degrees_of_freedom : float
         Independent blocks less one; with none the standard error is infinite.
+    asymmetry : float
+        ``a``: skewness of the blocks over the root of their number.
     """
 
     value: float
     standard_error: float
     degrees_of_freedom: float
+    asymmetry: float = 0.0
 
     def half_width(self, confidence: float) -> float:
-        """Half the width of the two-sided interval ``value +- t s.e.`` of a confidence."""
-        if self.degrees_of_freedom < 1.0:
-            return float("inf")
-        return float(special.stdtrit(self.degrees_of_freedom, 0.5 + 0.5 * confidence)) * self.standard_error
+        """Half the width of Student's two-sided interval ``value +- t s.e.`` of a confidence."""
+        return self._quantile(confidence) * self.standard_error if self.degrees_of_freedom >= 1.0 else float("inf")
 
     def interval(self, confidence: float) -> tuple[float, float]:
         """Two-sided interval of a confidence."""
         half = self.half_width(confidence)
-        return self.value - half, self.value + half
+        low, high = self.reach_of_skewness(confidence)
+        return self.value - max(half, low), self.value + max(half, high)
+
+    def reach(self, confidence: float) -> float:
+        """How far the interval reaches from the value, to the side on which it reaches farther."""
+        return max(self.half_width(confidence), *self.reach_of_skewness(confidence))
+
+    def reach_of_skewness(self, confidence: float) -> tuple[float, float]:
+        """How far Hall's interval reaches down and up."""
+        if self.degrees_of_freedom < 1.0:
+            return float("inf"), float("inf")
+        quantile = self._quantile(confidence)
+        low, high = (_unskewed(each, self.asymmetry) * self.standard_error for each in (quantile, -quantile))
+        return low, -high
+
+    def _quantile(self, confidence: float) -> float:
+        return float(special.stdtrit(self.degrees_of_freedom, 0.5 + 0.5 * confidence))
 
 
-def blocked_mean(values: Array, blocks: NDArray[np.int64], fewest: int = 2) -> Estimate:
+NEARLY_SYMMETRIC: Final = 1e-6
+
+
+def _unskewed(quantile: float, asymmetry: float) -> float:
+    """T of a value of g(T)."""
+    if abs(asymmetry) < NEARLY_SYMMETRIC:
+        return quantile
+    root = np.cbrt(1.0 + asymmetry * (quantile - asymmetry / 6.0))
+    return float(3.0 * (root - 1.0) / asymmetry)
+
+
+def blocked_mean(values: Array, blocks: NDArray[np.int64], fewest: float = 2) -> Estimate:
     """Mean of one quantity over samples that belong to independent blocks.
 
     With m_b the mean and n_b the size of block b, ``s.e.^2 = B / (B - 1) sum_b n_b^2 (m_b - m)^2 / n^2``: the ratio
@@ -55,17 +93,45 @@ def blocked_mean(values: Array, blocks: NDArray[np.int64], fewest: int = 2) -> E
     values : ndarray, shape (n,)
     blocks : ndarray of int, shape (n,)
         The block of each sample, not decreasing.
-    fewest : int
+    fewest : float
         With fewer blocks than this the standard error is infinite: nothing is claimed from so little.
     """
     count = len(values)
     if count == 0:
         return Estimate(float("nan"), float("inf"), 0.0)
     mean = float(np.mean(values))
-    begins = np.flatnonzero(np.diff(blocks, prepend=blocks[0] - 1))
-    deviations = np.add.reduceat(values - mean, begins)
-    number = len(begins)
+    return _estimate(mean, block_sums(values - mean, blocks), count, fewest)
+
+
+def _estimate(mean: float, deviations: Array, count: float, fewest: float) -> Estimate:
+    """From the blocks' sums of deviations from the mean."""
+    number = len(deviations)
     if number < max(2, fewest):
         return Estimate(mean, float("inf"), 0.0)
-    error = np.sqrt(number / (number - 1.0) * float(np.sum(deviations**2))) / count
-    return Estimate(mean, float(error), number - 1.0)
+    square = float(np.sum(deviations**2))
+    error = np.sqrt(number / (number - 1.0) * square) / count
+    shares = deviations / (np.sqrt(square) or 1.0)
+    return Estimate(mean, float(error), number - 1.0, float(np.sum(shares * shares * shares)))
+
+
+def summed_mean(totals: Array, counts: Array, fewest: float = 2) -> Estimate:
+    """As `blocked_mean`, from the sums of each block, shape (blocks,), and the numbers of its samples."""
+    count = float(np.sum(counts))
+    if count == 0.0:
+        return Estimate(float("nan"), float("inf"), 0.0)
+    mean = float(np.sum(totals)) / count
+    return _estimate(mean, totals - mean * counts, count, fewest)
+
+
+def block_sums(values: Array, blocks: NDArray[np.int64]) -> Array:
+    """Sums over independent blocks, shape (blocks, ...).
+
+    Parameters
+    ----------
+    values : ndarray, shape (n, ...)
+        At least one.
+    blocks : ndarray of int, shape (n,)
+        The block of each sample, not decreasing.
+    """
+    begins = np.flatnonzero(np.diff(blocks, prepend=blocks[0] - 1))
+    return np.asarray(np.add.reduceat(values, begins, axis=0))

@@ -20,7 +20,7 @@ DEMO = ROOT / "campaigns" / "01_tn_d1772_trajectory_4.toml"
 def mcnav(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
     """Run the program in a folder."""
     command = [sys.executable, "-m", "mcnav", *map(str, arguments)]
-    environment = os.environ | {"COLUMNS": "160", "PYTHONWARNINGS": "error"}
+    environment = os.environ | {"COLUMNS": "300", "PYTHONWARNINGS": "error"}
     return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=120, env=environment, check=False)
 
 
@@ -39,7 +39,19 @@ def workplace(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_help(tmp_path: Path) -> None:
     finished = mcnav("--help", cwd=tmp_path)
     assert finished.returncode == 0
-    for command in ("run", "report", "compare", "partials", "reproduce"):
+    commands = (
+        "run",
+        "report",
+        "compare",
+        "partials",
+        "start-times",
+        "linearity",
+        "reproduce",
+        "calibrate",
+        "new",
+        "check-scenario",
+    )
+    for command in commands:
         assert command in finished.stdout
 
 
@@ -52,7 +64,9 @@ def test_run_again_uses_what_is_stored(workplace: Path) -> None:
 
 def test_report_and_compare(workplace: Path) -> None:
     folder = workplace / "reports" / DEMO.stem
+    before = (folder / "report.html").read_bytes()
     assert mcnav("report", folder, cwd=workplace).returncode == 0
+    assert (folder / "report.html").read_bytes() == before
     other = workplace / "other"
     assert mcnav("run", DEMO, "--samples", 500, "--seed", 3, "--jobs", 1, "--out", other, cwd=workplace).returncode == 0
     compared = mcnav("compare", folder, other, cwd=workplace)
@@ -77,7 +91,9 @@ def test_partials_for_every_start_time(workplace: Path) -> None:
     """The table holds what a campaign that starts at the first point has as its partials, in both axes."""
     for axes in ("start", "trajectory"):
         folder = workplace / axes
-        finished = mcnav("partials", DEMO, "--start-times", 9, "--axes", axes, "--out", folder, cwd=workplace)
+        finished = mcnav(
+            "partials", DEMO, "--start-times", "--count", 9, "--axes", axes, "--out", folder, cwd=workplace
+        )
         assert finished.returncode == 0, finished.stderr
         table = pd.read_csv(folder / "start_times.csv")
         assert len(table) == 9
@@ -86,7 +102,8 @@ def test_partials_for_every_start_time(workplace: Path) -> None:
         contributions = np.sqrt(np.diag(summary["start_covariance"]))
         difference = np.abs(found - summary["partials"]) * contributions
         assert (difference.max(axis=1) < 1e-5 * np.array(summary["sigma_linear"])).all()
-        assert table.filter(like="sigma").iloc[0].tolist() == pytest.approx(summary["sigma_linear"], rel=1e-5)
+        sigma = table.filter(regex=r"^sigma")
+        assert sigma.iloc[0].tolist() == pytest.approx(summary["sigma_linear"], rel=1e-5)
         assert (folder / "start_times.html").read_text().count("<svg") == 5
 
 
@@ -95,7 +112,33 @@ def test_reproduce(workplace: Path) -> None:
     assert finished.returncode == 0, finished.stderr
     table = pd.read_csv(workplace / "tn" / "tables.csv")
     assert f"{len(table)} printed numbers" in finished.stdout
-    assert (workplace / "tn" / "tables.html").exists()
+    assert (workplace / "tn" / "tn_d1772.html").exists()
+
+
+def test_start_times(workplace: Path) -> None:
+    folder = workplace / "starts"
+    finished = mcnav("start-times", DEMO, "--count", 31, "--out", folder, cwd=workplace)
+    assert finished.returncode == 0, finished.stderr
+    checks = pd.read_csv(folder / "start_times_checks.csv")
+    assert (checks["verdict"] == "agrees").all()
+    assert (folder / "start_times.html").read_text().count('class="tag agrees"') == len(checks)
+
+
+def test_linearity(workplace: Path) -> None:
+    folder = workplace / "linearity"
+    finished = mcnav("linearity", DEMO, "--samples", 500, "--largest", 12, "--out", folder, cwd=workplace)
+    assert finished.returncode == 0, finished.stderr
+    assert "joint distribution" in finished.stdout
+    assert len(pd.read_csv(folder / "linearity.csv")) == 44
+    assert (folder / "linearity.html").read_text().count("<svg") == 2
+
+
+def test_reproduce_the_story(workplace: Path) -> None:
+    finished = mcnav("reproduce", "story-of-84-minutes", "--out", workplace / "story", cwd=workplace)
+    assert finished.returncode == 0, finished.stderr
+    assert finished.stdout.splitlines()[0] == f"written: {workplace / 'story' / 'story.html'}"
+    for line in finished.stdout.splitlines():
+        assert Path(line.removeprefix("written: ")).exists()
 
 
 def test_a_run_folders_own_campaign_goes_on_there(workplace: Path) -> None:
@@ -110,9 +153,14 @@ def test_a_run_folders_own_campaign_goes_on_there(workplace: Path) -> None:
     [
         (["run", "nowhere.toml"], "error: nowhere.toml: no such file"),
         (["run", "wrong.toml"], "error: wrong.toml: errors.gyro_drift: got '5 km', which is a length"),
-        (["run", DEMO, "--samples", 3000], "samples was 2000, is 3000); --fresh replaces them"),
+        (
+            ["run", DEMO, "--samples", 1000],
+            "holds a run of 2,000 samples, and 1,000 are fewer; ask for as many or more",
+        ),
+        (["run", DEMO, "--seed", 3], "seed was 1772, is 3); --fresh replaces them"),
         (["run", DEMO, "--out", "file/inside"], "error: file/inside: cannot be written to"),
         (["run", DEMO, "--out", "x" * 300], "File name too long"),
+        (["run", DEMO, "--check"], "accept: is missing; --check has nothing to check"),
         (["report", "nowhere"], "error: nowhere: holds no run"),
         (["compare", "nowhere"], "error: nowhere: holds no finished run"),
         (["partials", "nowhere.toml"], "error: nowhere.toml: no such file"),
@@ -142,6 +190,25 @@ def test_wrong_use(arguments: list[object], workplace: Path) -> None:
     assert finished.returncode == 2
     assert "Traceback" not in finished.stderr
     assert finished.stderr
+
+
+@pytest.mark.parametrize(
+    ("below", "status", "found"), [("200 km", 0, "met"), ("99 km", 1, "undecided"), ("60 km", 1, "not met")]
+)
+def test_check(below: str, status: int, found: str, workplace: Path) -> None:
+    """Exit status 1 unless every requirement is met; without --check the requirements are shown, and that is all."""
+    described = DEMO.read_text() + "[[accept.quantile]]\noutput = 'altitude'\nprobability = 0.9973\n"
+    campaign = workplace / f"accept_{status}_{found[:3]}.toml"
+    campaign.write_text(f"{described}below = '{below}'\n")
+    finished = mcnav("run", campaign, "--samples", 2000, "--check", cwd=workplace)
+    assert finished.returncode == status, finished.stderr
+    assert f"{found}" in finished.stdout
+    assert f"|altitude| below {below} in 99.73 % of flights" in finished.stdout
+    if found == "not met":
+        assert mcnav("run", campaign, "--samples", 2000, cwd=workplace).returncode == 0
+    summary = json.loads((workplace / "reports" / campaign.stem / "summary.json").read_text())
+    assert [entry["finding"] for entry in summary["requirements"]] == [found]
+    assert "How large each source may be" in (workplace / "reports" / campaign.stem / "report.html").read_text()
 
 
 def test_failed_samples_give_status_3(workplace: Path) -> None:

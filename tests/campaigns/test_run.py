@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 import shutil
 from pathlib import Path
 from typing import Any
@@ -13,11 +14,12 @@ import pandas as pd
 import pytest
 
 import mcnav
-from mcnav.campaign.file import read_campaign
+from mcnav.campaign.file import Campaign, parse_campaign, read_campaign
 from mcnav.campaign.folder import RunFolder
+from mcnav.campaign.origin import commit
 from mcnav.campaign.problems import RunFolderBusy, RunFolderError
 from mcnav.study import report_run, run_campaign, summary_of
-from tests.conftest import campaign
+from tests.conftest import campaign, content
 
 SOURCES = [
     ("altitude", "m"), ("range", "m"), ("altitude_rate", "m/s"), ("range_rate", "m/s"), ("misalignment", "rad"),
@@ -42,7 +44,7 @@ def test_run_folder(finished: tuple[Path, dict[str, Any]]) -> None:
     folder, _ = finished
     names = {entry.name for entry in folder.iterdir()} - {".lock"}
     expected = {"campaign.toml", "manifest.json", "samples", "history.parquet", "summary.json", "report.html"}
-    assert names == expected
+    assert names == expected | {"epochs.parquet", "histories.parquet"}
     manifest = json.loads((folder / "manifest.json").read_text())
     assert manifest["complete"]
     assert {part["file"]: part["sha256"] for part in manifest["parts"]} == _digests(folder)
@@ -154,9 +156,53 @@ def test_another_campaign_does_not_touch_earlier_results(tmp_path: Path) -> None
         run_campaign(campaign(1, seed=5), folder, "ensemble", 1)
     with pytest.raises(RunFolderError, match="engine was ensemble, is reference"):
         run_campaign(campaign(1), folder, "reference", 1)
+    (folder / "manifest.json").rename(tmp_path / "kept")
+    with pytest.raises(RunFolderError, match=r"holds samples of another run, and the manifest\.json .* is missing"):
+        run_campaign(campaign(1, seed=5), folder, "ensemble", 1)
+    (tmp_path / "kept").rename(folder / "manifest.json")
     assert {path.name: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
     summary = run_campaign(campaign(1, seed=5), folder, "ensemble", 1, fresh=True).summary
     assert summary["seed"] == 5
+
+
+@pytest.mark.parametrize(
+    ("design", "engine", "before", "after"),
+    [
+        ("random", "ensemble", 9_000, 17_000),
+        ("antithetic", "reference", 70, 101),
+        ("latin-hypercube", "ensemble", 500, 511),
+        ("sobol", "ensemble", 9_000, 16_383),
+    ],
+)
+def test_a_run_is_extended(design: str, engine: str, before: int, after: int, tmp_path: Path) -> None:
+    """As if all had been flown at once, and what was there stays as it was; a step back is refused."""
+    folder, at_once = tmp_path / "extended", tmp_path / "at_once"
+    run_campaign(campaign(4, design=design, samples=before), folder, engine, 2)
+    first = mcnav.samples_of(folder)
+    extended = run_campaign(campaign(4, design=design, samples=after), folder, engine, 2)
+    whole = run_campaign(campaign(4, design=design, samples=after), at_once, engine, 2)
+    assert _digests(folder) == _digests(at_once)
+    assert extended.summary == whole.summary
+    assert after - before <= extended.flown < after or before < 8_192
+    pd.testing.assert_frame_equal(mcnav.samples_of(folder)[:before], first, check_exact=True)
+    with pytest.raises(RunFolderError, match=f"holds a run of {after:,} samples, and {before:,} are fewer; ask"):
+        run_campaign(campaign(4, design=design, samples=before), folder, engine, 2)
+    assert _digests(folder) == _digests(at_once)
+
+
+@pytest.mark.parametrize(
+    ("design", "before", "after", "message"),
+    [
+        ("sobol", 500, 512, "which design sobol would change if there were 512; up to 511 they stay as they are"),
+        ("random", 40, 512, "one of fewer than 64 is too short to be extended"),
+    ],
+)
+def test_what_cannot_be_extended_is_told(design: str, before: int, after: int, message: str, tmp_path: Path) -> None:
+    run_campaign(campaign(4, design=design, samples=before), tmp_path / "run", "ensemble", 1)
+    kept = _digests(tmp_path / "run")
+    with pytest.raises(RunFolderError, match=message):
+        run_campaign(campaign(4, design=design, samples=after), tmp_path / "run", "ensemble", 1)
+    assert _digests(tmp_path / "run") == kept
 
 
 def test_a_folder_of_someone_elses_is_left_alone(tmp_path: Path) -> None:
@@ -184,7 +230,7 @@ def test_a_part_that_is_not_of_the_run_is_named(tmp_path: Path) -> None:
 def test_damage_is_noticed_and_named(
     name: str, damage: str, finished: tuple[Path, dict[str, Any]], tmp_path: Path
 ) -> None:
-    """And mended by running the campaign again, except for the manifest, which takes ``--fresh``."""
+    """And mended by running the campaign again; a manifest that was damaged is named in a notice."""
     folder = tmp_path / "run"
     shutil.copytree(finished[0], folder)
     run = campaign(4, samples=9_000)
@@ -197,11 +243,13 @@ def test_damage_is_noticed_and_named(
         path.unlink()
     if name == "manifest.json" and damage != "missing":
         with pytest.raises(RunFolderError, match=r"manifest\.json: is damaged"):
-            run_campaign(run, folder, "ensemble", 1)
+            report_run(folder)
     elif name == "history.parquet" or (name, damage) in {("campaign.toml", "missing"), ("manifest.json", "missing")}:
         with pytest.raises(RunFolderError, match=r"run the campaign|holds no run"):
             report_run(folder)
-    run_campaign(run, folder, "ensemble", 1, fresh=name == "manifest.json")
+    mended = run_campaign(run, folder, "ensemble", 1)
+    assert mended.flown == 0
+    assert len(mended.notices) == (name == "manifest.json" and damage != "missing")
     assert summary_of(folder) == finished[1]
 
 
@@ -212,7 +260,7 @@ def test_nothing_to_compare_is_said_so(tmp_path: Path) -> None:
         assert summary["verdict"] == "undecided"
         page = (tmp_path / str(len(errors)) / "report.html").read_text()
         assert "Nothing to compare: no error has a dispersion." in page
-        assert page.count("<svg") == 1
+        assert page.count("<svg") == 4  # the plots of the flight
 
 
 @pytest.mark.parametrize("design", ["random", "antithetic", "latin-hypercube", "sobol"])
@@ -223,10 +271,77 @@ def test_a_handful_of_samples_decides_nothing(design: str, tmp_path: Path) -> No
     assert summary["sigma_ratio_paired_interval"][0] == [0.0, None]
 
 
-def test_heavy_tails_are_remarked_upon(tmp_path: Path) -> None:
-    tails = {"distribution": "student-t", "sigma": "5 km", "degrees_of_freedom": 5}
-    run_campaign(campaign(4, errors={"altitude": tails}), tmp_path / "run", "ensemble", 1)
-    assert "The intervals are only nominal" in (tmp_path / "run" / "report.html").read_text()
+def test_heavy_tails_have_no_intervals(tmp_path: Path) -> None:
+    """None can be promised for them; long ones are remarked upon, and normal ones are not."""
+    for degrees, remark, verdict in ((5, "No interval is given", "undecided"), (10, "only nearly right", "agrees")):
+        tails = {"distribution": "student-t", "sigma": "5 km", "degrees_of_freedom": degrees}
+        folder = tmp_path / str(degrees)
+        summary = run_campaign(campaign(4, errors={"altitude": tails}), folder, "ensemble", 1).summary
+        page = (folder / "report.html").read_text()
+        assert remark in page
+        assert summary["verdict"] == verdict
+        assert (summary["sigma_ratio_paired_interval"][0] == [0.0, None]) == (degrees == 5)
+        assert summary["tests"]["covariance"] is None
+        assert summary["tests"]["skewness"] is None or degrees == 10
+        assert not re.search(r"\b(inf|nan)\b", page)
+
+
+def _until(written: str, at_most: int) -> Campaign:
+    return campaign(4, samples={"until": written, "confidence": 0.9, "at_most": at_most})
+
+
+def test_flown_until_precise_enough(tmp_path: Path) -> None:
+    """At a size laid down beforehand, with the samples of a longer campaign, and intervals for every look."""
+    folder = tmp_path / "run"
+    run = _until("sigma_ratio 2 %", 100_000)
+    done = run_campaign(run, folder, "ensemble", 2)
+    summary = done.summary
+    assert summary["samples"] == done.flown == 16_384
+    rule = summary["stopping"]
+    assert (rule["looks"], rule["reached"], rule["at_most"]) == (5, True, 100_000)
+    assert rule["found"] <= 0.02
+    assert summary["confidence_each"] == pytest.approx(1.0 - 0.05 / 5 / 5)
+    drawn = pd.read_parquet(folder / "samples").filter(like="error").to_numpy()
+    assert np.array_equal(drawn, campaign(4).errors.draw("random", 1772, 10**6, 0, 16_384))
+    assert "Flown until every plain sigma ratio to ±2 % with 90 % confidence" in (folder / "report.html").read_text()
+    again = run_campaign(read_campaign(folder / "campaign.toml"), folder, "ensemble", 1)
+    assert (again.flown, again.summary) == (0, summary)
+    assert report_run(folder) == summary
+
+
+def test_a_run_until_that_was_broken_off_goes_on(tmp_path: Path) -> None:
+    """Parts beyond the look at hand are there already; the result is that of a run without a break."""
+    folder, run = tmp_path / "run", _until("sigma_ratio 2 %", 100_000)
+    whole = run_campaign(run, folder, "ensemble", 2).summary
+    (folder / "samples" / "part-00000.parquet").unlink()
+    (folder / "manifest.json").unlink()
+    done = run_campaign(run, folder, "ensemble", 2)
+    assert (done.flown, done.summary) == (8_192, whole)
+
+
+def test_flown_to_the_most_that_is_allowed(tmp_path: Path) -> None:
+    summary = run_campaign(_until("sigma_ratio 0.1 %", 500), tmp_path / "run", "ensemble", 1).summary
+    assert (summary["samples"], summary["stopping"]["reached"]) == (500, False)
+    assert "Flown to the most that were allowed" in (tmp_path / "run" / "report.html").read_text()
+
+
+def test_a_table_goes_with_its_run(tmp_path: Path) -> None:
+    """Its values are kept in the folder, whose campaign runs again; other values are another run."""
+    values = tmp_path / "values.csv"
+    pd.DataFrame({"x": np.random.default_rng(1).standard_normal(500)}).to_csv(values)
+    described = content(samples=200)
+    described["errors"]["range"] = {"distribution": "table", "file": "values.csv", "column": "x", "unit": "km"}
+    run = parse_campaign(described, str(tmp_path / "test.toml"), "test")
+    folder = tmp_path / "run"
+    first = run_campaign(run, folder, "ensemble", 1).summary
+    assert set(pd.read_parquet(folder / "samples")["error range [m]"]) <= set(1000.0 * pd.read_csv(values)["x"])
+    again = run_campaign(read_campaign(folder / "campaign.toml"), folder, "ensemble", 1)
+    assert (again.flown, again.summary) == (0, first)
+    pd.DataFrame({"x": [0.0, 1.0]}).to_csv(values)
+    changed = parse_campaign(described, str(tmp_path / "test.toml"), "test")
+    with pytest.raises(RunFolderError, match=r"errors\.range\.sha256 was"):
+        run_campaign(changed, folder, "ensemble", 1)
+    run_campaign(changed, folder, "ensemble", 1, fresh=True)
 
 
 def test_a_file_in_place_of_the_folder(tmp_path: Path) -> None:
@@ -272,5 +387,29 @@ def test_a_status_that_is_html_stays_text(tmp_path: Path) -> None:
     name = "</script><script>alert(1)</script> $\\frac{$ 🚀 עברית"
     run_campaign(campaign(1, name=name, samples=20), tmp_path / "run", "ensemble", 1)
     page = (tmp_path / "run" / "report.html").read_text()
-    assert "<script" not in page
+    assert "<script>alert" not in page
+    assert page.count("<script") == 1  # our own
     assert "&lt;/script&gt;&lt;script&gt;alert(1)&lt;/script&gt; $\\frac{$ 🚀 עברית" in page
+
+
+def test_the_commit_is_that_of_the_programs_own_checkout(tmp_path: Path) -> None:
+    """As a branch, detached, packed, in a linked work tree; none outside of a checkout."""
+    package, git = tmp_path / "project" / "mcnav", tmp_path / "project" / ".git"
+    package.mkdir(parents=True)
+    assert commit(package) is None
+    (git / "refs" / "heads").mkdir(parents=True)
+    (git / "HEAD").write_text("ref: refs/heads/main\n")
+    (git / "packed-refs").write_text(f"# pack-refs\n{'a' * 40} refs/heads/main\n")
+    assert commit(package) == "a" * 40
+    (git / "refs" / "heads" / "main").write_text("b" * 40 + "\n")
+    assert commit(package) == "b" * 40
+    linked = git / "worktrees" / "other"
+    linked.mkdir(parents=True)
+    (linked / "HEAD").write_text("ref: refs/heads/main\n")
+    (linked / "commondir").write_text("../..\n")
+    other = tmp_path / "other" / "mcnav"
+    other.mkdir(parents=True)
+    (other.parent / ".git").write_text(f"gitdir: {linked}\n")
+    assert commit(other) == "b" * 40
+    (git / "HEAD").write_text("c" * 40 + "\n")
+    assert commit(package) == "c" * 40

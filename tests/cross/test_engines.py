@@ -1,4 +1,4 @@
-"""Encke's form in cartesian axes against the report's polar equations: two routes that share no equation."""
+"""Variation of constants in cartesian axes against the report's polar equations: two routes that share no equation."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from mcnav.linear.covariance import propagated_covariance
+from mcnav.physics.ensemble import fly_ensemble
+from mcnav.physics.refinement import refined_grid
 from mcnav.scenarios.reentry import Reentry
 from mcnav.scenarios.tn_d1772 import ERRORS
 from tests.conftest import reentry
@@ -30,13 +32,36 @@ def _difference(scenario: Reentry, errors: np.ndarray, multiple: float) -> np.nd
 
 
 def test_at_one_sigma(scenario: Reentry, draws: Draw) -> None:
-    """1e-5 of each output's linear sigma: five times what the ensemble's grid is refined to."""
-    assert _difference(scenario, draws(COUNT, 1.0), 1.0).max() < 1e-5
+    """1e-5 of each output's linear sigma is claimed for every trajectory; half of it leaves the claim in hand.
+
+    The grid is refined to 1e-6 of the sigma of 64 draws. The farthest of 200 lies 1.2 times as far out, where errors of
+    third order are 1.7 times as large; the reference path's own error is below 2e-7.
+    """
+    assert _difference(scenario, draws(COUNT, 1.0), 1.0).max() < 5e-6
 
 
 def test_at_ten_times_the_errors(scenario: Reentry, draws: Draw) -> None:
-    """1e-3 is asked for; the grid is refined on the campaign's own draws, so that 1e-5 holds here too."""
-    assert _difference(scenario, draws(COUNT, 10.0), 10.0).max() < 1e-5
+    """1e-3 is asked for; the grid is refined on the campaign's own draws, so that the same holds here."""
+    assert _difference(scenario, draws(COUNT, 10.0), 10.0).max() < 5e-6
+
+
+@pytest.mark.parametrize("multiple", [100.0, 1000.0])
+@pytest.mark.parametrize("number", [1, 4, 7])
+def test_wild_samples_are_right_or_handed_over(number: int, multiple: float, draws: Draw) -> None:
+    """What the kernel keeps, it flies right: the finest grid or 1e-6 of the probes, times ten for what lies farther."""
+    scenario = reentry(number)
+    navigation = scenario.navigation
+    errors = draws(400, multiple)
+    refined = refined_grid(navigation.trajectory, navigation.start, navigation.theta_axes, errors[:64])
+    values, valid = fly_ensemble(refined.grid, errors)
+    kept = np.flatnonzero(valid)[:20]
+    found = navigation.by_reference(errors, kept)
+    flown, failures = found.values, found.failures
+    assert len(kept) > 0
+    assert not failures
+    linear = propagated_covariance(scenario.linearised().partials, np.diag((ERRORS * multiple) ** 2))
+    differences = np.abs([values[row] - flown[row] for row in flown]).max(axis=0)
+    assert (differences / np.sqrt(np.diag(linear))).max() < 1e-5
 
 
 @pytest.mark.parametrize(

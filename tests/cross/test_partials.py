@@ -7,7 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mcnav.linear.partials import partials_by_differences, partials_by_independent_sets, partials_from_runs
+from mcnav.constants import EARTH_RADIUS
+from mcnav.linear.partials import (
+    partials_at_later_starts,
+    partials_by_differences,
+    partials_by_independent_sets,
+    partials_from_runs,
+)
 from mcnav.physics.adjoint import sweep
 from mcnav.physics.linearized import linearise
 from mcnav.scenarios.reentry import Reentry
@@ -17,6 +23,10 @@ from tests.conftest import reentry
 AGREEMENT = 1e-5
 """Share of each row's largest one-sigma contribution. The grid of the ensemble is good for 2e-6, the second-order term
 cancels in both central schemes, and the third is of the step's square: 1e-6."""
+
+SAME_EQUATIONS = 1e-7
+"""The adjoint and the equations of variation are the same linear system, integrated to 1e-10 and 1e-11 and magnified up
+to a thousandfold by a skip."""
 
 
 def _differences(scenario: Reentry) -> dict[str, float]:
@@ -72,6 +82,22 @@ def test_axes_do_not_matter_without_accelerometer_errors() -> None:
     assert np.abs((here - there)[:, 6:] * ERRORS[6:]).max() > 100.0
 
 
+def test_partials_over_time(scenario: Reentry) -> None:
+    """From the start errors themselves to the final partials; in between against the histories of single runs."""
+    trajectory, known = scenario.trajectory, scenario.development(21)
+    np.testing.assert_allclose(known.partials[-1], scenario.linearised().partials, rtol=1e-8, atol=1e-6)
+    at_start = np.diag([1.0, EARTH_RADIUS / trajectory.state(0.0)[0]] * 2)
+    np.testing.assert_allclose(known.partials[0], np.hstack([at_start, np.zeros((4, 6))]), atol=1e-12)
+    assert known.label == "time from reentry [min]"
+    assert known.times[0] == pytest.approx(-trajectory.reentry_time / 60.0)
+    assert known.times[10] == pytest.approx(0.0, abs=1e-9)
+    steps = np.vstack([np.diag(ERRORS), -np.diag(ERRORS)]) * 1e-3
+    flown = scenario.error_histories(steps, known.times[1:] * 60.0)[2]
+    found = (flown[:, :10] - flown[:, 10:]).swapaxes(1, 2) / (2e-3 * ERRORS)
+    largest = np.abs(found * ERRORS).max(axis=2, keepdims=True)
+    assert (np.abs(found - known.partials[1:]) * ERRORS / largest).max() < AGREEMENT
+
+
 @pytest.mark.parametrize("axes", ["start", "trajectory"])
 def test_one_adjoint_sweep_gives_every_start_time(scenario: Reentry, axes: str) -> None:
     """Against the variational equations integrated afresh from each of 50 start times, axes old and new."""
@@ -82,7 +108,17 @@ def test_one_adjoint_sweep_gives_every_start_time(scenario: Reentry, axes: str) 
         theta_axes = float(trajectory.state(start)[1]) if axes == "start" else first
         fresh, _ = linearise(trajectory, start, theta_axes)
         largest = np.abs(fresh * ERRORS).max(axis=1, keepdims=True)
-        assert (np.abs(adjoint.partials(start, axes) - fresh) * ERRORS / largest).max() < AGREEMENT
+        assert (np.abs(adjoint.partials(start, axes) - fresh) * ERRORS / largest).max() < SAME_EQUATIONS
+
+
+def test_adjoint_and_the_histories_of_ten_runs_agree(scenario: Reentry) -> None:
+    """NASA TN D-1772, eq. (16), at 50 start times: the report's own way, in the axes of the first start."""
+    trajectory = scenario.trajectory
+    times = np.linspace(0.0, 0.999 * trajectory.final_time, 50) - trajectory.reentry_time
+    from_runs = partials_at_later_starts(lambda errors: scenario.error_sets(errors, times), ERRORS)
+    adjoint = scenario.partials_at(times, "trajectory")
+    largest = np.abs(adjoint * ERRORS).max(axis=2, keepdims=True)
+    assert (np.abs(from_runs - adjoint) * ERRORS / largest).max() < AGREEMENT
 
 
 def test_adjoint_at_the_end_is_the_identity() -> None:

@@ -3,19 +3,32 @@
 from __future__ import annotations
 
 from collections import Counter
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from mcnav.reproduce import page
 from mcnav.reproduce.printed import SUMS, final_errors, sums
-from mcnav.reproduce.tn_d1772 import CASES, CONTRADICTIONS, SUM_NAMES, Cell, Mark, all_cells
+from mcnav.reproduce.tn_d1772 import CASES, CONTRADICTIONS, SUM_NAMES, Cell, Mark
 from tests.conftest import ROOT
 
 
 @pytest.fixture(scope="module")
-def cells() -> list[Cell]:
-    return all_cells()
+def written(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[Cell], Path]:
+    folder = tmp_path_factory.mktemp("tn")
+    return page.write_reproduction(folder)[0], folder
+
+
+@pytest.fixture(scope="module")
+def cells(written: tuple[list[Cell], Path]) -> list[Cell]:
+    return written[0]
+
+
+@pytest.fixture(scope="module")
+def folder(written: tuple[list[Cell], Path]) -> Path:
+    return written[1]
 
 
 def test_every_printed_number_has_a_computed_one(cells: list[Cell]) -> None:
@@ -50,12 +63,62 @@ def test_contradictions_by_the_printed_numbers_alone(table: str, name: str, colu
     assert float(sums(table)[name][column]) != pytest.approx(total, abs=0.5)
 
 
-def test_page_and_table(cells: list[Cell]) -> None:
-    text = page.render("NASA TN D-1772", cells)
+def test_page_and_tables(cells: list[Cell], folder: Path) -> None:
+    text = (folder / page.PAGE).read_text(encoding="utf-8")
     assert text.count('class="digits"') + text.count('class="tolerance"') > 800
-    assert len(page.table(cells)) == len(cells)
+    assert text.count("<svg") == 13
+    assert len(pd.read_csv(folder / "tables.csv")) == len(cells)
     for name in SUM_NAMES.values():
         assert name in text
+    for number in range(1, 14):
+        frame = pd.read_csv(folder / f"figure_{number:02}.csv")
+        assert len(frame) > 10
+        assert f'href="figure_{number:02}.csv"' in text
+
+
+def test_two_engines_where_errors_are_large(cells: list[Cell]) -> None:
+    """The engines differ by less than a hundredth of a tolerance that is 0.2 % of a column's largest entry or more."""
+    for cell in cells:
+        if cell.table not in ("I", "III"):
+            assert abs(cell.second - cell.computed) < 0.01 * cell.tolerance
+
+
+def test_figure_3_ends_in_run_11(folder: Path) -> None:
+    """Error histories with all errors at once end where Table II(d) prints: within the table's own tolerance."""
+    last = pd.read_csv(folder / "figure_03.csv").iloc[-1]
+    for column, printed in zip(last.index[1:5], map(float, final_errors("II(d)")[10]), strict=True):
+        assert last[column] == pytest.approx(printed, abs=0.005 * 75.0)
+
+
+def test_figure_4_passes_through_the_printed_points(folder: Path) -> None:
+    """Sums by P against Table III: 0.5 % of the largest entry for each of ten contributions."""
+    frame = pd.read_csv(folder / "figure_04.csv")
+    printed, computed = (frame[frame["source"] == kind].set_index("trajectory") for kind in ("printed", "computed"))
+    for column in frame.columns[frame.columns.str.contains(",")]:
+        difference = np.abs(computed[column] - printed[column])
+        assert (difference < 0.01 * np.maximum(printed[column], printed[column].max())).all(), column
+
+
+def test_partials_are_one_and_zero_at_the_end(folder: Path) -> None:
+    """As the report says of figures 6 to 9: each final quantity with respect to itself, and all others."""
+    for output, number in enumerate((6, 7, 8, 9)):
+        last = pd.read_csv(folder / f"figure_{number:02}.csv").iloc[-1, 1:5].to_numpy()
+        own = 1.0 if output in (0, 2) else 6378.14 / (6378.14 + 26.75)
+        np.testing.assert_allclose(last, np.where(np.arange(4) == output, own, 0.0), atol=1e-6)
+
+
+def test_findings(folder: Path) -> None:
+    """What the page says of the report's advice and of Table V rests on the figures."""
+    found = pd.read_csv(folder / "findings.csv")
+    assert set(found["verdict"]) <= {"holds", "in part", "does not hold", "settled"}
+    assert not found["found"].str.contains("nan|inf ").any()
+    twelve = pd.read_csv(folder / "figure_12.csv")
+    early = twelve[twelve.iloc[:, 0] <= -10.0]
+    best = early.iloc[int(early["altitude, sum of |all| [km]"].argmin()), 0]
+    assert -30.0 < best < -20.0
+    advice = found[found["said"].str.contains("between 20 and 30 minutes")].iloc[0]
+    assert f"{best:.1f}".replace("-", "−") in advice["found"]
+    assert found[found["said"].str.contains("insufficient accuracy")].iloc[0]["verdict"] == "does not hold"
 
 
 def test_the_readme_counts_right(cells: list[Cell]) -> None:

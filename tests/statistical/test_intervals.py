@@ -74,3 +74,20 @@ def test_nees_of_trajectory_1(multiple: float, expected: float) -> None:
     found = compare(model, errors, outcomes, np.arange(count), Criterion()).ellipsoid
     assert found is not None
     assert found.nees_paired.value == pytest.approx(expected, abs=3.0 * found.nees_paired.standard_error + 0.005)
+
+
+def test_skewness_of_trajectory_7() -> None:
+    """At ten times the report's errors range rate is skewed by about 1.57; within five standard errors of that."""
+    from tests.conftest import campaign
+
+    count = 40_000
+    run = campaign(7, 10.0, samples=count)
+    errors = run.errors.draw("random", 3, count, 0, count)
+    outcomes = run.scenario.prepared("ensemble", errors[:64]).propagate(errors).values
+    linear = run.scenario.linearised()
+    model = Model(linear.partials, linear.nominal, run.errors.mean, run.errors.covariance)
+    found = compare(model, errors, outcomes, np.arange(count), Criterion()).joint
+    assert found is not None
+    assert found.skewness[3].value == pytest.approx(1.57, abs=5.0 * found.skewness[3].standard_error + 0.005)
+    assert found.normality is not None
+    assert found.normality.skewness_test.p_value < 1e-10

@@ -18,6 +18,7 @@ from mcnav.sampling.distributions import (
     Triangular,
     TruncatedNormal,
     Uniform,
+    tail_weight,
 )
 from mcnav.sampling.errors import Correlation, CorrelationError, ErrorModel
 
@@ -169,3 +170,17 @@ def test_semidefinite_factor() -> None:
 def test_impossible_distributions_are_refused(make: object, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         make()  # type: ignore[operator]
+
+
+@pytest.mark.parametrize(("degrees", "weight"), [(10.0, 70.0), (14.0, 29.1667), (20.0, 20.0)])
+def test_tail_weight_of_students_t(degrees: float, weight: float) -> None:
+    """35/3 (v - 2) (v - 4) / ((v - 6) (v - 8))."""
+    assert tail_weight(StudentT(3.0, degrees)) == pytest.approx(weight, rel=1e-2)
+
+
+def test_tails_are_told_apart() -> None:
+    sources = {"a": Normal(1.0), "b": Uniform(1.0), "c": StudentT(1.0, 8.0), "d": StudentT(1.0, 10.0), "e": Fixed(1.0)}
+    model = ErrorModel(list("abcdef"), sources)
+    assert (model.heavy_tailed("random"), model.long_tailed("random"), model.normal) == (("c",), ("d",), False)
+    assert (model.heavy_tailed("sobol"), model.long_tailed("sobol")) == (("c", "d"), ())
+    assert ErrorModel(["a", "e"], {"a": Normal(1.0), "e": Fixed(1.0)}).normal

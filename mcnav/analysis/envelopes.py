@@ -1,0 +1,72 @@
+"""Dispersion throughout the flight: linear, of all samples, and percentiles of some."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Envelopes:
+    """Errors at m epochs of the flight, SI.
+
+    Attributes
+    ----------
+    label : str
+        What the times are, as ``name [unit]``.
+    times : ndarray, shape (m,)
+    events : mapping of str to float
+        Named instants, in the unit of the times.
+    mean, sigma, linear_mean, linear_sigma : ndarray, shape (m, outputs)
+    percentiles : mapping of str to ndarray, shape (m, outputs)
+        Keyed by the level in per cent.
+    samples, stored : int
+        Of which mean and sigma are, and of which percentiles are.
+    """
+
+    label: str
+    times: Array
+    events: Mapping[str, float]
+    mean: Array
+    sigma: Array
+    linear_mean: Array
+    linear_sigma: Array
+    percentiles: Mapping[str, Array]
+    samples: int
+    stored: int
+
+
+def envelopes_from(
+    columns: Mapping[str, Array], described: Mapping[str, Any], outputs: Sequence[Mapping[str, str]]
+) -> Envelopes:
+    """Envelopes from the columns of a run folder's ``epochs.parquet`` and what it says of itself.
+
+    Raises
+    ------
+    KeyError
+        When a column is missing.
+    """
+
+    def block(kind: str) -> Array:
+        return np.column_stack([columns[f"{kind} {entry['name']} [{entry['unit']}]"] for entry in outputs])
+
+    label = next(iter(columns))
+    levels = dict.fromkeys(name.split()[1] for name in columns if name.startswith("percentile "))
+    return Envelopes(
+        label,
+        columns[label],
+        described["events"],
+        block("mean"),
+        block("sigma"),
+        block("linear mean"),
+        block("linear sigma"),
+        {level: block(f"percentile {level}") for level in levels},
+        int(described["samples"]),
+        int(described["stored"]),
+    )

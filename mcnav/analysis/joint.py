@@ -1,0 +1,199 @@
+"""The outputs together: tests of the whole covariance, of the bias and of normality, and how correlations differ."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcnav.statistics.chi_square import Containment, containment, distribution_test, mean_interval
+from mcnav.statistics.covariance_tests import covariance_likelihood_ratio
+from mcnav.statistics.estimates import Estimate, block_sums, blocked_mean
+from mcnav.statistics.hotelling import hotelling
+from mcnav.statistics.mardia import Mardia, mardia
+from mcnav.statistics.shape import skewness_and_kurtosis
+from mcnav.statistics.significance import Significance
+from mcnav.statistics.whitening import Whitening, whitening
+
+Array = NDArray[np.float64]
+
+ROUNDING: Final = 1e-9
+"""Differences between flown and linear errors, as shares of a sigma, that are taken for rounding."""
+
+
+@dataclass(frozen=True)
+class CorrelationDifference:
+    """Paired estimate of one correlation less the linear one.
+
+    Attributes
+    ----------
+    between : (int, int)
+        The outputs' numbers.
+    linear, paired : float
+        The two correlation coefficients.
+    difference : Estimate
+    """
+
+    between: tuple[int, int]
+    linear: float
+    paired: float
+    difference: Estimate
+
+
+@dataclass(frozen=True)
+class Joint:
+    """What the flown errors say of the linear covariance as a whole.
+
+    The tests of the plain sample need draws that are independent one by one, and are none for other designs; those of
+    its covariance and of NEES need normal sources besides (with Student's t of ten degrees of freedom the likelihood
+    ratio was measured to reject 11 % of what is true at a level of 5 %). Those of the paired differences hold for every
+    design, given enough independent blocks.
+
+    Attributes
+    ----------
+    covariance : Significance or None
+        Likelihood ratio of the plain sample covariance against the linear one; it takes the errors for normal.
+    covariance_paired : Significance or None
+        Hotelling's T-squared of all distinct elements of cov(y) - cov(z), y and z whitened by the linear covariance.
+    bias : Significance or None
+        Hotelling's T-squared of the plain mean against the linear one.
+    bias_paired : Significance or None
+        The same of the differences y - z.
+    nees : Significance or None
+        Kolmogorov-Smirnov test of the flown errors' NEES against chi-square.
+    nees_expected : (float, float) or None
+        Where the plain mean NEES lies with the confidence asked for, if the errors are as linear analysis has them.
+    contained : tuple of Containment
+        Shares of the samples within the linear ellipsoids; empty for designs without independent draws.
+    normality : Mardia or None
+    skewness, excess_kurtosis : tuple of Estimate
+        Of each output.
+    correlations : tuple of CorrelationDifference
+        Of each pair of outputs with dispersion.
+    """
+
+    covariance: Significance | None
+    covariance_paired: Significance | None
+    bias: Significance | None
+    bias_paired: Significance | None
+    nees: Significance | None
+    nees_expected: tuple[float, float] | None
+    contained: tuple[Containment, ...]
+    normality: Mardia | None
+    skewness: tuple[Estimate, ...]
+    excess_kurtosis: tuple[Estimate, ...]
+    correlations: tuple[CorrelationDifference, ...]
+
+
+def compare_jointly(
+    linear: Array,
+    centre: Array,
+    flown: Array,
+    predicted: Array,
+    paired: Array,
+    blocks: NDArray[np.int64],
+    fewest: float,
+    confidence: float,
+    normal: bool,
+) -> Joint:
+    """Test the outputs of flights, all of which succeeded, against the linear covariance.
+
+    Parameters
+    ----------
+    linear : ndarray, shape (outputs, outputs)
+        P S P^T.
+    centre : ndarray, shape (outputs,)
+        Linear mean.
+    flown, predicted : ndarray, shape (n, outputs)
+        y, and the linear errors z of the same draws.
+    paired : ndarray, shape (outputs, outputs)
+        Paired estimate of the covariance.
+    blocks : ndarray of int, shape (n,)
+    fewest : float
+        Independent blocks below which nothing is claimed.
+    confidence : float
+        Of each interval.
+    normal : bool
+        Whether the sources are normal: tests that take the outputs of linear analysis for normal are made only then.
+    """
+    given = whitening(linear)
+    count = len(flown)
+    steps = np.count_nonzero(np.diff(blocks))
+    single, enough = steps == count - 1, steps + 1 >= fewest
+    distances = np.sum(((flown - centre) @ given.matrix) ** 2, axis=1)
+    plain = single and enough
+    shapes = [skewness_and_kurtosis(column, blocks, fewest) for column in flown.T]
+    y, z = (np.ascontiguousarray((values - values.mean(axis=0)).T) for values in (flown, predicted))
+    return Joint(
+        covariance=covariance_likelihood_ratio(np.cov(flown.T).reshape(linear.shape), count, linear)
+        if plain and normal
+        else None,
+        covariance_paired=_paired_covariance(given, flown, predicted, blocks) if enough else None,
+        bias=hotelling(flown, centre, given) if plain else None,
+        bias_paired=_blocked_hotelling(_tidied((flown - predicted) @ given.matrix), blocks) if enough else None,
+        nees=distribution_test(distances, given.rank) if plain and normal else None,
+        nees_expected=mean_interval(count, given.rank, confidence) if plain and normal else None,
+        contained=containment(distances, given.rank, confidence) if plain and given.rank else (),
+        normality=mardia(flown) if plain else None,
+        skewness=tuple(skewed for skewed, _ in shapes),
+        excess_kurtosis=tuple(tailed for _, tailed in shapes),
+        correlations=tuple(
+            _correlation(i, j, linear, paired, y, z, blocks, fewest)
+            for i, j in combinations(range(len(linear)), 2)
+            if min(linear[i, i], linear[j, j], paired[i, i], paired[j, j]) > 0.0
+        ),
+    )
+
+
+def _tidied(differences: Array) -> Array:
+    """Columns that hold nothing but rounding as zeros."""
+    size = np.sqrt(np.mean(differences**2, axis=0))
+    return np.asarray(np.where(size > ROUNDING, differences, 0.0))
+
+
+def _blocked_hotelling(differences: Array, blocks: NDArray[np.int64]) -> Significance | None:
+    """T-squared of a mean of zero, from independent blocks."""
+    return joint_of_blocks(block_sums(differences, blocks), np.full(1, float(len(differences))))
+
+
+def joint_of_blocks(sums: Array, counts: Array) -> Significance | None:
+    """T-squared of a mean of zero, from sums over independent blocks, shape (b, k), and the samples in each."""
+    return hotelling(sums * (len(sums) / float(counts.sum())), np.zeros(sums.shape[1]))
+
+
+def _paired_covariance(
+    given: Whitening, flown: Array, predicted: Array, blocks: NDArray[np.int64]
+) -> Significance | None:
+    """T-squared of the distinct elements of cov(y) - cov(z), in whitened coordinates."""
+    y, z = (centred @ given.matrix for centred in (flown - flown.mean(axis=0), predicted - predicted.mean(axis=0)))
+    pairs = zip(*np.triu_indices(given.rank), strict=True)
+    sums = [block_sums(_tidied(y[:, [a]] * y[:, [b]] - z[:, [a]] * z[:, [b]]), blocks) for a, b in pairs]
+    columns = np.hstack(sums) if sums else np.empty((0, 0))
+    return hotelling(columns * (len(columns) / len(y)), np.zeros(columns.shape[1]))
+
+
+def _correlation(
+    i: int,
+    j: int,
+    linear: Array,
+    paired: Array,
+    y: Array,
+    z: Array,
+    blocks: NDArray[np.int64],
+    fewest: float,
+) -> CorrelationDifference:
+    """Difference of one correlation, its error by the influence function of r = C_ij / sqrt(C_ii C_jj).
+
+    With d_ij what a sample adds to cov(y) - cov(z), that is ``d_ij / sqrt(C_ii C_jj) - r/2 (d_ii/C_ii + d_jj/C_jj)``;
+    y and z, shape (outputs, n), are about their means.
+    """
+    root = float(np.sqrt(paired[i, i] * paired[j, j]))
+    found = float(paired[i, j]) / root
+    own = (y[i] * y[i] - z[i] * z[i]) / paired[i, i] + (y[j] * y[j] - z[j] * z[j]) / paired[j, j]
+    influence = blocked_mean((y[i] * y[j] - z[i] * z[j]) / root - 0.5 * found * own, blocks, fewest)
+    before = float(linear[i, j] / np.sqrt(linear[i, i] * linear[j, j]))
+    difference = replace(influence, value=found - before)
+    return CorrelationDifference((i, j), before, found, difference)

@@ -1,0 +1,304 @@
+"""Requirements judged by flights: met, not met, or not decided, each at a stated confidence.
+
+A requirement is *met* when its one-sided confidence bound lies on the right side of the limit, *not met* when the bound
+on the other side lies beyond it. That all of several requirements are met may be said at the confidence of each: the
+statement is wrong only if one that is not met was found to be (an intersection-union test; Berger, 1982).
+
+Bounds of quantiles and probabilities are distribution-free and exact for independent draws. Antithetic campaigns give
+one draw of each pair to them; Latin hypercubes and nets have too few independent replicates for a tail, and are not
+decided.
+Samples that failed count against the requirement when it is to be met, and for it when it is to be refused.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+from scipy.optimize import brentq
+
+from mcnav.analysis.allocation import largest_sigmas
+from mcnav.analysis.comparison import LARGEST_FAILED_SHARE, Comparison, Model
+from mcnav.analysis.verdict import Verdict, judge
+from mcnav.statistics import order_statistics, proportions
+from mcnav.statistics.radial import normal_circular_error_probable
+
+Array = NDArray[np.float64]
+
+
+class Finding(StrEnum):
+    """What was found of a requirement."""
+
+    MET = "met"
+    NOT_MET = "not met"
+    UNDECIDED = "undecided"
+
+
+@dataclass(frozen=True)
+class Requirement:
+    """What a system must do, SI.
+
+    Attributes
+    ----------
+    kind : str
+        ``sigma_ratio``: the paired sigma ratio of every output departs from one by no more than the limit.
+        ``quantile``: the output's absolute value at a probability lies below the limit. ``cep``: half of all errors in
+        two outputs lie within a circle of that radius about zero. ``box``: the absolute values of several outputs lie
+        within their limits together, with a probability.
+    outputs : tuple of int
+        Their numbers.
+    limits : tuple of float
+    probability : float or None
+    """
+
+    kind: str
+    outputs: tuple[int, ...]
+    limits: tuple[float, ...]
+    probability: float | None
+
+
+def requirements_from(
+    entries: Sequence[Mapping[str, Any]], outputs: Sequence[Mapping[str, Any]]
+) -> tuple[Requirement, ...]:
+    """Requirements as a manifest holds them, with outputs by name."""
+    at = {entry["name"]: number for number, entry in enumerate(outputs)}
+    return tuple(
+        Requirement(
+            kind=entry["kind"],
+            outputs=tuple(at[name] for name in entry["outputs"]),
+            limits=tuple(float(limit) for limit in entry["limits"]),
+            probability=entry["probability"],
+        )
+        for entry in entries
+    )
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A requirement and what was found of it.
+
+    Attributes
+    ----------
+    requirement : Requirement
+    finding : Finding
+    estimate : float
+        Of the flights: the quantile, the CEP, the probability, or the sigma ratio farthest from one.
+    interval : (float, float)
+        Its one-sided bounds, each at the confidence asked for; for a sigma ratio its two-sided interval.
+    linear : float
+        What linear analysis quotes, taking errors for normal; one for a sigma ratio.
+    linear_meets : bool
+    samples_needed : int or None
+        For an undecided case, about how many samples would decide it.
+    largest_sigmas : ndarray, shape (sources,), or None
+        For a quantile, how large each source's sigma may be by linear analysis, the others at theirs.
+    remark : str
+        Why nothing could be decided, where it is not for want of samples.
+    """
+
+    requirement: Requirement
+    finding: Finding
+    estimate: float
+    interval: tuple[float, float]
+    linear: float
+    linear_meets: bool
+    samples_needed: int | None = None
+    largest_sigmas: Array | None = None
+    remark: str = ""
+
+
+def judge_requirement(
+    requirement: Requirement,
+    model: Model,
+    outcomes: Array,
+    blocks: NDArray[np.int64],
+    comparison: Comparison,
+    confidence: float,
+) -> Judged:
+    """Judge one requirement.
+
+    Parameters
+    ----------
+    requirement : Requirement
+    model : Model
+    outcomes : ndarray, shape (n, outputs)
+        Of all samples; NaN in the row of one that failed.
+    blocks : ndarray of int, shape (n,)
+    comparison : Comparison
+        Of the same samples.
+    confidence : float
+    """
+    if requirement.kind == "sigma_ratio":
+        return _judge_ratios(requirement, comparison)
+    picked = np.array(requirement.outputs)
+    mean, covariance = model.outcome_mean[picked], model.outcome_covariance[np.ix_(picked, picked)]
+    independent, remark = independent_samples(blocks)
+    values = outcomes[independent][:, picked]
+    if not np.isfinite(values).any():
+        remark = "every sample failed"
+    if requirement.kind == "box":
+        return _judge_box(requirement, values, mean, covariance, confidence, remark)
+    return _judge_size(requirement, values, mean, covariance, confidence, remark, model)
+
+
+def independent_samples(blocks: NDArray[np.int64]) -> tuple[NDArray[np.bool_], str]:
+    """Samples that are independent of one another: one of each block, when blocks are single samples or pairs."""
+    first = np.diff(blocks, prepend=blocks[:1] - 1) > 0
+    largest = int(np.max(np.diff(np.append(np.flatnonzero(first), len(blocks))), initial=0))
+    if largest <= 2:
+        return first, ""
+    remark = "the design has too few independent replicates for a distribution-free bound: random or antithetic has not"
+    return np.ones(len(blocks), dtype=bool), remark
+
+
+def _judge_ratios(requirement: Requirement, comparison: Comparison) -> Judged:
+    found = [
+        judge(output.paired.ratio, output.paired.interval, requirement.limits[0], comparison.samples)
+        for output in comparison.outputs
+        if output.paired.ratio is not None and output.paired.interval is not None
+    ]
+    failed = comparison.failed > LARGEST_FAILED_SHARE * (comparison.failed + comparison.samples)
+    unforeseen = any(output.paired.verdict == Verdict.DIFFERS and output.paired.ratio is None
+                     for output in comparison.outputs)  # fmt: skip
+    if not found:
+        finding = Finding.NOT_MET if unforeseen else Finding.UNDECIDED
+        return Judged(requirement, finding, math.nan, (0.0, math.inf), 1.0, True, remark="there is nothing to compare")
+    names = {Verdict.DIFFERS: Finding.NOT_MET, Verdict.UNDECIDED: Finding.UNDECIDED, Verdict.AGREES: Finding.MET}
+    order = (Verdict.DIFFERS, Verdict.UNDECIDED, Verdict.AGREES)
+    worst = min(found, key=lambda each: (order.index(each.verdict), -abs((each.ratio or 1.0) - 1.0)))
+    finding = Finding.NOT_MET if unforeseen else names[worst.verdict]
+    remark = ""
+    if finding == Finding.MET and failed:
+        finding, remark = Finding.UNDECIDED, "too many samples failed"
+    needed = max((each.samples_needed or 0 for each in found), default=0) or None
+    return Judged(requirement, finding, worst.ratio or 1.0, worst.interval or (0.0, math.inf), 1.0, True,
+                  needed if finding == Finding.UNDECIDED else None, remark=remark)  # fmt: skip
+
+
+def _judge_size(
+    requirement: Requirement,
+    values: Array,
+    mean: Array,
+    covariance: Array,
+    confidence: float,
+    remark: str,
+    model: Model,
+) -> Judged:
+    """A quantile of an output's absolute value, or of the distance from zero in two outputs."""
+    limit, probability = requirement.limits[0], requirement.probability or 0.5
+    size = np.hypot(*values.T) if requirement.kind == "cep" else np.abs(values[:, 0])
+    failed = ~np.isfinite(size)
+    against, favouring = np.where(failed, np.inf, size), np.where(failed, 0.0, size)
+    flown = size[~failed]
+    estimate = float(np.quantile(flown, probability)) if len(flown) else math.nan
+    interval = (0.0, math.inf)
+    if not remark:
+        interval = (
+            max(order_statistics.lower_bound(favouring, probability, confidence), 0.0),
+            order_statistics.upper_bound(against, probability, confidence),
+        )
+    finding = Finding.MET if interval[1] <= limit else Finding.NOT_MET if interval[0] > limit else Finding.UNDECIDED
+    linear = (
+        normal_circular_error_probable(mean, covariance)
+        if requirement.kind == "cep"
+        else absolute_normal_quantile(float(mean[0]), float(covariance[0, 0]) ** 0.5, probability)
+    )
+    needed = None
+    if finding == Finding.UNDECIDED and not remark and len(size):
+        beyond = float(np.mean(against > limit))
+        needed = _needed(beyond, 1.0 - probability, confidence, len(size))
+    largest = None
+    if requirement.kind == "quantile":
+        sigma = _largest_sigma(float(mean[0]), limit, probability)
+        if sigma is not None:
+            largest = largest_sigmas(model.partials[requirement.outputs[0]], model.covariance, sigma)
+    return Judged(requirement, finding, estimate, interval, linear, linear <= limit, needed, largest, remark)
+
+
+def _judge_box(
+    requirement: Requirement, values: Array, mean: Array, covariance: Array, confidence: float, remark: str
+) -> Judged:
+    limits, probability = np.array(requirement.limits), requirement.probability or 0.5
+    failed = ~np.isfinite(values).all(axis=1)
+    inside = int(np.count_nonzero(np.all(np.abs(values[~failed]) <= limits, axis=1)))
+    count, lost = len(values), int(failed.sum())
+    interval = (0.0, 1.0)
+    if not remark:
+        interval = (
+            proportions.lower_probability(inside, count, confidence),
+            proportions.upper_probability(inside + lost, count, confidence),
+        )
+    met = interval[0] >= probability
+    finding = Finding.MET if met else Finding.NOT_MET if interval[1] < probability else Finding.UNDECIDED
+    linear = normal_box_probability(mean, covariance, limits)
+    needed = None
+    if finding == Finding.UNDECIDED and not remark and count:
+        needed = _needed(1.0 - inside / count, 1.0 - probability, confidence, count)
+    estimate = inside / (count - lost) if count > lost else math.nan
+    return Judged(requirement, finding, estimate, interval, linear, linear >= probability, needed, remark=remark)
+
+
+def _needed(share: float, allowed: float, confidence: float, count: int) -> int | None:
+    """Samples that would decide, if the share of samples beyond the limit stays as it is."""
+    if share == 0.0:
+        return max(count + 1, order_statistics.samples_for_upper_bound(1.0 - allowed, confidence))
+    if share == allowed:
+        return None
+    reach = float(special.ndtri(confidence)) * math.sqrt(allowed * (1.0 - allowed)) / abs(allowed - share)
+    return max(count + 1, math.ceil(reach**2)) if reach < 1e5 else None
+
+
+def absolute_normal_quantile(mean: float, sigma: float, probability: float) -> float:
+    """Quantile of the absolute value of a normal variable.
+
+    >>> round(absolute_normal_quantile(0.0, 1.0, 0.9973), 3)
+    3.0
+    """
+    if sigma <= 0.0:
+        return abs(mean)
+
+    def excess(size: float) -> float:
+        return float(special.ndtr((size - mean) / sigma) - special.ndtr((-size - mean) / sigma)) - probability
+
+    return float(brentq(excess, 0.0, abs(mean) + 40.0 * sigma, xtol=1e-12 * (abs(mean) + sigma)))
+
+
+def _largest_sigma(mean: float, limit: float, probability: float) -> float | None:
+    """Largest sigma at which a normal variable's absolute value stays below a limit at a probability."""
+    if abs(mean) >= limit:
+        return None
+    if mean == 0.0:
+        return limit / float(special.ndtri(0.5 + 0.5 * probability))
+
+    def excess(sigma: float) -> float:
+        return absolute_normal_quantile(mean, sigma, probability) - limit
+
+    return float(brentq(excess, 0.0, limit / float(special.ndtri(0.5 + 0.5 * probability)) * (1.0 + 1e-9)))
+
+
+def normal_box_probability(mean: Array, covariance: Array, limits: Array) -> float:
+    """Probability that a normal vector lies within ``+-limits``; its covariance may be singular.
+
+    >>> round(normal_box_probability(np.zeros(2), np.diag([1.0, 0.0]), np.array([1.0, 1.0])), 4)
+    0.6827
+    """
+    sigma = np.sqrt(np.diag(covariance))
+    spread = sigma > 0.0
+    if np.any(np.abs(mean[~spread]) > limits[~spread]):
+        return 0.0
+    if not spread.any():
+        return 1.0
+    correlation = covariance[np.ix_(spread, spread)] / np.outer(sigma[spread], sigma[spread])
+    centre, half = mean[spread] / sigma[spread], limits[spread] / sigma[spread]
+    if len(centre) == 1:
+        return float((special.ndtr(half - centre) - special.ndtr(-half - centre))[0])
+    from scipy.stats import multivariate_normal  # half a second, for those who ask for it
+
+    normal = multivariate_normal(centre, correlation, allow_singular=True, seed=1, abseps=1e-7, releps=1e-7)
+    return float(normal.cdf(half, lower_limit=-half))

@@ -1,0 +1,108 @@
+"""Synthetic systems with two outputs and three independent sources of unit variance, their moments in closed form.
+
+`linear`
+    Flights are the linear model: everything agrees, and all is sampling noise.
+`disguised`
+    ``y_1 = a x_1 + c (x_3^2 - 1)`` and ``y_2 = b x_2 + c x_1 x_3``, with a and b such that both variances are exactly
+    one: the flights are nonlinear, yet their mean and covariance are those of the linear model. What the paired
+    estimate must not call a difference.
+`quadratic`
+    ``y_1 = x_1 + c x_2^2`` and ``y_2 = x_1 / 2 + x_3 + c x_1 x_2``: what intervals must cover.
+`corrupted`
+    Linear flights against a linear model whose first column is 5 % too large: what must be found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcnav.analysis.comparison import Model
+
+Array = NDArray[np.float64]
+
+CURVATURE: Final = 0.2
+CORRUPTION: Final = 1.05
+PARTIALS: Final = np.array([[1.0, 0.0, 0.0], [0.5, 0.0, 1.0]])
+BEND: Final = 0.2
+
+
+@dataclass(frozen=True)
+class Truth:
+    """Moments of the flights.
+
+    Attributes
+    ----------
+    mean : ndarray, shape (2,)
+    covariance : ndarray, shape (2, 2)
+    skewness : float or None
+        Of the first output; none when it does not exist or is not looked at.
+    """
+
+    mean: Array
+    covariance: Array
+    skewness: float | None
+
+
+@dataclass(frozen=True)
+class System:
+    """A system to fly, the linear model that is believed of it, and its truth by the sources' moments.
+
+    Attributes
+    ----------
+    fly : callable
+        Sources, shape (n, 3), and their fourth moment, to outputs, shape (n, 2).
+    model : Model
+    truth : callable
+        Fourth and sixth moments of a source to `Truth`.
+    """
+
+    fly: Callable[[Array, float], Array]
+    model: Model
+    truth: Callable[[float, float], Truth]
+
+
+def _model(partials: Array) -> Model:
+    return Model(partials, np.zeros(2), np.zeros(3), np.eye(3))
+
+
+def _disguised(sources: Array, fourth: float) -> Array:
+    bent = BEND * (sources[:, 2] ** 2 - 1.0)
+    first = np.sqrt(1.0 - BEND**2 * (fourth - 1.0)) * sources[:, 0] + bent
+    second = np.sqrt(1.0 - BEND**2) * sources[:, 1] + BEND * sources[:, 0] * sources[:, 2]
+    return np.column_stack([first, second])
+
+
+def _curved(sources: Array, fourth: float) -> Array:
+    first = sources[:, 0] + CURVATURE * sources[:, 1] ** 2
+    second = 0.5 * sources[:, 0] + sources[:, 2] + CURVATURE * sources[:, 0] * sources[:, 1]
+    return np.column_stack([first, second])
+
+
+def _curved_truth(fourth: float, sixth: float) -> Truth:
+    covariance = PARTIALS @ PARTIALS.T + np.diag([CURVATURE**2 * (fourth - 1.0), CURVATURE**2])
+    third = CURVATURE**3 * (sixth - 3.0 * fourth + 2.0)
+    skewness = third / covariance[0, 0] ** 1.5 if np.isfinite(sixth) else None
+    return Truth(np.array([CURVATURE, 0.0]), covariance, skewness)
+
+
+def _linear(sources: Array, fourth: float) -> Array:
+    return np.asarray(sources @ PARTIALS.T)
+
+
+def _same(covariance: Array) -> Callable[[float, float], Truth]:
+    return lambda fourth, sixth: Truth(np.zeros(2), covariance, None)
+
+
+_PLAIN: Final = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+
+SYSTEMS: Final = {
+    "linear": System(_linear, _model(PARTIALS), _same(PARTIALS @ PARTIALS.T)),
+    "disguised": System(_disguised, _model(_PLAIN), _same(np.eye(2))),
+    "quadratic": System(_curved, _model(PARTIALS), _curved_truth),
+    "corrupted": System(_linear, _model(PARTIALS * np.array([CORRUPTION, 1.0, 1.0])), _same(PARTIALS @ PARTIALS.T)),
+}

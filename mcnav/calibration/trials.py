@@ -1,0 +1,223 @@
+"""Synthetic campaigns, and whether each of the program's statements about them was right."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from joblib import Parallel, delayed
+from numpy.typing import NDArray
+from scipy import special
+from threadpoolctl import threadpool_limits
+
+from mcnav.analysis.comparison import Comparison, Criterion, compare, correlations
+from mcnav.analysis.requirements import Finding, Requirement, judge_requirement
+from mcnav.calibration.systems import SYSTEMS, System, Truth
+from mcnav.sampling.designs import FEWEST_BLOCKS, block_length, standard_normals
+from mcnav.sampling.distributions import Distribution, Normal, StudentT
+from mcnav.statistics.significance import Significance
+
+Array = NDArray[np.float64]
+
+LEVEL: Final = 0.95
+"""Confidence of each single statement."""
+
+CRITERION: Final = Criterion(tolerance=0.01, confidence=1.0 - 3.0 * (1.0 - LEVEL))
+"""The confidence of all together that gives each of the three (two outputs and the matrix) `LEVEL`."""
+
+SIZES: Final = (500, 1000, 2000, 5000)
+TAIL: Final = 0.99
+"""Quantile whose upper bound is put to the test."""
+
+SOURCES: Final[dict[str, tuple[Distribution, float, float]]] = {
+    "normal": (Normal(1.0), 3.0, 15.0),
+    "student-t 10": (StudentT(1.0, 10.0), 4.0, 40.0),
+    "student-t 5": (StudentT(1.0, 5.0), 9.0, math.inf),
+}
+"""Distributions of all sources with their fourth and sixth moments."""
+
+HEAVIEST: Final = "student-t 5"
+"""Flown through the quadratic system only, to show what its tails do."""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One kind of campaign and one statement about it.
+
+    Attributes
+    ----------
+    system, sources, design : str
+    samples : int
+    statement : str
+        What was said.
+    kind : str
+        ``coverage`` or ``false alarm``, which have a nominal rate, or ``power``.
+    """
+
+    system: str
+    sources: str
+    design: str
+    samples: int
+    statement: str
+    kind: str
+
+
+def run_trials(
+    trials: int, jobs: int, designs: Sequence[str], sizes: Sequence[int] = SIZES
+) -> tuple[Counter[Cell], Counter[Cell]]:
+    """Fly many campaigns and count.
+
+    Parameters
+    ----------
+    trials : int
+        Campaigns for each system, distribution, design and size; seeds are 0, 1, ...
+    jobs : int
+        Processes.
+    designs, sizes : sequence
+        Which to fly.
+
+    Returns
+    -------
+    hits, made : Counter of Cell
+        How often a statement came true (an interval covered, a test rejected), and how often it was made at all.
+    """
+    stretch = max(1, trials // (4 * jobs))
+    pieces = [
+        (design, count, range(begin, min(begin + stretch, trials)))
+        for design in designs
+        for count in sizes
+        for begin in range(0, trials, stretch)
+    ]
+    hits: Counter[Cell] = Counter()
+    made: Counter[Cell] = Counter()
+    for some_hits, some_made in Parallel(n_jobs=jobs)(delayed(_piece)(*piece) for piece in pieces):
+        hits.update(some_hits)
+        made.update(some_made)
+    return hits, made
+
+
+def _piece(design: str, count: int, seeds: Sequence[int]) -> tuple[Counter[Cell], Counter[Cell]]:
+    hits: Counter[Cell] = Counter()
+    made: Counter[Cell] = Counter()
+    blocks = np.arange(count) // block_length(design, count)
+    with threadpool_limits(1):
+        for seed in seeds:
+            normals = standard_normals(design, seed, count, 0, count, 3)
+            for sources, (distribution, fourth, sixth) in SOURCES.items():
+                errors = distribution.transform(normals)
+                for name, system in SYSTEMS.items():
+                    if sources == HEAVIEST and name != "quadratic":
+                        continue
+                    flown = system.fly(errors, fourth)
+                    normal = sources == "normal"
+                    found = compare(system.model, errors, flown, blocks, CRITERION, FEWEST_BLOCKS[design], normal)
+                    truth = system.truth(fourth, sixth)
+                    for statement, kind, hit in _statements(name, system, truth, found, flown, blocks, sources):
+                        cell = Cell(name, sources, design, count, statement, kind)
+                        made[cell] += 1
+                        hits[cell] += hit
+    return hits, made
+
+
+Statement = tuple[str, str, bool]
+
+
+def _statements(
+    name: str,
+    system: System,
+    truth: Truth,
+    found: Comparison,
+    flown: Array,
+    blocks: NDArray[np.int64],
+    sources: str,
+) -> Iterator[Statement]:
+    if name == "corrupted":
+        yield from _found_out(found)
+        return
+    yield from _covered(name, system, truth, found)
+    if name in ("linear", "disguised"):
+        yield from _alarms(name, found, sources)
+    if name == "linear" and sources == "normal":
+        yield from _tail(system, found, flown, blocks)
+
+
+def _within(value: float, interval: tuple[float, float] | None) -> bool:
+    return interval is not None and interval[0] <= value <= interval[1]
+
+
+def _covered(name: str, system: System, truth: Truth, found: Comparison) -> Iterator[Statement]:
+    """Intervals against the truth; those of differences that are exactly nil have nothing to cover."""
+    linear = system.model.outcome_covariance
+    ratios = np.sqrt(np.diag(truth.covariance) / np.diag(linear))
+    first = found.outputs[0]
+    if first.plain.interval is None or not math.isfinite(first.plain.interval[1]):
+        return
+    yield "plain sigma ratio", "coverage", _within(ratios[0], first.plain.interval)
+    joint, ellipsoid = found.joint, found.ellipsoid
+    if joint is not None and truth.skewness is not None:
+        yield "skewness", "coverage", _within(truth.skewness, joint.skewness[0].interval(LEVEL))
+    if name == "linear":
+        return
+    yield "paired sigma ratio", "coverage", _within(ratios[0], first.paired.interval)
+    yield "bias", "coverage", _within(truth.mean[0], first.bias.interval(LEVEL))
+    if joint is not None:
+        difference = correlations(truth.covariance)[0, 1] - correlations(linear)[0, 1]
+        yield (
+            "correlation difference",
+            "coverage",
+            _within(difference, joint.correlations[0].difference.interval(LEVEL)),
+        )
+    if ellipsoid is not None:
+        about = truth.covariance + np.outer(truth.mean, truth.mean)
+        yield "mean NEES", "coverage", _within(
+            float(np.trace(np.linalg.solve(linear, about))), ellipsoid.nees_paired.interval(LEVEL)
+        )  # fmt: skip
+
+
+def _alarms(name: str, found: Comparison, sources: str) -> Iterator[Statement]:
+    """Tests of hypotheses that are true."""
+    joint = found.joint
+    if joint is None:
+        return
+    tests: dict[str, Significance | None] = {"bias, Hotelling": joint.bias}
+    if name == "disguised":
+        tests = {"covariance, paired": joint.covariance_paired, "bias, paired": joint.bias_paired}
+    elif sources == "normal":
+        normality = joint.normality
+        tests |= {
+            "covariance, likelihood ratio": joint.covariance,
+            "NEES, Kolmogorov-Smirnov": joint.nees,
+            "Mardia's skewness": normality.skewness_test if normality else None,
+            "Mardia's kurtosis": normality.kurtosis_test if normality else None,
+        }
+    for statement, test in tests.items():
+        if test is not None:
+            yield statement, "false alarm", test.p_value < 1.0 - LEVEL
+
+
+def _tail(system: System, found: Comparison, flown: Array, blocks: NDArray[np.int64]) -> Iterator[Statement]:
+    """Upper bound of a quantile: a limit at the quantile itself is met only when the bound is wrong."""
+    limit = float(special.ndtri(0.5 + 0.5 * TAIL))
+    required = Requirement("quantile", (0,), (limit,), TAIL)
+    judged = judge_requirement(required, system.model, flown, blocks, found, LEVEL)
+    if not judged.remark:
+        yield f"|y| at {100.0 * TAIL:g} %, upper bound", "coverage", judged.finding != Finding.MET
+
+
+def _found_out(found: Comparison) -> Iterator[Statement]:
+    """Whether the wrong matrix is noticed, and told to be beyond the tolerance."""
+    first, joint = found.outputs[0], found.joint
+    yield "plain sigma ratio is not one", "power", first.plain.certain
+    yield "paired sigma ratio is not one", "power", first.paired.certain
+    yield "verdict: differs by more than 1 %", "power", first.paired.verdict.value == "differs"
+    if joint is not None:
+        for statement, test in (
+            ("covariance, likelihood ratio", joint.covariance),
+            ("covariance, paired", joint.covariance_paired),
+        ):
+            if test is not None:
+                yield statement, "power", test.p_value < 1.0 - LEVEL

@@ -1,0 +1,190 @@
+"""Chunks flown in worker processes, also when workers die under them.
+
+A worker that is killed, or that its own code ends, takes the pool with it. What the others had stored by then is kept.
+The first time everything that is left is given to a new pool: someone may have killed a worker. When that one dies as
+well, the chunks that were next in turn are flown one at a time, and one that ends its worker even then is flown sample
+by sample, so that only the sample at fault fails.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from joblib import Parallel, delayed
+from joblib.externals.loky import get_reusable_executor
+from joblib.externals.loky.process_executor import BrokenProcessPool, ProcessPoolExecutor
+from numpy.typing import NDArray
+
+from mcnav.campaign.parts import Part
+from mcnav.campaign.work import Place, Work, fly_chunk, fly_errors, pieces, store, stored
+from mcnav.scenarios.limits import too_long
+from mcnav.scenarios.protocol import Outcomes, Prepared
+
+Array = NDArray[np.float64]
+
+TRIED_WHOLE: Final = 2
+"""Pools that may die before chunks are flown one at a time."""
+
+DIED: Final = "the worker process died while flying it"
+
+
+_PR_SET_PDEATHSIG: Final = 1
+
+
+def _end_with_parent(parent: int) -> None:
+    """Let a worker process end with its parent, also when that was killed and could not say so.
+
+    On Linux the kernel sees to it, whatever the worker is at; elsewhere the worker looks for its parent.
+    """
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the parent, which says what is to be done
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(0.5)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+_alone_executor: list[ProcessPoolExecutor] = []
+"""One worker for what is flown apart; joblib keeps its own."""
+
+
+def _alone_worker() -> ProcessPoolExecutor:
+    if not _alone_executor:
+        _alone_executor.append(ProcessPoolExecutor(1, initializer=_end_with_parent, initargs=(os.getpid(),)))
+    return _alone_executor[0]
+
+
+def end_workers() -> None:
+    """End all worker processes."""
+    get_reusable_executor().shutdown(wait=True, kill_workers=True)
+    while _alone_executor:
+        _alone_executor.pop().shutdown(wait=True, kill_workers=True)
+
+
+def _flights(work: Work, places: Sequence[Place], jobs: int) -> Iterator[tuple[int, Part]]:
+    """Numbers and parts of some chunks, from worker processes also when there is only one; `BrokenProcessPool`."""
+    workers = min(jobs, len(places))
+    if workers == 1:  # for which joblib would take this process
+        yield from (_alone_worker().submit(_numbered, work, place).result() for place in places)
+        return
+    yield from Parallel(
+        n_jobs=workers,
+        return_as="generator_unordered",
+        backend="loky",
+        initializer=_end_with_parent,
+        initargs=(os.getpid(),),
+    )(delayed(_numbered)(work, place) for place in places)
+
+
+def fly_in_processes(work: Work, missing: Sequence[Place], jobs: int) -> Iterator[Part]:
+    """Parts of the missing chunks, as they become ready."""
+    left = {place.number: place for place in missing}
+    broken = 0
+    while left:
+        try:
+            for number, part in _flights(work, tuple(left.values()), jobs):
+                del left[number]
+                yield part
+        except BrokenProcessPool:
+            broken += 1
+            end_workers()
+            for place in list(left.values()):
+                known = stored(work, place)
+                if known is not None:
+                    del left[place.number]
+                    yield known
+            if broken >= TRIED_WHOLE:
+                for place in list(left.values())[: 2 * jobs]:
+                    del left[place.number]
+                    yield _alone(work, place)
+                end_workers()
+
+
+def _numbered(work: Work, place: Place) -> tuple[int, Part]:
+    return place.number, fly_chunk(work, place)
+
+
+def _in_one_worker(task: Callable[..., Any], *arguments: Any) -> Any:
+    """A task in a process of its own; none when the process dies."""
+    try:
+        return _alone_worker().submit(task, *arguments).result()
+    except BrokenProcessPool:
+        _alone_executor.pop().shutdown(wait=True, kill_workers=True)
+        return None
+
+
+@dataclass(frozen=True)
+class Guarded:
+    """An engine whose flights go to a process of their own: when that dies, they have failed, and nothing else."""
+
+    prepared: Prepared
+    outputs: int
+    timeout: float | None = None
+
+    @property
+    def parallel(self) -> str:
+        """See `Prepared`."""
+        return self.prepared.parallel
+
+    @property
+    def chunk(self) -> int:
+        """See `Prepared`."""
+        return self.prepared.chunk
+
+    @property
+    def accuracy(self) -> str:
+        """See `Prepared`."""
+        return self.prepared.accuracy
+
+    def in_one(self, errors: Array) -> Outcomes | None:
+        """Outcomes of samples, shape (n, sources); none when the process dies."""
+        outcomes = _in_one_worker(fly_errors, self.prepared, self.timeout, self.outputs, errors)
+        return outcomes if isinstance(outcomes, Outcomes) else None
+
+    def propagate(self, errors: Array) -> Outcomes:
+        """Fly samples, shape (n, sources)."""
+        began = time.monotonic()
+        outcomes = self.in_one(errors)
+        if outcomes is not None:
+            return outcomes
+        late = self.timeout is not None and time.monotonic() - began > self.timeout
+        reason = too_long(self.timeout or 0.0) if late else DIED
+        return Outcomes(np.full((len(errors), self.outputs), np.nan), dict.fromkeys(range(len(errors)), reason))
+
+
+def _alone(work: Work, place: Place) -> Part:
+    """One chunk in a process of its own; if that dies, each of its samples."""
+    part = _in_one_worker(fly_chunk, work, place)
+    if isinstance(part, Part):
+        return part
+    guarded = Guarded(work.prepared, len(work.layout.outputs), work.timeout)
+    several = place.end - place.begin > work.prepared.chunk
+    return store(work, place, ((errors, _apart(guarded, errors, several)) for errors in pieces(work, place)))
+
+
+def _apart(guarded: Guarded, errors: Array, several: bool) -> Outcomes:
+    """One piece of a chunk: whole, when there are several of which another may be at fault, else sample by sample."""
+    if several:
+        outcomes = guarded.in_one(errors)
+        if outcomes is not None:
+            return outcomes
+    each = [guarded.propagate(errors[row : row + 1]) for row in range(len(errors))]
+    return Outcomes(
+        np.concatenate([one.values for one in each]),
+        {row: reason for row, one in enumerate(each) for reason in one.failures.values()},
+        sum(one.handed_over for one in each),
+        {row: text for row, one in enumerate(each) for text in one.tracebacks.values()},
+    )

@@ -1,0 +1,164 @@
+"""One chunk of a run: drawn, flown and stored by whoever is given it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from mcnav.campaign import epochs
+from mcnav.campaign.folder import RunFolder
+from mcnav.campaign.parts import Layout, Part, whole_part, write_part
+from mcnav.campaign.reduced import KEPT, MARK, MOST_REASONS, Summary, chunk_of
+from mcnav.linear.reduction import Frame, reduced
+from mcnav.sampling.errors import ErrorModel
+from mcnav.scenarios.limits import TookTooLong, time_limit
+from mcnav.scenarios.one_by_one import NOT_FINITE, Failed, fly_each
+from mcnav.scenarios.protocol import Outcomes, Prepared
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Draws:
+    """Which samples to draw; see `ErrorModel.draw`."""
+
+    model: ErrorModel
+    design: str
+    seed: int
+    samples: int
+
+
+@dataclass(frozen=True)
+class Work:
+    """What a worker needs to fly any chunk of a run; with a frame it keeps a summary in place of samples.
+
+    ``timeout`` is the time that a sample may take, s.
+    """
+
+    draws: Draws
+    prepared: Prepared
+    folder: RunFolder
+    identity: str
+    layout: Layout
+    timeout: float | None = None
+    frame: Frame | None = None
+
+    @property
+    def chunk(self) -> int:
+        """Samples of a chunk: part of engine and campaign, never of the number of workers."""
+        return self.prepared.chunk if self.frame is None else chunk_of(self.prepared.chunk, self.draws.samples)
+
+
+@dataclass(frozen=True)
+class Place:
+    """A chunk by its number, and its samples [begin, end)."""
+
+    number: int
+    begin: int
+    end: int
+
+
+def draw(work: Work, place: Place) -> Array:
+    """Errors of a chunk's samples, shape (n, sources)."""
+    draws = work.draws
+    return draws.model.draw(draws.design, draws.seed, draws.samples, place.begin, place.end)
+
+
+def fly_errors(prepared: Prepared, timeout: float | None, outputs: int, errors: Array) -> Outcomes:
+    """Outcomes of samples, shape (n, sources); what an engine raises is pinned to the samples that cause it."""
+    with time_limit(timeout):
+        try:
+            outcomes = prepared.propagate(errors)
+        except MemoryError:
+            raise
+        except (Exception, TookTooLong):
+            each = fly_each(lambda row: _alone(prepared, errors[row]), range(len(errors)))
+            outcomes = each.outcomes(np.full((len(errors), outputs), np.nan))
+    lost = np.flatnonzero(~np.isfinite(outcomes.values).all(axis=1))
+    failures = {int(row): NOT_FINITE for row in lost} | dict(outcomes.failures)
+    values = outcomes.values.copy()
+    values[list(failures)] = np.nan
+    return replace(outcomes, values=values, failures=failures)
+
+
+def _alone(prepared: Prepared, errors: Array) -> Array:
+    outcomes = prepared.propagate(errors[None, :])
+    if outcomes.failures:
+        raise Failed(outcomes.failures[0])
+    return np.asarray(outcomes.values[0])
+
+
+def fly_chunk(work: Work, place: Place) -> Part:
+    """Draw, fly and store one chunk."""
+    with threadpool_limits(1):
+        return store(work, place, ((errors, _flown(work, errors)) for errors in pieces(work, place)))
+
+
+def _flown(work: Work, errors: Array) -> Outcomes:
+    return fly_errors(work.prepared, work.timeout, len(work.layout.outputs), errors)
+
+
+def pieces(work: Work, place: Place) -> Iterator[Array]:
+    """Errors of a chunk's samples, in pieces of the engine's own chunk."""
+    step = work.prepared.chunk
+    for begin in range(place.begin, place.end, step):
+        yield draw(work, Place(place.number, begin, min(begin + step, place.end)))
+
+
+def store(work: Work, place: Place, flown: Iterable[tuple[Array, Outcomes]]) -> Part:
+    """Store a chunk that comes in pieces: its samples, or its summary, so that no two pieces need be held at once."""
+    folder, identity, layout = work.folder.parts, work.identity, work.layout
+    if work.frame is None:
+        ((errors, outcomes),) = flown
+        marks = epochs.marks(work.prepared, errors)
+        return write_part(folder, place.number, place.begin, identity, layout, errors, outcomes, marks)
+    begin, handed_over, followed = place.begin, 0, None
+    total: Summary | None = None
+    rows: list[tuple[Array, Outcomes]] = []
+    tracebacks: dict[int, str] = {}
+    for errors, outcomes in flown:
+        reasons = {begin + row: f"failed: {reason}" for row, reason in sorted(outcomes.failures.items())}
+        found = Summary.of(reduced(work.frame, begin, errors, outcomes.values), len(errors), reasons)
+        total = found if total is None else total + found
+        for row, text in islice(sorted(outcomes.tracebacks.items()), MOST_REASONS - len(tracebacks)):
+            tracebacks[begin - place.begin + row] = text
+        followed = epochs.added(followed, epochs.sums(work.prepared, errors))
+        handed_over += outcomes.handed_over
+        kept = min(max(KEPT - begin, 0), len(errors))
+        failures = {row: reason for row, reason in outcomes.failures.items() if row < kept}
+        rows.append((errors[:kept].copy(), Outcomes(outcomes.values[:kept].copy(), failures)))
+        begin += len(errors)
+    if total is None:
+        raise ValueError("a chunk has at least one sample")
+    marks = {**epochs.marked(followed), MARK: total.as_mark()}
+    errors, outcomes = _joined(rows)
+    outcomes = replace(outcomes, tracebacks=tracebacks)
+    counts = (total.samples, sum(failure.samples for failure in total.failures.values()), handed_over)
+    return write_part(folder, place.number, place.begin, identity, layout, errors, outcomes, marks, counts)
+
+
+def _joined(rows: Sequence[tuple[Array, Outcomes]]) -> tuple[Array, Outcomes]:
+    """Pieces of a chunk as one."""
+    failures: dict[int, str] = {}
+    begin = 0
+    for errors, outcomes in rows:
+        failures |= {begin + row: reason for row, reason in outcomes.failures.items()}
+        begin += len(errors)
+    values = np.concatenate([outcomes.values for _, outcomes in rows])
+    return np.concatenate([errors for errors, _ in rows]), Outcomes(values, failures)
+
+
+def whole(work: Work, number: int) -> Part | None:
+    """The part of a number that is there already, whole and of this very run."""
+    return whole_part(work.folder.parts, number, work.identity, None if work.frame is None else KEPT)
+
+
+def stored(work: Work, place: Place) -> Part | None:
+    """The part of a chunk that is there already, whole and of this very run."""
+    found = whole(work, place.number)
+    return found if found is not None and (found.begin, found.end) == (place.begin, place.end) else None

@@ -1,0 +1,58 @@
+"""Samples that failed: why, how many, which."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+from mcnav.report.content import Content
+from mcnav.scenarios.reasons import without_numbers
+
+MOST_REASONS: Final = 20
+"""Reasons beyond which those that differ in their numbers alone are told as one."""
+
+SHOWN: Final = 8
+"""Indices shown of each reason."""
+
+
+Failures = Mapping[str, tuple[int, Sequence[int]]]
+"""By reason: how many samples failed, and the indices of the first of them."""
+
+
+def failures_in(status: Sequence[str], index: Sequence[int]) -> dict[str, tuple[int, Sequence[int]]]:
+    """The failed ones of some samples with their indices, grouped.
+
+    >>> failures_in(["ok", "failed: fell to 3 km", "ok", "failed: fell to 3 km"], [10, 11, 12, 13])
+    {'failed: fell to 3 km': (2, [11, 13])}
+    """
+    found: dict[str, list[int]] = {}
+    for number, reason in zip(index, status, strict=True):
+        if reason != "ok":
+            found.setdefault(reason, []).append(int(number))
+    return grouped({reason: (len(numbers), numbers[:SHOWN]) for reason, numbers in found.items()})
+
+
+def grouped(failures: Failures) -> dict[str, tuple[int, Sequence[int]]]:
+    """The most frequent first; when there are many, those that differ in their numbers alone as one."""
+    found = dict(failures)
+    if len(found) > MOST_REASONS:
+        alike: dict[str, tuple[int, Sequence[int]]] = {}
+        for reason, (count, first) in found.items():
+            before, earlier = alike.get(without_numbers(reason), (0, ()))
+            alike[without_numbers(reason)] = before + count, sorted([*earlier, *first])[:SHOWN]
+        found = alike
+    return dict(sorted(found.items(), key=lambda entry: (-entry[1][0], entry[0])))
+
+
+def failure_rows(content: Content) -> list[dict[str, Any]]:
+    """The table of the report: reason, number of samples, the first of them."""
+    rows: list[dict[str, Any]] = []
+    for reason, (count, found) in content.failures.items():
+        first = ", ".join(str(index) for index in found[:SHOWN])
+        more = ", …" if count > SHOWN else ""
+        rows.append({"reason": reason.removeprefix("failed: "), "count": count, "first": first + more})
+    rest = rows[MOST_REASONS:]
+    if rest:
+        others = {"reason": f"{len(rest):,} other reasons", "count": sum(row["count"] for row in rest), "first": ""}
+        return [*rows[:MOST_REASONS], others]
+    return rows

@@ -1,0 +1,34 @@
+"""Quantiles of the flown errors, as rows of a table."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from mcnav.report.content import Content
+from mcnav.report.numbers import number
+
+
+def tail_rows(content: Content) -> list[dict[str, Any]]:
+    """One row for each quantile, in the units shown."""
+    rows = []
+    for entry in content.tails:
+        first = entry.outputs[0]
+        scale, unit = float(content.output_scale[first]), content.output_units[first]
+        names = [content.output_names[i] for i in entry.outputs]
+        name = f"|{names[0]}|" if len(names) == 1 else f"{' and '.join(names)}: CEP"
+        outside = not entry.lower <= entry.linear <= entry.upper
+        rows.append(
+            {
+                "name": name,
+                "unit": unit,
+                "probability": f"{100.0 * entry.probability:g} %",
+                "estimate": number(entry.estimate * scale),
+                "lower": number(entry.lower * scale) if entry.lower > 0.0 else "–",
+                "upper": number(entry.upper * scale) if np.isfinite(entry.upper) else "–",
+                "linear": number(entry.linear * scale),
+                "tone": "differs" if outside else "",
+            }
+        )
+    return rows

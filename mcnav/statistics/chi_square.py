@@ -1,0 +1,76 @@
+"""Squared distances of samples, normalised by a covariance, against the chi-square distribution."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from mcnav.statistics.proportions import probability_interval
+from mcnav.statistics.significance import Significance
+
+Array = NDArray[np.float64]
+
+LEVELS: Final = (0.5, 0.9, 0.95, 0.99, 0.9973)
+
+
+def mean_interval(count: int, dimension: int, confidence: float) -> tuple[float, float]:
+    """Where the mean of n squared distances lies with a probability, if they are chi-square of a dimension.
+
+    Their sum is chi-square of n times the dimension (Bar-Shalom, Li and Kirubarajan, 2001, section 5.4.2).
+
+    >>> [round(bound, 3) for bound in mean_interval(1000, 4, 0.95)]
+    [3.827, 4.177]
+    """
+    freedom = count * dimension
+    tail = 0.5 - 0.5 * confidence
+    return float(special.chdtri(freedom, 1.0 - tail)) / count, float(special.chdtri(freedom, tail)) / count
+
+
+def distribution_test(values: Array, dimension: int) -> Significance | None:
+    """Kolmogorov-Smirnov test of independent squared distances, shape (n,), against chi-square of a dimension."""
+    if len(values) == 0 or dimension < 1:
+        return None
+    from scipy.stats import kstwo  # half a second, for those who ask for it
+
+    count = len(values)
+    expected = special.chdtr(dimension, np.sort(values))
+    above = np.max(np.arange(1, count + 1) / count - expected)
+    below = np.max(expected - np.arange(count) / count)
+    distance = float(max(above, below))
+    return Significance(distance, (float(count),), float(kstwo.sf(distance, count)), dimension)
+
+
+@dataclass(frozen=True)
+class Containment:
+    """Share of samples within an ellipsoid that should hold a given one.
+
+    Attributes
+    ----------
+    level : float
+        Probability that the ellipsoid holds if the samples are normal with the covariance it was drawn from.
+    share : float
+        Of the samples.
+    interval : (float, float)
+        Exact interval of the probability (Clopper and Pearson).
+    """
+
+    level: float
+    share: float
+    interval: tuple[float, float]
+
+
+def containment(
+    values: Array, dimension: int, confidence: float, levels: Sequence[float] = LEVELS
+) -> tuple[Containment, ...]:
+    """Shares of independent squared distances, shape (n,), within the chi-square quantiles of some levels."""
+    count = len(values)
+    found = []
+    for level in levels:
+        hits = int(np.count_nonzero(values <= special.chdtri(dimension, 1.0 - level)))
+        found.append(Containment(level, hits / count, probability_interval(hits, count, confidence)))
+    return tuple(found)

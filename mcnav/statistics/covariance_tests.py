@@ -1,0 +1,53 @@
+"""Is a sample covariance that of a given one? Wilks' likelihood ratio with Bartlett's correction."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from mcnav.statistics.significance import Significance
+from mcnav.statistics.whitening import leaves_range, whitening
+
+Array = NDArray[np.float64]
+
+
+def covariance_likelihood_ratio(sample: Array, count: int, covariance: Array) -> Significance | None:
+    """Test that independent normal samples, of unknown mean, have a given covariance.
+
+    With W the sample covariance whitened by the given one, of rank p, and nu = n - 1,
+
+        u = nu [tr W - ln det W - p],        rho = 1 - (2 p^2 + 3 p - 1) / (6 nu (p + 1)),
+
+    and rho u is chi-square of p (p + 1) / 2 degrees of freedom to order n^-2 (Muirhead, *Aspects of Multivariate
+    Statistical Theory*, 1982, theorem 8.4.8; Anderson, 2003, section 10.8).
+
+    Parameters
+    ----------
+    sample : ndarray, shape (k, k)
+        Unbiased sample covariance.
+    count : int
+        Samples.
+    covariance : ndarray, shape (k, k)
+        The given one. When it is singular the test is made in its range; a sample with dispersion outside that has an
+        infinite statistic.
+
+    Returns
+    -------
+    Significance or None
+        None when there is nothing to test, or there are too few samples for a determinant.
+    """
+    given = whitening(covariance)
+    degrees, rank = count - 1, given.rank
+    if leaves_range(given, covariance, sample):
+        return Significance(float("inf"), (0.5 * rank * (rank + 1),), 0.0, rank)
+    if rank == 0 or degrees < rank:
+        return None
+    values = np.linalg.eigvalsh(given.matrix.T @ sample @ given.matrix)
+    if values[0] <= 0.0:
+        return Significance(float("inf"), (0.5 * rank * (rank + 1),), 0.0, rank)
+    ratio = degrees * float(np.sum(values - 1.0 - np.log(values)))
+    correction = 1.0 - (2.0 * rank**2 + 3.0 * rank - 1.0) / (6.0 * degrees * (rank + 1.0))
+    freedom = 0.5 * rank * (rank + 1)
+    statistic = max(correction, 0.0) * ratio
+    return Significance(statistic, (freedom,), float(special.chdtrc(freedom, statistic)), rank)

@@ -1,0 +1,67 @@
+"""Is the mean of a sample a given one? Hotelling's T-squared."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from mcnav.statistics.significance import Significance
+from mcnav.statistics.whitening import RANK_TOLERANCE, Whitening, whitening
+
+Array = NDArray[np.float64]
+
+ROUNDING: Final = 1e-12
+"""A standard deviation below this share of the mean is that of a constant."""
+
+
+def hotelling(values: Array, mean: Array, within: Whitening | None = None) -> Significance | None:
+    """Test that independent, nearly normal observations have a given mean.
+
+    With m the sample mean less the given one and C the sample covariance, of dimension p,
+
+        T^2 = n m^T C^-1 m,        T^2 (n - p) / (p (n - 1))  is  F(p, n - p)
+
+    (Anderson, *An Introduction to Multivariate Statistical Analysis*, 2003, section 5.2).
+
+    Parameters
+    ----------
+    values : ndarray, shape (n, k)
+    mean : ndarray, shape (k,)
+    within : Whitening, optional
+        Of a covariance in whose range the test is made. Left out, it is made in the range of the sample covariance, and
+        a mean outside that has an infinite statistic.
+
+    Returns
+    -------
+    Significance or None
+        Statistic: the F-distributed one. None with fewer observations than dimensions.
+    """
+    count = len(values)
+    if count < 2:
+        return None
+    deviation = values.mean(axis=0) - mean
+    centred = values - values.mean(axis=0)
+    covariance = centred.T @ centred / (count - 1)
+    if within is not None:
+        deviation, covariance = within.matrix.T @ deviation, within.matrix.T @ covariance @ within.matrix
+    if not 0 < len(deviation) < count:
+        return None
+    constant = np.diag(covariance) <= (ROUNDING * deviation) ** 2
+    covariance = np.where(constant[:, None] | constant, 0.0, covariance)
+    own = whitening(covariance)
+    sigma = np.sqrt(np.diag(covariance))
+    unscaled = np.divide(deviation, sigma, out=deviation.copy(), where=sigma > 0.0)
+    outside = float(np.sum((own.complement.T @ unscaled) ** 2))
+    rank = own.rank
+    if outside > RANK_TOLERANCE * max(float(np.sum(unscaled**2)), 1.0 if rank else 0.0):
+        return Significance(float("inf"), (float(max(rank, 1)), float(count - rank)), 0.0, rank)
+    if rank == 0:
+        return Significance(0.0, (1.0, float(count)), 1.0, 0)
+    squared = count * float(np.sum((own.matrix.T @ deviation) ** 2))
+    statistic = squared * (count - rank) / (rank * (count - 1.0))
+    return Significance(
+        statistic, (float(rank), float(count - rank)), float(special.fdtrc(rank, count - rank, statistic)), rank
+    )

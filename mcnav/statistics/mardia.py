@@ -1,0 +1,81 @@
+"""Are samples jointly normal? Mardia's multivariate skewness and kurtosis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from mcnav.statistics.significance import Significance
+from mcnav.statistics.whitening import whitening
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Mardia:
+    """Multivariate skewness and kurtosis of a sample.
+
+    Attributes
+    ----------
+    skewness : float
+        b_1; zero for a normal distribution.
+    kurtosis : float
+        b_2; p (p + 2) for a normal distribution of p dimensions.
+    skewness_test, kurtosis_test : Significance
+        Against normality: chi-square and standard normal (two-sided).
+    """
+
+    skewness: float
+    kurtosis: float
+    skewness_test: Significance
+    kurtosis_test: Significance
+
+
+def mardia(values: Array) -> Mardia | None:
+    """Mardia's measures and their tests for independent samples.
+
+    With z the samples whitened by their own covariance (divisor n), in its range of dimension p,
+
+        b_1 = sum_abc mean(z_a z_b z_c)^2,        b_2 = mean((z^T z)^2);
+
+    n k b_1 / 6 with ``k = (p+1)(n+1)(n+3) / (n [(n+1)(p+1) - 6])`` is chi-square of p (p+1) (p+2) / 6 degrees of
+    freedom, and b_2 is normal with mean p (p+2) (n-1) / (n+1) and its exact variance (Mardia, Biometrika 57, 1970, 519;
+    Sankhya B 36, 1974, 115).
+
+    Parameters
+    ----------
+    values : ndarray, shape (n, k)
+
+    Returns
+    -------
+    Mardia or None
+        None without dispersion, or with too few samples.
+    """
+    count = len(values)
+    if count < 2:
+        return None
+    centred = values - values.mean(axis=0)
+    own = whitening(centred.T @ centred / count)
+    rank = own.rank
+    if rank == 0 or count <= rank + 3:
+        return None
+    white = centred @ own.matrix
+    thirds = [(white * white[:, [a]]).T @ white / count for a in range(rank)]
+    skewness = float(np.sum(np.square(thirds)))
+    kurtosis = float(np.mean(np.sum(white**2, axis=1) ** 2))
+    n, p = float(count), float(rank)
+    small = (p + 1) * (n + 1) * (n + 3) / (n * ((n + 1) * (p + 1) - 6))
+    freedom = p * (p + 1) * (p + 2) / 6
+    chi = small * n * skewness / 6
+    mean = p * (p + 2) * (n - 1) / (n + 1)
+    variance = 8 * p * (p + 2) * (n - 3) / ((n + 1) ** 2 * (n + 3)) * (n - p - 1) * (n - p + 1) / (n + 5)
+    normal = (kurtosis - mean) / np.sqrt(variance)
+    return Mardia(
+        skewness,
+        kurtosis,
+        Significance(float(chi), (freedom,), float(special.chdtrc(freedom, chi)), rank),
+        Significance(float(normal), (), float(2.0 * special.ndtr(-abs(normal))), rank),
+    )

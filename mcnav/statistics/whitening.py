@@ -1,0 +1,80 @@
+"""The range of a covariance, which may be singular, and coordinates in which it is the identity."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+RANK_TOLERANCE: Final = 1e-9
+"""Eigenvalues of the correlation matrix below this share of the largest count as zero."""
+
+
+@dataclass(frozen=True)
+class Whitening:
+    """Coordinates ``u = x W`` with ``W^T C W = I``.
+
+    Attributes
+    ----------
+    matrix : ndarray, shape (k, rank)
+        W.
+    directions : ndarray, shape (k, rank)
+        W for variables that are in units of their standard deviations.
+    complement : ndarray, shape (k, k - rank)
+        Directions, for variables in units of their standard deviations (in their own where those are zero), in which C
+        has no dispersion; orthonormal.
+    """
+
+    matrix: Array
+    directions: Array
+    complement: Array
+
+    @property
+    def rank(self) -> int:
+        """Dimension of the range of C."""
+        return int(self.matrix.shape[1])
+
+
+def whitening(covariance: Array) -> Whitening:
+    """Whitening of a covariance by its eigenvectors, in units of the standard deviations.
+
+    Parameters
+    ----------
+    covariance : ndarray, shape (k, k)
+        Symmetric and positive semidefinite; rows of zeros are variables without dispersion.
+
+    Examples
+    --------
+    >>> whitening(np.array([[4.0, 0.0], [0.0, 0.0]])).matrix
+    array([[0.5],
+           [0. ]])
+    """
+    sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    scale = np.divide(1.0, sigma, out=np.zeros_like(sigma), where=sigma > 0.0)
+    values, vectors = np.linalg.eigh(covariance * np.outer(scale, scale))
+    kept = values > RANK_TOLERANCE * max(float(values[-1]), 0.0) if (sigma > 0.0).any() else values < 0.0
+    kept &= values > 0.0
+    directions = vectors[:, kept] / np.sqrt(values[kept])
+    return Whitening(scale[:, None] * directions, directions, vectors[:, ~kept])
+
+
+def leaves_range(of: Whitening, covariance: Array, sample: Array) -> bool:
+    """Whether a sample covariance has dispersion where another covariance has none.
+
+    Parameters
+    ----------
+    of : Whitening
+        That of ``covariance``.
+    covariance, sample : ndarray, shape (k, k)
+    """
+    if of.complement.shape[1] == 0:
+        return False
+    sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    scale = np.divide(1.0, sigma, out=np.ones_like(sigma), where=sigma > 0.0)
+    outside = of.complement.T @ (sample * np.outer(scale, scale)) @ of.complement
+    size = float(np.max(np.diag(sample) * scale**2, initial=0.0))
+    return bool(np.trace(outside) > RANK_TOLERANCE * size)

@@ -1,0 +1,153 @@
+"""What the documentation says is done as it says: every command, every line of Python; the examples are up to date."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mcnav
+from mcnav.campaign.file import read_campaign
+from mcnav.gallery import write_index
+from mcnav.study import report_run, run_campaign
+from tests.conftest import ROOT
+
+PAGES = ROOT / "mcnav"
+EXAMPLES = ROOT / "reports" / "examples"
+EXAMPLE_RUNS = [folder.parent for folder in sorted(EXAMPLES.glob("*/manifest.json"))]
+
+
+def _blocks(page: str, language: str) -> list[str]:
+    return re.findall(
+        rf"^```{language}\n(.*?)^```", (PAGES / page).read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE
+    )
+
+
+def _run(command: list[str], place: Path) -> subprocess.CompletedProcess[str]:
+    environment = os.environ | {"MPLBACKEND": "agg", "COLUMNS": "160"}
+    return subprocess.run(command, cwd=place, capture_output=True, text=True, timeout=300, env=environment, check=False)
+
+
+@pytest.fixture
+def place(tmp_path: Path) -> Path:
+    (tmp_path / "campaigns").symlink_to(ROOT / "campaigns")
+    return tmp_path
+
+
+def test_every_command_of_the_guide(place: Path) -> None:
+    commands = [line for block in _blocks("GUIDE.md", "sh") for line in block.splitlines() if line]
+    assert len(commands) > 10
+    for command in commands:
+        finished = _run([sys.executable, "-m", *shlex.split(command)], place)
+        assert finished.returncode == 0, f"{command}\n{finished.stderr}"
+        for written in re.findall(r"^(?:written|report): (.*)$", finished.stdout, re.MULTILINE):
+            assert (place / written).exists()
+    assert (place / "reports" / "comparison.html").read_text().count("<svg") == 1
+    index = (place / "reports" / "index.html").read_text()
+    assert 'href="mine/report.html"' in index
+    assert 'href="comparison.html"' in index
+
+
+def test_every_command_is_in_the_documentation() -> None:
+    told = (ROOT / "README.md").read_text(encoding="utf-8")
+    listed = _run([sys.executable, "-m", "mcnav", "--help"], ROOT).stdout
+    commands = re.findall(r"^  ([a-z][a-z-]+) {2,}", listed.partition("Commands:")[2], re.MULTILINE)
+    assert len(commands) > 10
+    for command in commands:
+        assert f"mcnav {command}" in told
+
+
+def test_the_twenty_lines(place: Path) -> None:
+    (text,) = _blocks("NOTEBOOK.md", "python")
+    assert sum(bool(line) for line in text.splitlines()) <= 20
+    finished = _run([sys.executable, "-W", "error", "-c", text], place)
+    assert finished.returncode == 0, finished.stderr
+    assert "Yes for the dispersion of each output" in finished.stdout
+    assert "no change seen" in finished.stdout
+    assert (place / "scatter.png").stat().st_size > 10_000
+
+
+def test_pages_are_shown() -> None:
+    for page, file in (
+        ("guide", "GUIDE.md"),
+        ("notation", "NOTATION.md"),
+        ("story", "reproduce/STORY_OF_84_MINUTES.md"),
+    ):
+        shown = _run([sys.executable, "-m", "mcnav", "docs", page], ROOT)
+        assert shown.stdout.strip() == (PAGES / file).read_text(encoding="utf-8").strip()
+
+
+def test_a_run_in_a_notebook(place: Path) -> None:
+    campaign = (ROOT / "campaigns" / "14_polar.toml").read_text().replace("name = ", 'name = "<b>polar</b>" # ')
+    (place / "own.toml").write_text(campaign)
+    shutil.copy(ROOT / "campaigns" / "polar.py", place)
+    run = mcnav.fly(place / "own.toml", place / "run", samples=500)
+    assert "&lt;b&gt;polar&lt;/b&gt;" in run._repr_html_()
+    assert run._repr_html_().count("<tr>") == 1 + len(run.outputs)
+    np.testing.assert_allclose(np.sqrt(np.diag(run.covariance("linear"))), run.summary["sigma_linear"])
+    for name, drawing in run.drawings.items():
+        figure = run.figure(name)
+        assert len(figure.axes) == len(drawing.plots)
+        assert all(
+            axes.get_title(loc="left") == plot.title for axes, plot in zip(figure.axes, drawing.plots, strict=True)
+        )
+        assert drawing._repr_svg_().count("</svg>") == 1
+    for wrong in (lambda: run.figure("none"), lambda: run.covariance("none")):
+        with pytest.raises(ValueError, match="must be one of"):
+            wrong()
+    assert len(mcnav.open_run(place / "run").samples) == 500
+
+
+def _numberless(page: str) -> str:
+    """A page without its numbers, which differ in the last digit from one processor to another."""
+    return re.sub(r"[-−+⁻]?[\d.,⁰¹²³⁴-⁹]+", "#", page)
+
+
+@pytest.mark.parametrize("folder", EXAMPLE_RUNS, ids=lambda folder: folder.name)
+def test_examples_are_up_to_date(folder: Path, tmp_path: Path) -> None:
+    """Their reports are what the program now makes of their samples, and their results what it now finds.
+
+    ``make examples`` brings them up to date.
+    """
+    shutil.copytree(folder, tmp_path / "run")
+    report_run(tmp_path / "run")
+    again = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
+    assert _numberless(again) == _numberless((folder / "report.html").read_text(encoding="utf-8"))
+    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    campaign = read_campaign(ROOT / "campaigns" / f"{folder.name}.toml", {"samples": summary["samples"]})
+    fresh = run_campaign(campaign, tmp_path / "fresh", None, 1).summary
+    assert fresh.keys() == summary.keys()
+    for key in ("verdict", "verdicts", "verdict_matrix", "seed", "samples", "failed"):
+        assert fresh[key] == summary[key]
+    for key in ("sigma_linear", "sigma_paired", "nees_mean"):
+        np.testing.assert_allclose(fresh[key], summary[key], rtol=1e-5)
+
+
+def test_there_are_examples_and_an_index_of_them() -> None:
+    assert len(EXAMPLE_RUNS) == 3
+    index = (EXAMPLES / "index.html").read_text(encoding="utf-8")
+    for folder in EXAMPLE_RUNS:
+        assert f'href="{folder.name}/report.html"' in index
+
+
+def test_an_index_names_what_cannot_be_read(tmp_path: Path) -> None:
+    shutil.copytree(EXAMPLE_RUNS[0], tmp_path / "good & <b>")
+    shutil.copytree(EXAMPLE_RUNS[0], tmp_path / "group" / "damaged")
+    (tmp_path / "group" / "damaged" / "summary.json").write_text("{")
+    (tmp_path / "group" / "other.html").write_text("")
+    written, count = write_index(tmp_path)
+    page = written.read_text(encoding="utf-8")
+    assert count == 2
+    assert 'href="good%20%26%20%3Cb%3E/report.html"' in page
+    assert "is damaged" in page
+    assert str(tmp_path) not in page
+    assert 'href="group/other.html"' in page
+    assert written.read_bytes() == write_index(tmp_path)[0].read_bytes()

@@ -1,0 +1,52 @@
+"""Our tests and bounds against scipy's and OpenTURNS' where they have them."""
+
+from __future__ import annotations
+
+import numpy as np
+import openturns as ot
+import pytest
+from scipy import stats
+
+from mcnav.statistics import chi_square, order_statistics, proportions, shape
+
+
+def test_probability_intervals_against_scipy() -> None:
+    for hits, count in ((0, 7), (3, 7), (980, 1000), (1000, 1000)):
+        expected = stats.binomtest(hits, count).proportion_ci(0.9, method="exact")
+        assert proportions.probability_interval(hits, count, 0.9) == pytest.approx(tuple(expected), rel=1e-10)
+
+
+def test_quantile_intervals_against_scipy() -> None:
+    values = np.random.default_rng(1).standard_normal(400)
+    for quantile in (0.1, 0.5, 0.9):
+        expected = stats.quantile_test(values, p=quantile).confidence_interval(0.95)
+        assert order_statistics.quantile_interval(values, quantile, 0.95) == tuple(expected)
+
+
+def test_sample_sizes_against_openturns() -> None:
+    """Wilks' method."""
+    for quantile, confidence, exceedances in ((0.95, 0.95, 0), (0.99, 0.90, 0), (0.9973, 0.90, 1), (0.95, 0.99, 3)):
+        expected = ot.Wilks.ComputeSampleSize(quantile, confidence, exceedances)
+        assert order_statistics.samples_for_upper_bound(quantile, confidence, exceedances) == expected
+
+
+def test_kolmogorov_smirnov_against_scipy() -> None:
+    values = np.random.default_rng(3).chisquare(4, 300) * 1.1
+    found = chi_square.distribution_test(values, 4)
+    expected = stats.kstest(values, "chi2", args=(4,))
+    assert found is not None
+    assert (found.statistic, found.p_value) == pytest.approx((expected.statistic, expected.pvalue), rel=1e-9)
+
+
+def test_shape_against_scipy() -> None:
+    values = np.random.default_rng(4).exponential(size=900)
+    blocks = np.arange(900)
+    assert shape.skewness(values, blocks).value == pytest.approx(stats.skew(values), rel=1e-12)
+    assert shape.excess_kurtosis(values, blocks).value == pytest.approx(stats.kurtosis(values), rel=1e-12)
+
+
+def test_error_of_the_skewness_is_the_jackknifes() -> None:
+    values = np.random.default_rng(4).chisquare(20, size=1500)
+    left_out = np.array([stats.skew(np.delete(values, i)) for i in range(1500)])
+    jackknife = np.sqrt(1499 / 1500 * np.sum((left_out - left_out.mean()) ** 2))
+    assert shape.skewness(values, np.arange(1500)).standard_error == pytest.approx(jackknife, rel=1e-9)

@@ -1,0 +1,200 @@
+"""Cruise and hover: two engines, the equations of variation, and exact solutions, which share no equation of motion."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mcnav.physics.instruments import indicated_force, measured_force
+from mcnav.physics.schuler import schuler_period
+from mcnav.physics.steady import Earth, Error, SteadyFlight
+from mcnav.physics.steady_ensemble import fly_ensemble
+from mcnav.physics.steady_linear import linearise
+from mcnav.physics.steady_navigator import Diverged, fly_indicated, indicated_rates
+from mcnav.physics.truth import motion
+from mcnav.reproduce.story_of_84_minutes import CROSS, RANGE, measured_period
+from mcnav.scenarios.cruise import SOURCES, Cruise
+
+SIZES = np.array([source.nominal for source in SOURCES])
+SPEED = 804.672
+
+FLIGHTS = {
+    "rest": SteadyFlight(0.0, 0.0, 10_120.0),
+    "cruise, inertial platform": SteadyFlight(10e3, SPEED, 10_120.0),
+    "cruise, level platform": SteadyFlight(10e3, SPEED, 10_120.0, level=True),
+    "fast, level platform": SteadyFlight(0.0, 5_000.0, 8_000.0, level=True),
+    "cruise without altimeter": SteadyFlight(10e3, SPEED, 2_000.0, slaved=False),
+    "hover": SteadyFlight(0.0, 0.0, 3_000.0, slaved=False, level=True),
+}
+
+
+@pytest.fixture(params=FLIGHTS.values(), ids=FLIGHTS.keys())
+def flight(request: pytest.FixtureRequest) -> SteadyFlight:
+    return request.param
+
+
+def _draws(count: int, multiple: float) -> np.ndarray:
+    return np.random.default_rng(84).standard_normal((count, len(SIZES))) * SIZES * multiple
+
+
+@settings(max_examples=50)
+@given(st.integers(0, 10_000), st.floats(0.0, 10_000.0))
+def test_in_the_plane_it_is_the_navigator_of_the_report(seed: int, time: float) -> None:
+    """NASA TN D-1772, eqs. (5)-(9), as `mcnav.physics.instruments` and `mcnav.physics.truth` have them, to rounding."""
+    random = np.random.default_rng(seed)
+    flight = SteadyFlight(10e3, SPEED, 1.0, slaved=False)
+    whole = np.zeros(len(SIZES))
+    common = ["MISALIGNMENT", "GYRO_DRIFT", "BIAS_X", "BIAS_Z", "SCALE_FACTOR_X", "SCALE_FACTOR_Z"]
+    planar = np.zeros(10)
+    for place, name in enumerate(common, start=4):
+        planar[place] = whole[Error[name]] = random.standard_normal() * SIZES[Error[name]] * 100.0
+    r, theta = flight.radius * random.uniform(0.9, 1.1), random.uniform(-3.0, 3.0)
+    r_rate, theta_rate = random.uniform(-1e3, 1e3), random.uniform(-1e-3, 1e-3)
+    measured = measured_force(0.0, -flight.effective_gravity, flight.rate * time, time, planar)
+    expected = np.empty(4)
+    motion(np.array([r, theta, r_rate, theta_rate]), *indicated_force(*measured, theta), expected)
+    found = indicated_rates(
+        time, np.array([r, theta, 0.0, r_rate, theta_rate, 0.0]), whole, flight.radius, flight.rate,
+        flight.effective_gravity, flight.earth.gravitational_parameter, False, False,
+    )  # fmt: skip
+    np.testing.assert_allclose(found[[0, 1, 3, 4]], expected, rtol=1e-11, atol=1e-13)
+    assert found[5] == 0.0
+
+
+@pytest.mark.parametrize("multiple", [1.0, 100.0])
+def test_engines_agree(flight: SteadyFlight, multiple: float) -> None:
+    """To what the fourth-order scheme leaves at 4000 steps: 1e-10, and the reference's 1e-12 of an earth's radius."""
+    errors = _draws(6, multiple * (1.0 if flight.slaved else 0.1))
+    reference = np.array([fly_indicated(flight, row) for row in errors])
+    values, valid = fly_ensemble(flight, errors, 4_000)
+    assert valid.all()
+    rounding = np.array([1e-5, 1e-5, 1e-5, 1e-8, 1e-8, 1e-8]) * (30.0 if not flight.slaved else 1.0)
+    assert np.all(np.abs(values - reference) < 1e-7 * np.abs(reference).max(axis=0) + rounding)
+
+
+def test_no_errors_are_exactly_none(flight: SteadyFlight) -> None:
+    values, _ = fly_ensemble(flight, np.zeros((2, len(SIZES))), 100)
+    assert not values.any()
+
+
+def test_flights_at_small_errors_are_the_linear_ones(flight: SteadyFlight) -> None:
+    """Odd part of flights at a thousandth of the usual sizes: what bends is of third order, 1e-9; asked for, 1e-6."""
+    steps = np.diag(SIZES) * 1e-3
+    flown = 0.5 * (fly_ensemble(flight, steps, 4_000)[0] - fly_ensemble(flight, -steps, 4_000)[0]).T
+    expected = linearise(flight, np.array([flight.duration]))[0] * SIZES * 1e-3
+    largest = np.abs(expected).max(axis=1, keepdims=True)
+    assert np.all(np.abs(flown - expected) <= 1e-6 * largest)
+
+
+def _forces(flight: SteadyFlight, source: Error, time: float) -> tuple[float, float]:
+    """What drives the error along and across the track, per unit of a source, written down by hand."""
+    felt, angle = flight.effective_gravity, flight.rate * time
+    s, c = (0.0, 1.0) if flight.level else (np.sin(angle), np.cos(angle))
+    drifted, later = time, 0.0
+    if flight.level and flight.rate:
+        drifted, later = np.sin(angle) / flight.rate, (1.0 - np.cos(angle)) / flight.rate
+    sine, cosine = np.sin(angle), np.cos(angle)
+    return {
+        Error.MISALIGNMENT: (-felt, 0.0),
+        Error.GYRO_DRIFT: (-felt * time, 0.0),
+        Error.BIAS_X: (c, 0.0),
+        Error.BIAS_Z: (s, 0.0),
+        Error.SCALE_FACTOR_X: (felt * s * c, 0.0),
+        Error.SCALE_FACTOR_Z: (-felt * s * c, 0.0),
+        Error.ROLL_MISALIGNMENT: (0.0, -felt * cosine),
+        Error.AZIMUTH_MISALIGNMENT: (0.0, felt * sine),
+        Error.ROLL_DRIFT: (0.0, -felt * (drifted * cosine + later * sine)),
+        Error.AZIMUTH_DRIFT: (0.0, felt * (drifted * sine - later * cosine)),
+        Error.BIAS_Y: (0.0, 1.0),
+    }.get(source, (0.0, 0.0))
+
+
+@pytest.mark.parametrize("name", [name for name, flight in FLIGHTS.items() if flight.slaved])
+def test_the_exact_linear_solution(name: str) -> None:
+    """Two oscillators, w^2 = g_eff / r along and g / r across, driven by known forces: Duhamel's integral."""
+    flight = FLIGHTS[name]
+    found = linearise(flight, np.array([flight.duration]))[0]
+    rates = np.sqrt([flight.effective_gravity / flight.radius, flight.gravity / flight.radius])
+    share = flight.earth.radius / flight.radius
+    abscissae, weights = np.polynomial.legendre.leggauss(100)  # exact to rounding for a few swings
+    nodes, weights = 0.5 * flight.duration * (1.0 + abscissae), 0.5 * flight.duration * weights
+    for axis, (output, rate) in enumerate(zip((RANGE, CROSS), rates, strict=True)):
+        phase = rate * flight.duration
+        for source in Error:
+            if source in (Error.ALTITUDE, Error.ALTITUDE_RATE):
+                continue
+            forces = np.array([_forces(flight, source, time)[axis] for time in nodes])
+            expected = float(np.sum(weights * np.sin(rate * (flight.duration - nodes)) / rate * forces))
+            if source == (Error.RANGE, Error.CROSS_RANGE)[axis]:
+                expected = np.cos(phase)
+            elif source == (Error.RANGE_RATE, Error.CROSS_RANGE_RATE)[axis]:
+                expected = np.sin(phase) / rate
+            elif source == Error.AZIMUTH_MISALIGNMENT and axis == 1:
+                expected += flight.speed * np.sin(phase) / rate
+            scale = np.abs(found[output] * SIZES).max() / SIZES[source]
+            assert found[output, source] == pytest.approx(share * expected, rel=1e-8, abs=1e-8 * scale), source.name
+
+
+@pytest.mark.parametrize("speed", [0.0, SPEED, 4_000.0, 7_800.0])
+@pytest.mark.parametrize("level", [False, True])
+def test_the_period_that_is_measured(speed: float, level: bool) -> None:
+    """2 pi sqrt(r / g_eff) along the track within 1e-4, from rest to nearly orbital speed; 2 pi sqrt(r / g) across."""
+    flight = SteadyFlight(0.0, speed, 1.0, level=level)
+    expected = schuler_period(flight.radius, flight.effective_gravity)
+    assert measured_period(flight) == pytest.approx(expected, rel=1e-6)
+    if speed < 1_000.0:
+        across = schuler_period(flight.radius, flight.gravity)
+        assert measured_period(flight, CROSS) == pytest.approx(across, rel=1e-6)
+
+
+@settings(max_examples=20)
+@given(st.floats(-3.0, 3.0), st.floats(0.1, 1.2), st.booleans())
+def test_a_launch_in_a_wrong_direction_is_the_flight_turned(azimuth: float, angle: float, level: bool) -> None:
+    """However large: the indicated track is the actual one turned about the start."""
+    flight = SteadyFlight(0.0, SPEED, 1.0, level=level)
+    flight = replace(flight, duration=angle / flight.rate)
+    errors = np.zeros((1, len(SIZES)))
+    errors[0, Error.AZIMUTH_MISALIGNMENT] = azimuth
+    values, _ = fly_ensemble(flight, errors, 2_000)
+    cross = values[0, CROSS] / flight.earth.radius
+    assert np.sin(cross) == pytest.approx(np.sin(azimuth) * np.sin(angle), abs=1e-9)
+
+
+@settings(max_examples=20)
+@given(st.floats(-0.5, 0.5))
+def test_a_start_elsewhere_with_the_platform_to_match_is_the_flight_shifted(shift: float) -> None:
+    """The indicated flight is the actual one turned about the earth's centre: the range error stays as it was."""
+    flight = SteadyFlight(0.0, SPEED, 6_000.0)
+    errors = np.zeros((1, len(SIZES)))
+    errors[0, Error.RANGE], errors[0, Error.MISALIGNMENT] = shift * flight.radius, -shift
+    values, _ = fly_ensemble(flight, errors, 1_000)
+    np.testing.assert_allclose(values[0], [0.0, shift * flight.radius, 0.0, 0.0, 0.0, 0.0], atol=1e-5)
+
+
+def test_a_navigator_that_falls_is_a_failure_with_its_reason() -> None:
+    flight = SteadyFlight(0.0, 0.0, 6_000.0, slaved=False)
+    errors = np.zeros(len(SIZES))
+    errors[Error.BIAS_Z] = 0.01
+    with pytest.raises(Diverged, match="came near the earth's centre at"):
+        fly_indicated(flight, errors)
+    scenario = Cruise(flight)
+    outcomes = scenario.prepared("ensemble", errors[None, :]).propagate(errors[None, :])
+    assert outcomes.handed_over == 1
+    assert np.isnan(outcomes.values).all()
+
+
+def test_development_ends_with_the_partials() -> None:
+    scenario = Cruise(FLIGHTS["cruise, level platform"])
+    known = scenario.development(7)
+    np.testing.assert_allclose(known.partials[-1], scenario.linearised().partials, rtol=1e-8, atol=1e-6)
+    assert known.times[-1] == pytest.approx(10_120.0 / 60.0)
+
+
+def test_the_seeds_earth_may_be_another() -> None:
+    """Twice the radius at the same gravity swings sqrt(2) slower."""
+    one, other = (SteadyFlight(0.0, 0.0, 1.0, earth=Earth.with_gravity(r, 9.8)) for r in (6.4e6, 12.8e6))
+    assert measured_period(other) / measured_period(one) == pytest.approx(np.sqrt(2.0), rel=1e-6)

@@ -1,0 +1,69 @@
+"""Scenarios of one's own that misbehave in one way each, and the campaigns that fly them."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+from tests.conftest import ROOT
+
+SINGLE = """
+import ctypes, os, time
+import numpy as np
+from mcnav import *
+
+class Mine:
+    sources = (Source("a", "m", "m", 1.0),)
+    outputs = (Output("b", "m", "m"), Output("c", "m", "m"))
+    chunk = 25
+
+    def fly(self, errors):
+        a = errors[0]
+        BODY
+        return np.array([2.0 * a, a + a**2])
+"""
+
+VECTORISED = """
+import time
+import numpy as np
+from mcnav import *
+
+class Mine:
+    sources = (Source("a", "m", "m", 1.0),)
+    outputs = (Output("b", "m", "m"), Output("c", "m", "m"))
+
+    def propagate(self, errors):
+        a = errors[:, 0]
+        BODY
+        return np.column_stack([2.0 * a, a + a**2])
+"""
+
+
+def written(folder: Path, body: str, code: str = SINGLE, samples: int = 100, more: str = "") -> Path:
+    """A campaign of the class ``Mine`` whose code has some lines in it."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "mine.py").write_text(
+        code.replace("BODY", textwrap.indent(textwrap.dedent(body), " " * 8).strip() or "pass")
+    )
+    described = f'samples = {samples}\nseed = 1\n{more}\n[scenario]\ntype = "mine.py:Mine"\n[errors]\na = "1 m"\n'
+    path = folder / "mine.toml"
+    path.write_text(described)
+    return path
+
+
+def environment() -> dict[str, str]:
+    """Of a process that runs this tree's program."""
+    return os.environ | {"PYTHONPATH": str(ROOT), "COLUMNS": "200"}
+
+
+def command(*arguments: object) -> list[str]:
+    """The program's command line."""
+    return [sys.executable, "-m", "mcnav", *map(str, arguments)]
+
+
+def mcnav(*arguments: object, seconds: float = 120.0) -> subprocess.CompletedProcess[str]:
+    """Run the program to its end."""
+    return subprocess.run(command(*arguments), capture_output=True, text=True, timeout=seconds, env=environment())

@@ -1,0 +1,362 @@
+"""Run folders and campaigns from a stranger: each is told in one line, nothing executes, nothing takes long."""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+import io
+import json
+import os
+import pickle
+import random
+import resource
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from typer.testing import CliRunner
+
+from mcnav.campaign.file import parse_campaign, read_campaign
+from mcnav.campaign.files import parquet_bytes
+from mcnav.campaign.folder import RunFolder
+from mcnav.campaign.problems import CampaignError, RunFolderError
+from mcnav.cli import app
+from mcnav.study import report_run, run_campaign, samples_of, summary_of
+from tests.conftest import campaign, content
+from tests.faults.scenarios import written
+
+
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A finished run of three chunks of the reference engine's size."""
+    folder = tmp_path_factory.mktemp("stored") / "run"
+    run_campaign(campaign(4, samples=70), folder, "reference", 1)
+    return folder
+
+
+@pytest.fixture
+def folder(stored: Path, tmp_path: Path) -> Path:
+    shutil.copytree(stored, tmp_path / "run")
+    return tmp_path / "run"
+
+
+def signed(folder: Path, change: Callable[[dict[str, Any]], object]) -> None:
+    """Change a manifest and give it the checksum that it should have, as somebody would who means harm."""
+    manifest = RunFolder(folder).manifest()
+    assert manifest is not None
+    change(manifest)
+    try:
+        RunFolder(folder).write_manifest(manifest)
+    except ValueError:
+        text = json.dumps(manifest, indent=1)
+        (folder / "manifest.json").write_text(text)
+
+
+def refused(folder: Path) -> str:
+    """The one line of `mcnav report` on a folder that it refuses."""
+    began = time.monotonic()
+    done = CliRunner().invoke(app, ["report", str(folder)])
+    assert time.monotonic() - began < 30.0
+    assert done.exit_code == 2, done.output
+    assert done.exception is None or isinstance(done.exception, SystemExit)
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("error: ")
+    return line
+
+
+@pytest.mark.parametrize("name", ["../../secret.parquet", "/etc/passwd", "part-00000.parquet/..", "", "part-0.parquet"])
+def test_parts_that_lie_elsewhere(name: str, folder: Path) -> None:
+    signed(folder, lambda manifest: manifest["parts"][0].update(file=name))
+    assert "is not as this program writes it (parts.0.file" in refused(folder)
+
+
+def _swap(samples: Path, folder: Path) -> None:
+    one, other = samples / "part-00000.parquet", samples / "part-00001.parquet"
+    contents = one.read_bytes(), other.read_bytes()
+    one.write_bytes(contents[1])
+    other.write_bytes(contents[0])
+
+
+def _forge(samples: Path, folder: Path, table: pa.Table) -> None:
+    forged = parquet_bytes(table, [name for name in table.column_names if not pa.types.is_floating(table[name].type)])
+    (samples / "part-00000.parquet").write_bytes(forged)
+    signed(folder, lambda manifest: manifest["parts"][0].update(sha256=hashlib.sha256(forged).hexdigest()))
+
+
+def _hole(samples: Path, folder: Path) -> None:
+    content = bytearray((samples / "part-00000.parquet").read_bytes())
+    content[500:1500] = bytes(1000)
+    (samples / "part-00000.parquet").write_bytes(content)
+
+
+def _objects(samples: Path, folder: Path) -> None:
+    table = pq.read_table(samples / "part-00000.parquet")
+    pickled = pa.array([pickle.dumps(os.getpid)] * len(table))
+    place = table.column_names.index("output altitude [m]")
+    _forge(samples, folder, table.set_column(place, "output altitude [m]", pickled))
+
+
+def _repeated(samples: Path, folder: Path) -> None:
+    table = pq.read_table(samples / "part-00000.parquet")
+    _forge(samples, folder, table.set_column(0, "index", pa.array(np.zeros(len(table), dtype=int))))
+
+
+def _no_status(samples: Path, folder: Path) -> None:
+    table = pq.read_table(samples / "part-00000.parquet")
+    _forge(samples, folder, table.set_column(1, "status", pa.array([None] * len(table), pa.string())))
+
+
+def _fewer_columns(samples: Path, folder: Path) -> None:
+    _forge(samples, folder, pq.read_table(samples / "part-00000.parquet").drop_columns(["output range [m]"]))
+
+
+def _expanding(samples: Path, folder: Path) -> None:
+    """Thirty-two rows, one of whose reasons is a text of a gigabyte that packs well."""
+    table = pq.read_table(samples / "part-00000.parquet")
+    long = pa.array(["x" * 300_000_000] + ["ok"] * (len(table) - 1))
+    table, buffer = table.set_column(1, "status", long), io.BytesIO()
+    pq.write_table(table, buffer, compression="zstd")
+    (samples / "part-00000.parquet").write_bytes(buffer.getvalue())
+    forged = hashlib.sha256(buffer.getvalue()).hexdigest()
+    signed(folder, lambda manifest: manifest["parts"][0].update(sha256=forged))
+
+
+def _sparse(samples: Path, folder: Path) -> None:
+    with (samples / "part-00000.parquet").open("r+b") as file:
+        file.truncate(1 << 40)
+
+
+def _pipe(samples: Path, folder: Path) -> None:
+    (samples / "part-00000.parquet").unlink()
+    os.mkfifo(samples / "part-00000.parquet")
+
+
+DAMAGES: dict[str, Callable[[Path, Path], object]] = {
+    "swapped": _swap,
+    "holed": _hole,
+    "cut": lambda samples, folder: os.truncate(samples / "part-00000.parquet", 1000),
+    "emptied": lambda samples, folder: os.truncate(samples / "part-00000.parquet", 0),
+    "objects": _objects,
+    "repeated": _repeated,
+    "no status": _no_status,
+    "fewer columns": _fewer_columns,
+    "expanding": _expanding,
+    "sparse": _sparse,
+    "pipe": _pipe,
+    "extra": lambda samples, folder: (samples / "part-00007.parquet").write_bytes(b"PAR1"),
+}
+
+
+@pytest.mark.parametrize("kind", list(DAMAGES))
+def test_chunks_that_are_none(kind: str, folder: Path) -> None:
+    """Also where the manifest has been made to say that all is well."""
+    DAMAGES[kind](folder / "samples", folder)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    refused(folder)
+    with pytest.raises(RunFolderError):
+        samples_of(folder)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 1_500_000, "kilobytes"
+
+
+VALUES: list[Any] = [
+    None,
+    True,
+    -1,
+    2**70,
+    1e300,
+    "",
+    "x" * 3_000,
+    [],
+    {},
+    [[]],
+    {"a": {}},
+    "<script>alert(1)</script>",
+]
+
+
+def _places(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    """Every place in a JSON value; of a long list the first and last entries."""
+    if path:
+        yield path
+    entries = value.items() if isinstance(value, dict) else []
+    if isinstance(value, list):
+        entries = [(number, value[number]) for number in sorted({0, len(value) - 1} if value else ())]
+    for key, entry in entries:
+        yield from _places(entry, (*path, key))
+
+
+def _set(value: Any, path: tuple[Any, ...], new: Any) -> None:
+    for key in path[:-1]:
+        value = value[key]
+    value[path[-1]] = new
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_a_manifest_of_anything(folder: Path) -> None:
+    """Values of wrong types anywhere, checksum and all: used or refused, never anything else."""
+    chance = random.Random(7)
+    manifest = RunFolder(folder).manifest()
+    assert manifest is not None
+    places = list(_places(manifest))
+    outcomes = {"read": 0, "refused": 0}
+    for path in chance.sample(places, 16):
+        changed = copy.deepcopy(manifest)
+        _set(changed, path, chance.choice(VALUES))
+        RunFolder(folder).write_manifest(changed)
+        try:
+            report_run(folder)
+            outcomes["read"] += 1
+        except RunFolderError:
+            outcomes["refused"] += 1
+    assert outcomes["refused"] > 2
+
+
+def test_a_summary_of_anything(folder: Path) -> None:
+    """The same of ``mcnav compare``, which reads nothing else."""
+    chance = random.Random(8)
+    summary = json.loads((folder / "summary.json").read_text())
+    for path in chance.sample(list(_places(summary)), 50):
+        changed = copy.deepcopy(summary)
+        _set(changed, path, chance.choice(VALUES))
+        (folder / "summary.json").write_text(json.dumps(changed))
+        done = CliRunner().invoke(app, ["compare", str(folder)])
+        assert done.exit_code in (0, 2), (path, done.output, done.exception)
+        assert done.exit_code == 0 or len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize("name", ["manifest.json", "summary.json"])
+@pytest.mark.parametrize(
+    "content", [b"[]", b"1", b"{", b"\xff", b"[" * 200_000, b'{"a":' * 200_000, b'{"a": 1' + b"0" * 5_000 + b"}", None],
+    ids=["list", "number", "cut", "bytes", "deep list", "deep table", "long number", "a gigabyte"],
+)  # fmt: skip
+def test_json_that_is_none(name: str, content: bytes | None, folder: Path) -> None:
+    path = folder / name
+    path.write_bytes(content or b"")
+    if content is None:
+        os.truncate(path, 1 << 30)
+    began = time.monotonic()
+    with pytest.raises(RunFolderError) as found:
+        summary_of(folder)
+    assert time.monotonic() - began < 5.0
+    assert str(path) in str(found.value)
+
+
+@pytest.mark.parametrize("link", [".lock", "samples", "tables"])
+def test_links_are_not_followed(link: str, folder: Path, tmp_path: Path) -> None:
+    """A run neither empties, writes nor deletes what a link in its folder points to."""
+    victim = tmp_path / "victim"
+    victim.mkdir()
+    precious = victim / "part-00000.parquet"
+    precious.write_text("precious")
+    shutil.rmtree(folder / link, ignore_errors=True)
+    (folder / link).unlink(missing_ok=True)
+    (folder / link).symlink_to(precious if link == ".lock" else victim)
+    with pytest.raises(RunFolderError, match="is a link to somewhere else"):
+        run_campaign(campaign(4, samples=70), folder, "reference", 1, fresh=True)
+    assert precious.read_text() == "precious"
+
+
+def test_fresh_deletes_only_what_a_run_wrote(folder: Path) -> None:
+    """Not what a manifest says that it wrote, and no temporary file of another's."""
+    (folder / "thesis.py").write_text("precious")
+    (folder / ".thesis.tmp").write_text("precious")
+    code = {"file": "thesis.py", "sha256": "0" * 64}
+    signed(folder, lambda manifest: manifest["identity"].update(code=code))
+    run_campaign(campaign(4, samples=64), folder, "ensemble", 1, fresh=True)
+    assert (folder / "thesis.py").read_text() == "precious"
+    assert (folder / ".thesis.tmp").read_text() == "precious"
+
+
+@pytest.mark.parametrize(
+    "written_as", ["/etc/evil.py:Mine", "../mine.py:Mine", "a/../../mine.py:Mine", "a\\..\\mine.py:Mine"]
+)
+def test_code_from_elsewhere_is_not_executed(written_as: str, tmp_path: Path) -> None:
+    mark = tmp_path / "executed"
+    (tmp_path / "mine.py").write_text(f"open({str(mark)!r}, 'w')")
+    (tmp_path / "below").mkdir()
+    with pytest.raises(CampaignError, match="must lie beside the campaign file"):
+        parse_campaign({"scenario": {"type": written_as}}, str(tmp_path / "below" / "campaign.toml"), "campaign")
+    assert not mark.exists()
+
+
+def test_a_run_folder_that_names_code_does_not_execute_it(folder: Path, tmp_path: Path) -> None:
+    """A scenario swapped for code in a stored campaign: ``replay`` refuses, ``report`` shows its text."""
+    mark = tmp_path / "executed"
+    (folder / "evil.py").write_text(f"open({str(mark)!r}, 'w')")
+    text = (folder / "campaign.toml").read_text().replace('type = "reentry"', 'type = "evil.py:Evil"')
+    (folder / "campaign.toml").write_text(text)
+    done = CliRunner().invoke(app, ["replay", str(folder), "3"])
+    assert done.exit_code == 2
+    assert "nothing in a run folder is executed" in done.stderr
+    report_run(folder)
+    assert "evil.py:Evil" in (folder / "report.html").read_text()
+    assert not mark.exists()
+
+
+def test_panels_from_elsewhere_stay_text(folder: Path) -> None:
+    """Titles, columns and events of a stored history: HTML and mathematics are text in the page."""
+    table = pq.read_table(folder / "history.parquet")
+    marks = {
+        key: value.replace(b"The whole flight", b"</title><script>alert(1)</script>$\\\\frac{$")
+        for key, value in table.schema.metadata.items()
+    }
+    (folder / "history.parquet").write_bytes(parquet_bytes(table.replace_schema_metadata(marks)))
+    report_run(folder)
+    page = (folder / "report.html").read_text()
+    assert page.count("<script") == 1  # its own
+    assert "alert(1)" in page
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        b"a." * 400_000 + b"a = 1",
+        b"[" + b"a." * 400_000 + b"a]",
+        b"".join(b"k%d = 1\n" % n for n in range(90_000)),
+        b"[errors]\n" + b"".join(b"altitudf%d = 1\n" % n for n in range(60_000)),
+        b'name = "' + b"x" * 900_000 + b'"',
+        b"samples = " + b"9" * 4_000,
+        b"seed = nan\nsamples = inf",
+        b"[[correlations]]\n" * 50_000,
+        b"x = [" + b"{}," * 200_000 + b"]",
+    ],
+    ids=["dotted", "dotted table", "keys", "errors", "name", "digits", "not finite", "correlations", "tables"],
+)
+def test_large_campaign_files(text: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "campaign.toml"
+    path.write_bytes(text)
+    began = time.monotonic()
+    with pytest.raises(CampaignError) as found:
+        read_campaign(path)
+    assert time.monotonic() - began < 20.0
+    assert len(str(found.value).splitlines()) <= 60
+    assert len(str(found.value)) < 60_000
+
+
+def test_campaigns_and_code_that_are_pipes_or_endless(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "mine.py")
+    with pytest.raises(CampaignError, match="cannot be read: is no file"):
+        parse_campaign({"scenario": {"type": "mine.py:Mine"}}, str(tmp_path / "campaign.toml"), "campaign")
+    (tmp_path / "endless.toml").symlink_to("/dev/zero")
+    with pytest.raises(CampaignError, match="is larger than"):
+        read_campaign(tmp_path / "endless.toml")
+    described = content()
+    described["errors"]["range"] = {"distribution": "table", "file": "values.csv", "column": "x", "unit": "km"}
+    os.mkfifo(tmp_path / "values.csv")
+    with pytest.raises(CampaignError, match="is no file"):
+        parse_campaign(described, str(tmp_path / "campaign.toml"), "campaign")
+
+
+def test_names_that_are_html_or_mathematics(tmp_path: Path) -> None:
+    """Whatever a class of one's own calls its units and events; a name itself must be one."""
+    path = written(tmp_path, "", samples=30)
+    code = (tmp_path / "mine.py").read_text().replace('Source("a",', 'Source("<b>",')
+    (tmp_path / "mine.py").write_text(code)
+    with pytest.raises(CampaignError, match="is no name"):
+        read_campaign(path)

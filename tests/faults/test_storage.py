@@ -1,0 +1,327 @@
+"""Disks that are full, folders that cannot be written, chunks with one wrong byte, kills: resumed to the same bits."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import random
+import resource
+import shutil
+import signal
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+from unittest.mock import patch
+
+import pytest
+from hypothesis import HealthCheck, settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
+
+from mcnav.campaign.file import parse_campaign
+from mcnav.campaign.folder import RunFolder
+from mcnav.campaign.parts import whole_part
+from mcnav.campaign.problems import RunFolderError
+from mcnav.campaign.work import fly_chunk
+from mcnav.study import report_run, run_campaign
+from tests.faults.kills import left_of
+from tests.faults.scenarios import SINGLE, VECTORISED, command, environment, written
+
+POSITIONS = 2_000
+
+
+def digests(folder: Path) -> dict[str, str]:
+    parts = sorted((folder / "samples").glob("part-*.parquet"))
+    return {part.name: hashlib.sha256(part.read_bytes()).hexdigest() for part in parts}
+
+
+def limited(kind: int, most: int) -> None:
+    """In the process that is to be: what it may take."""
+    resource.setrlimit(kind, (most, most))
+    if kind == resource.RLIMIT_FSIZE:
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+
+
+CRUISE = {"type": "cruise", "speed": "250 m/s", "duration": "10 min", "altitude": "10 km"}
+SMALL = {"scenario": CRUISE, "errors": {"misalignment": "1 mrad", "gyro_drift": "0.1 deg/h"}, "seed": 1}
+
+
+def small(samples: int, **more: object):  # type: ignore[no-untyped-def]
+    """A campaign that takes a second."""
+    return parse_campaign(SMALL | {"samples": samples} | more, "test.toml", "test")
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("finished") / "run"
+    run_campaign(small(300), folder, "ensemble", 1)
+    return folder
+
+
+def test_every_wrong_byte_of_a_chunk_is_noticed_and_mended(finished: Path, tmp_path: Path) -> None:
+    """At two thousand positions, any other byte: the chunk is not believed; a run names it and flies it again."""
+    chance = random.Random(1)
+    shutil.copytree(finished, tmp_path / "run")
+    folder = RunFolder(tmp_path / "run")
+    path = folder.parts / "part-00000.parquet"
+    whole = path.read_bytes()
+    identity = _identity(folder)
+    assert whole_part(folder.parts, 0, identity) is not None
+    for position in chance.sample(range(len(whole)), min(POSITIONS, len(whole))):
+        damaged = bytearray(whole)
+        damaged[position] ^= chance.randrange(1, 256)
+        path.write_bytes(damaged)
+        assert whole_part(folder.parts, 0, identity) is None, position
+    with pytest.raises(RunFolderError, match=r"part-00000\.parquet: is damaged \(its checksum differs\)"):
+        report_run(folder.path)
+    mended = run_campaign(small(300), folder.path, "ensemble", 1)
+    assert mended.flown == 300
+    assert mended.notices == (f"{path}: is damaged; its samples are flown again",)
+    assert path.read_bytes() == whole
+
+
+def _identity(folder: RunFolder) -> str:
+    from mcnav.campaign.parts import identities_in
+
+    (identity,) = identities_in(folder.parts)
+    return identity
+
+
+def test_every_wrong_byte_of_a_manifest_is_noticed_and_mended(finished: Path, tmp_path: Path) -> None:
+    """Also one that changes nothing that the manifest says."""
+    chance = random.Random(2)
+    shutil.copytree(finished, tmp_path / "run")
+    folder = RunFolder(tmp_path / "run")
+    path = folder.path / "manifest.json"
+    whole = path.read_bytes()
+    for position in chance.sample(range(len(whole)), min(POSITIONS, len(whole))):
+        damaged = bytearray(whole)
+        damaged[position] ^= chance.randrange(1, 256)
+        path.write_bytes(damaged)
+        with pytest.raises(RunFolderError, match=r"manifest\.json: is damaged"):
+            folder.manifest()
+    mended = run_campaign(small(300), folder.path, "ensemble", 1)
+    assert mended.flown == 0
+    assert len(mended.notices) == 1
+    assert "manifest.json: was damaged" in mended.notices[0]
+    assert digests(folder.path) == digests(finished)
+
+
+@pytest.mark.parametrize(("kind", "most"), [(resource.RLIMIT_FSIZE, 30_000), (resource.RLIMIT_AS, 6_000_000_000)])
+def test_a_full_disk_and_little_memory(kind: int, most: int, tmp_path: Path) -> None:
+    """One line that says which it was; afterwards the run goes on to the same bits."""
+    body, code = (
+        ("", SINGLE) if kind == resource.RLIMIT_FSIZE else ("np.ones(900_000_000) if len(a) > 90 else 0", VECTORISED)
+    )
+    path = written(tmp_path, body, code, samples=100)
+    arguments = command("run", path, "--samples", 2_000, "--jobs", 1, "--out", tmp_path / "run")
+    stopped = subprocess.run(
+        arguments, capture_output=True, text=True, env=environment() | {"OMP_NUM_THREADS": "1"}, timeout=100,
+        preexec_fn=lambda: limited(kind, most),
+    )  # fmt: skip
+    assert stopped.returncode == 2, stopped.stderr[-2000:]
+    (line,) = stopped.stderr.splitlines()
+    assert ("File too large" in line) if kind == resource.RLIMIT_FSIZE else ("memory" in line)
+    assert not list((tmp_path / "run").rglob(".*.tmp"))
+    if kind == resource.RLIMIT_AS:
+        return
+    for place in ("run", "other"):
+        arguments[arguments.index("--out") + 1] = str(tmp_path / place)
+        subprocess.run(arguments, check=True, capture_output=True, env=environment(), timeout=100)
+    assert digests(tmp_path / "run") == digests(tmp_path / "other")
+
+
+@pytest.mark.parametrize("sign", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_signals_while_a_sample_hangs(sign: signal.Signals, tmp_path: Path) -> None:
+    """The first signal breaks off in order, a second one at once; nobody is left five seconds later."""
+    path = written(tmp_path, "if a > 0.5: time.sleep(600)", samples=100)
+    process = subprocess.Popen(
+        command("run", path, "--out", tmp_path / "run"), env=environment(), start_new_session=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    deadline = time.monotonic() + 60.0
+    while not (tmp_path / "run" / "samples").exists() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    time.sleep(2.0)
+    process.send_signal(sign)
+    time.sleep(0.02)
+    process.send_signal(sign)
+    _, said = process.communicate(timeout=10)
+    assert process.returncode == {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGKILL: -9}[sign]
+    assert "Traceback" not in said
+    assert left_of(process.pid) == []
+
+
+def test_stale_files_are_swept(finished: Path, tmp_path: Path) -> None:
+    shutil.copytree(finished, tmp_path / "run")
+    stale = tmp_path / "run" / "samples" / ".part-00001.parquet.0123456789ab.tmp"
+    stale.write_bytes(b"half")
+    assert run_campaign(small(300), tmp_path / "run", "ensemble", 1).flown == 0
+    assert not stale.exists()
+
+
+@contextmanager
+def _as_nobody() -> Iterator[None]:
+    """Without the rights of root, who may write anywhere; whoever is not root stays who they are."""
+    own = os.geteuid()
+    if own == 0:
+        os.seteuid(65_534)
+    try:
+        yield
+    finally:
+        os.seteuid(own)
+
+
+def test_a_read_only_folder(finished: Path) -> None:
+    """One line, and what is stored there is untouched."""
+    with TemporaryDirectory() as place:
+        Path(place).chmod(0o755)
+        run = Path(place) / "run"
+        shutil.copytree(finished, run)
+        run.chmod(0o555)
+        try:
+            with _as_nobody(), pytest.raises(RunFolderError, match="cannot be written"):
+                run_campaign(small(400), run, "ensemble", 1)
+        finally:
+            run.chmod(0o755)
+        assert digests(run) == digests(finished)
+
+
+def test_a_folder_that_is_being_read_only_is_told(tmp_path: Path) -> None:
+    """Where not even the owner of everything may write."""
+    with pytest.raises(RunFolderError, match="cannot be written to"):
+        run_campaign(small(300), Path("/proc/mcnav"), "ensemble", 1)
+
+
+def test_two_processes_on_one_folder(tmp_path: Path) -> None:
+    """One flies; the other is told so, with exit status 4, and touches nothing."""
+    path = written(tmp_path, "time.sleep(0.02)", samples=300)
+    first = subprocess.Popen(
+        command("run", path, "--out", tmp_path / "run"),
+        env=environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    deadline = time.monotonic() + 60.0
+    while not (tmp_path / "run" / "manifest.json").exists() and time.monotonic() < deadline:
+        time.sleep(0.02)
+    second = subprocess.run(
+        command("run", path, "--out", tmp_path / "run"), env=environment(), capture_output=True, text=True, timeout=60
+    )
+    _, said = first.communicate(timeout=100)
+    assert first.returncode == 0, said
+    assert second.returncode == 4
+    assert "another mcnav is writing here" in second.stderr
+    subprocess.run(command("run", path, "--out", tmp_path / "calm"), env=environment(), check=True, capture_output=True)
+    assert digests(tmp_path / "run") == digests(tmp_path / "calm")
+
+
+def flown(samples: int, folder: Path, **more: Any) -> None:
+    """Run the small campaign, in this process and without its page, neither of which is at stake."""
+    alone = lambda work, missing, jobs: (fly_chunk(work, place) for place in missing)  # noqa: E731
+    with patch("mcnav.study.render", return_value=""), patch("mcnav.campaign.runner.fly_in_processes", alone):
+        run_campaign(small(samples), folder, "reference", 1, **more)
+
+
+class Stopped(Exception):
+    """A run that was broken off."""
+
+
+class Sequences(RuleBasedStateMachine):
+    """Runs, kills amid a run, damage and extensions in any order: every finished run is what one flown at once is."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.samples = 0
+        self.sound = False
+        self.folder = Path()
+
+    @initialize(place=st.just(None))
+    def begin(self, place: None) -> None:
+        import tempfile
+
+        self.holder = tempfile.TemporaryDirectory()
+        self.folder = Path(self.holder.name) / "run"
+
+    def teardown(self) -> None:
+        if hasattr(self, "holder"):
+            self.holder.cleanup()
+
+    @rule(more=st.sampled_from([0, 1, 31, 32, 40]))
+    def run(self, more: int) -> None:
+        self.samples = max(64, self.samples + more)
+        flown(self.samples, self.folder)
+        self.sound = True
+
+    @rule(more=st.sampled_from([0, 33]), after=st.integers(1, 3))
+    def broken_off(self, more: int, after: int) -> None:
+        """As a kill does: amid the flights, with nothing tidied up."""
+        self.samples = max(64, self.samples + more)
+        left = [after]
+
+        def stop(samples: int) -> None:
+            left[0] -= 1
+            if left[0] <= 0:
+                raise Stopped
+
+        try:
+            flown(self.samples, self.folder, progress=stop)
+        except Stopped:
+            self.sound = False
+            (self.folder / "samples" / ".part-00000.parquet.0123456789ab.tmp").write_bytes(b"half")
+
+    @precondition(lambda self: self.samples > 0)
+    @rule(which=st.integers(0, 3), place=st.floats(0.0, 0.999), lost=st.booleans())
+    def damaged(self, which: int, place: float, lost: bool) -> None:
+        parts = sorted((self.folder / "samples").glob("part-*.parquet"))
+        if not parts:
+            return
+        path = [*parts, self.folder / "manifest.json"][which % (len(parts) + 1)]
+        whole = bytearray(path.read_bytes())
+        whole[int(place * len(whole))] ^= 0x55
+        path.write_bytes(whole)
+        if lost:
+            path.unlink()
+        self.sound = False
+
+    @precondition(lambda self: self.samples > 64)
+    @rule()
+    def fewer(self) -> None:
+        """A step back is refused, unless nobody can know that it is one."""
+        manifest = self.folder / "manifest.json"
+        try:
+            known = RunFolder(self.folder).manifest() is not None
+        except RunFolderError:
+            known = False
+        if known and manifest.exists():
+            with pytest.raises(RunFolderError, match="are fewer"):
+                flown(self.samples - 1, self.folder)
+
+    @invariant()
+    def as_at_once(self) -> None:
+        if self.sound:
+            assert digests(self.folder) == at_once(self.samples)
+
+
+AT_ONCE: dict[int, dict[str, str]] = {}
+
+
+def at_once(samples: int) -> dict[str, str]:
+    """Digests of a run that nothing happened to."""
+    import tempfile
+
+    if samples not in AT_ONCE:
+        with tempfile.TemporaryDirectory() as place:
+            flown(samples, Path(place) / "run")
+            AT_ONCE[samples] = digests(Path(place) / "run")
+    return AT_ONCE[samples]
+
+
+TestSequences = Sequences.TestCase
+TestSequences.settings = settings(
+    max_examples=6, stateful_step_count=8, derandomize=True, deadline=None, suppress_health_check=list(HealthCheck)
+)

@@ -1,0 +1,139 @@
+"""Error budgets: linear, by flights, Sobol indices, and the inverse question."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import openturns as ot
+import pytest
+
+from mcnav.analysis.allocation import largest_sigmas
+from mcnav.analysis.budget import error_budget
+from mcnav.linear.alone import budget_by_flights
+from mcnav.linear.partials import FlightFailed
+from mcnav.linear.sobol import sobol_by_flights
+from mcnav.sampling.distributions import Fixed, Normal, Uniform
+from mcnav.sampling.errors import Correlation, ErrorModel
+from mcnav.scenarios.protocol import Outcomes
+
+NAMES = ["a", "b", "c", "d"]
+PARTIALS = np.array([[1.0, 2.0, 0.0, 3.0], [0.5, -1.0, 3.0, 0.0]])
+ERRORS = ErrorModel(NAMES, {"a": Normal(1.0), "b": Uniform(1.0), "d": Fixed(2.0)})
+CORRELATED = ErrorModel(NAMES, {"a": Normal(1.0), "b": Normal(0.5), "c": Normal(2.0)}, [Correlation(("a", "b"), 0.4)])
+
+
+def _linear(errors: np.ndarray) -> Outcomes:
+    return Outcomes(errors @ PARTIALS.T)
+
+
+def _product(errors: np.ndarray) -> Outcomes:
+    return Outcomes(np.column_stack([errors[:, 0] + errors[:, 0] * errors[:, 1], errors[:, 1]]))
+
+
+@pytest.mark.parametrize("errors", [ERRORS, CORRELATED])
+@pytest.mark.parametrize("design", ["random", "sobol"])
+def test_flights_of_a_linear_system_give_the_linear_budget(errors: ErrorModel, design: str) -> None:
+    """Exactly: the paired estimate has no sampling error then."""
+    found = budget_by_flights(lambda e: _linear(e), PARTIALS, errors, design, 1, 512)
+    linear = error_budget(PARTIALS, errors.covariance)
+    variances = np.diag(PARTIALS @ errors.covariance @ PARTIALS.T)
+    np.testing.assert_allclose(found["alone"]["variance"], linear.shares * variances[:, None], atol=1e-12)
+    np.testing.assert_allclose(found["without"]["variance"], (1.0 - linear.saved) * variances[:, None], atol=1e-12)
+    assert np.max(found["alone"]["standard_error"]) < 1e-12
+
+
+def test_interaction_shows_in_all_but_one() -> None:
+    """y = a + a b: alone b does nothing; without it the variance of a b, sigma_a^2 sigma_b^2, goes."""
+    partials = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]])
+    errors = ErrorModel(NAMES, {"a": Normal(1.0), "b": Normal(0.5), "c": Normal(1.0)})
+    found = budget_by_flights(_product, partials, errors, "random", 3, 2000)
+    alone, without = (np.array(found[key]["variance"]) for key in ("alone", "without"))
+    assert alone[0, 1] == pytest.approx(0.0, abs=1e-12)
+    assert without[0, 1] == pytest.approx(1.0, rel=1e-12)
+    assert abs(without[0, 2] - 1.25) < 5.0 * found["without"]["standard_error"][0][2]
+
+
+def test_saved_and_shares_differ_by_cross_terms() -> None:
+    budget = error_budget(PARTIALS, CORRELATED.covariance)
+    independent = error_budget(PARTIALS, np.diag(np.diag(CORRELATED.covariance)))
+    np.testing.assert_allclose(independent.saved, independent.shares, atol=1e-15)
+    np.testing.assert_allclose(budget.saved[:, 0] - budget.shares[:, 0], budget.cross_terms, atol=1e-15)
+
+
+def test_sobol_indices_of_a_product() -> None:
+    """y = a + a b with normal a, b: V = s_a^2 (1 + s_b^2); S_a = 1 / (1 + s_b^2), S_b = 0, total of a one."""
+    errors = ErrorModel(NAMES, {"a": Normal(1.0), "b": Normal(0.5)})
+    found = sobol_by_flights(_product, errors, 7)
+    first, total = np.array(found["first_order"]), np.array(found["total"])
+    assert first[0, :2] == pytest.approx([0.8, 0.0], abs=0.02)
+    assert total[0, :2] == pytest.approx([1.0, 0.2], abs=0.02)
+    assert first[1, :2] == pytest.approx([0.0, 1.0], abs=0.02)
+    assert np.all(first[:, 2:] == 0.0)
+    assert np.max(found["first_order_standard_error"]) < 0.01
+
+
+def test_sobol_indices_against_openturns() -> None:
+    """Independent implementation, the same function, within five of our standard errors and theirs."""
+    errors = ErrorModel(NAMES, {"a": Normal(1.0), "b": Normal(0.5)})
+    found = sobol_by_flights(_product, errors, 11)
+    function = ot.SymbolicFunction(["a", "b"], ["a + a * b"])
+    distribution = ot.JointDistribution([ot.Normal(0.0, 1.0), ot.Normal(0.0, 0.5)])
+    ot.RandomGenerator.SetSeed(1)
+    size = 20_000
+    theirs = ot.SaltelliSensitivityAlgorithm(distribution, size, function)
+    for ours, expected in (
+        (found["first_order"], theirs.getFirstOrderIndices()),
+        (found["total"], theirs.getTotalOrderIndices()),
+    ):
+        np.testing.assert_allclose(ours[0][:2], np.array(expected), atol=0.05)
+
+
+@pytest.mark.parametrize(
+    ("errors", "message"), [(CORRELATED, "depend on one"), (ErrorModel(NAMES, {}), "no source has a dispersion")]
+)
+def test_sobol_indices_that_do_not_exist(errors: ErrorModel, message: str) -> None:
+    with pytest.raises(FlightFailed, match=message):
+        sobol_by_flights(_linear, errors, 1)
+
+
+@pytest.mark.parametrize("study", [lambda f: budget_by_flights(f, PARTIALS, ERRORS, "random", 1, 100),
+                                   lambda f: sobol_by_flights(f, ERRORS, 1)])  # fmt: skip
+def test_a_failed_flight_is_named(study: Callable[[Callable[[np.ndarray], Outcomes]], object]) -> None:
+    with pytest.raises(FlightFailed, match="too low"):
+        study(lambda errors: Outcomes(np.full((len(errors), 2), np.nan), {0: "too low"}))
+
+
+def test_allocation_meets_the_limit_exactly() -> None:
+    covariance = CORRELATED.covariance
+    limit = 3.0
+    found = largest_sigmas(PARTIALS[0], covariance, limit)
+    for j in range(3):
+        scale = np.ones(4)
+        if not np.isfinite(found[j]):
+            continue
+        scale[j] = found[j] / np.sqrt(covariance[j, j])
+        scaled = covariance * np.outer(scale, scale)
+        assert PARTIALS[0] @ scaled @ PARTIALS[0] == pytest.approx(limit**2, rel=1e-12)
+    assert found[2] == np.inf
+    assert found[3] == pytest.approx(np.sqrt(limit**2 - PARTIALS[0] @ covariance @ PARTIALS[0]) / 3.0)
+
+
+def test_allocation_that_cannot_be() -> None:
+    """The others exceed the limit by themselves; also for a source on which nothing depends."""
+    found = largest_sigmas(np.array([1.0, 1.0, 0.0]), np.diag([1.0, 4.0, 1.0]), 1.5)
+    assert np.isnan(found[0])
+    assert found[1] == pytest.approx(np.sqrt(1.25))
+    assert np.isnan(found[2])
+
+
+def test_a_correlation_may_lower_the_variance() -> None:
+    """Perfect anticorrelation: the source may be as large as takes the output through zero and out the other side."""
+    found = largest_sigmas(np.array([1.0, 1.0]), np.array([[1.0, -1.0], [-1.0, 1.0]]), 2.0)
+    assert found.tolist() == pytest.approx([3.0, 3.0])
+
+
+def test_a_single_source_has_the_whole_variance() -> None:
+    found = sobol_by_flights(_linear, ErrorModel(NAMES, {"b": Normal(1.0)}), 2)
+    np.testing.assert_allclose(np.array(found["first_order"])[:, 1], 1.0, atol=0.02)
+    assert np.array(found["total"]).shape == (2, 4)

@@ -1,0 +1,155 @@
+"""Requirements: judged as their definition says, on systems whose truth is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from mcnav.analysis.comparison import Criterion, Model, compare
+from mcnav.analysis.requirements import (
+    Finding,
+    Judged,
+    Requirement,
+    absolute_normal_quantile,
+    judge_requirement,
+    normal_box_probability,
+    requirements_from,
+)
+
+MODEL = Model(np.array([[1.0, 0.0], [0.0, 2.0]]), np.zeros(2), np.zeros(2), np.eye(2))
+P9973 = 3.0 * 0.99999  # of a standard normal, absolute
+
+
+def _judged(
+    requirement: Requirement,
+    count: int = 10_000,
+    factor: float = 1.0,
+    blocks: np.ndarray | None = None,
+    failed: int = 0,
+    model: Model = MODEL,
+) -> Judged:
+    errors = np.random.default_rng(3).standard_normal((count, 2))
+    outcomes = factor * errors @ model.partials.T
+    outcomes[:failed] = np.nan
+    at = np.arange(count) if blocks is None else blocks
+    comparison = compare(model, errors, outcomes, at, Criterion())
+    return judge_requirement(requirement, model, outcomes, at, comparison, 0.95)
+
+
+@pytest.mark.parametrize(("limit", "finding"), [(3.5, Finding.MET), (3.0, Finding.UNDECIDED), (2.6, Finding.NOT_MET)])
+def test_a_quantile(limit: float, finding: Finding) -> None:
+    found = _judged(Requirement("quantile", (0,), (limit,), 0.9973))
+    assert found.finding == finding
+    assert found.interval[0] < found.estimate < found.interval[1]
+    assert found.linear == pytest.approx(3.0, abs=1e-3)
+    assert found.linear_meets == (limit > found.linear)
+    assert (found.samples_needed is not None) == (finding == Finding.UNDECIDED)
+    assert found.largest_sigmas is not None
+    assert found.largest_sigmas[0] == pytest.approx(limit / 3.0, rel=1e-3)
+    assert found.largest_sigmas[1] == (np.inf if limit > 3.0 else pytest.approx(np.nan, nan_ok=True)) or limit == 3.0
+
+
+def test_samples_needed_without_any_exceedance_are_wilks() -> None:
+    found = _judged(Requirement("quantile", (0,), (10.0,), 0.9973), count=500)
+    assert (found.finding, found.samples_needed) == (Finding.UNDECIDED, 1109)
+    assert found.interval[1] == np.inf
+
+
+@pytest.mark.parametrize(("limit", "finding"), [(2.0, Finding.MET), (1.0, Finding.NOT_MET)])
+def test_circular_error_probable(limit: float, finding: Finding) -> None:
+    found = _judged(Requirement("cep", (0, 1), (limit,), 0.5))
+    assert found.finding == finding
+    assert found.interval[0] < found.linear < found.interval[1]
+
+
+@pytest.mark.parametrize(
+    ("probability", "finding"), [(0.94, Finding.NOT_MET), (0.88, Finding.MET), (0.911, Finding.UNDECIDED)]
+)
+def test_a_box(probability: float, finding: Finding) -> None:
+    truth = stats.norm.cdf(2.0) - stats.norm.cdf(-2.0)
+    found = _judged(Requirement("box", (0, 1), (2.0, 4.0), probability))
+    assert found.linear == pytest.approx(truth**2, abs=1e-6)
+    assert found.finding == finding
+    assert found.interval[0] < truth**2 < found.interval[1]
+    assert found.linear_meets == (truth**2 > probability)
+
+
+@pytest.mark.parametrize(
+    ("factor", "finding"), [(1.0, Finding.MET), (1.051, Finding.UNDECIDED), (1.2, Finding.NOT_MET)]
+)
+def test_sigma_ratios(factor: float, finding: Finding) -> None:
+    found = _judged(Requirement("sigma_ratio", (0, 1), (0.05,), None), factor=factor, count=500)
+    assert found.finding == finding
+    assert found.interval[0] <= found.estimate <= found.interval[1]
+
+
+def test_failed_samples_never_help() -> None:
+    """Thirty failures of 10,000 are more than P99.73 can bear; they do not prove that it is missed either."""
+    found = _judged(Requirement("quantile", (0,), (3.5,), 0.9973), failed=30)
+    assert found.finding == Finding.UNDECIDED
+    assert found.interval[1] > 3.5
+    boxed = _judged(Requirement("box", (0,), (5.0,), 0.9973), failed=30)
+    assert boxed.finding == Finding.UNDECIDED
+    ratios = _judged(Requirement("sigma_ratio", (0, 1), (0.05,), None), failed=30)
+    assert (ratios.finding, ratios.remark) == (Finding.UNDECIDED, "too many samples failed")
+    none = _judged(Requirement("quantile", (0,), (3.5,), 0.9973), failed=10_000)
+    assert none.finding == Finding.UNDECIDED
+
+
+def test_pairs_give_one_draw_each_and_nets_none() -> None:
+    requirement = Requirement("quantile", (0,), (3.5,), 0.9973)
+    whole, half = _judged(requirement), _judged(requirement, blocks=np.arange(10_000) // 2)
+    assert half.finding == Finding.MET
+    assert half.interval != whole.interval
+    nets = _judged(requirement, blocks=np.arange(10_000) // 625)
+    assert nets.finding == Finding.UNDECIDED
+    assert "independent" in nets.remark
+    assert nets.interval == (0.0, np.inf)
+
+
+def test_nothing_to_compare() -> None:
+    model = Model(np.zeros((2, 2)), np.array([0.5, 0.0]), np.zeros(2), np.zeros((2, 2)))
+    outcomes = np.tile(model.nominal, (2000, 1))
+    at = np.arange(2000)
+    comparison = compare(model, np.zeros((2000, 2)), outcomes, at, Criterion())
+    found = [
+        judge_requirement(requirement, model, outcomes, at, comparison, 0.95).finding
+        for requirement in (
+            Requirement("sigma_ratio", (0, 1), (0.05,), None),
+            Requirement("quantile", (0,), (0.6,), 0.99),
+            Requirement("quantile", (0,), (0.4,), 0.99),
+            Requirement("cep", (0, 1), (0.6,), 0.5),
+            Requirement("box", (0, 1), (0.6, 0.1), 0.99),
+        )
+    ]
+    assert found == [Finding.UNDECIDED, Finding.MET, Finding.NOT_MET, Finding.MET, Finding.MET]
+
+
+def test_quantile_of_an_absolute_value() -> None:
+    for mean, sigma in ((0.0, 1.0), (2.0, 0.5), (-1.0, 3.0)):
+        expected = stats.foldnorm(abs(mean) / sigma, scale=sigma).ppf(0.97)
+        assert absolute_normal_quantile(mean, sigma, 0.97) == pytest.approx(expected, rel=1e-9)
+    assert absolute_normal_quantile(-2.0, 0.0, 0.9) == 2.0
+
+
+def test_largest_sigmas_about_a_mean() -> None:
+    """A fixed error of half the limit leaves less room; one beyond it none."""
+    for shift, has in ((0.5, True), (1.5, False)):
+        model = Model(MODEL.partials, np.array([shift, 0.0]), np.zeros(2), 0.01 * np.eye(2))
+        found = _judged(Requirement("quantile", (0,), (1.0,), 0.9973), model=model)
+        assert (found.largest_sigmas is not None) == has
+        if found.largest_sigmas is not None:
+            assert absolute_normal_quantile(0.5, found.largest_sigmas[0], 0.9973) == pytest.approx(1.0, rel=1e-6)
+
+
+def test_box_of_a_singular_covariance() -> None:
+    line = np.array([[1.0, 2.0], [2.0, 4.0]])
+    assert normal_box_probability(np.zeros(2), line, np.array([1.0, 9.0])) == pytest.approx(0.682689, abs=1e-5)
+    assert normal_box_probability(np.array([0.0, 3.0]), np.diag([1.0, 0.0]), np.array([1.0, 2.0])) == 0.0
+    assert normal_box_probability(np.zeros(2), np.zeros((2, 2)), np.ones(2)) == 1.0
+
+
+def test_requirements_by_name() -> None:
+    entry = {"kind": "cep", "outputs": ["b", "a"], "limits": [3], "probability": 0.5}
+    assert requirements_from([entry], [{"name": "a"}, {"name": "b"}]) == (Requirement("cep", (1, 0), (3.0,), 0.5),)

@@ -1,0 +1,256 @@
+"""Tests and bounds on plain arrays: published values, identities, degenerate samples."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from mcnav.statistics import chi_square, order_statistics, power, proportions, radial, shape
+from mcnav.statistics.covariance_tests import covariance_likelihood_ratio
+from mcnav.statistics.estimates import Estimate, blocked_mean
+from mcnav.statistics.hotelling import hotelling
+from mcnav.statistics.mardia import mardia
+from mcnav.statistics.whitening import leaves_range, whitening
+
+COVARIANCE = np.array([[4.0, 1.0, 0.5], [1.0, 9.0, -2.0], [0.5, -2.0, 1.0]])
+SINGULAR = np.array([[1.0, 2.0, 0.0], [2.0, 4.0, 0.0], [0.0, 0.0, 0.0]])
+
+
+def _normal(count: int, covariance: np.ndarray, seed: int = 1) -> np.ndarray:
+    values, vectors = np.linalg.eigh(covariance)
+    factor = vectors * np.sqrt(np.maximum(values, 0.0))
+    return np.random.default_rng(seed).standard_normal((count, len(covariance))) @ factor.T
+
+
+@pytest.mark.parametrize(
+    ("quantile", "confidence", "exceedances", "samples"),
+    [
+        (0.99, 0.90, 0, 230),
+        (0.9973, 0.90, 0, 852),
+        (0.99865, 0.90, 0, 1705),
+        (0.95, 0.95, 0, 59),  # Wilks, 1941
+        (0.95, 0.95, 1, 93),
+        (0.95, 0.95, 2, 124),
+        (0.90, 0.95, 0, 29),
+        (0.5, 0.5, 0, 1),
+    ],
+)
+def test_published_sample_sizes(quantile: float, confidence: float, exceedances: int, samples: int) -> None:
+    """No fewer samples do, and with so many the rank is the one that leaves just those exceedances."""
+    assert order_statistics.samples_for_upper_bound(quantile, confidence, exceedances) == samples
+    assert order_statistics.upper_rank(samples, quantile, confidence) == samples - exceedances
+    fewer = order_statistics.upper_rank(samples - 1, quantile, confidence)
+    assert fewer is None or fewer > samples - 1 - exceedances
+
+
+def test_ranks_are_the_smallest_that_hold() -> None:
+    for count in (10, 100, 999, 20_000):
+        for quantile in (0.05, 0.5, 0.9, 0.9973):
+            rank = order_statistics.upper_rank(count, quantile, 0.95)
+            if rank is None:
+                assert stats.binom.cdf(count - 1, count, quantile) < 0.95
+            else:
+                assert stats.binom.cdf(rank - 1, count, quantile) >= 0.95
+                assert stats.binom.cdf(rank - 2, count, quantile) < 0.95
+
+
+def test_bounds_mirror_each_other() -> None:
+    values = np.random.default_rng(5).standard_normal(500)
+    upper = order_statistics.upper_bound(values, 0.9, 0.95)
+    assert order_statistics.lower_bound(-values, 1.0 - 0.9, 0.95) == -upper
+    low, high = order_statistics.quantile_interval(values, 0.9, 0.90)
+    assert low < np.quantile(values, 0.9) < high == upper
+
+
+def test_too_few_samples_bound_nothing() -> None:
+    assert order_statistics.quantile_interval(np.array([1.0]), 0.5, 0.9) == (-np.inf, np.inf)
+    assert order_statistics.quantile_interval(np.array([]), 0.5, 0.9) == (-np.inf, np.inf)
+    with pytest.raises(ValueError, match="quantile must lie between 0 and 1; got 1"):
+        order_statistics.upper_rank(10, 1.0, 0.9)
+
+
+def test_likelihood_ratio_of_the_covariance_itself_is_zero() -> None:
+    found = covariance_likelihood_ratio(COVARIANCE, 50, COVARIANCE)
+    assert found is not None
+    assert (found.rank, found.degrees_of_freedom) == (3, (6.0,))
+    assert found.statistic == pytest.approx(0.0, abs=1e-12)
+    assert found.p_value == pytest.approx(1.0)
+
+
+def test_likelihood_ratio_does_not_know_units() -> None:
+    """Metres beside microradians, and combinations of them: the statistic is invariant."""
+    sample = np.cov(_normal(80, COVARIANCE).T)
+    change = np.array([[1e6, 0.0, 0.0], [0.0, 1e-6, 0.0], [3.0, 0.0, 1.0]])
+    one = covariance_likelihood_ratio(sample, 80, COVARIANCE)
+    other = covariance_likelihood_ratio(change @ sample @ change.T, 80, change @ COVARIANCE @ change.T)
+    assert one is not None
+    assert other is not None
+    assert other.statistic == pytest.approx(one.statistic, rel=1e-6)
+
+
+def test_likelihood_ratio_in_one_dimension_is_the_chi_square_tests() -> None:
+    """A variance twice too large with 100 samples is as significant as by the exact chi-square of the variance."""
+    found = covariance_likelihood_ratio(np.array([[2.0]]), 100, np.array([[1.0]]))
+    assert found is not None
+    exact = 2.0 * stats.chi2.sf(99 * 2.0, 99)
+    assert 0.2 < found.p_value / exact < 5.0
+
+
+def test_singular_covariances_are_tested_in_their_range() -> None:
+    values = _normal(200, SINGULAR)
+    found = covariance_likelihood_ratio(np.cov(values.T), 200, SINGULAR)
+    assert found is not None
+    assert (found.rank, found.degrees_of_freedom) == (1, (1.0,))
+    assert found.p_value > 1e-6
+    for axis in (1, 2):
+        outside = values.copy()
+        outside[:, axis] += 0.01 * np.random.default_rng(2).standard_normal(200)
+        assert leaves_range(whitening(SINGULAR), SINGULAR, np.cov(outside.T))
+        certain = covariance_likelihood_ratio(np.cov(outside.T), 200, SINGULAR)
+        assert certain is not None
+        assert (certain.statistic, certain.p_value) == (np.inf, 0.0)
+
+
+def test_nothing_to_test() -> None:
+    zero = np.zeros((2, 2))
+    assert covariance_likelihood_ratio(zero, 10, zero) is None
+    assert covariance_likelihood_ratio(np.eye(2), 2, np.eye(2)) is None
+    assert hotelling(np.zeros((1, 2)), np.zeros(2)) is None
+    assert hotelling(_normal(3, COVARIANCE), np.zeros(3)) is None
+    assert mardia(np.zeros((10, 2))) is None
+    assert mardia(_normal(4, COVARIANCE)) is None
+    assert chi_square.distribution_test(np.array([]), 4) is None
+
+
+def test_hotelling_in_one_dimension_is_students_t() -> None:
+    values = _normal(30, np.eye(1)) + 0.3
+    found = hotelling(values, np.zeros(1))
+    expected = stats.ttest_1samp(values[:, 0], 0.0)
+    assert found is not None
+    assert found.statistic == pytest.approx(expected.statistic**2, rel=1e-12)
+    assert found.p_value == pytest.approx(expected.pvalue, rel=1e-10)
+
+
+def test_hotelling_in_a_singular_range() -> None:
+    values = _normal(100, SINGULAR)
+    within = hotelling(values, np.zeros(3), whitening(SINGULAR))
+    own = hotelling(values, np.zeros(3))
+    assert within is not None
+    assert own is not None
+    assert within.rank == own.rank == 1
+    assert within.statistic == pytest.approx(own.statistic, rel=1e-9)
+    off = hotelling(values + np.array([0.0, 0.0, 0.1]), np.zeros(3))
+    assert off is not None
+    assert (off.statistic, off.p_value) == (np.inf, 0.0)
+    still = hotelling(np.zeros((20, 2)), np.zeros(2))
+    assert still is not None
+    assert still.p_value == 1.0
+
+
+def test_mardia_does_not_know_units() -> None:
+    values = _normal(300, COVARIANCE) ** 3
+    change = np.array([[1e5, 0.0, 0.0], [2.0, 1.0, 0.0], [0.0, 0.0, 1e-3]])
+    one, other = mardia(values), mardia(values @ change.T)
+    assert one is not None
+    assert other is not None
+    assert (other.skewness, other.kurtosis) == pytest.approx((one.skewness, one.kurtosis), rel=1e-5)
+    assert one.skewness_test.p_value < 1e-10
+    assert one.kurtosis_test.p_value < 1e-10
+
+
+def test_mardia_in_one_dimension() -> None:
+    values = np.random.default_rng(3).exponential(size=(500, 1))
+    found = mardia(values)
+    assert found is not None
+    assert found.skewness == pytest.approx(stats.skew(values[:, 0]) ** 2, rel=1e-12)
+    assert found.kurtosis == pytest.approx(stats.kurtosis(values[:, 0], fisher=False), rel=1e-12)
+
+
+def test_shape_of_a_constant_is_zero() -> None:
+    blocks = np.arange(50)
+    for measure in (shape.skewness, shape.excess_kurtosis):
+        found = measure(np.full(50, 3.0), blocks)
+        assert (found.value, found.standard_error) == (0.0, 0.0)
+
+
+def test_shape_has_the_normals_error_for_normal_samples() -> None:
+    """The influence function's error is the textbook one, within its own scatter (a tenth at 20,000 samples)."""
+    values = np.random.default_rng(3).standard_normal(20_000)
+    for measure, expected in (
+        (shape.skewness, shape.skewness_error_of_normal),
+        (shape.excess_kurtosis, shape.kurtosis_error_of_normal),
+    ):
+        found = measure(values, np.arange(20_000))
+        assert found.standard_error == pytest.approx(expected(20_000), rel=0.1)
+        assert abs(found.value) < 5.0 * expected(20_000)
+
+
+def test_circular_error_probable() -> None:
+    """Of the circular normal distribution sqrt(2 ln 2); of one on a line the normal quartile; of a point how far."""
+    origin = np.zeros(2)
+    assert radial.normal_circular_error_probable(origin, 4.0 * np.eye(2)) == pytest.approx(2.0 * np.sqrt(2 * np.log(2)))
+    line = np.array([[9.0, 9.0], [9.0, 9.0]])
+    assert radial.normal_circular_error_probable(origin, line) == pytest.approx(np.sqrt(18) * stats.norm.ppf(0.75))
+    assert radial.normal_circular_error_probable(np.array([3.0, 4.0]), np.zeros((2, 2))) == pytest.approx(5.0, rel=1e-8)
+    assert radial.normal_circular_error_probable(origin, np.zeros((2, 2))) == 0.0
+    thin = np.diag([1.0, 1e-8])
+    assert radial.normal_circular_error_probable(origin, thin) == pytest.approx(stats.norm.ppf(0.75), rel=1e-7)
+    far = np.array([0.3, -2.0])
+    found = radial.normal_probability_within(2.5, far, np.diag([1.0, 1.0]))
+    assert found == pytest.approx(stats.ncx2.cdf(2.5**2, 2, 0.3**2 + 2.0**2), rel=1e-9)
+
+
+def test_power_of_a_ratio() -> None:
+    """The textbook's two-sigma and a bit: at 95 % and 90 % power 3.24 standard errors; samples by the root law."""
+    error = power.variance_ratio_error(10_000)
+    assert error == pytest.approx(np.sqrt(0.5 / 10_000))
+    found = power.detectable_ratio(error, 1e6, 0.95)
+    assert np.log1p(found) == pytest.approx(3.2415 * error, rel=1e-4)
+    assert power.samples_to_detect(found, error, 10_000, 0.95) == pytest.approx(10_000, rel=1e-4)
+    assert power.detectable_ratio(np.inf, 5, 0.95) == np.inf
+    assert power.detectable_ratio(0.0, 5, 0.95) == 0.0
+    with pytest.raises(ValueError, match="departure must be positive"):
+        power.samples_to_detect(0.0, error, 100, 0.95)
+
+
+def test_probability_bounds_at_their_ends() -> None:
+    assert proportions.probability_interval(0, 10, 0.9) == (0.0, pytest.approx(1.0 - 0.05**0.1))
+    assert proportions.probability_interval(10, 10, 0.9) == (pytest.approx(0.05**0.1), 1.0)
+    assert proportions.probability_interval(0, 0, 0.9) == (0.0, 1.0)
+    with pytest.raises(ValueError, match="got 3 of 2"):
+        proportions.lower_probability(3, 2, 0.9)
+
+
+def test_mean_of_chi_squares() -> None:
+    low, high = chi_square.mean_interval(1000, 4, 0.95)
+    assert stats.chi2.cdf(high * 1000, 4000) - stats.chi2.cdf(low * 1000, 4000) == pytest.approx(0.95)
+
+
+def test_hall_undoes_his_transformation() -> None:
+    """g(T) = T + a T^2 / 3 + a^2 T^3 / 27 + a / 6 at the ends of the interval is Student's quantile."""
+    found = Estimate(2.0, 0.5, 40.0, 0.3)
+    quantile = stats.t.isf(0.025, 40.0)
+    for reach, expected in zip(found.reach_of_skewness(0.95), (quantile, -quantile), strict=True):
+        t = np.sign(expected) * reach / 0.5
+        assert t + 0.3 * t**2 / 3.0 + 0.09 * t**3 / 27.0 + 0.05 == pytest.approx(expected, rel=1e-12)
+
+
+def test_intervals_widen_to_the_side_of_the_skewness() -> None:
+    half = Estimate(2.0, 0.5, 40.0).half_width(0.95)
+    for asymmetry, sides in ((0.0, (1.0, 1.0)), (0.3, (1.0, 1.37)), (-0.3, (1.37, 1.0))):
+        found = Estimate(2.0, 0.5, 40.0, asymmetry)
+        low, high = found.interval(0.95)
+        assert ((2.0 - low) / half, (high - 2.0) / half) == pytest.approx(sides, abs=0.005)
+        assert found.reach(0.95) == pytest.approx(max(2.0 - low, high - 2.0), rel=1e-14)
+    assert Estimate(2.0, math.inf, 0.0).interval(0.95) == (-math.inf, math.inf)
+
+
+def test_asymmetry_of_blocks() -> None:
+    """The skewness of single samples over the root of their number; none without dispersion."""
+    values = np.random.default_rng(4).gamma(2.0, size=500)
+    found = blocked_mean(values, np.arange(500))
+    assert found.asymmetry == pytest.approx(stats.skew(values) / np.sqrt(500.0), rel=1e-12)
+    assert blocked_mean(np.ones(50), np.arange(50)).asymmetry == 0.0
