@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Final
 
+from mcnav.calibration.drawing import measured
 from mcnav.report.page import filled
 
 if TYPE_CHECKING:
@@ -14,15 +15,15 @@ TITLES: Final = {
     "false alarm": "Do tests reject what is true as seldom as they say?",
     "power": "Is a linear model that is 5 % wrong found out?",
 }
-TONES: Final = {
-    "as stated": "agrees",
-    "safe": "agrees",
-    "nearly": "undecided",
-    "remarked": "undecided",
-    "off": "differs",
-    "withheld": "",
-    "": "",
+FINDINGS: Final = {
+    "as stated": ("agrees", "", "the nominal rate lies within the rate's binomial error (99.9 %)"),
+    "safe": ("agrees", "+", "on the careful side of it"),
+    "nearly": ("undecided", "≈", "within a hundredth of it"),
+    "remarked": ("undecided", "*", "further, and the report of such a campaign says so (long tails)"),
+    "off": ("differs", "≠", "further, unsaid"),
+    "withheld": ("", "†", "the program does not give this statement, and the rate shows why"),
 }
+"""Of each finding its tone, the sign that a rate carries, and what it says."""
 
 
 def render(table: pd.DataFrame, trials: int) -> str:
@@ -37,9 +38,11 @@ def render(table: pd.DataFrame, trials: int) -> str:
     """
     sizes = sorted(table["samples"].unique())
     sections = [
-        {"title": title, "kind": kind, "rows": _rows(table[table["kind"] == kind], sizes)}
+        {"title": title, "id": kind.replace(" ", "-"), "rows": _rows(table[table["kind"] == kind], sizes),
+         "figure": measured(table, kind, title)}
         for kind, title in TITLES.items()
-    ]
+        if (table["kind"] == kind).any()
+    ]  # fmt: skip
     counted = table[table["finding"] != ""]["finding"].value_counts()
     return filled(
         "calibration.html",
@@ -47,9 +50,7 @@ def render(table: pd.DataFrame, trials: int) -> str:
         campaigns=f"{_campaigns(table):,}",
         sizes=[f"{size:,}" for size in sizes],
         sections=sections,
-        counted=[
-            (name, int(counted.get(name, 0))) for name in ("as stated", "safe", "nearly", "remarked", "off", "withheld")
-        ],
+        findings=[(name, int(counted.get(name, 0)), *told) for name, told in FINDINGS.items()],
     )
 
 
@@ -67,14 +68,16 @@ def _rows(table: pd.DataFrame, sizes: list[int]) -> list[dict[str, Any]]:
         cells = []
         for size in sizes:
             if size not in at:
-                cells.append({"rate": "–", "interval": "", "tone": ""})
+                cells.append({"rate": "–", "interval": "", "tone": "", "sign": ""})
                 continue
             row = at[size]
+            tone, sign, _ = FINDINGS.get(row["finding"], ("", "", ""))
             cells.append(
                 {
                     "rate": f"{100.0 * row['measured']:.1f}",
                     "interval": f"{100.0 * row['low']:.1f} … {100.0 * row['high']:.1f}",
-                    "tone": TONES[row["finding"]],
+                    "tone": tone,
+                    "sign": sign,
                 }
             )
         nominal = group["nominal"].iloc[0]

@@ -15,7 +15,7 @@ from mcnav.analysis.between import Change
 from mcnav.report import wording
 from mcnav.report.content import spoken
 from mcnav.report.drawings.drawing import HALF, Drawing, Plot, Series
-from mcnav.report.numbers import number
+from mcnav.report.numbers import number, with_error
 from mcnav.report.page import filled
 from mcnav.report.svg import LINEAR, SOURCE_COLOURS
 from mcnav.statistics.estimates import Estimate
@@ -24,6 +24,8 @@ from mcnav.units import conversion
 ABSENT: Final = "–"
 NAN: Final = float("nan")
 NOTHING: Final = Change(NAN, NAN, NAN, (NAN, NAN), Estimate(NAN, NAN, 0.0), False)
+MARKS: Final = ("dot", "square", "triangle", "ring", "box")
+"""Runs are told apart by their marks' shape and colour."""
 TONES: Final = {"larger": "undecided", "smaller": "undecided", "no change seen": "agrees"}
 
 
@@ -118,8 +120,10 @@ def ratios(rows: Sequence[Row], titles: Sequence[str]) -> Drawing | None:
     if not known:
         return None
     later = sorted({row.run for row in known})
-    series = {run: Series(f"run-{run}", titles[run], SOURCE_COLOURS[k % len(SOURCE_COLOURS)])
-              for k, run in enumerate(later)}  # fmt: skip
+    series = {
+        run: Series(f"run-{run}", titles[run], SOURCE_COLOURS[k % len(SOURCE_COLOURS)], MARKS[k % len(MARKS)])
+        for k, run in enumerate(later)
+    }
     names = list(dict.fromkeys(row.output for row in known))
 
     def draw(axes: Axes, shown: Sequence[Row]) -> None:
@@ -131,7 +135,7 @@ def ratios(rows: Sequence[Row], titles: Sequence[str]) -> Drawing | None:
             place = names.index(row.output) + 0.7 * step / max(len(later), 2)
             each, ends = series[row.run], [100.0 * (end - 1.0) for end in row.change.interval]
             axes.plot(ends, [place] * 2, color=each.colour, linewidth=2.0, gid=each.gid)
-            axes.plot(100.0 * (row.change.ratio - 1.0), place, "o", color=each.colour, markersize=5.0, gid=each.gid)
+            each.on(axes, 100.0 * (row.change.ratio - 1.0), place)
         axes.set_yticks(range(len(names)), [spoken(name) for name in names])
         axes.set_ylim(len(names) - 0.5, -0.5)
         axes.grid(axis="y", visible=False)
@@ -189,7 +193,7 @@ def _cells(row: Row, titles: Sequence[str]) -> dict[str, Any]:
         "after": number(found.after * scale, 5),
         "ratio": number(found.ratio, 5),
         "interval": f"{number(found.interval[0], 5)} … {number(found.interval[1], 5)}" if sure else ABSENT,
-        "mean": f"{number(found.mean.value * scale, 3)} ± {number(found.mean.standard_error * scale, 2)}",
+        "mean": with_error(found.mean.value * scale, found.mean.standard_error * scale),
         "common": "common" if found.common else "separate",
     }
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from mcnav.analysis.causes import TERMS
 from mcnav.report.content import Content
-from mcnav.report.numbers import signed
+from mcnav.report.numbers import signed, with_error
 
 NAMES: Final = {
     "sampled_sigmas": "sampling: sigmas of the draws",
@@ -28,8 +28,8 @@ def causes(content: Content) -> dict[str, Any] | None:
         return None
     per_cent = np.divide(100.0, linear, out=np.full_like(linear, np.nan), where=linear > 0.0)
     shares = {name: [signed(value) for value in found.terms[name] * per_cent] for name in TERMS}
-    error = found.standard_error * per_cent
-    shares["rest"] = [f"{value} ± {signed(e, 2).lstrip('+')}" for value, e in zip(shares["rest"], error, strict=True)]
+    rest = zip(found.terms["rest"] * per_cent, found.standard_error * per_cent, strict=True)
+    shares["rest"] = [with_error(value, error, sign=True) for value, error in rest]
     return {
         "rows": [{"name": NAMES[name], "shares": shares[name]} for name in TERMS],
         "total": [signed(value) for value in found.total * per_cent],

@@ -6,7 +6,7 @@ import math
 from typing import Any, Final
 
 from mcnav.report.content import Content
-from mcnav.report.numbers import fixed, number, signed
+from mcnav.report.numbers import fixed, number, with_error
 from mcnav.statistics.significance import Significance
 
 SMALLEST: Final = 1e-4
@@ -90,15 +90,15 @@ def joint(content: Content) -> dict[str, Any] | None:
                 "name": " and ".join(names[i] for i in pair.between),
                 "linear": fixed(pair.linear, 5),
                 "paired": fixed(pair.paired, 5),
-                "difference": f"{signed(pair.difference.value)} ± {number(pair.difference.reach(confidence), 2)}",
+                "difference": with_error(pair.difference.value, pair.difference.reach(confidence), sign=True),
             }
             for pair in found.correlations
         ],
         "shapes": [
             {
                 "name": names[i],
-                "skewness": f"{fixed(skewed.value, 3)} ± {number(skewed.reach(confidence), 2)}",
-                "kurtosis": f"{fixed(tailed.value, 3)} ± {number(tailed.reach(confidence), 2)}",
+                "skewness": with_error(skewed.value, skewed.reach(confidence), sign=True),
+                "kurtosis": with_error(tailed.value, tailed.reach(confidence), sign=True),
                 **_predicted(content, i),
             }
             for i, (skewed, tailed) in enumerate(zip(found.skewness, found.excess_kurtosis, strict=True))

@@ -7,6 +7,9 @@ from typing import Final
 
 SUPERSCRIPTS: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
+LONGEST: Final = 6
+"""Decimals of a value with its error; smaller errors are written with powers of ten."""
+
 
 def number(value: float | None, digits: int = 4) -> str:
     """A number with so many significant digits; a dash for one that does not exist.
@@ -42,6 +45,20 @@ def fixed(value: float, decimals: int) -> str:
     '−0.250'
     """
     return f"{value:+.{decimals}f}".replace("-", "−")
+
+
+def with_error(value: float, error: float, sign: bool = False) -> str:
+    """A value and its error, which has two digits; the value has no more decimals than that.
+
+    >>> with_error(4.47512, 0.0403), with_error(-7.7e-6, 0.0021), with_error(0.5, 12.3, sign=True)
+    ('4.475 ± 0.040', '0.0000 ± 0.0021', '+0 ± 12')
+    """
+    decimals = 1 - math.floor(math.log10(error)) if 0.0 < error < math.inf else -1
+    if not math.isfinite(value) or not 0 <= decimals <= LONGEST:
+        return f"{(signed if sign else number)(value)} ± {number(error, 2)}"
+    rounded = round(value, decimals) + 0.0  # no negative zero
+    mark = "+" if sign and value > 0.0 else ""
+    return f"{mark}{rounded:,.{decimals}f} ± {error:,.{decimals}f}".replace("-", "−")
 
 
 def share(value: float) -> str:

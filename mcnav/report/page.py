@@ -24,7 +24,7 @@ from mcnav.report.drawings.envelopes import envelopes
 from mcnav.report.drawings.flight import flight
 from mcnav.report.failures import failure_rows
 from mcnav.report.joint import joint
-from mcnav.report.numbers import number, share
+from mcnav.report.numbers import number, share, with_error
 from mcnav.report.requirements import requirement_rows
 from mcnav.report.tails import tail_rows
 
@@ -48,10 +48,6 @@ def _interval(interval: tuple[float, float] | None) -> str:
     return "–" if interval is None or not math.isfinite(interval[1]) else f"{interval[0]:.4f} … {interval[1]:.4f}"
 
 
-def _with_error(value: float, half_width: float) -> str:
-    return f"{number(value, 4)} ± {number(half_width, 2)}"
-
-
 def _output_rows(content: Content) -> list[dict[str, Any]]:
     scale, unscented = content.output_scale, content.summary["unscented"]
     higher = content.higher_order
@@ -59,6 +55,7 @@ def _output_rows(content: Content) -> list[dict[str, Any]]:
     for i, output in enumerate(content.comparison.outputs):
         second = math.sqrt(max(unscented["covariance"][i][i], 0.0)) * scale[i] if "covariance" in unscented else None
         sigma = output.sigma_linear
+        bias, error = (100.0 * each / (sigma or math.nan) for each in (output.bias.value, output.bias.standard_error))
         rows.append(
             {
                 "name": content.output_names[i],
@@ -74,8 +71,7 @@ def _output_rows(content: Content) -> list[dict[str, Any]]:
                 "plain_interval": _interval(output.plain.interval),
                 "paired_ratio": number(output.paired.ratio, 5),
                 "paired_interval": _interval(output.paired.interval),
-                "bias": number(100.0 * output.bias.value / sigma if sigma > 0.0 else None, 3),
-                "bias_error": number(100.0 * output.bias.standard_error / sigma if sigma > 0.0 else None, 2),
+                "bias": with_error(bias, error).split(" ") if sigma > 0.0 else [],
                 "verdict": output.paired.verdict.value,
                 "detectable": number(100.0 * output.detectable_paired, 2),
                 "needed": output.paired.samples_needed,
@@ -114,8 +110,8 @@ def _ellipsoid(content: Content) -> dict[str, Any] | None:
     return {
         "dimension": ellipsoid.dimension,
         "mean": number(ellipsoid.nees_paired.value, 4),
-        "nees": _with_error(ellipsoid.nees.value, ellipsoid.nees.reach(confidence)),
-        "paired": _with_error(ellipsoid.nees_paired.value, ellipsoid.nees_paired.reach(confidence)),
+        "nees": with_error(ellipsoid.nees.value, ellipsoid.nees.reach(confidence)),
+        "paired": with_error(ellipsoid.nees_paired.value, ellipsoid.nees_paired.reach(confidence)),
         "verdict": ellipsoid.judgement.verdict.value,
         "ratio": number(float(ellipsoid.direction_ratios[ellipsoid.farthest]), 5),
         "combination": combination.removeprefix("+ "),
@@ -185,7 +181,7 @@ def _source(environment: Environment, name: str) -> str:
 def _with_contents(text: str) -> str:
     """A page with a list of its sections at its side."""
     sections = re.findall(r'<section id="([^"]+)"[^>]*>\s*<h2[^>]*>(.*?)</h2>', text, flags=re.DOTALL)
-    if len(sections) < 3:
+    if len(sections) < 2:
         return text.replace(CONTENTS, "", 1)
     links = "\n".join(f'<li><a href="#{name}">{heading}</a></li>' for name, heading in sections)
     nav = f'<nav class="contents" aria-label="Contents"><p class="heading">On this page</p>\n<ul>\n{links}\n</ul></nav>'

@@ -44,9 +44,15 @@
     });
   });
 
-  // Keys: every entry hides and shows its series in all plots of its figure.
+  // Keys: every entry hides and shows its series in all plots of its figure; under the pointer the others step back.
   all("figure .key li").forEach((entry) => {
     const shown = entry.closest("figure");
+    const others = Array.from(entry.parentNode.children).filter((each) => each !== entry);
+    const faded = (opacity) => () => others.forEach((other) => {
+      all(`.series-${other.dataset.series}`, shown).forEach((each) => { each.style.opacity = opacity; });
+    });
+    entry.addEventListener("pointerenter", faded("0.15"));
+    entry.addEventListener("pointerleave", faded(""));
     const toggled = button("", () => {
       const visible = toggled.getAttribute("aria-pressed") !== "true";
       toggled.setAttribute("aria-pressed", String(visible));

@@ -5,18 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-import matplotlib as mpl
 import numpy as np
 import pandas as pd
-from markupsafe import Markup
 from numpy.typing import NDArray
 
 from mcnav.analysis.comparison import Comparison
 from mcnav.linear.start_times import StartTimeStudy
 from mcnav.report.content import spoken
+from mcnav.report.drawings import start_times as drawn
 from mcnav.report.numbers import number
 from mcnav.report.page import filled
-from mcnav.report.svg import FLOWN, LINEAR, MUTED, SOURCE_COLOURS, STYLE, new, svg
 from mcnav.scenarios.protocol import Output, Source
 from mcnav.units import conversion
 
@@ -26,8 +24,6 @@ CONVENTIONS: Final = {
     "start": "The reference axes are alined at each start.",
     "trajectory": "The reference axes are those alined at the first point of the trajectory throughout.",
 }
-INITIAL_CONDITIONS: Final = 4
-"""The first sources are initial conditions, the others equipment; each kind has a panel of its own."""
 
 
 def table(study: StartTimeStudy, sources: Sequence[Source], outputs: Sequence[Output]) -> pd.DataFrame:
@@ -77,16 +73,15 @@ def render(
 ) -> str:
     """The page. ``checks`` are Monte Carlo comparisons by start time, s."""
     scale = np.array([conversion(output.unit, output.shown_in) for output in outputs])
-    effects = study.effects * scale[:, None]
     curves = [
-        (spoken(output.name), Markup(_effects(study.times / 60.0, effects[:, i], sources, output)))
+        (spoken(output.name), drawn.effects(study, i, float(scale[i]), sources, output))
         for i, output in enumerate(outputs)
     ]
     return filled(
         "start_times.html",
         campaign=campaign,
         convention=CONVENTIONS[study.axes],
-        dispersion=Markup(_dispersion(study, checks, scale, outputs)),
+        dispersion=drawn.dispersion(study, checks, scale, outputs),
         best=_best_rows(study, scale, outputs),
         outputs=[(spoken(output.name), output.shown_in) for output in outputs],
         checks=_check_rows(checks, scale),
@@ -124,55 +119,3 @@ def _check_rows(checks: Mapping[float, Comparison], scale: Array) -> list[dict[s
         ]
         rows.append({"time": minutes(time), "failed": comparison.failed, "cells": cells})
     return rows
-
-
-def _dispersion(
-    study: StartTimeStudy, checks: Mapping[float, Comparison], scale: Array, outputs: Sequence[Output]
-) -> str:
-    starts, sigma = study.times / 60.0, study.sigma * scale
-    with mpl.rc_context(STYLE):
-        figure, axes_array = new(9.0, 5.2, -(-len(outputs) // 2), 2)
-        for i, (axes, output) in enumerate(zip(axes_array.flat, outputs, strict=False)):
-            axes.plot(starts, sigma[:, i], color=LINEAR, label="linear, P·S·Pᵀ" if i == 0 else None)
-            best = study.best[i]
-            axes.plot(starts[best], sigma[best, i], "v", color=LINEAR, markersize=7, label="best" if i == 0 else None)
-            known = [(time / 60.0, c.outputs[i].sigma_paired * scale[i]) for time, c in checks.items() if c.outputs]
-            if known:
-                label = "Monte Carlo" if i == 0 else None
-                axes.plot(*np.array(known).T, "o", color=FLOWN, markersize=5, fillstyle="none", label=label)
-            axes.axvline(0.0, color=MUTED, linewidth=0.8, linestyle="--")
-            axes.set_ylim(bottom=0.0)
-            axes.set(title=f"final {spoken(output.name)}", ylabel=f"sigma ({output.shown_in})")
-            axes.set_xlabel("start of navigation (min from reentry)")
-        figure.legend(loc="outside upper left", ncols=3)
-        return svg(
-            figure,
-            "start-dispersion",
-            "Dispersion against the start of navigation",
-            "Sigma of each final error against the start time, linear and Monte Carlo; a triangle marks the best start "
-            "up to reentry.",
-        )
-
-
-def _effects(starts: Array, effects: Array, sources: Sequence[Source], output: Output) -> str:
-    """What one sigma of each source does to one output, against the start time: two panels."""
-    with mpl.rc_context(STYLE):
-        figure, axes_array = new(9.0, 3.4, 1, 2)
-        kinds = (
-            ("initial conditions", range(INITIAL_CONDITIONS)),
-            ("equipment", range(INITIAL_CONDITIONS, len(sources))),
-        )
-        for axes, (title, members) in zip(axes_array[0], kinds, strict=True):
-            for j in members:
-                colour = SOURCE_COLOURS[j % len(SOURCE_COLOURS)]
-                axes.plot(starts, effects[:, j], color=colour, label=spoken(sources[j].name))
-            axes.axvline(0.0, color=MUTED, linewidth=0.8, linestyle="--")
-            axes.set(title=title, xlabel="start of navigation (min from reentry)")
-            axes.legend(loc="best", fontsize=8)
-        axes_array[0, 0].set_ylabel(f"{spoken(output.name)} for one sigma ({output.shown_in})")
-        return svg(
-            figure,
-            f"start-{output.name}",
-            f"Final {spoken(output.name)} for one sigma of each source",
-            "Partial derivative times one sigma of each source, against the start of navigation.",
-        )

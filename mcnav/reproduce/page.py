@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from functools import partial
 from itertools import groupby
 from pathlib import Path
 from typing import Any, Final
 
 import pandas as pd
-from markupsafe import Markup
 
 from mcnav.campaign.files import write_whole
+from mcnav.report.drawings.drawing import Drawing
+from mcnav.report.numbers import number
 from mcnav.report.page import filled
 from mcnav.reproduce import tn_drawings as drawn
 from mcnav.reproduce import tn_figures as computed
@@ -40,85 +41,25 @@ CAPTIONS: Final = {
 }
 
 
-@dataclass(frozen=True)
-class Drawn:
-    """A figure of the report.
-
-    Attributes
-    ----------
-    name, title : str
-    caption : str
-    data : DataFrame
-        Its CSV file.
-    svg : str
-    """
-
-    name: str
-    title: str
-    caption: str
-    data: pd.DataFrame
-    svg: str
-
-
-def _partials_of(output: int) -> tuple[Callable[[], pd.DataFrame], Callable[[pd.DataFrame], str]]:
-    return (lambda: computed.figures_6_to_9(output), lambda frame: drawn.draw_6_to_9(frame, output))
-
-
-FIGURES: Final[Mapping[str, tuple[str, str, Callable[[], pd.DataFrame], Callable[[pd.DataFrame], str]]]] = {
-    "1": ("Altitude against range", "The seven trajectories.", computed.figure_1, drawn.draw_1),
-    "2": ("Trajectory 4 over time", "Position, rates, speed, angle, force.", computed.figure_2, drawn.draw_2),
-    "3": (
-        "Error histories of trajectory 4",
-        "Navigation errors with all of the report's errors at once; the last points are run 11 of Table II(d).",
-        computed.figure_3,
-        drawn.draw_3,
-    ),
-    "4": (
-        "Sums of absolute final errors against final range",
-        "Squares are printed (Table III), dots computed; the lines are flights between and beyond, to 28 km altitude.",
-        computed.figure_4,
-        drawn.draw_4,
-    ),
-    "5": (
-        "Range of linearity",
-        "Final altitude error of trajectory 4 up to a hundred times the report's initial errors.",
-        computed.figure_5,
-        drawn.draw_5,
-    ),
+FIGURES: Final[Mapping[str, tuple[Callable[[], pd.DataFrame], Callable[[pd.DataFrame], Drawing]]]] = {
+    "1": (computed.figure_1, drawn.figure_1),
+    "2": (computed.figure_2, drawn.figure_2),
+    "3": (computed.figure_3, drawn.figure_3),
+    "4": (computed.figure_4, drawn.figure_4),
+    "5": (computed.figure_5, drawn.figure_5),
     **{
         str(6 + output): (
-            f"Partial derivatives of final {name} against start time",
-            "Trajectory 4; the curves are partial derivatives times the report's errors, the CSV file has both.",
-            *_partials_of(output),
+            partial(computed.figures_6_to_9, output=output),
+            partial(drawn.figures_6_to_9, output=output),
         )
-        for output, name in enumerate(("altitude", "range", "altitude rate", "range rate"))
+        for output in range(4)
     },
-    "10": (
-        "Partial derivatives of the perigee radius in r, r' and θ'",
-        "Closed forms of the appendix on the printed ellipse, a flight without atmosphere, trajectory 4's altitude.",
-        computed.figure_10,
-        drawn.draw_10,
-    ),
-    "11": (
-        "Partial derivatives of the perigee radius in r, V and γ",
-        "Closed forms of the appendix on the printed ellipse.",
-        computed.figure_11,
-        drawn.draw_11,
-    ),
-    "12": (
-        "Final altitude and range errors against start time",
-        "Trajectory 4, the report's errors at whatever time navigation starts. Triangles mark the least up to reentry.",
-        computed.figure_12,
-        drawn.draw_12,
-    ),
-    "13": (
-        "Switching altitude of the accelerometers",
-        "Not in the report: trajectory 4 with the outputs taken as zero above an altitude, which it tried at one only.",
-        computed.switching,
-        drawn.draw_switching,
-    ),
+    "10": (computed.figure_10, drawn.figure_10),
+    "11": (computed.figure_11, drawn.figure_11),
+    "12": (computed.figure_12, drawn.figure_12),
+    "13": (computed.switching, drawn.figure_13),
 }
-"""Title, caption, data and drawing of each figure."""
+"""Data and drawing of each figure."""
 
 
 def table(cells: Sequence[Cell]) -> pd.DataFrame:
@@ -152,7 +93,7 @@ def _shown(cell: Cell) -> dict[str, Any]:
         "column": cell.column,
         "unit": cell.unit,
         "printed": cell.printed.replace("-", "−"),
-        "shown": f"{cell.computed:.{decimals}f}".replace("-", "−"),
+        "shown": f"{round(cell.computed, decimals) + 0.0:.{decimals}f}".replace("-", "−"),  # and no negative zero
         "allowed": f"{cell.tolerance:.3g}",
         "mark": cell.mark.value,
         "kind": cell.mark.name.lower(),
@@ -163,13 +104,17 @@ def _shown(cell: Cell) -> dict[str, Any]:
 def _between_engines(cells: Sequence[Cell]) -> str:
     """How far the two engines are apart in a table, as a share of the tolerance; empty where only one computes it."""
     shares = [abs(cell.second - cell.computed) / cell.tolerance for cell in cells if cell.second == cell.second]
-    return f"The two engines differ by at most {max(shares):.0e} of the tolerance." if shares else ""
+    return f"The two engines differ by at most {number(max(shares), 1)} of the tolerance." if shares else ""
 
 
 def render(
-    title: str, cells: Sequence[Cell], figures: Sequence[Drawn], said: Sequence[Finding], decided: Sequence[Finding]
+    title: str,
+    cells: Sequence[Cell],
+    figures: Mapping[str, Drawing],
+    said: Sequence[Finding],
+    decided: Sequence[Finding],
 ) -> str:
-    """The page."""
+    """The page; figures by number."""
     tables = []
     for name, members in groupby(cells, key=lambda cell: cell.table):
         own = list(members)
@@ -187,7 +132,8 @@ def render(
         phrases=PHRASES,
         notable=[_shown(cell) for cell in cells if cell.mark in (Mark.INCONSISTENT, Mark.DIFFERS)],
         tables=tables,
-        figures=[(figure, Markup(figure.svg)) for figure in figures],
+        marks=[(mark.name.lower(), phrase) for mark, phrase in PHRASES.items()],
+        figures=figures,
         claims=said,
         settled=decided,
     )
@@ -204,18 +150,16 @@ def write_reproduction(path: Path) -> tuple[list[Cell], list[Path]]:
         The page, ``tables.csv``, ``findings.csv`` and ``figure_01.csv`` to ``figure_13.csv``.
     """
     cells = all_cells()
-    figures = []
-    for name, (title, caption, data, draw) in FIGURES.items():
-        frame = data()
-        figures.append(Drawn(name, title, caption, frame, draw(frame)))
-    said, decided = claims({figure.name: figure.data for figure in figures}), settled()
+    data = {name: tabulate() for name, (tabulate, _) in FIGURES.items()}
+    figures = {name: draw(data[name]) for name, (_, draw) in FIGURES.items()}
+    said, decided = claims(data), settled()
     found = [("claim", finding) for finding in said] + [("decision", finding) for finding in decided]
     findings = pd.DataFrame([{"kind": kind} | vars(finding) for kind, finding in found])
     files = {
         PAGE: render(TITLE, cells, figures, said, decided),
         "tables.csv": table(cells).to_csv(index=False),
         "findings.csv": findings.to_csv(index=False),
-        **{f"figure_{int(figure.name):02}.csv": figure.data.to_csv(index=False) for figure in figures},
+        **{figure.file: data[name].to_csv(index=False) for name, figure in figures.items()},
     }
     path.mkdir(parents=True, exist_ok=True)
     for name, text in files.items():

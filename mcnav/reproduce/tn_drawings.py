@@ -1,226 +1,336 @@
-"""Figures 1 to 12 of NASA TN D-1772 drawn from their tables (`mcnav.reproduce.tn_figures`)."""
+"""Figures 1 to 12 of NASA TN D-1772, and one more, drawn from their tables (`mcnav.reproduce.tn_figures`)."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Final
 
-import matplotlib as mpl
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from mcnav.report.content import spoken
-from mcnav.report.svg import FLOWN, INK, LINEAR, MUTED, SOURCE_COLOURS, STYLE, new, svg
+from mcnav.report.drawings.drawing import HALF, THIRD, Drawing, Plot, Series, axis_label, mark, numbered, plainly
+from mcnav.report.drawings.start_times import START
+from mcnav.report.svg import BAND, FLOWN, INK, LINEAR, MUTED
 from mcnav.reproduce.tn_d1772 import INITIAL_CONDITIONS
 from mcnav.scenarios.reentry import OUTPUTS, SOURCES
 from mcnav.scenarios.tn_d1772 import ERRORS
 
 TIME: Final = "time from reentry (min)"
-START: Final = "start of navigation (min from reentry)"
-ODD, EVEN = LINEAR, FLOWN
+TO_REENTRY: Final = "time from 121.92 km (min)"
+
+ODD: Final = Series("odd", "constant L/D (odd numbers)", LINEAR)
+EVEN: Final = Series("even", "variable L/D (even numbers)", FLOWN, "dashed")
+ONE: Final = Series("one", "", LINEAR)
+INERTIAL: Final = Series("inertial", "inertial", LINEAR)
+AIR: Final = Series("air", "relative to the air", FLOWN, "dashed")
+FLOWN_ERROR: Final = Series("flown", "flown", FLOWN)
+LINEAR_ERROR: Final = Series("linear", "linear", LINEAR, "dashed")
+LEAST: Final = Series("least", "least", INK, "triangle")
 
 
-@contextmanager
-def _styled(height: float, rows: int, columns: int) -> Iterator[tuple[Figure, list[Axes]]]:
-    with mpl.rc_context(STYLE):
-        figure, grid = new(9.0, height, rows, columns)
-        yield figure, list(grid.flat)
-
-
-def _unit_of(column: str) -> str:
-    """The column's name with its unit in round brackets."""
-    return column.replace("[", "(").replace("]", ")")
-
-
-def _mark_reentry(axes: Axes) -> None:
-    axes.axvline(0.0, color=MUTED, linewidth=0.8, linestyle="--")
-
-
-def _histories(frame: pd.DataFrame, panels: Sequence[Sequence[str]], key: str, title: str, about: str) -> str:
-    """Columns against the first one, a panel for each group."""
-    with _styled(2.5 * -(-len(panels) // 2), -(-len(panels) // 2), 2) as (figure, axes_list):
-        for axes, columns in zip(axes_list, panels, strict=False):
-            for number, column in enumerate(columns):
-                label = column if len(columns) > 1 else None
-                axes.plot(frame.iloc[:, 0], frame[column], color=(LINEAR, FLOWN)[number % 2], label=label)
-            axes.set(xlabel=TIME, ylabel=_unit_of(columns[0]) if len(columns) == 1 else "")
-            _mark_reentry(axes)
-            if len(columns) > 1:
-                axes.legend(fontsize=8)
-        for axes in axes_list[len(panels) :]:
-            axes.set_visible(False)
-        return svg(figure, key, title, about)
-
-
-def draw_1(frame: pd.DataFrame) -> str:
+def figure_1(frame: pd.DataFrame) -> Drawing:
     """Altitude against range, the whole and the atmosphere."""
-    with _styled(3.6, 1, 2) as (figure, (whole, air)):
+
+    def draw(axes: Axes, air: bool) -> None:
         for number, flight in frame.groupby("trajectory"):
-            colour = ODD if int(str(number)) % 2 else EVEN
-            for axes in (whole, air):
-                axes.plot(flight["range [km]"] / 1e3, flight["altitude [km]"], color=colour, linewidth=1.2)
-            last = flight.iloc[-1]
-            air.annotate(f"{number}", (last["range [km]"] / 1e3, last["altitude [km]"]), xytext=(2, -9),
-                         textcoords="offset points", color=colour, fontsize=8)  # fmt: skip
-        whole.set_yscale("log")
-        whole.yaxis.set_major_formatter(lambda value, _: f"{value:,.10g}")
-        whole.axhline(121.92, color=MUTED, linewidth=0.8, linestyle="--")
-        air.set_ylim(0.0, 260.0)
-        air.set_xlim(-1.5, None)
-        air.plot([], [], color=ODD, label="constant L/D (odd)")
-        air.plot([], [], color=EVEN, label="variable L/D (even)")
-        air.legend(fontsize=8)
-        for axes in (whole, air):
-            axes.set(xlabel="range from 121.92 km (1000 km)", ylabel="altitude (km)")
-        return svg(figure, "tn-1", "Altitude against range", "Altitude against range of the seven trajectories.")
+            series = ODD if int(str(number)) % 2 else EVEN
+            series.on(axes, flight["range [km]"] / 1e3, flight["altitude [km]"])
+            if air:
+                last = flight.iloc[-1]
+                axes.annotate(f"{number}", (last["range [km]"] / 1e3, last["altitude [km]"]), xytext=(2, -10),
+                              textcoords="offset points", color=series.colour, fontsize=9)  # fmt: skip
+        if air:
+            axes.set(xlim=(-1.5, None), ylim=(0.0, 260.0))
+        else:
+            axes.set_yscale("log")
+            plainly(axes.yaxis)
+        axes.axhline(121.92, color=MUTED, linewidth=1.0, linestyle=":")
+        axes.set(xlabel="range from 121.92 km (1000 km)", ylabel="altitude (km)")
+
+    return Drawing(
+        key="tn-1",
+        title="Altitude against range",
+        description="Altitude against range of the seven trajectories.",
+        plots=[
+            Plot("The whole flight", partial(draw, air=False)),
+            Plot("In the atmosphere, by number", partial(draw, air=True)),
+        ],
+        series=(ODD, EVEN),
+        data=frame,
+        caption="The seven trajectories. The dotted line is 121.92 km.",
+        file="figure_01.csv",
+    )
 
 
-def draw_2(frame: pd.DataFrame) -> str:
+def _histories(axes: Axes, frame: pd.DataFrame, columns: Mapping[str, Series], label: str) -> None:
+    """Columns against the first one, which is time."""
+    for column, series in columns.items():
+        series.on(axes, frame.iloc[:, 0], frame[column])
+    axes.set(xlabel=TIME, ylabel=label)
+    mark(axes, 0.0, "reentry")
+
+
+def figure_2(frame: pd.DataFrame) -> Drawing:
     """Position, rates, speed, angle and force."""
-    panels = [
-        ["altitude [km]"], ["range [km]"], ["altitude rate [km/s]"], ["range rate [km/s]"],
-        ["inertial speed [km/s]", "airspeed [km/s]"],
-        ["inertial flight-path angle [deg]", "flight-path angle to the air [deg]"],
-        ["force per unit mass [m/s^2]"],
-    ]  # fmt: skip
-    return _histories(frame, panels, "tn-2", "Histories of trajectory 4", "Position, rates, speed, angle and force.")
+    groups: dict[str, dict[str, Series]] = {
+        column: {column: INERTIAL}
+        for column in ("altitude [km]", "range [km]", "altitude rate [km/s]", "range rate [km/s]")
+    }
+    groups |= {
+        "speed [km/s]": {"inertial speed [km/s]": INERTIAL, "airspeed [km/s]": AIR},
+        "flight-path angle [deg]": {"inertial flight-path angle [deg]": INERTIAL,
+                                    "flight-path angle to the air [deg]": AIR},
+        "force per unit mass [m/s^2]": {"force per unit mass [m/s^2]": INERTIAL},
+    }  # fmt: skip
+    return Drawing(
+        key="tn-2",
+        title="Trajectory 4 over time",
+        description="Position, rates, speed, flight-path angle and force per unit mass of trajectory 4 against time.",
+        plots=[
+            Plot("", partial(_histories, frame=frame, columns=columns, label=axis_label(label)))
+            for label, columns in groups.items()
+        ],
+        series=(INERTIAL, AIR),
+        data=frame,
+        size=(HALF[0], 2.3),
+        caption="Position, rates, speed, angle, force.",
+        file="figure_02.csv",
+    )
 
 
-def draw_3(frame: pd.DataFrame) -> str:
+def figure_3(frame: pd.DataFrame) -> Drawing:
     """Error histories."""
-    panels = [[column] for column in frame.columns[1:]]
-    return _histories(frame, panels, "tn-3", "Error histories of trajectory 4", "Navigation errors against time.")
+    return Drawing(
+        key="tn-3",
+        title="Error histories of trajectory 4",
+        description="Navigation errors of trajectory 4 against time, with all of the report's errors at once.",
+        plots=[
+            Plot("", partial(_histories, frame=frame, columns={column: ONE}, label=axis_label(column)))
+            for column in frame.columns[1:]
+        ],
+        series=(),
+        data=frame,
+        size=(HALF[0], 2.3),
+        caption="Navigation errors with all of the report's errors at once; the last points are run 11 of Table II(d).",
+        file="figure_03.csv",
+    )
 
 
-def draw_4(frame: pd.DataFrame) -> str:
-    """Sums of absolute errors against range: rows range and altitude, columns lift laws."""
-    colours = {"initial conditions": LINEAR, "equipment": FLOWN, "all": INK}
-    with _styled(5.8, 2, 2) as (figure, axes_list):
-        places = [(name, kind) for name in ("range", "altitude") for kind in ("constant L/D", "variable L/D")]
-        for axes, (name, kind) in zip(axes_list, places, strict=True):
-            own = frame[frame["kind"] == kind].sort_values("final range [km]")
-            for words, colour in colours.items():
-                column = f"{name}, {words} [km]"
-                between, computed, printed = (
-                    own[own["source"] == source] for source in ("between", "computed", "printed")
-                )
-                reach = "final range [km]"
-                axes.plot(between[reach] / 1e3, between[column], color=colour, linewidth=1.1, label=words)
-                axes.plot(computed[reach] / 1e3, computed[column], "o", color=colour, markersize=4)
-                axes.plot(printed[reach] / 1e3, printed[column], "s", color=colour, markersize=8, fillstyle="none")
-            axes.set(title=f"{name}, {kind}", xlabel="final range (1000 km)", ylabel=f"sum of |{name} errors| (km)")
-            axes.set_ylim(bottom=0.0)
-        axes_list[0].plot([], [], "s", color=MUTED, fillstyle="none", label="printed")
-        axes_list[0].plot([], [], "o", color=MUTED, markersize=4, label="computed")
-        axes_list[0].legend(fontsize=8)
-        return svg(figure, "tn-4", "Sums of absolute errors", "Sums of absolute final errors against final range.")
+def figure_4(frame: pd.DataFrame) -> Drawing:
+    """Sums of absolute errors against range: range and altitude, and lift laws."""
+    kinds = {
+        "initial conditions": Series("initial", "initial conditions", LINEAR, "dashed"),
+        "equipment": Series("equipment", "equipment", FLOWN, "dashdot"),
+        "all": Series("all", "all", INK),
+    }
+    printed, computed = Series("printed", "printed", MUTED, "box"), Series("computed", "computed", MUTED, "dot")
+    reach = "final range [km]"
+
+    def draw(axes: Axes, name: str, law: str) -> None:
+        own = frame[frame["kind"] == law].sort_values(reach)
+        for words, series in kinds.items():
+            column = f"{name}, {words} [km]"
+            for source, looks in (("between", series), ("computed", computed), ("printed", printed)):
+                found = own[own["source"] == source]
+                each = Series(looks.name, looks.label, series.colour, looks.kind)
+                each.on(axes, found[reach] / 1e3, found[column])
+        axes.set(xlabel="final range (1000 km)", ylabel=f"sum of |{name} errors| (km)", ylim=(0.0, None))
+
+    return Drawing(
+        key="tn-4",
+        title="Sums of absolute final errors against final range",
+        description="Sums of absolute final range and altitude errors against the final range, of constant and "
+        "variable lift-to-drag ratio; printed, computed, and on flights between.",
+        plots=[
+            Plot(f"{name}, {law}", partial(draw, name=name, law=law))
+            for name in ("range", "altitude")
+            for law in ("constant L/D", "variable L/D")
+        ],
+        series=(*kinds.values(), printed, computed),
+        data=frame,
+        caption="Squares are printed (Table III), dots computed; the lines are flights between and beyond, to 28 km "
+        "altitude.",
+        file="figure_04.csv",
+    )
 
 
-def draw_5(frame: pd.DataFrame) -> str:
+def figure_5(frame: pd.DataFrame) -> Drawing:
     """Final altitude error against initial altitude and range errors."""
-    with _styled(3.4, 1, 2) as (figure, axes_list):
-        for axes, (source, own) in zip(axes_list, frame.groupby("initial error in", sort=False), strict=True):
-            initial = own["initial error [km]"]
-            axes.plot(initial, own["final altitude error, flown [km]"], color=FLOWN, label="flown")
-            axes.plot(initial, own["final altitude error, linear [km]"], "--", color=LINEAR, label="linear")
-            axes.set(xlabel=f"initial {source} error (km)", ylabel="final altitude error (km)")
-            axes.legend(fontsize=8)
-        return svg(figure, "tn-5", "Range of linearity", "Final altitude error against initial errors.")
+
+    def draw(axes: Axes, source: str) -> None:
+        own = frame[frame["initial error in"] == source]
+        initial = own["initial error [km]"]
+        FLOWN_ERROR.on(axes, initial, own["final altitude error, flown [km]"])
+        LINEAR_ERROR.on(axes, initial, own["final altitude error, linear [km]"])
+        axes.set(xlabel=f"initial {source} error (km)", ylabel="final altitude error (km)")
+
+    return Drawing(
+        key="tn-5",
+        title="Range of linearity",
+        description="Final altitude error against the initial altitude and range error, flown and linear.",
+        plots=[
+            Plot(f"By {source}", partial(draw, source=source)) for source in frame["initial error in"].drop_duplicates()
+        ],
+        series=(FLOWN_ERROR, LINEAR_ERROR),
+        data=frame,
+        caption="Final altitude error of trajectory 4 up to a hundred times the report's initial errors.",
+        file="figure_05.csv",
+    )
 
 
-def draw_6_to_9(frame: pd.DataFrame, output: int) -> str:
+def figures_6_to_9(frame: pd.DataFrame, output: int) -> Drawing:
     """Partial derivatives of an output against start time, each times the report's error; two conventions of axes."""
     shown = OUTPUTS[output]
-    scale = 1e-3 if shown.shown_in == "km" else 1.0
-    name = spoken(shown.name)
-    start = frame.iloc[:, 0]
-    partials = frame.iloc[:, 1:].to_numpy()
-    count = len(SOURCES)
-    with _styled(3.4, 1, 2) as (figure, (conditions, equipment)):
-        for j, source in enumerate(SOURCES):
-            axes = conditions if j < INITIAL_CONDITIONS else equipment
-            effect = scale * ERRORS[j]
-            axes.plot(start, partials[:, j] * effect, color=SOURCE_COLOURS[j], label=spoken(source.name))
-            if j >= INITIAL_CONDITIONS + 2:
-                axes.plot(start, partials[:, count + j] * effect, "--", color=SOURCE_COLOURS[j], linewidth=1.0)
-        for axes, title in (
-            (conditions, "initial conditions"),
-            (equipment, "equipment (dashed: axes of the first start)"),
-        ):
-            axes.set(title=title, xlabel=START)
-            axes.legend(fontsize=8)
-            _mark_reentry(axes)
-        conditions.set_ylabel(f"final {name} for the report's error ({shown.shown_in})")
-        return svg(figure, f"tn-{6 + output}", f"Partial derivatives of final {name}",
-                   f"Partial derivatives of final {name} against start time, times the report's errors.")  # fmt: skip
+    scale, name, count = 1e-3 if shown.shown_in == "km" else 1.0, spoken(shown.name), len(SOURCES)
+    start, partials = frame.iloc[:, 0], frame.iloc[:, 1:].to_numpy()
+    effects = partials * scale * np.tile(ERRORS, 2)
+    series = [numbered(j, spoken(source.name)) for j, source in enumerate(SOURCES)]
+
+    def draw(axes: Axes, members: Sequence[int], first: bool) -> None:
+        for j in members:
+            series[j].on(axes, start, effects[:, j + first * count])
+        axes.set(xlabel=START, ylabel=f"final {name} ({shown.shown_in})")
+        mark(axes, 0.0, "reentry")
+
+    equipment = range(INITIAL_CONDITIONS, count)
+    return Drawing(
+        key=f"tn-{6 + output}",
+        title=f"Partial derivatives of final {name} against start time",
+        description=f"Partial derivatives of final {name} against start time, times the report's errors.",
+        plots=[
+            Plot("Initial conditions", partial(draw, members=range(INITIAL_CONDITIONS), first=False)),
+            Plot("Equipment, axes of that start", partial(draw, members=equipment, first=False)),
+            Plot("Equipment, axes of the first start", partial(draw, members=equipment, first=True)),
+        ],
+        series=series,
+        data=frame,
+        size=THIRD,
+        caption="Trajectory 4; the curves are partial derivatives times the report's errors, the table has the "
+        "derivatives.",
+        file=f"figure_{6 + output:02}.csv",
+    )
 
 
-def draw_10(frame: pd.DataFrame) -> str:
+def figure_10(frame: pd.DataFrame) -> Drawing:
     """Perigee partials in (r, r', theta'), closed form, flown without atmosphere, and trajectory 4."""
-    with _styled(3.2, 1, 3) as (figure, axes_list):
-        for axes, words in zip(axes_list, ("r [1]", "r' [s]", "theta' [1e6 km s/rad]"), strict=True):
-            minutes = frame.iloc[:, 0]
-            axes.plot(minutes, frame[f"by {words}, closed form"], color=LINEAR, label="perigee, eq. (27)")
-            axes.plot(minutes[::20], frame[f"by {words}, flown without atmosphere"][::20], ".", color=INK,
-                      label="flown, no atmosphere")  # fmt: skip
-            axes.plot(
-                minutes, frame[f"by {words}, trajectory 4"], "--", color=FLOWN, label="final altitude, trajectory 4"
-            )
-            axes.set(title=f"by {_unit_of(words)}", xlabel="time from 121.92 km (min)")
-        figure.legend(*axes_list[0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
-        return svg(figure, "tn-10", "Perigee partials in r, r', theta'", "Partial derivatives of the perigee radius.")
+    ways = {
+        "closed form": Series("closed", "perigee, eq. (27)", LINEAR),
+        "flown without atmosphere": Series("flown", "perigee, flown without atmosphere", INK, "dot"),
+        "trajectory 4": Series("final", "final altitude, trajectory 4", FLOWN, "dashed"),
+    }
+
+    def draw(axes: Axes, words: str) -> None:
+        for way, series in ways.items():
+            own = frame[:: 20 if series.kind == "dot" else 1]
+            series.on(axes, own.iloc[:, 0], own[f"by {words}, {way}"])
+        axes.set_xlabel(TO_REENTRY)
+
+    columns = {"r [1]": "by r (1)", "r' [s]": "by r′ (s)", "theta' [1e6 km s/rad]": "by θ′ (10⁶ km s/rad)"}
+    return Drawing(
+        key="tn-10",
+        title="Partial derivatives of the perigee radius in r, r′ and θ′",
+        description="Partial derivatives of the perigee radius in r, r′ and θ′ by closed form and by flights without "
+        "atmosphere, and those of the final altitude of trajectory 4, against time.",
+        plots=[Plot(title, partial(draw, words=words)) for words, title in columns.items()],
+        series=list(ways.values()),
+        data=frame,
+        size=THIRD,
+        caption="Closed forms of the appendix on the printed ellipse, a flight without atmosphere, trajectory 4's "
+        "altitude.",
+        file="figure_10.csv",
+    )
 
 
-def draw_11(frame: pd.DataFrame) -> str:
+def figure_11(frame: pd.DataFrame) -> Drawing:
     """Perigee partials in (r, V, gamma)."""
-    with _styled(2.8, 1, 3) as (figure, axes_list):
-        for axes, column in zip(axes_list, ("by r [1]", "by V [s]", "by gamma [km/rad]"), strict=True):
-            axes.plot(frame.iloc[:, 0], frame[column], color=LINEAR)
-            axes.set(title=_unit_of(column), xlabel="time from 121.92 km (min)")
-        return svg(figure, "tn-11", "Perigee partials in r, V, gamma", "Partial derivatives of the perigee radius.")
+
+    def draw(axes: Axes, column: str) -> None:
+        ONE.on(axes, frame.iloc[:, 0], frame[column])
+        axes.set_xlabel(TO_REENTRY)
+
+    columns = {"by r [1]": "by r (1)", "by V [s]": "by V (s)", "by gamma [km/rad]": "by γ (km/rad)"}
+    return Drawing(
+        key="tn-11",
+        title="Partial derivatives of the perigee radius in r, V and γ",
+        description="Partial derivatives of the perigee radius in r, V and γ against time.",
+        plots=[Plot(title, partial(draw, column=column)) for column, title in columns.items()],
+        series=(),
+        data=frame,
+        size=THIRD,
+        caption="Closed forms of the appendix on the printed ellipse.",
+        file="figure_11.csv",
+    )
 
 
-def draw_12(frame: pd.DataFrame) -> str:
+def figure_12(frame: pd.DataFrame) -> Drawing:
     """Final altitude and range errors against start time."""
-    before = frame.iloc[:, 0] <= 0.0
-    with _styled(3.8, 1, 2) as (figure, axes_list):
-        for axes, name in zip(axes_list, ("altitude", "range"), strict=True):
-            for source in ("altitude", "gyro_drift", "bias_x", "bias_z"):
-                j = next(k for k, entry in enumerate(SOURCES) if entry.name == source)
-                column = np.abs(frame[f"{name} for {source} [km]"])
-                axes.plot(frame.iloc[:, 0], column, color=SOURCE_COLOURS[j], label=spoken(source), linewidth=1.1)
-            for words, style, colour in (("sum of |equipment|", "--", INK), ("sum of |all|", "-", INK),
-                                         ("root sum square of all", "-", LINEAR)):  # fmt: skip
-                column = frame[f"{name}, {words} [km]"]
-                axes.plot(frame.iloc[:, 0], column, style, color=colour, label=words, linewidth=1.8)
-                if words != "sum of |equipment|":
-                    best = int(column[before].argmin())
-                    axes.plot(frame.iloc[best, 0], column[best], "v", color=FLOWN, markersize=7)
-            axes.set(title=f"final {name}", xlabel=START, ylabel=f"|{name} error| (km)")
-            axes.set_ylim(bottom=0.0)
-            _mark_reentry(axes)
-        axes_list[0].axvspan(-30.0, -20.0, color="#eef1f4", zorder=0)
-        figure.legend(*axes_list[0].get_legend_handles_labels(), loc="outside upper left", ncols=4, fontsize=8)
-        return svg(figure, "tn-12", "Final errors against start time",
-                   "Final altitude and range errors against start time; triangles mark the least, shaded is the start "
-                   "time that the report advises.")  # fmt: skip
+    start = frame.iloc[:, 0]
+    shown = {
+        j: numbered(j, spoken(source.name))
+        for j, source in enumerate(SOURCES)
+        if source.name in ("altitude", "gyro_drift", "bias_x", "bias_z")
+    }
+    together = {
+        "sum of |equipment|": Series("equipment", "sum of |equipment|", MUTED, "dashed"),
+        "sum of |all|": Series("sum", "sum of |all|", INK),
+        "root sum square of all": Series("rss", "root sum square of all", INK, "dashdot"),
+    }
+    advised = Series("advised", "start that the report advises", BAND, "area")
+
+    def draw(axes: Axes, name: str) -> None:
+        axes.axvspan(-30.0, -20.0, color=BAND, zorder=0, gid=advised.gid)
+        for j, series in shown.items():
+            series.on(axes, start, np.abs(frame[f"{name} for {SOURCES[j].name} [km]"]), linewidth=1.2)
+        for words, series in together.items():
+            column = frame[f"{name}, {words} [km]"]
+            series.on(axes, start, column, linewidth=2.0)
+            if "all" in words:
+                best = int(column[start <= 0.0].argmin())
+                LEAST.on(axes, start[best], column[best] + 0.04 * frame[f"{name}, sum of |all| [km]"].max())
+        axes.set(xlabel=START, ylabel=f"|{name} error| (km)", ylim=(0.0, None))
+        mark(axes, 0.0, "reentry")
+
+    return Drawing(
+        key="tn-12",
+        title="Final altitude and range errors against start time",
+        description="Final altitude and range errors against start time, of single sources and of all; triangles "
+        "point at the least up to reentry.",
+        plots=[Plot(f"final {name}", partial(draw, name=name)) for name in ("altitude", "range")],
+        series=(*shown.values(), *together.values(), LEAST, advised),
+        data=frame,
+        size=(HALF[0], 3.2),
+        caption="Trajectory 4, the report's errors at whatever time navigation starts.",
+        file="figure_12.csv",
+    )
 
 
-def draw_switching(frame: pd.DataFrame) -> str:
+def figure_13(frame: pd.DataFrame) -> Drawing:
     """Dispersion and missed drag against the switching altitude."""
-    with _styled(3.2, 1, 2) as (figure, axes_list):
-        for axes, name in zip(axes_list, ("altitude", "range"), strict=True):
-            shown = frame[frame["off above [km]"] >= 85.0]
-            for words, style, colour in (("sigma", "--", LINEAR), ("rms", "-", FLOWN)):
-                axes.plot(shown["off above [km]"], shown[f"{name}, {words} [km]"], style, color=colour,
-                          label={"sigma": "dispersion", "rms": "with the drag that is missed"}[words])  # fmt: skip
-            least = int(frame[f"{name}, rms [km]"].argmin())
-            axes.plot(frame.iloc[least, 0], frame[f"{name}, rms [km]"][least], "v", color=INK, markersize=7)
-            sigma = frame[f"{name}, sigma [km]"]
-            axes.set_ylim(0.96 * sigma[shown.index].min(), 1.1 * sigma.max())
-            axes.set(title=f"final {name}", xlabel="accelerometers off above (km)", ylabel="one sigma (km)")
-        axes_list[0].legend(fontsize=8)
-        return svg(figure, "tn-13", "Switching altitude", "Dispersion against the accelerometers' switching altitude.")
+    alone = Series("sigma", "dispersion", LINEAR, "dashed")
+    whole = Series("rms", "with the drag that is missed", FLOWN)
+    shown = frame[frame["off above [km]"] >= 85.0]
+
+    def draw(axes: Axes, name: str) -> None:
+        sigma, rms = frame[f"{name}, sigma [km]"], frame[f"{name}, rms [km]"]
+        low, high = 0.96 * sigma[shown.index].min(), 1.1 * sigma.max()
+        for series, values in ((whole, rms), (alone, sigma)):
+            series.on(axes, shown["off above [km]"], values[shown.index])
+        least = int(rms.argmin())
+        LEAST.on(axes, frame.iloc[least, 0], rms[least] + 0.04 * (high - low))
+        axes.set(xlabel="accelerometers off above (km)", ylabel="1σ (km)", ylim=(low, high))
+
+    return Drawing(
+        key="tn-13",
+        title="Switching altitude of the accelerometers",
+        description="Dispersion of final altitude and range against the accelerometers' switching altitude, and the "
+        "root mean square with the drag that is missed; triangles point at the least.",
+        plots=[Plot(f"final {name}", partial(draw, name=name)) for name in ("altitude", "range")],
+        series=(alone, whole, LEAST),
+        data=frame,
+        caption="Not in the report: trajectory 4 with the outputs taken as zero above an altitude, which it tried at "
+        "one only.",
+        file="figure_13.csv",
+    )

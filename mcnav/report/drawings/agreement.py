@@ -12,13 +12,14 @@ from scipy import special
 
 from mcnav.analysis.convergence import Convergence, Running
 from mcnav.report.content import Content
-from mcnav.report.drawings.drawing import HALF, Drawing, Plot, Series, dots
+from mcnav.report.drawings.drawing import HALF, Drawing, Plot, Series, dots, plainly
 from mcnav.report.svg import AREA, BAND, FLOWN, LINEAR, MUTED
 
 Array = NDArray[np.float64]
 
-PAIRED = Series("paired", "Monte Carlo, paired estimate", FLOWN)
-PLAIN = Series("plain", "Monte Carlo, plain sample", MUTED)
+PAIRED, PLAIN = "Monte Carlo, paired estimate", "Monte Carlo, plain sample"
+RATIOS = {"paired": Series("paired", PAIRED, FLOWN, "dot"), "plain": Series("plain", PLAIN, MUTED, "square")}
+RUNNING = {"paired": Series("paired", PAIRED, FLOWN), "plain": Series("plain", PLAIN, MUTED, "dashed")}
 TOLERANCE = Series("tolerance", "tolerance", BAND, "area")
 QUANTILES = 121
 """Points of a quantile plot."""
@@ -54,7 +55,7 @@ def sigma_ratios(content: Content) -> Drawing:
         description="For each output the difference of Monte Carlo from linear sigma with its interval, and the "
         "tolerance around zero.",
         plots=[Plot("Against the tolerance", whole), Plot("The paired estimate, magnified", magnified)],
-        series=(PAIRED, PLAIN, TOLERANCE),
+        series=(*RATIOS.values(), TOLERANCE),
         data=data,
         size=(HALF[0], 1.1 + 0.42 * len(names)),
     )
@@ -65,20 +66,17 @@ def _number(value: float | None) -> float:
 
 
 def _ratios(axes: Axes, data: pd.DataFrame, kinds: tuple[str, ...]) -> None:
-    looks = {"paired": (-0.15, PAIRED, "o"), "plain": (0.18, PLAIN, "s")}
     axes.axvline(0.0, color=LINEAR, linewidth=1.2)
-    for kind in kinds:
-        shift, series, marker = looks[kind] if len(kinds) > 1 else (0.0, *looks[kind][1:])
+    for place, kind in enumerate(kinds):
+        shift, series = 0.33 * (place - 0.5 * (len(kinds) - 1)), RATIOS[kind]
         for row, (ratio, low, high) in enumerate(
             data[[f"{kind} sigma ratio", f"{kind} interval from", f"{kind} interval to"]].to_numpy(dtype=float)
         ):
             if not np.isfinite([ratio, low, high]).all():
                 continue
             ends = [100.0 * (low - 1.0), 100.0 * (high - 1.0)]
-            axes.plot(
-                ends, [row + shift] * 2, color=series.colour, linewidth=2.0, solid_capstyle="butt", gid=series.gid
-            )
-            axes.plot(100.0 * (ratio - 1.0), row + shift, marker, color=series.colour, markersize=5.5, gid=series.gid)
+            axes.plot(ends, [row + shift] * 2, color=series.colour, linewidth=2.0, gid=series.gid)
+            series.on(axes, 100.0 * (ratio - 1.0), row + shift, markersize=5.5)
     axes.set_yticks(range(len(data)), list(data["output"]))
     axes.set_ylim(len(data) - 0.5, -0.5)
     axes.grid(axis="y", visible=False)
@@ -108,7 +106,7 @@ def running_ratios(content: Content) -> Drawing | None:
         title="Sigma ratios as samples are added",
         description="For each output the plain and the paired sigma ratio of the first samples, with intervals.",
         plots=[Plot(names[i], partial(_running, found=found, i=i, tolerance=tolerance)) for i in shown],
-        series=(PAIRED, PLAIN, TOLERANCE),
+        series=(*RUNNING.values(), TOLERANCE),
         data=pd.DataFrame(frame),
         size=(HALF[0], 2.3),
         caption="Sigma ratio from the first samples of the campaign against their number, with the interval of each by "
@@ -119,11 +117,10 @@ def running_ratios(content: Content) -> Drawing | None:
 def _running(axes: Axes, found: Convergence, i: int, tolerance: float) -> None:
     axes.axhspan(1.0 - tolerance, 1.0 + tolerance, color=BAND, zorder=0, gid=TOLERANCE.gid)
     axes.axhline(1.0, color=LINEAR, linewidth=1.0)
-    _band(axes, found.sizes.astype(float), found.plain, i, PLAIN)
-    _band(axes, found.sizes.astype(float), found.paired, i, PAIRED)
+    _band(axes, found.sizes.astype(float), found.plain, i, RUNNING["plain"])
+    _band(axes, found.sizes.astype(float), found.paired, i, RUNNING["paired"])
     axes.set_xscale("log")
-    axes.xaxis.set_major_formatter(lambda value, _: f"{value:,.10g}")  # the default one writes mathematics
-    axes.xaxis.set_minor_formatter(lambda value, _: "")
+    plainly(axes.xaxis)
     ends = [getattr(run, side)[:, i] for run in (found.plain, found.paired) for side in ("low", "high")]
     reach = max(float(np.nanmax(np.abs(np.concatenate(ends) - 1.0))), tolerance)
     axes.set_ylim(1.0 - min(reach, 1.0) * 1.05, 1.0 + min(reach, 10.0) * 1.05)
@@ -131,10 +128,8 @@ def _running(axes: Axes, found: Convergence, i: int, tolerance: float) -> None:
 
 
 def _band(axes: Axes, sizes: Array, run: Running, i: int, series: Series) -> None:
-    axes.fill_between(
-        sizes, run.low[:, i], run.high[:, i], color=series.colour, alpha=0.25, linewidth=0.0, gid=series.gid
-    )
-    axes.plot(sizes, run.ratio[:, i], color=series.colour, linewidth=1.4, gid=series.gid)
+    series.band(axes, sizes, run.low[:, i], run.high[:, i], 0.25)
+    series.on(axes, sizes, run.ratio[:, i])
 
 
 def nees(content: Content) -> Drawing | None:

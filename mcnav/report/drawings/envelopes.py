@@ -11,8 +11,8 @@ from matplotlib.axes import Axes
 
 from mcnav.analysis.envelopes import Envelopes
 from mcnav.report.content import Content
-from mcnav.report.drawings.drawing import Drawing, Plot, Series, axis_label
-from mcnav.report.svg import AREA, FLOWN, INK, LINEAR, MUTED
+from mcnav.report.drawings.drawing import Drawing, Plot, Series, axis_label, mark
+from mcnav.report.svg import AREA, FLOWN, LINEAR
 
 LINEAR_3: Final = Series("linear", "linear, mean ± 3σ", LINEAR)
 FLOWN_3: Final = Series("flown", "Monte Carlo, mean ± 3σ", FLOWN, "dashed")
@@ -55,16 +55,15 @@ def envelopes(content: Content) -> Drawing | None:
 
 def _envelope(axes: Axes, known: Envelopes, output: int, scale: float, unit: str, band: Series) -> None:
     low, *_, high = (values[:, output] * scale for values in known.percentiles.values())
-    axes.fill_between(known.times, low, high, color=AREA, linewidth=0.0, zorder=0, gid=band.gid)
+    band.band(axes, known.times, low, high)
     for sign in (-3.0, 3.0):
         linear = (known.linear_mean + sign * known.linear_sigma)[:, output] * scale
         flown = (known.mean + sign * known.sigma)[:, output] * scale
-        axes.plot(known.times, linear, color=LINEAR, linewidth=1.8, gid=LINEAR_3.gid)
-        axes.plot(known.times, flown, "--", color=FLOWN, linewidth=1.4, gid=FLOWN_3.gid)
-    axes.plot(known.times, known.mean[:, output] * scale, color=FLOWN, linewidth=0.8, gid=FLOWN_3.gid)
-    for event, place in known.events.items():
-        if known.times[0] < place < known.times[-1]:
-            axes.axvline(place, color=MUTED, linewidth=1.0, linestyle=":")
-            axes.annotate(f" {event}", (place, 0.02), xycoords=("data", "axes fraction"), color=INK, fontsize=8)
+        LINEAR_3.on(axes, known.times, linear, linewidth=1.8)
+        FLOWN_3.on(axes, known.times, flown)
+    FLOWN_3.on(axes, known.times, known.mean[:, output] * scale, linestyle="-", linewidth=0.8)
     axes.set(xlabel=axis_label(known.label), ylabel=f"error ({unit})")
     axes.margins(x=0.0)
+    for event, place in known.events.items():
+        if known.times[0] < place < known.times[-1]:
+            mark(axes, place, event)

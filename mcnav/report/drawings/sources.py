@@ -10,18 +10,13 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from mcnav.report.content import Content
-from mcnav.report.drawings.drawing import HALF, Drawing, Plot, Series, axis_label
+from mcnav.report.drawings.drawing import HALF, Drawing, Plot, Series, axis_label, numbered
 from mcnav.report.svg import INK, PAPER, SOURCE_COLOURS
 
 Array = NDArray[np.float64]
 
 NUMBERED = 0.08
 """Shares from this on carry their number."""
-
-
-def _series(content: Content, members: list[int]) -> dict[int, Series]:
-    """A key to sources; a source has one colour in all figures."""
-    return {j: Series(f"source-{j}", content.source_names[j], SOURCE_COLOURS[j % len(SOURCE_COLOURS)]) for j in members}
 
 
 def on(colour: str) -> str:
@@ -42,7 +37,7 @@ def budget(content: Content) -> Drawing:
     names, linear = content.output_names, np.nan_to_num(content.budget.shares)
     flown = _flown_shares(content)
     members = [j for j in range(linear.shape[1]) if (linear[:, j] > 0.0).any()]
-    series = _series(content, members)
+    series = {j: numbered(j, content.source_names[j], "area") for j in members}
     plots = [Plot("By the linear model", lambda axes: _stacked(axes, names, linear, series))]
     frame: dict[str, list[object]] = {"source": [content.source_names[j] for j in members]}
     frame |= {f"{name}, linear, %": [float(100.0 * linear[i, j]) for j in members] for i, name in enumerate(names)}
@@ -54,7 +49,7 @@ def budget(content: Content) -> Drawing:
         title="Error budget",
         description="Share of each error source in the variance of each output, in per cent of the linear variance.",
         plots=plots,
-        series=[Series(each.name, each.label, each.colour, "area") for each in series.values()],
+        series=list(series.values()),
         data=pd.DataFrame(frame),
         size=(HALF[0], 1.0 + 0.42 * len(names)),
     )
@@ -103,13 +98,13 @@ def development(content: Content) -> Drawing | None:
     whole = np.sqrt(np.maximum(variance, 0.0)) * scale
     largest = parts.max(axis=0)[moving] / whole.max(axis=0)[moving, None]  # of each source in each output
     kept = sorted(j for j in np.argsort(-largest.max(axis=0))[: len(SOURCE_COLOURS)] if largest[:, j].max() > 0.0)
-    series = _series(content, [int(j) for j in kept])
+    series = {int(j): numbered(int(j), content.source_names[j]) for j in kept}
     together = Series("all", "all errors", INK)
 
     def draw(axes: Axes, i: int) -> None:
-        axes.plot(known.times, whole[:, i], color=INK, linewidth=1.8, gid=together.gid)
+        together.on(axes, known.times, whole[:, i], linewidth=2.0)
         for j, each in series.items():
-            axes.plot(known.times, parts[:, i, j], color=each.colour, linewidth=1.2, gid=each.gid)
+            each.on(axes, known.times, parts[:, i, j])
         axes.set(xlabel=axis_label(known.label), ylabel=f"1σ ({units[i]})")
         axes.set_ylim(bottom=0.0)
 

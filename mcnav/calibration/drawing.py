@@ -1,0 +1,63 @@
+"""Measured rates of the calibration study, statement by statement, against what is stated."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from mcnav.report.drawings.drawing import HALF, Drawing, Plot, Series
+from mcnav.report.svg import FLOWN, INK, LINEAR, MUTED
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+FINDINGS: Final = {
+    "as stated": Series("stated", "as stated", LINEAR, "dot"),
+    "safe": Series("safe", "safe", LINEAR, "triangle"),
+    "nearly": Series("nearly", "nearly", INK, "box"),
+    "remarked": Series("remarked", "remarked", INK, "onward"),
+    "off": Series("off", "off", FLOWN, "square"),
+    "withheld": Series("withheld", "withheld", MUTED, "ring"),
+    "": Series("power", "rate", LINEAR, "dot"),
+}
+
+
+def measured(table: pd.DataFrame, kind: str, title: str) -> Drawing:
+    """Every rate of one kind, a row a statement; beside them, where some are withheld, those that are given."""
+    own = table[table["kind"] == kind]
+    statements = list(dict.fromkeys(own["statement"]))
+    found = [finding for finding in FINDINGS if (own["finding"] == finding).any()]
+    sizes = sorted(own["samples"].unique())
+
+    def draw(axes: Axes, shown: pd.DataFrame) -> None:
+        for finding in found:
+            rates = shown[shown["finding"] == finding]
+            rows = np.array([statements.index(statement) for statement in rates["statement"]])
+            shifts = np.searchsorted(sizes, rates["samples"]) - 0.5 * (len(sizes) - 1)
+            FINDINGS[finding].on(axes, 100.0 * rates["measured"], rows + 0.16 * shifts, markersize=4.0)
+        for nominal in shown["nominal"].dropna().unique():
+            axes.axvline(100.0 * nominal, color=INK, linewidth=1.0, zorder=0)
+        axes.set_yticks(range(len(statements)), statements)
+        axes.set_ylim(len(statements) - 0.5, -0.5)
+        axes.grid(axis="y", visible=False)
+        axes.set_xlabel("campaigns (%)")
+
+    plots = [Plot("All rates", partial(draw, shown=own))]
+    if "withheld" in found:
+        plots.append(Plot("Those that the program gives", partial(draw, shown=own[own["finding"] != "withheld"])))
+    return Drawing(
+        key=kind.replace(" ", "-"),
+        title=title,
+        description=f"Measured rates ({kind}) of every statement, system, distribution, design and size, and the "
+        "nominal rate as a line.",
+        plots=plots,
+        series=[FINDINGS[finding] for finding in found] if found != [""] else (),
+        data=own.drop(columns="kind"),
+        size=(HALF[0], 1.0 + 0.34 * len(statements)),
+        caption="A mark is a system, distribution of the sources, design and number of samples, which grows downwards "
+        "within a row.",
+        file="calibration.csv",
+    )

@@ -1,0 +1,127 @@
+"""Headless Chromium, and every kind of page, made when it is first asked for."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable, Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+
+from mcnav import comparing, gallery
+from mcnav.calibration import page as calibration_page
+from mcnav.replay import replay, write_replay
+from mcnav.reproduce import page as tn_page
+from mcnav.reproduce import story_page
+from mcnav.reproduce.tn_d1772 import Cell
+from mcnav.reproduce.tn_findings import Finding
+from mcnav.study import run_campaign
+from mcnav.sweeps.linearity import write_linearity
+from mcnav.sweeps.start_times import write_start_times
+from tests.conftest import ROOT, campaign
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+NAME = "Trajectory 4 </script> $\\frac{$ 🚀 تجربة"
+FOLDER = "run $frac{$ 🚀 تجربة"
+"""Names that would break a page where they are not written as they are; the second one is a folder's."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Everything here needs a browser, and is left out where there is none unless it is said to be required."""
+    missing = CHROMIUM is None and os.environ.get("MCNAV_BROWSER") != "required"
+    for item in items:
+        if Path(__file__).parent in item.path.parents:
+            item.add_marker(pytest.mark.browser)
+            item.add_marker(pytest.mark.skipif(missing, reason="no Chromium on this machine"))
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Any]:
+    from playwright.sync_api import sync_playwright
+
+    quiet = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-component-update"]
+    with sync_playwright() as playwright:
+        chromium = playwright.chromium.launch(executable_path=CHROMIUM, args=quiet)
+        yield chromium
+        chromium.close()
+
+
+@pytest.fixture(scope="session")
+def page_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """From the kind of a page to where it has been written."""
+
+    @cache
+    def made(kind: str) -> Path:
+        return KINDS[kind](tmp_path_factory.mktemp("pages"), made)
+
+    return made
+
+
+def _report(folder: Path, _: Callable[[str], Path]) -> Path:
+    asked = {"quantile": [{"output": "altitude", "probability": 0.9973, "below": "120 km"}]}
+    run_campaign(campaign(4, name=NAME, samples=5_000, accept=asked), folder / FOLDER, "ensemble", 2)
+    return folder / FOLDER / "report.html"
+
+
+def _start_times(folder: Path, _: Callable[[str], Path]) -> Path:
+    plan = {"count": 41, "samples": 200, "check": ["-60 min", "-30 min"]}
+    return write_start_times(campaign(4, name=NAME, start_times=plan), folder)[-1]
+
+
+def _linearity(folder: Path, _: Callable[[str], Path]) -> Path:
+    return write_linearity(campaign(4, name=NAME), folder, samples=200, largest=12.0)[1][-1]
+
+
+def _story(folder: Path, _: Callable[[str], Path]) -> Path:
+    return story_page.write(folder)[0]
+
+
+def _tn(folder: Path, _: Callable[[str], Path]) -> Path:
+    """All figures, and of its numbers one of each mark."""
+    printed = {"1510": 1510.2, "1511": 1513.0, "1512": 1600.0, "1513": 1600.0}
+    cells = [
+        Cell("I", f"trajectory {row}", "final range", "km", text, computed, 5.0, NAME, contradicted=row == 3)
+        for row, (text, computed) in enumerate(printed.items(), start=1)
+    ]
+    data = {name: tabulate() for name, (tabulate, _) in tn_page.FIGURES.items()}
+    figures = {name: draw(data[name]) for name, (_, draw) in tn_page.FIGURES.items()}
+    found = [Finding(NAME, "It is said in many words what is found of it. " * 5, "holds")]
+    written = folder / tn_page.PAGE
+    written.write_text(tn_page.render(NAME, cells, figures, found, found), encoding="utf-8")
+    return written
+
+
+def _calibration(folder: Path, _: Callable[[str], Path]) -> Path:
+    table = pd.read_csv(ROOT / "reports" / "calibration" / "calibration.csv")
+    table["finding"] = table["finding"].fillna("")
+    written = folder / "calibration.html"
+    written.write_text(calibration_page.render(table, 600), encoding="utf-8")
+    return written
+
+
+def _replay(folder: Path, made: Callable[[str], Path]) -> Path:
+    return write_replay(replay(made("report").parent, 12), folder)[0]
+
+
+def _comparison(folder: Path, made: Callable[[str], Path]) -> Path:
+    larger = campaign(4, 2.0, name=NAME, samples=2_000)
+    run_campaign(larger, folder / f"larger {FOLDER}", "ensemble", 2)
+    written = folder / "comparison.html"
+    runs = comparing.compare_runs([made("report").parent, folder / f"larger {FOLDER}"])
+    written.write_text(runs.page, encoding="utf-8")
+    return written
+
+
+def _index(_: Path, made: Callable[[str], Path]) -> Path:
+    return gallery.write_index(made("report").parent.parent)[0]
+
+
+KINDS: dict[str, Callable[[Path, Callable[[str], Path]], Path]] = {
+    "report": _report, "replay": _replay, "comparison": _comparison, "index": _index, "start times": _start_times,
+    "linearity": _linearity, "calibration": _calibration, "story": _story, "tn": _tn,
+}  # fmt: skip
+"""What makes each kind of page, in a folder of its own."""

@@ -1,0 +1,146 @@
+"""Every kind of page: its figures visible and whole, silent, self-contained, readable by everyone and on paper."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.browser.conftest import FOLDER, KINDS, NAME
+
+FIGURES = {
+    "report": 9, "replay": 1, "comparison": 1, "index": 0, "start times": 5, "linearity": 2, "calibration": 3,
+    "story": 10, "tn": 13,
+}  # fmt: skip
+SAID = {"comparison": FOLDER, "story": "The Story of 84 Minutes", "calibration": "Calibration", "index": "Runs"}
+"""What the heading of a page says where it is not the campaign's name."""
+
+TEXTS = """() => {
+  const wrong = [];
+  document.querySelectorAll("figure svg").forEach((svg) => {
+    const box = svg.getBoundingClientRect();
+    const name = svg.querySelector("title").textContent;
+    svg.querySelectorAll("text").forEach((text) => {
+      const own = text.getBoundingClientRect();
+      const out = Math.max(box.left - own.left, own.right - box.right, box.top - own.top, own.bottom - box.bottom);
+      if (out > 1.5) wrong.push(["cut", name, text.textContent]);
+    });
+    svg.querySelectorAll('g[id*="matplotlib.axis"]').forEach((axis) => {
+      const level = (each) => !/rotate\\(-30/.test(each.getAttribute("transform") || "");
+      const boxes = Array.from(axis.querySelectorAll("text")).filter(level)
+        .map((each) => [each.textContent, each.getBoundingClientRect()]);
+      boxes.forEach(([text, a], i) => boxes.slice(i + 1).forEach(([other, b]) => {
+        const width = Math.min(a.right, b.right) - Math.max(a.left, b.left);
+        const height = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
+        if (width > 1 && height > 3) wrong.push(["overlapping", name, text, other]);
+      }));
+    });
+  });
+  return wrong;
+}"""
+"""Labels of axes that overlap, and any text that reaches beyond its figure."""
+
+
+class Opened:
+    """A page in a window, with what it said and asked for."""
+
+    def __init__(self, browser: Any, path: Path, width: int, **options: Any) -> None:
+        self.page = browser.new_page(viewport={"width": width, "height": 900}, **options)
+        self.said: list[str] = []
+        self.asked: list[str] = []
+        self.page.on("console", lambda message: self.said.append(message.text))
+        self.page.on("pageerror", lambda error: self.said.append(str(error)))
+        self.page.on("request", lambda request: self.asked.append(request.url))
+        self.page.goto(path.as_uri())
+        self.asked = [url for url in self.asked if url != path.as_uri() and not url.startswith("data:")]
+
+    def __enter__(self) -> Any:
+        return self.page
+
+    def __exit__(self, *_: object) -> None:
+        self.page.close()
+        assert self.said == []
+        assert self.asked == []
+
+    def unfold(self) -> None:
+        self.page.evaluate("document.querySelectorAll('details').forEach(each => each.open = true)")
+
+
+def _every_figure_is_shown(page: Any, kind: str, width: int) -> None:
+    assert page.locator("figure").count() == FIGURES[kind] + (kind == "report") * page.locator("#throughout").count()
+    boxes = page.locator("figure svg").evaluate_all("all => all.map(each => each.getBoundingClientRect().toJSON())")
+    assert len(boxes) >= FIGURES[kind]
+    for box in boxes:
+        assert box["width"] > 200
+        assert box["height"] > 80
+        assert box["right"] <= width
+    assert page.locator("figure details.data table").count() == page.locator("figure").count()
+    assert SAID.get(kind, NAME) in page.locator("h1").inner_text()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_on_a_screen(browser: Any, page_of: Callable[[str], Path], kind: str) -> None:
+    """At a desk and in a hand, with and without JavaScript; ids are unique, labels whole and apart."""
+    for width in (1280, 380):
+        opened = Opened(browser, page_of(kind), width)
+        with opened as page:
+            _every_figure_is_shown(page, kind, width)
+            assert page.evaluate(TEXTS) == []
+            opened.unfold()
+            assert page.evaluate("document.documentElement.scrollWidth") <= width
+            identifiers = page.evaluate("Array.from(document.querySelectorAll('[id]')).map(each => each.id)")
+            assert len(identifiers) == len(set(identifiers))
+    with Opened(browser, page_of(kind), 380, java_script_enabled=False) as page:
+        _every_figure_is_shown(page, kind, 380)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_for_everyone(browser: Any, page_of: Callable[[str], Path], kind: str) -> None:
+    """Nothing serious by axe with everything unfolded: names, roles, headings, tables; in dark mode contrast."""
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
+    for scheme, options in (("light", {}), ("dark", {"runOnly": ["color-contrast"]})):
+        opened = Opened(browser, page_of(kind), 1280, color_scheme=scheme)
+        with opened as page:
+            opened.unfold()
+            found = axe.run(page, options=options).response["violations"]
+            assert [
+                (each["id"], each["nodes"][0]["html"]) for each in found if each["impact"] in ("serious", "critical")
+            ] == []
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_on_paper(browser: Any, page_of: Callable[[str], Path], kind: str) -> None:
+    """No plot is cut by a page's end or wider than it; the heading of a table may stand on every page."""
+    with Opened(browser, page_of(kind), 688) as page:
+        page.emulate_media(media="print")
+        assert page.pdf(format="A4").startswith(b"%PDF")
+        breaks = page.locator(".plot").evaluate_all("all => all.map(each => getComputedStyle(each).breakInside)")
+        assert set(breaks) <= {"avoid"}
+        assert page.evaluate("document.documentElement.scrollWidth") <= 688
+        assert set(page.locator(".sort").evaluate_all("all => all.map(e => getComputedStyle(e).display)")) <= {
+            "contents"
+        }
+
+
+@pytest.mark.parametrize("kind", [kind for kind, count in FIGURES.items() if count])
+def test_keys_hide_their_series(browser: Any, page_of: Callable[[str], Path], kind: str) -> None:
+    """Every entry of every key stands for something in its figure, and hides it."""
+    with Opened(browser, page_of(kind), 1280) as page:
+        missing = page.evaluate("""() => Array.from(document.querySelectorAll("figure .key li"))
+          .filter((each) => !each.closest("figure").querySelector(`.plots .series-${each.dataset.series}`))
+          .map((each) => `${each.closest("figure").id}: ${each.textContent}`)""")
+        assert missing == []
+        left = page.evaluate("""() => Array.from(document.querySelectorAll("figure .key button")).filter((each) => {
+          each.click();
+          const name = each.closest("li").dataset.series;
+          return Array.from(each.closest("figure").querySelectorAll(`.series-${name}`))
+            .some((one) => getComputedStyle(one).display !== "none");
+        }).length""")
+        assert left == 0
+
+
+def test_the_same_bytes_again(page_of: Callable[[str], Path], tmp_path: Path) -> None:
+    for kind in ("calibration", "linearity"):
+        assert KINDS[kind](tmp_path, page_of).read_bytes() == page_of(kind).read_bytes()
