@@ -271,9 +271,9 @@ def compare(
             return
         found = compare_runs(folders)
         out.print()
-        out.print(terminal.inputs(found.titles, found.manifests), soft_wrap=False)
+        out.print(terminal.inputs(found.inputs), soft_wrap=False)
         out.print()
-        out.print(terminal.changes(found.titles, found.rows), soft_wrap=False)
+        out.print(terminal.changes(found.titles[0], found.outputs), soft_wrap=False)
         if html is not None:
             html.parent.mkdir(parents=True, exist_ok=True)
             write_whole(html, found.page.encode())

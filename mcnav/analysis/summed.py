@@ -254,7 +254,7 @@ def _joint(
         covariance_paired=_of_blocks(_whitened(given, yy - zz), sums)
         if enough and covariance_testable(len(sums.counts), int(sums.counts.sum()))
         else None,
-        bias=joint_of_blocks(sums.y @ given.matrix, sums.counts) if plain else None,
+        bias=joint_of_blocks(sums.y @ given.matrix) if plain else None,
         bias_paired=_of_blocks((sums.y - sums.z) @ given.matrix, sums) if enough else None,
         nees=kept.joint.nees,
         nees_expected=mean_interval(count, given.rank, each) if plain and normal else None,
@@ -279,7 +279,7 @@ def _whitened(given: Whitening, products: Array) -> Array:
 def _of_blocks(totals: Array, sums: _Sums) -> Significance | None:
     """T-squared of a mean of zero; differences that hold nothing but rounding are zero."""
     size = np.sqrt(np.sum(totals**2, axis=0) / sums.total)
-    return joint_of_blocks(np.where(size > ROUNDING, totals, 0.0), sums.counts)
+    return joint_of_blocks(np.where(size > ROUNDING, totals, 0.0))
 
 
 def _correlation(
