@@ -486,6 +486,7 @@ class Page(StrEnum):
     ARCHITECTURE = "architecture"
     TN_D1772 = "tn-d1772"
     STORY = "story"
+    SCALING = "scaling"
 
 
 FILES = {
@@ -497,7 +498,7 @@ FILES = {
 
 @app.command()
 def docs(page: Annotated[Page, typer.Argument(metavar="PAGE", help="Which one.")] = Page.GUIDE) -> None:
-    """Show the documentation: guide, notebook, notation, architecture, tn-d1772 or story."""
+    """Show the documentation: guide, notebook, notation, architecture, tn-d1772, story or scaling."""
     from importlib.resources import files
 
     text = files("mcnav").joinpath(FILES.get(page, f"{page.value.upper()}.md")).read_text(encoding="utf-8")

@@ -13,7 +13,7 @@ import secrets
 import shutil
 import tempfile
 import time
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Collection, Generator, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -29,7 +29,7 @@ from mcnav.campaign.problems import ClusterError
 from mcnav.campaign.processes import end_workers_apart, fly_alone
 from mcnav.campaign.remote import fly_there, processor, unfit
 from mcnav.campaign.runner import Flights
-from mcnav.campaign.work import Place, Work
+from mcnav.campaign.work import Place, Work, stored
 
 JOBS: Final = 2
 """Workers where nothing is said of them."""
@@ -41,7 +41,12 @@ PATIENCE: Final = 60.0
 """Seconds without any worker, or without a stored file being seen here, after which a run is broken off."""
 
 DEPTH: Final = 3
-"""Chunks handed out for each thread of the cluster: one to fly, others so that it need not wait."""
+"""Tasks handed out for each thread of the cluster: one to fly, others so that it need not wait."""
+
+SHARES: Final = 32
+MOST: Final = 64
+"""Tasks that each thread gets at least, when a run has so many chunks that several of them, no more than so many, make
+one: dask takes some milliseconds for a task, and an engine may take no more for a chunk."""
 
 DEATHS: Final = 1
 """Workers of a local cluster that a chunk may end and be tried again; other schedulers have a number of their own."""
@@ -91,29 +96,31 @@ class Cluster:
         dask, client, needed, run = _distributed(), self.client, versions(), secrets.token_hex(6)
         # A task of its own, not scattered data: when those who hold it die, it is sent again.
         shared = client.submit(_itself, there, key=f"run-{run}", pure=False)
-        left, apart, flying = iter(missing), list[Place](), dict[Any, Place]()
+        left, apart, flying = iter(missing), list[Place](), dict[Any, list[Place]]()
+        together = min(max(len(missing) // (SHARES * max(self.threads, 1)), 1), MOST)
         finished = dask.as_completed(loop=client.loop, with_results=True, raise_errors=False)
         try:
             while True:
-                for place in islice(left, max(DEPTH * self.threads - len(flying), 0)):
-                    key = f"chunk-{run}-{place.number}"
-                    future = client.submit(fly_there, shared, place, needed, key=key, pure=False)
-                    flying[future] = place
+                while len(flying) < DEPTH * self.threads and (places := list(islice(left, together))):
+                    key = f"chunk-{run}-{places[0].number}"
+                    future = client.submit(fly_there, shared, places, needed, key=key, pure=False)
+                    flying[future] = places
                     finished.add(future)
                 if apart:
-                    yield fly_alone(work, apart.pop())
+                    place = apart.pop()
+                    yield stored(work, place) or fly_alone(work, place)
                     continue
                 if not flying:
                     return
                 for future, found in self._ready(finished, flying):
-                    place = flying.pop(future)
-                    failure = None if isinstance(found, Part) else self._failure(future, found)
+                    places = flying.pop(future)
+                    failure = None if isinstance(found, list) else self._failure(future, found)
                     if isinstance(failure, dask.KilledWorker):
-                        apart.append(place)
+                        apart.extend(places)
                     elif failure is not None:
                         raise failure
                     else:
-                        yield found
+                        yield from found
         except Exception as failure:
             if client.status == "running" or isinstance(failure, ClusterError):
                 raise
@@ -122,7 +129,7 @@ class Cluster:
             with suppress(Exception):
                 client.cancel([*flying, shared], force=True)
 
-    def _ready(self, finished: Any, flying: dict[Any, Place]) -> list[tuple[Any, Any]]:
+    def _ready(self, finished: Any, flying: Collection[Any]) -> list[tuple[Any, Any]]:
         """Futures that are ready, at least one, with what came of them."""
         looked = time.monotonic()
         while True:
@@ -136,7 +143,7 @@ class Cluster:
                 looked = time.monotonic()
                 self._look(flying)
 
-    def _look(self, flying: dict[Any, Place]) -> None:
+    def _look(self, flying: Collection[Any]) -> None:
         """Count the workers; raise `ClusterError` when there have been none for long, or nobody knows of our chunks."""
         if any(future.cancelled() for future in flying):
             raise self._lost()
@@ -184,7 +191,7 @@ class Cluster:
             self.client.wait_for_workers(1, timeout=PATIENCE)
         except (OSError, TimeoutError):
             raise ClusterError(f"{self.address}: has no worker, and none came for {PATIENCE:g} s") from None
-        self._look({})
+        self._look(())
         self._admit()
         others = {str(each) for each in self._asked(processor).values()} - {processor()}
         if not others:

@@ -10,7 +10,7 @@ import multiprocessing
 import os
 import platform
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from multiprocessing.util import Finalize
 from pathlib import Path
@@ -22,7 +22,7 @@ from mcnav.campaign.identity import versions
 from mcnav.campaign.parts import Part
 from mcnav.campaign.problems import ClusterError
 from mcnav.campaign.processes import end_with_parent, end_workers_apart, fly_alone
-from mcnav.campaign.work import Place, Work, fly_chunk
+from mcnav.campaign.work import Place, Work, fly_chunk, stored
 
 
 def processor() -> str:
@@ -56,8 +56,8 @@ def unfit(needed: Mapping[str, str], wanted: Path | None = None) -> str | None:
     return None if os.access(wanted.parent, os.W_OK) else f"must not write to {wanted.parent}"
 
 
-def fly_there(work: Work, place: Place, needed: Mapping[str, str]) -> Part:
-    """Draw, fly and store one chunk on a worker of a cluster.
+def fly_there(work: Work, places: Sequence[Place], needed: Mapping[str, str]) -> list[Part]:
+    """Draw, fly and store some chunks on a worker of a cluster, but for those that another stored before it died.
 
     Raises
     ------
@@ -68,10 +68,10 @@ def fly_there(work: Work, place: Place, needed: Mapping[str, str]) -> Part:
     if fault is not None:
         raise ClusterError(f"a worker on {platform.node()} {fault}")
     with _one_thread_each():
-        if not work.in_processes:
-            return fly_chunk(work, place)
-        _let_have_children()
-        return fly_alone(work, place)
+        if work.in_processes:
+            _let_have_children()
+        flown = fly_alone if work.in_processes else fly_chunk
+        return [stored(work, place) or flown(work, place) for place in places]
 
 
 _flying = 0

@@ -19,22 +19,17 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner, Result
 
-from mcnav.analysis.comparison import Model
-from mcnav.analysis.summed import frame_of
 from mcnav.campaign import cluster as clusters
 from mcnav.campaign.cluster import Cluster, opened
-from mcnav.campaign.file import Campaign, read_campaign
+from mcnav.campaign.file import read_campaign
 from mcnav.campaign.folder import RunFolder
-from mcnav.campaign.parts import Layout
 from mcnav.campaign.problems import ClusterError, TooManyFailures
 from mcnav.campaign.runner import fly
-from mcnav.campaign.work import Draws, Work
+from mcnav.campaign.work import Work
 from mcnav.cli import app
-from mcnav.linear.map_engine import prepared_by
-from mcnav.sampling.designs import block_length
 from tests.conftest import ROOT, campaign
 from tests.faults.kills import digests, left_of
-from tests.faults.scenarios import VECTORISED, command, environment, written
+from tests.faults.scenarios import VECTORISED, command, environment, work_of, written
 from tests.faults.test_failures import REASONS
 
 POISON = ("os._exit(9)", "time.sleep(60)")
@@ -50,20 +45,6 @@ def cluster() -> Iterator[Cluster]:
 
 def workers(cluster: Cluster) -> set[int]:
     return set(cluster.client.run(os.getpid).values())
-
-
-def work_of(run: Campaign, folder: Path, engine: str | None = None) -> Work:
-    """What a run of a campaign sends to its workers, without the flights on the side."""
-    errors, scenario = run.errors, run.scenario
-    probes = errors.draw(run.design, run.seed, run.samples, 0, min(64, run.samples))
-    prepared = prepared_by(scenario, engine or scenario.engines[0], probes, errors.mean, errors.standard_deviations)
-    linear = scenario.linearised()
-    model = Model(linear.partials, linear.nominal, errors.mean, errors.covariance)
-    frame = frame_of(model, run.samples, block_length(run.design, run.samples)) if run.store == "summary" else None
-    (folder / "samples").mkdir(parents=True)
-    layout = Layout.of(scenario.sources, scenario.outputs)
-    draws = Draws(errors, run.design, run.seed, run.samples)
-    return Work(draws, prepared, RunFolder(folder), "0" * 64, layout, run.sample_timeout, frame)
 
 
 def quiet(samples: int) -> None:
@@ -100,8 +81,11 @@ def test_a_whole_run(cluster: Cluster, tmp_path: Path) -> None:
     assert json.loads((tmp_path / "there" / "manifest.json").read_text())["flight"]["jobs"] == 2
 
 
-def test_a_killed_worker(cluster: Cluster, tmp_path: Path) -> None:
-    """In mid-campaign; there are more chunks than are handed out at once."""
+@pytest.mark.parametrize("together", [1, 5])
+def test_a_killed_worker(together: int, cluster: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In mid-campaign; there are more chunks, alone or several together, than are handed out at once."""
+    monkeypatch.setattr(clusters, "SHARES", 30 // together)
+    cluster.client.wait_for_workers(2)
     code = VECTORISED.replace("def propagate", "chunk = 5\n\n    def propagate")
     work = work_of(read_campaign(written(tmp_path, "time.sleep(0.05)", code, samples=300)), tmp_path / "here")
     there = replace(work, folder=RunFolder(tmp_path / "there"))
@@ -182,7 +166,7 @@ def test_a_cluster_without_workers(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(clusters, "PATIENCE", 0.0)
     with pytest.raises(ClusterError, match="tcp://there: has had no worker for 0 s"):
-        Cluster(Deserted(), "tcp://there")._look({})
+        Cluster(Deserted(), "tcp://there")._look(())
 
 
 def test_refusals(cluster: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -219,6 +203,11 @@ def test_refusals(cluster: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
         patch.setattr(clusters, "_wanted", elsewhere)
         assert "does not see /nowhere/samples; the run folder must be shared" in refused(*there)
+
+
+def test_the_library_is_imported_for_clusters_alone() -> None:
+    code = "import sys, mcnav.study, mcnav.campaign.cluster; sys.exit('distributed' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], env=environment()).returncode == 0
 
 
 def test_a_chunk_that_nobody_wants_any_more(cluster: Cluster, tmp_path: Path) -> None:
