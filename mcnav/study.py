@@ -38,7 +38,7 @@ from mcnav.campaign.parts import Layout, Part, Samples, as_records, samples_from
 from mcnav.campaign.problems import CampaignError, Problem, RunFolderError, as_written
 from mcnav.campaign.processes import Guarded
 from mcnav.campaign.reduced import KEPT, SUMMARY, gathered
-from mcnav.campaign.runner import Progress, fly
+from mcnav.campaign.runner import Flights, Progress, fly
 from mcnav.campaign.until import Until
 from mcnav.campaign.work import Draws, Work
 from mcnav.linear.beyond import beyond_linear, flown_budget
@@ -133,6 +133,7 @@ def run_campaign(
     fresh: bool = False,
     progress: Progress = lambda samples: None,
     most_failures: int | None = None,
+    flights: Flights | None = None,
 ) -> Run:
     """Fly a campaign into a run folder, analyse it and write its report.
 
@@ -154,6 +155,8 @@ def run_campaign(
         Told how many samples have become ready.
     most_failures : int, optional
         Samples that may fail before the run is broken off.
+    flights : Flights, optional
+        Who flies in place of this machine's threads and processes; see `mcnav.campaign.cluster`.
 
     Returns
     -------
@@ -217,7 +220,7 @@ def run_campaign(
         work = Work(draws, prepared, folder, own, layout, campaign.sample_timeout, _frame(campaign, model))
         _load_drawing()
         try:
-            parts, flown = _fly_enough(campaign, work, manifest, jobs, progress, notices.append, most_failures)
+            parts, flown = _fly_enough(campaign, work, manifest, jobs, progress, notices.append, most_failures, flights)
         except OSError as failure:
             raise RunFolderError(
                 f"{path}: cannot be written to: {failure.strerror or failure}; what is stored there is kept"
@@ -238,19 +241,19 @@ def _fly_enough(
     progress: Progress,
     notice: Callable[[str], None],
     most_failures: int | None,
+    flights: Flights | None,
 ) -> tuple[list[Part], int]:
     """Fly a campaign's samples, or as many as its stopping rule asks for; the manifest is told how many these are."""
     until = campaign.until
     if until is None:
-        return fly(work, jobs, progress, notice=notice, most_failures=most_failures)
+        return fly(work, jobs, progress, notice=notice, most_failures=most_failures, elsewhere=flights)
     sizes = looks(work.prepared.chunk, until.at_most)
     manifest["criterion"]["looks"] = len(sizes)
     parts: list[Part] = []
     flown, before = 0, 0
     for size in sizes:
-        more, now = fly(
-            replace(work, draws=replace(work.draws, samples=size)), jobs, progress, before, notice, most_failures
-        )
+        sized = replace(work, draws=replace(work.draws, samples=size))
+        more, now = fly(sized, jobs, progress, before, notice, most_failures, flights)
         parts, flown, before = parts + more, flown + now, size
         manifest |= {"samples": size, "parts": as_records(parts)}
         precision = _precision(work.folder, manifest, until)
