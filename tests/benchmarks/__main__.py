@@ -26,7 +26,7 @@ def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks", description=__doc__)
     parser.add_argument("trajectories", nargs="*", type=int, default=[3, 4], help="of Table I [default: 3 4]")
     parser.add_argument("--peers", nargs="+", choices=list(PEERS), default=list(PEERS), help="[default: all]")
-    parser.add_argument("--seconds", type=float, default=0.5, help="for which a measurement is repeated [default: 0.5]")
+    parser.add_argument("--seconds", type=float, default=0.3, help="for which a measurement is repeated [default: 0.3]")
     parser.add_argument("--full", action="store_true", help="fly 10^8 samples as well")
     parser.add_argument("--no-growth", action="store_true", help="leave out whole runs")
     parser.add_argument("--out", type=Path, default=Path("reports/benchmarks"), help="[default: reports/benchmarks]")

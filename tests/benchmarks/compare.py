@@ -39,7 +39,7 @@ def installation_notes(path: Path = NOTES) -> dict[str, str]:
 def measure(
     name: str, case: Path, folder: Path, seconds: float, notes: Mapping[str, str], measure_in_child: Any = measured
 ) -> dict[str, Any]:
-    """Everything about one peer: its sweep on one core; then, on two, start-up and throughput at its best settings."""
+    """Everything about one peer: its sweep on one core; then, on two, start-up and throughput at its best setting."""
     entry = PEERS[name]
     row: dict[str, Any] = {"peer": name, "package": entry.package, "method": entry.method}
     sweep = measure_in_child(folder, name, case, 1, seconds)
@@ -48,7 +48,7 @@ def measure(
     if "failed" in sweep:
         return row | {"failed": sweep["failed"]}
     chosen = {target: cheapest(sweep["settings"], target) for target in TARGETS}
-    settings = sorted({each["setting"] for each in chosen.values() if each is not None})
+    settings = [each["setting"] for each in chosen.values() if each is not None][-1:]
     # compiled code is on the disk by now, for those that keep it there: a start as it is from the second time on
     both = measure_in_child(folder, name, case, CORES, seconds, settings or [sweep["settings"][-1]["setting"]])
     on_both = {each["setting"]: each for each in both.get("settings", ())}

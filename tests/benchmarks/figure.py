@@ -25,7 +25,7 @@ def work_precision(record: Mapping[str, Any]) -> str:
     panels = figure.subplots(1, len(cases), sharey=True, squeeze=False)[0]
     for panel, case in zip(panels, cases, strict=True):
         _draw(panel, case, record)
-    panels[0].set_ylabel("µs a sample, one core")
+    panels[0].set_ylabel("µs of processor time a sample")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
     written = io.StringIO()
     with mpl.rc_context({"svg.hashsalt": "mcnav", "svg.fonttype": "none"}):

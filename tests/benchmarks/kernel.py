@@ -68,7 +68,7 @@ def _by_nodes(case: Case, response: Response, samples: np.ndarray, seconds: floa
     for nodes in NODES:
         grid = shared_grid(response, nodes)
         values, _ = fly_ensemble(grid, compared)
-        spent = fastest(lambda grid=grid: fly_ensemble(grid, samples[:CHUNK]), seconds).wall / CHUNK
+        spent = fastest(lambda grid=grid: fly_ensemble(grid, samples[:CHUNK]), seconds).processor / CHUNK
         against_finest = float((np.abs(values - finest) / case.sigma).max())
         found.append(
             {
@@ -99,12 +99,12 @@ def _threads(case: Case, grid: Grid, samples: np.ndarray, seconds: float) -> dic
 def _by_epochs(response: Response, nodes: int, samples: np.ndarray, seconds: float) -> list[dict[str, float]]:
     """Final errors alone, and the second pass in which power sums of all errors are taken at epochs."""
     final = shared_grid(response, nodes)
-    alone = fastest(lambda: fly_ensemble(final, samples), seconds).wall
+    alone = fastest(lambda: fly_ensemble(final, samples), seconds).processor
     found = [{"epochs": 0, "microseconds": alone / len(samples) * 1e6}]
     for count in EPOCHS:
         times = np.linspace(response.start, response.end, count)
         grid = history_grid(response, int(np.ceil(HISTORY_NODES * nodes)), times)
-        spent = alone + fastest(lambda grid=grid: history_sums(grid, samples), seconds).wall
+        spent = alone + fastest(lambda grid=grid: history_sums(grid, samples), seconds).processor
         found.append({"epochs": count, "microseconds": spent / len(samples) * 1e6})
     return found
 
@@ -112,7 +112,7 @@ def _by_epochs(response: Response, nodes: int, samples: np.ndarray, seconds: flo
 def _bound(grid: Grid, samples: np.ndarray, seconds: float) -> dict[str, float]:
     """Operations of a sample, how fast they were done, and how fast one core can do them and move memory."""
     operations, per_second = of_sample(grid), rates(seconds)
-    spent = fastest(lambda: fly_ensemble(grid, samples), seconds).wall / len(samples)
+    spent = fastest(lambda: fly_ensemble(grid, samples), seconds).processor / len(samples)
     room = np.ones(1 << 24)
     other = np.empty_like(room)
     copied = 2 * room.nbytes / fastest(lambda: np.copyto(other, room), seconds).wall

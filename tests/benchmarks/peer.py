@@ -29,6 +29,8 @@ class Peer:
         Draws that are flown at a time.
     workers : str
         How several cores are used: ``threads`` or ``processes``, each given chunks, or the peer's ``own`` way.
+    fewest : int
+        Draws below which a flight takes as long as with so many.
     """
 
     prepare: Callable[[Case, float, int], Fly]
@@ -36,3 +38,4 @@ class Peer:
     settings: tuple[float, ...]
     chunk: int
     workers: str
+    fewest: int = 16

@@ -50,7 +50,7 @@ def peers_table(rows: Sequence[Mapping[str, Any]]) -> str:
     """The peers on one trajectory, at the same measured accuracies."""
     ours = next((_spent(row, FINE) for row in rows if row["peer"] == OURS), None)
     head = [
-        "", "method", f"µs a sample at {ROUGH} σ", f"at {FINE} σ", "against mcnav", "error there",
+        "", "method", f"µs of one core a sample, at {ROUGH} σ", f"at {FINE} σ", "against mcnav", "error there",
         "samples/s, two cores", "start-up", "memory",
     ]  # fmt: skip
     return _table(head, [_peer(row, ours) for row in rows])

@@ -1,4 +1,4 @@
-"""Honest times: the fastest of several runs, in wall time, with what it took of the processor."""
+"""Honest times: the least of several runs, in wall time and in what was taken of the processor."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ FEWEST: Final = 3
 
 @dataclass(frozen=True)
 class Timed:
-    """Of the fastest run: wall time, processor time of this process with all its threads, s; and how many runs."""
+    """Least wall time, least processor time of this process with all its threads, s; and of how many runs."""
 
     wall: float
     processor: float
@@ -21,15 +21,14 @@ class Timed:
 
 
 def fastest(work: Callable[[], object], seconds: float = 0.5, fewest: int = FEWEST) -> Timed:
-    """The fastest of runs repeated for some seconds: what other processes took from the rest does not count."""
+    """The least times of runs repeated for some seconds: what other processes took from the rest does not count."""
     found: list[tuple[float, float]] = []
     until = time.perf_counter() + seconds
     while len(found) < fewest or time.perf_counter() < until:
         processor, begin = time.process_time(), time.perf_counter()
         work()
         found.append((time.perf_counter() - begin, time.process_time() - processor))
-    wall, processor = min(found)
-    return Timed(wall, processor, len(found))
+    return Timed(*(min(times) for times in zip(*found, strict=True)), len(found))
 
 
 def enough(run: Callable[[int], object], fewest: int, most: int, seconds: float) -> int:

@@ -14,7 +14,7 @@ import pytest
 
 from mcnav.physics.grid import shared_grid
 from mcnav.physics.navigator import joint_rates as rates_of_mcnav
-from tests.benchmarks import growth, install, machine, stages
+from tests.benchmarks import growth, install, machine, readme, stages
 from tests.benchmarks.build import case_of, disagreement, scenario_of
 from tests.benchmarks.case import ERROR_UNITS, LENGTH, SPEED, TIME, Case, load
 from tests.benchmarks.compare import cheapest, measure, reason
@@ -135,6 +135,17 @@ def test_the_record_is_json_and_names_no_machine() -> None:
     assert f'"{platform.node()}"' not in text
     assert str(ROOT) not in text
     assert str(Path.home()) not in text
+
+
+def test_the_readme_is_renewed_between_its_marks() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    once = readme.renewed(text, record())
+    assert "No Fortran compiler" in once
+    assert readme.renewed(once, record()) == once
+    assert once.startswith(text[: text.index(readme.BEGIN)])
+    assert once.endswith(text[text.index(readme.END) :])
+    with pytest.raises(ValueError, match="lacks its marks"):
+        readme.renewed("nothing", record())
 
 
 def test_the_figure_shows_every_peer() -> None:

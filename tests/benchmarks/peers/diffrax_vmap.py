@@ -75,5 +75,5 @@ def _prepared(solver: diffrax.AbstractSolver):  # type: ignore[no-untyped-def]
     return prepare
 
 
-DOPRI8 = Peer(_prepared(diffrax.Dopri8()), "relative tolerance", SETTINGS, CHUNK, "own")
-TSIT5 = Peer(_prepared(diffrax.Tsit5()), "relative tolerance", SETTINGS, CHUNK, "own")
+DOPRI8 = Peer(_prepared(diffrax.Dopri8()), "relative tolerance", SETTINGS, CHUNK, "own", CHUNK)
+TSIT5 = Peer(_prepared(diffrax.Tsit5()), "relative tolerance", SETTINGS, CHUNK, "own", CHUNK)

@@ -97,5 +97,5 @@ def prepare_ensemble(case: Case, tolerance: float, cores: int) -> Fly:
     return fly
 
 
-BATCH = Peer(prepare_batch, "tolerance", SETTINGS, 2_048, "threads")
-ENSEMBLE = Peer(prepare_ensemble, "tolerance", SETTINGS, 16_384, "own")
+BATCH = Peer(prepare_batch, "tolerance", SETTINGS, 2_048, "threads", 64)
+ENSEMBLE = Peer(prepare_ensemble, "tolerance", SETTINGS, 16_384, "own", 64)

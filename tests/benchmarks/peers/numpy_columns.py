@@ -104,5 +104,7 @@ def prepare_classical(case: Case, pieces: float, cores: int) -> Fly:
     return lambda draws: _fly_columns(case, steps, CLASSICAL, draws)
 
 
-DOP853 = Peer(prepare_eighth_order, "tolerance of the steps", (1e-6, 1e-7, 1e-8, 1e-9, 1e-10), COLUMNS, "processes")
-RK4 = Peer(prepare_classical, "pieces of a step", (4, 8, 16, 32), COLUMNS, "processes")
+DOP853 = Peer(
+    prepare_eighth_order, "tolerance of the steps", (1e-6, 1e-7, 1e-8, 1e-9, 1e-10), COLUMNS, "processes", COLUMNS // 4
+)
+RK4 = Peer(prepare_classical, "pieces of a step", (4, 8, 16, 32), COLUMNS, "processes", COLUMNS // 4)
