@@ -59,6 +59,7 @@ def _sweep(peer: Any, case: Any, settings: Any, cores: int, seconds: float) -> l
 
 def _measured(peer: Any, case: Any, setting: float, cores: int, seconds: float) -> dict[str, Any]:
     """Error (on one core) and time at one setting; or why there are none."""
+    from tests.benchmarks.install import without_paths
     from tests.benchmarks.pool import shared
     from tests.benchmarks.timing import enough, fastest
 
@@ -72,7 +73,7 @@ def _measured(peer: Any, case: Any, setting: float, cores: int, seconds: float) 
             count = enough(lambda samples: fly(draws[:samples]), fewest, MOST_FLOWN, seconds)
             timed = fastest(lambda: fly(draws[:count]), seconds)
     except Exception as failure:  # any library may fail in its own way, and says so in the table
-        return {"setting": setting, "failed": f"{type(failure).__name__}: {failure}"[:200]}
+        return {"setting": setting, "failed": without_paths(f"{type(failure).__name__}: {failure}")[:200]}
     return {
         "setting": setting,
         "error": error if math.isfinite(error) else None,

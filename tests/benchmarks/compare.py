@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
+from tests.benchmarks.install import without_paths
 from tests.benchmarks.peers import PEERS, Entry
 from tests.benchmarks.spawn import measured
 
@@ -28,7 +29,9 @@ def cheapest(settings: Iterable[Mapping[str, Any]], target: float) -> Mapping[st
 
 def reason(entry: Entry, found: str, notes: Mapping[str, str]) -> str:
     """Why a peer is missing: what its installation said, or else its import."""
-    return next((why for requirement, why in notes.items() if requirement.startswith(entry.package)), found)
+    return next(
+        (why for requirement, why in notes.items() if requirement.startswith(entry.package)), without_paths(found)
+    )
 
 
 def installation_notes(path: Path = NOTES) -> dict[str, str]:
@@ -46,7 +49,7 @@ def measure(
     if "missing" in sweep:
         return row | {"missing": reason(entry, sweep["missing"], notes)}
     if "failed" in sweep:
-        return row | {"failed": sweep["failed"]}
+        return row | {"failed": without_paths(sweep["failed"])}
     chosen = {target: cheapest(sweep["settings"], target) for target in TARGETS}
     settings = [each["setting"] for each in chosen.values() if each is not None][-1:]
     # compiled code is on the disk by now, for those that keep it there: a start as it is from the second time on

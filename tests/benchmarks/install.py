@@ -45,7 +45,12 @@ def reason(said: str) -> str:
     if first is None:
         return "pip gave no reason"
     told = " ".join(lines[first : first + 2]) if lines[first].endswith(":") else lines[first]
-    return re.sub(r"(?<![\w.])/\S+", "…", told)[:LONGEST_REASON]
+    return without_paths(told)[:LONGEST_REASON]
+
+
+def without_paths(told: str) -> str:
+    """A message that names no place on this machine."""
+    return re.sub(r"(?<![\w.])/\S+", "…", told)
 
 
 def main(notes: Path) -> None:
