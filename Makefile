@@ -3,7 +3,7 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constraint .ci/constraints.txt
 
-.PHONY: demo test lint check examples clean
+.PHONY: demo test lint check bench examples clean
 
 demo: .venv/installed
 	$(BIN)/mcnav run campaigns/01_tn_d1772_trajectory_4.toml
@@ -18,6 +18,11 @@ lint: .venv/tested
 	$(BIN)/lint-imports
 
 check: lint test
+
+# mcnav beside its peers, into reports/benchmarks; a few minutes on a machine that does nothing else. BENCH=--full flies
+# 10^8 samples as well.
+bench: .venv/benched
+	$(BIN)/python -m tests.benchmarks $(BENCH)
 
 # The small reports under reports/examples, flown again only where what they depend on has changed.
 EXAMPLES := 01_tn_d1772_trajectory_4 11_cruise 14_polar
@@ -36,6 +41,10 @@ examples: .venv/installed
 .venv/tested: .venv/installed
 	$(PIP) --editable '.[test]'
 	touch $@
+
+# Each peer by itself: one that will not install is named with its reason, and the others go on.
+.venv/benched: .venv/installed
+	$(BIN)/python -m tests.benchmarks.install $@
 
 clean:
 	rm -rf .venv build mcnav.egg-info

@@ -83,7 +83,13 @@ def _fail(message: str, status: int) -> typer.Exit:
 @contextmanager
 def _errors_told() -> Iterator[None]:
     """Turn what the user can mend into lines and an exit status."""
-    from mcnav.campaign.problems import CampaignError, RunFolderBusy, RunFolderError, TooManyFailures
+    from mcnav.campaign.problems import (
+        CampaignError,
+        ClusterError,
+        RunFolderBusy,
+        RunFolderError,
+        TooManyFailures,
+    )
     from mcnav.linear.partials import FlightFailed
     from mcnav.scenarios.protocol import ScenarioError
 
@@ -99,7 +105,7 @@ def _errors_told() -> Iterator[None]:
     except MemoryError:
         message = "not enough memory; what is stored is kept, and the same command goes on from there"
         raise _fail(f"{message} (fewer --jobs need less)", BAD_INPUT) from None
-    except (CampaignError, RunFolderError, FlightFailed, ScenarioError) as problem:
+    except (CampaignError, ClusterError, RunFolderError, FlightFailed, ScenarioError) as problem:
         raise _fail(str(problem), BAD_INPUT) from None
     except OSError as problem:
         raise _fail(f"{problem.filename or 'a file'}: {problem.strerror or problem}", BAD_INPUT) from None
@@ -173,7 +179,14 @@ def run(
         str | None,
         typer.Option(help="How samples are flown: ensemble, reference or map [default: the scenario's first]."),
     ] = None,
-    jobs: Annotated[int, typer.Option(min=1, help="Workers.")] = 2,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Workers [default: 2].")] = None,
+    dask: Annotated[
+        int | None, typer.Option(min=1, metavar="N", help="Fly in N worker processes of a dask cluster made for it.")
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Fly on a dask cluster, such as tcp://host:8786; see mcnav docs scaling."),
+    ] = None,
     samples: Annotated[int | None, typer.Option(min=2, help="Samples, in place of the file's.")] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed, in place of the file's.")] = None,
     store: Annotated[
@@ -192,6 +205,7 @@ def run(
     3 some samples failed, 4 folder in use, 130 interrupted.
     """
     with _errors_told():
+        from mcnav.campaign.cluster import flights
         from mcnav.campaign.file import read_campaign
         from mcnav.report import terminal
         from mcnav.study import engine_of, run_campaign
@@ -208,9 +222,9 @@ def run(
             raise _fail(f"{campaign}: accept: is missing; --check has nothing to check", BAD_INPUT)
         target = folder or run_folder(campaign)
         chosen = engine or engine_of(target, campaign)
-        with _progress(described.samples) as told:
-            done = run_campaign(described, target, chosen, jobs, fresh, told, max_failures)
-        for notice in done.notices:
+        with flights(scheduler, dask, jobs) as (flyers, workers, known), _progress(described.samples) as told:
+            done = run_campaign(described, target, chosen, workers, fresh, told, max_failures, flyers)
+        for notice in (*known, *done.notices):
             err.print(f"note: {notice}", markup=False)
         out.print(terminal.comparison({described.name: done.summary}))
         out.print()
@@ -271,9 +285,9 @@ def compare(
             return
         found = compare_runs(folders)
         out.print()
-        out.print(terminal.inputs(found.titles, found.manifests), soft_wrap=False)
+        out.print(terminal.inputs(found.inputs), soft_wrap=False)
         out.print()
-        out.print(terminal.changes(found.titles, found.rows), soft_wrap=False)
+        out.print(terminal.changes(found.titles[0], found.outputs), soft_wrap=False)
         if html is not None:
             html.parent.mkdir(parents=True, exist_ok=True)
             write_whole(html, found.page.encode())
@@ -472,6 +486,7 @@ class Page(StrEnum):
     ARCHITECTURE = "architecture"
     TN_D1772 = "tn-d1772"
     STORY = "story"
+    SCALING = "scaling"
 
 
 FILES = {
@@ -483,7 +498,7 @@ FILES = {
 
 @app.command()
 def docs(page: Annotated[Page, typer.Argument(metavar="PAGE", help="Which one.")] = Page.GUIDE) -> None:
-    """Show the documentation: guide, notebook, notation, architecture, tn-d1772 or story."""
+    """Show the documentation: guide, notebook, notation, architecture, tn-d1772, story or scaling."""
     from importlib.resources import files
 
     text = files("mcnav").joinpath(FILES.get(page, f"{page.value.upper()}.md")).read_text(encoding="utf-8")

@@ -5,9 +5,12 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from importlib import import_module
 from pathlib import Path
+from threading import Thread
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, Final
 
@@ -17,7 +20,7 @@ from threadpoolctl import threadpool_limits
 
 from mcnav.analysis.budget import ErrorBudget, error_budget
 from mcnav.analysis.causes import Causes, predicted_from, split_by_covariance, split_difference
-from mcnav.analysis.comparison import Comparison, Criterion, Model, compare
+from mcnav.analysis.comparison import Comparison, Criterion, Model, compare, rows
 from mcnav.analysis.convergence import Convergence, convergence
 from mcnav.analysis.envelopes import envelopes_from
 from mcnav.analysis.excluded import Excluded, excluded
@@ -35,7 +38,7 @@ from mcnav.campaign.parts import Layout, Part, Samples, as_records, samples_from
 from mcnav.campaign.problems import CampaignError, Problem, RunFolderError, as_written
 from mcnav.campaign.processes import Guarded
 from mcnav.campaign.reduced import KEPT, SUMMARY, gathered
-from mcnav.campaign.runner import Progress, fly
+from mcnav.campaign.runner import Flights, Progress, fly
 from mcnav.campaign.until import Until
 from mcnav.campaign.work import Draws, Work
 from mcnav.linear.beyond import beyond_linear, flown_budget
@@ -46,7 +49,6 @@ from mcnav.linear.polynomial import MapRefused
 from mcnav.linear.reduction import Frame
 from mcnav.report.content import Content
 from mcnav.report.failures import failures_in, grouped
-from mcnav.report.page import render
 from mcnav.report.summary import summarise
 from mcnav.sampling.designs import FEWEST_BLOCKS, block_length
 from mcnav.scenarios.own import Own
@@ -131,6 +133,7 @@ def run_campaign(
     fresh: bool = False,
     progress: Progress = lambda samples: None,
     most_failures: int | None = None,
+    flights: Flights | None = None,
 ) -> Run:
     """Fly a campaign into a run folder, analyse it and write its report.
 
@@ -152,6 +155,8 @@ def run_campaign(
         Told how many samples have become ready.
     most_failures : int, optional
         Samples that may fail before the run is broken off.
+    flights : Flights, optional
+        Who flies in place of this machine's threads and processes; see `mcnav.campaign.cluster`.
 
     Returns
     -------
@@ -213,8 +218,9 @@ def run_campaign(
         began = time.perf_counter()
         own = chunk_digest(identity, campaign.design, campaign.samples)
         work = Work(draws, prepared, folder, own, layout, campaign.sample_timeout, _frame(campaign, model))
+        _load_drawing()
         try:
-            parts, flown = _fly_enough(campaign, work, manifest, jobs, progress, notices.append, most_failures)
+            parts, flown = _fly_enough(campaign, work, manifest, jobs, progress, notices.append, most_failures, flights)
         except OSError as failure:
             raise RunFolderError(
                 f"{path}: cannot be written to: {failure.strerror or failure}; what is stored there is kept"
@@ -235,19 +241,19 @@ def _fly_enough(
     progress: Progress,
     notice: Callable[[str], None],
     most_failures: int | None,
+    flights: Flights | None,
 ) -> tuple[list[Part], int]:
     """Fly a campaign's samples, or as many as its stopping rule asks for; the manifest is told how many these are."""
     until = campaign.until
     if until is None:
-        return fly(work, jobs, progress, notice=notice, most_failures=most_failures)
+        return fly(work, jobs, progress, notice=notice, most_failures=most_failures, elsewhere=flights)
     sizes = looks(work.prepared.chunk, until.at_most)
     manifest["criterion"]["looks"] = len(sizes)
     parts: list[Part] = []
     flown, before = 0, 0
     for size in sizes:
-        more, now = fly(
-            replace(work, draws=replace(work.draws, samples=size)), jobs, progress, before, notice, most_failures
-        )
+        sized = replace(work, draws=replace(work.draws, samples=size))
+        more, now = fly(sized, jobs, progress, before, notice, most_failures, flights)
         parts, flown, before = parts + more, flown + now, size
         manifest |= {"samples": size, "parts": as_records(parts)}
         precision = _precision(work.folder, manifest, until)
@@ -279,6 +285,7 @@ def report_run(path: Path) -> dict[str, Any]:
     if folder.manifest() is None:
         raise RunFolderError(f"{path}: holds no run ({MANIFEST} is missing)")
     with folder.held(), threadpool_limits(1), as_written(path):
+        _load_drawing()
         return _finish(folder, analyse(folder))
 
 
@@ -421,7 +428,9 @@ def analyse(folder: RunFolder, unfinished: Mapping[str, Any] | None = None) -> A
         raise RunFolderError(f"{folder.path / MANIFEST}: is damaged ({failure}); run with --fresh") from None
     blocks = samples.index // length
     needed = math.inf if heavy else fewest
-    comparison = compare(model, samples.errors, samples.outputs, blocks, criterion, needed, normal)
+    with ThreadPoolExecutor(1) as beside:
+        in_tails = beside.submit(tails, model, samples.outputs, blocks, units, criterion.confidence)
+        comparison = compare(model, samples.errors, samples.outputs, blocks, criterion, needed, normal)
     flown = np.asarray(np.isfinite(samples.outputs).all(axis=1))
     if manifest.get("store") == SUMMARY:
         whole = gathered(folder.parts, manifest["parts"])
@@ -432,7 +441,7 @@ def analyse(folder: RunFolder, unfinished: Mapping[str, Any] | None = None) -> A
         failures = grouped({reason: (each.samples, each.first) for reason, each in whole.failures.items()})
         causes = split_by_covariance(model, summed.drawn, comparison, predicted)
     else:
-        errors, outputs = samples.errors[flown], samples.outputs[flown]
+        errors, outputs = rows(samples.errors, flown), rows(samples.outputs, flown)
         failures = failures_in(samples.status, samples.index.tolist())
         running = convergence(model, errors, outputs, blocks[flown], comparison, needed)
         causes = split_difference(model, errors, comparison, predicted)
@@ -446,7 +455,7 @@ def analyse(folder: RunFolder, unfinished: Mapping[str, Any] | None = None) -> A
         budget=error_budget(model.partials, model.covariance),
         causes=causes,
         convergence=running,
-        tails=tails(model, samples.outputs, blocks, units, criterion.confidence),
+        tails=in_tails.result(),
         left_out=left_out,
         requirements=tuple(
             judge_requirement(requirement, model, samples.outputs, blocks, comparison, criterion.confidence)
@@ -463,9 +472,16 @@ def _development(known: Mapping[str, Any] | None) -> Development | None:
     return Development(known["label"], np.array(known["times"], dtype=float), np.array(known["partials"], dtype=float))
 
 
+def _load_drawing() -> None:
+    """Load what draws the report while others work: it takes as long as analysing a hundred thousand samples."""
+    Thread(target=import_module, args=("mcnav.report.page",)).start()
+
+
 def _finish(folder: RunFolder, analysis: Analysis) -> dict[str, Any]:
     content = content_of(folder, analysis)
     folder.write_json(SUMMARY_FILE, content.summary)
+    from mcnav.report.page import render
+
     folder.write(REPORT, render(content).encode())
     return dict(plain(content.summary))
 

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcnav.analysis.comparison import Comparison, Model
+from mcnav.statistics.scatter import scatter
 
 Array = NDArray[np.float64]
 
@@ -109,8 +110,7 @@ def split_difference(model: Model, errors: Array, comparison: Comparison, predic
     """
     if not comparison.outputs:
         return None
-    centred = errors - errors.mean(axis=0)
-    return split_by_covariance(model, centred.T @ centred / (len(errors) - 1), comparison, predicted)
+    return split_by_covariance(model, scatter(errors) / (len(errors) - 1), comparison, predicted)
 
 
 def split_by_covariance(model: Model, drawn: Array, comparison: Comparison, predicted: Predicted) -> Causes | None:

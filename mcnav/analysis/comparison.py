@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,10 +20,12 @@ from mcnav.linear.covariance import propagated_covariance
 from mcnav.sampling.designs import FEWEST_BLOCKS
 from mcnav.statistics.estimates import Estimate, blocked_mean
 from mcnav.statistics.power import detectable_ratio, samples_to_detect
+from mcnav.statistics.scatter import scatter, squared_distances
 from mcnav.statistics.stopping import confidence_of_each
 from mcnav.statistics.whitening import Whitening, whitening
 
 Array = NDArray[np.float64]
+Number = TypeVar("Number", np.float64, np.int64)
 
 LARGEST_FAILED_SHARE: Final = 1e-3
 """When a larger share of the samples failed, the agreement of those that are left says nothing and is not claimed."""
@@ -282,7 +284,8 @@ def compare(
         Whether the sources are normal.
     """
     flown = np.asarray(np.isfinite(outcomes).all(axis=1))
-    errors, outcomes, blocks = errors[flown], outcomes[flown], blocks[flown]
+    errors, blocks = rows(errors, flown), rows(blocks, flown)
+    outcomes = np.asfortranarray(rows(outcomes, flown))  # what follows goes by columns
     count = len(outcomes)
     linear = model.outcome_covariance
     each = 1.0 - (1.0 - confidence_of_each(criterion.confidence, criterion.looks)) / (len(linear) + 1)
@@ -292,7 +295,7 @@ def compare(
             count, int((~flown).sum()), each, np.full(len(linear), np.nan), linear, unknown, unknown, (), None,
             None, Verdict.UNDECIDED,
         )  # fmt: skip
-    predicted = model.nominal + np.einsum("nj,ij->ni", errors, model.partials)
+    predicted = np.asfortranarray(model.nominal + np.einsum("nj,ij->ni", errors, model.partials))
     mean = outcomes.mean(axis=0)
     sample = _covariance(outcomes)
     paired = sample - _covariance(predicted) + linear
@@ -320,6 +323,11 @@ def overall(outputs: Sequence[OutputComparison], failed: int, samples: int) -> V
     if nothing_to_compare or (verdict == Verdict.AGREES and failed > LARGEST_FAILED_SHARE * samples):
         return Verdict.UNDECIDED
     return verdict
+
+
+def rows(values: NDArray[Number], flown: NDArray[np.bool_]) -> NDArray[Number]:
+    """The rows of the samples that did not fail."""
+    return values if flown.all() else values[flown]
 
 
 @dataclass(frozen=True)
@@ -355,8 +363,7 @@ def ratio_interval(estimate: Estimate, expected: float, confidence: float) -> tu
 
 def _covariance(values: Array) -> Array:
     """Unbiased sample covariance, shape (k, k)."""
-    centred = values - values.mean(axis=0)
-    return np.asarray(centred.T @ centred / (len(values) - 1))
+    return scatter(values) / (len(values) - 1)
 
 
 def _compare_output(
@@ -384,8 +391,6 @@ def _compare_ellipsoid(
     if not np.any(covariance):
         return None
     given = whitening(covariance)
-    whiten = given.matrix
-    flown_nees = np.sum(((flown - centre) @ whiten) ** 2, axis=1)
-    predicted_nees = np.sum(((predicted - centre) @ whiten) ** 2, axis=1)
+    flown_nees, predicted_nees = (squared_distances(values, centre, given) for values in (flown, predicted))
     nees, difference = blocked.mean(flown_nees), blocked.mean(flown_nees - predicted_nees)
     return Ellipsoid.judged(flown_nees, given, nees, difference, paired, blocked.judging)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -81,7 +82,7 @@ def convergence(
     """
     if not comparison.outputs:
         return None
-    predicted = model.nominal + errors @ model.partials.T
+    predicted = (model.partials @ errors.T).T + model.nominal
     y, z = outcomes - outcomes.mean(axis=0), predicted - predicted.mean(axis=0)
     unbiased = len(outcomes) / (len(outcomes) - 1.0)
     variance = np.diag(comparison.covariance_linear)
@@ -105,13 +106,19 @@ def _converging(
     if number < 2 * fewest:
         return None
     picked = np.unique(np.geomspace(fewest, number, POINTS).round().astype(int)) - 1
+    stretches = np.concatenate([[0], picked[:-1] + 1])
     runs = {}
     for key, sums, known in (("plain", plain, 0.0), ("paired", paired, variance)):
-        each = sizes[:, None]
-        powers = [(1, 0), (2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3)]  # of a block's sum and its size
-        added = [np.cumsum(sums**p * each**q, axis=0)[picked] for p, q in powers]
+        added = [np.cumsum(np.add.reduceat(each, stretches, axis=0), axis=0) for each in _powers(sums, sizes[:, None])]
         runs[key] = _running(added, ends[picked], picked + 1, known, variance, confidence)
     return Convergence(ends[picked], runs["plain"], runs["paired"])
+
+
+def _powers(total: Array, size: Array) -> Iterator[Array]:
+    """T, T^2, T n, n^2, T^3, T^2 n, T n^2 and n^3 of each block."""
+    square, crossed, sizes = total * total, total * size, size * size
+    yield from (total, square, crossed, sizes)
+    yield from (square * total, square * size, crossed * size, sizes * size)
 
 
 def _running(

@@ -25,7 +25,7 @@ from mcnav.analysis.comparison import (
 )
 from mcnav.analysis.convergence import Convergence, convergence_of_blocks
 from mcnav.analysis.excluded import Excluded, excluded_of_sums
-from mcnav.analysis.joint import ROUNDING, CorrelationDifference, Joint, joint_of_blocks
+from mcnav.analysis.joint import ROUNDING, CorrelationDifference, Joint, covariance_testable, joint_of_blocks
 from mcnav.linear.reduction import Frame, Reduced, reduced_block
 from mcnav.statistics.chi_square import LEVELS, Containment, mean_interval
 from mcnav.statistics.covariance_tests import covariance_likelihood_ratio
@@ -251,8 +251,10 @@ def _joint(
     plain = single and enough
     return Joint(
         covariance=covariance_likelihood_ratio(sample, count, linear) if plain and normal else None,
-        covariance_paired=_of_blocks(_whitened(given, yy - zz), sums) if enough else None,
-        bias=joint_of_blocks(sums.y @ given.matrix, sums.counts) if plain else None,
+        covariance_paired=_of_blocks(_whitened(given, yy - zz), sums)
+        if enough and covariance_testable(len(sums.counts), int(sums.counts.sum()))
+        else None,
+        bias=joint_of_blocks(sums.y @ given.matrix) if plain else None,
         bias_paired=_of_blocks((sums.y - sums.z) @ given.matrix, sums) if enough else None,
         nees=kept.joint.nees,
         nees_expected=mean_interval(count, given.rank, each) if plain and normal else None,
@@ -277,7 +279,7 @@ def _whitened(given: Whitening, products: Array) -> Array:
 def _of_blocks(totals: Array, sums: _Sums) -> Significance | None:
     """T-squared of a mean of zero; differences that hold nothing but rounding are zero."""
     size = np.sqrt(np.sum(totals**2, axis=0) / sums.total)
-    return joint_of_blocks(np.where(size > ROUNDING, totals, 0.0), sums.counts)
+    return joint_of_blocks(np.where(size > ROUNDING, totals, 0.0))
 
 
 def _correlation(

@@ -13,6 +13,7 @@ import hashlib
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -40,6 +41,8 @@ EPOCHS, HISTORIES = "epochs.parquet", "histories.parquet"
 LARGEST_JSON: Final = 64_000_000
 """Bytes of a manifest or summary; a quarter of a million chunks."""
 
+READERS: Final = 2
+"""Threads that read and verify sample files."""
 
 _REPLAY: Final = re.compile(r"replay_\d+\.(?:html|csv)")
 
@@ -247,30 +250,33 @@ class RunFolder:
         for found in sorted((self.parts).iterdir()):
             if alone and found.name not in listed and not found.name.startswith("."):
                 raise RunFolderError(f"{found}: is not of this run; remove it, or run the campaign again with --fresh")
-        tables = []
-        for part in parts:
-            path = self.parts / str(part["file"])
-            try:
-                content = read_whole(path, LARGEST_PART)
-            except OSError as failure:
-                raise RunFolderError(
-                    f"{path}: cannot be read: {failure.strerror or failure}; run the campaign again"
-                ) from None
-            if hashlib.sha256(content).hexdigest() != part["sha256"]:
-                raise RunFolderError(f"{path}: is damaged (its checksum differs); run the campaign again to mend it")
-            try:
-                begin, end = int(part["begin"]), int(part["end"])
-                tables.append(table_from(content, end - begin if kept is None else max(min(end, kept) - begin, 0)))
-            except (pa.ArrowException, ValueError, OSError) as failure:
-                raise RunFolderError(f"{path}: is no chunk of this program ({failure})") from None
+        with ThreadPoolExecutor(READERS) as readers:
+            tables = list(readers.map(lambda part: self._verified(part, kept), parts))
         try:
-            whole = pa.concat_tables(tables).combine_chunks()
+            whole = pa.concat_tables(tables)
             ordered = in_order(whole)
         except (pa.ArrowException, KeyError):
             raise RunFolderError(f"{self.parts}: the chunks do not have the same columns") from None
         if not ordered:
             raise RunFolderError(f"{self.parts}: does not hold each sample once, in order, with its status")
         return whole
+
+    def _verified(self, part: Mapping[str, Any], kept: int | None) -> pa.Table:
+        """The samples of one part."""
+        path = self.parts / str(part["file"])
+        try:
+            content = read_whole(path, LARGEST_PART)
+        except OSError as failure:
+            raise RunFolderError(
+                f"{path}: cannot be read: {failure.strerror or failure}; run the campaign again"
+            ) from None
+        if hashlib.sha256(content).hexdigest() != part["sha256"]:
+            raise RunFolderError(f"{path}: is damaged (its checksum differs); run the campaign again to mend it")
+        try:
+            begin, end = int(part["begin"]), int(part["end"])
+            return table_from(content, end - begin if kept is None else max(min(end, kept) - begin, 0))
+        except (pa.ArrowException, ValueError, OSError) as failure:
+            raise RunFolderError(f"{path}: is no chunk of this program ({failure})") from None
 
     def campaign(self) -> str:
         """The resolved campaign file.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
 
@@ -11,7 +11,9 @@ from mcnav.sampling.designs import DESIGNS
 
 Words = Annotated[str, StringConstraints(max_length=2_000)]
 Digest = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
-Count = Annotated[int, Field(ge=0, le=1_000_000_000)]
+MOST_SAMPLES: Final = 1_000_000_000_000
+
+Count = Annotated[int, Field(ge=0, le=MOST_SAMPLES)]
 Row = list[float | None]
 
 
@@ -66,7 +68,7 @@ class _Flight(_Entries):
 
 class _Manifest(_Entries):
     campaign: Words
-    samples: Annotated[int, Field(ge=2, le=1_000_000_000)]
+    samples: Annotated[int, Field(ge=2, le=MOST_SAMPLES)]
     seed: int
     design: Literal[DESIGNS]  # type: ignore[valid-type]
     criterion: _Criterion

@@ -7,11 +7,13 @@ import io
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
@@ -241,15 +243,26 @@ def in_order(table: pa.Table) -> bool:
 
 
 def samples_from(table: pa.Table, layout: Layout) -> Samples:
-    """The samples of a table as arrays."""
+    """The samples of a table as arrays; those of errors and outputs have their columns contiguous."""
 
     def block(names: Sequence[str]) -> Array:
-        columns = [table.column(name).to_numpy(zero_copy_only=False) for name in names]
-        return np.column_stack(columns).astype(float)
+        columns = np.empty((len(names), len(table)))
+        for column, name in zip(columns, names, strict=True):
+            begin = 0
+            for chunk in table.column(name).chunks:
+                values = chunk.to_numpy(zero_copy_only=False)
+                column[begin : begin + len(values)] = values
+                begin += len(values)
+        return columns.T
 
     index = np.asarray(table.column("index").to_numpy(), dtype=np.int64)
-    status = tuple(table.column("status").to_pylist())
+    status = tuple(chain.from_iterable(_status(chunk) for chunk in table.column("status").chunks))
     return Samples(index, status, block(layout.errors), block(layout.outputs))
+
+
+def _status(chunk: pa.StringArray) -> list[str]:
+    """Of some samples, most of which are whole."""
+    return [OK] * len(chunk) if pc.all(pc.equal(chunk, OK)).as_py() else list(chunk.to_pylist())
 
 
 def as_records(parts: Sequence[Part]) -> list[dict[str, Any]]:

@@ -45,6 +45,10 @@ class RunFolderError(Exception):
     """A run folder that cannot be used; the message names it and says what would do."""
 
 
+class ClusterError(Exception):
+    """A cluster that cannot be used, or has been lost; the message names it and says what would do."""
+
+
 class RunFolderBusy(RunFolderError):
     """Another process is writing to the run folder."""
 

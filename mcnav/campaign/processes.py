@@ -14,7 +14,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -25,7 +25,7 @@ from joblib.externals.loky.process_executor import BrokenProcessPool, ProcessPoo
 from numpy.typing import NDArray
 
 from mcnav.campaign.parts import Part
-from mcnav.campaign.work import Place, Work, fly_chunk, fly_errors, pieces, store, stored
+from mcnav.campaign.work import Place, Work, check_wanted, fly_chunk, fly_errors, pieces, store, stored
 from mcnav.scenarios.limits import too_long
 from mcnav.scenarios.protocol import Outcomes, Prepared
 
@@ -36,11 +36,14 @@ TRIED_WHOLE: Final = 2
 
 DIED: Final = "the worker process died while flying it"
 
+IDLE: Final = 60.0
+"""Seconds after which a process for what is flown apart ends by itself: that of a cluster's worker outlives no run."""
+
 
 _PR_SET_PDEATHSIG: Final = 1
 
 
-def _end_with_parent(parent: int) -> None:
+def end_with_parent(parent: int) -> None:
     """Let a worker process end with its parent, also when that was killed and could not say so.
 
     On Linux the kernel sees to it, whatever the worker is at; elsewhere the worker looks for its parent.
@@ -57,21 +60,28 @@ def _end_with_parent(parent: int) -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
-_alone_executor: list[ProcessPoolExecutor] = []
-"""One worker for what is flown apart; joblib keeps its own."""
+_alone_executors: dict[int, ProcessPoolExecutor] = {}
+"""One worker for what each thread flies apart; joblib keeps its own."""
 
 
 def _alone_worker() -> ProcessPoolExecutor:
-    if not _alone_executor:
-        _alone_executor.append(ProcessPoolExecutor(1, initializer=_end_with_parent, initargs=(os.getpid(),)))
-    return _alone_executor[0]
+    thread = threading.get_ident()
+    if thread not in _alone_executors:
+        executor = ProcessPoolExecutor(1, timeout=IDLE, initializer=end_with_parent, initargs=(os.getpid(),))
+        _alone_executors[thread] = executor
+    return _alone_executors[thread]
 
 
 def end_workers() -> None:
     """End all worker processes."""
     get_reusable_executor().shutdown(wait=True, kill_workers=True)
-    while _alone_executor:
-        _alone_executor.pop().shutdown(wait=True, kill_workers=True)
+    end_workers_apart()
+
+
+def end_workers_apart() -> None:
+    """End the processes for what is flown apart."""
+    while _alone_executors:
+        _alone_executors.popitem()[1].shutdown(wait=True, kill_workers=True)
 
 
 def _flights(work: Work, places: Sequence[Place], jobs: int) -> Iterator[tuple[int, Part]]:
@@ -84,12 +94,12 @@ def _flights(work: Work, places: Sequence[Place], jobs: int) -> Iterator[tuple[i
         n_jobs=workers,
         return_as="generator_unordered",
         backend="loky",
-        initializer=_end_with_parent,
+        initializer=end_with_parent,
         initargs=(os.getpid(),),
     )(delayed(_numbered)(work, place) for place in places)
 
 
-def fly_in_processes(work: Work, missing: Sequence[Place], jobs: int) -> Iterator[Part]:
+def fly_in_processes(work: Work, missing: Sequence[Place], jobs: int) -> Generator[Part, None, None]:
     """Parts of the missing chunks, as they become ready."""
     left = {place.number: place for place in missing}
     broken = 0
@@ -109,7 +119,7 @@ def fly_in_processes(work: Work, missing: Sequence[Place], jobs: int) -> Iterato
             if broken >= TRIED_WHOLE:
                 for place in list(left.values())[: 2 * jobs]:
                     del left[place.number]
-                    yield _alone(work, place)
+                    yield fly_alone(work, place)
                 end_workers()
 
 
@@ -122,7 +132,9 @@ def _in_one_worker(task: Callable[..., Any], *arguments: Any) -> Any:
     try:
         return _alone_worker().submit(task, *arguments).result()
     except BrokenProcessPool:
-        _alone_executor.pop().shutdown(wait=True, kill_workers=True)
+        executor = _alone_executors.pop(threading.get_ident(), None)
+        if executor is not None:
+            executor.shutdown(wait=True, kill_workers=True)
         return None
 
 
@@ -165,11 +177,12 @@ class Guarded:
         return Outcomes(np.full((len(errors), self.outputs), np.nan), dict.fromkeys(range(len(errors)), reason))
 
 
-def _alone(work: Work, place: Place) -> Part:
+def fly_alone(work: Work, place: Place) -> Part:
     """One chunk in a process of its own; if that dies, each of its samples."""
     part = _in_one_worker(fly_chunk, work, place)
     if isinstance(part, Part):
         return part
+    check_wanted(work)
     guarded = Guarded(work.prepared, len(work.layout.outputs), work.timeout)
     several = place.end - place.begin > work.prepared.chunk
     return store(work, place, ((errors, _apart(guarded, errors, several)) for errors in pieces(work, place)))

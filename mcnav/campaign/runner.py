@@ -7,7 +7,8 @@ their sums would depend on it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
+from contextlib import closing
 
 from joblib import Parallel, delayed
 
@@ -17,17 +18,21 @@ from mcnav.campaign.processes import end_workers, fly_in_processes
 from mcnav.campaign.work import Place, Work, fly_chunk, whole
 
 Progress = Callable[[int], None]
+Flights = Callable[[Work, Sequence[Place], int], Generator[Part, None, None]]
+"""Flies chunks by so many workers and gives their parts as they become ready; closed, it flies no more."""
 
 
-def _fly_in_threads(work: Work, missing: Sequence[Place], jobs: int) -> Iterator[Part]:
+def _fly_in_threads(work: Work, missing: Sequence[Place], jobs: int) -> Generator[Part, None, None]:
     workers = min(jobs, max(1, len(missing)))
     flights = Parallel(n_jobs=workers, return_as="generator_unordered", backend="threading")
     yield from flights(delayed(fly_chunk)(work, place) for place in missing)
 
 
 def _refuse_failures(parts: Sequence[Part], most: int | None) -> None:
+    if most is None:
+        return
     failed, flown = sum(part.failed for part in parts), sum(part.end - part.begin for part in parts)
-    if most is not None and failed > most:
+    if failed > most:
         raise TooManyFailures(f"{failed:,} of the {flown:,} samples flown so far failed, where {most:,} may")
 
 
@@ -38,6 +43,7 @@ def fly(
     first: int = 0,
     notice: Callable[[str], None] = lambda line: None,
     most_failures: int | None = None,
+    elsewhere: Flights | None = None,
 ) -> tuple[list[Part], int]:
     """Fly every chunk that is not already stored whole.
 
@@ -54,6 +60,8 @@ def fly(
         Told, in a line, of each stored chunk that turned out damaged.
     most_failures : int, optional
         Samples that may fail.
+    elsewhere : Flights, optional
+        Who flies in place of this machine's threads and processes.
 
     Returns
     -------
@@ -80,15 +88,15 @@ def fly(
         path = work.folder.parts / part_name(number)
         if path.exists() and (known is None or known.begin != begin):
             notice(f"{path}: is damaged; its samples are flown again")
-    in_processes = work.prepared.parallel == "processes" or work.timeout is not None
-    flights = fly_in_processes if in_processes else _fly_in_threads
+    flights = elsewhere or (fly_in_processes if work.in_processes else _fly_in_threads)
     try:
         _refuse_failures(parts, most_failures)
-        for part in flights(work, missing, jobs):
-            parts.append(part)
-            progress(part.end - part.begin)
-            _refuse_failures(parts, most_failures)
+        with closing(flights(work, missing, jobs)) as ready:
+            for part in ready:
+                parts.append(part)
+                progress(part.end - part.begin)
+                _refuse_failures(parts, most_failures)
     finally:
-        if in_processes:
+        if work.in_processes or elsewhere is not None:
             end_workers()
     return parts, sum(place.end - place.begin for place in missing)

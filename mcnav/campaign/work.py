@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +38,8 @@ class Draws:
 class Work:
     """What a worker needs to fly any chunk of a run; with a frame it keeps a summary in place of samples.
 
-    ``timeout`` is the time that a sample may take, s.
+    ``timeout`` is the time that a sample may take, s. ``wanted`` is a file that is there for as long as the run wants
+    its chunks: a worker that nobody can end must not write into a folder that by then may be another run's.
     """
 
     draws: Draws
@@ -47,11 +49,21 @@ class Work:
     layout: Layout
     timeout: float | None = None
     frame: Frame | None = None
+    wanted: Path | None = None
+
+    @property
+    def in_processes(self) -> bool:
+        """Whether chunks need processes of their own: signals, which keep time, reach main threads alone."""
+        return self.prepared.parallel == "processes" or self.timeout is not None
 
     @property
     def chunk(self) -> int:
         """Samples of a chunk: part of engine and campaign, never of the number of workers."""
         return self.prepared.chunk if self.frame is None else chunk_of(self.prepared.chunk, self.draws.samples)
+
+
+class NotWanted(Exception):
+    """A run that has ended, or was broken off, wants no more chunks."""
 
 
 @dataclass(frozen=True)
@@ -116,6 +128,7 @@ def store(work: Work, place: Place, flown: Iterable[tuple[Array, Outcomes]]) -> 
     if work.frame is None:
         ((errors, outcomes),) = flown
         marks = epochs.marks(work.prepared, errors)
+        check_wanted(work)
         return write_part(folder, place.number, place.begin, identity, layout, errors, outcomes, marks)
     begin, handed_over, followed = place.begin, 0, None
     total: Summary | None = None
@@ -139,7 +152,18 @@ def store(work: Work, place: Place, flown: Iterable[tuple[Array, Outcomes]]) -> 
     errors, outcomes = _joined(rows)
     outcomes = replace(outcomes, tracebacks=tracebacks)
     counts = (total.samples, sum(failure.samples for failure in total.failures.values()), handed_over)
+    check_wanted(work)
     return write_part(folder, place.number, place.begin, identity, layout, errors, outcomes, marks, counts)
+
+
+def check_wanted(work: Work) -> None:
+    """Raise `NotWanted` when the run is over; on a shared file system reading asks anew, looking may not."""
+    if work.wanted is None:
+        return
+    try:
+        work.wanted.read_bytes()
+    except OSError:
+        raise NotWanted(f"{work.folder.path}: no run wants this chunk any more") from None
 
 
 def _joined(rows: Sequence[tuple[Array, Outcomes]]) -> tuple[Array, Outcomes]:

@@ -41,7 +41,8 @@ class PowerSums:
         """The sums of stored histories, shape (n, m, k)."""
         away = histories - pivot
         rows, columns = np.triu_indices(pivot.shape[1])
-        powers = (away, away[:, :, rows] * away[:, :, columns], away**3, away**4)
+        square = away * away
+        powers = (away, away[:, :, rows] * away[:, :, columns], square * away, square * square)
         return cls(len(away), pivot, np.concatenate([power.sum(axis=0) for power in powers], axis=1))
 
     def __add__(self, other: PowerSums) -> PowerSums:

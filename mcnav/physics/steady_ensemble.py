@@ -65,8 +65,8 @@ def _instrument(force: float, change: float, bias: float, scale: float) -> float
 
 
 @compiled
-def _advance(block: Array, nodes: Array, step: float, constants: Array, slaved: bool, level: bool) -> None:
-    """Carry a block through all steps.
+def _advance(block: Array, nodes: Array, first: int, step: float, constants: Array, slaved: bool, level: bool) -> None:
+    """Carry a block through steps of which the first has a number.
 
     ``nodes``, shape (n, 3, 4), are at each stage sine and cosine of the range angle and the two times of
     `SteadyFlight.drifted`.
@@ -81,8 +81,8 @@ def _advance(block: Array, nodes: Array, step: float, constants: Array, slaved: 
             block[25 * LANES + i] = 0.0
         for stage in range(4):
             place = (stage + 1) // 2
-            sine, cosine, first, later = nodes[number, place]
-            time = (number + 0.5 * place) * step
+            sine, cosine, early, late = nodes[number, place]
+            time = (first + number + 0.5 * place) * step
             weight = step / 6.0 if stage == 0 or stage == 3 else step / 3.0
             reach = step if stage == 2 else 0.5 * step
             px, pu = radius * sine, radius * cosine
@@ -97,9 +97,9 @@ def _advance(block: Array, nodes: Array, step: float, constants: Array, slaved: 
                 fx, fy, fz = felt * sine, 0.0, -felt * cosine
                 cx, cy, cz = _turned(
                     fx, fy, fz,
-                    block[6 * LANES + i] + roll * first - azimuth * later,
+                    block[6 * LANES + i] + roll * early - azimuth * late,
                     block[7 * LANES + i] + drift * time,
-                    block[8 * LANES + i] + roll * later + azimuth * first,
+                    block[8 * LANES + i] + roll * late + azimuth * early,
                 )  # fmt: skip
                 if level:  # into the indicated local directions, where the accelerometers are
                     fx, fy, fz = _local(fx, fy, fz, st, ct, sc, cc)
@@ -152,8 +152,8 @@ def _advance(block: Array, nodes: Array, step: float, constants: Array, slaved: 
 
 @compiled
 def _fly(
-    deviations: Array, equipment: Array, nodes: Array, step: float, constants: Array, slaved: bool, level: bool,
-    component: Array,
+    deviations: Array, equipment: Array, nodes: Array, first: int, step: float, constants: Array, slaved: bool,
+    level: bool, component: Array,
 ) -> None:  # fmt: skip
     block = np.empty(_ROWS * LANES)
     for begin in range(0, deviations.shape[0], LANES):
@@ -165,7 +165,7 @@ def _fly(
             for row in range(12):
                 block[(6 + row) * LANES + lane] = equipment[begin + lane, row]
             block[18 * LANES + lane] = component[begin + lane]
-        _advance(block, nodes, step, constants, slaved, level)
+        _advance(block, nodes, first, step, constants, slaved, level)
         for lane in range(count):
             for row in range(6):
                 deviations[begin + lane, row] = block[row * LANES + lane]
@@ -196,10 +196,10 @@ def _start(flight: SteadyFlight, errors: Array) -> Array:
     )
 
 
-def _errors_at_end(flight: SteadyFlight, deviations: Array) -> Array:
-    """Navigation errors from deviations at the end, formed without cancellation, shape (n, 6)."""
+def _errors_at(flight: SteadyFlight, time: float, deviations: Array) -> Array:
+    """Navigation errors from deviations at a time, formed without cancellation, shape (n, 6)."""
     radius, rate, arc = flight.radius, flight.rate, flight.earth.radius
-    sine, cosine = np.sin(rate * flight.duration), np.cos(rate * flight.duration)
+    sine, cosine = np.sin(rate * time), np.cos(rate * time)
     x, cross, u, vx, vy, vu = deviations.T
     east, up = x * cosine - u * sine, x * sine + u * cosine
     faster_east, faster_up = vx * cosine - vu * sine, vx * sine + vu * cosine
@@ -236,6 +236,30 @@ def fly_ensemble(flight: SteadyFlight, errors: Array, steps: int) -> tuple[Array
         False for a sample that came within `mcnav.physics.ensemble.SMALLEST_COMPONENT` of where the shared grid is too
         coarse and angles could wrap, or that is not finite: fly it on the reference path.
     """
+    flown, valid = fly_histories(flight, errors, steps, np.array([steps]))
+    return flown[:, 0], valid
+
+
+def fly_histories(
+    flight: SteadyFlight, errors: Array, steps: int, stops: NDArray[np.int64]
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Navigation errors of many samples at some of the steps.
+
+    Parameters
+    ----------
+    flight : SteadyFlight
+    errors : ndarray, shape (n, 18)
+    steps : int
+        As for `fly_ensemble`.
+    stops : ndarray of int, shape (m,)
+        Rising, from 0 (the start) to ``steps`` (the end).
+
+    Returns
+    -------
+    histories : ndarray, shape (n, m, 6)
+    valid : ndarray of bool, shape (n,)
+        As for `fly_ensemble`, until the last stop.
+    """
     errors = np.asarray(errors, dtype=float)
     halves = np.linspace(0.0, flight.duration, 2 * steps + 1)
     angles = halves * flight.rate
@@ -251,6 +275,10 @@ def fly_ensemble(flight: SteadyFlight, errors: Array, steps: int) -> tuple[Array
     component = np.where(within, 1.0 + deviations[:, 2] / flight.radius, -1.0)
     constants = np.array([flight.radius, flight.rate, flight.effective_gravity, flight.earth.gravitational_parameter])
     step = flight.duration / steps
-    _fly(deviations, equipment, nodes, step, constants, flight.slaved, flight.level, component)
-    outcome = _errors_at_end(flight, deviations)
-    return outcome, (component >= SMALLEST_COMPONENT) & np.isfinite(outcome).all(axis=1)
+    histories, reached = np.empty((len(errors), len(stops), 6)), 0
+    for number, stop in enumerate(stops):
+        ahead = nodes[reached:stop]
+        _fly(deviations, equipment, ahead, reached, step, constants, flight.slaved, flight.level, component)
+        histories[:, number] = _errors_at(flight, flight.duration * stop / steps, deviations)
+        reached = int(stop)
+    return histories, (component >= SMALLEST_COMPONENT) & np.isfinite(histories).all(axis=(1, 2))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +12,14 @@ from rich.table import Table
 from rich.text import Text
 
 from mcnav.analysis.linearity import DispersionRange
-from mcnav.report import between, wording
+from mcnav.report import wording
 from mcnav.report.content import spoken
 from mcnav.report.requirements import TONES, shown_units, stated
 from mcnav.scenarios.protocol import Output, Source
 from mcnav.units import conversion
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Array = NDArray[np.float64]
 
@@ -84,27 +87,27 @@ def _output_cells(summary: Mapping[str, Any], i: int, scale: float) -> list[Text
     ]
 
 
-def inputs(titles: Sequence[str], manifests: Sequence[Mapping[str, Any]]) -> RenderableType:
-    """What the runs' campaigns do not have in common, a key a line."""
+def inputs(found: pd.DataFrame) -> RenderableType:
+    """What the runs' campaigns do not have in common, a key a line; one column a run."""
     table = _table("What was changed")
     table.add_column("key", overflow="fold")
-    for title in titles:
+    for title in found.columns:
         table.add_column(Text(title), overflow="fold")
-    for key, values in between.inputs(manifests).iterrows():
+    for key, values in found.iterrows():
         table.add_row(Text(str(key)), *(Text(str(value)) for value in values))
     return table if table.row_count else Text("The runs have the same campaign, engine and versions.")
 
 
-def changes(titles: Sequence[str], rows: Sequence[between.Row]) -> RenderableType:
+def changes(first: str, found: pd.DataFrame) -> RenderableType:
     """What has become of each output of the first run in the others, a line each."""
-    table = _table(f"What has become of it, against {titles[0]}")
+    table = _table(f"What has become of it, against {first}")
     for heading in ("final error, 1σ", "run"):
         table.add_column(heading, overflow="fold")
     for heading in ("before", "after", "ratio", "interval"):
         table.add_column(heading, justify="right", no_wrap=True)
     table.add_column("draws")
     table.add_column("found")
-    for row in between.outputs(rows, titles).itertuples(index=False):
+    for row in found.itertuples(index=False):
         cells = (f"{row[3]:.5g}", f"{row[4]:.5g}", f"{row[5]:.4f}", f"{row[6]:.4f}…{row[7]:.4f}")
         draws = "common" if row[10] else "separate"
         table.add_row(

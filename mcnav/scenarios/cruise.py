@@ -20,14 +20,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcnav.constants import STANDARD_GRAVITY
+from mcnav.physics.power_sums import PowerSums
 from mcnav.physics.steady import SteadyFlight, navigation_error
-from mcnav.physics.steady_ensemble import fly_ensemble
+from mcnav.physics.steady_ensemble import fly_ensemble, fly_histories
 from mcnav.physics.steady_linear import linearise
 from mcnav.physics.steady_navigator import Diverged, fly_indicated
 from mcnav.scenarios.histories import with_errors
 from mcnav.scenarios.one_by_one import Flown, fly_each
 from mcnav.scenarios.protocol import (
     Development,
+    Epochs,
     History,
     LinearModel,
     Outcomes,
@@ -80,6 +82,9 @@ VERTICAL: Final = ("altitude", "altitude_rate")
 ENSEMBLE_CHUNK: Final = 8_192
 REFERENCE_CHUNK: Final = 32
 HISTORY_POINTS: Final = 121
+HISTORY_TIME: Final = "time [min]"
+EPOCHS: Final = 60
+"""Instants at which the errors of all samples are read out."""
 
 TOLERANCE: Final = 1e-7
 """Largest numerical error of any probe, as a share of the probes' standard deviation in that output."""
@@ -157,6 +162,28 @@ class EnsembleEngine:
         beyond = np.flatnonzero(~valid)
         return self.navigation.by_reference(errors, (int(row) for row in beyond)).outcomes(values, len(beyond))
 
+    @cached_property
+    def _stops(self) -> NDArray[np.int64]:
+        return np.unique(np.linspace(0, self.steps, EPOCHS).round().astype(np.int64))
+
+    @property
+    def epochs(self) -> Epochs:
+        """Steps of the flight, evenly spaced."""
+        return Epochs(HISTORY_TIME, self.navigation.flight.duration / 60.0 * self._stops / self.steps)
+
+    def histories(self, errors: Array) -> Array:
+        """Errors of samples, shape (n, sources), at every epoch, shape (n, m, outputs)."""
+        flight, whole = self.navigation.flight, self.navigation.whole(errors)
+        histories, valid = fly_histories(flight, whole, self.steps, self._stops)
+        histories[~valid] = np.nan
+        return histories[:, :, self.navigation.outputs]
+
+    def history_sums(self, errors: Array) -> PowerSums:
+        """Power sums of samples' errors, shape (n, sources), at every epoch."""
+        histories = self.histories(errors)
+        valid = np.isfinite(histories).all(axis=(1, 2))
+        return PowerSums.of(histories[valid], np.zeros(histories.shape[1:]))
+
 
 class Cruise:
     """The scenario: steady flight along a great circle, or standing still, and a navigator that goes along.
@@ -200,7 +227,7 @@ class Cruise:
     def development(self, count: int) -> Development:
         """Partial derivatives at evenly spaced times of the flight."""
         times = np.linspace(0.0, self.flight.duration, count)
-        return Development("time [min]", times / 60.0, self._partials(times))
+        return Development(HISTORY_TIME, times / 60.0, self._partials(times))
 
     def prepared(self, engine: str, probes: Array) -> Prepared:
         """A flyer for one of `engines`; the ensemble's steps are refined until the probes, (n, sources), agree."""
@@ -249,7 +276,7 @@ class Cruise:
                 for time, state in zip(times, states.T, strict=True)
             ]
         )
-        return with_errors(History({"time [min]": times / 60.0}), off[:, self.navigation.outputs], self.outputs)
+        return with_errors(History({HISTORY_TIME: times / 60.0}), off[:, self.navigation.outputs], self.outputs)
 
     def history(self) -> History:
         """What the usual size of each error alone does to the indicated position over the flight, flown."""
@@ -261,7 +288,7 @@ class Cruise:
         for number, time in enumerate(times[1:], start=1):
             shorter = replace(self.navigation, flight=replace(flight, duration=float(time)))
             flown[number] = shorter.by_ensemble(np.diag(sizes), max(FEWEST_STEPS, steps * number // len(times)))[0]
-        columns = {"time [min]": times / 60.0, "range flown [km]": flight.speed * times / 1e3}
+        columns = {HISTORY_TIME: times / 60.0, "range flown [km]": flight.speed * times / 1e3}
         panels = []
         for name in (name for name in names if not name.endswith("_rate")):
             spoken = name.replace("_", " ")
@@ -272,5 +299,5 @@ class Cruise:
             legend = tuple(self.sources[j].name.replace("_", " ") for j in kept)
             columns |= drawn
             title = f"{spoken.capitalize()} error left by one error of usual size"
-            panels.append(Panel(title, "time [min]", tuple(drawn), legend, f"{spoken} error [km]"))
+            panels.append(Panel(title, HISTORY_TIME, tuple(drawn), legend, f"{spoken} error [km]"))
         return History(columns, {"end": flight.duration / 60.0}, tuple(panels))

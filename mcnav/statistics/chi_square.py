@@ -35,14 +35,22 @@ def distribution_test(values: Array, dimension: int) -> Significance | None:
     """Kolmogorov-Smirnov test of independent squared distances, shape (n,), against chi-square of a dimension."""
     if len(values) == 0 or dimension < 1:
         return None
-    from scipy.stats import kstwo  # half a second, for those who ask for it
-
     count = len(values)
     expected = special.chdtr(dimension, np.sort(values))
     above = np.max(np.arange(1, count + 1) / count - expected)
     below = np.max(expected - np.arange(count) / count)
     distance = float(max(above, below))
-    return Significance(distance, (float(count),), float(kstwo.sf(distance, count)), dimension)
+    return Significance(distance, (float(count),), kolmogorov_p_value(distance, count), dimension)
+
+
+def kolmogorov_p_value(distance: float, count: int) -> float:
+    """Probability that so many samples differ by more than a distance D from their own distribution.
+
+    With ``x = sqrt(n) D`` it is the limiting distribution's at ``x + 1 / (6 sqrt(n)) + (x - 1) / (4 n)`` (Vrbik,
+    *Pioneer Journal of Theoretical and Applied Statistics* 15, 2018): down to 0.01 within 1 / n of itself.
+    """
+    x, root = np.sqrt(count) * distance, np.sqrt(count)
+    return float(special.kolmogorov(x + 1.0 / (6.0 * root) + (x - 1.0) / (4.0 * count)))
 
 
 @dataclass(frozen=True)

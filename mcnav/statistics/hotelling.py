@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from mcnav.statistics.scatter import scatter
 from mcnav.statistics.significance import Significance
 from mcnav.statistics.whitening import RANK_TOLERANCE, Whitening, whitening
 
@@ -43,8 +44,7 @@ def hotelling(values: Array, mean: Array, within: Whitening | None = None) -> Si
     if count < 2:
         return None
     deviation = values.mean(axis=0) - mean
-    centred = values - values.mean(axis=0)
-    covariance = centred.T @ centred / (count - 1)
+    covariance = scatter(values) / (count - 1)
     if within is not None:
         deviation, covariance = within.matrix.T @ deviation, within.matrix.T @ covariance @ within.matrix
     if not 0 < len(deviation) < count:

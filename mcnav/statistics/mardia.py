@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from mcnav.statistics.scatter import scatter, stretches
 from mcnav.statistics.significance import Significance
 from mcnav.statistics.whitening import whitening
 
@@ -57,15 +58,18 @@ def mardia(values: Array) -> Mardia | None:
     count = len(values)
     if count < 2:
         return None
-    centred = values - values.mean(axis=0)
-    own = whitening(centred.T @ centred / count)
+    mean = values.mean(axis=0)
+    own = whitening(scatter(values) / count)
     rank = own.rank
     if rank == 0 or count <= rank + 3:
         return None
-    white = centred @ own.matrix
-    thirds = [(white * white[:, [a]]).T @ white / count for a in range(rank)]
-    skewness = float(np.sum(np.square(thirds)))
-    kurtosis = float(np.mean(np.sum(white**2, axis=1) ** 2))
+    thirds = np.zeros((rank, rank, rank))
+    fourths = 0.0
+    for part in stretches(count):
+        white = own.matrix.T @ (values[part] - mean).T
+        thirds += [(white * each) @ white.T / count for each in white]
+        fourths += float(np.sum(np.sum(white**2, axis=0) ** 2))
+    skewness, kurtosis = float(np.sum(np.square(thirds))), fourths / count
     n, p = float(count), float(rank)
     small = (p + 1) * (n + 1) * (n + 3) / (n * ((n + 1) * (p + 1) - 6))
     freedom = p * (p + 1) * (p + 2) / 6

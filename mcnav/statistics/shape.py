@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mcnav.statistics.estimates import Estimate, block_sums
+from mcnav.statistics.scatter import stretches
 
 Array = NDArray[np.float64]
 
@@ -45,6 +47,9 @@ def _excess_kurtosis(m1: Array, m2: Array, m3: Array, m4: Array) -> Array:
     return np.asarray((m4 - 4.0 * m1 * m3 + 3.0 * m1 * m1 * (2.0 * m2 - m1 * m1)) / (variance * variance) - 3.0)
 
 
+_MEASURES: Final = (_skewness, _excess_kurtosis)
+
+
 def skewness_and_kurtosis(values: Array, blocks: NDArray[np.int64], fewest: float = 2) -> tuple[Estimate, Estimate]:
     """Both at once, from one pass over the values; see `skewness` and `excess_kurtosis`."""
     centred = values - np.mean(values)
@@ -54,8 +59,10 @@ def skewness_and_kurtosis(values: Array, blocks: NDArray[np.int64], fewest: floa
         return none, none
     z = centred / sigma
     square = z * z
-    sums = np.stack([block_sums(power, blocks) for power in (z, square, square * z, square * square)])
     sizes = block_sums(np.ones(len(z)), blocks)
+    sums = np.empty((4, len(sizes)))
+    for total, power in zip(sums, (z, square, square * z, square * square), strict=True):
+        total[:] = block_sums(power, blocks)
     return _of_sums(sums, sizes, fewest)
 
 
@@ -63,18 +70,19 @@ def _of_sums(sums: Array, sizes: Array, fewest: float) -> tuple[Estimate, Estima
     """From the blocks' sums of the first four powers, shape (4, blocks), and the numbers of their samples."""
     whole, count = sums.sum(axis=1), sizes.sum()
     number = sums.shape[1]
-    enough = number >= max(2, fewest)
-    left = (whole[:, None] - sums) / (count - sizes) if enough else sums
-    found = []
-    for measure in (_skewness, _excess_kurtosis):
-        value = float(measure(*(whole / count)))
-        if not enough:
-            found.append(Estimate(value, float("inf"), 0.0))
-            continue
-        without = measure(*left)
-        error = float(np.sqrt((number - 1.0) / number * np.sum((without - without.mean()) ** 2)))
-        found.append(Estimate(value, error, number - 1.0))
-    return found[0], found[1]
+    values = [float(measure(*(whole / count))) for measure in _MEASURES]
+    if number < max(2, fewest):
+        return Estimate(values[0], float("inf"), 0.0), Estimate(values[1], float("inf"), 0.0)
+    departures, squares = np.zeros(2), np.zeros(2)
+    for part in stretches(number):
+        left = (whole[:, None] - sums[:, part]) / (count - sizes[part])
+        for i, measure in enumerate(_MEASURES):
+            departure = measure(*left) - values[i]
+            departures[i] += departure.sum()
+            squares[i] += (departure * departure).sum()
+    spread = np.maximum(squares - departures**2 / number, 0.0)
+    errors = np.sqrt((number - 1.0) / number * spread)
+    return Estimate(values[0], float(errors[0]), number - 1.0), Estimate(values[1], float(errors[1]), number - 1.0)
 
 
 def shape_of_sums(sums: Array, sizes: Array, fewest: float = 2) -> tuple[Estimate, Estimate]:

@@ -7,8 +7,10 @@ import os
 import re
 import shlex
 import shutil
+import socket
 import subprocess
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
@@ -56,6 +58,32 @@ def test_every_command_of_the_guide(place: Path) -> None:
     assert 'href="comparison.html"' in index
 
 
+def test_every_command_of_the_page_on_clusters(place: Path) -> None:
+    """A scheduler and its workers, started as the page says, fly what it says; this machine is all of the machines."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    there = {"head": "127.0.0.1", "8786": str(port), "--nworkers 16": "--nworkers 2", "/shared": str(place)}
+    commands = [line for block in _blocks("SCALING.md", "sh") for line in block.splitlines() if line]
+    assert len(commands) == 4
+    environment = os.environ | {"DASK_TEMPORARY_DIRECTORY": str(place / "scratch")}
+    with ExitStack() as stack:
+        for command in commands:
+            for word, here in there.items():
+                command = command.replace(word, here)
+            program, *arguments = shlex.split(command)
+            if program == "mcnav":
+                finished = _run([sys.executable, "-m", program, *arguments], place)
+                assert finished.returncode == 0, f"{command}\n{finished.stderr}"
+                continue
+            with (place / f"{arguments[0]}.log").open("w") as log:
+                started = [sys.executable, "-m", program, *arguments]
+                process = subprocess.Popen(started, cwd=place, stdout=log, stderr=log, env=environment)
+            stack.callback(process.wait, 60)
+            stack.callback(process.terminate)
+    assert (place / "runs" / "first" / "report.html").exists()
+
+
 def test_every_command_is_in_the_documentation() -> None:
     told = (ROOT / "README.md").read_text(encoding="utf-8")
     listed = _run([sys.executable, "-m", "mcnav", "--help"], ROOT).stdout
@@ -79,6 +107,7 @@ def test_pages_are_shown() -> None:
     for page, file in (
         ("guide", "GUIDE.md"),
         ("notation", "NOTATION.md"),
+        ("scaling", "SCALING.md"),
         ("story", "reproduce/STORY_OF_84_MINUTES.md"),
     ):
         shown = _run([sys.executable, "-m", "mcnav", "docs", page], ROOT)

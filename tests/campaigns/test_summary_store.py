@@ -19,6 +19,8 @@ from mcnav.analysis.excluded import excluded
 from mcnav.analysis.summed import compare_sums, frame_of
 from mcnav.campaign import reduced as store
 from mcnav.campaign.file import parse_campaign
+from mcnav.campaign.folder import RunFolder
+from mcnav.campaign.manifest import fault_in
 from mcnav.campaign.problems import CampaignError, RunFolderError
 from mcnav.linear.reduction import columns_of, reduced
 from mcnav.study import run_campaign, summary_of
@@ -235,3 +237,13 @@ def test_samples_are_as_before_beside_a_summary(tmp_path: Path) -> None:
     run_campaign(campaign(4, samples=1_000), tmp_path, "ensemble", 1)
     with pytest.raises(RunFolderError, match=r"store was absent, is summary"):
         _run(tmp_path, samples=1_000)
+
+
+def test_a_manifest_of_as_many_samples_as_a_campaign_may_have(tmp_path: Path) -> None:
+    """10^12, all that `store = "summary"` allows, can be read again."""
+    _run(tmp_path / "run")
+    manifest = RunFolder(tmp_path / "run").manifest()
+    assert manifest is not None
+    last = manifest["parts"][-1] | {"end": 10**12}
+    assert fault_in(manifest | {"samples": 10**12, "parts": [*manifest["parts"][:-1], last]}) is None
+    assert fault_in(manifest | {"samples": 10**12}) is not None

@@ -35,7 +35,15 @@ def test_kolmogorov_smirnov_against_scipy() -> None:
     found = chi_square.distribution_test(values, 4)
     expected = stats.kstest(values, "chi2", args=(4,))
     assert found is not None
-    assert (found.statistic, found.p_value) == pytest.approx((expected.statistic, expected.pvalue), rel=1e-9)
+    assert found.statistic == pytest.approx(expected.statistic, rel=1e-9)
+    assert found.p_value == pytest.approx(chi_square.kolmogorov_p_value(expected.statistic, 300), rel=1e-9)
+
+
+@pytest.mark.parametrize("count", [100, 1_000, 10_000])
+def test_kolmogorov_p_value_against_the_exact_one(count: int) -> None:
+    for exact in (0.9, 0.5, 0.1, 0.01):
+        found = chi_square.kolmogorov_p_value(stats.kstwo.isf(exact, count), count)
+        assert found == pytest.approx(exact, rel=1.0 / count)
 
 
 def test_shape_against_scipy() -> None:

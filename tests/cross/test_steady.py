@@ -9,15 +9,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mcnav.linear.partials import partials_throughout
 from mcnav.physics.instruments import indicated_force, measured_force
 from mcnav.physics.schuler import schuler_period
 from mcnav.physics.steady import Earth, Error, SteadyFlight
-from mcnav.physics.steady_ensemble import fly_ensemble
+from mcnav.physics.steady_ensemble import fly_ensemble, fly_histories
 from mcnav.physics.steady_linear import linearise
 from mcnav.physics.steady_navigator import Diverged, fly_indicated, indicated_rates
 from mcnav.physics.truth import motion
 from mcnav.reproduce.story_of_84_minutes import CROSS, RANGE, measured_period
 from mcnav.scenarios.cruise import SOURCES, Cruise
+from mcnav.scenarios.protocol import Followed
 
 SIZES = np.array([source.nominal for source in SOURCES])
 SPEED = 804.672
@@ -192,6 +194,36 @@ def test_development_ends_with_the_partials() -> None:
     known = scenario.development(7)
     np.testing.assert_allclose(known.partials[-1], scenario.linearised().partials, rtol=1e-8, atol=1e-6)
     assert known.times[-1] == pytest.approx(10_120.0 / 60.0)
+
+
+def test_histories_are_shorter_flights(flight: SteadyFlight) -> None:
+    """At each stop what the flight that ends there gives with the same steps, and at the last one its very bits."""
+    errors = _draws(40, 1.0)
+    stops = np.array([0, 30, 101, 240])
+    histories, valid = fly_histories(flight, errors, 240, stops)
+    final, _ = fly_ensemble(flight, errors, 240)
+    assert valid.all()
+    np.testing.assert_array_equal(histories[:, -1], final)
+    scale = np.abs(histories).max(axis=(0, 1))
+    for number, stop in enumerate(stops[1:-1], start=1):
+        shorter = replace(flight, duration=flight.duration * stop / 240)
+        expected, _ = fly_ensemble(shorter, errors, int(stop))
+        assert np.all(np.abs(histories[:, number] - expected) <= 1e-9 * scale + 1e-12)
+
+
+def test_linear_sigmas_of_a_steady_flight_throughout() -> None:
+    """Central differences of histories against the equations of variation, in both kinds of axes."""
+    scenario = Cruise(FLIGHTS["cruise, level platform"])
+    sizes = np.array([source.nominal for source in scenario.sources])
+    engine = scenario.prepared("ensemble", np.diag(sizes))
+    assert isinstance(engine, Followed)
+    partials, nominal = partials_throughout(engine, sizes)
+    np.testing.assert_array_equal(nominal, 0.0)
+    steps = len(engine.epochs.times)
+    expected = scenario._partials(engine.epochs.times * 60.0)
+    scale = np.abs(expected * sizes).max(axis=(0, 2))[:, None]
+    assert steps == 60
+    assert np.all(np.abs((partials - expected) * sizes) < 1e-6 * scale)
 
 
 def test_the_seeds_earth_may_be_another() -> None:

@@ -8,6 +8,14 @@ import sys
 import textwrap
 from pathlib import Path
 
+from mcnav.analysis.comparison import Model
+from mcnav.analysis.summed import frame_of
+from mcnav.campaign.file import Campaign
+from mcnav.campaign.folder import RunFolder
+from mcnav.campaign.parts import Layout
+from mcnav.campaign.work import Draws, Work
+from mcnav.linear.map_engine import prepared_by
+from mcnav.sampling.designs import block_length
 from tests.conftest import ROOT
 
 SINGLE = """
@@ -52,6 +60,20 @@ def written(folder: Path, body: str, code: str = SINGLE, samples: int = 100, mor
     path = folder / "mine.toml"
     path.write_text(described)
     return path
+
+
+def work_of(run: Campaign, folder: Path, engine: str | None = None) -> Work:
+    """What a run of a campaign sends to its workers, without the flights on the side."""
+    errors, scenario = run.errors, run.scenario
+    probes = errors.draw(run.design, run.seed, run.samples, 0, min(64, run.samples))
+    prepared = prepared_by(scenario, engine or scenario.engines[0], probes, errors.mean, errors.standard_deviations)
+    linear = scenario.linearised()
+    model = Model(linear.partials, linear.nominal, errors.mean, errors.covariance)
+    frame = frame_of(model, run.samples, block_length(run.design, run.samples)) if run.store == "summary" else None
+    (folder / "samples").mkdir(parents=True)
+    layout = Layout.of(scenario.sources, scenario.outputs)
+    draws = Draws(errors, run.design, run.seed, run.samples)
+    return Work(draws, prepared, RunFolder(folder), "0" * 64, layout, run.sample_timeout, frame)
 
 
 def environment() -> dict[str, str]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mcnav.analysis.comparison import Criterion, Model, compare
-from mcnav.analysis.joint import Joint
+from mcnav.analysis.joint import FEWEST_PAIRS, Joint
 
 PARTIALS = np.array([[1.0, 2.0, 0.0], [0.5, -1.0, 3.0]])
 SIGMA = np.array([1.0, 0.5, 2.0])
@@ -97,3 +97,14 @@ def test_detectable_ratio_falls_with_the_root_of_the_samples() -> None:
         found.append(compare(MODEL, errors, outcomes, np.arange(count), Criterion()).outputs[0].detectable_plain)
     assert found[0] / found[1] == pytest.approx(4.0, rel=0.15)
     assert found[0] > 0.05
+
+
+def test_few_pairs_do_not_test_the_covariance() -> None:
+    errors = _errors(FEWEST_PAIRS)
+    paired = np.concatenate([np.stack([each, -each]) for each in errors])
+    outcomes = paired @ PARTIALS.T + 0.01 * paired[:, :1] ** 2
+    pairs = np.arange(len(paired)) // 2
+    assert _joint(paired, outcomes, pairs, fewest=1_000).covariance_paired is not None
+    fewer = _joint(paired[:-2], outcomes[:-2], pairs[:-2], fewest=1_000)
+    assert fewer.covariance_paired is None
+    assert fewer.bias_paired is not None

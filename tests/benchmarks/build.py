@@ -1,0 +1,62 @@
+"""A trajectory of Table I as a `Case`: its truth as mcnav flies it, reference errors by mcnav's reference engine."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from mcnav.linear.covariance import propagated_covariance
+from mcnav.physics.ensemble import fly_ensemble
+from mcnav.physics.grid import shared_grid
+from mcnav.physics.refinement import FINEST
+from mcnav.physics.response import linear_response
+from mcnav.physics.vehicle import Vehicle
+from mcnav.scenarios.reentry import Flight, Reentry
+from mcnav.scenarios.tn_d1772 import ERRORS, TABLE_I, start_state
+from tests.benchmarks.case import LENGTH, SPEED, TIME, Case
+from tests.benchmarks.equations import stretch_constants
+
+COMPARED: Final = 200
+"""Draws on which errors are measured."""
+
+
+def scenario_of(number: int) -> Reentry:
+    """A trajectory of Table I, navigated from its first point."""
+    row = TABLE_I[number]
+    return Reentry(Flight(start_state(number), Vehicle(row.lift_law), row.final_altitude))
+
+
+def case_of(number: int, compared: int = COMPARED) -> Case:
+    """A trajectory with its reference errors.
+
+    The reference is scipy's DOP853 on the polar equations at a relative tolerance of 1e-12.
+    """
+    scenario = scenario_of(number)
+    navigation = scenario.navigation
+    stretches = navigation.trajectory.navigated(navigation.start)
+    states = np.array([navigation.trajectory.state(begin) for begin, _, _ in stretches])
+    truths = (states - [0.0, navigation.theta_axes, 0.0, 0.0]) / [LENGTH, 1.0, SPEED, 1.0 / TIME]
+    covariance = propagated_covariance(scenario.linearised().partials, np.diag(ERRORS**2))
+    case = Case(
+        number,
+        states[0],
+        np.array([begin - navigation.start for begin, _, _ in stretches]) / TIME,
+        np.array([end - navigation.start for _, end, _ in stretches]) / TIME,
+        truths,
+        np.array([stretch_constants(phase.coefficients, phase.accelerometers_on) for _, _, phase in stretches]),
+        ERRORS,
+        np.sqrt(np.diag(covariance)),
+        np.empty((compared, 4)),
+    )
+    flown = navigation.by_reference(case.draws(compared), range(compared))
+    case.reference[:] = [flown.values[draw] for draw in range(compared)]
+    return case
+
+
+def disagreement(case: Case) -> float:
+    """How far the ensemble's finest grid is from the reference, share of sigma: below it nothing can be measured."""
+    navigation = scenario_of(case.number).navigation
+    response = linear_response(navigation.trajectory, navigation.start, navigation.theta_axes)
+    values, _ = fly_ensemble(shared_grid(response, FINEST), case.draws(len(case.reference)))
+    return case.error(values)

@@ -1,0 +1,52 @@
+"""This program's own engines: the ensemble's kernel on a grid of given nodes, and the polynomial map.
+
+Truth, linear response and grid are part of the preparation, as they are of a campaign. The knob is the number of nodes,
+which a campaign would choose by itself (see `tests.benchmarks.kernel`); the map's is its order.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mcnav.linear.map_engine import MapEngine
+from mcnav.linear.polynomial import fit
+from mcnav.physics.grid import shared_grid
+from mcnav.physics.response import linear_response
+from mcnav.physics.vehicle import Vehicle
+from mcnav.scenarios.reentry import ENSEMBLE_CHUNK, EnsembleEngine, Flight, Navigation, Reentry
+from mcnav.scenarios.tn_d1772 import TABLE_I
+from tests.benchmarks.case import Case
+from tests.benchmarks.peer import Fly, Peer
+
+MAP_NODES = 136
+MAP_CHUNK = 65_536
+
+
+def navigation(case: Case) -> Navigation:
+    """The truth of a case, flown by mcnav."""
+    row = TABLE_I[case.number]
+    return Reentry(Flight(tuple(case.first_point), Vehicle(row.lift_law), row.final_altitude)).navigation
+
+
+def _engine(case: Case, nodes: int) -> EnsembleEngine:
+    flown = navigation(case)
+    grid = shared_grid(linear_response(flown.trajectory, flown.start, flown.theta_axes), nodes)
+    return EnsembleEngine(flown, grid, "")
+
+
+def prepare_ensemble(case: Case, nodes: float, cores: int) -> Fly:
+    """Samples flown by the kernel; one beyond its validity by the reference path."""
+    engine = _engine(case, int(nodes))
+    return lambda draws: engine.propagate(draws).values
+
+
+def prepare_map(case: Case, order: float, cores: int) -> Fly:
+    """Samples evaluated by a polynomial; those beyond the fitted ones are flown."""
+    exact = _engine(case, MAP_NODES)
+    polynomial = fit(lambda draws: exact.propagate(draws), np.zeros(10), case.one_sigma, int(order))
+    engine = MapEngine(polynomial, exact, "")
+    return lambda draws: engine.propagate(draws).values
+
+
+ENSEMBLE = Peer(prepare_ensemble, "nodes", (24, 34, 48, 68, 96, 136, 192), ENSEMBLE_CHUNK, "threads")
+MAP = Peer(prepare_map, "order", (2, 3, 4), MAP_CHUNK, "threads")

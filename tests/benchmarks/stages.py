@@ -1,0 +1,82 @@
+"""Where the time of a run goes: ``python -m tests.benchmarks.stages ANSWER SAMPLES STORE``, one job.
+
+The functions that are the stages are replaced by ones that keep time and call them.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import sys
+import time
+from collections import defaultdict
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Final
+
+from tests.benchmarks.growth import CAMPAIGN, STAGED
+from tests.benchmarks.spawn import run
+
+STAGES: Final = {
+    "read the campaign, fly its truth": ("mcnav.campaign.file:read_campaign",),
+    "prepare: partials, grid, flights on the side": ("mcnav.study:_flyable",),
+    "draw": ("mcnav.campaign.work:draw",),
+    "fly": ("mcnav.campaign.work:fly_errors",),
+    "errors at 60 epochs": ("mcnav.campaign.epochs:sums",),
+    "store": ("mcnav.campaign.work:write_part", "mcnav.campaign.work:reduced", "mcnav.study:_write_epochs"),
+    "analyse": ("mcnav.study:analyse",),
+    "write the report": ("mcnav.study:_finish",),
+}
+REST: Final = "start, imports and the rest"
+
+
+def watched(spent: dict[str, float]) -> None:
+    """Put time-keepers in the places of the stages' functions."""
+
+    def keeper(stage: str, function: Callable[..., Any]) -> Callable[..., Any]:
+        def keep(*arguments: Any, **named: Any) -> Any:
+            begin = time.perf_counter()
+            try:
+                return function(*arguments, **named)
+            finally:
+                spent[stage] += time.perf_counter() - begin
+
+        return keep
+
+    for stage, places in STAGES.items():
+        for place in places:
+            module, name = place.split(":")
+            home = importlib.import_module(module)
+            setattr(home, name, keeper(stage, getattr(home, name)))
+
+
+def main(answer: Path, samples: int, store: str, begin: float) -> None:
+    """Run a campaign with time-keepers and write what they found."""
+    spent: dict[str, float] = defaultdict(float)
+    from mcnav.campaign import file
+    from mcnav.study import run_campaign
+
+    watched(spent)
+    campaign = file.read_campaign(CAMPAIGN, {"samples": samples, "store": store})
+    with TemporaryDirectory() as folder:
+        run_campaign(campaign, Path(folder) / "run", None, 1)
+    spent[REST] = time.clock_gettime(time.CLOCK_MONOTONIC) - begin - sum(spent.values())
+    answer.write_text(json.dumps({stage: spent[stage] for stage in (*STAGES, REST)}))
+
+
+def measured(store: str, samples: int = STAGED) -> dict[str, Any]:
+    """Seconds of every stage of a run in a process of its own."""
+    with TemporaryDirectory() as folder:
+        answer = Path(folder) / "stages.json"
+        begin = str(time.clock_gettime(time.CLOCK_MONOTONIC))
+        status, _, _, said = run(
+            [sys.executable, "-m", "tests.benchmarks.stages", str(answer), str(samples), store, begin]
+        )
+        if status != 0:
+            raise RuntimeError(f"the run ended with status {status}: {said[-300:]}")
+        return {"store": store, "samples": samples, "seconds": json.loads(answer.read_text())}
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), int(sys.argv[2]), sys.argv[3], float(sys.argv[4]))

@@ -1,0 +1,150 @@
+"""The measurements as Markdown: what stands in the README, and the whole record."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+from tests.benchmarks.compare import TARGETS
+from tests.benchmarks.kernel import sentence
+
+ROUGH, FINE = (f"{target:.0e}" for target in TARGETS)
+OURS: Final = "mcnav"
+
+
+def markdown(record: Mapping[str, Any]) -> str:
+    """The whole record."""
+    machine = record["machine"]
+    parts = [
+        "# Benchmarks",
+        f"{machine['processor']} ({', '.join(machine['vectors'])}), {machine['cores']} cores, "
+        f"Python {machine['python']}, {machine['date']}; load of the machine before the first run {machine['load']}. "
+        "How they are made and read: README, Benchmarks. Numbers in full: `benchmarks.json`.",
+        *(_trajectory(record, case) for case in record["cases"]),
+        "![Work against precision](work_precision.svg)",
+        "## The kernel by itself",
+        *(_kernel(found) for found in record["kernel"]),
+        *_growth(record["growth"], record["stages"]),
+        "## Versions",
+        ", ".join(f"{name} {version or '(not installed)'}" for name, version in machine["packages"].items()),
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
+
+
+def _trajectory(record: Mapping[str, Any], case: Mapping[str, Any]) -> str:
+    rows = [row for row in record["peers"] if row["trajectory"] == case["trajectory"]]
+    return (
+        f"## Trajectory {case['trajectory']}: {case['minutes']:.0f} minutes, {case['stretches']} stretches\n\n"
+        f"{peers_table(rows)}\n\n"
+        f"Error: the largest in any output of {case['compared']} draws, as a share of its sigma, against "
+        f"{case['reference']}, from which the ensemble's finest grid differs by {case['disagreement']:.0e}."
+    )
+
+
+def peers_table(rows: Sequence[Mapping[str, Any]]) -> str:
+    """The peers on one trajectory, at the same measured accuracies."""
+    ours = next((_spent(row, FINE) for row in rows if row["peer"] == OURS), None)
+    head = [
+        "", "method", f"µs of one core a sample, at {ROUGH} σ", f"at {FINE} σ", "against mcnav", "error there",
+        "samples/s, two cores", "start-up", "memory",
+    ]  # fmt: skip
+    return _table(head, [_peer(row, ours) for row in rows])
+
+
+def _spent(row: Mapping[str, Any], target: str) -> float | None:
+    found = (row.get("at") or {}).get(target)
+    return None if found is None else float(found["microseconds"])
+
+
+def _peer(row: Mapping[str, Any], ours: float | None) -> list[str]:
+    for wrong in ("missing", "failed"):
+        if wrong in row:
+            said = "not installed" if wrong == "missing" else "failed"
+            return [row["peer"], f"{said}: {row[wrong]}", *["–"] * 7]
+    fine, spent = row["at"][FINE], _spent(row, FINE)
+    best = min((each["error"] for each in row["settings"] if each.get("error") is not None), default=None)
+    not_reached = "not reached" if best is None else f"not reached (best {best:.0e})"
+    both = None if fine is None else fine["two_cores_samples_per_second"]
+    return [
+        row["peer"],
+        row["method"],
+        _number(_spent(row, ROUGH), "not reached"),
+        _number(spent, not_reached),
+        "–"
+        if ours is None or spent is None
+        else f"{spent / ours:,.0f} ×"
+        if spent > 3 * ours
+        else f"{spent / ours:.1f} ×",
+        "–" if fine is None else f"{fine['error']:.0e} ({fine['compared']} draws)",
+        "–" if both is None else f"{both:,.0f}" if both < 1e5 else f"{both / 1e6:.2g} million",
+        _number(row["start_up"], "–", " s"),
+        f"{row['megabytes']:.0f} MB",
+    ]
+
+
+def _number(value: float | None, otherwise: str, unit: str = "") -> str:
+    if value is None:
+        return otherwise
+    return f"{value:,.0f}{unit}" if value >= 100 else f"{value:.2g}{unit}"
+
+
+def _kernel(found: Mapping[str, Any]) -> str:
+    nodes = _table(
+        ["nodes", "µs a sample", "error against the finest grid", "against the reference"],
+        [
+            [
+                str(row["nodes"]),
+                f"{row['microseconds']:.3f}",
+                f"{row['against_finest']:.0e}",
+                f"{row['against_reference']:.0e}",
+            ]
+            for row in found["nodes"]
+        ],
+    )
+    refined = " ".join(
+        f"Refined to {row['tolerance']:.0e}, as a campaign would: {row['nodes']} nodes, {row['microseconds']:.3f} µs, "
+        f"error {row['error']:.0e}; two threads {row['two_threads_samples_per_second'] / 1e6:.1f} million samples/s, "
+        f"{row['two_threads_efficiency']:.0%} of twice one."
+        for row in found["refined"]
+    )
+    epochs = "; ".join(f"{row['epochs']} epochs: {row['microseconds']:.2f} µs" for row in found["epochs"])
+    return (
+        f"### Trajectory {found['trajectory']}\n\n{nodes}\n\n{refined}\n\nWith errors read out at epochs, {epochs}.\n\n"
+        f"What bounds it: {sentence(found['bound'])}."
+    )
+
+
+def _growth(growth: Mapping[str, Any], stages: Sequence[Mapping[str, Any]]) -> list[str]:
+    if not growth:
+        return []
+    return ["## Whole runs: from start to finished report, trajectory 4", *growth_tables(growth, stages)]
+
+
+def growth_tables(growth: Mapping[str, Any], stages: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Runs by samples and by jobs, and where their time goes."""
+    head = ["samples", "jobs", "keeps", "seconds", "processor", "memory", "stored"]
+    return [
+        _table(head, [_run(row) for row in (*growth["samples"], *growth["jobs"])]),
+        "Seconds of each stage, one job:",
+        _table(
+            ["", *(f"{found['samples']:,} samples, keeps {found['store']}" for found in stages)],
+            [[stage, *(f"{found['seconds'][stage]:.2f}" for found in stages)] for stage in stages[0]["seconds"]],
+        ),
+    ]
+
+
+def _run(row: Mapping[str, Any]) -> list[str]:
+    return [
+        f"{row['samples']:,}",
+        str(row["jobs"]),
+        row["store"],
+        f"{row['seconds']:.1f} s",
+        f"{row['processor_seconds']:.1f} s",
+        f"{row['megabytes']:.0f} MB",
+        f"{row['stored_megabytes']:.0f} MB",
+    ]

@@ -1,0 +1,253 @@
+"""Chunks flown on a real dask cluster of two worker processes: the same bits as here, whatever becomes of workers."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner, Result
+
+from mcnav.campaign import cluster as clusters
+from mcnav.campaign.cluster import Cluster, opened
+from mcnav.campaign.file import read_campaign
+from mcnav.campaign.folder import RunFolder
+from mcnav.campaign.problems import ClusterError, TooManyFailures
+from mcnav.campaign.runner import fly
+from mcnav.campaign.work import Work
+from mcnav.cli import app
+from tests.conftest import ROOT, campaign
+from tests.faults.kills import digests, left_of
+from tests.faults.scenarios import VECTORISED, command, environment, work_of, written
+from tests.faults.test_failures import REASONS
+
+POISON = ("os._exit(9)", "time.sleep(60)")
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Cluster]:
+    with opened(None, 2) as (made, notices):
+        assert made.threads == 2
+        assert notices == []
+        yield made
+
+
+def workers(cluster: Cluster) -> set[int]:
+    return set(cluster.client.run(os.getpid).values())
+
+
+def quiet(samples: int) -> None:
+    pass
+
+
+def mcnav_run(*arguments: object) -> Result:
+    return CliRunner().invoke(app, ["run", *map(str, arguments)])
+
+
+@pytest.mark.parametrize(("engine", "store"), [("ensemble", "samples"), ("ensemble", "summary"), ("map", "samples")])
+def test_same_bits(engine: str, store: str, cluster: Cluster, tmp_path: Path) -> None:
+    run = campaign(1, samples=20_000, store=store)
+    work = work_of(run, tmp_path / "here", engine)
+    there = replace(work, folder=RunFolder(tmp_path / "there"))
+    there.folder.parts.mkdir(parents=True)
+    _, flown = fly(work, 1, quiet)
+    parts, flown_there = fly(there, 2, quiet, elsewhere=cluster.fly)
+    assert flown == flown_there == sum(part.end - part.begin for part in parts) == run.samples
+    assert digests(tmp_path / "here") == digests(tmp_path / "there")
+    assert fly(there, 2, quiet, elsewhere=cluster.fly)[1] == 0
+
+
+def test_a_whole_run(cluster: Cluster, tmp_path: Path) -> None:
+    """Its folder is the same, but for times; a stopping rule flies several times."""
+    shutil.copy(ROOT / "campaigns" / "polar.py", tmp_path)
+    (tmp_path / "polar.toml").write_text((ROOT / "campaigns" / "14_polar.toml").read_text())
+    for name, options in (("here", ("--jobs", 1)), ("there", ("--scheduler", cluster.address))):
+        done = mcnav_run(tmp_path / "polar.toml", "--samples", 40_000, "--out", tmp_path / name, *options)
+        assert done.exit_code == 0, done.output
+        assert done.stderr == ""
+    assert digests(tmp_path / "here") == digests(tmp_path / "there")
+    assert (tmp_path / "there" / "summary.json").read_bytes() == (tmp_path / "here" / "summary.json").read_bytes()
+    assert json.loads((tmp_path / "there" / "manifest.json").read_text())["flight"]["jobs"] == 2
+
+
+@pytest.mark.parametrize("together", [1, 5])
+def test_a_killed_worker(together: int, cluster: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In mid-campaign; there are more chunks, alone or several together, than are handed out at once."""
+    monkeypatch.setattr(clusters, "SHARES", 30 // together)
+    cluster.client.wait_for_workers(2)
+    code = VECTORISED.replace("def propagate", "chunk = 5\n\n    def propagate")
+    work = work_of(read_campaign(written(tmp_path, "time.sleep(0.05)", code, samples=300)), tmp_path / "here")
+    there = replace(work, folder=RunFolder(tmp_path / "there"))
+    there.folder.parts.mkdir(parents=True)
+    fly(work, 4, quiet)
+    ready, before = [0], workers(cluster)
+
+    def kill(samples: int) -> None:
+        ready[0] += 1
+        if ready[0] == 3:
+            os.kill(min(workers(cluster)), signal.SIGKILL)
+
+    assert fly(there, 2, kill, elsewhere=cluster.fly)[1] == 300
+    assert ready[0] == 60
+    assert digests(tmp_path / "here") == digests(tmp_path / "there")
+    assert workers(cluster) != before
+
+
+def test_a_chunk_that_always_kills_its_worker(cluster: Cluster, tmp_path: Path) -> None:
+    """It does not hang: dask gives up, and the one sample at fault is found, as for any deadly sample."""
+    calm = read_campaign(written(tmp_path / "calm", "", VECTORISED, samples=100))
+    value = float(calm.errors.draw("random", 1, 100, 0, 100)[17, 0])
+    code = VECTORISED.replace("import time", "import os").replace("def prop", "chunk = 10\n\n    def prop")
+    path = written(tmp_path / "hit", f"if (a == {value!r}).any(): os._exit(9)", code)
+    fly(work_of(calm, tmp_path / "calm" / "run"), 1, quiet)
+    done = mcnav_run(path, "--scheduler", cluster.address, "--out", tmp_path / "hit" / "run")
+    assert done.exit_code == 3, done.output
+    assert "1 of 100 samples failed" in " ".join(done.output.split())
+    hit, other = (pd.read_parquet(tmp_path / name / "run" / "samples") for name in ("hit", "calm"))
+    assert [*np.flatnonzero(hit["status"] != "ok")] == [17]
+    assert hit["status"][17] == "failed: the worker process died while flying it"
+    pd.testing.assert_frame_equal(hit.drop(17), other.drop(17), check_exact=True)
+
+
+def test_poison_samples_fail_alone(cluster: Cluster, tmp_path: Path) -> None:
+    """Flown in processes of their own they do not even end the worker; the limit of time holds."""
+    calm = read_campaign(written(tmp_path / "calm", "", samples=60))
+    drawn = calm.errors.draw("random", 1, 60, 0, 60)[:, 0]
+    chosen = dict(zip(np.sort(drawn)[: len(POISON)].tolist(), POISON, strict=True))
+    body = "\n".join(f"if a == {value!r}:\n    {act}" for value, act in chosen.items())
+    run = read_campaign(written(tmp_path / "hit", body, samples=60, more='sample_timeout = "1 s"'))
+    cluster.client.wait_for_workers(2)
+    before, work = workers(cluster), work_of(run, tmp_path / "run")
+    assert fly(work, 2, quiet, elsewhere=cluster.fly)[1] == 60
+    samples = pd.read_parquet(tmp_path / "run" / "samples")
+    expected = [f"failed: {REASONS[chosen[value]]}" if value in chosen else "ok" for value in drawn.tolist()]
+    assert samples["status"].tolist() == expected
+    outputs = np.column_stack([2.0 * drawn, drawn + drawn**2])
+    outputs[[value in chosen for value in drawn.tolist()]] = np.nan
+    np.testing.assert_array_equal(samples.filter(like="output"), outputs)
+    assert workers(cluster) == before
+    assert not list((tmp_path / "run").rglob(".*.tmp"))
+
+
+def test_a_cluster_that_is_lost(cluster: Cluster, tmp_path: Path) -> None:
+    """One line, at once; what is stored is kept."""
+    code = VECTORISED.replace("def propagate", "chunk = 5\n\n    def propagate")
+    work = work_of(read_campaign(written(tmp_path, "time.sleep(0.02)", code, samples=300)), tmp_path / "run")
+    with opened(cluster.address) as (lost, _):
+        told: list[int] = []
+
+        def lose(samples: int) -> None:
+            told.append(samples)
+            if len(told) == 2:
+                lost.client.close()
+
+        with pytest.raises(ClusterError, match=r"the scheduler is gone.*the same command goes on from there"):
+            fly(work, 1, lose, elsewhere=lost.fly)
+    assert 0 < len(digests(tmp_path / "run")) < 60
+
+
+def test_a_cluster_without_workers(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Deserted:
+        status = "running"
+
+        def nthreads(self) -> dict[str, int]:
+            return {}
+
+    monkeypatch.setattr(clusters, "PATIENCE", 0.0)
+    with pytest.raises(ClusterError, match="tcp://there: has had no worker for 0 s"):
+        Cluster(Deserted(), "tcp://there")._look(())
+
+
+def test_refusals(cluster: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One line each, exit status 2, nothing flown."""
+    path = written(tmp_path, "")
+    there = ("--scheduler", cluster.address)
+
+    def refused(*arguments: object) -> str:
+        done = mcnav_run(path, "--out", tmp_path / "run", *arguments)
+        assert done.exit_code == 2, done.output
+        assert len(done.stderr.splitlines()) == 1
+        assert not digests(tmp_path / "run")
+        return done.stderr
+
+    assert "give one of them" in refused("--dask", 2, *there)
+    assert "--jobs counts workers without a cluster" in refused("--dask", 2, "--jobs", 2)
+    assert "--jobs counts workers without a cluster" in refused("--jobs", 2, *there)
+    assert "is no scheduler that can be used" in refused("--scheduler", "nonsense://x")
+    with monkeypatch.context() as patch:
+        patch.setattr(clusters, "ANSWERS", 0.5)
+        assert "tcp://127.0.0.1:9: is no scheduler" in refused("--scheduler", "tcp://127.0.0.1:9")
+    with monkeypatch.context() as patch:
+        patch.setitem(sys.modules, "distributed", None)
+        assert "pip install 'mcnav[dask]'" in refused("--dask", 1)
+    with monkeypatch.context() as patch:
+        other = clusters.versions() | {"numpy": "0.1"}
+        patch.setattr(clusters, "versions", lambda: other)
+        assert "where this run has numpy 0.1; its results would be others" in refused(*there)
+    with monkeypatch.context() as patch:
+
+        @contextmanager
+        def elsewhere(work: Work) -> Iterator[Work]:
+            yield replace(work, wanted=Path("/nowhere/samples/.wanted"))
+
+        patch.setattr(clusters, "_wanted", elsewhere)
+        assert "does not see /nowhere/samples; the run folder must be shared" in refused(*there)
+
+
+def test_the_library_is_imported_for_clusters_alone() -> None:
+    code = "import sys, mcnav.study, mcnav.campaign.cluster; sys.exit('distributed' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], env=environment()).returncode == 0
+
+
+def test_a_chunk_that_nobody_wants_any_more(cluster: Cluster, tmp_path: Path) -> None:
+    """A worker that is still flying when the run is broken off does not write into what may be another run's folder."""
+    code = VECTORISED.replace("def propagate", "chunk = 50\n\n    def propagate")
+    body = "time.sleep(0.6 * (a[0] < 0))\nif a[0] > 0: a = a * np.nan"
+    run = read_campaign(written(tmp_path, body, code, samples=400))
+    assert 2 < (run.errors.draw("random", 1, 400, 0, 400)[::50, 0] < 0).sum() < 7
+    work = work_of(run, tmp_path / "run")
+    with pytest.raises(TooManyFailures, match=r"50 of the .* samples flown so far failed, where 49 may"):
+        fly(work, 2, quiet, most_failures=49, elsewhere=cluster.fly)
+    left = digests(tmp_path / "run")
+    time.sleep(1.0)
+    assert digests(tmp_path / "run") == left
+    assert not list((tmp_path / "run").rglob(".*.tmp"))
+
+
+@pytest.mark.parametrize(("sign", "status"), [(signal.SIGINT, 130), (signal.SIGKILL, -9)])
+def test_nobody_is_left(sign: signal.Signals, status: int, tmp_path: Path) -> None:
+    """Ctrl-C, which reaches all processes of a terminal; a kill of the parent alone."""
+    (tmp_path / "scratch").mkdir()
+    code = VECTORISED.replace("def propagate", "chunk = 5\n\n    def propagate")
+    path = written(tmp_path, "time.sleep(0.1)", code, samples=2_000)
+    process = subprocess.Popen(
+        command("run", path, "--out", tmp_path / "run", "--dask", 2, "--timeout", "9 s"),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment() | {"TMPDIR": str(tmp_path / "scratch")},
+        start_new_session=True,
+    )
+    deadline = time.monotonic() + 60.0
+    while not digests(tmp_path / "run") and process.poll() is None and time.monotonic() < deadline:
+        time.sleep(0.01)
+    (os.killpg if sign == signal.SIGINT else os.kill)(process.pid, sign)
+    _, said = process.communicate(timeout=10)
+    assert process.returncode == status, said
+    assert left_of(process.pid) == []
+    assert 0 < len(digests(tmp_path / "run")) < 400
+    if sign == signal.SIGINT:
+        assert len(said.splitlines()) == 1, said
+        assert said.startswith("error: interrupted; what is stored is kept")
+    assert list((tmp_path / "scratch").iterdir()) == []
