@@ -55,6 +55,9 @@ STYLE: Final[Any] = {
     "axes.unicode_minus": True,
 }
 
+HASHED: Final = r'(?<=["#])[a-z]+[0-9a-f]{10}(?=[")])'
+"""The ids of markers and clipping paths in matplotlib's SVG, where they are defined and where they are used."""
+
 
 def variable(colour: str) -> str:
     """A colour as the style sheet names it; others stay as they are.
@@ -77,6 +80,7 @@ def svg(figure: Figure, key: str, title: str, description: str) -> str:
     text = buffer.getvalue()
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>\s*", "", text, flags=re.DOTALL)
+    text = _counted(text)
     text = re.sub(r' id="series-([\w-]+)"', r' class="series-\1"', text)
     text = re.sub(r' id="tip-([^"]*)">', r"><title>\1</title>", text)
     text = re.sub(r'\bid="', f'id="{key}-', text)
@@ -92,6 +96,12 @@ def svg(figure: Figure, key: str, title: str, description: str) -> str:
     inside = f'<title id="{key}-t">{escape(title)}</title><desc id="{key}-d">{escape(description)}</desc>'
     text = re.sub(r'<svg ([^>]*?)width="[^"]*"([^>]*?)height="[^"]*"', r"<svg \1\2", text, count=1)
     return re.sub(r"<svg ([^>]*)>", lambda found: f"<svg {labels}{found[1]}>{inside}", text, count=1)
+
+
+def _counted(text: str) -> str:
+    """Ids that matplotlib makes from the last digits of coordinates, numbered as they come."""
+    numbers = {name: f"n{k}" for k, name in enumerate(dict.fromkeys(re.findall(HASHED, text)))}
+    return re.sub(HASHED, lambda found: numbers[found[0]], text)
 
 
 def _rounded(attribute: str) -> str:
