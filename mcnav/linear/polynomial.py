@@ -30,8 +30,8 @@ REACH: Final = 1.4
 campaign lie among them."""
 
 HELD_OUT: Final = 512
-SPARED: Final = 0.2
-"""Share of the tolerance that may be spent on leaving out terms."""
+SPARED: Final = (0.9, 0.5, 0.2)
+"""Shares of the tolerance that may be spent on leaving out terms: the first that the flights held out allow."""
 SEED: Final = 1963
 
 ORDERS: Final = (2, 3, 4)
@@ -192,7 +192,7 @@ def _flown(propagate: Propagate, centre: Array, scale: Array, terms: int) -> _Fl
     return _Flown(points, values / spread, spread, fitted)
 
 
-def fit(propagate: Propagate, centre: Array, scale: Array, order: int, spare: float = 0.0) -> PolynomialMap:
+def fit(propagate: Propagate, centre: Array, scale: Array, order: int, tolerance: float = 0.0) -> PolynomialMap:
     """Fit a polynomial of an order to flights, and measure its error on others.
 
     Parameters
@@ -202,20 +202,24 @@ def fit(propagate: Propagate, centre: Array, scale: Array, order: int, spare: fl
     centre, scale : ndarray, shape (sources,)
         Means and standard deviations of the sources, SI.
     order : int
-    spare : float
-        Terms whose root mean squares together stay below this share of the dispersion are left out.
+    tolerance : float
+        Share of the dispersion; above zero, small terms are left out that are not needed for it.
 
     Raises
     ------
     FlightFailed
         When a flight that it needs fails.
     """
-    exponents = monomials(np.flatnonzero(scale > 0.0), len(scale), order)
+    whole = exponents = monomials(np.flatnonzero(scale > 0.0), len(scale), order)
     flown = _flown(propagate, centre, scale, len(exponents))
-    coefficients, error = flown.solved(exponents)
-    if spare > 0.0:
-        exponents = exponents[_needed(flown.points, exponents, coefficients, spare)]
-        coefficients, error = flown.solved(exponents)
+    of_whole, error = flown.solved(exponents)
+    coefficients = of_whole
+    if 0.0 < tolerance < HOPELESS and error <= tolerance:
+        for share in SPARED:
+            exponents = whole[_needed(flown.points, whole, of_whole, share * tolerance)]
+            coefficients, error = flown.solved(exponents)
+            if error <= tolerance:
+                break
     reach = float(np.sqrt((flown.points[: flown.fitted] ** 2).sum(axis=1).max()))
     return PolynomialMap(order, centre, scale, exponents, coefficients * flown.spread, error, flown.fitted, reach)
 
@@ -254,7 +258,7 @@ def fitted_map(propagate: Propagate, centre: Array, scale: Array, tolerance: flo
     """
     tried = []
     for order in ORDERS:
-        found = fit(propagate, centre, scale, order, SPARED * tolerance)
+        found = fit(propagate, centre, scale, order, tolerance)
         if found.error <= tolerance:
             return found
         tried.append(f"{found.error:.1e} with order {order}")
