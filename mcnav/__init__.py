@@ -26,9 +26,10 @@ if TYPE_CHECKING:
     from mcnav.campaign.file import Campaign, read_campaign
     from mcnav.campaign.problems import CampaignError, RunFolderError
     from mcnav.comparing import Between, compare_runs
+    from mcnav.judging import report_run, samples_of, summary_of
     from mcnav.notebook import FlownRun, fly, open_run
     from mcnav.scenarios.protocol import History, Outcomes, Output, Panel, Source
-    from mcnav.study import check_scenario, report_run, run_campaign, samples_of, summary_of
+    from mcnav.study import check_scenario, run_campaign
 
 _HOMES = {
     "Between": "mcnav.comparing",
@@ -46,10 +47,10 @@ _HOMES = {
     "fly": "mcnav.notebook",
     "open_run": "mcnav.notebook",
     "read_campaign": "mcnav.campaign.file",
-    "report_run": "mcnav.study",
+    "report_run": "mcnav.judging",
     "run_campaign": "mcnav.study",
-    "samples_of": "mcnav.study",
-    "summary_of": "mcnav.study",
+    "samples_of": "mcnav.judging",
+    "summary_of": "mcnav.judging",
 }
 
 __all__ = [

@@ -247,7 +247,7 @@ def run(
 def report(folders: Folders) -> None:
     """Analyse finished run folders again and write their reports."""
     with _errors_told():
-        from mcnav.study import report_run
+        from mcnav.judging import report_run
 
         for folder in folders:
             report_run(folder)
@@ -268,8 +268,8 @@ def compare(
         from mcnav.campaign.files import write_whole
         from mcnav.campaign.problems import as_written
         from mcnav.comparing import compare_runs
+        from mcnav.judging import summary_of
         from mcnav.report import terminal
-        from mcnav.study import summary_of
 
         runs: dict[str, dict[str, Any]] = {str(folder): summary_of(folder) for folder in folders}
         told = []

@@ -14,9 +14,9 @@ from threadpoolctl import threadpool_limits
 
 from mcnav.analysis.between import Change, Flights, change
 from mcnav.campaign.folder import RunFolder
+from mcnav.judging import Analysis, analyse, summary_of
 from mcnav.report.between import Row, inputs, outputs, render
 from mcnav.sampling.designs import FEWEST_BLOCKS, block_length
-from mcnav.study import Analysis, analyse, summary_of
 
 
 @dataclass(frozen=True)

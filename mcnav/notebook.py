@@ -21,11 +21,12 @@ from threadpoolctl import threadpool_limits
 
 from mcnav.campaign.file import read_campaign
 from mcnav.campaign.folder import RunFolder
+from mcnav.judging import analyse, content_of, samples_of
 from mcnav.report import wording
 from mcnav.report.content import Content
 from mcnav.report.drawings.drawing import Drawing
 from mcnav.report.page import drawings
-from mcnav.study import analyse, content_of, run_campaign, samples_of
+from mcnav.study import run_campaign
 
 SHOWN = """<div><p><strong>{{ name }}</strong>: {{ headline }}</p><p>{{ explanation }}</p>
 <table><thead><tr><th></th>{% for column in table.columns %}<th>{{ column }}</th>{% endfor %}</tr></thead>

@@ -8,6 +8,7 @@ y and z share cancels (z is a control variate whose covariance is known). Its er
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Final, TypeVar
 
@@ -300,18 +301,21 @@ def compare(
     sample = _covariance(outcomes)
     paired = sample - _covariance(predicted) + linear
     blocked = _Blocked(blocks, fewest, Judging(len(blocks), criterion.tolerance, each))
-    floors = model.rounding**2
-    outputs = tuple(
-        _compare_output(outcomes[:, i], predicted[:, i], float(linear[i, i]), float(floors[i]), blocked)
-        for i in range(len(linear))
-    )
-    ellipsoid = _compare_ellipsoid(model, outcomes, predicted, paired, blocked)
-    joint = None
-    if ellipsoid is not None:
-        joint = compare_jointly(linear, model.outcome_mean, outcomes, predicted, paired, blocks, fewest, each, normal)
+    with ThreadPoolExecutor(2) as beside:
+        judged = [
+            beside.submit(_compare_output, outcomes[:, i], predicted[:, i], float(linear[i, i]), float(floor), blocked)
+            for i, floor in enumerate(model.rounding**2)
+        ]
+        ellipsoid = beside.submit(_compare_ellipsoid, model, outcomes, predicted, paired, blocked)
+        joint = None
+        if np.any(linear):
+            joint = compare_jointly(
+                linear, model.outcome_mean, outcomes, predicted, paired, blocks, fewest, each, normal
+            )
+    outputs = tuple(each.result() for each in judged)
     failed = int((~flown).sum())
     return Comparison(
-        count, failed, each, mean, linear, sample, paired, outputs, ellipsoid, joint,
+        count, failed, each, mean, linear, sample, paired, outputs, ellipsoid.result(), joint,
         overall(outputs, failed, len(flown)),
     )  # fmt: skip
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -106,19 +106,24 @@ def _converging(
     if number < 2 * fewest:
         return None
     picked = np.unique(np.geomspace(fewest, number, POINTS).round().astype(int)) - 1
-    stretches = np.concatenate([[0], picked[:-1] + 1])
     runs = {}
     for key, sums, known in (("plain", plain, 0.0), ("paired", paired, variance)):
-        added = [np.cumsum(np.add.reduceat(each, stretches, axis=0), axis=0) for each in _powers(sums, sizes[:, None])]
-        runs[key] = _running(added, ends[picked], picked + 1, known, variance, confidence)
+        runs[key] = _running(_added(sums, sizes, picked + 1), ends[picked], picked + 1, known, variance, confidence)
     return Convergence(ends[picked], runs["plain"], runs["paired"])
 
 
-def _powers(total: Array, size: Array) -> Iterator[Array]:
-    """T, T^2, T n, n^2, T^3, T^2 n, T n^2 and n^3 of each block."""
-    square, crossed, sizes = total * total, total * size, size * size
-    yield from (total, square, crossed, sizes)
-    yield from (square * total, square * size, crossed * size, sizes * size)
+def _added(sums: Array, sizes: Array, ends: NDArray[np.int64]) -> list[Array]:
+    """Sums of T, T^2, T n, n^2, T^3, T^2 n, T n^2 and n^3 over the first so many blocks, a row each.
+
+    T, shape (b, k), is a block's sum and n, shape (b,), its size.
+    """
+    rows = []
+    for begin, end in pairwise([0, *ends]):
+        total, size = sums[begin:end], sizes[begin:end, None]
+        square, crossed, squared = total * total, total * size, size * size
+        powers = (total, square, crossed, squared, square * total, square * size, crossed * size, squared * size)
+        rows.append([each.sum(axis=0) for each in powers])
+    return [np.cumsum(each, axis=0) for each in zip(*rows, strict=True)]
 
 
 def _running(

@@ -136,14 +136,13 @@ def compare_jointly(
     distances = squared_distances(flown, centre, given)
     plain = single and enough
     y, z = (np.ascontiguousarray(values.T) - values.mean(axis=0)[:, None] for values in (flown, predicted))
-    with ThreadPoolExecutor(1) as beside:  # what takes longest
+    with ThreadPoolExecutor(2) as beside:  # what takes longest
+        testable = enough and covariance_testable(steps + 1, count)
+        covariance_paired = beside.submit(_paired_covariance, given, y, z, blocks) if testable else None
         shapes = [beside.submit(skewness_and_kurtosis, column, blocks, fewest) for column in flown.T]
         return Joint(
             covariance=covariance_likelihood_ratio(scatter(flown) / (count - 1), count, linear)
             if plain and normal
-            else None,
-            covariance_paired=_paired_covariance(given, y, z, blocks)
-            if enough and covariance_testable(steps + 1, count)
             else None,
             bias=hotelling(flown, centre, given) if plain else None,
             bias_paired=_blocked_hotelling(_tidied((flown - predicted) @ given.matrix), blocks) if enough else None,
@@ -151,13 +150,14 @@ def compare_jointly(
             nees_expected=mean_interval(count, given.rank, confidence) if plain and normal else None,
             contained=containment(distances, given.rank, confidence) if plain and given.rank else (),
             normality=mardia(flown) if plain else None,
-            skewness=tuple(shape.result()[0] for shape in shapes),
-            excess_kurtosis=tuple(shape.result()[1] for shape in shapes),
             correlations=tuple(
                 _correlation(i, j, linear, paired, y, z, blocks, fewest)
                 for i, j in combinations(range(len(linear)), 2)
                 if min(linear[i, i], linear[j, j], paired[i, i], paired[j, j]) > 0.0
             ),
+            skewness=tuple(shape.result()[0] for shape in shapes),
+            excess_kurtosis=tuple(shape.result()[1] for shape in shapes),
+            covariance_paired=covariance_paired.result() if covariance_paired else None,
         )
 
 
@@ -190,9 +190,13 @@ def _paired_covariance(given: Whitening, y: Array, z: Array, blocks: NDArray[np.
     """
     y, z = given.matrix.T @ y, given.matrix.T @ z
     pairs = list(zip(*np.triu_indices(given.rank), strict=True))
-    sums = np.empty((len(pairs), 1 + int(np.count_nonzero(np.diff(blocks)))))
+    sums = np.zeros((len(pairs), 1 + int(np.count_nonzero(np.diff(blocks)))))
+    difference, expected = np.empty_like(y[0]), np.empty_like(y[0])
     for total, (a, b) in zip(sums, pairs, strict=True):
-        total[:] = block_sums(_tidied(y[a] * y[b] - z[a] * z[b]), blocks)
+        np.multiply(y[a], y[b], out=difference)
+        difference -= np.multiply(z[a], z[b], out=expected)
+        if np.sqrt(difference @ difference / len(difference)) > ROUNDING:
+            total[:] = block_sums(difference, blocks)
     return joint_of_blocks(sums.T)
 
 

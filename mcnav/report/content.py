@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Content:
-    """A judged run with its samples; see `mcnav.study.Analysis` and the manifest for the fields.
+    """A judged run with its samples; see `mcnav.judging.Analysis` and the manifest for the fields.
 
     ``outputs`` has shape (n, outputs), SI, with NaN in the rows of failed samples.
     """
@@ -59,7 +59,7 @@ class Content:
         """Whether there is any dispersion to show: some output has one by linear analysis, and samples were flown."""
         return bool(self.comparison.outputs) and bool(np.any(np.diag(self.comparison.covariance_linear) > 0.0))
 
-    @property
+    @cached_property
     def moving(self) -> list[int]:
         """The outputs that have any dispersion, by linear analysis or flown."""
         flown = self.flown
@@ -100,7 +100,8 @@ class Content:
     @cached_property
     def flown(self) -> Array:
         """Final errors of the samples that did not fail, in the units shown, shape (n, outputs)."""
-        return np.asarray(self.outputs[np.isfinite(self.outputs).all(axis=1)] * self.output_scale)
+        known = np.isfinite(self.outputs).all(axis=1)
+        return np.asfortranarray(self.outputs if known.all() else self.outputs[known]) * self.output_scale
 
 
 def _scale(entries: list[dict[str, str]]) -> Array:

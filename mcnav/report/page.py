@@ -18,7 +18,7 @@ from mcnav.report import wording
 from mcnav.report.budget import two_routes
 from mcnav.report.causes import causes
 from mcnav.report.content import Content
-from mcnav.report.drawings import agreement, dispersion, matrices, sources
+from mcnav.report.drawings import agreement, beside, dispersion, matrices, sources
 from mcnav.report.drawings.drawing import Drawing
 from mcnav.report.drawings.envelopes import envelopes
 from mcnav.report.drawings.flight import flight
@@ -203,6 +203,7 @@ def render(content: Content) -> str:
     """The report as one HTML page."""
     manifest, summary = content.manifest, content.summary
     drawn = drawings(content)
+    beside.draw(list(drawn.values()))
     flown, seconds = manifest["flight"]["samples"], manifest["flight"]["seconds"]
     return filled(
         "campaign.html",

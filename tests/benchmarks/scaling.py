@@ -20,7 +20,8 @@ from mcnav.campaign.file import Campaign, read_campaign
 from mcnav.campaign.folder import RunFolder
 from mcnav.campaign.runner import fly
 from mcnav.campaign.work import Place, fly_chunk
-from mcnav.study import analyse, run_campaign
+from mcnav.judging import analyse
+from mcnav.study import run_campaign
 from tests.conftest import ROOT
 from tests.faults.scenarios import VECTORISED, work_of, written
 

@@ -20,13 +20,13 @@ from tests.benchmarks.spawn import run
 
 STAGES: Final = {
     "read the campaign, fly its truth": ("mcnav.campaign.file:read_campaign",),
-    "prepare: partials, grid, flights on the side": ("mcnav.study:_flyable",),
+    "prepare: partials, grid, flights on the side": ("mcnav.study:flyable",),
     "draw": ("mcnav.campaign.work:draw",),
     "fly": ("mcnav.campaign.work:fly_errors",),
     "errors at 60 epochs": ("mcnav.campaign.epochs:sums",),
-    "store": ("mcnav.campaign.work:write_part", "mcnav.campaign.work:reduced", "mcnav.study:_write_epochs"),
+    "store": ("mcnav.campaign.work:write_part", "mcnav.campaign.work:reduced", "mcnav.study:write_epochs"),
     "analyse": ("mcnav.study:analyse",),
-    "write the report": ("mcnav.study:_finish",),
+    "write the report": ("mcnav.study:finish",),
 }
 REST: Final = "start, imports and the rest"
 

@@ -19,7 +19,8 @@ import pytest
 import mcnav
 from mcnav.campaign.file import read_campaign
 from mcnav.gallery import write_index
-from mcnav.study import report_run, run_campaign
+from mcnav.judging import report_run
+from mcnav.study import run_campaign
 from tests.conftest import ROOT
 
 PAGES = ROOT / "mcnav"

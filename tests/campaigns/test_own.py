@@ -22,8 +22,9 @@ import mcnav
 from mcnav.campaign.file import parse_campaign, read_campaign
 from mcnav.campaign.new import TYPES, new_campaign, new_scenario
 from mcnav.campaign.problems import CampaignError, RunFolderError
+from mcnav.judging import report_run
 from mcnav.replay import as_stored, replay
-from mcnav.study import report_run, run_campaign
+from mcnav.study import run_campaign
 from tests.conftest import ROOT
 
 BOOST, POLAR = ROOT / "campaigns" / "13_boost.toml", ROOT / "campaigns" / "14_polar.toml"

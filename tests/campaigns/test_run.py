@@ -18,7 +18,8 @@ from mcnav.campaign.file import Campaign, parse_campaign, read_campaign
 from mcnav.campaign.folder import RunFolder
 from mcnav.campaign.origin import commit
 from mcnav.campaign.problems import RunFolderBusy, RunFolderError
-from mcnav.study import report_run, run_campaign, summary_of
+from mcnav.judging import report_run, summary_of
+from mcnav.study import run_campaign
 from tests.conftest import campaign, content
 
 SOURCES = [

@@ -22,8 +22,9 @@ from mcnav.campaign.file import parse_campaign
 from mcnav.campaign.folder import RunFolder
 from mcnav.campaign.manifest import fault_in
 from mcnav.campaign.problems import CampaignError, RunFolderError
+from mcnav.judging import summary_of
 from mcnav.linear.reduction import columns_of, reduced
-from mcnav.study import run_campaign, summary_of
+from mcnav.study import run_campaign
 from tests.conftest import campaign, content
 
 SAMPLES, KEPT, CHUNK = 60_000, 10_000, 1 << 14

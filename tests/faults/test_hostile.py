@@ -27,7 +27,8 @@ from mcnav.campaign.files import parquet_bytes
 from mcnav.campaign.folder import RunFolder
 from mcnav.campaign.problems import CampaignError, RunFolderError
 from mcnav.cli import app
-from mcnav.study import report_run, run_campaign, samples_of, summary_of
+from mcnav.judging import report_run, samples_of, summary_of
+from mcnav.study import run_campaign
 from tests.conftest import campaign, content
 from tests.faults.scenarios import written
 

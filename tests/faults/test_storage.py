@@ -27,7 +27,8 @@ from mcnav.campaign.folder import RunFolder
 from mcnav.campaign.parts import whole_part
 from mcnav.campaign.problems import RunFolderError
 from mcnav.campaign.work import fly_chunk
-from mcnav.study import report_run, run_campaign
+from mcnav.judging import report_run
+from mcnav.study import run_campaign
 from tests.faults.kills import left_of
 from tests.faults.scenarios import SINGLE, VECTORISED, command, environment, written
 

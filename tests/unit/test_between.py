@@ -10,8 +10,9 @@ from mcnav.analysis.between import Flights, change
 from mcnav.analysis.comparison import Model
 from mcnav.campaign.folder import RunFolder
 from mcnav.comparing import compare_runs, same_draws
+from mcnav.judging import analyse
 from mcnav.report.between import inputs
-from mcnav.study import analyse, run_campaign
+from mcnav.study import run_campaign
 from tests.conftest import campaign
 
 PARTIALS = np.array([[1.0, 0.5]])

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Final
 
 import matplotlib as mpl
@@ -144,21 +145,23 @@ class Drawing:
         """How many plots stand side by side: the style sheet's class."""
         return "thirds" if self.size[0] == THIRD[0] else "halves"
 
-    @property
+    @cached_property
     def svgs(self) -> list[Markup]:
         """Every plot as SVG."""
-        drawn = []
-        for number, plot in enumerate(self.plots):
-            with mpl.rc_context(STYLE):
-                figure = Figure(figsize=self.size)
-                axes = figure.add_axes((0.16, 0.18, 0.8, 0.72))
-                figure.patch.set_visible(False)
-                axes.patch.set_visible(False)
-                _draw(plot, axes)
-                fit(axes)
-                title = f"{self.title}: {plot.title}" if plot.title else self.title
-                drawn.append(Markup(svg(figure, f"{self.key}-{number}", title, self.description)))
-        return drawn
+        return [self.svg(number) for number in range(len(self.plots))]
+
+    def svg(self, number: int) -> Markup:
+        """One plot as SVG."""
+        plot = self.plots[number]
+        with mpl.rc_context(STYLE):
+            figure = Figure(figsize=self.size)
+            axes = figure.add_axes((0.16, 0.18, 0.8, 0.72))
+            figure.patch.set_visible(False)
+            axes.patch.set_visible(False)
+            _draw(plot, axes)
+            fit(axes)
+            title = f"{self.title}: {plot.title}" if plot.title else self.title
+            return Markup(svg(figure, f"{self.key}-{number}", title, self.description))
 
     @property
     def table(self) -> tuple[list[str], list[list[str]]]:

@@ -1,0 +1,269 @@
+"""What a run folder says: its samples judged, its summary and its report. Nothing is flown."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from threading import Thread
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from mcnav.analysis.budget import ErrorBudget, error_budget
+from mcnav.analysis.causes import Causes, predicted_from, split_by_covariance, split_difference
+from mcnav.analysis.comparison import Comparison, Criterion, Model, compare, rows
+from mcnav.analysis.convergence import Convergence, convergence
+from mcnav.analysis.envelopes import envelopes_from
+from mcnav.analysis.excluded import Excluded, excluded
+from mcnav.analysis.requirements import Judged, judge_requirement, requirements_from
+from mcnav.analysis.summed import compare_sums, frame_of
+from mcnav.analysis.tails import Quantile, tails
+from mcnav.campaign.files import plain
+from mcnav.campaign.folder import MANIFEST, REPORT, RunFolder
+from mcnav.campaign.folder import SUMMARY as SUMMARY_FILE
+from mcnav.campaign.parts import Layout, Samples, samples_from
+from mcnav.campaign.problems import RunFolderError, as_written
+from mcnav.campaign.reduced import SUMMARY, gathered
+from mcnav.report.content import Content
+from mcnav.report.failures import failures_in, grouped
+from mcnav.report.summary import summarise
+from mcnav.sampling.designs import FEWEST_BLOCKS, block_length
+from mcnav.scenarios.protocol import Development
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """A finished run, judged.
+
+    Attributes
+    ----------
+    manifest : mapping
+        What the run says of itself.
+    samples : Samples
+        Of a run that keeps a summary: the first ones.
+    model : Model
+    criterion : Criterion
+    comparison : Comparison
+    budget : ErrorBudget
+    causes : Causes or None
+    requirements : tuple of Judged
+    convergence : Convergence or None
+    tails : tuple of Quantile
+    left_out : Excluded or None
+    failures : mapping of str to (int, sequence of int)
+        By reason: how many samples failed, and the indices of the first of them.
+    """
+
+    manifest: Mapping[str, Any]
+    samples: Samples
+    model: Model
+    criterion: Criterion
+    comparison: Comparison
+    budget: ErrorBudget
+    causes: Causes | None
+    requirements: tuple[Judged, ...]
+    convergence: Convergence | None
+    tails: tuple[Quantile, ...]
+    left_out: Excluded | None
+    failures: Mapping[str, tuple[int, Sequence[int]]]
+
+
+def report_run(path: Path) -> dict[str, Any]:
+    """Analyse a finished run folder again and write its summary and report.
+
+    Raises
+    ------
+    RunFolderError
+        When the folder holds no finished run, or a part of it is damaged.
+    """
+    folder = RunFolder(path)
+    if folder.manifest() is None:
+        raise RunFolderError(f"{path}: holds no run ({MANIFEST} is missing)")
+    with folder.held(), threadpool_limits(1), as_written(path):
+        load_drawing()
+        return finish(folder, analyse(folder))
+
+
+def samples_of(path: Path) -> pd.DataFrame:
+    """The samples of a finished run folder as a table, their checksums verified.
+
+    Columns: ``index``, ``status``, ``error NAME [unit]``, ``output NAME [unit]``; SI units.
+
+    Raises
+    ------
+    RunFolderError
+        When the run is not finished, or a part of it is damaged.
+    """
+    folder = RunFolder(path)
+    manifest = _finished(folder)
+    return folder.table(manifest["parts"], kept=manifest.get("kept")).to_pandas()
+
+
+def summary_of(path: Path) -> dict[str, Any]:
+    """The summary of a finished run folder.
+
+    Raises
+    ------
+    RunFolderError
+        When there is none, or it is damaged.
+    """
+    summary = RunFolder(path).summary()
+    if not {"verdict", "outputs", "sigma_linear", "verdict_matrix", "direction_ratio"} <= summary.keys():
+        raise RunFolderError(f"{path / SUMMARY_FILE}: is not a summary of this program; run mcnav report on the folder")
+    return summary
+
+
+def analyse(folder: RunFolder, unfinished: Mapping[str, Any] | None = None) -> Analysis:
+    """Judge what a run folder holds; nothing is flown.
+
+    Parameters
+    ----------
+    folder : RunFolder
+    unfinished : mapping, optional
+        The manifest of a run that is still going on, in place of the stored one.
+
+    Raises
+    ------
+    RunFolderError
+        When the run is not finished or damaged.
+    """
+    manifest = _finished(folder) if unfinished is None else unfinished
+    try:
+        described = manifest["model"]
+        model = linear_model(described)
+        layout = Layout.of(*([SimpleNamespace(**entry) for entry in described[key]] for key in ("sources", "outputs")))
+        criterion = Criterion(**manifest["criterion"])
+        requirements = requirements_from(manifest.get("requirements", ()), described["outputs"])
+        units = [entry["unit"] for entry in described["outputs"]]
+        predicted = predicted_from(described, len(model.partials))
+        samples = samples_from(folder.table(manifest["parts"], unfinished is None, manifest.get("kept")), layout)
+        length, fewest = block_length(manifest["design"], manifest["samples"]), FEWEST_BLOCKS[manifest["design"]]
+        heavy, normal = manifest["heavy_tailed"], manifest.get("normal", True)
+    except (KeyError, TypeError, ValueError) as failure:
+        raise RunFolderError(f"{folder.path / MANIFEST}: is damaged ({failure}); run with --fresh") from None
+    blocks = samples.index // length
+    needed = math.inf if heavy else fewest
+    with ThreadPoolExecutor(1) as beside:
+        in_tails = beside.submit(tails, model, samples.outputs, blocks, units, criterion.confidence)
+        comparison = compare(model, samples.errors, samples.outputs, blocks, criterion, needed, normal)
+    flown = np.asarray(np.isfinite(samples.outputs).all(axis=1))
+    if manifest.get("store") == SUMMARY:
+        whole = gathered(folder.parts, manifest["parts"])
+        frame = frame_of(model, manifest["samples"], length)
+        single = manifest["design"] == "random"
+        summed = compare_sums(model, frame, whole.sums, whole.samples, comparison, criterion, needed, single, normal)
+        comparison, running, left_out = summed.comparison, summed.convergence, summed.left_out
+        failures = grouped({reason: (each.samples, each.first) for reason, each in whole.failures.items()})
+        causes = split_by_covariance(model, summed.drawn, comparison, predicted)
+    else:
+        errors, outputs = rows(samples.errors, flown), rows(samples.outputs, flown)
+        failures = failures_in(samples.status, samples.index.tolist())
+        running = convergence(model, errors, outputs, blocks[flown], comparison, needed)
+        causes = split_difference(model, errors, comparison, predicted)
+        left_out = excluded(model, samples.errors, flown)
+    return Analysis(
+        manifest=manifest,
+        samples=samples,
+        model=model,
+        criterion=criterion,
+        comparison=comparison,
+        budget=error_budget(model.partials, model.covariance),
+        causes=causes,
+        convergence=running,
+        tails=in_tails.result(),
+        left_out=left_out,
+        requirements=tuple(
+            judge_requirement(requirement, model, samples.outputs, blocks, comparison, criterion.confidence)
+            for requirement in requirements
+        ),
+        failures=failures,
+    )
+
+
+def content_of(folder: RunFolder, analysis: Analysis) -> Content:
+    """All that a report of a judged run shows.
+
+    Raises
+    ------
+    RunFolderError
+        When the folder's history or campaign cannot be read.
+    """
+    summary = summarise(
+        manifest=analysis.manifest,
+        failures={reason: count for reason, (count, _) in analysis.failures.items()},
+        model=analysis.model,
+        criterion=analysis.criterion,
+        comparison=analysis.comparison,
+        causes=analysis.causes,
+        budget=analysis.budget,
+        requirements=analysis.requirements,
+        tails=analysis.tails,
+        left_out=analysis.left_out,
+    )
+    at_epochs = folder.epochs()
+    return Content(
+        summary=summary,
+        manifest=analysis.manifest,
+        model=analysis.model,
+        criterion=analysis.criterion,
+        comparison=analysis.comparison,
+        budget=analysis.budget,
+        causes=analysis.causes,
+        requirements=analysis.requirements,
+        convergence=analysis.convergence,
+        tails=analysis.tails,
+        outputs=analysis.samples.outputs,
+        index=analysis.samples.index,
+        failures=analysis.failures,
+        history=folder.history(),
+        campaign=folder.campaign(),
+        development=_development(analysis.manifest["model"].get("development")),
+        envelopes=None if at_epochs is None else envelopes_from(*at_epochs, analysis.manifest["model"]["outputs"]),
+    )
+
+
+def finish(folder: RunFolder, analysis: Analysis) -> dict[str, Any]:
+    """Write the summary and the report of a judged run; the summary."""
+    content = content_of(folder, analysis)
+    folder.write_json(SUMMARY_FILE, content.summary)
+    from mcnav.report.page import render
+
+    folder.write(REPORT, render(content).encode())
+    return dict(plain(content.summary))
+
+
+def load_drawing() -> None:
+    """Load what draws the report while others work: it takes as long as analysing a hundred thousand samples."""
+    Thread(target=import_module, args=("mcnav.report.page",)).start()
+
+
+def linear_model(described: Mapping[str, Any]) -> Model:
+    """The linear model of a manifest."""
+    keys = ("partials", "nominal", "start_mean", "start_covariance")
+    return Model(*(np.array(described[key], dtype=float) for key in keys))
+
+
+def _finished(folder: RunFolder) -> dict[str, Any]:
+    """The manifest of a run that is finished."""
+    manifest = folder.manifest()
+    if manifest is None or not manifest.get("complete"):
+        raise RunFolderError(
+            f"{folder.path}: the run is not finished; run the campaign again, it goes on where it stopped"
+        )
+    return manifest
+
+
+def _development(known: Mapping[str, Any] | None) -> Development | None:
+    """What the manifest keeps of the partial derivatives over time."""
+    if known is None:
+        return None
+    return Development(known["label"], np.array(known["times"], dtype=float), np.array(known["partials"], dtype=float))

@@ -1,0 +1,101 @@
+"""A campaign's system before its samples fly: the engine, the linear model, and what goes beyond linear."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcnav.campaign import epochs
+from mcnav.campaign.file import Campaign
+from mcnav.campaign.files import parquet_bytes
+from mcnav.campaign.folder import EPOCHS, HISTORIES, RunFolder
+from mcnav.campaign.parts import Part
+from mcnav.campaign.problems import CampaignError, Problem
+from mcnav.campaign.processes import Guarded
+from mcnav.linear.beyond import beyond_linear, flown_budget
+from mcnav.linear.map_engine import MapEngine, prepared_by
+from mcnav.linear.partials import partials_throughout
+from mcnav.linear.polynomial import MapRefused
+from mcnav.scenarios.own import Own
+from mcnav.scenarios.protocol import Followed, History, OverTime, Prepared, ScenarioError
+
+Array = NDArray[np.float64]
+
+DEVELOPMENT_POINTS: Final = 61
+"""Times at which the error budget is shown, where the scenario knows it throughout the flight."""
+
+FEWEST_FOLLOWED: Final = 2
+"""Samples followed throughout the flight, below which there are no moments."""
+
+
+def flyable(campaign: Campaign, engine: str, probes: Array) -> tuple[Prepared, dict[str, Any], History]:
+    """The engine, the linear model and the history of a campaign's scenario."""
+    try:
+        errors = campaign.errors
+        prepared = prepared_by(campaign.scenario, engine, probes, errors.mean, errors.standard_deviations)
+        return prepared, _model(campaign, prepared), campaign.scenario.history()
+    except ScenarioError as wrong:
+        raise CampaignError([Problem(campaign.name, f"scenario.{wrong.key}", str(wrong))]) from None
+    except MapRefused as wrong:
+        raise CampaignError([Problem(campaign.name, "engine", str(wrong))]) from None
+
+
+def _model(campaign: Campaign, prepared: Prepared) -> dict[str, Any]:
+    """The linear model and what goes with it, as the manifest keeps it."""
+    scenario, errors = campaign.scenario, campaign.errors
+
+    def guard(engine: Prepared) -> Prepared:
+        """A user's flight may end its process, but not this one."""
+        at_risk = isinstance(scenario, Own) and (engine.parallel == "processes" or campaign.sample_timeout is not None)
+        return Guarded(engine, len(scenario.outputs), campaign.sample_timeout) if at_risk else engine
+
+    linear = scenario.linearised()
+    model: dict[str, Any] = {
+        "sources": [
+            {"name": source.name, "unit": source.unit, "shown_in": source.shown_in} for source in scenario.sources
+        ],
+        "outputs": [
+            {"name": output.name, "unit": output.unit, "shown_in": output.shown_in} for output in scenario.outputs
+        ],
+        "partials": linear.partials,
+        "nominal": linear.nominal,
+        "start_mean": errors.mean,
+        "start_covariance": errors.covariance,
+    }
+    followed = _followed(prepared)
+    if isinstance(scenario, OverTime):
+        known = scenario.development(DEVELOPMENT_POINTS)
+        model["development"] = {"label": known.label, "times": known.times, "partials": known.partials}
+    elif followed is not None:
+        throughout, _ = partials_throughout(followed, np.array([source.nominal for source in scenario.sources]))
+        known_at = followed.epochs
+        model["development"] = {"label": known_at.label, "times": known_at.times, "partials": throughout}
+    flown = flown_budget(scenario, errors, linear.partials, campaign.design, campaign.seed, campaign.samples, guard)
+    return model | beyond_linear(scenario, guard(prepared), errors) | {"budget": flown}
+
+
+def _followed(prepared: Prepared) -> Followed | None:
+    """The engine that knows errors throughout the flight, if there is one: a map's is the one it was fitted to."""
+    engine = prepared.exact if isinstance(prepared, MapEngine) else prepared
+    return engine if isinstance(engine, Followed) else None
+
+
+def write_epochs(campaign: Campaign, prepared: Prepared, folder: RunFolder, parts: list[Part]) -> None:
+    """Histories of the first samples; moments of all of them, or with a map of the first, at every epoch."""
+    followed = _followed(prepared)
+    if followed is None:
+        return
+    scenario, errors = campaign.scenario, campaign.errors
+    first = errors.draw(campaign.design, campaign.seed, campaign.samples, 0, min(epochs.STORED, campaign.samples))
+    histories = followed.histories(first)
+    sums = epochs.gathered(prepared, folder.parts, parts) or followed.history_sums(first)
+    if sums.count < FEWEST_FOLLOWED:
+        return
+    partials, nominal = partials_throughout(followed, np.array([source.nominal for source in scenario.sources]))
+    linear = nominal + partials @ errors.mean, partials @ errors.covariance @ partials.swapaxes(1, 2)
+    known = followed.epochs
+    table = epochs.epochs_table(known, scenario.outputs, sums, linear, histories)
+    folder.write(EPOCHS, parquet_bytes(table))
+    folder.write(HISTORIES, parquet_bytes(epochs.histories_table(known, scenario.outputs, histories)))
