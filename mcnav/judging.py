@@ -27,7 +27,7 @@ from mcnav.analysis.tails import Quantile, tails
 from mcnav.campaign.files import plain
 from mcnav.campaign.folder import MANIFEST, REPORT, RunFolder
 from mcnav.campaign.folder import SUMMARY as SUMMARY_FILE
-from mcnav.campaign.parts import Layout, Samples, samples_from
+from mcnav.campaign.parts import Layout, Samples
 from mcnav.campaign.problems import RunFolderError, as_written
 from mcnav.campaign.reduced import SUMMARY, gathered
 from mcnav.report.content import Content
@@ -145,7 +145,7 @@ def analyse(folder: RunFolder, unfinished: Mapping[str, Any] | None = None) -> A
         requirements = requirements_from(manifest.get("requirements", ()), described["outputs"])
         units = [entry["unit"] for entry in described["outputs"]]
         predicted = predicted_from(described, len(model.partials))
-        samples = samples_from(folder.table(manifest["parts"], unfinished is None, manifest.get("kept")), layout)
+        samples = folder.samples(manifest["parts"], layout, unfinished is None, manifest.get("kept"))
         length, fewest = block_length(manifest["design"], manifest["samples"]), FEWEST_BLOCKS[manifest["design"]]
         heavy, normal = manifest["heavy_tailed"], manifest.get("normal", True)
     except (KeyError, TypeError, ValueError) as failure:

@@ -16,6 +16,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict
+from itertools import accumulate
 from pathlib import Path
 from typing import Any, Final
 
@@ -27,7 +28,7 @@ from numpy.typing import NDArray
 from mcnav.campaign.elsewhere import TABLES
 from mcnav.campaign.files import is_temporary, parquet_bytes, plain, read_whole, write_whole
 from mcnav.campaign.manifest import fault_in
-from mcnav.campaign.parts import LARGEST_PART, in_order, table_from
+from mcnav.campaign.parts import LARGEST_PART, MOST_ROWS, Layout, Samples, in_order, put, room_for, table_from
 from mcnav.campaign.problems import RunFolderBusy, RunFolderError
 from mcnav.scenarios.histories import checked
 from mcnav.scenarios.protocol import History, Panel
@@ -40,6 +41,8 @@ EPOCHS, HISTORIES = "epochs.parquet", "histories.parquet"
 
 LARGEST_JSON: Final = 64_000_000
 """Bytes of a manifest or summary; a quarter of a million chunks."""
+
+NOT_EACH_ONCE: Final = "does not hold each sample once, in order, with its status"
 
 READERS: Final = 2
 """Threads that read and verify sample files."""
@@ -54,6 +57,12 @@ def _checksum(content: Mapping[str, Any]) -> str:
 def _as_text(content: Mapping[str, Any]) -> bytes:
     """How this program writes JSON; nothing else in a file that it wrote."""
     return (json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
+
+
+def _rows_of(part: Mapping[str, Any], kept: int | None) -> int:
+    """How many samples' rows a part has, of those below ``kept`` where only these are."""
+    begin, end = int(part["begin"]), int(part["end"])
+    return end - begin if kept is None else max(min(end, kept) - begin, 0)
 
 
 class RunFolder:
@@ -246,10 +255,7 @@ class RunFolder:
         RunFolderError
             When a part is missing, or its content is not what the manifest says.
         """
-        listed = {str(part["file"]) for part in parts}
-        for found in sorted((self.parts).iterdir()):
-            if alone and found.name not in listed and not found.name.startswith("."):
-                raise RunFolderError(f"{found}: is not of this run; remove it, or run the campaign again with --fresh")
+        self._refuse_strangers(parts if alone else None)
         with ThreadPoolExecutor(READERS) as readers:
             tables = list(readers.map(lambda part: self._verified(part, kept), parts))
         try:
@@ -258,8 +264,40 @@ class RunFolder:
         except (pa.ArrowException, KeyError):
             raise RunFolderError(f"{self.parts}: the chunks do not have the same columns") from None
         if not ordered:
-            raise RunFolderError(f"{self.parts}: does not hold each sample once, in order, with its status")
+            raise RunFolderError(f"{self.parts}: {NOT_EACH_ONCE}")
         return whole
+
+    def samples(
+        self, parts: Sequence[Mapping[str, Any]], layout: Layout, alone: bool = True, kept: int | None = None
+    ) -> Samples:
+        """As `table`, as arrays; no part is in memory longer than it takes to copy it there."""
+        self._refuse_strangers(parts if alone else None)
+        rows = [_rows_of(part, kept) for part in parts]
+        begins = list(accumulate(rows, initial=0))
+        sizes = [found.stat().st_size for found in self.parts.iterdir()]
+        if begins[-1] > MOST_ROWS * sum(sizes) and len(sizes) >= len(parts):
+            raise ValueError("it claims to have more samples than there is room for")
+        samples = room_for(begins[-1], layout)
+
+        def read(part: Mapping[str, Any], begin: int) -> bool:
+            table = self._verified(part, kept)
+            try:
+                put(table, layout, samples, begin)
+                return in_order(table, begin)
+            except (pa.ArrowException, KeyError, TypeError, ValueError):
+                raise RunFolderError(f"{self.parts / str(part['file'])}: does not have this run's columns") from None
+
+        with ThreadPoolExecutor(READERS) as readers:
+            if not all(readers.map(read, parts, begins)):
+                raise RunFolderError(f"{self.parts}: {NOT_EACH_ONCE}")
+        return samples
+
+    def _refuse_strangers(self, parts: Sequence[Mapping[str, Any]] | None) -> None:
+        """See that no other parts lie beside those listed."""
+        listed = None if parts is None else {str(part["file"]) for part in parts}
+        for found in sorted(self.parts.iterdir()):
+            if listed is not None and found.name not in listed and not found.name.startswith("."):
+                raise RunFolderError(f"{found}: is not of this run; remove it, or run the campaign again with --fresh")
 
     def _verified(self, part: Mapping[str, Any], kept: int | None) -> pa.Table:
         """The samples of one part."""
@@ -273,8 +311,7 @@ class RunFolder:
         if hashlib.sha256(content).hexdigest() != part["sha256"]:
             raise RunFolderError(f"{path}: is damaged (its checksum differs); run the campaign again to mend it")
         try:
-            begin, end = int(part["begin"]), int(part["end"])
-            return table_from(content, end - begin if kept is None else max(min(end, kept) - begin, 0))
+            return table_from(content, _rows_of(part, kept))
         except (pa.ArrowException, ValueError, OSError) as failure:
             raise RunFolderError(f"{path}: is no chunk of this program ({failure})") from None
 

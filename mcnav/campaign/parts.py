@@ -7,7 +7,6 @@ import io
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from itertools import chain
 from pathlib import Path
 from typing import Any, Final
 
@@ -58,7 +57,7 @@ class Samples:
     Attributes
     ----------
     index : ndarray of int, shape (n,)
-    status : tuple of str
+    status : list of str
         ``ok``, or why the sample failed.
     errors : ndarray, shape (n, sources)
         SI.
@@ -67,7 +66,7 @@ class Samples:
     """
 
     index: NDArray[np.int64]
-    status: tuple[str, ...]
+    status: list[str]
     errors: Array
     outputs: Array
 
@@ -235,34 +234,42 @@ def _described(number: int, begin: int, count: int, failed: int, handed_over: in
     return Part(part_name(number), begin, begin + count, failed, handed_over, hashlib.sha256(content).hexdigest())
 
 
-def in_order(table: pa.Table) -> bool:
-    """Whether a table holds samples in the order of their index from 0 on, each with a status."""
+def in_order(table: pa.Table, begin: int = 0) -> bool:
+    """Whether a table holds samples in the order of their index from the first on, each with a status."""
     index, status = table.column("index"), table.column("status")
     whole = pa.types.is_integer(index.type) and pa.types.is_string(status.type) and status.null_count == 0
-    return whole and np.array_equal(index.to_numpy(), np.arange(len(table)))
+    return whole and np.array_equal(index.to_numpy(), np.arange(begin, begin + len(table)))
 
 
 def samples_from(table: pa.Table, layout: Layout) -> Samples:
-    """The samples of a table as arrays; those of errors and outputs have their columns contiguous."""
-
-    def block(names: Sequence[str]) -> Array:
-        columns = np.empty((len(names), len(table)))
-        for column, name in zip(columns, names, strict=True):
-            begin = 0
-            for chunk in table.column(name).chunks:
-                values = chunk.to_numpy(zero_copy_only=False)
-                column[begin : begin + len(values)] = values
-                begin += len(values)
-        return columns.T
-
-    index = np.asarray(table.column("index").to_numpy(), dtype=np.int64)
-    status = tuple(chain.from_iterable(_status(chunk) for chunk in table.column("status").chunks))
-    return Samples(index, status, block(layout.errors), block(layout.outputs))
+    """The samples of a table as arrays."""
+    samples = room_for(len(table), layout)
+    put(table, layout, samples, 0)
+    return samples
 
 
-def _status(chunk: pa.StringArray) -> list[str]:
-    """Of some samples, most of which are whole."""
-    return [OK] * len(chunk) if pc.all(pc.equal(chunk, OK)).as_py() else list(chunk.to_pylist())
+def room_for(count: int, layout: Layout) -> Samples:
+    """Arrays for so many samples, to be filled; those of errors and outputs have their columns contiguous."""
+    errors, outputs = (np.empty((len(names), count)).T for names in (layout.errors, layout.outputs))
+    return Samples(np.empty(count, dtype=np.int64), [OK] * count, errors, outputs)
+
+
+def put(table: pa.Table, layout: Layout, samples: Samples, row: int) -> None:
+    """Put the samples of a table among others, from a row on."""
+    _fill(samples.index, table.column("index"), row)
+    for array, names in ((samples.errors, layout.errors), (samples.outputs, layout.outputs)):
+        for column, name in zip(array.T, names, strict=True):
+            _fill(column, table.column(name), row)
+    for chunk in table.column("status").chunks:
+        if not pc.all(pc.equal(chunk, OK)).as_py():
+            samples.status[row : row + len(chunk)] = chunk.to_pylist()
+        row += len(chunk)
+
+
+def _fill(array: NDArray[Any], column: pa.ChunkedArray, row: int) -> None:
+    for chunk in column.chunks:
+        array[row : row + len(chunk)] = chunk.to_numpy(zero_copy_only=False)
+        row += len(chunk)
 
 
 def as_records(parts: Sequence[Part]) -> list[dict[str, Any]]:

@@ -8,10 +8,7 @@ by sample, so that only the sample at fault fails.
 
 from __future__ import annotations
 
-import ctypes
 import os
-import signal
-import sys
 import threading
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
@@ -26,6 +23,7 @@ from numpy.typing import NDArray
 
 from mcnav.campaign.parts import Part
 from mcnav.campaign.work import Place, Work, check_wanted, fly_chunk, fly_errors, pieces, store, stored
+from mcnav.lifetime import end_with_parent
 from mcnav.scenarios.limits import too_long
 from mcnav.scenarios.protocol import Outcomes, Prepared
 
@@ -38,26 +36,6 @@ DIED: Final = "the worker process died while flying it"
 
 IDLE: Final = 60.0
 """Seconds after which a process for what is flown apart ends by itself: that of a cluster's worker outlives no run."""
-
-
-_PR_SET_PDEATHSIG: Final = 1
-
-
-def end_with_parent(parent: int) -> None:
-    """Let a worker process end with its parent, also when that was killed and could not say so.
-
-    On Linux the kernel sees to it, whatever the worker is at; elsewhere the worker looks for its parent.
-    """
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the parent, which says what is to be done
-
-    def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(0.5)
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
 
 
 _alone_executors: dict[int, ProcessPoolExecutor] = {}

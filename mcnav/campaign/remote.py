@@ -21,8 +21,9 @@ from threadpoolctl import threadpool_limits
 from mcnav.campaign.identity import versions
 from mcnav.campaign.parts import Part
 from mcnav.campaign.problems import ClusterError
-from mcnav.campaign.processes import end_with_parent, end_workers_apart, fly_alone
+from mcnav.campaign.processes import end_workers_apart, fly_alone
 from mcnav.campaign.work import Place, Work, fly_chunk, stored
+from mcnav.lifetime import end_with_parent
 
 
 def processor() -> str:

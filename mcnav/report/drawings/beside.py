@@ -14,6 +14,7 @@ from typing import Any, Final
 
 from markupsafe import Markup
 
+from mcnav.lifetime import end_with_parent
 from mcnav.report.drawings.drawing import Drawing
 
 PATIENCE: Final = 20.0
@@ -42,7 +43,8 @@ class _Copy:
     def __init__(self, work: Callable[[], object]) -> None:
         self._process: Any = None
         self._connection, there = multiprocessing.Pipe(duplex=False)
-        process = multiprocessing.get_context("fork").Process(target=_send, args=(work, there), daemon=True)
+        arguments = (work, there, self._connection, os.getpid())
+        process = multiprocessing.get_context("fork").Process(target=_send, args=arguments, daemon=True)
         with suppress(OSError, AssertionError), warnings.catch_warnings():
             # other threads of this process rest meanwhile; should one hold a lock for ever, patience ends it
             warnings.simplefilter("ignore", DeprecationWarning)
@@ -63,6 +65,8 @@ class _Copy:
         return found
 
 
-def _send(work: Callable[[], object], there: Connection) -> None:
+def _send(work: Callable[[], object], there: Connection, here: Connection, parent: int) -> None:
+    end_with_parent(parent)
+    here.close()  # it is the other's: when that ends, sending must fail, not wait
     with suppress(Exception):  # what is missing is made again by the other, and fails there in the open
         there.send(work())
