@@ -296,7 +296,8 @@ def compare(
             count, int((~flown).sum()), each, np.full(len(linear), np.nan), linear, unknown, unknown, (), None,
             None, Verdict.UNDECIDED,
         )  # fmt: skip
-    predicted = np.asfortranarray(model.nominal + np.einsum("nj,ij->ni", errors, model.partials))
+    predicted = (model.partials @ errors.T).T
+    predicted += model.nominal
     mean = outcomes.mean(axis=0)
     sample = _covariance(outcomes)
     paired = sample - _covariance(predicted) + linear

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcnav.analysis.comparison import Comparison, Model, ratio_interval
-from mcnav.statistics.estimates import Estimate, block_sums
+from mcnav.statistics.estimates import Estimate, block_begins, block_sums
 
 Array = NDArray[np.float64]
 
@@ -82,12 +82,14 @@ def convergence(
     """
     if not comparison.outputs:
         return None
-    predicted = (model.partials @ errors.T).T + model.nominal
-    y, z = outcomes - outcomes.mean(axis=0), predicted - predicted.mean(axis=0)
     unbiased = len(outcomes) / (len(outcomes) - 1.0)
     variance = np.diag(comparison.covariance_linear)
-    sizes = block_sums(np.ones(len(outcomes)), blocks)
-    plain, paired = (unbiased * block_sums(values, blocks) for values in (y**2, y**2 - z**2))
+    sizes = np.diff(block_begins(blocks), append=len(blocks)).astype(float)
+    plain, paired = np.empty((2, len(variance), len(sizes))).swapaxes(1, 2)
+    for i, row in enumerate(model.partials):
+        linear = errors @ row
+        squares, expected = (unbiased * (each - each.mean()) ** 2 for each in (outcomes[:, i], linear))
+        plain[:, i], paired[:, i] = (block_sums(each, blocks) for each in (squares, squares - expected))
     return _converging(sizes, plain, paired, variance, comparison.confidence_each, fewest)
 
 

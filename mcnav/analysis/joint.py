@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import chain, combinations
 from typing import Final
 
 import numpy as np
@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from mcnav.statistics.chi_square import Containment, containment, distribution_test, mean_interval
 from mcnav.statistics.covariance_tests import covariance_likelihood_ratio
-from mcnav.statistics.estimates import Estimate, block_sums, blocked_mean
+from mcnav.statistics.estimates import Estimate, block_begins, blocked_mean
 from mcnav.statistics.hotelling import hotelling
 from mcnav.statistics.mardia import Mardia, mardia
-from mcnav.statistics.scatter import scatter, squared_distances
+from mcnav.statistics.scatter import scatter, squared_distances, stretches_of_blocks
 from mcnav.statistics.shape import skewness_and_kurtosis
 from mcnav.statistics.significance import Significance
 from mcnav.statistics.whitening import Whitening, whitening
@@ -131,33 +131,31 @@ def compare_jointly(
     """
     given = whitening(linear)
     count = len(flown)
-    steps = int(np.count_nonzero(np.diff(blocks)))
-    single, enough = steps == count - 1, steps + 1 >= fewest
+    begins = block_begins(blocks)
+    single, enough = len(begins) == count, len(begins) >= fewest
     distances = squared_distances(flown, centre, given)
     plain = single and enough
-    y, z = (np.ascontiguousarray(values.T) - values.mean(axis=0)[:, None] for values in (flown, predicted))
-    with ThreadPoolExecutor(2) as beside:  # what takes longest
-        testable = enough and covariance_testable(steps + 1, count)
-        covariance_paired = beside.submit(_paired_covariance, given, y, z, blocks) if testable else None
+    with ThreadPoolExecutor(1) as beside:  # what takes longest
+        pairs = beside.submit(_paired, given, flown, predicted, begins) if enough else None
         shapes = [beside.submit(skewness_and_kurtosis, column, blocks, fewest) for column in flown.T]
         return Joint(
             covariance=covariance_likelihood_ratio(scatter(flown) / (count - 1), count, linear)
             if plain and normal
             else None,
             bias=hotelling(flown, centre, given) if plain else None,
-            bias_paired=_blocked_hotelling(_tidied((flown - predicted) @ given.matrix), blocks) if enough else None,
             nees=distribution_test(distances, given.rank) if plain and normal else None,
             nees_expected=mean_interval(count, given.rank, confidence) if plain and normal else None,
             contained=containment(distances, given.rank, confidence) if plain and given.rank else (),
             normality=mardia(flown) if plain else None,
             correlations=tuple(
-                _correlation(i, j, linear, paired, y, z, blocks, fewest)
+                _correlation((i, j), linear, paired, flown, predicted, blocks, fewest)
                 for i, j in combinations(range(len(linear)), 2)
                 if min(linear[i, i], linear[j, j], paired[i, i], paired[j, j]) > 0.0
             ),
             skewness=tuple(shape.result()[0] for shape in shapes),
             excess_kurtosis=tuple(shape.result()[1] for shape in shapes),
-            covariance_paired=covariance_paired.result() if covariance_paired else None,
+            bias_paired=pairs.result()[0] if pairs else None,
+            covariance_paired=pairs.result()[1] if pairs and covariance_testable(len(begins), count) else None,
         )
 
 
@@ -167,58 +165,53 @@ def covariance_testable(blocks: int, samples: int) -> bool:
     return not pairs or blocks >= FEWEST_PAIRS
 
 
-def _tidied(differences: Array) -> Array:
-    """Columns that hold nothing but rounding as zeros."""
-    size = np.sqrt(np.mean(differences**2, axis=0))
-    return np.asarray(np.where(size > ROUNDING, differences, 0.0))
-
-
-def _blocked_hotelling(differences: Array, blocks: NDArray[np.int64]) -> Significance | None:
-    """T-squared of a mean of zero, from independent blocks."""
-    return joint_of_blocks(block_sums(differences, blocks))
-
-
 def joint_of_blocks(sums: Array) -> Significance | None:
     """T-squared of a mean of zero, from sums over independent blocks, shape (b, k)."""
     return hotelling(sums, np.zeros(sums.shape[1]))
 
 
-def _paired_covariance(given: Whitening, y: Array, z: Array, blocks: NDArray[np.int64]) -> Significance | None:
-    """T-squared of the distinct elements of cov(y) - cov(z), in whitened coordinates.
+def _paired(
+    given: Whitening, flown: Array, predicted: Array, begins: NDArray[np.int64]
+) -> tuple[Significance | None, Significance | None]:
+    """T-squared of mean(y) - mean(z), and of the distinct elements of cov(y) - cov(z), in whitened coordinates.
 
-    y and z, shape (outputs, n), are about their means.
+    From sums over blocks; a quantity that holds nothing but rounding counts as zeros.
     """
-    y, z = given.matrix.T @ y, given.matrix.T @ z
-    pairs = list(zip(*np.triu_indices(given.rank), strict=True))
-    sums = np.zeros((len(pairs), 1 + int(np.count_nonzero(np.diff(blocks)))))
-    difference, expected = np.empty_like(y[0]), np.empty_like(y[0])
-    for total, (a, b) in zip(sums, pairs, strict=True):
-        np.multiply(y[a], y[b], out=difference)
-        difference -= np.multiply(z[a], z[b], out=expected)
-        if np.sqrt(difference @ difference / len(difference)) > ROUNDING:
-            total[:] = block_sums(difference, blocks)
-    return joint_of_blocks(sums.T)
+    means = given.matrix.T @ flown.mean(axis=0), given.matrix.T @ predicted.mean(axis=0)
+    elements = list(zip(*np.triu_indices(given.rank), strict=True))
+    sums = np.empty((given.rank + len(elements), len(begins)))
+    squares = np.zeros(len(sums))
+    for rows, own in stretches_of_blocks(begins, len(flown)):
+        u, v = (given.matrix.T @ values[rows].T for values in (flown, predicted))
+        starts = begins[own] - rows.start
+        y, z = u - means[0][:, None], v - means[1][:, None]
+        quantities = chain(u - v, (y[a] * y[b] - z[a] * z[b] for a, b in elements))
+        for k, quantity in enumerate(quantities):
+            squares[k] += quantity @ quantity
+            sums[k, own] = np.add.reduceat(quantity, starts)
+    sums[np.sqrt(squares / len(flown)) <= ROUNDING] = 0.0
+    return joint_of_blocks(sums[: given.rank].T), joint_of_blocks(sums[given.rank :].T)
 
 
 def _correlation(
-    i: int,
-    j: int,
+    pair: tuple[int, int],
     linear: Array,
     paired: Array,
-    y: Array,
-    z: Array,
+    flown: Array,
+    predicted: Array,
     blocks: NDArray[np.int64],
     fewest: float,
 ) -> CorrelationDifference:
     """Difference of one correlation, its error by the influence function of r = C_ij / sqrt(C_ii C_jj).
 
-    With d_ij what a sample adds to cov(y) - cov(z), that is ``d_ij / sqrt(C_ii C_jj) - r/2 (d_ii/C_ii + d_jj/C_jj)``;
-    y and z, shape (outputs, n), are about their means.
+    With d_ij what a sample adds to cov(y) - cov(z), that is ``d_ij / sqrt(C_ii C_jj) - r/2 (d_ii/C_ii + d_jj/C_jj)``.
     """
+    i, j = pair
+    (y_i, y_j), (z_i, z_j) = ([values[:, k] - values[:, k].mean() for k in pair] for values in (flown, predicted))
     root = float(np.sqrt(paired[i, i] * paired[j, j]))
     found = float(paired[i, j]) / root
-    own = (y[i] * y[i] - z[i] * z[i]) / paired[i, i] + (y[j] * y[j] - z[j] * z[j]) / paired[j, j]
-    influence = blocked_mean((y[i] * y[j] - z[i] * z[j]) / root - 0.5 * found * own, blocks, fewest)
+    own = (y_i * y_i - z_i * z_i) / paired[i, i] + (y_j * y_j - z_j * z_j) / paired[j, j]
+    influence = blocked_mean((y_i * y_j - z_i * z_j) / root - 0.5 * found * own, blocks, fewest)
     before = float(linear[i, j] / np.sqrt(linear[i, i] * linear[j, j]))
     difference = replace(influence, value=found - before)
-    return CorrelationDifference((i, j), before, found, difference)
+    return CorrelationDifference(pair, before, found, difference)

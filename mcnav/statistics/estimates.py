@@ -133,5 +133,9 @@ def block_sums(values: Array, blocks: NDArray[np.int64]) -> Array:
     blocks : ndarray of int, shape (n,)
         The block of each sample, not decreasing.
     """
-    begins = np.flatnonzero(np.diff(blocks, prepend=blocks[0] - 1))
-    return np.asarray(np.add.reduceat(values, begins, axis=0))
+    return np.asarray(np.add.reduceat(values, block_begins(blocks), axis=0))
+
+
+def block_begins(blocks: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The first sample of each block, shape (blocks,)."""
+    return np.flatnonzero(np.diff(blocks, prepend=blocks[0] - 1))

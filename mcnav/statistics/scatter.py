@@ -21,6 +21,28 @@ def stretches(samples: int) -> Iterator[slice]:
     return (slice(begin, begin + STRETCH) for begin in range(0, samples, STRETCH))
 
 
+def stretches_of_blocks(begins: NDArray[np.int64], samples: int) -> Iterator[tuple[slice, slice]]:
+    """Slices of samples, and of the blocks that these are, in order: whole blocks, of about `STRETCH` samples together.
+
+    Parameters
+    ----------
+    begins : ndarray of int, shape (blocks,)
+        The first sample of each block.
+    samples : int
+
+    Examples
+    --------
+    >>> [(rows.stop, own.stop) for rows, own in stretches_of_blocks(np.array([0, 30_000, 60_000]), 90_000)]
+    [(30000, 1), (60000, 2), (90000, 3)]
+    """
+    ends = np.append(begins[1:], samples)
+    first = 0
+    while first < len(begins):
+        last = max(int(np.searchsorted(ends, begins[first] + STRETCH, side="right")), first + 1)
+        yield slice(int(begins[first]), int(ends[last - 1])), slice(first, last)
+        first = last
+
+
 def scatter(values: Array) -> Array:
     """Sum of the products about the mean, ``sum (x - m)(x - m)^T``, shape (k, k), of samples of shape (n, k)."""
     mean = values.mean(axis=0)

@@ -55,7 +55,7 @@ def test_a_small_study(tmp_path: object) -> None:
     found = table[(table["kind"] == "power") & (table["statement"] == "paired sigma ratio is not one")]
     assert (found[found["design"] == "random"]["measured"] == 1.0).all()
     text = page.render(table, 4)
-    assert text.count("<section>") == 3
+    assert text.count("<section id=") == 4
     assert "nan" not in text
 
 

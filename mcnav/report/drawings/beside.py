@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
 from multiprocessing.connection import Connection
-from typing import Any, Final
+from typing import Any, Final, Self
 
 from markupsafe import Markup
 
@@ -30,9 +30,9 @@ def draw(drawings: Sequence[Drawing]) -> None:
     def drawn(some: Sequence[tuple[int, int]]) -> list[Markup]:
         return [drawings[k].svg(number) for k, number in some]
 
-    copy = _Copy(partial(drawn, plots[1::2]))
-    made = dict(zip(plots[::2], drawn(plots[::2]), strict=True))
-    made |= zip(plots[1::2], copy.result() or drawn(plots[1::2]), strict=True)
+    with _Copy(partial(drawn, plots[1::2])) as copy:
+        made = dict(zip(plots[::2], drawn(plots[::2]), strict=True))
+        made |= zip(plots[1::2], copy.result() or drawn(plots[1::2]), strict=True)
     for k, drawing in enumerate(drawings):
         vars(drawing)["svgs"] = [made[k, number] for number in range(len(drawing.plots))]
 
@@ -52,17 +52,21 @@ class _Copy:
             self._process = process
         there.close()
 
-    def result(self) -> Any:
-        """What came of it; none when nothing did."""
-        found = None
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._connection.close()
         if self._process is not None:
-            with suppress(EOFError, OSError):
-                if self._connection.poll(PATIENCE):
-                    found = self._connection.recv()
             self._process.kill()
             self._process.join()
-        self._connection.close()
-        return found
+
+    def result(self) -> Any:
+        """What came of it; none when nothing did."""
+        with suppress(EOFError, OSError):
+            if self._connection.poll(PATIENCE):
+                return self._connection.recv()
+        return None
 
 
 def _send(work: Callable[[], object], there: Connection, here: Connection, parent: int) -> None:
