@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -30,27 +34,56 @@ FEWEST_FOLLOWED: Final = 2
 """Samples followed throughout the flight, below which there are no moments."""
 
 
-def flyable(campaign: Campaign, engine: str, probes: Array) -> tuple[Prepared, dict[str, Any], History]:
-    """The engine, the linear model and the history of a campaign's scenario."""
-    try:
-        errors = campaign.errors
+@dataclass(frozen=True)
+class System:
+    """A campaign's system, ready to fly.
+
+    Attributes
+    ----------
+    prepared : Prepared
+        The engine.
+    model : dict
+        The linear model, as the manifest keeps it.
+    history : History
+    beyond : callable
+        What goes beyond the linear model, from flights on the side: more of what the manifest keeps.
+    """
+
+    prepared: Prepared
+    model: dict[str, Any]
+    history: History
+    beyond: Callable[[], dict[str, Any]]
+
+
+def system_of(campaign: Campaign, engine: str, probes: Array) -> System:
+    """The system of a campaign for one of its engines.
+
+    Raises
+    ------
+    CampaignError
+        When it cannot be flown; also by `System.beyond`.
+    """
+    errors = campaign.errors
+    with _told(campaign):
         prepared = prepared_by(campaign.scenario, engine, probes, errors.mean, errors.standard_deviations)
-        return prepared, _model(campaign, prepared), campaign.scenario.history()
+        model = _linear(campaign, prepared)
+        return System(prepared, model, campaign.scenario.history(), partial(_beyond, campaign, prepared, model))
+
+
+@contextmanager
+def _told(campaign: Campaign) -> Iterator[None]:
+    """What a scenario or an engine cannot do is a mistake of the campaign."""
+    try:
+        yield
     except ScenarioError as wrong:
         raise CampaignError([Problem(campaign.name, f"scenario.{wrong.key}", str(wrong))]) from None
     except MapRefused as wrong:
         raise CampaignError([Problem(campaign.name, "engine", str(wrong))]) from None
 
 
-def _model(campaign: Campaign, prepared: Prepared) -> dict[str, Any]:
-    """The linear model and what goes with it, as the manifest keeps it."""
+def _linear(campaign: Campaign, prepared: Prepared) -> dict[str, Any]:
+    """The linear model, at the end and throughout."""
     scenario, errors = campaign.scenario, campaign.errors
-
-    def guard(engine: Prepared) -> Prepared:
-        """A user's flight may end its process, but not this one."""
-        at_risk = isinstance(scenario, Own) and (engine.parallel == "processes" or campaign.sample_timeout is not None)
-        return Guarded(engine, len(scenario.outputs), campaign.sample_timeout) if at_risk else engine
-
     linear = scenario.linearised()
     model: dict[str, Any] = {
         "sources": [
@@ -72,8 +105,23 @@ def _model(campaign: Campaign, prepared: Prepared) -> dict[str, Any]:
         throughout, _ = partials_throughout(followed, np.array([source.nominal for source in scenario.sources]))
         known_at = followed.epochs
         model["development"] = {"label": known_at.label, "times": known_at.times, "partials": throughout}
-    flown = flown_budget(scenario, errors, linear.partials, campaign.design, campaign.seed, campaign.samples, guard)
-    return model | beyond_linear(scenario, guard(prepared), errors) | {"budget": flown}
+    return model
+
+
+def _beyond(campaign: Campaign, prepared: Prepared, model: Mapping[str, Any]) -> dict[str, Any]:
+    """Unscented transform, derivatives of higher order and the error budget by flights."""
+    scenario, errors = campaign.scenario, campaign.errors
+
+    def guard(engine: Prepared) -> Prepared:
+        """A user's flight may end its process, but not this one."""
+        at_risk = isinstance(scenario, Own) and (engine.parallel == "processes" or campaign.sample_timeout is not None)
+        return Guarded(engine, len(scenario.outputs), campaign.sample_timeout) if at_risk else engine
+
+    with _told(campaign):
+        flown = flown_budget(
+            scenario, errors, model["partials"], campaign.design, campaign.seed, campaign.samples, guard
+        )
+        return beyond_linear(scenario, guard(prepared), errors) | {"budget": flown}
 
 
 def _followed(prepared: Prepared) -> Followed | None:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -30,7 +32,7 @@ from mcnav.judging import analyse, finish, linear_model, load_drawing
 from mcnav.linear.conformance import Check, conformance
 from mcnav.linear.map_engine import engines_of
 from mcnav.linear.reduction import Frame
-from mcnav.modelling import flyable, write_epochs
+from mcnav.modelling import System, system_of, write_epochs
 from mcnav.sampling.designs import block_length
 from mcnav.statistics.stopping import looks
 
@@ -119,7 +121,7 @@ def run_campaign(
         probes = campaign.errors.draw(
             campaign.design, campaign.seed, campaign.samples, 0, min(PROBES, campaign.samples)
         )
-        prepared, model, history = flyable(campaign, engine, probes)
+        system = system_of(campaign, engine, probes)
         manifest: dict[str, Any] = {
             "format": FORMAT,
             "campaign": campaign.name,
@@ -129,7 +131,7 @@ def run_campaign(
             "criterion": {"tolerance": campaign.tolerance, "confidence": campaign.confidence},
             "requirements": campaign.requirements,
             "identity": identity,
-            "accuracy": prepared.accuracy,
+            "accuracy": system.prepared.accuracy,
             "commit": commit(),
             "started": datetime.now(UTC).isoformat(timespec="seconds"),
             "heavy_tailed": campaign.errors.heavy_tailed(campaign.design),
@@ -137,33 +139,49 @@ def run_campaign(
             "normal": campaign.errors.normal,
             "store": campaign.store,
             "kept": min(KEPT, campaign.samples) if campaign.store == SUMMARY else None,
-            "model": model,
+            "model": system.model,
             "complete": False,
             "parts": [],
         }
         folder.write_tables(campaign.tables)
         folder.write(CAMPAIGN, campaign.to_toml().encode())
-        folder.write_history(history)
+        folder.write_history(system.history)
         folder.write_manifest(manifest)
         if campaign.code is not None:
             folder.write(campaign.code.file, campaign.code.text.encode())
         layout = Layout.of(campaign.scenario.sources, campaign.scenario.outputs)
-        began = time.perf_counter()
         own = chunk_digest(identity, campaign.design, campaign.samples)
-        work = Work(draws, prepared, folder, own, layout, campaign.sample_timeout, _frame(campaign, model))
+        frame = _frame(campaign, system.model)
+        work = Work(draws, system.prepared, folder, own, layout, campaign.sample_timeout, frame)
         load_drawing()
-        try:
-            parts, flown = _fly_enough(campaign, work, manifest, jobs, progress, notices.append, most_failures, flights)
-        except OSError as failure:
-            raise RunFolderError(
-                f"{path}: cannot be written to: {failure.strerror or failure}; what is stored there is kept"
-            ) from None
-        seconds = round(time.perf_counter() - began, 3)
-        write_epochs(campaign, prepared, folder, parts)
+        with _beside(campaign, system) as beyond:
+            began = time.perf_counter()
+            try:
+                parts, flown = _fly_enough(
+                    campaign, work, manifest, jobs, progress, notices.append, most_failures, flights
+                )
+            except OSError as failure:
+                raise RunFolderError(
+                    f"{path}: cannot be written to: {failure.strerror or failure}; what is stored there is kept"
+                ) from None
+            seconds = round(time.perf_counter() - began, 3)
+        manifest["model"] = system.model | beyond()
+        write_epochs(campaign, system.prepared, folder, parts)
         manifest |= {"complete": True, "parts": as_records(parts)}
         manifest["flight"] = {"jobs": jobs, "seconds": seconds, "samples": flown}
         folder.write_manifest(manifest)
         return Run(finish(folder, analyse(folder)), flown, tuple(notices))
+
+
+@contextmanager
+def _beside(campaign: Campaign, system: System) -> Iterator[Callable[[], dict[str, Any]]]:
+    """What goes beyond the linear model, flown beside the samples; by a user's own code before them."""
+    if campaign.code is not None:
+        found = system.beyond()
+        yield lambda: found
+        return
+    with ThreadPoolExecutor(1) as beside:
+        yield beside.submit(system.beyond).result
 
 
 def _fly_enough(

@@ -20,7 +20,7 @@ from tests.benchmarks.spawn import run
 
 STAGES: Final = {
     "read the campaign, fly its truth": ("mcnav.campaign.file:read_campaign",),
-    "prepare: partials, grid, flights on the side": ("mcnav.study:flyable",),
+    "prepare: partials, grid, first draws": ("mcnav.study:system_of",),
     "draw": ("mcnav.campaign.work:draw",),
     "fly": ("mcnav.campaign.work:fly_errors",),
     "errors at 60 epochs": ("mcnav.campaign.epochs:sums",),
