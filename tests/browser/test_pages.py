@@ -42,8 +42,9 @@ TEXTS = """() => {
 }"""
 """Labels of axes that overlap, and any text that reaches beyond its figure."""
 
-REPRESENTATIVE = {"exclude": [["details.data tbody tr:nth-child(n + 3)"]]}
-"""What axe looks at: of the long tables behind figures the first rows, since the others are like them."""
+REPRESENTATIVE = {"exclude": [["details.data tbody tr:nth-child(n + 3)"], ["svg > g"]]}
+"""What axe looks at: of the long tables behind figures the first rows, which the others are like, and of the figures
+themselves their names and roles."""
 
 
 class Opened:
