@@ -15,7 +15,8 @@ from mcnav.campaign import epochs
 from mcnav.campaign.folder import RunFolder
 from mcnav.campaign.parts import Layout, Part, whole_part, write_part
 from mcnav.campaign.reduced import KEPT, MARK, MOST_REASONS, Summary, chunk_of
-from mcnav.linear.reduction import Frame, reduced
+from mcnav.linear.reducing import reduced
+from mcnav.linear.reduction import Frame
 from mcnav.sampling.errors import ErrorModel
 from mcnav.scenarios.limits import TookTooLong, time_limit
 from mcnav.scenarios.one_by_one import NOT_FINITE, Failed, fly_each

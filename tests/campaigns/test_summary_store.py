@@ -23,7 +23,8 @@ from mcnav.campaign.folder import RunFolder
 from mcnav.campaign.manifest import fault_in
 from mcnav.campaign.problems import CampaignError, RunFolderError
 from mcnav.judging import summary_of
-from mcnav.linear.reduction import columns_of, reduced
+from mcnav.linear.reducing import reduced
+from mcnav.linear.reduction import columns_of
 from mcnav.study import run_campaign
 from tests.conftest import campaign, content
 
