@@ -10,10 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 from hypothesis import settings
+from markupsafe import Markup
 
 from mcnav.campaign.file import Campaign, parse_campaign
 from mcnav.physics.response import Response, linear_response
 from mcnav.physics.vehicle import Vehicle
+from mcnav.report.drawings import beside
+from mcnav.report.drawings.drawing import Drawing
 from mcnav.scenarios.reentry import SOURCES, Flight, Reentry
 from mcnav.scenarios.tn_d1772 import ERRORS, TABLE_I, start_state
 
@@ -22,6 +25,19 @@ settings.load_profile("suite")
 
 ROOT = Path(__file__).parent.parent
 TRAJECTORIES = tuple(TABLE_I)
+
+
+@pytest.fixture
+def undrawn(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Reports whole but for what matplotlib draws, which takes longer than most flights; not in tests marked `drawn`."""
+    if request.node.get_closest_marker("drawn"):
+        return
+
+    def svg(drawing: Drawing, number: int) -> Markup:
+        return Markup(f'<svg><title id="{drawing.key}-{number}-t"></title></svg>')
+
+    monkeypatch.setattr(Drawing, "svg", svg)
+    monkeypatch.setattr(beside, "draw", lambda drawings: None)
 
 
 @lru_cache

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Final
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from mcnav.analysis.comparison import Model
 from mcnav.analysis.requirements import absolute_normal_quantile, independent_samples
-from mcnav.statistics.order_statistics import lower_bound, upper_bound
+from mcnav.statistics.order_statistics import lower_rank, upper_rank
 from mcnav.statistics.radial import normal_circular_error_probable
 
 Array = NDArray[np.float64]
@@ -66,34 +67,62 @@ def tails(
     mean, covariance = model.outcome_mean, model.outcome_covariance
     picked, remark = independent_samples(blocks)
     dispersed = [i for i in range(len(mean)) if covariance[i, i] > 0.0]
-    found = []
+
+    def found(outputs: tuple[int, ...], sizes: Array, linear: Mapping[float, float]) -> list[Quantile]:
+        ranked = _Ranked.of(sizes)
+        apart = ranked if picked.all() else _Ranked.of(sizes[picked])
+        return [
+            Quantile(
+                outputs,
+                probability,
+                ranked.estimate(probability),
+                0.0 if remark else apart.lower(probability, confidence),
+                math.inf if remark else apart.upper(probability, confidence),
+                quoted,
+            )
+            for probability, quoted in linear.items()
+        ]
+
+    quantiles = []
     for i in dispersed:
-        for probability in PROBABILITIES:
-            linear = absolute_normal_quantile(float(mean[i]), float(covariance[i, i]) ** 0.5, probability)
-            sizes = np.abs(outcomes[:, i])
-            found.append(_quantile((i,), probability, sizes, picked, not remark, confidence, linear))
+        quoted = {p: absolute_normal_quantile(float(mean[i]), float(covariance[i, i]) ** 0.5, p) for p in PROBABILITIES}
+        quantiles += found((i,), np.abs(outcomes[:, i]), quoted)
     for i, j in combinations(dispersed, 2):
         if units[i] == units[j]:
             both = [i, j]
-            linear = normal_circular_error_probable(mean[both], covariance[np.ix_(both, both)])
-            sizes = np.hypot(outcomes[:, i], outcomes[:, j])
-            found.append(_quantile((i, j), 0.5, sizes, picked, not remark, confidence, linear))
-    return tuple(found)
+            circle = normal_circular_error_probable(mean[both], covariance[np.ix_(both, both)])
+            quantiles += found((i, j), np.hypot(outcomes[:, i], outcomes[:, j]), {0.5: circle})
+    return tuple(quantiles)
 
 
-def _quantile(
-    outputs: tuple[int, ...],
-    probability: float,
-    sizes: Array,
-    picked: NDArray[np.bool_],
-    bounded: bool,
-    confidence: float,
-    linear: float,
-) -> Quantile:
-    failed = ~np.isfinite(sizes)
-    estimate = float(np.quantile(sizes[~failed], probability)) if not failed.all() else float("nan")
-    lower, upper = 0.0, float("inf")
-    if bounded:
-        lower = max(lower_bound(np.where(failed, 0.0, sizes)[picked], probability, confidence), 0.0)
-        upper = upper_bound(np.where(failed, np.inf, sizes)[picked], probability, confidence)
-    return Quantile(outputs, probability, estimate, lower, upper, linear)
+@dataclass(frozen=True)
+class _Ranked:
+    """Sizes of the samples that were flown in rising order, and how many failed."""
+
+    values: Array
+    failed: int
+
+    @classmethod
+    def of(cls, sizes: Array) -> _Ranked:
+        """From sizes that are NaN where a sample failed."""
+        ranked = np.sort(sizes)  # which puts them last
+        flown = len(ranked) - int(np.count_nonzero(np.isnan(ranked)))
+        return cls(ranked[:flown], len(ranked) - flown)
+
+    def estimate(self, probability: float) -> float:
+        """Between the two sizes that the probability falls between."""
+        if not len(self.values):
+            return math.nan
+        place = (len(self.values) - 1) * probability
+        below = int(place)
+        return float(np.quantile(self.values[below : below + 2], place - below))
+
+    def lower(self, probability: float, confidence: float) -> float:
+        """Bound from below, where samples that failed count as smallest."""
+        rank = lower_rank(len(self.values) + self.failed, probability, confidence)
+        return 0.0 if rank is None or rank <= self.failed else float(self.values[rank - self.failed - 1])
+
+    def upper(self, probability: float, confidence: float) -> float:
+        """Bound from above, where samples that failed count as largest."""
+        rank = upper_rank(len(self.values) + self.failed, probability, confidence)
+        return math.inf if rank is None or rank > len(self.values) else float(self.values[rank - 1])

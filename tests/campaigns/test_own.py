@@ -27,6 +27,8 @@ from mcnav.replay import as_stored, replay
 from mcnav.study import run_campaign
 from tests.conftest import ROOT
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 BOOST, POLAR = ROOT / "campaigns" / "13_boost.toml", ROOT / "campaigns" / "14_polar.toml"
 
 

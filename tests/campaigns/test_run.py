@@ -22,6 +22,8 @@ from mcnav.judging import report_run, summary_of
 from mcnav.study import run_campaign
 from tests.conftest import campaign, content
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 SOURCES = [
     ("altitude", "m"), ("range", "m"), ("altitude_rate", "m/s"), ("range_rate", "m/s"), ("misalignment", "rad"),
     ("gyro_drift", "rad/s"), ("bias_x", "m/s^2"), ("bias_z", "m/s^2"), ("scale_factor_x", "1"), ("scale_factor_z", "1"),
@@ -122,6 +124,7 @@ def test_the_resolved_campaign_runs_again(finished: tuple[Path, dict[str, Any]],
     pd.testing.assert_frame_equal(first, again, check_exact=True)
 
 
+@pytest.mark.drawn
 def test_report_from_stored_samples(finished: tuple[Path, dict[str, Any]]) -> None:
     """The same bytes, from what is stored alone."""
     folder, _ = finished

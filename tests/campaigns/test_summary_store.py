@@ -28,6 +28,8 @@ from mcnav.linear.reduction import columns_of
 from mcnav.study import run_campaign
 from tests.conftest import campaign, content
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 SAMPLES, KEPT, CHUNK = 60_000, 10_000, 1 << 14
 
 

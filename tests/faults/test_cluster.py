@@ -32,6 +32,8 @@ from tests.faults.kills import digests, left_of
 from tests.faults.scenarios import VECTORISED, command, environment, work_of, written
 from tests.faults.test_failures import REASONS
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 POISON = ("os._exit(9)", "time.sleep(60)")
 
 

@@ -20,6 +20,8 @@ from mcnav.study import run_campaign
 from tests.conftest import campaign
 from tests.faults.scenarios import VECTORISED, written
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 LIMIT = 'sample_timeout = "1 s"'
 
 REASONS = {

@@ -32,6 +32,8 @@ from mcnav.study import run_campaign
 from tests.conftest import campaign, content
 from tests.faults.scenarios import written
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 
 @pytest.fixture(scope="module")
 def stored(tmp_path_factory: pytest.TempPathFactory) -> Path:
