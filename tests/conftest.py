@@ -29,7 +29,7 @@ TRAJECTORIES = tuple(TABLE_I)
 
 @pytest.fixture
 def undrawn(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Reports whole but for what matplotlib draws, which takes longer than most flights; not in tests marked `drawn`."""
+    """Reports whole but for what matplotlib draws, which takes longer than most flights; not in tests marked drawn."""
     if request.node.get_closest_marker("drawn"):
         return
 
