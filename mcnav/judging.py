@@ -35,6 +35,7 @@ from mcnav.report.failures import failures_in, grouped
 from mcnav.report.summary import summarise
 from mcnav.sampling.designs import FEWEST_BLOCKS, block_length
 from mcnav.scenarios.protocol import Development
+from mcnav.units import conversion
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -243,7 +244,12 @@ def finish(folder: RunFolder, analysis: Analysis) -> dict[str, Any]:
 
 def load_drawing() -> None:
     """Load what draws the report while others work: it takes as long as analysing a hundred thousand samples."""
-    Thread(target=import_module, args=("mcnav.report.page",)).start()
+
+    def load() -> None:
+        import_module("mcnav.report.page")
+        conversion("km", "m")
+
+    Thread(target=load).start()
 
 
 def linear_model(described: Mapping[str, Any]) -> Model:

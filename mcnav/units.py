@@ -9,9 +9,10 @@ import math
 import re
 from functools import lru_cache
 from importlib.resources import files
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
-import pint
+if TYPE_CHECKING:
+    import pint
 
 
 class Kind(NamedTuple):
@@ -45,6 +46,8 @@ class UnitError(ValueError):
 
 @lru_cache
 def _registry() -> pint.UnitRegistry[float]:
+    import pint  # a fifth of a second, which reports can load beside their analysis
+
     text = files("mcnav").joinpath("units.txt").read_text(encoding="utf-8")
     return pint.UnitRegistry(text.splitlines(), cache_folder=None)
 

@@ -21,7 +21,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy import special
-from scipy.optimize import brentq
 
 from mcnav.analysis.allocation import largest_sigmas
 from mcnav.analysis.comparison import LARGEST_FAILED_SHARE, Comparison, Model
@@ -263,6 +262,8 @@ def absolute_normal_quantile(mean: float, sigma: float, probability: float) -> f
     if sigma <= 0.0:
         return abs(mean)
 
+    from scipy.optimize import brentq  # a fifth of a second, which reports spend beside other work
+
     def excess(size: float) -> float:
         return float(special.ndtr((size - mean) / sigma) - special.ndtr((-size - mean) / sigma)) - probability
 
@@ -275,6 +276,7 @@ def _largest_sigma(mean: float, limit: float, probability: float) -> float | Non
         return None
     if mean == 0.0:
         return limit / float(special.ndtri(0.5 + 0.5 * probability))
+    from scipy.optimize import brentq
 
     def excess(sigma: float) -> float:
         return absolute_normal_quantile(mean, sigma, probability) - limit

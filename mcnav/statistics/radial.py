@@ -8,7 +8,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 from scipy import special
-from scipy.optimize import brentq
 
 Array = NDArray[np.float64]
 
@@ -59,6 +58,8 @@ def normal_circular_error_probable(mean: Array, covariance: Array) -> float:
     >>> round(normal_circular_error_probable(np.zeros(2), np.eye(2)), 6)  # sqrt(2 ln 2)
     1.17741
     """
+    from scipy.optimize import brentq  # a fifth of a second, which reports spend beside other work
+
     scale = float(np.sqrt(max(np.trace(covariance), 0.0)) + np.hypot(*mean))
     if scale == 0.0 or not np.isfinite(scale):
         return scale
