@@ -9,7 +9,7 @@ demo: .venv/installed
 	$(BIN)/mcnav run campaigns/01_tn_d1772_trajectory_4.toml
 
 test: .venv/tested
-	$(BIN)/python -m pytest --numprocesses 2
+	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal
 
 lint: .venv/tested
 	$(BIN)/ruff check .

@@ -302,6 +302,7 @@ def test_a_run_folder_that_names_code_does_not_execute_it(folder: Path, tmp_path
     assert not mark.exists()
 
 
+@pytest.mark.drawn
 def test_panels_from_elsewhere_stay_text(folder: Path) -> None:
     """Titles, columns and events of a stored history: HTML and mathematics are text in the page."""
     table = pq.read_table(folder / "history.parquet")
