@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -90,6 +91,7 @@ def report_run(path: Path) -> dict[str, Any]:
     if folder.manifest() is None:
         raise RunFolderError(f"{path}: holds no run ({MANIFEST} is missing)")
     with folder.held(), threadpool_limits(1), as_written(path):
+        _finished(folder)
         load_drawing()
         return finish(folder, analyse(folder))
 
@@ -246,8 +248,9 @@ def load_drawing() -> None:
     """Load what draws the report while others work: it takes as long as analysing a hundred thousand samples."""
 
     def load() -> None:
-        import_module("mcnav.report.page")
-        conversion("km", "m")
+        with suppress(Exception):  # at the end of a program that was refused nothing can be loaded any more
+            import_module("mcnav.report.page")
+            conversion("km", "m")
 
     Thread(target=load).start()
 

@@ -30,7 +30,7 @@ from mcnav.cli import app
 from mcnav.judging import report_run, samples_of, summary_of
 from mcnav.study import run_campaign
 from tests.conftest import campaign, content
-from tests.faults.scenarios import written
+from tests.faults.scenarios import mcnav, written
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -364,3 +364,21 @@ def test_names_that_are_html_or_mathematics(tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text(code)
     with pytest.raises(CampaignError, match="is no name"):
         read_campaign(path)
+
+
+def _unfinished(folder: Path) -> None:
+    signed(folder, lambda manifest: manifest.update(complete=False))
+
+
+def _damaged(folder: Path) -> None:
+    (folder / "samples" / "part-00000.parquet").write_bytes(b"")
+
+
+@pytest.mark.parametrize("spoil", [_unfinished, _damaged])
+def test_a_process_that_refuses_says_one_line(folder: Path, spoil: Callable[[Path], None]) -> None:
+    """Also when it ends while it is still loading what would have drawn the report."""
+    spoil(folder)
+    finished = mcnav("report", folder)
+    assert finished.returncode == 2
+    assert finished.stderr.startswith("error: ")
+    assert finished.stderr.count("\n") == 1
