@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 
 from mcnav.analysis.between import Change
 from mcnav.report import wording
-from mcnav.report.content import spoken
+from mcnav.report.content import labels_of, spoken
 from mcnav.report.drawings.drawing import HALF, Drawing, Plot, Series
 from mcnav.report.numbers import number, with_error
 from mcnav.report.page import filled
@@ -167,7 +167,8 @@ def render(
         titles=titles,
         runs=[
             {"title": title, "name": summary["campaign"], "samples": f"{summary['samples']:,}",
-             "failed": f"{summary['failed']:,}", "headline": wording.headline(summary), "tone": wording.tone(summary)}
+             "failed": f"{summary['failed']:,}", "headline": wording.headline(summary), "tone": wording.tone(summary),
+             "standing": wording.standing(summary)}
             for title, summary in zip(titles, summaries, strict=True)
         ],
         inputs=[(str(key), list(values)) for key, values in inputs(manifests).iterrows()],
@@ -209,8 +210,8 @@ def _budgets(manifests: Sequence[Mapping[str, Any]], summaries: Sequence[Mapping
             if entry["name"] not in names:
                 continue
             contributions = summary["budget"]["contributions"][names.index(entry["name"])]
-            for source, value in zip(manifest["model"]["sources"], contributions, strict=True):
-                rows.setdefault(source["name"], [ABSENT] * len(manifests))[at] = number(value * scale, 4)
-        shown = [(spoken(name), cells) for name, cells in rows.items() if set(cells) - {"0", ABSENT}]
+            for label, value in zip(labels_of(manifest["model"]), contributions, strict=True):
+                rows.setdefault(label, [ABSENT] * len(manifests))[at] = number(value * scale, 4)
+        shown = [(label, cells) for label, cells in rows.items() if set(cells) - {"0", ABSENT}]
         tables.append({"name": spoken(entry["name"]), "unit": entry["shown_in"], "rows": shown})
     return tables

@@ -17,7 +17,7 @@ from mcnav.analysis.convergence import Convergence
 from mcnav.analysis.envelopes import Envelopes
 from mcnav.analysis.requirements import Judged
 from mcnav.analysis.tails import Quantile
-from mcnav.scenarios.protocol import Development, History
+from mcnav.scenarios.protocol import Development, History, source_labels
 from mcnav.units import conversion
 
 Array = NDArray[np.float64]
@@ -70,7 +70,7 @@ class Content:
     @property
     def source_names(self) -> list[str]:
         """Names of the sources for people."""
-        return [spoken(entry["name"]) for entry in self.manifest["model"]["sources"]]
+        return labels_of(self.manifest["model"])
 
     @property
     def output_names(self) -> list[str]:
@@ -106,6 +106,11 @@ class Content:
 
 def _scale(entries: list[dict[str, str]]) -> Array:
     return np.array([conversion(entry["unit"], entry["shown_in"]) for entry in entries])
+
+
+def labels_of(model: Mapping[str, Any]) -> list[str]:
+    """Names for people of the sources in a table with ``sources`` and ``outputs``: a manifest's model, or a summary."""
+    return source_labels(*([entry["name"] for entry in model[key]] for key in ("sources", "outputs")))
 
 
 def spoken(name: str) -> str:

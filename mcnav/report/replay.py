@@ -17,7 +17,7 @@ from mcnav.report.content import spoken
 from mcnav.report.drawings.flight import flight
 from mcnav.report.numbers import number
 from mcnav.report.page import filled
-from mcnav.scenarios.protocol import History, Output, Source
+from mcnav.scenarios.protocol import History, Output, Source, source_labels
 from mcnav.units import conversion
 
 Array = NDArray[np.float64]
@@ -76,15 +76,16 @@ class Replay:
 
 
 def _error_rows(replay: Replay) -> list[tuple[str, str, str, str]]:
-    rows = zip(replay.sources, replay.errors, replay.sigmas, strict=True)
+    labels = source_labels([source.name for source in replay.sources], [output.name for output in replay.outputs])
+    rows = zip(labels, replay.sources, replay.errors, replay.sigmas, strict=True)
     return [
         (
-            spoken(source.name),
+            label,
             source.shown_in,
             number(float(error) * conversion(source.unit, source.shown_in), 6),
             number(float(error / sigma), 4) if sigma > 0.0 else "–",
         )
-        for source, error, sigma in rows
+        for label, source, error, sigma in rows
         if error != 0.0 or sigma > 0.0
     ]
 

@@ -15,8 +15,12 @@ from mcnav.report.drawings.drawing import HALF, THIRD, Drawing, Plot, Series, ax
 from mcnav.report.drawings.start_times import START
 from mcnav.report.svg import BAND, FLOWN, INK, LINEAR, MUTED
 from mcnav.reproduce.tn_d1772 import INITIAL_CONDITIONS
+from mcnav.scenarios.protocol import source_labels
 from mcnav.scenarios.reentry import OUTPUTS, SOURCES
 from mcnav.scenarios.tn_d1772 import ERRORS
+
+LABELS: Final = source_labels([source.name for source in SOURCES], [output.name for output in OUTPUTS])
+"""Names of the sources for people."""
 
 TIME: Final = "time from reentry (min)"
 TO_REENTRY: Final = "time from 121.92 km (min)"
@@ -187,7 +191,7 @@ def figures_6_to_9(frame: pd.DataFrame, output: int) -> Drawing:
     scale, name, count = 1e-3 if shown.shown_in == "km" else 1.0, spoken(shown.name), len(SOURCES)
     start, partials = frame.iloc[:, 0], frame.iloc[:, 1:].to_numpy()
     effects = partials * scale * np.tile(ERRORS, 2)
-    series = [numbered(j, spoken(source.name)) for j, source in enumerate(SOURCES)]
+    series = [numbered(j, label) for j, label in enumerate(LABELS)]
 
     def draw(axes: Axes, members: Sequence[int], first: bool) -> None:
         for j in members:
@@ -269,7 +273,7 @@ def figure_12(frame: pd.DataFrame) -> Drawing:
     """Final altitude and range errors against start time."""
     start = frame.iloc[:, 0]
     shown = {
-        j: numbered(j, spoken(source.name))
+        j: numbered(j, LABELS[j])
         for j, source in enumerate(SOURCES)
         if source.name in ("altitude", "gyro_drift", "bias_x", "bias_z")
     }

@@ -25,6 +25,7 @@ from mcnav.physics.vehicle import Vehicle
 from mcnav.report.content import spoken
 from mcnav.reproduce.printed import TO_PRINTED, final_errors
 from mcnav.reproduce.tn_d1772 import table_i_scenario
+from mcnav.scenarios.protocol import source_labels
 from mcnav.scenarios.reentry import OUTPUTS, SOURCES, Flight, Reentry
 from mcnav.scenarios.tn_d1772 import ERRORS, TABLE_I, common_start, range_from_reentry, start_at_angle
 
@@ -129,8 +130,9 @@ def linear_at_ten_times() -> Finding:
     found = alone(fly, linear, directions, LINEAR_WITHIN, 100.0)
     effects = np.abs(linear.partials * ERRORS)
     matters = (effects >= MATTERS * np.sqrt((effects**2).sum(axis=1, keepdims=True))).T
+    labels = source_labels([source.name for source in SOURCES], [output.name for output in OUTPUTS])
     early = [
-        f"{spoken(SOURCES[j].name)} in {spoken(OUTPUTS[i].name)} ({found.multiples[j, i]:.2g} times)"
+        f"{labels[j]} in {spoken(OUTPUTS[i].name)} ({found.multiples[j, i]:.2g} times)"
         for j, i in zip(*np.nonzero(matters & (found.multiples < 10.0)), strict=True)
     ]
     rest = np.where(matters & (found.multiples >= 10.0), found.multiples, np.inf).min()

@@ -38,6 +38,7 @@ from mcnav.scenarios.protocol import (
     Prepared,
     ScenarioError,
     Source,
+    source_labels,
 )
 
 Array = NDArray[np.float64]
@@ -281,6 +282,7 @@ class Cruise:
     def history(self) -> History:
         """What the usual size of each error alone does to the indicated position over the flight, flown."""
         flight, names = self.flight, [output.name for output in self.outputs]
+        labels = source_labels([source.name for source in self.sources], names)
         sizes = np.array([source.nominal for source in self.sources])
         times = np.linspace(0.0, flight.duration, HISTORY_POINTS)
         steps = MOST_STEPS // 32
@@ -296,7 +298,7 @@ class Cruise:
             largest = np.abs(of_output).max(axis=0)
             kept = [j for j in np.argsort(-largest, kind="stable") if largest[j] > 0.01 * largest.max()][:6]
             drawn = {f"{spoken} by {self.sources[j].name.replace('_', ' ')} [km]": of_output[:, j] for j in kept}
-            legend = tuple(self.sources[j].name.replace("_", " ") for j in kept)
+            legend = tuple(labels[j] for j in kept)
             columns |= drawn
             title = f"{spoken.capitalize()} error left by one error of usual size"
             panels.append(Panel(title, HISTORY_TIME, tuple(drawn), legend, f"{spoken} error [km]"))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
@@ -42,6 +42,29 @@ class Output:
     name: str
     unit: str
     shown_in: str
+
+
+def source_labels(sources: Sequence[str], outputs: Sequence[str]) -> list[str]:
+    """Name error sources for people.
+
+    A source that shares its name with an output is an initial error of it; it is called so, to tell them apart.
+
+    Parameters
+    ----------
+    sources, outputs : sequence of str
+        Names, as files have them.
+
+    >>> source_labels(["altitude", "gyro_drift"], ["altitude", "range"])
+    ['initial altitude', 'gyro drift']
+    """
+    taken = {*sources, *outputs}
+
+    def label(name: str) -> str:
+        if name not in outputs:
+            return name
+        return f"initial_{name}" if f"initial_{name}" not in taken else f"{name}_(error source)"
+
+    return [label(name).replace("_", " ") for name in sources]
 
 
 @dataclass(frozen=True)

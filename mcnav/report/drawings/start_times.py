@@ -16,7 +16,7 @@ from mcnav.linear.start_times import StartTimeStudy
 from mcnav.report.content import spoken
 from mcnav.report.drawings.drawing import HALF, Drawing, Plot, Series, mark, numbered
 from mcnav.report.svg import FLOWN, INK, LINEAR
-from mcnav.scenarios.protocol import Output, Source
+from mcnav.scenarios.protocol import Output
 
 Array = NDArray[np.float64]
 
@@ -71,10 +71,13 @@ def dispersion(
     )
 
 
-def effects(study: StartTimeStudy, i: int, scale: float, sources: Sequence[Source], output: Output) -> Drawing:
-    """What one sigma of each source does to one output, against the start: initial conditions, and equipment."""
+def effects(study: StartTimeStudy, i: int, scale: float, labels: Sequence[str], output: Output) -> Drawing:
+    """What one sigma of each source does to one output, against the start: initial conditions, and equipment.
+
+    ``labels`` name the sources.
+    """
     starts, values, name = study.times / 60.0, study.effects[:, i] * scale, spoken(output.name)
-    series = [numbered(j, spoken(source.name)) for j, source in enumerate(sources)]
+    series = [numbered(j, label) for j, label in enumerate(labels)]
 
     def draw(axes: Axes, members: Sequence[int]) -> None:
         for j in members:
@@ -89,7 +92,7 @@ def effects(study: StartTimeStudy, i: int, scale: float, sources: Sequence[Sourc
         description="Partial derivative times one sigma of each source, against the start of navigation.",
         plots=[
             Plot("Initial conditions", partial(draw, members=range(INITIAL_CONDITIONS))),
-            Plot("Equipment", partial(draw, members=range(INITIAL_CONDITIONS, len(sources)))),
+            Plot("Equipment", partial(draw, members=range(INITIAL_CONDITIONS, len(labels)))),
         ],
         series=series,
         data=pd.DataFrame({"start [min from reentry]": starts} | frame),
