@@ -14,7 +14,7 @@ from mcnav.report.content import spoken
 from mcnav.report.drawings import linearity as drawn
 from mcnav.report.page import filled
 from mcnav.report.wording import JOINT, multiple_words
-from mcnav.scenarios.protocol import Output, Source
+from mcnav.scenarios.protocol import Output, Source, source_labels
 
 Array = NDArray[np.float64]
 
@@ -24,14 +24,10 @@ MINOR: Final = 0.01
 """A source that moves an output by less than this share of the root sum square of all is minor for it."""
 
 
-def _names(sources: Sequence[Source]) -> list[str]:
-    return [*(spoken(source.name) for source in sources), ALL_AT_ONCE]
-
-
 def alone_table(found: AloneRange, sizes: Array, sources: Sequence[Source], outputs: Sequence[Output]) -> pd.DataFrame:
     """One row for each direction and output: the multiple, its sign, and the error that it makes of a source."""
     rows = []
-    for j, name in enumerate(_names(sources)):
+    for j, name in enumerate([*(spoken(source.name) for source in sources), ALL_AT_ONCE]):
         for i, output in enumerate(outputs):
             multiple, sign = found.multiples[j, i], found.signs[j, i]
             row = {"source": name, "output": output.name, "multiple": multiple, "sign": sign}
@@ -72,6 +68,7 @@ def render(
     tolerance, confidence, samples = about
     reached = float(dispersion.multiples[-1])
     names = [spoken(output.name) for output in outputs]
+    directions = [*source_labels([each.name for each in sources], [each.name for each in outputs]), ALL_AT_ONCE]
     together = [
         {
             "name": name,
@@ -91,7 +88,7 @@ def render(
                 for i in range(len(outputs))
             ],
         }
-        for j, name in enumerate(_names(sources))
+        for j, name in enumerate(directions)
     ]
     return filled(
         "linearity.html",
@@ -103,7 +100,7 @@ def render(
         alone=alone_rows,
         outputs=names,
         ratios=drawn.ratios(dispersion, tolerance, [*names, JOINT]),
-        dots=drawn.alone(single, minor, _names(sources), names),
+        dots=drawn.alone(single, minor, directions, names),
     )
 
 

@@ -20,6 +20,9 @@ Array = NDArray[np.float64]
 REACH: Final = 4.0
 """Tolerances above and below one that are shown."""
 
+ALONE: Final = 2.0
+"""Factor by which the axis reaches beyond the only multiple that was flown."""
+
 RATIO: Final = Series("flown", "Monte Carlo over linear σ", FLOWN)
 INTERVAL: Final = Series("interval", "its interval", AREA, "area")
 TOLERANCE: Final = Series("tolerance", "tolerance", BAND, "area")
@@ -58,12 +61,14 @@ def _ratio(axes: Axes, found: DispersionRange, tolerance: float, column: int) ->
     axes.axhspan(1.0 - tolerance, 1.0 + tolerance, color=BAND, zorder=-1, gid=TOLERANCE.gid)
     INTERVAL.band(axes, found.multiples[shown], low[shown], np.minimum(high[shown], 1.0 + 3.0 * REACH * tolerance))
     axes.axhline(1.0, color=LINEAR, linewidth=1.0)
-    RATIO.on(axes, found.multiples[shown], ratio[shown], linewidth=1.8)
+    RATIO.on(axes, found.multiples[shown], ratio[shown], linewidth=1.8, marker="o" if shown.sum() == 1 else None)
     if np.isfinite(found.departs[column]):
         axes.axvline(found.departs[column], color=MUTED, linewidth=1.2, linestyle="--", gid=LEAVES.gid)
     axes.set_xscale("log")
     plainly(axes.xaxis)
-    axes.set_xlim(found.multiples[0], found.multiples[-1])
+    low, high = found.multiples[[0, -1]]
+    margin = ALONE if low == high else 1.0  # a single multiple needs room on both sides
+    axes.set_xlim(low / margin, high * margin)
     axes.set_ylim(1.0 - REACH * tolerance, 1.0 + REACH * tolerance)
     axes.locator_params(axis="y", nbins=5)
     axes.set(xlabel="multiple of the stated errors", ylabel="σ ratio")
