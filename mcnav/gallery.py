@@ -15,7 +15,7 @@ from mcnav.report import wording
 from mcnav.report.content import spoken
 from mcnav.report.numbers import number
 from mcnav.report.page import filled
-from mcnav.report.requirements import shown_units
+from mcnav.report.requirements import shown_units, tone_of
 
 DEEPEST: Final = 3
 """Folders below the one that is looked through."""
@@ -72,10 +72,12 @@ def _entry(folder: Path, place: Path) -> dict[str, Any]:
         if manifest is None:
             raise RunFolderError("holds no run")
         units = shown_units(summary)
+        counts = wording.met(summary)
         sigmas = summary["sigma_paired"] or summary["sigma_linear"]
         return entry | {
             "name": summary["campaign"],
             "tone": wording.tone(summary),
+            "standing": wording.standing(summary),
             "headline": wording.headline(summary),
             "samples": f"{summary['samples']:,}",
             "failed": f"{summary['failed']:,}",
@@ -86,7 +88,8 @@ def _entry(folder: Path, place: Path) -> dict[str, Any]:
             ],
             "date": str(manifest["started"])[:10],
             "hash": digest(manifest["identity"])[:HASH],
-            "requirements": [found["finding"] for found in summary.get("requirements", [])],
+            "requirements": counts and f"{counts['met']} of {counts['of']} met",
+            "requirements_tone": counts and tone_of(counts),
         }  # fmt: skip
     except (RunFolderError, KeyError, TypeError, ValueError) as failure:
         told = str(failure) if isinstance(failure, RunFolderError) else f"{type(failure).__name__}: {failure}"

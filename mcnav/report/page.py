@@ -217,7 +217,7 @@ def render(content: Content) -> str:
         tails=tail_rows(content),
         causes=causes(content),
         routes=two_routes(content),
-        tone=wording.tone(summary),
+        tone=wording.standing(summary),
         certain=wording.certain_but_small(summary),
         stopping=wording.stopping(summary),
         caveat=wording.caveat(summary),

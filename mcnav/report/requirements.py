@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
 import numpy as np
@@ -12,6 +12,22 @@ from mcnav.report.numbers import number
 from mcnav.units import conversion
 
 TONES: Final = {"met": "agrees", "not met": "differs", "undecided": "undecided"}
+
+
+def tally(findings: Iterable[str]) -> dict[str, int] | None:
+    """Count requirements by what was found of them; none without requirements.
+
+    >>> tally(["not met", "undecided"])
+    {'met': 0, 'not_met': 1, 'undecided': 1, 'of': 2}
+    """
+    found = list(findings)
+    counts = {finding.replace(" ", "_"): found.count(finding) for finding in TONES}
+    return {**counts, "of": len(found)} if found else None
+
+
+def tone_of(counts: Mapping[str, int]) -> str:
+    """``agrees`` when all requirements are met, ``differs`` when one is not, else ``undecided``."""
+    return "differs" if counts["not_met"] else "undecided" if counts["undecided"] else "agrees"
 
 
 def stated(entry: Mapping[str, Any], shown_in: Mapping[str, tuple[float, str]]) -> str:

@@ -15,6 +15,7 @@ from mcnav.analysis.excluded import Excluded
 from mcnav.analysis.joint import Joint
 from mcnav.analysis.requirements import Judged
 from mcnav.analysis.tails import Quantile
+from mcnav.report.requirements import tally
 from mcnav.statistics.significance import Significance
 
 TESTS: Final = ("covariance", "covariance_paired", "bias", "bias_paired", "nees")
@@ -108,6 +109,7 @@ def summarise(
         "causes": asdict(causes) if causes else None,
         "tails": [_named(asdict(quantile), named["outputs"]) for quantile in tails],
         "requirements": [_requirement(judged, named["outputs"]) for judged in requirements],
+        "requirements_met": tally(judged.finding.value for judged in requirements),
         "budget": {**asdict(budget), "flown": manifest["model"].get("budget")},
     }
 

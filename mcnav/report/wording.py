@@ -6,7 +6,8 @@ import math
 from collections.abc import Mapping
 from typing import Any, Final
 
-from mcnav.report.content import spoken
+from mcnav.report.content import labels_of, spoken
+from mcnav.report.requirements import tally
 
 LARGE_RATIO: Final = 3.0
 """A sigma ratio above this is told as a multiple, not in per cent."""
@@ -39,8 +40,32 @@ def tone(summary: Mapping[str, Any]) -> str:
     return str(summary["verdict"])
 
 
+def standing(summary: Mapping[str, Any]) -> str:
+    """The tone with the requirements: what agrees stands only ``partly`` while a requirement is not met."""
+    counts, found = met(summary), tone(summary)
+    return "partly" if found == "agrees" and counts and counts["met"] < counts["of"] else found
+
+
+def met(summary: Mapping[str, Any]) -> dict[str, int] | None:
+    """How many requirements are met, not met and undecided; none without requirements."""
+    return tally(entry["finding"] for entry in summary.get("requirements") or ())
+
+
 def headline(summary: Mapping[str, Any]) -> str:
-    """The answer in a few words."""
+    """The answer in a few words: on linear analysis, and on the requirements where there are some."""
+    return " ".join(sentence for sentence in (_on_linear(summary), _on_requirements(summary)) if sentence)
+
+
+def _on_requirements(summary: Mapping[str, Any]) -> str:
+    counts = met(summary)
+    if counts is None:
+        return ""
+    rest = [f"{counts[key]} {word}" for key, word in (("not_met", "failed"), ("undecided", "undecided")) if counts[key]]
+    told = ", ".join([f"{counts['met']} of {counts['of']} met", *rest])
+    return f"Requirements: {told}."
+
+
+def _on_linear(summary: Mapping[str, Any]) -> str:
     if tone(summary) == "partly":
         rest = {"differs": "no for their joint distribution", "undecided": "their joint distribution is not decided"}
         return f"Yes for the dispersion of each output; {rest[summary['verdict_matrix']]}."
@@ -196,13 +221,14 @@ def stopping(summary: Mapping[str, Any]) -> str:
 
 def caveat(summary: Mapping[str, Any]) -> str:
     """A remark on sources whose tails are too heavy for the intervals; empty when there are none."""
-    heavy = [spoken(name) for name in summary["heavy_tailed"]]
+    labels = dict(zip((entry["name"] for entry in summary["sources"]), labels_of(summary), strict=True))
+    heavy = [labels[name] for name in summary["heavy_tailed"]]
     if heavy:
         return (
             f"No interval is given and nothing decided, because of heavy tails ({_listed(heavy)}): with errors like "
             "these and this design, intervals that should cover 95 % were measured to cover far less (mcnav calibrate)."
         )
-    long = [spoken(name) for name in summary.get("long_tailed", [])]
+    long = [labels[name] for name in summary.get("long_tailed", [])]
     if long:
         return (
             f"The intervals are only nearly right, because of long tails ({_listed(long)}): with errors like these, "

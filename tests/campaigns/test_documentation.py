@@ -21,7 +21,7 @@ from mcnav.campaign.file import read_campaign
 from mcnav.gallery import write_index
 from mcnav.judging import report_run
 from mcnav.study import run_campaign
-from tests.conftest import ROOT
+from tests.conftest import ROOT, campaign
 
 PAGES = ROOT / "mcnav"
 EXAMPLES = ROOT / "reports" / "examples"
@@ -181,3 +181,27 @@ def test_an_index_names_what_cannot_be_read(tmp_path: Path) -> None:
     assert str(tmp_path) not in page
     assert 'href="group/other.html"' in page
     assert written.read_bytes() == write_index(tmp_path)[0].read_bytes()
+
+
+def test_requirements_in_report_index_summary_and_notebook(tmp_path: Path) -> None:
+    """A run that agrees and meets none of its two requirements is green nowhere, and says so everywhere."""
+    asked = {
+        "quantile": [
+            {"output": "altitude", "probability": 0.9973, "below": "1 km"},
+            {"output": "range", "probability": 0.9973, "below": "62 km"},
+        ]
+    }
+    done = run_campaign(campaign(1, samples=2_000, accept=asked), tmp_path / "run", "ensemble", 1)
+    assert done.summary["verdict"] == "agrees"
+    assert done.summary["requirements_met"] == {"met": 0, "not_met": 1, "undecided": 1, "of": 2}
+    told = "Yes: the linear covariance analysis may be trusted here. Requirements: 0 of 2 met, 1 failed, 1 undecided."
+    report = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
+    assert f'<div class="verdict partly">\n<p class="headline">{told}</p>' in report
+    index = write_index(tmp_path)[0].read_text(encoding="utf-8")
+    assert f'<span class="tag partly" title="{told}">agrees</span>' in index
+    assert '<span class="tag differs">0 of 2 met</span>' in index
+    assert "tag agrees" not in index
+    run = mcnav.open_run(tmp_path / "run")
+    assert repr(run) == f"test: {told}"
+    assert told in run._repr_html_()
+    assert run_campaign(campaign(1), tmp_path / "none", "ensemble", 1).summary["requirements_met"] is None

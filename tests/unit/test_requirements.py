@@ -16,6 +16,7 @@ from mcnav.analysis.requirements import (
     normal_box_probability,
     requirements_from,
 )
+from mcnav.report import wording
 
 MODEL = Model(np.array([[1.0, 0.0], [0.0, 2.0]]), np.zeros(2), np.zeros(2), np.eye(2))
 P9973 = 3.0 * 0.99999  # of a standard normal, absolute
@@ -153,3 +154,26 @@ def test_box_of_a_singular_covariance() -> None:
 def test_requirements_by_name() -> None:
     entry = {"kind": "cep", "outputs": ["b", "a"], "limits": [3], "probability": 0.5}
     assert requirements_from([entry], [{"name": "a"}, {"name": "b"}]) == (Requirement("cep", (1, 0), (3.0,), 0.5),)
+
+
+AGREES = {"verdict": "agrees", "verdict_matrix": "agrees", "sigma_linear": [1.0]}
+
+
+@pytest.mark.parametrize(
+    ("findings", "sentence", "standing"),
+    [
+        ([], "", "agrees"),
+        (["met", "met"], " Requirements: 2 of 2 met.", "agrees"),
+        (["not met", "undecided"], " Requirements: 0 of 2 met, 1 failed, 1 undecided.", "partly"),
+        (["met", "undecided"], " Requirements: 1 of 2 met, 1 undecided.", "partly"),
+    ],
+)
+def test_requirements_have_a_say_beside_the_verdict(findings: list[str], sentence: str, standing: str) -> None:
+    """The headline tells both; it is green only when linear analysis agrees and every requirement is met."""
+    summary = AGREES | {"requirements": [{"finding": finding} for finding in findings]}
+    assert wording.headline(summary) == f"Yes: the linear covariance analysis may be trusted here.{sentence}"
+    assert wording.standing(summary) == standing
+    assert wording.tone(summary) == "agrees"
+    differs = summary | {"verdict": "differs"}
+    assert wording.headline(differs) == f"No: the linear covariance analysis does not hold here.{sentence}"
+    assert wording.standing(differs) == "differs"
