@@ -4,24 +4,17 @@ from __future__ import annotations
 
 import os
 import signal
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
 
-if TYPE_CHECKING:
-    from mcnav.campaign.runner import Progress as Told
-
 NOT_KEPT, BAD_INPUT, SOME_FAILED, BUSY, INTERRUPTED, TERMINATED = 1, 2, 3, 4, 130, 143
 """Exit statuses; 0 is success."""
-
-QUIET_SECONDS = 1.0
-"""A progress bar appears when a run takes longer."""
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -114,39 +107,6 @@ def _errors_told() -> Iterator[None]:
         raise _fail(message, _status_when_ended()) from None
 
 
-@contextmanager
-def _progress(samples: int) -> Iterator[Told]:
-    """A bar with rate and time left, on a terminal, once a run has taken a second."""
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    bar = Progress(
-        TextColumn("flying"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[rate]} samples/s"),
-        TimeRemainingColumn(),
-        console=err,
-        transient=True,
-    )
-    task = bar.add_task("flying", total=samples, rate="")
-    began, shown = time.perf_counter(), False
-
-    def told(more: int) -> None:
-        nonlocal shown
-        elapsed = time.perf_counter() - began
-        bar.advance(task, more)
-        bar.update(task, rate=f"{bar.tasks[0].completed / elapsed:,.0f}")
-        if err.is_terminal and not shown and elapsed > QUIET_SECONDS:
-            bar.start()
-            shown = True
-
-    try:
-        yield told
-    finally:
-        if shown:
-            bar.stop()
-
-
 def run_folder(campaign: Path) -> Path:
     """Where results go: ``reports/`` and the campaign file's stem; a run folder's own file goes on in that folder."""
     if campaign.name == "campaign.toml" and (campaign.parent / "manifest.json").exists():
@@ -207,7 +167,7 @@ def run(
     with _errors_told():
         from mcnav.campaign.cluster import flights
         from mcnav.campaign.file import read_campaign
-        from mcnav.report import terminal
+        from mcnav.report import progress, terminal
         from mcnav.study import engine_of, run_campaign
 
         options = {
@@ -222,7 +182,7 @@ def run(
             raise _fail(f"{campaign}: accept: is missing; --check has nothing to check", BAD_INPUT)
         target = folder or run_folder(campaign)
         chosen = engine or engine_of(target, campaign)
-        with flights(scheduler, dask, jobs) as (flyers, workers, known), _progress(described.samples) as told:
+        with flights(scheduler, dask, jobs) as (flyers, workers, known), progress.shown(err) as told:
             done = run_campaign(described, target, chosen, workers, fresh, told, max_failures, flyers)
         for notice in (*known, *done.notices):
             err.print(f"note: {notice}", markup=False)
@@ -390,11 +350,16 @@ def start_times(
 
 def _start_times(campaign: Path, folder: Path | None, axes: Axes | None, count: int | None, checks: bool) -> None:
     from mcnav.campaign.file import read_campaign
+    from mcnav.report import progress, terminal
     from mcnav.sweeps.start_times import write_start_times
 
     target = folder or Path("reports") / f"{campaign.stem}_start_times"
     described = read_campaign(campaign)
-    for written in write_start_times(described, target, axes.value if axes else None, count, checks):
+    with progress.shown(err) as told:
+        found, files = write_start_times(described, target, axes.value if axes else None, count, checks, told)
+    out.print(terminal.best_starts(found.study, found.checks, found.own_sigma, described.scenario.outputs))
+    out.print()
+    for written in files:
         out.print(f"written: {written}", markup=False)
 
 
@@ -411,12 +376,13 @@ def linearity(
     """Find how many times larger the errors could be before linear analysis fails, source by source and together."""
     with _errors_told():
         from mcnav.campaign.file import read_campaign
-        from mcnav.report import terminal
+        from mcnav.report import progress, terminal
         from mcnav.sweeps.linearity import write_linearity
 
         described = read_campaign(campaign)
         target = folder or Path("reports") / f"{campaign.stem}_linearity"
-        study, files = write_linearity(described, target, tolerance, samples, largest)
+        with progress.shown(err) as told:
+            study, files = write_linearity(described, target, tolerance, samples, largest, told)
         out.print(terminal.linearity(described.scenario.outputs, study.together, study.tolerance))
         out.print()
         for written in files:

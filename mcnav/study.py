@@ -25,7 +25,7 @@ from mcnav.campaign.origin import commit
 from mcnav.campaign.parts import Layout, Part, as_records
 from mcnav.campaign.problems import CampaignError, Problem, RunFolderError
 from mcnav.campaign.reduced import KEPT, SUMMARY
-from mcnav.campaign.runner import Flights, Progress, fly
+from mcnav.campaign.runner import Flights, fly
 from mcnav.campaign.until import Until
 from mcnav.campaign.work import Draws, Work
 from mcnav.judging import analyse, finish, linear_model, load_drawing
@@ -33,6 +33,7 @@ from mcnav.linear.conformance import Check, conformance
 from mcnav.linear.map_engine import engines_of
 from mcnav.linear.reduction import Frame
 from mcnav.modelling import System, system_of, write_epochs
+from mcnav.progress import SILENT, Phase, Progress
 from mcnav.sampling.designs import block_length
 from mcnav.statistics.stopping import looks
 
@@ -66,7 +67,7 @@ def run_campaign(
     engine: str | None,
     jobs: int,
     fresh: bool = False,
-    progress: Progress = lambda samples: None,
+    progress: Progress = SILENT,
     most_failures: int | None = None,
     flights: Flights | None = None,
 ) -> Run:
@@ -86,8 +87,8 @@ def run_campaign(
         Workers.
     fresh : bool
         Delete what an earlier run left in the folder.
-    progress : callable
-        Told how many samples have become ready.
+    progress : Progress
+        Told which phase begins, and how many samples have become ready.
     most_failures : int, optional
         Samples that may fail before the run is broken off.
     flights : Flights, optional
@@ -105,6 +106,7 @@ def run_campaign(
         When the folder holds something else, is in use, or cannot be written to.
     TooManyFailures
     """
+    progress.phase(Phase.PREPARING)
     folder = RunFolder(path)
     engine = engine or campaign.scenario.engines[0]
     if engine not in engines_of(campaign.scenario):
@@ -165,12 +167,15 @@ def run_campaign(
                     f"{path}: cannot be written to: {failure.strerror or failure}; what is stored there is kept"
                 ) from None
             seconds = round(time.perf_counter() - began, 3)
+            progress.phase(Phase.ANALYSING)
         manifest["model"] = system.model | beyond()
         write_epochs(campaign, system.prepared, folder, parts)
         manifest |= {"complete": True, "parts": as_records(parts)}
         manifest["flight"] = {"jobs": jobs, "seconds": seconds, "samples": flown}
         folder.write_manifest(manifest)
-        return Run(finish(folder, analyse(folder)), flown, tuple(notices))
+        judged = analyse(folder)
+        progress.phase(Phase.REPORTING)
+        return Run(finish(folder, judged), flown, tuple(notices))
 
 
 @contextmanager
@@ -197,16 +202,20 @@ def _fly_enough(
     """Fly a campaign's samples, or as many as its stopping rule asks for; the manifest is told how many these are."""
     until = campaign.until
     if until is None:
+        progress.phase(Phase.SIMULATING, campaign.samples)
         return fly(work, jobs, progress, notice=notice, most_failures=most_failures, elsewhere=flights)
     sizes = looks(work.prepared.chunk, until.at_most)
     manifest["criterion"]["looks"] = len(sizes)
     parts: list[Part] = []
     flown, before = 0, 0
-    for size in sizes:
+    for look, size in enumerate(sizes, start=1):
+        note = f"look {look} of at most {len(sizes)}"
+        progress.phase(Phase.SIMULATING, note=note)
         sized = replace(work, draws=replace(work.draws, samples=size))
         more, now = fly(sized, jobs, progress, before, notice, most_failures, flights)
         parts, flown, before = parts + more, flown + now, size
         manifest |= {"samples": size, "parts": as_records(parts)}
+        progress.phase(Phase.ANALYSING, note=note)
         precision = _precision(work.folder, manifest, until)
         reached = precision <= until.precision
         manifest["stopping"] = until.described() | {"looks": len(sizes), "found": precision, "reached": reached}

@@ -15,6 +15,7 @@ from markupsafe import Markup
 from mcnav.campaign.file import Campaign, parse_campaign
 from mcnav.physics.response import Response, linear_response
 from mcnav.physics.vehicle import Vehicle
+from mcnav.progress import Phase
 from mcnav.report.drawings import beside
 from mcnav.report.drawings.drawing import Drawing
 from mcnav.scenarios.reentry import SOURCES, Flight, Reentry
@@ -25,6 +26,28 @@ settings.load_profile("suite")
 
 ROOT = Path(__file__).parent.parent
 TRAJECTORIES = tuple(TABLE_I)
+
+
+class Told:
+    """Progress that is remembered.
+
+    Attributes
+    ----------
+    phases : list of (Phase, int or None, str)
+    samples, stored : int
+        That have become ready, and how many of them were stored already.
+    """
+
+    def __init__(self) -> None:
+        self.phases: list[tuple[Phase, int | None, str]] = []
+        self.samples = self.stored = 0
+
+    def phase(self, phase: Phase, samples: int | None = None, note: str = "") -> None:
+        self.phases.append((phase, samples, note))
+
+    def advance(self, samples: int, stored: bool = False) -> None:
+        self.samples += samples
+        self.stored += samples if stored else 0
 
 
 @pytest.fixture

@@ -16,8 +16,8 @@ from mcnav.campaign.parts import Part, part_name
 from mcnav.campaign.problems import TooManyFailures
 from mcnav.campaign.processes import end_workers, fly_in_processes
 from mcnav.campaign.work import Place, Work, fly_chunk, whole
+from mcnav.progress import Progress
 
-Progress = Callable[[int], None]
 Flights = Callable[[Work, Sequence[Place], int], Generator[Part, None, None]]
 """Flies chunks by so many workers and gives their parts as they become ready; closed, it flies no more."""
 
@@ -52,8 +52,8 @@ def fly(
     work : Work
     jobs : int
         Workers: threads for an engine that runs free of the interpreter lock, else processes.
-    progress : callable
-        Told how many samples have become ready, each time some do.
+    progress : Progress
+        Told how many samples have become ready, each time some do, and first how many are stored already.
     first : int
         Sample to begin with, the first of a chunk.
     notice : callable
@@ -82,7 +82,7 @@ def fly(
         known = whole(work, number)
         if known is not None and (known.begin, known.end) == (begin, place.end):
             parts.append(known)
-            progress(place.end - begin)
+            progress.advance(place.end - begin, stored=True)
             continue
         missing.append(place)
         path = work.folder.parts / part_name(number)
@@ -94,7 +94,7 @@ def fly(
         with closing(flights(work, missing, jobs)) as ready:
             for part in ready:
                 parts.append(part)
-                progress(part.end - part.begin)
+                progress.advance(part.end - part.begin)
                 _refuse_failures(parts, most_failures)
     finally:
         if work.in_processes or elsewhere is not None:

@@ -15,7 +15,7 @@ from mcnav.report.content import spoken
 from mcnav.report.drawings import start_times as drawn
 from mcnav.report.numbers import number
 from mcnav.report.page import filled
-from mcnav.scenarios.protocol import Output, Source
+from mcnav.scenarios.protocol import Output, Source, source_labels
 from mcnav.units import conversion
 
 Array = NDArray[np.float64]
@@ -73,8 +73,9 @@ def render(
 ) -> str:
     """The page. ``checks`` are Monte Carlo comparisons by start time, s."""
     scale = np.array([conversion(output.unit, output.shown_in) for output in outputs])
+    labels = source_labels([source.name for source in sources], [output.name for output in outputs])
     curves = [
-        (spoken(output.name), drawn.effects(study, i, float(scale[i]), sources, output))
+        (spoken(output.name), drawn.effects(study, i, float(scale[i]), labels, output))
         for i, output in enumerate(outputs)
     ]
     return filled(

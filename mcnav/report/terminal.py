@@ -11,11 +11,14 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from mcnav.analysis.comparison import Comparison
 from mcnav.analysis.linearity import DispersionRange
+from mcnav.analysis.verdict import worst
+from mcnav.linear.start_times import StartTimeStudy
 from mcnav.report import wording
 from mcnav.report.content import spoken
 from mcnav.report.requirements import TONES, shown_units, stated
-from mcnav.scenarios.protocol import Output, Source
+from mcnav.scenarios.protocol import Output, Source, source_labels
 from mcnav.units import conversion
 
 if TYPE_CHECKING:
@@ -35,7 +38,7 @@ def _table(title: str) -> Table:
 
 def verdict(summary: Mapping[str, Any]) -> RenderableType:
     """The verdict in sentences."""
-    lines = [Text(wording.headline(summary), style=f"bold {COLOURS[wording.tone(summary)]}")]
+    lines = [Text(wording.headline(summary), style=f"bold {COLOURS[wording.standing(summary)]}")]
     remarks = (wording.joint_explanation, wording.certain_but_small, wording.stopping, wording.caveat, wording.failures)
     lines += [Text(sentence) for sentence in (say(summary) for say in (wording.explanation, *remarks)) if sentence]
     return Group(*lines)
@@ -136,12 +139,13 @@ def partials(sources: Sequence[Source], outputs: Sequence[Output], matrix: Array
     table.add_column("per unit of")
     for output in outputs:
         table.add_column(Text(f"{spoken(output.name)} [{output.shown_in}]"), justify="right")
+    labels = source_labels([source.name for source in sources], [output.name for output in outputs])
     for j, source in enumerate(sources):
         per = conversion(source.shown_in, source.unit)
         values = [
             f"{matrix[i, j] * per * conversion(output.unit, output.shown_in):.7g}" for i, output in enumerate(outputs)
         ]
-        table.add_row(Text(f"{spoken(source.name)} [{source.shown_in}]"), *values)
+        table.add_row(Text(f"{labels[j]} [{source.shown_in}]"), *values)
     return table
 
 
@@ -166,6 +170,50 @@ def linearity(outputs: Sequence[Output], found: DispersionRange, tolerance: floa
     for k, name in enumerate([*(spoken(output.name) for output in outputs), wording.JOINT]):
         values = (found.agrees_until[k], found.departs[k], found.differs_from[k])
         table.add_row(Text(name), *(wording.multiple_words(float(value), reached) for value in values))
+    return table
+
+
+def best_starts(
+    study: StartTimeStudy, checked: Mapping[float, Comparison], own_sigma: Array, outputs: Sequence[Output]
+) -> RenderableType:
+    """The best start for each output, and for all of them weighted, a line each.
+
+    Parameters
+    ----------
+    study : StartTimeStudy
+    checked : mapping of float to Comparison
+        Monte Carlo by start time, s.
+    own_sigma : ndarray, shape (outputs,)
+        Linear dispersion for the campaign's own start, SI.
+    outputs : sequence of Output
+    """
+    table = _table(
+        "Best start of navigation (min from reentry, up to it) by linear analysis, and 1σ of the final errors"
+    )
+    table.add_column("best for", no_wrap=True)
+    for heading in ("start", "σ there", "σ, own start", *(["Monte Carlo"] if checked else [])):
+        table.add_column(heading, justify="right", no_wrap=True)
+    if checked:
+        table.add_column("verdict", no_wrap=True)
+    scale = np.array([conversion(output.unit, output.shown_in) for output in outputs])
+    labels = [f"{spoken(output.name)} [{output.shown_in}]" for output in outputs]
+    rows = [(label, int(study.best[i]), np.eye(len(outputs))[i] * scale[i]) for i, label in enumerate(labels)]
+    rows.append(("all, weighted", study.best_weighted, study.weights))
+    for label, place, weights in rows:
+
+        def size(sigma: Array, weights: Array = weights) -> str:
+            return f"{float(np.sqrt(((sigma * weights) ** 2).sum())):.5g}"
+
+        time = float(study.times[place])
+        cells = [f"{time / 60.0:.1f}", size(study.sigma[place]), size(own_sigma)]
+        found = next((each for when, each in checked.items() if np.isclose(when, time, rtol=0.0, atol=1e-6)), None)
+        if found is not None and found.outputs:
+            which = [output for output, weight in zip(found.outputs, weights, strict=True) if weight > 0.0]
+            verdict_there = worst([output.paired.verdict for output in which])
+            cells += [size(np.array([output.sigma_paired for output in found.outputs])), verdict_there.value]
+        elif checked:
+            cells += ["–", "not checked"]
+        table.add_row(*(Text(cell, style=COLOURS.get(cell, "")) for cell in (label, *cells)))
     return table
 
 

@@ -15,8 +15,10 @@ from mcnav.analysis.linearity import AloneRange, DispersionRange, alone, togethe
 from mcnav.campaign.file import Campaign
 from mcnav.campaign.files import write_whole
 from mcnav.linear.partials import Propagate
+from mcnav.progress import SILENT, Phase, Progress
 from mcnav.report import linearity as shown
 from mcnav.sampling.designs import FEWEST_BLOCKS, block_length
+from mcnav.scenarios.protocol import Outcomes
 
 Array = NDArray[np.float64]
 
@@ -58,6 +60,7 @@ def linearity_study(
     tolerance: float | None = None,
     samples: int = SAMPLES,
     largest: float = LARGEST_TOGETHER,
+    progress: Progress = SILENT,
 ) -> LinearityStudy:
     """Find a campaign's range of linearity.
 
@@ -70,7 +73,9 @@ def linearity_study(
         Flights at each multiple of all errors together.
     largest : float
         Largest multiple of all errors together.
+    progress : Progress
     """
+    progress.phase(Phase.PREPARING)
     scenario, errors = campaign.scenario, campaign.errors
     allowed = campaign.tolerance if tolerance is None else tolerance
     engine = scenario.engines[0]
@@ -80,13 +85,16 @@ def linearity_study(
     linear = scenario.linearised()
 
     def by_draws(multiple: float) -> Propagate:
-        return scenario.prepared(engine, multiple * draws[:PROBES]).propagate
+        return _counted(scenario.prepared(engine, multiple * draws[:PROBES]).propagate, progress)
 
     def by_directions(multiple: float) -> Propagate:
-        return scenario.prepared(engine, multiple * np.vstack([directions, -directions])).propagate
+        both = multiple * np.vstack([directions, -directions])
+        return _counted(scenario.prepared(engine, both).propagate, progress)
 
     with threadpool_limits(1):
+        progress.phase(Phase.SIMULATING, note="each source alone")
         single = alone(by_directions, linear, directions, allowed, LARGEST_ALONE)
+        progress.phase(Phase.SIMULATING, note="all errors together")
         dispersion = together(
             by_draws,
             Model(linear.partials, linear.nominal, errors.mean, errors.covariance),
@@ -100,12 +108,24 @@ def linearity_study(
     return LinearityStudy(allowed, campaign.confidence, sizes, contributions, single, dispersion, samples)
 
 
+def _counted(propagate: Propagate, progress: Progress) -> Propagate:
+    """Propagate, and count what has been."""
+
+    def told(errors: Array) -> Outcomes:
+        outcomes = propagate(errors)
+        progress.advance(len(errors))
+        return outcomes
+
+    return told
+
+
 def write_linearity(
     campaign: Campaign,
     path: Path,
     tolerance: float | None = None,
     samples: int = SAMPLES,
     largest: float = LARGEST_TOGETHER,
+    progress: Progress = SILENT,
 ) -> tuple[LinearityStudy, list[Path]]:
     """Write a study of the range of linearity as tables and a page; parameters as for `linearity_study`.
 
@@ -116,7 +136,8 @@ def write_linearity(
         ``linearity.csv`` (each source alone), ``linearity_dispersion.csv`` (all together) and ``linearity.html``.
     """
     sources, outputs = campaign.scenario.sources, campaign.scenario.outputs
-    study = linearity_study(campaign, tolerance, samples, largest)
+    study = linearity_study(campaign, tolerance, samples, largest, progress)
+    progress.phase(Phase.REPORTING)
     path.mkdir(parents=True, exist_ok=True)
     files = {
         "linearity.csv": shown.alone_table(study.alone, study.sizes, sources, outputs).to_csv(index=False),

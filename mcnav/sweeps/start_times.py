@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -14,7 +15,9 @@ from mcnav.analysis.comparison import Comparison, Criterion, Model, compare
 from mcnav.campaign.file import Campaign
 from mcnav.campaign.files import write_whole
 from mcnav.campaign.problems import CampaignError, Problem
+from mcnav.linear.covariance import propagated_covariance
 from mcnav.linear.start_times import StartTimeStudy, study_start_times
+from mcnav.progress import SILENT, Phase, Progress
 from mcnav.report import start_times as shown
 from mcnav.sampling.designs import FEWEST_BLOCKS, block_length
 from mcnav.scenarios.protocol import ScenarioError, StartTimes
@@ -26,6 +29,24 @@ EVENLY: Final = 6
 
 PROBES: Final = 64
 """Samples on which the engine's accuracy is settled at each start time."""
+
+
+@dataclass(frozen=True)
+class StartTimesFound:
+    """What came of a study of start times.
+
+    Attributes
+    ----------
+    study : StartTimeStudy
+    checks : mapping of float to Comparison
+        Monte Carlo by start time, s.
+    own_sigma : ndarray, shape (outputs,)
+        Linear dispersion of the campaign as it stands, with its own start and stated errors, SI.
+    """
+
+    study: StartTimeStudy
+    checks: Mapping[float, Comparison]
+    own_sigma: Array
 
 
 @dataclass(frozen=True)
@@ -92,8 +113,13 @@ def check_start_time(campaign: Campaign, time: float, axes: str) -> Check:
 
 
 def write_start_times(
-    campaign: Campaign, path: Path, axes: str | None = None, count: int | None = None, checks: bool = True
-) -> list[Path]:
+    campaign: Campaign,
+    path: Path,
+    axes: str | None = None,
+    count: int | None = None,
+    checks: bool = True,
+    progress: Progress = SILENT,
+) -> tuple[StartTimesFound, list[Path]]:
     """Write a study of start times as tables and a page.
 
     Parameters
@@ -105,17 +131,26 @@ def write_start_times(
         In place of the campaign's.
     checks : bool
         Whether Monte Carlo checks the linear dispersion.
+    progress : Progress
 
     Returns
     -------
-    list of Path
+    found : StartTimesFound
+    written : list of Path
         ``start_times.csv``, ``start_times_checks.csv`` (with checks) and ``start_times.html``.
     """
     sources, outputs = campaign.scenario.sources, campaign.scenario.outputs
+    progress.phase(Phase.PREPARING)
     with threadpool_limits(1):
         study = start_time_study(campaign, axes, count)
         times = checked_times(campaign, study) if checks else ()
-        found = {time: check_start_time(campaign, time, study.axes).comparison for time in times}
+        progress.phase(Phase.SIMULATING, len(times) * campaign.start_times.samples)
+        found = {}
+        for time in times:
+            found[time] = check_start_time(campaign, time, study.axes).comparison
+            progress.advance(campaign.start_times.samples)
+        own = propagated_covariance(campaign.scenario.linearised().partials, campaign.errors.covariance)
+    progress.phase(Phase.REPORTING)
     written = {"start_times.csv": shown.table(study, sources, outputs).to_csv(index=False)}
     if found:
         written["start_times_checks.csv"] = shown.check_table(found, outputs).to_csv(index=False)
@@ -123,4 +158,5 @@ def write_start_times(
     path.mkdir(parents=True, exist_ok=True)
     for name, text in written.items():
         write_whole(path / name, text.encode())
-    return [path / name for name in written]
+    sigma = np.sqrt(np.maximum(np.diag(own), 0.0))
+    return StartTimesFound(study, found, sigma), [path / name for name in written]

@@ -69,7 +69,7 @@ def _report(folder: Path, _: Callable[[str], Path]) -> Path:
 
 def _start_times(folder: Path, _: Callable[[str], Path]) -> Path:
     plan = {"count": 41, "samples": 200, "check": ["-60 min", "-30 min"]}
-    return write_start_times(campaign(4, name=NAME, start_times=plan), folder)[-1]
+    return write_start_times(campaign(4, name=NAME, start_times=plan), folder)[1][-1]
 
 
 def _linearity(folder: Path, _: Callable[[str], Path]) -> Path:

@@ -81,7 +81,7 @@ def test_report_and_compare(workplace: Path) -> None:
 def test_partials(workplace: Path) -> None:
     finished = mcnav("partials", DEMO, cwd=workplace)
     assert finished.returncode == 0
-    for word in ("gyro drift [deg/h]", "differences", "runs"):
+    for word in ("gyro drift [deg/h]", "initial altitude [km]", "initial range rate [m/s]", "differences", "runs"):
         assert word in finished.stdout
     single = mcnav("partials", DEMO, "--method", "runs", cwd=workplace)
     assert single.returncode == 0
@@ -121,6 +121,17 @@ def test_start_times(workplace: Path) -> None:
     assert finished.returncode == 0, finished.stderr
     checks = pd.read_csv(folder / "start_times_checks.csv")
     assert (checks["verdict"] == "agrees").all()
+    table = pd.read_csv(folder / "start_times.csv")
+    before = table[table["start [s]"] <= 0.0]
+    best = before.loc[before["sigma altitude [m]"].idxmin()]
+    flown = checks[(checks["output"] == "altitude") & np.isclose(checks["start [s]"], best["start [s]"])].iloc[0]
+    told = next(line for line in finished.stdout.splitlines() if line.startswith("altitude [km]")).split()
+    sizes = [best["sigma altitude [m]"], table["sigma altitude [m]"][0], flown["sigma paired"]]
+    # the campaign's own start is the first point: two methods, 1e-5 apart, of which five digits are shown
+    assert float(told[2]) == pytest.approx(best["start [s]"] / 60.0, abs=0.051)
+    assert [float(word) for word in told[3:6]] == pytest.approx([1e-3 * size for size in sizes], rel=1e-4)
+    assert told[6] == "agrees"
+    assert any(line.startswith("all, weighted") for line in finished.stdout.splitlines())
     assert (folder / "start_times.html").read_text().count('class="tag agrees"') == len(checks)
 
 
@@ -131,6 +142,37 @@ def test_linearity(workplace: Path) -> None:
     assert "joint distribution" in finished.stdout
     assert len(pd.read_csv(folder / "linearity.csv")) == 44
     assert (folder / "linearity.html").read_text().count("<figure") == 2
+
+
+JAGGED = """
+import numpy as np
+from mcnav import Output, Source
+
+
+class Jagged:
+    sources = (Source("height", "m", "m", 1.0),)
+    outputs = tuple(Output(name, "m", "m") for name in ("height", "b", "c", "d", "e", "f"))
+
+    def propagate(self, errors):
+        return errors * np.arange(1.0, 7.0) + 100.0 * np.sin(1e3 * errors)
+"""
+
+
+def test_linearity_of_what_is_nowhere_linear(workplace: Path) -> None:
+    """Only the least multiple is flown, so that each figure shows one: nothing is written to stderr, not even warnings.
+
+    A source with the name of an output is an initial one, also in a scenario of one's own.
+    """
+    (workplace / "jagged.py").write_text(JAGGED)
+    described = '[scenario]\ntype = "jagged.py:Jagged"\n[errors]\nheight = "1 m"\n'
+    (workplace / "jagged.toml").write_text(described)
+    finished = mcnav("linearity", "jagged.toml", "--out", "jagged", cwd=workplace)
+    assert finished.returncode == 0, finished.stderr
+    assert finished.stderr == ""
+    table = pd.read_csv(workplace / "jagged" / "linearity_dispersion.csv")
+    assert set(table["multiple"]) == {0.1}
+    assert ">initial height</th>" in (workplace / "jagged" / "linearity.html").read_text()
+    assert set(pd.read_csv(workplace / "jagged" / "linearity.csv")["source"]) == {"height", "all at once"}
 
 
 def test_reproduce_the_story(workplace: Path) -> None:
@@ -204,6 +246,9 @@ def test_check(below: str, status: int, found: str, workplace: Path) -> None:
     assert finished.returncode == status, finished.stderr
     assert f"{found}" in finished.stdout
     assert f"|altitude| below {below} in 99.73 % of flights" in finished.stdout
+    assert "Yes for the dispersion of each output" in finished.stdout
+    told = {"met": "1 of 1 met", "not met": "0 of 1 met, 1 failed", "undecided": "0 of 1 met, 1 undecided"}[found]
+    assert f"Requirements: {told}." in finished.stdout
     if found == "not met":
         assert mcnav("run", campaign, "--samples", 2000, cwd=workplace).returncode == 0
     summary = json.loads((workplace / "reports" / campaign.stem / "summary.json").read_text())

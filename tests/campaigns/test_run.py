@@ -19,8 +19,9 @@ from mcnav.campaign.folder import RunFolder
 from mcnav.campaign.origin import commit
 from mcnav.campaign.problems import RunFolderBusy, RunFolderError
 from mcnav.judging import report_run, summary_of
+from mcnav.progress import Phase
 from mcnav.study import run_campaign
-from tests.conftest import campaign, content
+from tests.conftest import Told, campaign, content
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -145,10 +146,17 @@ def test_a_missing_or_damaged_part_is_flown_again(tmp_path: Path) -> None:
     parts[1].write_bytes(content)
     with pytest.raises(RunFolderError, match=r"part-00000\.parquet: cannot be read"):
         report_run(folder)
-    told: list[int] = []
-    done = run_campaign(run, folder, "ensemble", 1, progress=told.append)
+    told = Told()
+    done = run_campaign(run, folder, "ensemble", 1, progress=told)
     assert _digests(folder) == before
-    assert sum(told) == 20_000
+    assert told.samples == 20_000
+    assert told.stored == 20_000 - 2 * 8_192
+    assert told.phases == [
+        (Phase.PREPARING, None, ""),
+        (Phase.SIMULATING, 20_000, ""),
+        (Phase.ANALYSING, None, ""),
+        (Phase.REPORTING, None, ""),
+    ]
     assert done.flown == 2 * 8_192
 
 

@@ -28,6 +28,7 @@ from mcnav.campaign.parts import whole_part
 from mcnav.campaign.problems import RunFolderError
 from mcnav.campaign.work import fly_chunk
 from mcnav.judging import report_run
+from mcnav.progress import Silent
 from mcnav.study import run_campaign
 from tests.faults.kills import left_of
 from tests.faults.scenarios import SINGLE, VECTORISED, command, environment, written
@@ -264,13 +265,14 @@ class Sequences(RuleBasedStateMachine):
         self.samples = max(64, self.samples + more)
         left = [after]
 
-        def stop(samples: int) -> None:
-            left[0] -= 1
-            if left[0] <= 0:
-                raise Stopped
+        class Stop(Silent):
+            def advance(self, samples: int, stored: bool = False) -> None:
+                left[0] -= 1
+                if left[0] <= 0:
+                    raise Stopped
 
         try:
-            flown(self.samples, self.folder, progress=stop)
+            flown(self.samples, self.folder, progress=Stop())
         except Stopped:
             self.sound = False
             (self.folder / "samples" / ".part-00000.parquet.0123456789ab.tmp").write_bytes(b"half")

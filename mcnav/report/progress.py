@@ -1,0 +1,148 @@
+"""Progress in the terminal: a line for each phase, with a bar where the number of samples is known."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from threading import Timer
+from typing import Final
+
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
+from rich.progress_bar import ProgressBar
+from rich.table import Table
+from rich.text import Text
+
+from mcnav.progress import Phase, Progress
+
+QUIET_SECONDS: Final = 1.0
+"""Progress appears when a command takes longer."""
+
+BAR_WIDTH: Final = 30
+
+
+@dataclass
+class _Line:
+    """One phase as it is shown.
+
+    Attributes
+    ----------
+    phase : Phase
+    note : str
+    total : int or None
+        Samples that it will make ready.
+    began : float
+        Of the clock, s; earlier by as long as the phase went on before.
+    ended : float or None
+        None while it goes on.
+    ready, stored : int
+        Samples that are ready, and how many of them were stored already.
+    """
+
+    phase: Phase
+    note: str
+    total: int | None
+    began: float
+    ended: float | None = None
+    ready: int = 0
+    stored: int = 0
+
+    def cells(self, now: float) -> tuple[RenderableType, ...]:
+        """What is done, a bar, the count, and the pace: time left only while samples are still to come."""
+        elapsed = (now if self.ended is None else self.ended) - self.began
+        words = f"{self.phase.value}, {self.note}" if self.note else self.phase.value
+        if self.phase != Phase.SIMULATING:
+            return Text(words), Text(), Text(), Text(_seconds(elapsed))
+        count = f"{self.ready:,}" if self.total is None else f"{self.ready:,}/{self.total:,}"
+        bar = ProgressBar(total=self.total, completed=self.ready, width=BAR_WIDTH, pulse=False)
+        shown = Text() if self.total is None else bar
+        return Text(words), shown, Text(f"{count} samples"), Text(self._pace(elapsed))
+
+    def _pace(self, elapsed: float) -> str:
+        simulated = self.ready - self.stored
+        if self.ended is not None or not simulated or elapsed <= 0.0:
+            return _seconds(elapsed)
+        rate = simulated / elapsed
+        if self.total is None or self.ready >= self.total:
+            return f"{rate:,.0f} samples/s"
+        return f"{rate:,.0f} samples/s, {_seconds((self.total - self.ready) / rate)} left"
+
+
+def _seconds(value: float) -> str:
+    """A duration in words.
+
+    >>> _seconds(3.4), _seconds(75.0), _seconds(7_260.0)
+    ('3 s', '1 min 15 s', '2 h 1 min')
+    """
+    whole = round(value)
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3_600:
+        return f"{whole // 60} min {whole % 60} s"
+    return f"{whole // 3_600} h {whole % 3_600 // 60} min"
+
+
+class Lines:
+    """Phases and samples as lines of text; rich renders it anew whenever it likes.
+
+    Parameters
+    ----------
+    clock : callable
+        Gives seconds.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._lines: list[_Line] = []
+
+    def phase(self, phase: Phase, samples: int | None = None, note: str = "") -> None:
+        """Begin a phase, which ends the one before; one that was there already goes on."""
+        now = self._clock()
+        if self._lines:
+            self._lines[-1].ended = now
+        line = _Line(phase, note, samples, now)
+        for before in [each for each in self._lines if each.phase == phase]:
+            line.began -= (now if before.ended is None else before.ended) - before.began
+            line.ready, line.stored = before.ready, before.stored
+            self._lines.remove(before)
+        self._lines.append(line)
+
+    def advance(self, samples: int, stored: bool = False) -> None:
+        """Count samples that have become ready."""
+        if self._lines:
+            self._lines[-1].ready += samples
+            self._lines[-1].stored += samples if stored else 0
+
+    def __rich__(self) -> RenderableType:
+        """Give the lines."""
+        table = Table.grid(padding=(0, 1))
+        now = self._clock()
+        for line in list(self._lines):
+            table.add_row(*line.cells(now))
+        return Group(table)
+
+
+@contextmanager
+def shown(console: Console) -> Iterator[Progress]:
+    """Show progress on a terminal once a command has taken a second, and clear it at the end; elsewhere show nothing.
+
+    Parameters
+    ----------
+    console : Console
+    """
+    lines = Lines()
+    if not console.is_terminal:
+        yield lines
+        return
+    live = Live(lines, console=console, transient=True, refresh_per_second=4, redirect_stdout=False)
+    begin = Timer(QUIET_SECONDS, live.start)
+    begin.daemon = True
+    begin.start()
+    try:
+        yield lines
+    finally:
+        begin.cancel()
+        begin.join()
+        live.stop()
