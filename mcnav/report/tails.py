@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from mcnav.analysis.verdict import Verdict
 from mcnav.report.content import Content
 from mcnav.report.numbers import number
 
@@ -18,7 +19,6 @@ def tail_rows(content: Content) -> list[dict[str, Any]]:
         scale, unit = float(content.output_scale[first]), content.output_units[first]
         names = [content.output_names[i] for i in entry.outputs]
         name = f"|{names[0]}|" if len(names) == 1 else f"{' and '.join(names)}: CEP"
-        outside = not entry.lower <= entry.linear <= entry.upper
         rows.append(
             {
                 "name": name,
@@ -28,7 +28,8 @@ def tail_rows(content: Content) -> list[dict[str, Any]]:
                 "lower": number(entry.lower * scale) if entry.lower > 0.0 else "–",
                 "upper": number(entry.upper * scale) if np.isfinite(entry.upper) else "–",
                 "linear": number(entry.linear * scale),
-                "tone": "differs" if outside else "",
+                "verdict": entry.verdict.value,
+                "tone": "" if entry.verdict == Verdict.UNDECIDED else entry.verdict.value,
             }
         )
     return rows
