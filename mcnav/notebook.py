@@ -78,7 +78,7 @@ class FlownRun:
 
     @property
     def outputs(self) -> pd.DataFrame:
-        """Linear beside Monte Carlo, a row an output, in the units shown; ``from`` and ``to`` bound the paired ratio."""
+        """Linear beside Monte Carlo, a row an output, in the units shown; ``from``, ``to`` bound the paired ratio."""
         content = self.content
         rows = []
         for i, output in enumerate(content.comparison.outputs):

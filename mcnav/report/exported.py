@@ -1,7 +1,7 @@
 """Results as rows of numbers in full precision, and as CSV and JSON.
 
-Sources and outputs have the names that they have in campaign files. One unit rule: the column ``unit`` holds the unit of
-every dimensional number of its row, which is the unit that the output is shown in.
+Sources and outputs have the names that they have in campaign files. The column ``unit`` holds the unit of every
+dimensional number of its row, which is the one that tables show.
 """
 
 from __future__ import annotations
@@ -145,10 +145,10 @@ def partial_rows(sources: Sequence[Source], outputs: Sequence[Output], matrix: A
 
 
 def as_csv(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Write rows as CSV in full precision; what is not known is empty.
+    r"""Write rows as CSV in full precision; what is not known is empty.
 
     >>> as_csv([{"output": "x", "sigma": 0.1}, {"output": "y", "sigma": None}])
-    'output,sigma\\nx,0.1\\ny,\\n'
+    'output,sigma\nx,0.1\ny,\n'
     """
     written = io.StringIO()
     keys = list(dict.fromkeys(key for row in rows for key in row))

@@ -132,7 +132,9 @@ def partials(sources: Sequence[Source], outputs: Sequence[Output], matrix: Array
     table = FittedTable("Partial derivatives of the final errors", [Column("per unit of", text=True), *columns])
     values = iter(partial_rows(sources, outputs, matrix))
     for source in sources:
-        table.add(f"{spoken(source.name)} [{source.shown_in}]", *(f"{next(values)['partial']:.7g}" for _ in outputs))
+        table.add(
+            f"{spoken(source.name)} [{source.shown_in}]", *(f"{next(values)['partial'] + 0.0:.7g}" for _ in outputs)
+        )
     return table
 
 
@@ -143,7 +145,7 @@ def agreement(outputs: Sequence[Output], differences: Mapping[str, Array]) -> Re
         [Column("method", text=True), *(Column(spoken(output.name)) for output in outputs)],
     )
     for method, shares in differences.items():
-        table.add(method, *(f"{share:.1e}" for share in shares))
+        table.add(method, *(_shown(float(share), ".1e") for share in shares))
     return table
 
 

@@ -94,8 +94,8 @@ def certain_differences(comparison: Comparison, confidence: float) -> tuple[Mask
     """Find the entries of the covariance and of the correlation matrix whose difference is more than chance.
 
     Correlations take intervals that hold together at the confidence (Bonferroni over all pairs), sigmas those of their
-    verdicts. A covariance in units of the linear sigmas is the product of two sigma ratios and a correlation; it differs
-    for certain when no values within their three intervals give the linear correlation.
+    verdicts. A covariance in units of the linear sigmas is the product of two sigma ratios and a correlation, which
+    differs for certain when no values within their three intervals give the linear correlation.
     """
     ends = [output.paired.interval or (1.0, 1.0) for output in comparison.outputs]
     covariance = np.diag([output.paired.certain for output in comparison.outputs])
