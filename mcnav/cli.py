@@ -306,7 +306,7 @@ def compare(
         told = []
         for name, summary in runs.items():
             with as_written(Path(name) / "summary.json"):
-                exported.output_rows({name: summary})
+                terminal.comparison({name: summary})
                 told.append((f"\n{name}: {summary['campaign']}", terminal.verdict(summary)))
         several = len(folders) > 1
         found = compare_runs(folders) if several or html is not None else None
