@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Iterator
+import sys
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
+
+from mcnav.report.fitted import OpenConsole
 
 NOT_KEPT, BAD_INPUT, SOME_FAILED, BUSY, INTERRUPTED, TERMINATED = 1, 2, 3, 4, 130, 143
 """Exit statuses; 0 is success."""
@@ -22,7 +24,7 @@ app = typer.Typer(
     rich_markup_mode=None,
     add_completion=True,
 )
-out, err = Console(highlight=False, soft_wrap=True), Console(stderr=True, highlight=False, soft_wrap=True)
+out, err = OpenConsole(highlight=False, soft_wrap=True), OpenConsole(stderr=True, highlight=False, soft_wrap=True)
 
 CampaignFile = Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file (TOML).")]
 Folders = Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders.")]
@@ -44,11 +46,24 @@ class Store(StrEnum):
     SUMMARY = "summary"
 
 
+class Format(StrEnum):
+    """How results are printed."""
+
+    TABLE = "table"
+    CSV = "csv"
+    JSON = "json"
+
+
 class Axes(StrEnum):
     """Where the reference axes are alined."""
 
     START = "start"
     TRAJECTORY = "trajectory"
+
+
+AsFormat = Annotated[
+    Format, typer.Option("--format", help="A table to read, or csv or json in full precision, alone on stdout.")
+]
 
 
 _asked_to_end: list[int] = []
@@ -107,6 +122,13 @@ def _errors_told() -> Iterator[None]:
         raise _fail(message, _status_when_ended()) from None
 
 
+def _export(chosen: Format, rows: Sequence[Mapping[str, Any]], tables: Mapping[str, Any]) -> None:
+    """Print rows as CSV, or tables by name as JSON."""
+    from mcnav.report import exported
+
+    sys.stdout.write(exported.as_csv(rows) if chosen is Format.CSV else exported.as_json(tables))
+
+
 def run_folder(campaign: Path) -> Path:
     """Where results go: ``reports/`` and the campaign file's stem; a run folder's own file goes on in that folder."""
     if campaign.name == "campaign.toml" and (campaign.parent / "manifest.json").exists():
@@ -158,6 +180,7 @@ def run(
         str | None, typer.Option(metavar="TIME", help="Time that a sample may take, such as '10 s'.")
     ] = None,
     max_failures: Annotated[int | None, typer.Option(min=0, help="Break off when more samples fail.")] = None,
+    shown: AsFormat = Format.TABLE,
 ) -> None:
     """Fly a campaign, compare linear with Monte Carlo, write the report.
 
@@ -167,7 +190,7 @@ def run(
     with _errors_told():
         from mcnav.campaign.cluster import flights
         from mcnav.campaign.file import read_campaign
-        from mcnav.report import progress, terminal
+        from mcnav.report import exported, progress, terminal
         from mcnav.study import engine_of, run_campaign
 
         options = {
@@ -186,17 +209,24 @@ def run(
             done = run_campaign(described, target, chosen, workers, fresh, told, max_failures, flyers)
         for notice in (*known, *done.notices):
             err.print(f"note: {notice}", markup=False)
-        out.print(terminal.comparison({described.name: done.summary}))
-        out.print()
-        out.print(terminal.verdict(done.summary), soft_wrap=False)
+        runs = {described.name: done.summary}
+        if shown is not Format.TABLE:
+            rows, requirements = exported.output_rows(runs), exported.requirement_rows(done.summary)
+            tables = {"runs": exported.run_rows(runs), "outputs": rows, "requirements": requirements}
+            _export(shown, rows, tables)
+        said = out if shown is Format.TABLE else err
+        if shown is Format.TABLE:
+            said.print(terminal.comparison(runs))
+            said.print()
+        said.print(terminal.verdict(done.summary), soft_wrap=False)
         if done.summary["requirements"]:
-            out.print()
-            out.print(terminal.requirements(done.summary), soft_wrap=False)
+            said.print()
+            said.print(terminal.requirements(done.summary))
         if done.flown < done.summary["samples"]:
-            out.print(
+            said.print(
                 f"\n{done.summary['samples'] - done.flown:,} samples were stored already, {done.flown:,} flown now"
             )
-        out.print(f"\nreport: {target / 'report.html'}", markup=False)
+        said.print(f"\nreport: {target / 'report.html'}", markup=False)
         if check and any(entry["finding"] != "met" for entry in done.summary["requirements"]):
             raise typer.Exit(NOT_KEPT)
         if done.summary["failed"]:
@@ -218,6 +248,7 @@ def report(folders: Folders) -> None:
 def compare(
     folders: Folders,
     html: Annotated[Path | None, typer.Option("--html", help="Write the comparison as a page, too.")] = None,
+    shown: AsFormat = Format.TABLE,
 ) -> None:
     """Show linear beside Monte Carlo for one or several run folders.
 
@@ -229,7 +260,7 @@ def compare(
         from mcnav.campaign.problems import as_written
         from mcnav.comparing import compare_runs
         from mcnav.judging import summary_of
-        from mcnav.report import terminal
+        from mcnav.report import exported, terminal
 
         runs: dict[str, dict[str, Any]] = {str(folder): summary_of(folder) for folder in folders}
         told = []
@@ -237,21 +268,32 @@ def compare(
             with as_written(Path(name) / "summary.json"):
                 terminal.comparison({name: summary})
                 told.append((f"\n{name}: {summary['campaign']}", terminal.verdict(summary)))
-        out.print(terminal.comparison(runs))
-        for heading, verdict in told:
-            out.print(heading, markup=False, style="bold")
-            out.print(verdict, soft_wrap=False)
-        if len(folders) == 1 and html is None:
-            return
-        found = compare_runs(folders)
-        out.print()
-        out.print(terminal.inputs(found.inputs), soft_wrap=False)
-        out.print()
-        out.print(terminal.changes(found.titles[0], found.outputs), soft_wrap=False)
-        if html is not None:
+        several = len(folders) > 1
+        found = compare_runs(folders) if several or html is not None else None
+        said = out if shown is Format.TABLE else err
+        if shown is not Format.TABLE:
+            rows = exported.output_rows(runs)
+            if found is not None and several:
+                rows = exported.with_changes(rows, list(runs), found.rows)
+            tables: dict[str, Any] = {"runs": exported.run_rows(runs), "outputs": rows}
+            if found is not None and several:
+                changed = found.inputs.set_axis(list(runs), axis="columns")
+                tables["inputs"] = [{"key": key, **dict(values)} for key, values in changed.iterrows()]
+            _export(shown, rows, tables)
+        else:
+            said.print(terminal.comparison(runs))
+            for heading, verdict in told:
+                said.print(heading, markup=False, style="bold")
+                said.print(verdict, soft_wrap=False)
+            if found is not None:
+                said.print()
+                said.print(terminal.inputs(found.inputs))
+                said.print()
+                said.print(terminal.changes(found.titles[0], found.outputs))
+        if html is not None and found is not None:
             html.parent.mkdir(parents=True, exist_ok=True)
             write_whole(html, found.page.encode())
-            out.print(f"\nwritten: {html}", markup=False)
+            said.print(f"\nwritten: {html}", markup=False)
 
 
 @app.command()
@@ -309,6 +351,7 @@ def partials(
     folder: Annotated[
         Path | None, typer.Option("--out", help="With --start-times [default: reports/ and NAME_start_times].")
     ] = None,
+    shown: AsFormat = Format.TABLE,
 ) -> None:
     """Show the partial derivatives of the final errors, and how well three methods agree on them.
 
@@ -317,19 +360,33 @@ def partials(
     with _errors_told():
         from mcnav.campaign.file import read_campaign
         from mcnav.linear.agreement import compared_partials
-        from mcnav.report import terminal
+        from mcnav.report import exported, terminal
 
+        if start_times and shown is not Format.TABLE:
+            raise _fail(
+                "--format: not with --start-times, which writes its table as CSV; leave one of them out", BAD_INPUT
+            )
         if start_times:
             _start_times(campaign, folder, axes, count, checks=False)
             return
         described = read_campaign(campaign)
         sources, outputs = described.scenario.sources, described.scenario.outputs
         methods = [each for each in Method if each != Method.ALL] if method == Method.ALL else [method]
-        shown, differences = compared_partials(described.scenario, [each.value for each in methods])
-        out.print(terminal.partials(sources, outputs, shown))
+        matrix, differences = compared_partials(described.scenario, [each.value for each in methods])
+        if shown is not Format.TABLE:
+            rows = exported.partial_rows(sources, outputs, matrix)
+            shares = [
+                {"method": name, "output": output.name, "largest_difference": float(values[i])}
+                for name, values in differences.items()
+                for i, output in enumerate(outputs)
+            ]
+            _export(shown, rows, {"method": methods[0].value, "partials": rows, "differences": shares})
+        else:
+            out.print(terminal.partials(sources, outputs, matrix))
         if differences:
-            out.print()
-            out.print(terminal.agreement(outputs, differences))
+            said = out if shown is Format.TABLE else err
+            said.print()
+            said.print(terminal.agreement(outputs, differences))
 
 
 @app.command("start-times")

@@ -156,7 +156,9 @@ def analyse(folder: RunFolder, unfinished: Mapping[str, Any] | None = None) -> A
     blocks = samples.index // length
     needed = math.inf if heavy else fewest
     with ThreadPoolExecutor(1) as beside:
-        in_tails = beside.submit(tails, model, samples.outputs, blocks, units, criterion.confidence)
+        in_tails = beside.submit(
+            tails, model, samples.outputs, blocks, units, criterion.confidence, criterion.tolerance, criterion.looks
+        )
         comparison = compare(model, samples.errors, samples.outputs, blocks, criterion, needed, normal)
     flown = np.asarray(np.isfinite(samples.outputs).all(axis=1))
     if manifest.get("store") == SUMMARY:

@@ -78,23 +78,27 @@ class FlownRun:
 
     @property
     def outputs(self) -> pd.DataFrame:
-        """Linear beside Monte Carlo, a row an output, in the units shown."""
+        """Linear beside Monte Carlo, a row an output, in the units shown; ``from``, ``to`` bound the paired ratio."""
         content = self.content
         rows = []
         for i, output in enumerate(content.comparison.outputs):
             scale = float(content.output_scale[i])
-            low, high = output.paired.interval or (np.nan, np.nan)
+            (low, high), plain = output.paired.interval or (np.nan, np.nan), output.plain
+            plain_low, plain_high = plain.interval or (np.nan, np.nan)
             rows.append(
                 {
                     "unit": content.output_units[i],
                     "sigma linear": output.sigma_linear * scale,
-                    "sigma sample": output.sigma_sample * scale,
                     "sigma paired": output.sigma_paired * scale,
                     "paired ratio": np.nan if output.paired.ratio is None else output.paired.ratio,
                     "from": low,
                     "to": high,
                     "bias": output.bias.value * scale,
-                    "verdict": output.paired.verdict.value,
+                    "verdict": wording.output_words(output.sigma_linear, output.paired.verdict.value),
+                    "sigma plain": output.sigma_sample * scale,
+                    "plain ratio": np.nan if plain.ratio is None else plain.ratio,
+                    "plain from": plain_low,
+                    "plain to": plain_high,
                 }
             )
         return pd.DataFrame(rows, index=pd.Index(content.output_names[: len(rows)], name="output"))

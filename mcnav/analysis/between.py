@@ -90,6 +90,7 @@ def change(before: Flights, after: Flights, outputs: tuple[int, int], common: bo
     for flights, i in ((before, outputs[0]), (after, outputs[1])):
         square, deviation, linear, centre = _controlled(flights, i)
         variance = linear + float(np.mean(square))
+        variance = variance if variance > flights.model.rounding[i] ** 2 else 0.0
         sigmas.append(float(np.sqrt(variance)) if variance > 0.0 else 0.0)
         squares.append(square / variance if variance > 0.0 else square)
         deviations.append(deviation)

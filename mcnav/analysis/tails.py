@@ -11,10 +11,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav.analysis.comparison import Model
+from mcnav.analysis.comparison import Criterion, Model
 from mcnav.analysis.requirements import absolute_normal_quantile, independent_samples
+from mcnav.analysis.verdict import Verdict, judge
 from mcnav.statistics.order_statistics import lower_rank, upper_rank
 from mcnav.statistics.radial import normal_circular_error_probable
+from mcnav.statistics.stopping import confidence_of_each
 
 Array = NDArray[np.float64]
 
@@ -38,6 +40,10 @@ class Quantile:
         too few independent replicates. Samples that failed count as largest above, and as smallest below.
     linear : float
         Of the normal distribution of linear analysis.
+    together : (float, float)
+        Two-sided interval, at a confidence such that those of all quantiles hold together (Bonferroni).
+    verdict : Verdict
+        Whether that interval lies within the tolerance about the linear value.
     """
 
     outputs: tuple[int, ...]
@@ -46,10 +52,18 @@ class Quantile:
     lower: float
     upper: float
     linear: float
+    together: tuple[float, float]
+    verdict: Verdict
 
 
 def tails(
-    model: Model, outcomes: Array, blocks: NDArray[np.int64], units: Sequence[str], confidence: float
+    model: Model,
+    outcomes: Array,
+    blocks: NDArray[np.int64],
+    units: Sequence[str],
+    confidence: float,
+    tolerance: float = Criterion.tolerance,
+    looks: int = 1,
 ) -> tuple[Quantile, ...]:
     """Quantiles of every output that has a dispersion, and the CEP of every pair in one unit.
 
@@ -62,36 +76,45 @@ def tails(
     units : sequence of str
         Of the outputs.
     confidence : float
-        Of each one-sided bound.
+        Of each one-sided bound, and of all verdicts together.
+    tolerance : float
+        Share of the linear quantile within which a quantile agrees.
+    looks : int
+        How often the results may be looked at (`mcnav.statistics.stopping`); widens the intervals of the verdicts.
     """
     mean, covariance = model.outcome_mean, model.outcome_covariance
     picked, remark = independent_samples(blocks)
     dispersed = [i for i in range(len(mean)) if covariance[i, i] > 0.0]
 
+    pairs = [(i, j) for i, j in combinations(dispersed, 2) if units[i] == units[j]]
+    family = max(len(PROBABILITIES) * len(dispersed) + len(pairs), 1)
+    each = 1.0 - 0.5 * (1.0 - confidence_of_each(confidence, looks)) / family
+
     def found(outputs: tuple[int, ...], sizes: Array, linear: Mapping[float, float]) -> list[Quantile]:
         ranked = _Ranked.of(sizes)
         apart = ranked if picked.all() else _Ranked.of(sizes[picked])
-        return [
-            Quantile(
-                outputs,
-                probability,
-                ranked.estimate(probability),
-                0.0 if remark else apart.lower(probability, confidence),
-                math.inf if remark else apart.upper(probability, confidence),
-                quoted,
+
+        def bounds(probability: float, sure: float) -> tuple[float, float]:
+            return (0.0, math.inf) if remark else (apart.lower(probability, sure), apart.upper(probability, sure))
+
+        quantiles = []
+        for probability, quoted in linear.items():
+            estimate, together = ranked.estimate(probability), bounds(probability, each)
+            low, high = (bound / quoted for bound in together)
+            verdict = judge(estimate / quoted, (low, high), tolerance, len(sizes)).verdict
+            quantiles.append(
+                Quantile(outputs, probability, estimate, *bounds(probability, confidence), quoted, together, verdict)
             )
-            for probability, quoted in linear.items()
-        ]
+        return quantiles
 
     quantiles = []
     for i in dispersed:
         quoted = {p: absolute_normal_quantile(float(mean[i]), float(covariance[i, i]) ** 0.5, p) for p in PROBABILITIES}
         quantiles += found((i,), np.abs(outcomes[:, i]), quoted)
-    for i, j in combinations(dispersed, 2):
-        if units[i] == units[j]:
-            both = [i, j]
-            circle = normal_circular_error_probable(mean[both], covariance[np.ix_(both, both)])
-            quantiles += found((i, j), np.hypot(outcomes[:, i], outcomes[:, j]), {0.5: circle})
+    for i, j in pairs:
+        both = [i, j]
+        circle = normal_circular_error_probable(mean[both], covariance[np.ix_(both, both)])
+        quantiles += found((i, j), np.hypot(outcomes[:, i], outcomes[:, j]), {0.5: circle})
     return tuple(quantiles)
 
 

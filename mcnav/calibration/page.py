@@ -75,7 +75,7 @@ def _rows(table: pd.DataFrame, sizes: list[int]) -> list[dict[str, Any]]:
             cells.append(
                 {
                     "rate": f"{100.0 * row['measured']:.1f}",
-                    "interval": f"{100.0 * row['low']:.1f} … {100.0 * row['high']:.1f}",
+                    "interval": f"{100.0 * row['low']:.1f} to {100.0 * row['high']:.1f}",
                     "tone": tone,
                     "sign": sign,
                 }

@@ -50,7 +50,7 @@ def compared_partials(scenario: Scenario, methods: Sequence[str]) -> tuple[Array
         SI.
     differences : dict of str to ndarray, shape (outputs,)
         For each further method the largest difference in each row, as a share of the row's largest contribution of one
-        source at its nominal size.
+        source at its nominal size; NaN for an output that no source disturbs.
 
     Raises
     ------
@@ -61,4 +61,5 @@ def compared_partials(scenario: Scenario, methods: Sequence[str]) -> tuple[Array
     first = partials_by(scenario, methods[0])
     largest = np.abs(first * sizes).max(axis=1)
     others = {method: partials_by(scenario, method) for method in methods[1:]}
-    return first, {name: np.abs((other - first) * sizes).max(axis=1) / largest for name, other in others.items()}
+    shares = np.where(largest > 0.0, largest, np.nan)
+    return first, {name: np.abs((other - first) * sizes).max(axis=1) / shares for name, other in others.items()}

@@ -52,7 +52,8 @@ class Row:
     def words(self) -> str:
         """What came of the comparison."""
         if self.change is None or not np.isfinite(self.change.ratio):
-            return "nothing to compare"
+            still = self.change is not None and self.change.before == self.change.after == 0.0
+            return wording.NOT_DISTURBED if still else "nothing to compare"
         if not np.isfinite(self.change.interval[1]):
             return "no interval"
         if not self.change.certain:
@@ -193,7 +194,7 @@ def _cells(row: Row, titles: Sequence[str]) -> dict[str, Any]:
         "before": number(found.before * scale, 5),
         "after": number(found.after * scale, 5),
         "ratio": number(found.ratio, 5),
-        "interval": f"{number(found.interval[0], 5)} … {number(found.interval[1], 5)}" if sure else ABSENT,
+        "interval": f"{number(found.interval[0], 5)} to {number(found.interval[1], 5)}" if sure else ABSENT,
         "mean": with_error(found.mean.value * scale, found.mean.standard_error * scale),
         "common": "common" if found.common else "separate",
     }

@@ -75,13 +75,13 @@ def joint(content: Content) -> dict[str, Any] | None:
         ],
         "nees_expected": None
         if found.nees_expected is None
-        else " … ".join(number(bound, 4) for bound in found.nees_expected),
+        else " to ".join(number(bound, 4) for bound in found.nees_expected),
         "only_random": found.covariance is None,
         "contained": [
             {
                 "level": f"{100.0 * entry.level:g} %",
                 "share": f"{100.0 * entry.share:.2f} %",
-                "interval": f"{100.0 * entry.interval[0]:.2f} … {100.0 * entry.interval[1]:.2f} %",
+                "interval": f"{100.0 * entry.interval[0]:.2f} to {100.0 * entry.interval[1]:.2f} %",
             }
             for entry in found.contained
         ],

@@ -45,7 +45,15 @@ CONTENTS: Final = "<!-- contents -->"
 
 
 def _interval(interval: tuple[float, float] | None) -> str:
-    return "–" if interval is None or not math.isfinite(interval[1]) else f"{interval[0]:.4f} … {interval[1]:.4f}"
+    return "–" if interval is None or not math.isfinite(interval[1]) else f"{interval[0]:.4f} to {interval[1]:.4f}"
+
+
+def _range(interval: tuple[float, float] | None) -> str:
+    """An interval of a ratio as differences from one; empty where there is none."""
+    if interval is None or not math.isfinite(interval[1]):
+        return ""
+    low, high = (wording.percent(end - 1.0) for end in interval)
+    return f"{low.removesuffix(' %')} to {high}"
 
 
 def _output_rows(content: Content) -> list[dict[str, Any]]:
@@ -55,6 +63,7 @@ def _output_rows(content: Content) -> list[dict[str, Any]]:
     for i, output in enumerate(content.comparison.outputs):
         second = math.sqrt(max(unscented["covariance"][i][i], 0.0)) * scale[i] if "covariance" in unscented else None
         sigma = output.sigma_linear
+        needed = output.paired.samples_needed
         bias, error = (100.0 * each / (sigma or math.nan) for each in (output.bias.value, output.bias.standard_error))
         rows.append(
             {
@@ -62,6 +71,7 @@ def _output_rows(content: Content) -> list[dict[str, Any]]:
                 "unit": content.output_units[i],
                 "shown": number(output.sigma_paired * scale[i], 4),
                 "change": "" if output.paired.ratio is None else wording.percent(output.paired.ratio - 1.0),
+                "range": _range(output.paired.interval),
                 "linear": number(sigma * scale[i], 5),
                 "sample": number(output.sigma_sample * scale[i], 5),
                 "paired": number(output.sigma_paired * scale[i], 5),
@@ -72,9 +82,10 @@ def _output_rows(content: Content) -> list[dict[str, Any]]:
                 "paired_ratio": number(output.paired.ratio, 5),
                 "paired_interval": _interval(output.paired.interval),
                 "bias": with_error(bias, error).split(" ") if sigma > 0.0 else [],
-                "verdict": output.paired.verdict.value,
+                "verdict": (words := wording.output_words(sigma, output.paired.verdict.value)),
+                "tone": "" if words == wording.NOT_DISTURBED else output.paired.verdict.value,
                 "detectable": number(100.0 * output.detectable_paired, 2),
-                "needed": output.paired.samples_needed,
+                "needed": needed and wording.more_samples(needed, content.summary["samples"]),
             }
         )
     return rows

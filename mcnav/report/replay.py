@@ -10,11 +10,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from mcnav.report.content import spoken
 from mcnav.report.drawings.flight import flight
+from mcnav.report.fitted import Column, FittedTable
 from mcnav.report.numbers import number
 from mcnav.report.page import filled
 from mcnav.scenarios.protocol import History, Output, Source, source_labels
@@ -133,20 +133,17 @@ def lines(replay: Replay) -> RenderableType:
     """Errors and outcomes for the terminal."""
     errors = _table(f"{replay.campaign}: sample {replay.index:,}", ["error", "value", "in sigmas"])
     for name, unit, value, sigmas in _error_rows(replay):
-        errors.add_row(Text(f"{name} [{unit}]"), value, sigmas)
+        errors.add(f"{name} [{unit}]", value, sigmas)
     outcomes = _table("Outcome", ["final error", "linear", *(outcome.label for outcome in replay.outcomes)])
     for name, unit, values in _outcome_rows(replay):
-        outcomes.add_row(Text(f"{name} [{unit}]"), *values)
+        outcomes.add(f"{name} [{unit}]", *values)
     told = [Text(f"{outcome.label}: {outcome.status}") for outcome in replay.outcomes]
     trace = [Text(f"\n{replay.traceback.rstrip()}")] if replay.traceback else []
     return Group(errors, Text(), outcomes, Text(), *told, *trace)
 
 
-def _table(title: str, headings: Sequence[str]) -> Table:
-    made = Table(title=Text(title), title_justify="left", title_style="bold", box=None, pad_edge=False)
-    for place, heading in enumerate(headings):
-        made.add_column(Text(heading), justify="right" if place else "left")
-    return made
+def _table(title: str, headings: Sequence[str]) -> FittedTable:
+    return FittedTable(title, [Column(heading, text=not place) for place, heading in enumerate(headings)])
 
 
 def files(replay: Replay) -> Mapping[str, bytes]:

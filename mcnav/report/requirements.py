@@ -7,6 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from mcnav.report import wording
 from mcnav.report.content import Content, spoken
 from mcnav.report.numbers import number
 from mcnav.units import conversion
@@ -99,7 +100,8 @@ def requirement_rows(content: Content) -> list[dict[str, Any]]:
                 **_cells(entry, scale, unit),
                 "gaussian": "–" if entry["kind"] == "sigma_ratio" else ("met" if entry["linear_meets"] else "not met"),
                 "remark": entry["remark"],
-                "needed": entry["samples_needed"],
+                "needed": (needed := entry["samples_needed"])
+                and wording.more_samples(needed, content.summary["samples"]),
                 "largest": [] if largest is None else _largest(content, np.array(largest, dtype=float)),
             }
         )

@@ -15,6 +15,7 @@ from mcnav.report.content import spoken
 from mcnav.report.drawings import start_times as drawn
 from mcnav.report.numbers import number
 from mcnav.report.page import filled
+from mcnav.report.wording import NOT_DISTURBED, output_words
 from mcnav.scenarios.protocol import Output, Source, source_labels
 from mcnav.units import conversion
 
@@ -53,12 +54,12 @@ def check_table(checks: Mapping[float, Comparison], outputs: Sequence[Output]) -
                     "samples": comparison.samples,
                     "failed": comparison.failed,
                     "sigma linear": found.sigma_linear,
-                    "sigma Monte Carlo": found.sigma_sample,
                     "sigma paired": found.sigma_paired,
                     "paired ratio": found.paired.ratio,
                     "interval from": low,
                     "interval to": high,
-                    "verdict": found.paired.verdict.value,
+                    "verdict": output_words(found.sigma_linear, found.paired.verdict.value),
+                    "sigma plain": found.sigma_sample,
                 }
             )
     return pd.DataFrame(rows)
@@ -106,6 +107,10 @@ def _best_rows(study: StartTimeStudy, scale: Array, outputs: Sequence[Output]) -
     ]
 
 
+def _bounds(interval: tuple[float, float] | None) -> str:
+    return "" if interval is None or not np.isfinite(interval[1]) else " to ".join(number(end) for end in interval)
+
+
 def _check_rows(checks: Mapping[float, Comparison], scale: Array) -> list[dict[str, Any]]:
     rows = []
     for time, comparison in checks.items():
@@ -114,7 +119,9 @@ def _check_rows(checks: Mapping[float, Comparison], scale: Array) -> list[dict[s
                 "linear": number(found.sigma_linear * scale[i]),
                 "flown": number(found.sigma_paired * scale[i]),
                 "ratio": number(found.paired.ratio),
-                "verdict": found.paired.verdict.value,
+                "interval": _bounds(found.paired.interval),
+                "verdict": (words := output_words(found.sigma_linear, found.paired.verdict.value)),
+                "tone": "" if words == NOT_DISTURBED else found.paired.verdict.value,
             }
             for i, found in enumerate(comparison.outputs)
         ]

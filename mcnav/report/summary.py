@@ -107,7 +107,9 @@ def summarise(
         "second_order": manifest["model"].get("second_order"),
         "higher_order": manifest["model"].get("higher_order"),
         "causes": asdict(causes) if causes else None,
-        "tails": [_named(asdict(quantile), named["outputs"]) for quantile in tails],
+        "tails": [
+            _named(asdict(quantile), named["outputs"]) | {"verdict": quantile.verdict.value} for quantile in tails
+        ],
         "requirements": [_requirement(judged, named["outputs"]) for judged in requirements],
         "requirements_met": tally(judged.finding.value for judged in requirements),
         "budget": {**asdict(budget), "flown": manifest["model"].get("budget")},

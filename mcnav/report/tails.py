@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from mcnav.analysis.verdict import Verdict
 from mcnav.report.content import Content
 from mcnav.report.numbers import number
 
@@ -18,17 +19,18 @@ def tail_rows(content: Content) -> list[dict[str, Any]]:
         scale, unit = float(content.output_scale[first]), content.output_units[first]
         names = [content.output_names[i] for i in entry.outputs]
         name = f"|{names[0]}|" if len(names) == 1 else f"{' and '.join(names)}: CEP"
-        outside = not entry.lower <= entry.linear <= entry.upper
+        lower, upper = entry.together
         rows.append(
             {
                 "name": name,
                 "unit": unit,
                 "probability": f"{100.0 * entry.probability:g} %",
                 "estimate": number(entry.estimate * scale),
-                "lower": number(entry.lower * scale) if entry.lower > 0.0 else "–",
-                "upper": number(entry.upper * scale) if np.isfinite(entry.upper) else "–",
+                "lower": number(lower * scale) if lower > 0.0 else "–",
+                "upper": number(upper * scale) if np.isfinite(upper) else "–",
                 "linear": number(entry.linear * scale),
-                "tone": "differs" if outside else "",
+                "verdict": entry.verdict.value,
+                "tone": "" if entry.verdict == Verdict.UNDECIDED else entry.verdict.value,
             }
         )
     return rows

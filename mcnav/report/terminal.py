@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from mcnav.analysis.comparison import Comparison
@@ -17,6 +17,8 @@ from mcnav.analysis.verdict import worst
 from mcnav.linear.start_times import StartTimeStudy
 from mcnav.report import wording
 from mcnav.report.content import spoken
+from mcnav.report.exported import output_rows, partial_rows
+from mcnav.report.fitted import Column, FittedTable
 from mcnav.report.requirements import TONES, shown_units, stated
 from mcnav.scenarios.protocol import Output, Source, source_labels
 from mcnav.units import conversion
@@ -29,11 +31,8 @@ Array = NDArray[np.float64]
 COLOURS = {"agrees": "green", "partly": "yellow", "undecided": "yellow", "differs": "red"}
 """By tone of a verdict (`mcnav.report.wording.tone`)."""
 
-
-def _table(title: str) -> Table:
-    return Table(
-        title=Text(title), title_justify="left", title_style="bold", header_style="bold", box=None, pad_edge=False
-    )
+ELSEWHERE = "report.html or --format csv"
+"""Where columns are that a narrow terminal has no room for."""
 
 
 def verdict(summary: Mapping[str, Any]) -> RenderableType:
@@ -49,127 +48,120 @@ def comparison(runs: Mapping[str, Mapping[str, Any]]) -> RenderableType:
     several = len(runs) > 1
     first = next(iter(runs.values()))
     about = f"{len(runs)} runs" if several else f"{first['samples']:,} samples, {first['engine']} engine"
-    table = _table(about if several else f"{first['campaign']}: {about}")
-    table.add_column("final error, 1σ", no_wrap=True)
-    if several:
-        table.add_column("run", overflow="fold")
-    for heading in ("linear", "Monte Carlo", "paired ratio", "interval"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("verdict", no_wrap=True)
-    units = {
-        (entry["name"], entry["unit"]): shown_units(run)[entry["name"]][1]
-        for run in [*runs.values()][::-1]
-        for entry in run["outputs"]
-    }
-    names = dict.fromkeys((entry["name"], entry["unit"]) for run in runs.values() for entry in run["outputs"])
-    for name, unit in names:
-        shown = units[name, unit]
-        label = f"{spoken(name)} [{shown}]"
-        for title, run in runs.items():
-            at = [(entry["name"], entry["unit"]) for entry in run["outputs"]]
-            if (name, unit) in at:
-                cells = _output_cells(run, at.index((name, unit)), conversion(unit, shown))
-                table.add_row(Text(label), *([Text(title)] if several else []), *cells)
-                label = ""
+    columns = [
+        Column("final error, 1σ", text=True),
+        *([Column("run", text=True)] if several else []),
+        Column("linear σ"),
+        Column("paired σ"),
+        Column("paired ratio"),
+        Column("paired interval"),
+        Column("verdict", text=True),
+        Column("plain σ", spare=1),
+        Column("plain ratio", spare=2),
+        Column("plain interval", spare=3),
+    ]
+    table = FittedTable(
+        about if several else f"{first['campaign']}: {about}", columns, keys=2 if several else 1, elsewhere=ELSEWHERE
+    )
+    for row in output_rows(runs):
+        label = f"{spoken(row['output'])} [{row['unit']}]"
+        table.add(label, *([row["run"]] if several else []), *_output_cells(row))
     return table
 
 
-def _output_cells(summary: Mapping[str, Any], i: int, scale: float) -> list[Text]:
-    linear = f"{summary['sigma_linear'][i] * scale:.5g}"
-    if not summary["verdicts"]:
-        return [Text(linear), *(Text("–") for _ in range(4))]
-    ratio, interval = summary["sigma_ratio_paired"][i], summary["sigma_ratio_paired_interval"][i]
-    found = summary["verdicts"][i]
-    known = interval is not None and None not in interval
+def _output_cells(row: Mapping[str, Any]) -> list[Text]:
+    found = row["verdict"]
     return [
-        Text(linear),
-        Text(f"{summary['sigma_sample'][i] * scale:.5g}"),
-        Text("–" if ratio is None else f"{ratio:.4f}"),
-        Text(f"{interval[0]:.4f}…{interval[1]:.4f}" if known else "–"),
-        Text(found, style=COLOURS[found]),
+        Text(_shown(row["sigma_linear"], ".5g")),
+        Text(_shown(row["sigma_paired"], ".5g")),
+        Text(_shown(row["ratio_paired"], ".4f")),
+        Text(interval(row["ratio_paired_from"], row["ratio_paired_to"])),
+        Text(found or "–", style=COLOURS.get(found, "")),
+        Text(_shown(row["sigma_plain"], ".5g")),
+        Text(_shown(row["ratio_plain"], ".4f")),
+        Text(interval(row["ratio_plain_from"], row["ratio_plain_to"])),
     ]
+
+
+def _shown(value: float | None, form: str) -> str:
+    return "–" if value is None or not math.isfinite(value) else format(value, form)
+
+
+def interval(low: float | None, high: float | None) -> str:
+    """An interval of a ratio; a dash for one that is not known.
+
+    >>> interval(0.99, 1.01), interval(None, None)
+    ('0.9900 to 1.0100', '–')
+    """
+    known = low is not None and high is not None and math.isfinite(low) and math.isfinite(high)
+    return f"{low:.4f} to {high:.4f}" if known else "–"
 
 
 def inputs(found: pd.DataFrame) -> RenderableType:
     """What the runs' campaigns do not have in common, a key a line; one column a run."""
-    table = _table("What was changed")
-    table.add_column("key", overflow="fold")
-    for title in found.columns:
-        table.add_column(Text(title), overflow="fold")
+    table = FittedTable("What was changed", [Column(str(name), text=True) for name in ("key", *found.columns)])
     for key, values in found.iterrows():
-        table.add_row(Text(str(key)), *(Text(str(value)) for value in values))
-    return table if table.row_count else Text("The runs have the same campaign, engine and versions.")
+        table.add(str(key), *(str(value) for value in values))
+    return table if table.rows else Text("The runs have the same campaign, engine and versions.")
 
 
 def changes(first: str, found: pd.DataFrame) -> RenderableType:
     """What has become of each output of the first run in the others, a line each."""
-    table = _table(f"What has become of it, against {first}")
-    for heading in ("final error, 1σ", "run"):
-        table.add_column(heading, overflow="fold")
-    for heading in ("before", "after", "ratio", "interval"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("draws")
-    table.add_column("found")
+    columns = [Column(name, text=True) for name in ("final error, 1σ", "run")]
+    columns += [Column(name) for name in ("paired σ before", "after", "ratio", "interval")]
+    columns += [Column(name, text=True) for name in ("draws", "found")]
+    table = FittedTable(f"What has become of it, against {first}", columns, keys=2)
     for row in found.itertuples(index=False):
-        cells = (f"{row[3]:.5g}", f"{row[4]:.5g}", f"{row[5]:.4f}", f"{row[6]:.4f}…{row[7]:.4f}")
+        sigmas = (_shown(row[3], ".5g"), _shown(row[4], ".5g"), _shown(row[5], ".4f"))
         draws = "common" if row[10] else "separate"
-        table.add_row(
-            Text(f"{spoken(row[0])} [{row[1]}]"), Text(row[2]), *(Text(cell) for cell in cells), draws, Text(row[11])
-        )
+        table.add(f"{spoken(row[0])} [{row[1]}]", row[2], *sigmas, interval(row[6], row[7]), draws, row[11])
     return table
 
 
 def requirements(summary: Mapping[str, Any]) -> RenderableType:
     """Each requirement, a line, with what was found."""
     units = shown_units(summary)
-    table = _table("Requirements")
-    for heading in ("found", "requirement", "what would decide"):
-        table.add_column(heading, overflow="fold")
+    headings = ("found", "requirement", "what would decide")
+    table = FittedTable("Requirements", [Column(name, text=True) for name in headings], keys=2)
     for entry in summary["requirements"]:
-        needed = f"about {entry['samples_needed']:,} samples" if entry["samples_needed"] else entry["remark"]
-        table.add_row(
-            Text(entry["finding"], style=COLOURS[TONES[entry["finding"]]]), Text(stated(entry, units)), Text(needed)
-        )
+        needed = entry["samples_needed"]
+        decides = wording.more_samples(needed, summary["samples"]) if needed else entry["remark"]
+        table.add(Text(entry["finding"], style=COLOURS[TONES[entry["finding"]]]), stated(entry, units), decides)
     return table
 
 
 def partials(sources: Sequence[Source], outputs: Sequence[Output], matrix: Array) -> RenderableType:
     """P, a source a line, in the units shown."""
-    table = _table("Partial derivatives of the final errors")
-    table.add_column("per unit of")
-    for output in outputs:
-        table.add_column(Text(f"{spoken(output.name)} [{output.shown_in}]"), justify="right")
+    columns = [Column(f"{spoken(output.name)} [{output.shown_in}]") for output in outputs]
+    table = FittedTable("Partial derivatives of the final errors", [Column("per unit of", text=True), *columns])
+    values = iter(partial_rows(sources, outputs, matrix))
     labels = source_labels([source.name for source in sources], [output.name for output in outputs])
-    for j, source in enumerate(sources):
-        per = conversion(source.shown_in, source.unit)
-        values = [
-            f"{matrix[i, j] * per * conversion(output.unit, output.shown_in):.7g}" for i, output in enumerate(outputs)
-        ]
-        table.add_row(Text(f"{labels[j]} [{source.shown_in}]"), *values)
+    for label, source in zip(labels, sources, strict=True):
+        table.add(f"{label} [{source.shown_in}]", *(f"{next(values)['partial'] + 0.0:.7g}" for _ in outputs))
     return table
 
 
 def agreement(outputs: Sequence[Output], differences: Mapping[str, Array]) -> RenderableType:
     """How far other methods are from the partials shown, as shares of each row's largest contribution."""
-    table = _table("Largest difference from them, as a share of the row's largest one-sigma contribution")
-    table.add_column("method")
-    for output in outputs:
-        table.add_column(spoken(output.name), justify="right")
+    table = FittedTable(
+        "Largest difference from them, as a share of the row's largest one-sigma contribution",
+        [Column("method", text=True), *(Column(spoken(output.name)) for output in outputs)],
+    )
     for method, shares in differences.items():
-        table.add_row(method, *(f"{share:.1e}" for share in shares))
+        table.add(method, *(_shown(float(share), ".1e") for share in shares))
     return table
 
 
 def linearity(outputs: Sequence[Output], found: DispersionRange, tolerance: float) -> RenderableType:
     """Multiples of the stated errors at which dispersions leave the linear ones."""
-    table = _table(f"Multiple of the stated errors at which a sigma leaves the linear one by {100 * tolerance:g} %")
-    table.add_column("1σ of")
-    for heading in ("agrees up to", "leaves at", "differs from"):
-        table.add_column(heading, justify="right")
+    table = FittedTable(
+        f"Multiple of the stated errors at which a sigma leaves the linear one by {100 * tolerance:g} %",
+        [Column("1σ of", text=True), *(Column(name) for name in ("agrees up to", "leaves at", "differs from"))],
+    )
     reached = float(found.multiples[-1])
     for k, name in enumerate([*(spoken(output.name) for output in outputs), wording.JOINT]):
         values = (found.agrees_until[k], found.departs[k], found.differs_from[k])
-        table.add_row(Text(name), *(wording.multiple_words(float(value), reached) for value in values))
+        table.add(name, *(wording.multiple_words(float(value), reached) for value in values))
     return table
 
 
@@ -187,14 +179,17 @@ def best_starts(
         Linear dispersion for the campaign's own start, SI.
     outputs : sequence of Output
     """
-    table = _table(
-        "Best start of navigation (min from reentry, up to it) by linear analysis, and 1σ of the final errors"
+    table = FittedTable(
+        "Best start of navigation (min from reentry, up to it) by linear analysis, and 1σ of the final errors",
+        [
+            Column("best for", text=True),
+            *(
+                Column(heading)
+                for heading in ("start", "σ there", "σ, own start", *(["Monte Carlo"] if checked else []))
+            ),
+            *([Column("verdict", text=True)] if checked else []),
+        ],
     )
-    table.add_column("best for", no_wrap=True)
-    for heading in ("start", "σ there", "σ, own start", *(["Monte Carlo"] if checked else [])):
-        table.add_column(heading, justify="right", no_wrap=True)
-    if checked:
-        table.add_column("verdict", no_wrap=True)
     scale = np.array([conversion(output.unit, output.shown_in) for output in outputs])
     labels = [f"{spoken(output.name)} [{output.shown_in}]" for output in outputs]
     rows = [(label, int(study.best[i]), np.eye(len(outputs))[i] * scale[i]) for i, label in enumerate(labels)]
@@ -213,17 +208,15 @@ def best_starts(
             cells += [size(np.array([output.sigma_paired for output in found.outputs])), verdict_there.value]
         elif checked:
             cells += ["–", "not checked"]
-        table.add_row(*(Text(cell, style=COLOURS.get(cell, "")) for cell in (label, *cells)))
+        table.add(*(Text(cell, style=COLOURS.get(cell, "")) for cell in (label, *cells)))
     return table
 
 
 def checks(found: Sequence[tuple[str, bool, str]]) -> RenderableType:
     """Names, whether each is kept, and what was found."""
-    table = _table("What a scenario must keep")
-    for heading in ("check", "", "found"):
-        table.add_column(heading, overflow="fold")
+    table = FittedTable(
+        "What a scenario must keep", [Column(name, text=True) for name in ("check", "", "found")], keys=2
+    )
     for name, passed, told in found:
-        table.add_row(
-            Text(name), Text("kept" if passed else "not kept", style="green" if passed else "red"), Text(told)
-        )
+        table.add(name, Text("kept" if passed else "not kept", style="green" if passed else "red"), told)
     return table

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from mcnav.report.content import labels_of, spoken
 from mcnav.report.requirements import tally
+from mcnav.statistics.power import sensible_step
 
 LARGE_RATIO: Final = 3.0
 """A sigma ratio above this is told as a multiple, not in per cent."""
@@ -17,6 +18,10 @@ NEGLIGIBLE: Final = 1e-3
 
 JOINT: Final = "joint distribution"
 """What the NEES speaks of."""
+
+
+NOT_DISTURBED: Final = "not disturbed by any source"
+"""Found of an output without dispersion, linear or flown: there is nothing to agree on."""
 
 
 def percent(share: float) -> str:
@@ -49,6 +54,36 @@ def standing(summary: Mapping[str, Any]) -> str:
 def met(summary: Mapping[str, Any]) -> dict[str, int] | None:
     """How many requirements are met, not met and undecided; none without requirements."""
     return tally(entry["finding"] for entry in summary.get("requirements") or ())
+
+
+def verdict_words(summary: Mapping[str, Any]) -> list[str]:
+    """The verdict on each output; empty where nothing was compared.
+
+    ``verdicts`` of a summary counts an output that nothing disturbs as one that agrees, so that the verdict on all of
+    them rests on the others.
+    """
+    return [
+        output_words(sigma, verdict)
+        for sigma, verdict in zip(summary["sigma_linear"], summary["verdicts"], strict=False)
+    ]
+
+
+def output_words(sigma_linear: float, verdict: str) -> str:
+    """The verdict on an output as shown.
+
+    >>> output_words(1.0, "agrees"), output_words(0.0, "agrees"), output_words(0.0, "differs")
+    ('agrees', 'not disturbed by any source', 'differs')
+    """
+    return NOT_DISTURBED if sigma_linear == 0.0 and verdict == "agrees" else str(verdict)
+
+
+def more_samples(needed: int, samples: int) -> str:
+    """How many samples would decide, as shown: a sensible step more than there are.
+
+    >>> more_samples(1_001, 1_000), more_samples(15_333, 1_000)
+    ('about 1,300 samples', 'about 16,000 samples')
+    """
+    return f"about {sensible_step(needed, samples):,} samples"
 
 
 def headline(summary: Mapping[str, Any]) -> str:
@@ -103,6 +138,7 @@ def explanation(summary: Mapping[str, Any]) -> str:
     wrong = [name for name in names if judged[name] == "differs"]
     unforeseen = [name for name in wrong if name not in ratios]
     unsure = [name for name in names if judged[name] == "undecided"]
+    still = [name for name, words in zip(names, verdict_words(summary), strict=True) if words == NOT_DISTURBED]
     if unforeseen:
         others = [name for name in wrong if name in ratios]
         more = f" That of {_listed(others)} differs by more than {tolerance}." if others else ""
@@ -123,9 +159,10 @@ def explanation(summary: Mapping[str, Any]) -> str:
         )
     if unsure:
         return f"With {flown:,} flights, {confidence} and a tolerance of {tolerance}: {rest.strip()}"
+    alone = f" {_listed(still)} {'is' if len(still) == 1 else 'are'} {NOT_DISTURBED}." if still else ""
     return (
-        f"In every output the dispersion of {flown:,} nonlinear flights lies within {tolerance} of that of P·S·Pᵀ, "
-        f"with {confidence}; {largest}."
+        f"In every {'other ' if still else ''}output the dispersion of {flown:,} nonlinear flights lies within "
+        f"{tolerance} of that of P·S·Pᵀ, with {confidence}; {largest}.{alone}"
     )
 
 
@@ -133,7 +170,7 @@ def _not_decided(summary: Mapping[str, Any], unsure: list[str]) -> str:
     """Which outputs are open, and what would decide them."""
     needed = [count for count in summary["samples_needed"] if count]
     if needed:
-        return f"Not decided for {_listed(unsure)}: about {max(needed):,} samples would."
+        return f"Not decided for {_listed(unsure)}: {more_samples(max(needed), summary['samples'])} would."
     if summary["heavy_tailed"]:
         return f"Not decided for {_listed(unsure)}: tails too heavy for an interval."
     return f"Not decided for {_listed(unsure)}: too few independent samples for an interval."

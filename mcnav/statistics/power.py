@@ -10,6 +10,9 @@ from scipy import special
 USUAL_POWER: Final = 0.9
 """Probability with which a difference is to be found."""
 
+SMALLEST_STEP: Final = 1.25
+"""Factor by which a sample grows at least when more samples are advised: intervals shrink by a tenth."""
+
 
 def detectable_ratio(error: float, degrees_of_freedom: float, confidence: float, power: float = USUAL_POWER) -> float:
     """Smallest departure of a ratio from one whose interval excludes one with a probability.
@@ -44,6 +47,29 @@ def samples_to_detect(
         raise ValueError(f"departure must be positive; got {departure!r}")
     reach = float(special.ndtri(0.5 + 0.5 * confidence) + special.ndtri(power)) * error
     return count * (reach / math.log1p(departure)) ** 2
+
+
+def sensible_step(needed: float, count: int) -> int:
+    """Sample size to advise where about ``needed`` samples would do and ``count`` are not enough.
+
+    The estimate of what is needed is uncertain itself, and a few samples more leave every interval as it is. The advice
+    is at least `SMALLEST_STEP` times the present number, rounded up to two significant digits.
+
+    Parameters
+    ----------
+    needed : float
+        Estimated sample size that decides.
+    count : int
+        Present sample size, at least 1.
+
+    Examples
+    --------
+    >>> [sensible_step(needed, 1000) for needed in (1001, 1250, 1310, 15_333, 16_000)]
+    [1300, 1300, 1400, 16000, 16000]
+    """
+    wanted = math.ceil(max(needed, SMALLEST_STEP * count))
+    unit = int(10 ** max(len(str(wanted)) - 2, 0))
+    return -(-wanted // unit) * unit
 
 
 def variance_ratio_error(count: int, kurtosis: float = 3.0) -> float:

@@ -29,7 +29,7 @@ LABELLED: Final = 3
 
 FLIGHTS = Series("flights", "flights", POINT, "dot")
 ELLIPSES_LINEAR = Series("linear", "linear, 1 and 3 sigma", LINEAR)
-ELLIPSES_FLOWN = Series("flown", "Monte Carlo, 1 and 3 sigma", FLOWN, "dashed")
+ELLIPSES_FLOWN = Series("flown", "Monte Carlo (plain), 1 and 3 sigma", FLOWN, "dashed")
 FARTHEST = Series("farthest", "farthest flights, with their sample number", INK, "dot")
 
 

@@ -11,13 +11,14 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
-from mcnav.analysis.comparison import correlations
+from mcnav.analysis.comparison import Comparison, correlations
 from mcnav.report.content import Content
 from mcnav.report.drawings.drawing import THIRD, Drawing, Plot, Series
 from mcnav.report.numbers import fixed, number
 from mcnav.report.svg import FLOWN, LINEAR
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 FEW = 4
 """Outputs whose numbers are as large as other text; those of more shrink."""
@@ -51,22 +52,24 @@ def matrices(content: Content) -> Drawing:
     change = 100.0 * (relative[1] - relative[0])
     apart = 1000.0 * (both[1] - both[0])
     np.fill_diagonal(apart, 0.0)
+    certain = certain_differences(content.comparison, content.criterion.confidence)
 
     def plot(title: str, colours: Array, values: Array, shown: Callable[[float], str]) -> Plot:
         return Plot(title, lambda axes: _heat_map(axes, colours, names, [[shown(v) for v in row] for row in values]))
 
+    each, together = (f"{100.0 * level:.4g} %" for level in (comparison.confidence_each, content.criterion.confidence))
     plots = [
         plot("Covariance, linear", relative[0], np.where(nil[0], 0.0, linear * square), lambda value: number(value, 3)),
         plot(
-            "Covariance, Monte Carlo",
+            "Covariance, paired",
             relative[1],
             np.where(nil[1], 0.0, flown * square),
             lambda value: number(value, 3),
         ),
-        plot("Difference, % of σᵢσⱼ", _magnified(change), change, lambda value: number(value, 2)),
+        plot("Difference, % of σᵢσⱼ", _magnified(change, certain[0]), change, lambda value: number(value, 2)),
         plot("Correlation, linear", both[0], both[0], _coefficient),
-        plot("Correlation, Monte Carlo", both[1], both[1], _coefficient),
-        plot("Difference, thousandths", _magnified(apart), apart, lambda value: number(value, 2)),
+        plot("Correlation, paired", both[1], both[1], _coefficient),
+        plot("Difference, thousandths", _magnified(apart, certain[1]), apart, lambda value: number(value, 2)),
     ]
     return Drawing(
         key="matrices",
@@ -78,7 +81,8 @@ def matrices(content: Content) -> Drawing:
         data=pd.DataFrame(rows),
         size=THIRD,
         caption="Colours of covariances are in units of the linear sigmas; differences are coloured up to their "
-        "largest entry. Covariances below a two-thousandth of σᵢσⱼ are shown as zero.",
+        f"largest entry, and only where their interval excludes zero (intervals of sigmas at {each} each, those of "
+        f"correlations together at {together}). Covariances below a two-thousandth of σᵢσⱼ are shown as zero.",
     )  # fmt: skip
 
 
@@ -86,10 +90,32 @@ def _coefficient(value: float) -> str:
     return "0" if abs(value) < NIL else fixed(value, 3)
 
 
-def _magnified(matrix: Array) -> Array:
-    """A matrix over its largest entry."""
-    largest = float(np.nanmax(np.abs(matrix), initial=0.0))
-    return matrix / largest if largest > 0.0 else matrix
+def certain_differences(comparison: Comparison, confidence: float) -> tuple[Mask, Mask]:
+    """Find the entries of the covariance and of the correlation matrix whose difference is more than chance.
+
+    Correlations take intervals that hold together at the confidence (Bonferroni over all pairs), sigmas those of their
+    verdicts. A covariance in units of the linear sigmas is the product of two sigma ratios and a correlation, which
+    differs for certain when no values within their three intervals give the linear correlation.
+    """
+    ends = [output.paired.interval or (1.0, 1.0) for output in comparison.outputs]
+    covariance = np.diag([output.paired.certain for output in comparison.outputs])
+    correlation = np.zeros_like(covariance)
+    pairs = comparison.joint.correlations if comparison.joint else ()
+    for pair in pairs:
+        (i, j), found = pair.between, pair.difference
+        low, high = (pair.linear + end for end in found.interval(1.0 - (1.0 - confidence) / len(pairs)))
+        if not np.isfinite((*ends[i], *ends[j], low, high)).all():
+            continue
+        correlation[i, j] = correlation[j, i] = not low <= pair.linear <= high
+        products = [a * b * c for a, b, c in product(ends[i], ends[j], (low, high))]
+        covariance[i, j] = covariance[j, i] = not min(products) <= pair.linear <= max(products)
+    return covariance, correlation
+
+
+def _magnified(matrix: Array, certain: Mask) -> Array:
+    """A matrix over its largest entry, zero where it may be chance."""
+    largest = float(np.nanmax(np.abs(matrix), initial=0.0, where=certain))
+    return np.where(certain, matrix / largest if largest > 0.0 else matrix, 0.0)
 
 
 def _heat_map(axes: Axes, colours: Array, names: list[str], shown: list[list[str]]) -> None:

@@ -1,0 +1,187 @@
+"""Tables for the terminal that never shorten a number, whatever the width.
+
+A table takes the first of these forms that fits: as it is; with headings and texts folded between words; without the
+columns that may be left out, which a line below names; with the first columns folded, too; in blocks of columns that
+repeat the first ones; one record below another. Into a pipe or a file the width is unlimited.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+from rich.cells import cell_len
+from rich.console import Console, ConsoleDimensions, ConsoleOptions, RenderResult
+from rich.style import Style
+from rich.text import Text
+
+UNLIMITED: Final = 1_000_000
+"""Width of a pipe."""
+
+GAP: Final = 2
+"""Spaces between columns."""
+
+INDENT: Final = 2
+"""Spaces before the lines of a record."""
+
+
+class OpenConsole(Console):
+    """A console whose width is that of its terminal, and unlimited where it writes into a pipe or a file."""
+
+    @property
+    def size(self) -> ConsoleDimensions:
+        """Width and height in cells."""
+        found = super().size
+        return found if self.is_terminal else ConsoleDimensions(UNLIMITED, found.height)
+
+    @size.setter
+    def size(self, new_size: tuple[int, int]) -> None:
+        self._width, self._height = new_size
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column.
+
+    Attributes
+    ----------
+    heading : str
+    text : bool
+        Whether the cells are text, which may be folded between words; else numbers, which stay on one line.
+    spare : int
+        Columns above zero may be left out where the width is short, those with the largest number first.
+    """
+
+    heading: str
+    text: bool = False
+    spare: int = 0
+
+
+@dataclass
+class FittedTable:
+    """Rows under headings, laid out for the width of the console.
+
+    Attributes
+    ----------
+    title : str
+    columns : sequence of Column
+    keys : int
+        The first columns, which say what a row is; they are repeated in every block.
+    elsewhere : str
+        Where columns that are left out can be found.
+    rows : list of list of Text
+        One cell for each column.
+    """
+
+    title: str
+    columns: Sequence[Column]
+    keys: int = 1
+    elsewhere: str = ""
+    rows: list[list[Text]] = field(default_factory=list)
+
+    def add(self, *cells: str | Text) -> None:
+        """Append a row."""
+        self.rows.append([cell if isinstance(cell, Text) else Text(cell) for cell in cells])
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        """Yield the lines."""
+        width = options.max_width
+        if self.title:
+            yield from _wrapped(console, Text(self.title, style="bold"), width)
+        everything = list(range(len(self.columns)))
+        kept, blocks = self._layout(everything, width)
+        for number, block in enumerate(blocks):
+            if number:
+                yield Text()
+            yield from self._block(console, block, width)
+        if not blocks:
+            yield from self._records(console, kept, width)
+        left_out = [self.columns[at].heading for at in everything if at not in kept]
+        if left_out:
+            where = f"; see {self.elsewhere}" if self.elsewhere else ""
+            told = f"not shown at this width: {', '.join(left_out)}{where}"
+            yield from _wrapped(console, Text(told, style="dim"), width)
+
+    def _layout(self, columns: list[int], width: int) -> tuple[list[int], list[list[int]]]:
+        """Columns that are kept, and the blocks in which they are shown; no block where records are needed."""
+        while not self._fits(columns, width, whole_keys=True):
+            spare = max(columns, key=lambda at: (self.columns[at].spare, at))
+            if not self.columns[spare].spare:
+                break
+            columns = [at for at in columns if at != spare]
+        keys, others = columns[: self.keys], columns[self.keys :]
+        blocks: list[list[int]] = []
+        for at in others:
+            if blocks and self._fits([*blocks[-1], at], width):
+                blocks[-1].append(at)
+            elif self._fits([*keys, at], width):
+                blocks.append([*keys, at])
+            else:
+                return columns, []
+        if not others and self._fits(keys, width):
+            blocks.append(keys)
+        return columns, blocks
+
+    def _fits(self, columns: Iterable[int], width: int, whole_keys: bool = False) -> bool:
+        needed = [self._widest(at) if whole_keys and at < self.keys else self._narrowest(at) for at in columns]
+        return sum(needed) + GAP * (len(needed) - 1) <= width
+
+    def _cells(self, at: int) -> list[str]:
+        return [row[at].plain for row in self.rows]
+
+    def _narrowest(self, at: int) -> int:
+        """Width below which a number or a word would be broken."""
+        column, cells = self.columns[at], self._cells(at)
+        words = [word for text in (column.heading, *(cells if column.text else ())) for word in text.split()]
+        return max(map(cell_len, words + ([] if column.text else cells)), default=0)
+
+    def _widest(self, at: int) -> int:
+        """Width at which nothing is folded."""
+        return max(map(cell_len, (self.columns[at].heading, *self._cells(at))))
+
+    def _widths(self, columns: Sequence[int], width: int) -> list[int]:
+        """The width of each column: what it needs, the widest ones folded until all fit, the first columns last."""
+        wanted = [self._widest(at) for at in columns]
+        least = [self._narrowest(at) for at in columns]
+        excess = sum(wanted) + GAP * (len(columns) - 1) - width
+        while excess > 0:
+            foldable = [k for k in range(len(columns)) if wanted[k] > least[k]]
+            if not foldable:
+                break
+            wanted[max(foldable, key=lambda k: (columns[k] >= self.keys, wanted[k]))] -= 1
+            excess -= 1
+        return wanted
+
+    def _block(self, console: Console, columns: Sequence[int], width: int) -> Iterable[Text]:
+        widths = self._widths(columns, width)
+        headings = [Text(self.columns[at].heading, style="bold") for at in columns]
+        for row in (headings, *([row[at] for at in columns] for row in self.rows)):
+            cells = [
+                cell.wrap(console, max(size, 1), justify="left" if self.columns[at].text else "right", overflow="fold")
+                for at, cell, size in zip(columns, row, widths, strict=True)
+            ]
+            for line in range(max(map(len, cells))):
+                told = Text(no_wrap=True, overflow="ignore")
+                for cell, size in zip(cells, widths, strict=True):
+                    part = cell[line] if line < len(cell) else Text()
+                    told.append_text(part)
+                    told.append(" " * (size - part.cell_len + GAP))
+                told.rstrip()
+                yield told
+
+    def _records(self, console: Console, columns: Sequence[int], width: int) -> Iterable[Text]:
+        for number, row in enumerate(self.rows):
+            if number:
+                yield Text()
+            for place, at in enumerate(columns):
+                heading = self.columns[at].heading
+                told = Text.assemble((f"{heading}: " if heading else "", Style(bold=True)), row[at])
+                yield from _wrapped(console, told, width, INDENT if place else 0)
+
+
+def _wrapped(console: Console, text: Text, width: int, indent: int = 0) -> Iterable[Text]:
+    """A text in lines of a width; only words that are longer than a line are broken."""
+    for line in text.wrap(console, max(width - indent, 1), overflow="fold"):
+        line.rstrip()
+        yield Text.assemble(" " * indent, line, no_wrap=True, overflow="ignore")
