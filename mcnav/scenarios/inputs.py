@@ -103,7 +103,7 @@ def content_of(path: str) -> tuple[str, int]:
     known = _known.get(path)
     if known is not None and known[0] == mark:
         return known[1], found.st_size
-    settled = time.time() - max(found.st_mtime, found.st_ctime) > SETTLED_AFTER
+    settled = abs(time.time() - max(found.st_mtime, found.st_ctime)) > SETTLED_AFTER  # clocks of servers may be ahead
     with Path(path).open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
     if settled:

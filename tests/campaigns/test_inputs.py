@@ -181,14 +181,18 @@ def test_declarations_that_are_none(of: str, tmp_path: Path) -> None:
     assert "scenario.type: Mine.settings" in line
 
 
-def test_files_of_one_name_are_kept_apart(tmp_path: Path) -> None:
-    campaign = written(tmp_path, settings='{"one": Path, "two": Path}', one='"a/t.txt"', two='"b/t.txt"')
-    for name in ("a", "b"):
-        (tmp_path / name).mkdir()
-        (tmp_path / name / "t.txt").write_text(name)
+@pytest.mark.parametrize("name", ["t.csv", "t" * 150 + ".csv"])
+def test_files_of_one_name_are_kept_apart(name: str, tmp_path: Path) -> None:
+    campaign = written(
+        tmp_path, settings='{"one": Path, "two": Path, "three": Path}',
+        one=f'"a/{name}"', two=f'"b/{name}"', three='"one.t.csv"',
+    )  # fmt: skip
+    for place in (f"a/{name}", f"b/{name}", "one.t.csv"):
+        (tmp_path / place).parent.mkdir(exist_ok=True)
+        (tmp_path / place).write_text(place)
     run_campaign(read_campaign(campaign), tmp_path / "run", None, 1)
-    kept = {path.name: path.read_text() for path in (tmp_path / "run" / "inputs").iterdir()}
-    assert kept == {"one_t.txt": "a", "two_t.txt": "b"}
+    kept = {path.name.partition(".")[0]: path.read_text() for path in (tmp_path / "run" / "inputs").iterdir()}
+    assert kept == {"one": f"a/{name}", "two": f"b/{name}", "three": "one.t.csv"}
     again = read_campaign(tmp_path / "run" / "campaign.toml")
     assert run_campaign(again, tmp_path / "run", None, 1).flown == 0
 

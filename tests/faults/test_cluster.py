@@ -62,7 +62,7 @@ def mcnav_run(*arguments: object) -> Result:
 def test_a_file_that_a_scenario_reads(where: str, cluster: Cluster, tmp_path: Path) -> None:
     """Workers that outlive a run take the next one's file; identity and chunks are those of a run without a cluster."""
     table = tmp_path / "table.txt"
-    read = f"float(open({str(table)!r}).read())"
+    read = f"float(np.loadtxt({str(table)!r}))"
     body = f"self.gain = getattr(self, 'gain', None) or {read}" if where == "flown" else "self.gain = GAIN"
     code = VECTORISED.replace("class Mine", f"GAIN = {read}\n\nclass Mine" if where == "executed" else "class Mine")
     table.write_text("2")

@@ -18,7 +18,7 @@ from mcnav.campaign.inputs import INPUTS
 from mcnav.campaign.kinds.kind import Described, Kept, Place
 from mcnav.campaign.problems import Problem, suggestion
 from mcnav.campaign.tables import Table
-from mcnav.scenarios.inputs import InputFile, file_at, plain_name
+from mcnav.scenarios.inputs import LONGEST_NAME, InputFile, file_at, plain_name
 from mcnav.scenarios.own import Code, Own, Recipe
 from mcnav.scenarios.protocol import ScenarioError
 from mcnav.scenarios.settings import Declared, SettingError, Value, read_value, settings_of, shown
@@ -109,14 +109,18 @@ def _settings(
             problems.append(Problem(place.file, f"{where}{entry}", str(wrong)))
     if len(problems) > before:
         return None
-    files = [value for value in found.values() if isinstance(value, InputFile)]
-    names = [file.name.casefold() for file in files]
-    return {
-        key: replace(value, name=plain_name(f"{key}_{value.name}"))
-        if isinstance(value, InputFile) and names.count(value.name.casefold()) > 1
-        else value
-        for key, value in found.items()
+    return _named_apart(found)
+
+
+def _named_apart(settings: dict[str, Value]) -> dict[str, Value]:
+    """Settings whose files have names of their own, if need be with the setting's before them."""
+    files = {key: value for key, value in settings.items() if isinstance(value, InputFile)}
+    if len({file.name for file in files.values()}) == len(files):
+        return settings
+    apart = {
+        key: replace(file, name=f"{key}.{file.name[-(LONGEST_NAME - len(key) - 1) :]}") for key, file in files.items()
     }
+    return settings | apart
 
 
 def _file(value: object, key: str, place: Place) -> InputFile:
