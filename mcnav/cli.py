@@ -315,6 +315,8 @@ def replay(
         from mcnav.report.replay import lines
 
         found = fly_again(folder, index, campaign)
+        for note in found.notes:
+            err.print(f"note: {note}", markup=False)
         out.print(lines(found))
         out.print()
         for written in write_replay(found, into or folder):

@@ -15,6 +15,8 @@ from mcnav.campaign.file import Campaign, read_campaign
 from mcnav.campaign.files import plain, write_whole
 from mcnav.campaign.folder import CAMPAIGN, MANIFEST, RunFolder
 from mcnav.campaign.identity import PROBES, chunk_digest, identity_of
+from mcnav.campaign.inputs import INPUTS, changed_since
+from mcnav.campaign.kinds import Kept
 from mcnav.campaign.parts import OK, Layout, part_name, samples_from, tracebacks_in, whole_part
 from mcnav.campaign.problems import CampaignError, Problem, RunFolderError
 from mcnav.campaign.processes import Guarded, end_workers
@@ -91,6 +93,7 @@ def replay(path: Path, index: int, campaign_file: Path | None = None) -> Replay:
         outcomes=tuple(outcomes),
         traceback=traceback,
         history=history,
+        notes=() if campaign_file is None or campaign_file.parent == path else _notes(folder, campaign),
     )
 
 
@@ -119,12 +122,32 @@ def _campaign_of(folder: RunFolder, manifest: Mapping[str, Any], file: Path | No
     flown = manifest["identity"]["campaign"]
     given = {key: flown[key] for key in ("samples", "seed")} | {"store": flown.get("store", "samples")}
     path = folder.path / CAMPAIGN if file is None else file
-    campaign = read_campaign(path, given, execute=file is not None)
+    listed = manifest.get("files", [])
+    kept = {
+        record["setting"]: Kept(record["sha256"], folder.kept_input(record) if record["kept"] else None)
+        for record in listed
+        if record.get("setting") is not None
+    }
+    campaign = read_campaign(path, given, execute=file is not None, kept=kept)
     engine = str(manifest["identity"]["engine"])
-    now, then = plain(identity_of(campaign, engine)), manifest["identity"]
+    with threadpool_limits(1):
+        now, then = plain(identity_of(campaign, engine)), manifest["identity"]
     if any(now.get(key) != then.get(key) for key in ("campaign", "code")):
         raise RunFolderError(f"{path}: is not the campaign that was flown in {folder.path}")
+    change = changed_since(then.get("files", {}), now.get("files", {}))
+    if change is not None:
+        raise RunFolderError(f"{path}: reads other files than when {folder.path} was made ({change}); restore the file")
     return campaign, engine
+
+
+def _notes(folder: RunFolder, campaign: Campaign) -> tuple[str, ...]:
+    """Which files of the run take the place of files that have changed since."""
+    copies = folder.path / INPUTS
+    return tuple(
+        f"scenario.{file.setting}: the file is not as it was; the run's own copy {copies / file.name} is used"
+        for file in campaign.inputs()
+        if file.setting is not None and Path(file.path).parent == copies.absolute()
+    )
 
 
 def _stored(

@@ -21,6 +21,7 @@ from mcnav.campaign.file import Campaign, read_campaign
 from mcnav.campaign.files import plain
 from mcnav.campaign.folder import CAMPAIGN, RunFolder
 from mcnav.campaign.identity import PROBES, admit, chunk_digest, identity_of, refuse_foreign
+from mcnav.campaign.inputs import check_as_read, check_unchanged, records
 from mcnav.campaign.origin import commit
 from mcnav.campaign.parts import Layout, Part, as_records
 from mcnav.campaign.problems import CampaignError, Problem, RunFolderError
@@ -112,12 +113,13 @@ def run_campaign(
     if engine not in engines_of(campaign.scenario):
         known = ", ".join(engines_of(campaign.scenario))
         raise CampaignError([Problem(campaign.name, "engine", f"got {engine!r}; this scenario has {known}")])
-    identity = identity_of(campaign, engine)
     refuse_foreign(folder)
     with folder.held(), threadpool_limits(1):
         folder.sweep()
+        identity, inputs = identity_of(campaign, engine), campaign.inputs()
+        check_as_read(inputs)
         if fresh:
-            folder.clear()
+            folder.clear([Path(file.path) for file in inputs])
         notices = admit(folder, identity, campaign.design, campaign.samples)
         draws = Draws(campaign.errors, campaign.design, campaign.seed, campaign.samples)
         probes = campaign.errors.draw(
@@ -144,6 +146,7 @@ def run_campaign(
             "model": system.model,
             "complete": False,
             "parts": [],
+            "files": records(inputs),
         }
         folder.write_tables(campaign.tables)
         folder.write(CAMPAIGN, campaign.to_toml().encode())
@@ -151,10 +154,11 @@ def run_campaign(
         folder.write_manifest(manifest)
         if campaign.code is not None:
             folder.write(campaign.code.file, campaign.code.text.encode())
+        folder.write_inputs(inputs)
         layout = Layout.of(campaign.scenario.sources, campaign.scenario.outputs)
         own = chunk_digest(identity, campaign.design, campaign.samples)
         frame = _frame(campaign, system.model)
-        work = Work(draws, system.prepared, folder, own, layout, campaign.sample_timeout, frame)
+        work = Work(draws, system.prepared, folder, own, layout, campaign.sample_timeout, frame, inputs=inputs)
         load_drawing()
         with _beside(campaign, system) as beyond:
             began = time.perf_counter()
@@ -170,6 +174,7 @@ def run_campaign(
             progress.phase(Phase.ANALYSING)
         manifest["model"] = system.model | beyond()
         write_epochs(campaign, system.prepared, folder, parts)
+        check_unchanged(inputs, path)
         manifest |= {"complete": True, "parts": as_records(parts)}
         manifest["flight"] = {"jobs": jobs, "seconds": seconds, "samples": flown}
         folder.write_manifest(manifest)

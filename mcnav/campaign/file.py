@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from mcnav.campaign.accept import read_accept
 from mcnav.campaign.elsewhere import resolved_table
 from mcnav.campaign.errors import read_correlations, read_errors, read_joint
-from mcnav.campaign.kinds import KINDS, OWN, Described, Kind, Place, kind_of
+from mcnav.campaign.kinds import KINDS, OWN, Described, Kept, Kind, Place, kind_of
 from mcnav.campaign.problems import MOST_PROBLEMS, CampaignError, Problem, suggestion
 from mcnav.campaign.reduced import SUMMARY
 from mcnav.campaign.start_times import StartTimesPlan, read_start_times
@@ -35,8 +35,9 @@ from mcnav.campaign.until import Until, read_until
 from mcnav.sampling.distributions import Distribution
 from mcnav.sampling.errors import CorrelationError, ErrorModel, JointError
 from mcnav.sampling.others import Empirical
+from mcnav.scenarios.inputs import InputFile
 from mcnav.scenarios.own import Code, Own
-from mcnav.scenarios.protocol import Scenario, Source, StartTimes
+from mcnav.scenarios.protocol import Scenario, ScenarioError, Source, StartTimes
 
 MOST_STORED: Final = 1_000_000_000
 """Samples that may be stored one by one."""
@@ -101,8 +102,28 @@ class Campaign:
         """The resolved campaign as a file."""
         return tomli_w.dumps(dict(self.resolved))
 
+    def inputs(self) -> tuple[InputFile, ...]:
+        """Files that a scenario of the user's own reads; it is linearised to find them.
 
-def read_campaign(path: Path, overrides: Mapping[str, Any] | None = None, execute: bool = True) -> Campaign:
+        Raises
+        ------
+        CampaignError
+            When it cannot be linearised.
+        """
+        if not isinstance(self.scenario, Own):
+            return ()
+        try:
+            return self.scenario.inputs()
+        except ScenarioError as wrong:
+            raise CampaignError([Problem(self.name, f"scenario.{wrong.key}", str(wrong))]) from None
+
+
+def read_campaign(
+    path: Path,
+    overrides: Mapping[str, Any] | None = None,
+    execute: bool = True,
+    kept: Mapping[str, Kept] | None = None,
+) -> Campaign:
     """Read a campaign file.
 
     Parameters
@@ -112,6 +133,8 @@ def read_campaign(path: Path, overrides: Mapping[str, Any] | None = None, execut
         Top-level entries that take the place of the file's.
     execute : bool
         Whether a scenario of the user's own, which is code, may be executed.
+    kept : mapping of str to Kept, optional
+        Files of an earlier run by the setting that names them; they take the place of files that changed since.
 
     Raises
     ------
@@ -124,7 +147,7 @@ def read_campaign(path: Path, overrides: Mapping[str, Any] | None = None, execut
     if not execute and kind_of(kind) is OWN:
         message = f"got {kind!r}, which is code; nothing in a run folder is executed, so name the run's --campaign"
         raise CampaignError([Problem(str(path), "scenario.type", message)])
-    return parse_campaign(content, str(path), path.stem, overrides)
+    return parse_campaign(content, str(path), path.stem, overrides, kept)
 
 
 def _load(path: Path) -> dict[str, Any]:
@@ -156,7 +179,11 @@ def _load(path: Path) -> dict[str, Any]:
 
 
 def parse_campaign(
-    content: Mapping[str, Any], file: str, stem: str, overrides: Mapping[str, Any] | None = None
+    content: Mapping[str, Any],
+    file: str,
+    stem: str,
+    overrides: Mapping[str, Any] | None = None,
+    kept: Mapping[str, Kept] | None = None,
 ) -> Campaign:
     """Check the content of a campaign file and build what it describes; see `read_campaign`."""
     content = {**content, **(overrides or {})}
@@ -179,7 +206,7 @@ def parse_campaign(
     except ValidationError as invalid:
         problems += [_problem(file, dict(error), CampaignTable) for error in _first(invalid)]
 
-    described, sources = _read_scenario(content.get("scenario"), file, problems)
+    described, sources = _read_scenario(content.get("scenario"), Place(file, Path(file).parent, kept or {}), problems)
     entries = content.get("errors", {})
     distributions: dict[str, Distribution] = {}
     if isinstance(entries, dict) and sources is not None:
@@ -213,13 +240,13 @@ def parse_campaign(
         raise CampaignError(problems)
     name = table.name or stem
     scenario = described.scenario
-    kept = {
+    columns = {
         source.name: resolved_table(source, each)
         for source in sources
         if isinstance(each := distributions.get(source.name), Empirical)
     }
     resolved = _resolved(content, table, name, described)
-    resolved["errors"] = {**resolved["errors"], **{source: entry for source, (entry, _, _) in kept.items()}}
+    resolved["errors"] = {**resolved["errors"], **{source: entry for source, (entry, _, _) in columns.items()}}
     return Campaign(
         name=name,
         samples=table.samples,
@@ -232,7 +259,7 @@ def parse_campaign(
         errors=model,
         requirements=tuple(requirements),
         start_times=start_times,
-        tables={path: written for _, path, written in kept.values()},
+        tables={path: written for _, path, written in columns.values()},
         resolved=resolved,
         code=described.code,
         sample_timeout=table.sample_timeout,
@@ -267,9 +294,10 @@ def _read_start_times(
 
 
 def _read_scenario(
-    entries: Any, file: str, problems: list[Problem]
+    entries: Any, place: Place, problems: list[Problem]
 ) -> tuple[Described | None, Sequence[Source] | None]:
     """The scenario, and the sources that ``[errors]`` may name; mistakes are added to the list."""
+    file = place.file
     if not isinstance(entries, dict):
         return None, None  # said already, of the whole file
     kind: Kind | None = kind_of(entries.get("type"))
@@ -285,7 +313,7 @@ def _read_scenario(
             found: dict[str, Any] = {**error, "loc": ("scenario", *error["loc"])}
             problems.append(_problem(file, found, kind.table))
         return None, kind.sources
-    described = kind.describe(table, entries, Place(file, Path(file).parent), problems)
+    described = kind.describe(table, entries, place, problems)
     return described, kind.sources if described is None else described.scenario.sources
 
 

@@ -2,9 +2,10 @@
 
 ``campaign.toml`` (resolved), ``manifest.json``, ``samples/part-*.parquet``, ``history.parquet``, where the engine knows
 errors throughout the flight ``epochs.parquet`` and ``histories.parquet``, ``summary.json``, ``report.html``, and the
-Python file of a scenario of the user's own, which only ``mcnav run`` on the campaign beside it ever executes. A file
-is written under a temporary name and renamed when it is complete, so that a file that is there is whole. A part carries
-the identity of its run and its place in it; it is believed by its content, not because the manifest mentions it.
+Python file of a scenario of the user's own, which only ``mcnav run`` on the campaign beside it ever executes, with the
+small files that it reads in ``inputs/``. A file is written under a temporary name and renamed when it is complete, so
+that a file that is there is whole. A part carries the identity of its run and its place in it; it is believed by its
+content, not because the manifest mentions it.
 """
 
 from __future__ import annotations
@@ -12,9 +13,9 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from itertools import accumulate
 from pathlib import Path
@@ -27,10 +28,12 @@ from numpy.typing import NDArray
 
 from mcnav.campaign.elsewhere import TABLES
 from mcnav.campaign.files import is_temporary, parquet_bytes, plain, read_whole, write_whole
+from mcnav.campaign.inputs import INPUTS, LARGEST_KEPT
 from mcnav.campaign.manifest import fault_in
 from mcnav.campaign.parts import LARGEST_PART, MOST_ROWS, Layout, Samples, in_order, put, room_for, table_from
 from mcnav.campaign.problems import RunFolderBusy, RunFolderError
 from mcnav.scenarios.histories import checked
+from mcnav.scenarios.inputs import InputFile
 from mcnav.scenarios.protocol import History, Panel
 
 Array = NDArray[np.float64]
@@ -88,7 +91,7 @@ class RunFolder:
             When the folder cannot be made or written to.
         """
         lock = filelock.FileLock(self.path / LOCK)
-        linked = [place for place in (self.path / LOCK, self.parts, self.path / TABLES) if place.is_symlink()]
+        linked = [place for place in (self.path / LOCK, self.parts, *self._folders) if place.is_symlink()]
         if linked:
             raise RunFolderError(f"{linked[0]}: is a link to somewhere else, which no run makes; remove it")
         try:
@@ -196,17 +199,55 @@ class RunFolder:
         for name, content in tables.items():
             self.write(name, content)
 
+    def write_inputs(self, files: Sequence[InputFile]) -> None:
+        """Keep copies of the files that the scenario reads, but for large ones.
+
+        Raises
+        ------
+        RunFolderError
+            When one has changed meanwhile, or the disk refuses it.
+        """
+        for file in files:
+            if file.size > LARGEST_KEPT:
+                continue
+            try:
+                content = read_whole(Path(file.path), LARGEST_KEPT)
+            except OSError as failure:
+                raise RunFolderError(f"{file.path}: cannot be read: {failure.strerror or failure}") from None
+            if hashlib.sha256(content).hexdigest() != file.digest:
+                raise RunFolderError(f"{file.path}: changed while the run began; run the campaign again")
+            try:
+                (self.path / INPUTS).mkdir(exist_ok=True)
+            except OSError as failure:
+                raise RunFolderError(f"{self.path / INPUTS}: cannot be made: {failure.strerror or failure}") from None
+            self.write(f"{INPUTS}/{file.name}", content)
+
+    def kept_input(self, record: Mapping[str, Any]) -> Path | None:
+        """The copy of a file that a manifest lists; none when there is none with that content."""
+        path = self.path / INPUTS / str(record["name"])
+        try:
+            content = read_whole(path, LARGEST_KEPT)
+        except OSError:
+            return None
+        return path if hashlib.sha256(content).hexdigest() == record["sha256"] else None
+
+    @property
+    def _folders(self) -> tuple[Path, ...]:
+        """Folders that some runs have beside that of their samples."""
+        return self.path / TABLES, self.path / INPUTS
+
     def foreign(self) -> list[str]:
         """Names in the folder that no run writes."""
-        own = {CAMPAIGN, MANIFEST, SUMMARY, REPORT, HISTORY, EPOCHS, HISTORIES, SAMPLES, TABLES, LOCK}
+        own = {CAMPAIGN, MANIFEST, SUMMARY, REPORT, HISTORY, EPOCHS, HISTORIES, SAMPLES, TABLES, INPUTS, LOCK}
         if not self.path.is_dir():
             return []
         names = (entry.name for entry in self.path.iterdir())
         return sorted(name for name in names if name not in own and not (is_temporary(name) or _REPLAY.fullmatch(name)))
 
-    def clear(self) -> None:
-        """Delete what a run wrote here, and nothing else."""
+    def clear(self, needed: Sequence[Path] = ()) -> None:
+        """Delete what a run wrote here, and nothing else; copies of inputs stay where the next run reads them."""
         self._clear_code()
+        self._clear_inputs({path.resolve() for path in needed})
         for name in (MANIFEST, SUMMARY, REPORT, HISTORY, EPOCHS, HISTORIES, CAMPAIGN):
             (self.path / name).unlink(missing_ok=True)
         for part in (self.parts).glob("part-*.parquet"):
@@ -227,9 +268,22 @@ class RunFolder:
         except (RunFolderError, OSError, KeyError, TypeError, AttributeError):
             return
 
+    def _clear_inputs(self, needed: Set[Path]) -> None:
+        """Delete the copies of files that the scenario read, if they are still what the run wrote."""
+        try:
+            listed = (self.manifest() or {}).get("files", [])
+        except RunFolderError:
+            return
+        for record in listed:
+            path = self.kept_input(record)
+            if path is not None and path.resolve() not in needed:
+                path.unlink()
+        with suppress(OSError):
+            (self.path / INPUTS).rmdir()  # unless there is something else in it
+
     def sweep(self) -> None:
         """Delete what a killed process left half written."""
-        for place in (self.path, self.parts, self.path / TABLES):
+        for place in (self.path, self.parts, *self._folders):
             for entry in place.glob(".*.tmp"):
                 if is_temporary(entry.name):
                     entry.unlink()

@@ -16,6 +16,7 @@ from typing import Any, Final
 from mcnav.campaign.file import Campaign
 from mcnav.campaign.files import plain
 from mcnav.campaign.folder import MANIFEST, RunFolder
+from mcnav.campaign.inputs import identities
 from mcnav.campaign.parts import identities_in
 from mcnav.campaign.problems import RunFolderError
 from mcnav.campaign.reduced import SLOW, SUMMARY, chunk_of
@@ -48,14 +49,22 @@ def versions() -> dict[str, str]:
 
 
 def identity_of(campaign: Campaign, engine: str) -> dict[str, Any]:
-    """The resolved campaign, the engine, the versions and any code of the user's, as the manifest keeps them.
+    """The resolved campaign, the engine, the versions, any code of the user's and the files that it reads.
 
     What the samples do not depend on is left out.
+
+    Raises
+    ------
+    CampaignError
+        When a scenario of the user's own cannot be linearised, which shows the files that it reads.
     """
     described = {key: entry for key, entry in campaign.resolved.items() if key not in UNUSED}
     identity = {"campaign": plain(described), "engine": engine, "versions": versions(), "chunks": CHUNKS}
     if campaign.code is not None:
         identity["code"] = {"file": campaign.code.file, "sha256": campaign.code.digest}
+        files = identities(campaign.inputs())
+        if files:
+            identity["files"] = files
     return identity
 
 

@@ -46,11 +46,20 @@ class _Code(_Entries):
     sha256: Digest
 
 
+class _File(_Entries):
+    name: Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_+-][A-Za-z0-9_ .+-]{0,199}$")]
+    bytes: Annotated[int, Field(ge=0)]
+    sha256: Digest
+    kept: bool
+    setting: Words | None = None
+
+
 class _Identity(_Entries):
     campaign: dict[str, Any]
     engine: Words
     versions: dict[str, Words]
     code: _Code | None = None
+    files: dict[Words, Digest] = {}
 
 
 class _Part(_Entries):
@@ -81,6 +90,7 @@ class _Manifest(_Entries):
     model: _Model
     complete: bool
     parts: list[_Part]
+    files: list[_File] = []
     flight: _Flight | None = None
 
 

@@ -13,11 +13,13 @@ from threadpoolctl import threadpool_limits
 
 from mcnav.campaign import epochs
 from mcnav.campaign.folder import RunFolder
+from mcnav.campaign.inputs import check_unchanged
 from mcnav.campaign.parts import Layout, Part, whole_part, write_part
 from mcnav.campaign.reduced import KEPT, MARK, MOST_REASONS, Summary, chunk_of
 from mcnav.linear.reducing import reduced
 from mcnav.linear.reduction import Frame
 from mcnav.sampling.errors import ErrorModel
+from mcnav.scenarios.inputs import InputFile
 from mcnav.scenarios.limits import TookTooLong, time_limit
 from mcnav.scenarios.one_by_one import NOT_FINITE, Failed, fly_each
 from mcnav.scenarios.protocol import Outcomes, Prepared
@@ -39,6 +41,8 @@ class Draws:
 class Work:
     """What a worker needs to fly any chunk of a run; with a frame it keeps a summary in place of samples.
 
+    ``inputs`` are files that the scenario reads: a chunk is stored only when they stayed as they were.
+
     ``timeout`` is the time that a sample may take, s. ``wanted`` is a file that is there for as long as the run wants
     its chunks: a worker that nobody can end must not write into a folder that by then may be another run's.
     """
@@ -51,6 +55,7 @@ class Work:
     timeout: float | None = None
     frame: Frame | None = None
     wanted: Path | None = None
+    inputs: tuple[InputFile, ...] = ()
 
     @property
     def in_processes(self) -> bool:
@@ -108,6 +113,7 @@ def _alone(prepared: Prepared, errors: Array) -> Array:
 
 def fly_chunk(work: Work, place: Place) -> Part:
     """Draw, fly and store one chunk."""
+    check_unchanged(work.inputs, work.folder.path)
     with threadpool_limits(1):
         return store(work, place, ((errors, _flown(work, errors)) for errors in pieces(work, place)))
 
@@ -158,7 +164,11 @@ def store(work: Work, place: Place, flown: Iterable[tuple[Array, Outcomes]]) -> 
 
 
 def check_wanted(work: Work) -> None:
-    """Raise `NotWanted` when the run is over; on a shared file system reading asks anew, looking may not."""
+    """Raise `NotWanted` when the run is over, `RunFolderError` when a file that the scenario reads has changed.
+
+    On a shared file system reading asks anew, looking may not.
+    """
+    check_unchanged(work.inputs, work.folder.path)
     if work.wanted is None:
         return
     try:

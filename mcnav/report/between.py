@@ -67,6 +67,7 @@ def inputs(manifests: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
         _flat(each["identity"]["campaign"])
         | {"engine": str(each["identity"]["engine"])}
         | {f"version of {name}": text for name, text in each["identity"]["versions"].items()}
+        | {f"files.{name}": f"SHA-256 {text}" for name, text in each["identity"].get("files", {}).items()}
         for each in manifests
     ]
     keys = [key for key in dict.fromkeys(key for each in described for key in each) if key != "name"]

@@ -61,6 +61,8 @@ class Replay:
         Of the failure, as stored, or else as raised again; empty when there is none.
     history : History
         Of the flight; empty when the scenario shows none.
+    notes : tuple of str
+        What the user should know of how it was flown again, a line each.
     """
 
     campaign: str
@@ -73,6 +75,7 @@ class Replay:
     outcomes: tuple[Outcome, ...]
     traceback: str
     history: History
+    notes: tuple[str, ...] = ()
 
 
 def _error_rows(replay: Replay) -> list[tuple[str, str, str, str]]:

@@ -13,13 +13,15 @@ The class says what goes in and what comes out, and flies:
 processes. Both take and give SI units. A sample fails when ``fly`` raises, or when an output is not finite; `Outcomes`
 may be returned by ``propagate`` to give reasons. Besides these the class may have
 
-    settings = {"burn_time": "s"}      # further keys of [scenario] with their SI units, given to __init__ by name
+    settings = {"burn_time": "s", "label": str, "trajectory": Path}   # further keys of [scenario], given to __init__
     def partials(self): ...            # (outputs, sources); else central differences with steps that are tried out
     def history(self): ...             # a `History`: what the report shows as flown
     chunk = 1000                       # samples a worker takes at a time
 
-The file stands by itself: it may import installed packages, and no file beside it. Its text is part of the run's
-identity, travels to the workers as text, and is kept in the run folder.
+What a setting may be is in `mcnav.scenarios.settings`. The file stands by itself: it may import installed packages, and
+no file beside it. Its text is part of the run's identity, travels to the workers as text, and is kept in the run
+folder. Files that it reads are part of the identity, too: those that settings name, and those that it is seen to open
+while it is made, linearised and asked for its history (`mcnav.scenarios.inputs`).
 """
 
 from __future__ import annotations
@@ -29,16 +31,18 @@ import linecache
 import re
 import sys
 import types
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
-from typing import Any, Final
+from functools import cached_property
+from typing import Any, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mcnav.scenarios.differences import Differences, differentiated
 from mcnav.scenarios.histories import checked
+from mcnav.scenarios.inputs import InputFile, inputs_of, named_apart, watched
 from mcnav.scenarios.limits import TookTooLong, within_limit
 from mcnav.scenarios.one_by_one import NOT_FINITE, Failed, fly_each, told
 from mcnav.scenarios.protocol import (
@@ -50,7 +54,7 @@ from mcnav.scenarios.protocol import (
     ScenarioError,
     Source,
 )
-from mcnav.units import UnitError, conversion
+from mcnav.scenarios.settings import Value, check_unit, given
 
 Array = NDArray[np.float64]
 
@@ -92,17 +96,75 @@ class Code:
         ScenarioError
             When the file cannot be executed, or has no such class.
         """
-        return _class_of(self, name)
+        return _class_of(self, name).kind
 
 
-@lru_cache(maxsize=16)
-def _class_of(code: Code, name: str) -> type:
+@dataclass(frozen=True)
+class Loaded:
+    """A class of the user's, and the files that were read when its file was executed."""
+
+    kind: type
+    inputs: Mapping[str, InputFile]
+
+
+@dataclass(frozen=True)
+class Made:
+    """An object of a user's class, and the files that it has read so far, by path."""
+
+    instance: Any
+    inputs: dict[str, InputFile]
+
+    @contextmanager
+    def watched(self, code: str) -> Iterator[None]:
+        """Note what the object reads.
+
+        Raises
+        ------
+        ScenarioError
+            When a file changes while it is being read, or is a pipe or the like.
+        """
+        with watched() as found:
+            try:
+                yield
+            finally:
+                for path, file in inputs_of(found, code).items():
+                    if self.inputs.setdefault(path, file).digest != file.digest:
+                        raise ScenarioError("type", f"{path} changed while {code} was reading it; start again")
+
+
+KEPT: Final = 32
+"""Classes, and objects, that a process keeps."""
+
+Key = TypeVar("Key")
+Entry = TypeVar("Entry")
+
+_classes: dict[tuple[Code, str], Loaded] = {}
+_objects: dict[Recipe, Made] = {}
+
+
+def _keep(entries: dict[Key, Entry], key: Key, entry: Entry) -> Entry:
+    """Keep an entry in place of the oldest."""
+    while len(entries) >= KEPT and key not in entries:
+        entries.pop(next(iter(entries)), None)
+    entries[key] = entry
+    return entry
+
+
+def _valid(inputs: Mapping[str, InputFile]) -> bool:
+    return all(file.unchanged for file in tuple(inputs.values()))
+
+
+def _class_of(code: Code, name: str) -> Loaded:
+    known = _classes.get((code, name))
+    if known is not None and _valid(known.inputs):
+        return known
     module = types.ModuleType(f"mcnav_own_{code.digest[:16]}")
     module.__file__ = code.file
     sys.modules[module.__name__] = module  # dataclasses and pickles look a class's module up there
     linecache.cache[code.file] = (len(code.text), None, code.text.splitlines(keepends=True), code.file)
     try:
-        exec(compile(code.text, code.file, "exec"), module.__dict__)
+        with watched() as read:
+            exec(compile(code.text, code.file, "exec"), module.__dict__)
     except (Exception, SystemExit) as failure:
         del sys.modules[module.__name__]
         raise ScenarioError("type", f"{code.file} cannot be executed: {told(failure, code.file)}") from failure
@@ -112,7 +174,7 @@ def _class_of(code: Code, name: str) -> type:
         classes = [value.__name__ for value in own if value.__module__ == module.__name__]
         there = f"; it has {', '.join(classes)}" if classes else ""
         raise ScenarioError("type", f"{code.file} has no class {name}{there}")
-    return found
+    return _keep(_classes, (code, name), Loaded(found, inputs_of(read, code.file)))
 
 
 @dataclass(frozen=True)
@@ -124,15 +186,19 @@ class Recipe:
     code : Code
     name : str
         Of the class.
-    settings : tuple of (str, float)
-        For its ``__init__``, SI.
+    settings : tuple of (str, Value)
+        For its ``__init__``; see `mcnav.scenarios.settings.given`.
+    read : tuple of (str, str)
+        Path and digest of every file that the object is known to read beside those of its settings. Objects that
+        read other contents are other objects.
     """
 
     code: Code
     name: str
-    settings: tuple[tuple[str, float], ...]
+    settings: tuple[tuple[str, Value], ...]
+    read: tuple[tuple[str, str], ...] = ()
 
-    def made(self) -> Any:
+    def made(self) -> Made:
         """The object; one for each process.
 
         Raises
@@ -140,42 +206,33 @@ class Recipe:
         ScenarioError
             When it cannot be made.
         """
-        return _made(self)
+        return _objects.get(self) or self.made_anew()
 
+    def made_anew(self) -> Made:
+        """As `made`, but made again when a file that it read has changed since.
 
-@lru_cache(maxsize=16)
-def _made(recipe: Recipe) -> Any:
-    kind = recipe.code.class_named(recipe.name)
-    try:
-        return kind(**dict(recipe.settings))
-    except (Exception, SystemExit) as failure:
-        raise ScenarioError("type", f"{recipe.name} cannot be made: {told(failure, recipe.code.file)}") from failure
+        Raises
+        ------
+        ScenarioError
+            When it cannot be made.
+        """
+        known = _objects.get(self)
+        if known is not None and _valid(known.inputs) and all(file.unchanged for file in self.declared):
+            return known
+        loaded = _class_of(self.code, self.name)
+        made = Made(None, dict(loaded.inputs))
+        with made.watched(self.code.file):
+            try:
+                instance = loaded.kind(**{name: given(value) for name, value in self.settings})
+            except (Exception, SystemExit) as failure:
+                message = f"{self.name} cannot be made: {told(failure, self.code.file)}"
+                raise ScenarioError("type", message) from failure
+        return _keep(_objects, self, replace(made, instance=instance))
 
-
-def settings_of(kind: type) -> Mapping[str, str]:
-    """Further keys of ``[scenario]`` that a class takes, with their SI units.
-
-    Raises
-    ------
-    ScenarioError
-        When what the class says of them is not of that form.
-    """
-    found = getattr(kind, "settings", {})
-    if not isinstance(found, Mapping) or not all(isinstance(entry, str) for pair in found.items() for entry in pair):
-        raise ScenarioError("type", f"{kind.__name__}.settings must give a unit for each name, such as {{'time': 's'}}")
-    for unit in found.values():
-        _check_unit(f"{kind.__name__}.settings", unit, unit)
-    return found
-
-
-def _check_unit(where: str, unit: object, shown_in: object) -> None:
-    try:
-        factor = conversion(str(unit), str(shown_in))
-        alone = conversion(str(unit), str(unit))
-    except (UnitError, Exception) as wrong:  # pint has kinds of its own for units that do not convert
-        raise ScenarioError("type", f"{where}: {unit!r} shown in {shown_in!r}: {told(wrong, '')}") from None
-    if not (factor > 0.0 and alone == 1.0):
-        raise ScenarioError("type", f"{where}: {unit!r} cannot be shown in {shown_in!r}")
+    @property
+    def declared(self) -> tuple[InputFile, ...]:
+        """Files that settings name."""
+        return tuple(value for _, value in self.settings if isinstance(value, InputFile))
 
 
 def _checked(recipe: Recipe, instance: Any) -> tuple[tuple[Source, ...], tuple[Output, ...]]:
@@ -190,7 +247,7 @@ def _checked(recipe: Recipe, instance: Any) -> tuple[tuple[Source, ...], tuple[O
         for entry in entries:
             if not isinstance(entry.name, str) or not _NAME.fullmatch(entry.name):
                 raise ScenarioError("type", f"{where}: {entry.name!r} is no name: letters, digits and _ make one")
-            _check_unit(where, entry.unit, entry.shown_in)
+            check_unit(where, entry.unit, entry.shown_in)
             if isinstance(entry, Source) and not (np.isfinite(entry.nominal) and entry.nominal > 0.0):
                 raise ScenarioError(
                     "type", f"{where}: {entry.name} needs a usual size above zero; got {entry.nominal!r}"
@@ -215,7 +272,7 @@ class OwnEngine:
 
     def propagate(self, errors: Array) -> Outcomes:
         """Fly samples, shape (n, sources)."""
-        instance = self.recipe.made()
+        instance = self.recipe.made().instance
         if hasattr(instance, "propagate"):
             try:
                 return self._told(within_limit(lambda: instance.propagate(errors.copy())), len(errors))
@@ -275,7 +332,8 @@ class Own:
 
     def __init__(self, recipe: Recipe, sizes: Array | None = None) -> None:
         self.recipe = recipe
-        self._instance = recipe.made()
+        self._made = recipe.made_anew()
+        self._instance = self._made.instance
         self.sources, self.outputs = _checked(recipe, self._instance)
         self.engines = ("vectorised",) if hasattr(self._instance, "propagate") else ("single",)
         nominal = np.array([source.nominal for source in self.sources])
@@ -284,6 +342,13 @@ class Own:
     def sized(self, sizes: Array) -> Own:
         """The same scenario with the sigmas of a campaign's errors."""
         return Own(self.recipe, sizes)
+
+    def _pinned(self) -> Recipe:
+        """The recipe with the content of what was read so far: no other object is taken for this scenario's."""
+        read = tuple((path, file.digest) for path, file in sorted(self._made.inputs.items()))
+        recipe = replace(self.recipe, read=read)
+        _keep(_objects, recipe, self._made)
+        return recipe
 
     @cached_property
     def _engine(self) -> OwnEngine:
@@ -295,11 +360,25 @@ class Own:
             )
         how = "many at once" if vectorised else "one by one"
         accuracy = f"{self.recipe.code.file}, class {self.recipe.name}, {how}"
-        return OwnEngine(self.recipe, len(self.outputs), "threads" if vectorised else "processes", chunk, accuracy)
+        return OwnEngine(self._pinned(), len(self.outputs), "threads" if vectorised else "processes", chunk, accuracy)
+
+    def inputs(self) -> tuple[InputFile, ...]:
+        """Files that the scenario reads: those of its settings, and those noticed up to its nominal flight.
+
+        Raises
+        ------
+        ScenarioError
+            When it cannot be linearised, or a file changes meanwhile.
+        """
+        self.linearised()
+        self.history()
+        declared = self.recipe.declared
+        return declared + named_apart(self._made.inputs.values(), declared)
 
     @cached_property
     def _differences(self) -> Differences:
-        return differentiated(self._engine.propagate, self.sizes)
+        with self._made.watched(self.recipe.code.file):
+            return differentiated(self._engine.propagate, self.sizes)
 
     def linearised(self) -> LinearModel:
         """The class's own partial derivatives, or central differences; both fly it without any error.
@@ -309,16 +388,21 @@ class Own:
         ScenarioError
             When a flight that they need fails, or the class's own are not of their shape.
         """
-        if not hasattr(self._instance, "partials"):
-            return self._differences.model
+        return self._linear if hasattr(self._instance, "partials") else self._differences.model
+
+    @cached_property
+    def _linear(self) -> LinearModel:
+        """The class's own partial derivatives."""
         shape = (len(self.outputs), len(self.sources))
-        try:
-            partials = np.array(self._instance.partials(), dtype=float)
-        except (Exception, SystemExit) as failure:
-            raise ScenarioError("type", f"partials: {told(failure, self.recipe.code.file)}") from failure
-        if partials.shape != shape or not np.isfinite(partials).all():
-            raise ScenarioError("type", f"partials must return finite numbers of shape {shape}; got {partials.shape}")
-        nominal = self._engine.propagate(np.zeros((1, shape[1])))
+        with self._made.watched(self.recipe.code.file):
+            try:
+                partials = np.array(self._instance.partials(), dtype=float)
+            except (Exception, SystemExit) as failure:
+                raise ScenarioError("type", f"partials: {told(failure, self.recipe.code.file)}") from failure
+            if partials.shape != shape or not np.isfinite(partials).all():
+                came = f"partials must return finite numbers of shape {shape}; got {partials.shape}"
+                raise ScenarioError("type", came)
+            nominal = self._engine.propagate(np.zeros((1, shape[1])))
         if nominal.failures:
             raise ScenarioError("type", f"its flight without any error failed: {nominal.failures[0]}")
         return LinearModel(partials, nominal.values[0])
@@ -338,7 +422,7 @@ class Own:
             error = self._differences.error
             trust = "" if error <= SETTLED else ": not settled, so that linear results are doubtful"
             derivatives = f"partial derivatives by central differences, steps agree to {error:.1e}{trust}"
-        return replace(self._engine, accuracy=f"{self._engine.accuracy}; {derivatives}")
+        return replace(self._engine, recipe=self._pinned(), accuracy=f"{self._engine.accuracy}; {derivatives}")
 
     def history(self) -> History:
         """What the class shows of its flight, if anything.
@@ -348,12 +432,15 @@ class Own:
         ScenarioError
             When it is no history.
         """
-        if not hasattr(self._instance, "history"):
-            return History()
-        try:
-            found = self._instance.history()
-            if not isinstance(found, History):
-                raise TypeError(f"history must return a History of mcnav; got {type(found).__name__}")
-            return checked(found)
-        except (Exception, SystemExit) as failure:
-            raise ScenarioError("type", f"history: {told(failure, self.recipe.code.file)}") from failure
+        return self._history if hasattr(self._instance, "history") else History()
+
+    @cached_property
+    def _history(self) -> History:
+        with self._made.watched(self.recipe.code.file):
+            try:
+                found = self._instance.history()
+                if not isinstance(found, History):
+                    raise TypeError(f"history must return a History of mcnav; got {type(found).__name__}")
+                return checked(found)
+            except (Exception, SystemExit) as failure:
+                raise ScenarioError("type", f"history: {told(failure, self.recipe.code.file)}") from failure

@@ -23,10 +23,11 @@ from mcnav.campaign import cluster as clusters
 from mcnav.campaign.cluster import Cluster, opened
 from mcnav.campaign.file import read_campaign
 from mcnav.campaign.folder import RunFolder
-from mcnav.campaign.problems import ClusterError, TooManyFailures
+from mcnav.campaign.problems import ClusterError, RunFolderError, TooManyFailures
 from mcnav.campaign.runner import fly
 from mcnav.campaign.work import Work
 from mcnav.cli import app
+from mcnav.study import run_campaign
 from tests.conftest import ROOT, campaign
 from tests.faults.kills import digests, left_of
 from tests.faults.scenarios import VECTORISED, command, environment, work_of, written
@@ -55,6 +56,36 @@ def quiet(samples: int) -> None:
 
 def mcnav_run(*arguments: object) -> Result:
     return CliRunner().invoke(app, ["run", *map(str, arguments)])
+
+
+@pytest.mark.parametrize("where", ["executed", "flown"])
+def test_a_file_that_a_scenario_reads(where: str, cluster: Cluster, tmp_path: Path) -> None:
+    """Workers that outlive a run take the next one's file; identity and chunks are those of a run without a cluster."""
+    table = tmp_path / "table.txt"
+    read = f"float(np.loadtxt({str(table)!r}))"
+    body = f"self.gain = getattr(self, 'gain', None) or {read}" if where == "flown" else "self.gain = GAIN"
+    code = VECTORISED.replace("class Mine", f"GAIN = {read}\n\nclass Mine" if where == "executed" else "class Mine")
+    table.write_text("2")
+    path = written(tmp_path, body, code.replace("2.0 * a", "self.gain * a"))
+    for gain in (2.0, 3.0):
+        table.write_text(f"{gain:g}")
+        for folder, flyers in (("here", None), ("there", cluster.fly)):
+            run_campaign(read_campaign(path), tmp_path / folder, None, 2, fresh=True, flights=flyers)
+        here, there = (RunFolder(tmp_path / folder).manifest() for folder in ("here", "there"))
+        assert here is not None
+        assert there is not None
+        assert here["identity"] == there["identity"]
+        assert here["identity"]["files"].keys() == {"table.txt"}
+        assert digests(tmp_path / "here") == digests(tmp_path / "there")
+        samples = pd.read_parquet(tmp_path / "there" / "samples")
+        np.testing.assert_allclose(samples["output b [m]"], gain * samples["error a [m]"], rtol=1e-15)
+
+    def change(samples: int) -> None:
+        table.write_text("4")
+
+    path.write_text(path.read_text().replace("samples = 100", "samples = 30_000"))  # four chunks
+    with pytest.raises(RunFolderError, match=r"table\.txt: has changed; samples stored in"):
+        run_campaign(read_campaign(path), tmp_path / "there", None, 2, progress=change, flights=cluster.fly)
 
 
 @pytest.mark.parametrize(("engine", "store"), [("ensemble", "samples"), ("ensemble", "summary"), ("map", "samples")])

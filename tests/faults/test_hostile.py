@@ -30,7 +30,7 @@ from mcnav.cli import app
 from mcnav.judging import report_run, samples_of, summary_of
 from mcnav.study import run_campaign
 from tests.conftest import campaign, content
-from tests.faults.scenarios import mcnav, written
+from tests.faults.scenarios import VECTORISED, mcnav, written
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -250,7 +250,7 @@ def test_json_that_is_none(name: str, content: bytes | None, folder: Path) -> No
     assert str(path) in str(found.value)
 
 
-@pytest.mark.parametrize("link", [".lock", "samples", "tables"])
+@pytest.mark.parametrize("link", [".lock", "samples", "tables", "inputs"])
 def test_links_are_not_followed(link: str, folder: Path, tmp_path: Path) -> None:
     """A run neither empties, writes nor deletes what a link in its folder points to."""
     victim = tmp_path / "victim"
@@ -274,6 +274,69 @@ def test_fresh_deletes_only_what_a_run_wrote(folder: Path) -> None:
     run_campaign(campaign(4, samples=64), folder, "ensemble", 1, fresh=True)
     assert (folder / "thesis.py").read_text() == "precious"
     assert (folder / ".thesis.tmp").read_text() == "precious"
+
+
+@pytest.fixture(scope="module")
+def stored_with_inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A finished run of a scenario that reads ``table.txt`` beside its campaign."""
+    place = tmp_path_factory.mktemp("inputs")
+    (place / "table.txt").write_text("2")
+    reads = f"open({str(place / 'table.txt')!r}).close()\n\nclass Mine:"
+    path = written(place, "pass", VECTORISED.replace("class Mine:", reads))
+    run_campaign(read_campaign(path), place / "run", None, 1)
+    return place
+
+
+@pytest.fixture
+def with_inputs(stored_with_inputs: Path, tmp_path: Path) -> Path:
+    shutil.copytree(stored_with_inputs / "run", tmp_path / "run")
+    return tmp_path / "run"
+
+
+@pytest.mark.parametrize("spoilt", ["text", "link", "pipe", "folder"])
+def test_kept_files_that_are_not_what_a_run_wrote(spoilt: str, with_inputs: Path, stored_with_inputs: Path) -> None:
+    """Neither followed nor deleted by ``--fresh``; a file or link in the way is replaced, a folder told in one line."""
+    precious = with_inputs.parent / "precious"
+    precious.write_text("precious")
+    copy = with_inputs / "inputs" / "table.txt"
+    copy.unlink()
+    (with_inputs / "inputs" / "thesis.csv").write_text("precious")
+    make: dict[str, Callable[[], object]] = {
+        "text": lambda: copy.write_text("3"),
+        "link": lambda: copy.symlink_to(precious),
+        "pipe": lambda: os.mkfifo(copy),
+        "folder": copy.mkdir,
+    }
+    make[spoilt]()
+    again = read_campaign(stored_with_inputs / "mine.toml")
+    if spoilt == "folder":
+        with pytest.raises(RunFolderError, match=r"inputs/table\.txt: cannot be written: Is a directory"):
+            run_campaign(again, with_inputs, None, 1, fresh=True)
+        copy.rmdir()
+    run_campaign(again, with_inputs, None, 1, fresh=True)
+    assert not copy.is_symlink()
+    assert copy.read_text() == "2"
+    assert precious.read_text() == "precious"
+    assert (with_inputs / "inputs" / "thesis.csv").read_text() == "precious"
+
+
+def test_fresh_deletes_the_copies_of_the_earlier_run(with_inputs: Path) -> None:
+    run_campaign(campaign(4, samples=64), with_inputs, "ensemble", 1, fresh=True)
+    assert not (with_inputs / "inputs").exists()
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [
+        {"name": "../table.txt"}, {"name": "/etc/passwd"}, {"name": ".lock"}, {"name": "a/b"}, {"name": ""},
+        {"bytes": -1}, {"sha256": "0"}, {"kept": "yes"}, {"setting": 3}, {"name": None},
+    ],
+    ids=repr,
+)  # fmt: skip
+def test_manifests_that_list_other_files(entry: dict[str, Any], with_inputs: Path) -> None:
+    signed(with_inputs, lambda manifest: manifest["files"][0].update(entry))
+    told = refused(with_inputs)
+    assert f"manifest.json: is not as this program writes it (files.0.{next(iter(entry))}" in told
 
 
 @pytest.mark.parametrize(

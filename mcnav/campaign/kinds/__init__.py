@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from mcnav.campaign.kinds import own, reentry, steady
-from mcnav.campaign.kinds.kind import Described, Kind, Place
+from mcnav.campaign.kinds.kind import Described, Kept, Kind, Place
 from mcnav.scenarios.cruise import SOURCES as STEADY_SOURCES
 from mcnav.scenarios.reentry import SOURCES as REENTRY_SOURCES
 
@@ -31,4 +31,4 @@ def kind_of(name: object) -> Kind | None:
     return KINDS.get(name) or (OWN if own.NAMED.fullmatch(name) else None)
 
 
-__all__ = ["KINDS", "OWN", "Described", "Kind", "Place", "kind_of"]
+__all__ = ["KINDS", "OWN", "Described", "Kept", "Kind", "Place", "kind_of"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +14,30 @@ from mcnav.scenarios.protocol import Scenario, Source
 
 
 @dataclass(frozen=True)
+class Kept:
+    """A file that a run was made with, by its digest, and its copy in the run folder if there is one."""
+
+    sha256: str
+    copy: Path | None
+
+
+@dataclass(frozen=True)
 class Place:
-    """Where a table stands: the campaign file's name, for messages, and its folder, for what lies beside it."""
+    """Where a table stands.
+
+    Attributes
+    ----------
+    file : str
+        The campaign file's name, for messages.
+    folder : Path
+        Folder of what lies beside it.
+    kept : mapping of str to Kept
+        Files of a run that is to be repeated, by setting: a copy takes the place of a file that has changed since.
+    """
 
     file: str
     folder: Path
+    kept: Mapping[str, Kept] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

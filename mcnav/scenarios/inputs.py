@@ -1,0 +1,248 @@
+"""Files that a scenario of the user's own reads: found by watching, identified by content.
+
+Python reports every file that it opens (audit event ``open``). While a `watched` block runs, files opened for reading
+are noted; those of Python itself, of installed packages, of the operating system and of caches are left out, and so are
+files that the same block writes. Libraries that open files without Python (parquet, HDF5, sqlite) are not seen.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import site
+import stat
+import sys
+import sysconfig
+import tempfile
+import threading
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Final
+
+from mcnav.scenarios.protocol import ScenarioError
+
+SETTLED_AFTER: Final = 2.0
+"""Seconds since its last change after which a file's time stamp and size vouch for its content."""
+
+LONGEST_NAME: Final = 100
+
+_SYSTEM: Final = (
+    "/proc", "/dev", "/sys", "/etc", "/run", "/usr/lib", "/usr/lib64", "/lib", "/lib64", "/usr/share/fonts",
+    "/usr/share/fontconfig", "/usr/share/locale", "/usr/share/mime", "/usr/share/terminfo", "/usr/share/zoneinfo",
+)  # fmt: skip
+_IGNORED_PART: Final = re.compile(r"__pycache__|\.cache|\.matplotlib|.*\.(?:egg|dist)-info")
+_IGNORED_SUFFIX: Final = frozenset({".py", ".pyc", ".pyi", ".so", ".pyd", ".dll", ".nbi", ".nbc", ".pth"})
+
+
+@dataclass(frozen=True)
+class InputFile:
+    """A file and its content at one time.
+
+    Attributes
+    ----------
+    name : str
+        Name under which a run knows the file; unique among the files of a run.
+    path : str
+        Absolute path.
+    digest : str
+        SHA-256 of the content.
+    size : int
+        Bytes.
+    setting : str, optional
+        Key of ``[scenario]`` that names the file; none when the file was noticed.
+    """
+
+    name: str
+    path: str
+    digest: str
+    size: int
+    setting: str | None = None
+
+    @property
+    def unchanged(self) -> bool:
+        """Whether the file still has this content."""
+        try:
+            return content_of(self.path) == (self.digest, self.size)
+        except OSError:
+            return False
+
+
+def file_at(path: str, name: str = "", setting: str | None = None) -> InputFile:
+    """Identify a file.
+
+    Raises
+    ------
+    OSError
+        When it cannot be read, or is not a regular file.
+    """
+    digest, size = content_of(path)
+    return InputFile(name or plain_name(path), path, digest, size, setting)
+
+
+_known: dict[str, tuple[tuple[int, ...], str]] = {}
+"""Digests of files by path, with the time stamps and size for which they hold."""
+
+
+def content_of(path: str) -> tuple[str, int]:
+    """SHA-256 and size of a regular file; it is read again only when its time stamp or size differ.
+
+    Raises
+    ------
+    OSError
+        When it cannot be read, or is not a regular file.
+    """
+    found = Path(path).stat()
+    if not stat.S_ISREG(found.st_mode):
+        raise OSError("is no file")
+    mark = (found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns)
+    known = _known.get(path)
+    if known is not None and known[0] == mark:
+        return known[1], found.st_size
+    settled = abs(time.time() - max(found.st_mtime, found.st_ctime)) > SETTLED_AFTER  # clocks of servers may be ahead
+    with Path(path).open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    if settled:
+        _known[path] = (mark, digest)
+    return digest, found.st_size
+
+
+def plain_name(path: str) -> str:
+    """Make a file name that is safe on every file system of a path's last part.
+
+    >>> plain_name("/data/flight 7.csv")
+    'flight 7.csv'
+    """
+    name = re.sub(r"[^\w .+-]", "_", Path(path).name, flags=re.ASCII).lstrip(". ") or "file"
+    return name if len(name) <= LONGEST_NAME else name[-LONGEST_NAME:].lstrip(". ")
+
+
+def named_apart(files: Iterable[InputFile], taken: Sequence[InputFile] = ()) -> tuple[InputFile, ...]:
+    """Give files names of their own: the last parts of their paths, as many as tell them apart.
+
+    A file that several paths lead to, or that is among those taken, counts once.
+    """
+    used, found = {file.name.casefold() for file in taken}, list[InputFile]()
+    known = {Path(file.path).resolve() for file in taken}
+    for file in sorted(files, key=lambda each: each.path):
+        if Path(file.path).resolve() in known:
+            continue
+        known.add(Path(file.path).resolve())
+        parts = Path(file.path).parts
+        names = [plain_name("_".join(parts[-count:])) for count in range(1, len(parts))]
+        numbered = (f"{number}_{plain_name(file.path)}" for number in range(2, 10_000))
+        name = next(name for name in (*names, *numbered) if name.casefold() not in used)
+        used.add(name.casefold())
+        found.append(replace(file, name=name))
+    return tuple(found)
+
+
+@dataclass
+class Watched:
+    """Files opened so far in a `watched` block, by path."""
+
+    read: set[str] = field(default_factory=set)
+    written: set[str] = field(default_factory=set)
+    thread: int = field(default_factory=threading.get_ident)
+    others: frozenset[int | None] = field(
+        default_factory=lambda: frozenset(thread.ident for thread in threading.enumerate())
+    )
+
+    def opened(self, path: Any, flags: Any) -> None:
+        """Note a file that is about to be opened."""
+        if not isinstance(path, (str, bytes)) or not isinstance(flags, int):
+            return
+        place = str(Path(os.fsdecode(path)).absolute())
+        (self.read if flags & (os.O_WRONLY | os.O_RDWR) == 0 else self.written).add(place)
+
+    @property
+    def concerned(self) -> bool:
+        """Whether the present thread runs the block, or was started since the block began."""
+        present = threading.get_ident()
+        return present == self.thread or present not in self.others
+
+
+_watching: list[Watched] = []
+_installing = threading.Lock()
+_installed: list[bool] = []
+
+
+def _hook(event: str, arguments: tuple[Any, ...]) -> None:
+    """Note what is opened; an audit hook is never removed, so that it must cost nothing while nobody watches."""
+    if not _watching or event not in ("open", "os.rename"):
+        return
+    try:
+        for each in tuple(_watching):
+            if each.concerned:
+                if event == "open":
+                    each.opened(arguments[0], arguments[2])
+                else:
+                    each.opened(arguments[1], os.O_WRONLY)
+    except Exception:  # raising here would fail the user's open()
+        return
+
+
+@contextmanager
+def watched() -> Iterator[Watched]:
+    """Note every file that this thread, and threads started meanwhile, open."""
+    with _installing:
+        if not _installed:
+            sys.addaudithook(_hook)
+            _installed.append(True)
+    found = Watched()
+    _watching.append(found)
+    try:
+        yield found
+    finally:
+        _watching[:] = [each for each in _watching if each is not found]
+
+
+@lru_cache(maxsize=1)
+def _roots() -> tuple[str, ...]:
+    """Folders whose files belong to Python, to installed packages, to this program or to the operating system."""
+    places = {*_SYSTEM, sys.prefix, sys.base_prefix, sys.exec_prefix, str(Path(__file__).parents[1])}
+    places |= {*sysconfig.get_paths().values(), *site.getsitepackages(), site.getusersitepackages()}
+    places |= {os.environ.get(name, "") for name in ("XDG_CACHE_HOME", "MPLCONFIGDIR", "NUMBA_CACHE_DIR")}
+    places |= {str(Path.home() / ".config" / "matplotlib")}
+    kept = {str(form) for place in places if place for form in (Path(place).absolute(), Path(place).resolve())}
+    shared = (str(Path.home()), tempfile.gettempdir(), os.sep)
+    return tuple(sorted(place + os.sep for place in kept if place not in shared))
+
+
+def is_input(path: str) -> bool:
+    """Whether a file that was read counts as an input, by where it lies and how it is named."""
+    where = Path(path)
+    if any(place.startswith(root) for root in _roots() for place in (path, str(where.resolve()))):
+        return False
+    return where.suffix not in _IGNORED_SUFFIX and not any(_IGNORED_PART.fullmatch(part) for part in where.parts[:-1])
+
+
+def inputs_of(found: Watched, code: str) -> dict[str, InputFile]:
+    """Identify the inputs among the files of a `watched` block, by path.
+
+    A file that is gone again, or never was there, is left out: nothing of it can have stayed.
+
+    Raises
+    ------
+    ScenarioError
+        When one is a pipe or the like, whose content cannot be read again.
+    """
+    files = {}
+    for path in sorted(found.read - found.written):
+        if not is_input(path):
+            continue
+        try:
+            kind = Path(path).stat().st_mode
+            if stat.S_ISDIR(kind):
+                continue
+            if not stat.S_ISREG(kind):
+                message = f"{code} reads {path}, which is no regular file; its content cannot belong to the run"
+                raise ScenarioError("type", message)
+            files[path] = file_at(path)
+        except OSError:
+            continue
+    return files
