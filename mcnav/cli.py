@@ -193,6 +193,9 @@ def run(
         Store | None, typer.Option(help="Keep every sample, or a summary of any number of them [default: the file's].")
     ] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Replace an earlier run in the folder.")] = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Go on where partial derivatives are not settled; the results say so.")
+    ] = False,
     check: Annotated[bool, typer.Option("--check", help="Exit 1 unless every requirement of [accept] is met.")] = False,
     timeout: Annotated[
         str | None, typer.Option(metavar="TIME", help="Time that a sample may take, such as '10 s'.")
@@ -223,9 +226,11 @@ def run(
         target = folder or run_folder(campaign)
         chosen = engine or engine_of(target, campaign)
         with flights(scheduler, dask, jobs) as (flyers, workers, known), _progress(described.samples) as told:
-            done = run_campaign(described, target, chosen, workers, fresh, told, max_failures, flyers)
+            done = run_campaign(described, target, chosen, workers, fresh, told, max_failures, flyers, force)
         for notice in (*known, *done.notices):
             err.print(f"note: {notice}", markup=False)
+        if (warned := terminal.warnings({described.name: done.summary})) is not None:
+            out.print(warned)
         out.print(terminal.comparison({described.name: done.summary}))
         out.print()
         out.print(terminal.verdict(done.summary), soft_wrap=False)
@@ -277,6 +282,8 @@ def compare(
             with as_written(Path(name) / "summary.json"):
                 terminal.comparison({name: summary})
                 told.append((f"\n{name}: {summary['campaign']}", terminal.verdict(summary)))
+        if (warned := terminal.warnings(runs)) is not None:
+            out.print(warned)
         out.print(terminal.comparison(runs))
         for heading, verdict in told:
             out.print(heading, markup=False, style="bold")

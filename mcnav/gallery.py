@@ -77,6 +77,7 @@ def _entry(folder: Path, place: Path) -> dict[str, Any]:
             "name": summary["campaign"],
             "tone": wording.tone(summary),
             "headline": wording.headline(summary),
+            "warning": wording.unsettled(summary),
             "samples": f"{summary['samples']:,}",
             "failed": f"{summary['failed']:,}",
             "sigmas": [

@@ -87,6 +87,13 @@ def _output_cells(summary: Mapping[str, Any], i: int, scale: float) -> list[Text
     ]
 
 
+def warnings(runs: Mapping[str, Mapping[str, Any]]) -> RenderableType | None:
+    """What must be known before anything is read: runs without a sound linear model; none where all have one."""
+    told = [(name, wording.unsettled(summary)) for name, summary in runs.items()]
+    lines = [Text(f"{name}: {words}", style="bold red") for name, words in told if words]
+    return Group(*lines) if lines else None
+
+
 def inputs(found: pd.DataFrame) -> RenderableType:
     """What the runs' campaigns do not have in common, a key a line; one column a run."""
     table = _table("What was changed")

@@ -297,8 +297,20 @@ class Own:
         accuracy = f"{self.recipe.code.file}, class {self.recipe.name}, {how}"
         return OwnEngine(self.recipe, len(self.outputs), "threads" if vectorised else "processes", chunk, accuracy)
 
+    @property
+    def own_partials(self) -> bool:
+        """Whether the class gives its partial derivatives itself."""
+        return hasattr(self._instance, "partials")
+
     @cached_property
-    def _differences(self) -> Differences:
+    def differences(self) -> Differences:
+        """Partial derivatives by flights, each with steps that are tried out.
+
+        Raises
+        ------
+        ScenarioError
+            When a flight that they need fails.
+        """
         return differentiated(self._engine.propagate, self.sizes)
 
     def linearised(self) -> LinearModel:
@@ -309,8 +321,8 @@ class Own:
         ScenarioError
             When a flight that they need fails, or the class's own are not of their shape.
         """
-        if not hasattr(self._instance, "partials"):
-            return self._differences.model
+        if not self.own_partials:
+            return self.differences.model
         shape = (len(self.outputs), len(self.sources))
         try:
             partials = np.array(self._instance.partials(), dtype=float)
@@ -332,10 +344,10 @@ class Own:
             When it cannot be flown without any error.
         """
         self.linearised()
-        if hasattr(self._instance, "partials"):
+        if self.own_partials:
             derivatives = "partial derivatives are the class's own"
         else:
-            error = self._differences.error
+            error = self.differences.error
             trust = "" if error <= SETTLED else ": not settled, so that linear results are doubtful"
             derivatives = f"partial derivatives by central differences, steps agree to {error:.1e}{trust}"
         return replace(self._engine, accuracy=f"{self._engine.accuracy}; {derivatives}")
