@@ -81,11 +81,12 @@ def _fail(message: str, status: int) -> typer.Exit:
 
 
 @contextmanager
-def _errors_told() -> Iterator[None]:
-    """Turn what the user can mend into lines and an exit status."""
+def _errors_told(file: Path | None = None) -> Iterator[None]:
+    """Turn what the user can mend into lines and an exit status; a scenario's own errors are those of the file."""
     from mcnav.campaign.problems import (
         CampaignError,
         ClusterError,
+        Problem,
         RunFolderBusy,
         RunFolderError,
         TooManyFailures,
@@ -104,8 +105,12 @@ def _errors_told() -> Iterator[None]:
         raise _fail(message, SOME_FAILED) from None
     except MemoryError:
         message = "not enough memory; what is stored is kept, and the same command goes on from there"
-        raise _fail(f"{message} (fewer --jobs need less)", BAD_INPUT) from None
-    except (CampaignError, ClusterError, RunFolderError, FlightFailed, ScenarioError) as problem:
+        raise _fail(f"{f'{file}: ' if file else ''}{message} (fewer --jobs need less)", BAD_INPUT) from None
+    except ScenarioError as problem:
+        raise _fail(str(Problem(str(file or ""), f"scenario.{problem.key}", str(problem))), BAD_INPUT) from None
+    except FlightFailed as problem:
+        raise _fail(str(Problem(str(file or ""), "scenario", str(problem))), BAD_INPUT) from None
+    except (CampaignError, ClusterError, RunFolderError) as problem:
         raise _fail(str(problem), BAD_INPUT) from None
     except OSError as problem:
         raise _fail(f"{problem.filename or 'a file'}: {problem.strerror or problem}", BAD_INPUT) from None
@@ -207,7 +212,7 @@ def run(
     Exit status: 0 done, 1 a requirement is not met or not decided (with --check), 2 bad input,
     3 some samples failed, 4 folder in use, 130 interrupted.
     """
-    with _errors_told():
+    with _errors_told(campaign):
         from mcnav.campaign.cluster import flights
         from mcnav.campaign.file import read_campaign
         from mcnav.report import terminal
@@ -361,7 +366,7 @@ def partials(
 
     With --start-times, write them and the linear dispersion against the start of navigation.
     """
-    with _errors_told():
+    with _errors_told(campaign):
         from mcnav.campaign.file import read_campaign
         from mcnav.linear.agreement import compared_partials
         from mcnav.report import terminal
@@ -391,7 +396,7 @@ def start_times(
     The campaign's table [start_times] may say how errors change with the start time, what each output's dispersion is
     worth, and which start times to check.
     """
-    with _errors_told():
+    with _errors_told(campaign):
         _start_times(campaign, folder, axes, count, checks=True)
 
 
@@ -416,7 +421,7 @@ def linearity(
     folder: Annotated[Path | None, typer.Option("--out", help="[default: reports/ and NAME_linearity].")] = None,
 ) -> None:
     """Find how many times larger the errors could be before linear analysis fails, source by source and together."""
-    with _errors_told():
+    with _errors_told(campaign):
         from mcnav.campaign.file import read_campaign
         from mcnav.report import terminal
         from mcnav.sweeps.linearity import write_linearity
@@ -436,7 +441,7 @@ def check_scenario(campaign: CampaignFile) -> None:
 
     Exit status: 0 all kept, 1 something is not, 2 bad input.
     """
-    with _errors_told():
+    with _errors_told(campaign):
         from mcnav import study
         from mcnav.report import terminal
 

@@ -20,7 +20,7 @@ from mcnav.campaign.problems import CampaignError, Problem
 from mcnav.campaign.processes import Guarded
 from mcnav.linear.beyond import beyond_linear, flown_budget
 from mcnav.linear.map_engine import MapEngine, prepared_by
-from mcnav.linear.partials import partials_throughout
+from mcnav.linear.partials import FlightFailed, partials_throughout
 from mcnav.linear.polynomial import MapRefused
 from mcnav.linear.soundness import check_repeatable, unsettled
 from mcnav.scenarios.own import Own
@@ -115,6 +115,8 @@ def _told(campaign: Campaign) -> Iterator[None]:
         yield
     except ScenarioError as wrong:
         raise CampaignError([Problem(campaign.file, f"scenario.{wrong.key}", str(wrong))]) from None
+    except FlightFailed as wrong:
+        raise CampaignError([Problem(campaign.file, "scenario", str(wrong))]) from None
     except MapRefused as wrong:
         raise CampaignError([Problem(campaign.file, "engine", str(wrong))]) from None
 

@@ -22,9 +22,9 @@ doubt by no more than d √n of itself: by the triangle inequality the rows P√
 length of their difference, and the row is as long as its largest contribution at least. Ten sources at 1 % make 3 %, of
 the 5 % that campaigns tolerate by default; `SHARE` keeps the proportion where they tolerate less.
 
-Noise of standard deviation e (as a share of the dispersion) makes the two longest steps, 0.3 and 0.1 sigma, disagree by
-7 e: it is refused from some 0.2 % on by chance, and with near certainty from 2 %. What passes adds e²/2 to sigma, and
-up to 2.4 e to one derivative. The noise of an integrator at a relative tolerance of 1e-6 stays a hundred times below.
+Noise that depends on every error is refused from some 0.03 % of the dispersion on, because differences magnify it: by 7
+at the two longest steps, by thousands at short ones. Noise that is the same to both sides cancels in differences and is
+refused from 1 %. What passes adds less than 0.01 % to sigma. An integrator's noise of 1e-5 of the dispersion passes.
 """
 
 SHARE: Final = 0.2
@@ -73,15 +73,16 @@ class Unsettled:
         off = f"{share:,.0f}" if share >= 10.0 else f"{share:.2g}"
         off += " % of the output's largest one-sigma contribution"
         where = f"of output {self.output!r} to source {self.source!r}"
+        most = f"(at most {100.0 * self.limit:g} % would do)"
         if self.own:
             return (
-                f"the class's own partial derivative {where} is {off} away from that of its flights (at most "
-                f"{100.0 * self.limit:g} % would do): mend partials(), leave it out, or use --force to judge it as it is"
+                f"the class's own partial derivative {where} is {off} away from that of its flights {most}: mend "
+                "partials(), leave it out, or use --force to judge it as it is"
             )
         return (
             f"the partial derivative {where} is not settled, so there is no linear model to compare with: differences "
-            f"at neighbouring steps, or to either side, disagree by {off} (at most {100.0 * self.limit:g} % would do); take out what is "
-            "random or jumps, integrate more precisely, or go on with --force"
+            f"at neighbouring steps, or to either side, disagree by {off} {most}; take out what is random or jumps, "
+            "integrate more precisely, or go on with --force"
         )
 
 
@@ -160,8 +161,8 @@ def unsettled(
     if not varied.any():
         return None
     try:
-        differences = differentiated(prepared.propagate, scenario.sizes) if scenario.own_partials else (
-            scenario.differences
+        differences = (
+            differentiated(prepared.propagate, scenario.sizes) if scenario.own_partials else (scenario.differences)
         )
     except ScenarioError:  # the class's own derivatives need no flights to either side
         return None

@@ -119,7 +119,14 @@ def differentiated(propagate: Callable[[Array], Outcomes], sizes: Array) -> Diff
         reason = next(reason for row, reason in outcomes.failures.items() if row and (row - 1) % count == source)
         raise ScenarioError("type", f"no two steps of source {source + 1} could be flown to both sides: {reason}")
     model = LinearModel(slopes[chosen + 1, every].T, values[0])
-    return Differences(model, float(gaps[chosen, every].max()), slopes * sizes[:, None], chosen, moved, _uneven(values[0], forward, backward))
+    return Differences(
+        model,
+        float(gaps[chosen, every].max()),
+        slopes * sizes[:, None],
+        chosen,
+        moved,
+        _uneven(values[0], forward, backward),
+    )
 
 
 def _of_three(gaps: Array) -> Array:
