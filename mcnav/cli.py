@@ -89,11 +89,12 @@ def _fail(message: str, status: int) -> typer.Exit:
 
 
 @contextmanager
-def _errors_told() -> Iterator[None]:
-    """Turn what the user can mend into lines and an exit status."""
+def _errors_told(file: Path | None = None) -> Iterator[None]:
+    """Turn what the user can mend into lines and an exit status; a scenario's own errors are those of the file."""
     from mcnav.campaign.problems import (
         CampaignError,
         ClusterError,
+        Problem,
         RunFolderBusy,
         RunFolderError,
         TooManyFailures,
@@ -112,8 +113,12 @@ def _errors_told() -> Iterator[None]:
         raise _fail(message, SOME_FAILED) from None
     except MemoryError:
         message = "not enough memory; what is stored is kept, and the same command goes on from there"
-        raise _fail(f"{message} (fewer --jobs need less)", BAD_INPUT) from None
-    except (CampaignError, ClusterError, RunFolderError, FlightFailed, ScenarioError) as problem:
+        raise _fail(f"{f'{file}: ' if file else ''}{message} (fewer --jobs need less)", BAD_INPUT) from None
+    except ScenarioError as problem:
+        raise _fail(str(Problem(str(file or ""), f"scenario.{problem.key}", str(problem))), BAD_INPUT) from None
+    except FlightFailed as problem:
+        raise _fail(str(Problem(str(file or ""), "scenario", str(problem))), BAD_INPUT) from None
+    except (CampaignError, ClusterError, RunFolderError) as problem:
         raise _fail(str(problem), BAD_INPUT) from None
     except OSError as problem:
         raise _fail(f"{problem.filename or 'a file'}: {problem.strerror or problem}", BAD_INPUT) from None
@@ -175,6 +180,9 @@ def run(
         Store | None, typer.Option(help="Keep every sample, or a summary of any number of them [default: the file's].")
     ] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Replace an earlier run in the folder.")] = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Go on where partial derivatives are not settled; the results say so.")
+    ] = False,
     check: Annotated[bool, typer.Option("--check", help="Exit 1 unless every requirement of [accept] is met.")] = False,
     timeout: Annotated[
         str | None, typer.Option(metavar="TIME", help="Time that a sample may take, such as '10 s'.")
@@ -187,7 +195,7 @@ def run(
     Exit status: 0 done, 1 a requirement is not met or not decided (with --check), 2 bad input,
     3 some samples failed, 4 folder in use, 130 interrupted.
     """
-    with _errors_told():
+    with _errors_told(campaign):
         from mcnav.campaign.cluster import flights
         from mcnav.campaign.file import read_campaign
         from mcnav.report import exported, progress, terminal
@@ -206,7 +214,7 @@ def run(
         target = folder or run_folder(campaign)
         chosen = engine or engine_of(target, campaign)
         with flights(scheduler, dask, jobs) as (flyers, workers, known), progress.shown(err) as told:
-            done = run_campaign(described, target, chosen, workers, fresh, told, max_failures, flyers)
+            done = run_campaign(described, target, chosen, workers, fresh, told, max_failures, flyers, force)
         for notice in (*known, *done.notices):
             err.print(f"note: {notice}", markup=False)
         runs = {described.name: done.summary}
@@ -215,6 +223,8 @@ def run(
             tables = {"runs": exported.run_rows(runs), "outputs": rows, "requirements": requirements}
             _export(shown, rows, tables)
         said = out if shown is Format.TABLE else err
+        if (warned := terminal.warnings(runs)) is not None:
+            said.print(warned)
         if shown is Format.TABLE:
             said.print(terminal.comparison(runs))
             said.print()
@@ -271,6 +281,8 @@ def compare(
         several = len(folders) > 1
         found = compare_runs(folders) if several or html is not None else None
         said = out if shown is Format.TABLE else err
+        if (warned := terminal.warnings(runs)) is not None:
+            said.print(warned)
         if shown is not Format.TABLE:
             rows = exported.output_rows(runs)
             if found is not None and several:
@@ -359,7 +371,7 @@ def partials(
 
     With --start-times, write them and the linear dispersion against the start of navigation.
     """
-    with _errors_told():
+    with _errors_told(campaign):
         from mcnav.campaign.file import read_campaign
         from mcnav.linear.agreement import compared_partials
         from mcnav.report import exported, terminal
@@ -403,7 +415,7 @@ def start_times(
     The campaign's table [start_times] may say how errors change with the start time, what each output's dispersion is
     worth, and which start times to check.
     """
-    with _errors_told():
+    with _errors_told(campaign):
         _start_times(campaign, folder, axes, count, checks=True)
 
 
@@ -433,7 +445,7 @@ def linearity(
     folder: Annotated[Path | None, typer.Option("--out", help="[default: reports/ and NAME_linearity].")] = None,
 ) -> None:
     """Find how many times larger the errors could be before linear analysis fails, source by source and together."""
-    with _errors_told():
+    with _errors_told(campaign):
         from mcnav.campaign.file import read_campaign
         from mcnav.report import progress, terminal
         from mcnav.sweeps.linearity import write_linearity
@@ -454,7 +466,7 @@ def check_scenario(campaign: CampaignFile) -> None:
 
     Exit status: 0 all kept, 1 something is not, 2 bad input.
     """
-    with _errors_told():
+    with _errors_told(campaign):
         from mcnav import study
         from mcnav.report import terminal
 

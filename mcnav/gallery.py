@@ -79,6 +79,7 @@ def _entry(folder: Path, place: Path) -> dict[str, Any]:
             "tone": wording.tone(summary),
             "standing": wording.standing(summary),
             "headline": wording.headline(summary),
+            "warning": wording.unsettled(summary),
             "samples": f"{summary['samples']:,}",
             "failed": f"{summary['failed']:,}",
             "sigmas": [

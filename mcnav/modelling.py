@@ -20,8 +20,9 @@ from mcnav.campaign.problems import CampaignError, Problem
 from mcnav.campaign.processes import Guarded
 from mcnav.linear.beyond import beyond_linear, flown_budget
 from mcnav.linear.map_engine import MapEngine, prepared_by
-from mcnav.linear.partials import partials_throughout
+from mcnav.linear.partials import FlightFailed, partials_throughout
 from mcnav.linear.polynomial import MapRefused
+from mcnav.linear.soundness import check_repeatable, unsettled
 from mcnav.scenarios.own import Own
 from mcnav.scenarios.protocol import Followed, History, OverTime, Prepared, ScenarioError
 
@@ -47,27 +48,64 @@ class System:
     history : History
     beyond : callable
         What goes beyond the linear model, from flights on the side: more of what the manifest keeps.
+    unsettled : dict or None
+        The partial derivative for which there is no linear model to compare with, as the manifest keeps it.
     """
 
     prepared: Prepared
     model: dict[str, Any]
     history: History
     beyond: Callable[[], dict[str, Any]]
+    unsettled: dict[str, Any] | None = None
 
 
-def system_of(campaign: Campaign, engine: str, probes: Array) -> System:
+def system_of(campaign: Campaign, engine: str, probes: Array, force: bool = False) -> System:
     """The system of a campaign for one of its engines.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    engine : str
+    probes : ndarray, shape (n, sources)
+    force : bool
+        Whether to go on where partial derivatives are not settled.
 
     Raises
     ------
     CampaignError
-        When it cannot be flown; also by `System.beyond`.
+        When it cannot be flown, or is no function that a linear model could be compared with; also by
+        `System.beyond`.
     """
     errors = campaign.errors
     with _told(campaign):
+        doubt = _doubt(campaign, probes, force) if isinstance(campaign.scenario, Own) else None
         prepared = prepared_by(campaign.scenario, engine, probes, errors.mean, errors.standard_deviations)
         model = _linear(campaign, prepared)
-        return System(prepared, model, campaign.scenario.history(), partial(_beyond, campaign, prepared, model))
+        return System(prepared, model, campaign.scenario.history(), partial(_beyond, campaign, prepared, model), doubt)
+
+
+def _doubt(campaign: Campaign, probes: Array, force: bool) -> dict[str, Any] | None:
+    """Try out whether a user's scenario is a function, and has derivatives; `CampaignError` unless forced to go on."""
+    scenario, errors = campaign.scenario, campaign.errors
+    if not isinstance(scenario, Own):
+        return None
+    prepared = _guarded(campaign, scenario.prepared(scenario.engines[0], probes))
+    check_repeatable(prepared, scenario.sizes)
+    varied = (errors.standard_deviations > 0.0) | (errors.mean != 0.0)
+    found = unsettled(scenario, prepared, scenario.linearised(), varied, campaign.tolerance)
+    if found is None:
+        return None
+    if not force:
+        raise CampaignError([Problem(campaign.file, "scenario", str(found))])
+    return found.described()
+
+
+def _guarded(campaign: Campaign, engine: Prepared) -> Prepared:
+    """Let flights of a user's code end their process, but not this one."""
+    at_risk = isinstance(campaign.scenario, Own) and (
+        engine.parallel == "processes" or campaign.sample_timeout is not None
+    )
+    return Guarded(engine, len(campaign.scenario.outputs), campaign.sample_timeout) if at_risk else engine
 
 
 @contextmanager
@@ -76,9 +114,11 @@ def _told(campaign: Campaign) -> Iterator[None]:
     try:
         yield
     except ScenarioError as wrong:
-        raise CampaignError([Problem(campaign.name, f"scenario.{wrong.key}", str(wrong))]) from None
+        raise CampaignError([Problem(campaign.file, f"scenario.{wrong.key}", str(wrong))]) from None
+    except FlightFailed as wrong:
+        raise CampaignError([Problem(campaign.file, "scenario", str(wrong))]) from None
     except MapRefused as wrong:
-        raise CampaignError([Problem(campaign.name, "engine", str(wrong))]) from None
+        raise CampaignError([Problem(campaign.file, "engine", str(wrong))]) from None
 
 
 def _linear(campaign: Campaign, prepared: Prepared) -> dict[str, Any]:
@@ -112,11 +152,7 @@ def _beyond(campaign: Campaign, prepared: Prepared, model: Mapping[str, Any]) ->
     """Unscented transform, derivatives of higher order and the error budget by flights."""
     scenario, errors = campaign.scenario, campaign.errors
 
-    def guard(engine: Prepared) -> Prepared:
-        """A user's flight may end its process, but not this one."""
-        at_risk = isinstance(scenario, Own) and (engine.parallel == "processes" or campaign.sample_timeout is not None)
-        return Guarded(engine, len(scenario.outputs), campaign.sample_timeout) if at_risk else engine
-
+    guard = partial(_guarded, campaign)
     with _told(campaign):
         flown = flown_budget(
             scenario, errors, model["partials"], campaign.design, campaign.seed, campaign.samples, guard

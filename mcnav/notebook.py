@@ -181,6 +181,7 @@ def fly(
     engine: str | None = None,
     jobs: int = 2,
     fresh: bool = False,
+    force: bool = False,
     **instead: int,
 ) -> FlownRun:
     """Fly a campaign file into a run folder and write its report there; what is stored is not flown again.
@@ -193,6 +194,8 @@ def fly(
         Workers.
     fresh : bool
         Replace an earlier run in the folder.
+    force : bool
+        Go on where partial derivatives are not settled; the run says so.
     **instead
         ``samples`` and ``seed`` in place of the file's.
 
@@ -201,5 +204,5 @@ def fly(
     CampaignError, RunFolderError
         As `mcnav.study.run_campaign`.
     """
-    run_campaign(read_campaign(Path(campaign), instead), Path(folder), engine, jobs, fresh)
+    run_campaign(read_campaign(Path(campaign), instead), Path(folder), engine, jobs, fresh, force=force)
     return FlownRun(Path(folder))

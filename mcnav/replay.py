@@ -78,7 +78,7 @@ def replay(path: Path, index: int, campaign_file: Path | None = None) -> Replay:
                 outcomes.append(_outcome(f"again, {name}", again))
                 traceback = traceback or again.tracebacks.get(0, "")
         except (ScenarioError, MapRefused) as wrong:
-            raise CampaignError([Problem(campaign.name, "scenario", str(wrong))]) from None
+            raise CampaignError([Problem(campaign.file, "scenario", str(wrong))]) from None
         finally:
             end_workers()
         history = scenario.replayed(sample[0]) if isinstance(scenario, Replayed) else History()

@@ -71,6 +71,7 @@ def run_campaign(
     progress: Progress = SILENT,
     most_failures: int | None = None,
     flights: Flights | None = None,
+    force: bool = False,
 ) -> Run:
     """Fly a campaign into a run folder, analyse it and write its report.
 
@@ -94,6 +95,8 @@ def run_campaign(
         Samples that may fail before the run is broken off.
     flights : Flights, optional
         Who flies in place of this machine's threads and processes; see `mcnav.campaign.cluster`.
+    force : bool
+        Go on where partial derivatives are not settled; the summary and the report say so.
 
     Returns
     -------
@@ -102,7 +105,7 @@ def run_campaign(
     Raises
     ------
     CampaignError
-        When the scenario has no such engine, or cannot be flown.
+        When the scenario has no such engine, cannot be flown, or there is no linear model to compare with.
     RunFolderError
         When the folder holds something else, is in use, or cannot be written to.
     TooManyFailures
@@ -112,20 +115,20 @@ def run_campaign(
     engine = engine or campaign.scenario.engines[0]
     if engine not in engines_of(campaign.scenario):
         known = ", ".join(engines_of(campaign.scenario))
-        raise CampaignError([Problem(campaign.name, "engine", f"got {engine!r}; this scenario has {known}")])
+        raise CampaignError([Problem(campaign.file, "engine", f"got {engine!r}; this scenario has {known}")])
     refuse_foreign(folder)
     with folder.held(), threadpool_limits(1):
         folder.sweep()
         identity, inputs = identity_of(campaign, engine), campaign.inputs()
         check_as_read(inputs)
-        if fresh:
-            folder.clear([Path(file.path) for file in inputs])
-        notices = admit(folder, identity, campaign.design, campaign.samples)
+        notices = [] if fresh else admit(folder, identity, campaign.design, campaign.samples)
         draws = Draws(campaign.errors, campaign.design, campaign.seed, campaign.samples)
         probes = campaign.errors.draw(
             campaign.design, campaign.seed, campaign.samples, 0, min(PROBES, campaign.samples)
         )
-        system = system_of(campaign, engine, probes)
+        system = system_of(campaign, engine, probes, force)
+        if fresh:
+            folder.clear([Path(file.path) for file in inputs])
         manifest: dict[str, Any] = {
             "format": FORMAT,
             "campaign": campaign.name,
@@ -143,6 +146,7 @@ def run_campaign(
             "normal": campaign.errors.normal,
             "store": campaign.store,
             "kept": min(KEPT, campaign.samples) if campaign.store == SUMMARY else None,
+            "unsettled": system.unsettled,
             "model": system.model,
             "complete": False,
             "parts": [],

@@ -252,6 +252,7 @@ def opened(scheduler: str | None = None, workers: int = JOBS) -> Iterator[tuple[
             stack.enter_context(distributed.utils.silence_logging_cmgr(logging.CRITICAL + 1, name))
         address = scheduler or stack.enter_context(_made(distributed, workers))
         try:
+            distributed.comm.get_address_host_port(address)  # a client that finds this out takes 20 s to end
             client = distributed.Client(address, timeout=ANSWERS, set_as_default=False)
         except (OSError, ValueError, TypeError, ImportError) as failure:
             told = "nobody answers there" if isinstance(failure, OSError) else str(failure)

@@ -34,7 +34,7 @@ def read_scipy(table: Mapping[str, Any], source: Source, file: str, key: str, pr
     if name not in continuous_distributions():
         known = [f"{SCIPY}{each}" for each in continuous_distributions()]
         close = suggestion(f"{SCIPY}{name}", known)
-        told = close if "did you mean" in close else ""
+        told = f"{close.partition('?')[0]}?" if "did you mean" in close else ""
         message = f"got {table['distribution']!r}; scipy.stats has no continuous distribution of that name{told}"
         problems.append(Problem(file, f"{key}.distribution", message))
         return None

@@ -79,6 +79,8 @@ class Campaign:
         The file of the user's own that the scenario is made of.
     store : str
         ``samples``: every sample is stored. ``summary``: what the analysis needs, bounded whatever their number.
+    file : str
+        Path of the campaign file as it was given, for messages.
     """
 
     name: str
@@ -97,6 +99,7 @@ class Campaign:
     code: Code | None = None
     sample_timeout: float | None = None
     store: str = "samples"
+    file: str = ""
 
     def to_toml(self) -> str:
         """The resolved campaign as a file."""
@@ -264,6 +267,7 @@ def parse_campaign(
         code=described.code,
         sample_timeout=table.sample_timeout,
         store=str(table.store),
+        file=file,
     )
 
 

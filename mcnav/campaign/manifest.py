@@ -75,6 +75,14 @@ class _Flight(_Entries):
     samples: Count
 
 
+class _Unsettled(_Entries):
+    source: Words
+    output: Words
+    disagreement: float | None
+    limit: float
+    own: bool
+
+
 class _Manifest(_Entries):
     campaign: Words
     samples: Annotated[int, Field(ge=2, le=MOST_SAMPLES)]
@@ -92,6 +100,7 @@ class _Manifest(_Entries):
     parts: list[_Part]
     files: list[_File] = []
     flight: _Flight | None = None
+    unsettled: _Unsettled | None = None
 
 
 def fault_in(content: Mapping[str, Any]) -> str | None:

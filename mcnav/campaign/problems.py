@@ -15,7 +15,10 @@ MOST_PROBLEMS: Final = 50
 """Mistakes told of one file."""
 
 LONGEST: Final = 400
-"""Characters of a file name, key or message that are shown."""
+"""Characters of a file name or key that are shown."""
+
+LONGEST_MESSAGE: Final = 1_000
+"""Characters of a message that are shown: some list names."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +30,8 @@ class Problem:
     message: str
 
     def __str__(self) -> str:
-        return ": ".join(printable(part, LONGEST) for part in (self.file, self.key, self.message) if part)
+        parts = (self.file, LONGEST), (self.key, LONGEST), (self.message, LONGEST_MESSAGE)
+        return ": ".join(printable(part, most) for part, most in parts if part)
 
 
 class CampaignError(Exception):
@@ -57,6 +61,10 @@ LONGEST_NAME: Final = 100
 """Characters of a name that may have been meant for another."""
 
 
+MOST_NAMES: Final = 20
+"""Names that a message lists."""
+
+
 class TooManyFailures(Exception):
     """More samples failed than a run was allowed; the message says how many."""
 
@@ -78,8 +86,17 @@ def as_written(path: Path) -> Iterator[None]:
 
 
 def suggestion(name: str, known: list[str]) -> str:
-    """What an unknown name may have meant, or what is known, as the end of a message."""
+    """What an unknown name may have meant, and what is known, as the end of a message.
+
+    >>> suggestion("altitud", ["altitude", "range"])
+    "; did you mean 'altitude'? It is one of altitude, range"
+    """
+    if not known:
+        return ""
+    listed = ", ".join(known[:MOST_NAMES])
+    if len(known) > MOST_NAMES:
+        listed += f" and {len(known) - MOST_NAMES} more"
     close = difflib.get_close_matches(name, known, n=1) if len(name) <= LONGEST_NAME else []
     if close:
-        return f"; did you mean {close[0]!r}?"
-    return f"; expected one of {', '.join(known)}" if known else ""
+        return f"; did you mean {close[0]!r}? It is one of {listed}"
+    return f"; expected one of {listed}"

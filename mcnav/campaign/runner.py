@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
+from pathlib import Path
 
 from joblib import Parallel, delayed
 
@@ -28,12 +29,12 @@ def _fly_in_threads(work: Work, missing: Sequence[Place], jobs: int) -> Generato
     yield from flights(delayed(fly_chunk)(work, place) for place in missing)
 
 
-def _refuse_failures(parts: Sequence[Part], most: int | None) -> None:
+def _refuse_failures(folder: Path, parts: Sequence[Part], most: int | None) -> None:
     if most is None:
         return
     failed, flown = sum(part.failed for part in parts), sum(part.end - part.begin for part in parts)
     if failed > most:
-        raise TooManyFailures(f"{failed:,} of the {flown:,} samples flown so far failed, where {most:,} may")
+        raise TooManyFailures(f"{folder}: {failed:,} of the {flown:,} samples flown so far failed, where {most:,} may")
 
 
 def fly(
@@ -90,12 +91,12 @@ def fly(
             notice(f"{path}: is damaged; its samples are flown again")
     flights = elsewhere or (fly_in_processes if work.in_processes else _fly_in_threads)
     try:
-        _refuse_failures(parts, most_failures)
+        _refuse_failures(work.folder.path, parts, most_failures)
         with closing(flights(work, missing, jobs)) as ready:
             for part in ready:
                 parts.append(part)
                 progress.advance(part.end - part.begin)
-                _refuse_failures(parts, most_failures)
+                _refuse_failures(work.folder.path, parts, most_failures)
     finally:
         if work.in_processes or elsewhere is not None:
             end_workers()

@@ -10,20 +10,15 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mcnav.linear.soundness import SAME, SEED, apart, same
 from mcnav.scenarios.differences import differentiated
-from mcnav.scenarios.protocol import LinearModel, Outcomes, Prepared, Scenario, ScenarioError
+from mcnav.scenarios.protocol import LinearModel, Prepared, Scenario, ScenarioError
 from mcnav.units import conversion
 
 Array = NDArray[np.float64]
 
 TRIED: Final = 16
 """Samples that are flown."""
-
-SEED: Final = 1966
-
-SAME: Final = 1e-9
-"""Share of an output's dispersion by which a sample may depend on those flown beside it: the order of a library's
-sums."""
 
 AGREEMENT: Final = 1e-3
 """Share of a row's largest contribution within which partial derivatives must agree with differences."""
@@ -114,12 +109,8 @@ def _shapes(scenario: Scenario, prepared: Prepared, errors: Array) -> str:
     return f"{wanted}, {len(lost)} failed"
 
 
-def _same(one: Outcomes, other: Outcomes) -> bool:
-    return np.array_equal(one.values, other.values, equal_nan=True) and dict(one.failures) == dict(other.failures)
-
-
 def _determinism(prepared: Prepared, errors: Array) -> str:
-    if not _same(prepared.propagate(errors), prepared.propagate(errors)):
+    if not same(prepared.propagate(errors), prepared.propagate(errors)):
         raise _Broken("the same errors flown twice gave different bits; is something random, or kept in between?")
     return "the same bits twice"
 
@@ -127,17 +118,15 @@ def _determinism(prepared: Prepared, errors: Array) -> str:
 def _independence(prepared: Prepared, errors: Array) -> str:
     together = prepared.propagate(errors).values
     alone = np.vstack([prepared.propagate(row[None, :]).values for row in errors[::-1]])[::-1]
-    scale = np.nanmax(np.abs(together), axis=0, initial=0.0)
-    gaps = np.abs(together - alone)[:, scale > 0.0] / scale[scale > 0.0]
-    worst = float(np.nanmax(gaps, initial=0.0))
-    if worst > SAME or not np.array_equal(np.isnan(together), np.isnan(alone)):
+    worst = apart(together, alone)
+    if worst > SAME:
         raise _Broken(f"a sample flown alone differs by {worst:.1e} from the same among others")
     return f"alone as among others, to {worst:.1e}"
 
 
 def _travels(prepared: Prepared, errors: Array) -> str:
     copy = pickle.loads(pickle.dumps(prepared))
-    if not _same(prepared.propagate(errors), copy.propagate(errors)):
+    if not same(prepared.propagate(errors), copy.propagate(errors)):
         raise _Broken("what arrives in a worker flies other bits")
     return "the same bits"
 

@@ -51,7 +51,8 @@ def summarise(
     }
     return {
         "campaign": manifest["campaign"],
-        "verdict": comparison.verdict.value,
+        "verdict": "undecided" if manifest.get("unsettled") else comparison.verdict.value,
+        "unsettled": manifest.get("unsettled"),
         "samples": manifest["samples"],
         "failed": comparison.failed,
         "failures": dict(failures),

@@ -97,6 +97,13 @@ def interval(low: float | None, high: float | None) -> str:
     return f"{low:.4f} to {high:.4f}" if known else "–"
 
 
+def warnings(runs: Mapping[str, Mapping[str, Any]]) -> RenderableType | None:
+    """What must be known before anything is read: runs without a sound linear model; none where all have one."""
+    told = [(name, wording.unsettled(summary)) for name, summary in runs.items()]
+    lines = [Text(f"{name}: {words}", style="bold red") for name, words in told if words]
+    return Group(*lines) if lines else None
+
+
 def inputs(found: pd.DataFrame) -> RenderableType:
     """What the runs' campaigns do not have in common, a key a line; one column a run."""
     table = FittedTable("What was changed", [Column(str(name), text=True) for name in ("key", *found.columns)])

@@ -40,6 +40,8 @@ def percent(share: float) -> str:
 
 def tone(summary: Mapping[str, Any]) -> str:
     """``agrees``, ``partly``, ``differs`` or ``undecided``: the verdict on the outputs and on the matrix in a word."""
+    if summary.get("unsettled"):
+        return "undecided"
     if summary["verdict"] == "agrees" and summary["verdict_matrix"] not in ("agrees", None):
         return "partly"
     return str(summary["verdict"])
@@ -101,6 +103,8 @@ def _on_requirements(summary: Mapping[str, Any]) -> str:
 
 
 def _on_linear(summary: Mapping[str, Any]) -> str:
+    if summary.get("unsettled"):
+        return unsettled(summary)
     if tone(summary) == "partly":
         rest = {"differs": "no for their joint distribution", "undecided": "their joint distribution is not decided"}
         return f"Yes for the dispersion of each output; {rest[summary['verdict_matrix']]}."
@@ -111,6 +115,27 @@ def _on_linear(summary: Mapping[str, Any]) -> str:
         "differs": "No: the linear covariance analysis does not hold here.",
         "undecided": "Not decided: this campaign cannot tell whether the linear analysis holds.",
     }[summary["verdict"]]
+
+
+def unsettled(summary: Mapping[str, Any]) -> str:
+    """Say that there is no linear model to compare with, and why; empty where there is one.
+
+    >>> found = {"source": "seed", "output": "range", "disagreement": 0.853, "own": False}
+    >>> unsettled({"unsettled": found})
+    'Partial derivatives are not settled (range by seed: 85 %): the comparison below has no sound linear model.'
+    """
+    found = summary.get("unsettled")
+    if not found:
+        return ""
+    share = 100.0 * (found["disagreement"] or math.inf)
+    size = f"{share:,.0f} %" if share >= 10.0 else f"{share:.2g} %"
+    where = f"{spoken(found['output'])} by {spoken(found['source'])}: {size}"
+    if found["own"]:
+        return (
+            f"The scenario's own partial derivatives are not those of its flights ({where}): the comparison below has "
+            "no sound linear model."
+        )
+    return f"Partial derivatives are not settled ({where}): the comparison below has no sound linear model."
 
 
 def _nothing(summary: Mapping[str, Any]) -> str:

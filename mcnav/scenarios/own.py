@@ -375,8 +375,20 @@ class Own:
         declared = self.recipe.declared
         return declared + named_apart(self._made.inputs.values(), declared)
 
+    @property
+    def own_partials(self) -> bool:
+        """Whether the class gives its partial derivatives itself."""
+        return hasattr(self._instance, "partials")
+
     @cached_property
-    def _differences(self) -> Differences:
+    def differences(self) -> Differences:
+        """Partial derivatives by flights, each with steps that are tried out.
+
+        Raises
+        ------
+        ScenarioError
+            When a flight that they need fails.
+        """
         with self._made.watched(self.recipe.code.file):
             return differentiated(self._engine.propagate, self.sizes)
 
@@ -388,7 +400,7 @@ class Own:
         ScenarioError
             When a flight that they need fails, or the class's own are not of their shape.
         """
-        return self._linear if hasattr(self._instance, "partials") else self._differences.model
+        return self._linear if self.own_partials else self.differences.model
 
     @cached_property
     def _linear(self) -> LinearModel:
@@ -416,10 +428,10 @@ class Own:
             When it cannot be flown without any error.
         """
         self.linearised()
-        if hasattr(self._instance, "partials"):
+        if self.own_partials:
             derivatives = "partial derivatives are the class's own"
         else:
-            error = self._differences.error
+            error = self.differences.error
             trust = "" if error <= SETTLED else ": not settled, so that linear results are doubtful"
             derivatives = f"partial derivatives by central differences, steps agree to {error:.1e}{trust}"
         return replace(self._engine, recipe=self._pinned(), accuracy=f"{self._engine.accuracy}; {derivatives}")

@@ -67,7 +67,7 @@ def start_time_study(campaign: Campaign, axes: str | None = None, count: int | N
     """
     plan = campaign.start_times
     if not isinstance(campaign.scenario, StartTimes):
-        raise CampaignError([Problem(campaign.name, "scenario", "has no start times to choose from")])
+        raise CampaignError([Problem(campaign.file, "scenario", "has no start times to choose from")])
     return study_start_times(
         campaign.scenario,
         campaign.errors.covariance,
@@ -96,11 +96,11 @@ def check_start_time(campaign: Campaign, time: float, axes: str) -> Check:
     """
     plan, errors, scenario = campaign.start_times, campaign.errors, campaign.scenario
     if not isinstance(scenario, StartTimes):
-        raise CampaignError([Problem(campaign.name, "scenario", "has no start times to choose from")])
+        raise CampaignError([Problem(campaign.file, "scenario", "has no start times to choose from")])
     try:
         started = scenario.started_at(time, axes)
     except ScenarioError as wrong:
-        raise CampaignError([Problem(campaign.name, "start_times.check", str(wrong))]) from None
+        raise CampaignError([Problem(campaign.file, "start_times.check", str(wrong))]) from None
     multiples = plan.schedule.at(np.array([time]), len(scenario.sources))[0]
     draws = errors.draw(campaign.design, campaign.seed, plan.samples, 0, plan.samples) * multiples
     outcomes = started.prepared(scenario.engines[0], draws[:PROBES]).propagate(draws).values

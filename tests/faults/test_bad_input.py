@@ -1,0 +1,136 @@
+"""Nonsense given to the commands: each mistake is one line that names the file, and the exit status is 2."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from mcnav.campaign.problems import MOST_NAMES, suggestion
+from mcnav.cli import app
+from tests.conftest import ROOT
+
+pytestmark = pytest.mark.usefixtures("undrawn")
+
+REENTRY = 'samples = 100\n[scenario]\ntype = "reentry"\ntrajectory = 4\n[errors]\naltitude = "1 km"\n'
+MINE = """
+import numpy as np
+from mcnav import Output, Source
+
+class Mine:
+    sources = (Source("a", "m", "m", 1.0),)
+    outputs = (Output("y", "m", "m"),)
+
+    def propagate(self, errors):
+        BODY
+"""
+OWN = 'samples = 100\n[scenario]\ntype = "mine.py:Mine"\n[errors]\na = "1 m"\n'
+ALL = (
+    "altitude, range, altitude_rate, range_rate, misalignment, gyro_drift, bias_x, bias_z, scale_factor_x, "
+    "scale_factor_z"
+)
+
+CAMPAIGNS = {
+    "no TOML": ("samples = = 3", "is not TOML"),
+    "no text": ("\x00", "is not TOML"),
+    "an unknown source": (
+        REENTRY + 'gyro_arw = "1 deg/h"\n',
+        f"errors.gyro_arw: unknown error source; did you mean 'gyro_drift'? It is one of {ALL}",
+    ),
+    "a source like none": (REENTRY + 'zzz = "1 m"\n', f"errors.zzz: unknown error source; expected one of {ALL}"),
+    "another unit": (REENTRY.replace("1 km", "1 deg"), "errors.altitude: got '1 deg', which is an angle"),
+    "no unit": (REENTRY.replace('"1 km"', "1"), "errors.altitude: got 1 without a unit"),
+    "no such unit": (REENTRY.replace("1 km", "1 furlogn"), "errors.altitude: 'furlogn' is not a known unit"),
+    "no such type": (REENTRY.replace('"reentry"', '"entry"'), "scenario.type: got 'entry'"),
+    "no such trajectory": (REENTRY.replace("= 4", "= 40"), "scenario.trajectory: got 40"),
+    "an unknown key": ("sample = 3\n" + REENTRY, "sample: unknown key; did you mean 'samples'? It is one of name"),
+    "no scenario": ("samples = 3\n", "scenario: is missing"),
+    "no code": (OWN, "scenario.type: "),
+}
+
+
+@pytest.mark.parametrize("command", ["run", "partials", "check-scenario", "linearity", "start-times"])
+@pytest.mark.parametrize("case", CAMPAIGNS)
+def test_a_bad_campaign(command: str, case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text, message = CAMPAIGNS[case]
+    monkeypatch.chdir(tmp_path)
+    Path("bad.toml").write_text(text)
+    _refused([command, "bad.toml"], f"bad.toml: {message}")
+
+
+CODES = {
+    "random": ("return errors + np.random.standard_normal(errors.shape)", ["run"]),
+    "not settled": ("return errors + (errors > 0.0)", ["run"]),
+    "raises": ("raise ValueError('never\\nflies')", ["run", "partials", "linearity"]),
+    "ends at zero": ("return np.where(np.abs(errors) > 1e-5, np.nan, errors)", ["run", "partials", "linearity"]),
+    "no map": ("return np.sign(errors - 0.5) + errors", ["run", "--engine", "map"]),
+    "no differences": (
+        "return np.where(np.abs(errors) > 1e-5, np.nan, errors)\n\n    def partials(self):\n        return [[1.0]]",
+        ["partials"],
+    ),
+}
+
+
+@pytest.mark.parametrize("case", CODES)
+def test_a_scenario_that_cannot_be_flown(case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    body, commands = CODES[case]
+    monkeypatch.chdir(tmp_path)
+    Path("mine.py").write_text(MINE.replace("BODY", body))
+    Path("own.toml").write_text(OWN)
+    if "--engine" in commands:
+        _refused([commands[0], "own.toml", *commands[1:]], "own.toml: engine: ")
+        return
+    for command in commands:
+        _refused([command, "own.toml"], "own.toml: scenario")
+
+
+OPTIONS = {
+    "a time that is none": (["run", "good.toml", "--timeout", "soon"], "good.toml: sample_timeout: got 'soon'"),
+    "a time that is a length": (["run", "good.toml", "--timeout", "5 km"], "good.toml: sample_timeout: got '5 km'"),
+    "no time": (["run", "good.toml", "--timeout", "0 s"], "good.toml: sample_timeout: got '0 s'"),
+    "a seed too long": (["run", "good.toml", "--seed", "9" * 30], "good.toml: seed: got 9999"),
+    "too many samples": (["run", "good.toml", "--samples", "9" * 20], "good.toml: samples: got 9999"),
+    "no such engine": (["run", "good.toml", "--engine", "warp"], "good.toml: engine: got 'warp'"),
+    "nothing to check": (["run", "good.toml", "--check"], "good.toml: accept: is missing"),
+    "into a file": (["run", "good.toml", "--out", "good.toml"], "good.toml: cannot be written to"),
+    "into no folder of ours": (["run", "good.toml", "--out", "other"], "other: holds 'file.txt'"),
+    "a campaign that is not there": (["run", "nowhere.toml"], "nowhere.toml: no such file"),
+    "a folder as campaign": (["run", "other"], "other: is a folder"),
+    "a report of nothing": (["report", "nowhere"], "nowhere: holds no run"),
+    "a report of a file": (["report", "good.toml"], "good.toml: holds no run"),
+    "a comparison with nothing": (["compare", "nowhere"], "nowhere: holds no finished run"),
+    "a replay of nothing": (["replay", "nowhere", "1"], "nowhere: holds no run"),
+    "an index of nothing": (["index", "nowhere"], "nowhere: No such file or directory"),
+    "an index of a file": (["index", "good.toml"], "good.toml: Not a directory"),
+    "start times of cruise": (["start-times", "cruise.toml"], "cruise.toml: scenario: has no start times"),
+    "partials at its start times": (["partials", "cruise.toml", "--start-times"], "cruise.toml: scenario: has no"),
+    "a campaign that is there": (["new", "campaign", "good"], "good.toml: is there already"),
+    "a name that is none": (["new", "campaign", "2x"], "2x: is no name for files"),
+    "no such scheduler": (["run", "good.toml", "--scheduler", "nowhere"], "nowhere: is no scheduler"),
+}
+
+
+@pytest.mark.parametrize("case", OPTIONS)
+def test_bad_options_and_folders(case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("good.toml").write_text(REENTRY)
+    shutil.copy(ROOT / "campaigns" / "11_cruise.toml", "cruise.toml")
+    Path("other").mkdir()
+    Path("other", "file.txt").write_text("a")
+    _refused(*OPTIONS[case])
+
+
+def test_names_are_listed_up_to_a_number() -> None:
+    names = [f"name_{number}" for number in range(MOST_NAMES + 3)]
+    assert suggestion("zzz", names).endswith("name_19 and 3 more")
+
+
+def _refused(command: list[str], message: str) -> None:
+    told = CliRunner().invoke(app, command)
+    assert told.exit_code == 2, told.output
+    (line,) = told.stderr.splitlines()
+    assert line.startswith(f"error: {message}")
+    assert line.isprintable()
+    assert told.stdout == ""
