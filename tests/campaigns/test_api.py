@@ -88,8 +88,8 @@ def test_files_of_a_dictionary_are_found_from_the_current_folder(
         "from mcnav import *\n\nclass Mine:\n    sources = (Source('a', 'm', 'm', 1.0),)\n"
         "    outputs = (Output('b', 'm', 'm'),)\n\n    def propagate(self, errors):\n        return 2.0 * errors\n"
     )
-    table = {"distribution": "table", "file": "a.csv", "column": "a"}
-    (tmp_path / "a.csv").write_text("a [m]\n" + "\n".join(map(str, range(50))))
+    table = {"distribution": "table", "file": "a.csv", "column": "a", "unit": "m"}
+    (tmp_path / "a.csv").write_text("a\n" + "\n".join(map(str, range(50))))
     campaign = {"samples": 50, "seed": 1, "scenario": {"type": "mine.py:Mine"}, "errors": {"a": "1 m"}}
     monkeypatch.chdir(tmp_path)
     assert len(mcnav.fly(campaign, "run", jobs=1).samples) == 50
