@@ -163,7 +163,7 @@ def test_a_run_folders_own_campaign_goes_on_there(workplace: Path) -> None:
         (["run", DEMO, "--out", "x" * 300], "File name too long"),
         (["run", DEMO, "--check"], "accept: is missing; --check has nothing to check"),
         (["report", "nowhere"], "error: nowhere: holds no run"),
-        (["compare", "nowhere"], "error: nowhere: holds no finished run"),
+        (["compare", "nowhere"], "error: nowhere: holds no run (there is no such folder)"),
         (["partials", "nowhere.toml"], "error: nowhere.toml: no such file"),
     ],
     ids=str,
