@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import signal
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
@@ -608,5 +609,17 @@ def calibrate(
 
 
 def main() -> None:
-    """Entry point of ``mcnav``."""
-    app(prog_name="mcnav")
+    """Entry point of ``mcnav``.
+
+    A command that a signal has ended leaves nothing to wait for: neither flights on the side nor libraries that a
+    thread is loading.
+    """
+    try:
+        app(prog_name="mcnav")
+    finally:
+        if _asked_to_end:
+            atexit._run_exitfuncs()  # temporary folders and semaphores are removed here, threads joined later
+            with suppress(OSError):  # a reader of the output may have ended before
+                sys.stdout.flush()
+                sys.stderr.flush()
+            os._exit(_status_when_ended())

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from importlib import import_module
@@ -31,6 +30,7 @@ from mcnav.campaign.folder import SUMMARY as SUMMARY_FILE
 from mcnav.campaign.parts import Layout, Samples
 from mcnav.campaign.problems import RunFolderError, as_written
 from mcnav.campaign.reduced import SUMMARY, gathered
+from mcnav.lifetime import side_threads
 from mcnav.report.content import Content
 from mcnav.report.failures import failures_in, grouped
 from mcnav.report.summary import summarise
@@ -79,7 +79,7 @@ class Analysis:
     failures: Mapping[str, tuple[int, Sequence[int]]]
 
 
-def report_run(path: Path) -> dict[str, Any]:
+def report_run(path: str | Path) -> dict[str, Any]:
     """Analyse a finished run folder again and write its summary and report.
 
     Raises
@@ -87,16 +87,15 @@ def report_run(path: Path) -> dict[str, Any]:
     RunFolderError
         When the folder holds no finished run, or a part of it is damaged.
     """
-    folder = RunFolder(path)
-    if folder.manifest() is None:
-        raise RunFolderError(f"{path}: holds no run ({MANIFEST} is missing)")
-    with folder.held(), threadpool_limits(1), as_written(path):
+    folder = RunFolder(Path(path))
+    _manifest(folder)
+    with folder.held(), threadpool_limits(1), as_written(folder.path):
         _finished(folder)
         load_drawing()
         return finish(folder, analyse(folder))
 
 
-def samples_of(path: Path) -> pd.DataFrame:
+def samples_of(path: str | Path) -> pd.DataFrame:
     """The samples of a finished run folder as a table, their checksums verified.
 
     Columns: ``index``, ``status``, ``error NAME [unit]``, ``output NAME [unit]``; SI units.
@@ -106,12 +105,12 @@ def samples_of(path: Path) -> pd.DataFrame:
     RunFolderError
         When the run is not finished, or a part of it is damaged.
     """
-    folder = RunFolder(path)
+    folder = RunFolder(Path(path))
     manifest = _finished(folder)
     return folder.table(manifest["parts"], kept=manifest.get("kept")).to_pandas()
 
 
-def summary_of(path: Path) -> dict[str, Any]:
+def summary_of(path: str | Path) -> dict[str, Any]:
     """The summary of a finished run folder.
 
     Raises
@@ -119,6 +118,8 @@ def summary_of(path: Path) -> dict[str, Any]:
     RunFolderError
         When there is none, or it is damaged.
     """
+    path = Path(path)
+    _refuse_nowhere(path)
     summary = RunFolder(path).summary()
     if not {"verdict", "outputs", "sigma_linear", "verdict_matrix", "direction_ratio"} <= summary.keys():
         raise RunFolderError(f"{path / SUMMARY_FILE}: is not a summary of this program; run mcnav report on the folder")
@@ -155,7 +156,7 @@ def analyse(folder: RunFolder, unfinished: Mapping[str, Any] | None = None) -> A
         raise RunFolderError(f"{folder.path / MANIFEST}: is damaged ({failure}); run with --fresh") from None
     blocks = samples.index // length
     needed = math.inf if heavy else fewest
-    with ThreadPoolExecutor(1) as beside:
+    with side_threads(1) as beside:
         in_tails = beside.submit(
             tails, model, samples.outputs, blocks, units, criterion.confidence, criterion.tolerance, criterion.looks
         )
@@ -263,10 +264,25 @@ def linear_model(described: Mapping[str, Any]) -> Model:
     return Model(*(np.array(described[key], dtype=float) for key in keys))
 
 
+def _refuse_nowhere(path: Path) -> None:
+    """Refuse a path where there is no folder."""
+    if not path.is_dir():
+        raise RunFolderError(f"{path}: holds no run ({'it is a file' if path.exists() else 'there is no such folder'})")
+
+
+def _manifest(folder: RunFolder) -> dict[str, Any]:
+    """Return the manifest of a run, finished or not."""
+    _refuse_nowhere(folder.path)
+    manifest = folder.manifest()
+    if manifest is None:
+        raise RunFolderError(f"{folder.path}: holds no run ({MANIFEST} is missing)")
+    return manifest
+
+
 def _finished(folder: RunFolder) -> dict[str, Any]:
     """The manifest of a run that is finished."""
-    manifest = folder.manifest()
-    if manifest is None or not manifest.get("complete"):
+    manifest = _manifest(folder)
+    if not manifest.get("complete"):
         raise RunFolderError(
             f"{folder.path}: the run is not finished; run the campaign again, it goes on where it stopped"
         )

@@ -1,4 +1,4 @@
-"""Processes that end with the one that started them."""
+"""Processes that end with the one that started them, and threads that are not waited for when work is broken off."""
 
 from __future__ import annotations
 
@@ -8,6 +8,9 @@ import signal
 import sys
 import threading
 import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from typing import Final
 
 _PR_SET_PDEATHSIG: Final = 1
@@ -28,3 +31,19 @@ def end_with_parent(parent: int) -> None:
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
+
+
+@contextmanager
+def side_threads(count: int) -> Iterator[ThreadPoolExecutor]:
+    """Run some work in threads beside this one.
+
+    Unlike the executor's own context, an exception (Ctrl-C, say) does not wait for the threads: what they are at is
+    dropped when it ends.
+    """
+    executor = ThreadPoolExecutor(count)
+    try:
+        yield executor
+    except BaseException:
+        executor.shutdown(wait=False, cancel_futures=True)
+        raise
+    executor.shutdown()

@@ -1,5 +1,9 @@
 """Runs in notebooks and scripts: tables as pandas, figures as matplotlib, verdicts shown by Jupyter.
 
+Tables label sources and outputs by their keys, such as ``altitude_rate``. Units are in a column ``unit`` where rows
+differ in theirs, in a column's name as ``output altitude_rate [m/s]`` where columns do, and in ``.attrs["units"]`` of a
+matrix, as ``{"index": {key: unit}, "columns": {key: unit}}``.
+
 >>> import mcnav
 >>> run = mcnav.fly("campaigns/01_tn_d1772_trajectory_4.toml", "reports/first", samples=1000)  # doctest: +SKIP
 >>> run.outputs[["sigma linear", "paired ratio", "verdict"]]                                   # doctest: +SKIP
@@ -19,7 +23,7 @@ from jinja2 import Environment
 from matplotlib.figure import Figure
 from threadpoolctl import threadpool_limits
 
-from mcnav.campaign.file import read_campaign
+from mcnav.campaign.file import Campaign, campaign_from
 from mcnav.campaign.folder import RunFolder
 from mcnav.judging import analyse, content_of, samples_of
 from mcnav.report import wording
@@ -73,12 +77,15 @@ class FlownRun:
 
     @cached_property
     def samples(self) -> pd.DataFrame:
-        """Every sample: index, status, errors and outputs in SI, their checksums verified."""
+        """Every sample in SI, checked: ``index``, ``status``, ``error KEY [unit]``, ``output KEY [unit]``."""
         return samples_of(self.path)
 
     @property
     def outputs(self) -> pd.DataFrame:
-        """Linear beside Monte Carlo, a row an output, in the units shown; ``from``, ``to`` bound the paired ratio."""
+        """Linear beside Monte Carlo, a row an output; sigmas and bias in the unit of the column ``unit``.
+
+        ``from`` and ``to`` bound the paired ratio.
+        """
         content = self.content
         rows = []
         for i, output in enumerate(content.comparison.outputs):
@@ -101,33 +108,56 @@ class FlownRun:
                     "plain to": plain_high,
                 }
             )
-        return pd.DataFrame(rows, index=pd.Index(content.output_names[: len(rows)], name="output"))
+        return pd.DataFrame(rows, index=pd.Index(self._keys("outputs")[: len(rows)], name="output"))
 
     @property
     def budget(self) -> pd.DataFrame:
-        """Share of each source (row) in each output's linear variance (column)."""
-        content = self.content
-        return pd.DataFrame(content.budget.shares.T, index=content.source_names, columns=content.output_names)
+        """Share of each source (row) in each output's linear variance (column), a number without unit."""
+        shares = self.content.budget.shares.T
+        return pd.DataFrame(shares, index=self._keys("sources"), columns=self._keys("outputs"))
 
     @property
     def partials(self) -> pd.DataFrame:
-        """The matrix P, SI: outputs by sources."""
-        content = self.content
-        return pd.DataFrame(content.model.partials, index=content.output_names, columns=content.source_names)
+        """The matrix P, outputs by sources, in SI: the unit of a row divided by that of a column."""
+        table = pd.DataFrame(self.content.model.partials, index=self._keys("outputs"), columns=self._keys("sources"))
+        table.attrs["units"] = {"index": self._units("outputs", "unit"), "columns": self._units("sources", "unit")}
+        return table
 
-    def covariance(self, kind: str = "paired") -> pd.DataFrame:
-        """Final covariance, SI.
+    def covariance(self, kind: str = "paired", units: str = "SI") -> pd.DataFrame:
+        """Final covariance: the unit of a row times that of a column.
 
         Parameters
         ----------
         kind : str
             ``linear``, ``sample`` or ``paired``.
+        units : str
+            ``SI``, or ``shown``: those of `outputs` and of the report.
+
+        Raises
+        ------
+        ValueError
+            When there is no such kind, or there are no such units.
         """
         kinds = ("linear", "sample", "paired")
         if kind not in kinds:
             raise ValueError(f"kind must be one of {', '.join(kinds)}; got {kind!r}")
-        names = self.content.output_names
-        return pd.DataFrame(getattr(self.content.comparison, f"covariance_{kind}"), index=names, columns=names)
+        if units not in ("SI", "shown"):
+            raise ValueError(f"units must be one of SI, shown; got {units!r}")
+        keys, covariance = self._keys("outputs"), getattr(self.content.comparison, f"covariance_{kind}")
+        if units == "shown":
+            covariance = covariance * np.outer(self.content.output_scale, self.content.output_scale)
+        table = pd.DataFrame(covariance, index=keys, columns=keys)
+        known = self._units("outputs", "unit" if units == "SI" else "shown_in")
+        table.attrs["units"] = {"index": known, "columns": known}
+        return table
+
+    def _keys(self, which: str) -> list[str]:
+        """Names of ``sources`` or ``outputs`` as files have them."""
+        return [str(entry["name"]) for entry in self.content.manifest["model"][which]]
+
+    def _units(self, which: str, field: str) -> dict[str, str]:
+        """Units of ``sources`` or ``outputs`` by their keys."""
+        return {str(entry["name"]): str(entry[field]) for entry in self.content.manifest["model"][which]}
 
     @cached_property
     def drawings(self) -> dict[str, Drawing]:
@@ -164,18 +194,18 @@ class FlownRun:
 
 
 def open_run(path: str | Path) -> FlownRun:
-    """A finished run folder.
+    """Open a finished run folder.
 
     Raises
     ------
     RunFolderError
-        When it holds no finished run, or is damaged.
+        When there is no such folder, or it holds no run, one that is not finished, or one that is damaged.
     """
     return FlownRun(Path(path))
 
 
 def fly(
-    campaign: str | Path,
+    campaign: str | Path | Campaign | Mapping[str, Any],
     folder: str | Path,
     *,
     engine: str | None = None,
@@ -184,11 +214,14 @@ def fly(
     force: bool = False,
     **instead: int,
 ) -> FlownRun:
-    """Fly a campaign file into a run folder and write its report there; what is stored is not flown again.
+    """Fly a campaign into a run folder and write its report there; what is stored is not flown again.
 
     Parameters
     ----------
-    campaign, folder : str or Path
+    campaign : str, Path, Campaign or mapping
+        A file, what `mcnav.read_campaign` made of one, or a dictionary of a file's shape, whose relative paths are
+        found from the current folder.
+    folder : str or Path
     engine : str, optional
     jobs : int
         Workers.
@@ -197,12 +230,12 @@ def fly(
     force : bool
         Go on where partial derivatives are not settled; the run says so.
     **instead
-        ``samples`` and ``seed`` in place of the file's.
+        ``samples`` and ``seed`` in place of the campaign's.
 
     Raises
     ------
     CampaignError, RunFolderError
         As `mcnav.study.run_campaign`.
     """
-    run_campaign(read_campaign(Path(campaign), instead), Path(folder), engine, jobs, fresh, force=force)
+    run_campaign(campaign_from(campaign, instead), folder, engine, jobs, fresh, force=force)
     return FlownRun(Path(folder))

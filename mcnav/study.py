@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
+from threading import Event
 from typing import Any, Final
 
 import numpy as np
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from mcnav.analysis.summed import frame_of
-from mcnav.campaign.file import Campaign, read_campaign
+from mcnav.campaign.file import Campaign, campaign_from
 from mcnav.campaign.files import plain
 from mcnav.campaign.folder import CAMPAIGN, RunFolder
 from mcnav.campaign.identity import PROBES, admit, chunk_digest, identity_of, refuse_foreign
@@ -25,17 +25,20 @@ from mcnav.campaign.inputs import check_as_read, check_unchanged, records
 from mcnav.campaign.origin import commit
 from mcnav.campaign.parts import Layout, Part, as_records
 from mcnav.campaign.problems import CampaignError, Problem, RunFolderError
+from mcnav.campaign.processes import end_workers_apart
 from mcnav.campaign.reduced import KEPT, SUMMARY
 from mcnav.campaign.runner import Flights, fly
 from mcnav.campaign.until import Until
 from mcnav.campaign.work import Draws, Work
 from mcnav.judging import analyse, finish, linear_model, load_drawing
+from mcnav.lifetime import side_threads
 from mcnav.linear.conformance import Check, conformance
 from mcnav.linear.map_engine import engines_of
 from mcnav.linear.reduction import Frame
 from mcnav.modelling import System, system_of, write_epochs
 from mcnav.progress import SILENT, Phase, Progress
 from mcnav.sampling.designs import block_length
+from mcnav.scenarios.limits import stopped_by
 from mcnav.statistics.stopping import looks
 
 Array = NDArray[np.float64]
@@ -63,8 +66,8 @@ class Run:
 
 
 def run_campaign(
-    campaign: Campaign,
-    path: Path,
+    campaign: str | Path | Campaign | Mapping[str, Any],
+    path: str | Path,
     engine: str | None,
     jobs: int,
     fresh: bool = False,
@@ -80,8 +83,9 @@ def run_campaign(
 
     Parameters
     ----------
-    campaign : Campaign
-    path : Path
+    campaign : str, Path, Campaign or mapping
+        See `mcnav.campaign.file.campaign_from`.
+    path : str or Path
         Run folder.
     engine : str, optional
         One of `mcnav.linear.map_engine.engines_of` the scenario; by default the first.
@@ -110,6 +114,7 @@ def run_campaign(
         When the folder holds something else, is in use, or cannot be written to.
     TooManyFailures
     """
+    campaign, path = campaign_from(campaign), Path(path)
     progress.phase(Phase.PREPARING)
     folder = RunFolder(path)
     engine = engine or campaign.scenario.engines[0]
@@ -176,7 +181,7 @@ def run_campaign(
                 ) from None
             seconds = round(time.perf_counter() - began, 3)
             progress.phase(Phase.ANALYSING)
-        manifest["model"] = system.model | beyond()
+            manifest["model"] = system.model | beyond()
         write_epochs(campaign, system.prepared, folder, parts)
         check_unchanged(inputs, path)
         manifest |= {"complete": True, "parts": as_records(parts)}
@@ -189,13 +194,30 @@ def run_campaign(
 
 @contextmanager
 def _beside(campaign: Campaign, system: System) -> Iterator[Callable[[], dict[str, Any]]]:
-    """What goes beyond the linear model, flown beside the samples; by a user's own code before them."""
+    """Fly what goes beyond the linear model beside the samples; by a user's own code before them.
+
+    When the samples are broken off, so are these flights, and nothing waits for them.
+    """
     if campaign.code is not None:
-        found = system.beyond()
+        try:
+            found = system.beyond()
+        except BaseException:
+            end_workers_apart()
+            raise
         yield lambda: found
         return
-    with ThreadPoolExecutor(1) as beside:
-        yield beside.submit(system.beyond).result
+    unwanted = Event()
+
+    def flown() -> dict[str, Any]:
+        with stopped_by(unwanted):
+            return system.beyond()
+
+    with side_threads(1) as beside:
+        try:
+            yield beside.submit(flown).result
+        except BaseException:
+            unwanted.set()
+            raise
 
 
 def _fly_enough(
@@ -255,14 +277,19 @@ def engine_of(path: Path, campaign: Path) -> str | None:
     return None if manifest is None else str(manifest["identity"]["engine"])
 
 
-def check_scenario(path: Path) -> list[Check]:
-    """Try out the scenario of a campaign file with its errors; see `mcnav.linear.conformance`.
+def check_scenario(described: str | Path | Campaign | Mapping[str, Any]) -> list[Check]:
+    """Try out the scenario of a campaign with its errors; see `mcnav.linear.conformance`.
+
+    Parameters
+    ----------
+    described : str, Path, Campaign or mapping
+        See `mcnav.campaign.file.campaign_from`.
 
     Raises
     ------
     CampaignError
-        When the file cannot be read.
+        When the campaign cannot be read.
     """
-    campaign = read_campaign(Path(path))
+    campaign = campaign_from(described)
     with threadpool_limits(1):
         return conformance(campaign.scenario, campaign.errors.standard_deviations)

@@ -8,7 +8,6 @@ y and z share cancels (z is a control variate whose covariance is known). Its er
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Final, TypeVar
 
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 
 from mcnav.analysis.joint import Joint, compare_jointly
 from mcnav.analysis.verdict import Judgement, Verdict, judge, worst
+from mcnav.lifetime import side_threads
 from mcnav.linear.covariance import propagated_covariance
 from mcnav.sampling.designs import FEWEST_BLOCKS
 from mcnav.statistics.estimates import Estimate, blocked_mean
@@ -302,7 +302,7 @@ def compare(
     sample = _covariance(outcomes)
     paired = sample - _covariance(predicted) + linear
     blocked = _Blocked(blocks, fewest, Judging(len(blocks), criterion.tolerance, each))
-    with ThreadPoolExecutor(2) as beside:
+    with side_threads(2) as beside:
         judged = [
             beside.submit(_compare_output, outcomes[:, i], predicted[:, i], float(linear[i, i]), float(floor), blocked)
             for i, floor in enumerate(model.rounding**2)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import chain, combinations
 from typing import Final
@@ -10,6 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mcnav.lifetime import side_threads
 from mcnav.statistics.chi_square import Containment, containment, distribution_test, mean_interval
 from mcnav.statistics.covariance_tests import covariance_likelihood_ratio
 from mcnav.statistics.estimates import Estimate, block_begins, blocked_mean
@@ -135,7 +135,7 @@ def compare_jointly(
     single, enough = len(begins) == count, len(begins) >= fewest
     distances = squared_distances(flown, centre, given)
     plain = single and enough
-    with ThreadPoolExecutor(1) as beside:  # what takes longest
+    with side_threads(1) as beside:  # what takes longest
         pairs = beside.submit(_paired, given, flown, predicted, begins) if enough else None
         shapes = [beside.submit(skewness_and_kurtosis, column, blocks, fewest) for column in flown.T]
         return Joint(

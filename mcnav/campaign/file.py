@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -47,6 +47,9 @@ DOTTED: Final = re.compile(rb"(?:[\w-]{1,100}[ \t]?\.[ \t]?){200}")
 
 LARGEST_FILE: Final = 1_000_000
 """Bytes; a campaign is a page of text."""
+
+CALLED: Final = "campaign"
+"""What stands for the file of a campaign that is none."""
 
 
 @dataclass(frozen=True)
@@ -153,6 +156,64 @@ def read_campaign(
     return parse_campaign(content, str(path), path.stem, overrides, kept)
 
 
+def campaign_from(
+    described: str | Path | Campaign | Mapping[str, Any], overrides: Mapping[str, Any] | None = None
+) -> Campaign:
+    """Take a campaign as a file, as one already read, or as a dictionary of a file's shape.
+
+    Parameters
+    ----------
+    described : str, Path, Campaign or mapping
+        Files that a mapping names are found from the current folder; its mistakes are those of ``campaign``.
+    overrides : mapping, optional
+        Top-level entries that take the place of those described; of a `Campaign`, ``samples`` and ``seed``.
+
+    Raises
+    ------
+    CampaignError
+        With every mistake that was found.
+    """
+    if isinstance(described, Campaign):
+        return _changed(described, overrides) if overrides else described
+    if isinstance(described, Mapping):
+        return parse_campaign(_as_file(described), CALLED, CALLED, overrides)
+    return read_campaign(Path(described), overrides)
+
+
+def _as_file(described: Mapping[str, Any]) -> dict[str, Any]:
+    """What a file of a mapping would say."""
+    try:
+        return tomllib.loads(tomli_w.dumps(described))
+    except (TypeError, ValueError, RecursionError) as failure:
+        words = f"holds what no campaign file can ({failure}); use text, numbers, true or false, lists and dictionaries"
+        raise CampaignError([Problem(CALLED, "", words)]) from None
+
+
+def _changed(campaign: Campaign, overrides: Mapping[str, Any]) -> Campaign:
+    """Put other samples or another seed into a campaign; the files it names are not read again."""
+    unknown = [
+        Problem(campaign.name, key, "cannot take the place of a Campaign's; samples and seed can")
+        for key in overrides.keys() - {"samples", "seed"}
+    ]
+    if unknown:
+        raise CampaignError(unknown)
+    resolved = {**campaign.resolved, **overrides}
+    until = None if "samples" in overrides else campaign.until
+    try:
+        table = CampaignTable.model_validate(resolved if until is None else {**resolved, "samples": campaign.samples})
+    except ValidationError as invalid:
+        raise CampaignError(
+            [_problem(campaign.name, dict(error), CampaignTable) for error in _first(invalid)]
+        ) from None
+    if table.store == "samples" and table.samples > MOST_STORED:
+        raise CampaignError([Problem(campaign.name, "samples", _too_many(table.samples))])
+    return replace(campaign, samples=table.samples, seed=table.seed, until=until, resolved=resolved)
+
+
+def _too_many(samples: int) -> str:
+    return f"got {samples}; more than {MOST_STORED} need store = 'summary'"
+
+
 def _load(path: Path) -> dict[str, Any]:
     def problem(message: str) -> CampaignError:
         return CampaignError([Problem(str(path), "", message)])
@@ -218,9 +279,7 @@ def parse_campaign(
         raise CampaignError(problems)
 
     if table.store == "samples" and table.samples > MOST_STORED:
-        problems.append(
-            Problem(file, "samples", f"got {table.samples}; more than {MOST_STORED} need store = 'summary'")
-        )
+        problems.append(Problem(file, "samples", _too_many(table.samples)))
     correlations = read_correlations(table.correlations, file, sources, problems)
     joint = read_joint(table.joint, file, sources, problems)
     requirements = _read_requirements(table, file, described, problems)

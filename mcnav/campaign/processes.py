@@ -105,6 +105,10 @@ def _numbered(work: Work, place: Place) -> tuple[int, Part]:
     return place.number, fly_chunk(work, place)
 
 
+def _ready() -> None:
+    """Let a worker import what it needs."""
+
+
 def _in_one_worker(task: Callable[..., Any], *arguments: Any) -> Any:
     """A task in a process of its own; none when the process dies."""
     try:
@@ -146,6 +150,7 @@ class Guarded:
 
     def propagate(self, errors: Array) -> Outcomes:
         """Fly samples, shape (n, sources)."""
+        _in_one_worker(_ready)  # starting the process takes time that is not the samples'
         began = time.monotonic()
         outcomes = self.in_one(errors)
         if outcomes is not None:

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mcnav.scenarios.limits import check_stopped
 from mcnav.scenarios.protocol import Followed, Outcomes
 
 Array = NDArray[np.float64]
@@ -34,6 +35,7 @@ class FlightFailed(ArithmeticError):
 
 def flown_values(propagate: Propagate, errors: Array) -> Array:
     """Outcomes of flights that must all succeed, shape (n, outputs); `FlightFailed` names the first that does not."""
+    check_stopped()
     outcomes = propagate(errors)
     for row, reason in outcomes.failures.items():
         raise FlightFailed(f"flight {row + 1} of {len(errors)} for the partial derivatives failed: {reason}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
@@ -13,17 +13,6 @@ from mcnav.report.numbers import number
 from mcnav.units import conversion
 
 TONES: Final = {"met": "agrees", "not met": "differs", "undecided": "undecided"}
-
-
-def tally(findings: Iterable[str]) -> dict[str, int] | None:
-    """Count requirements by what was found of them; none without requirements.
-
-    >>> tally(["not met", "undecided"])
-    {'met': 0, 'not_met': 1, 'undecided': 1, 'of': 2}
-    """
-    found = list(findings)
-    counts = {finding.replace(" ", "_"): found.count(finding) for finding in TONES}
-    return {**counts, "of": len(found)} if found else None
 
 
 def tone_of(counts: Mapping[str, int]) -> str:

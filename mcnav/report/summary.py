@@ -15,7 +15,7 @@ from mcnav.analysis.excluded import Excluded
 from mcnav.analysis.joint import Joint
 from mcnav.analysis.requirements import Judged
 from mcnav.analysis.tails import Quantile
-from mcnav.report.requirements import tally
+from mcnav.report.wording import tally
 from mcnav.statistics.significance import Significance
 
 TESTS: Final = ("covariance", "covariance_paired", "bias", "bias_paired", "nees")

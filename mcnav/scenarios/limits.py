@@ -4,6 +4,8 @@ Whoever flies says what the limit is (`time_limit`), whoever calls one sample's 
 code, and libraries that call back into it, are stopped by a signal; what does not listen to signals, such as a loop in
 compiled code, is stopped by ending the worker process, which the runner outlives. Signals reach the main thread alone:
 elsewhere there is no limit, and so the runner flies in worker processes when there is to be one.
+
+Flights in a thread beside the run are stopped between two flights (`stopped_by`).
 """
 
 from __future__ import annotations
@@ -23,10 +25,32 @@ PATIENCE: Final = 1.5
 
 _seconds: list[float] = []
 _silent: list[int] = []
+_stop = threading.local()
 
 
 class TookTooLong(BaseException):
     """A sample that exceeded its time; no ``except Exception`` of a user's keeps it."""
+
+
+class Stopped(BaseException):
+    """Flights whose results are not wanted any more."""
+
+
+@contextmanager
+def stopped_by(event: threading.Event) -> Iterator[None]:
+    """Raise `Stopped` in this thread at its next flight once the event is set."""
+    _stop.event = event
+    try:
+        yield
+    finally:
+        del _stop.event
+
+
+def check_stopped() -> None:
+    """Raise `Stopped` when the event of `stopped_by` is set in this thread."""
+    event = getattr(_stop, "event", None)
+    if event is not None and event.is_set():
+        raise Stopped
 
 
 def too_long(seconds: float) -> str:
@@ -54,7 +78,10 @@ def within_limit(call: Callable[[], Result]) -> Result:
     ------
     TookTooLong
         When it does not.
+    Stopped
+        When it is not wanted any more.
     """
+    check_stopped()
     if not _seconds or threading.current_thread() is not threading.main_thread():
         return call()
     seconds = _seconds[-1]

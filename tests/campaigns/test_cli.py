@@ -13,6 +13,7 @@ import pandas as pd
 import pytest
 
 from tests.conftest import ROOT
+from tests.processes import run_to_end
 
 DEMO = ROOT / "campaigns" / "01_tn_d1772_trajectory_4.toml"
 
@@ -21,7 +22,7 @@ def mcnav(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
     """Run the program in a folder."""
     command = [sys.executable, "-m", "mcnav", *map(str, arguments)]
     environment = os.environ | {"COLUMNS": "300", "PYTHONWARNINGS": "error"}
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=120, env=environment, check=False)
+    return run_to_end(command, cwd=cwd, env=environment)
 
 
 @pytest.fixture(scope="module")
@@ -204,7 +205,7 @@ def test_a_run_folders_own_campaign_goes_on_there(workplace: Path) -> None:
         (["run", DEMO, "--out", "x" * 300], "File name too long"),
         (["run", DEMO, "--check"], "accept: is missing; --check has nothing to check"),
         (["report", "nowhere"], "error: nowhere: holds no run"),
-        (["compare", "nowhere"], "error: nowhere: holds no finished run"),
+        (["compare", "nowhere"], "error: nowhere: holds no run (there is no such folder)"),
         (["partials", "nowhere.toml"], "error: nowhere.toml: no such file"),
     ],
     ids=str,

@@ -12,6 +12,7 @@ import subprocess
 import sys
 from contextlib import ExitStack
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from mcnav.gallery import write_index
 from mcnav.judging import report_run
 from mcnav.study import run_campaign
 from tests.conftest import ROOT, campaign
+from tests.processes import LONG, run_to_end, running
 
 PAGES = ROOT / "mcnav"
 EXAMPLES = ROOT / "reports" / "examples"
@@ -36,7 +38,7 @@ def _blocks(page: str, language: str) -> list[str]:
 
 def _run(command: list[str], place: Path) -> subprocess.CompletedProcess[str]:
     environment = os.environ | {"MPLBACKEND": "agg", "COLUMNS": "160"}
-    return subprocess.run(command, cwd=place, capture_output=True, text=True, timeout=300, env=environment, check=False)
+    return run_to_end(command, cwd=place, env=environment)
 
 
 @pytest.fixture
@@ -79,8 +81,8 @@ def test_every_command_of_the_page_on_clusters(place: Path) -> None:
                 continue
             with (place / f"{arguments[0]}.log").open("w") as log:
                 started = [sys.executable, "-m", program, *arguments]
-                process = subprocess.Popen(started, cwd=place, stdout=log, stderr=log, env=environment)
-            stack.callback(process.wait, 60)
+                process = stack.enter_context(running(started, cwd=place, stdout=log, stderr=log, env=environment))
+            stack.callback(process.wait, LONG)
             stack.callback(process.terminate)
     assert (place / "runs" / "first" / "report.html").exists()
 
@@ -153,7 +155,8 @@ def test_examples_are_up_to_date(folder: Path, tmp_path: Path) -> None:
     assert _numberless(again) == _numberless((folder / "report.html").read_text(encoding="utf-8"))
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     campaign = read_campaign(ROOT / "campaigns" / f"{folder.name}.toml", {"samples": summary["samples"]})
-    fresh = run_campaign(campaign, tmp_path / "fresh", None, 1).summary
+    with patch("mcnav.report.page.render", return_value=""):
+        fresh = run_campaign(campaign, tmp_path / "fresh", None, 1).summary
     assert fresh.keys() == summary.keys()
     for key in ("verdict", "verdicts", "verdict_matrix", "seed", "samples", "failed"):
         assert fresh[key] == summary[key]

@@ -10,7 +10,6 @@ import signal
 import subprocess
 import sys
 import textwrap
-import time
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +25,7 @@ from mcnav.judging import report_run
 from mcnav.replay import as_stored, replay
 from mcnav.study import run_campaign
 from tests.conftest import ROOT
+from tests.processes import LONG, run_to_end, running, wait_for
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -102,20 +102,14 @@ def test_the_textbook_moments(tmp_path: Path) -> None:
 def test_a_killed_worker_is_outlived(tmp_path: Path) -> None:
     """The run goes on by itself, to the same bits."""
     arguments = [sys.executable, "-m", "mcnav", "run", str(BOOST), "--samples", "1000", "--jobs", "2"]
-    subprocess.run([*arguments, "--out", tmp_path / "calm"], check=True, capture_output=True, env=_environment())
-    process = subprocess.Popen(
-        [*arguments, "--out", tmp_path / "hit"], env=_environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE
-    )
-    deadline = time.monotonic() + 60.0
-    while not _digests(tmp_path / "hit") and process.poll() is None and time.monotonic() < deadline:
-        time.sleep(0.005)
-    children = subprocess.run(
-        ["ps", "-ww", "-o", "pid=,args=", "--ppid", str(process.pid)], capture_output=True, text=True
-    )
-    workers = [int(line.split()[0]) for line in children.stdout.splitlines() if "LokyProcess" in line]
-    assert workers
-    os.kill(workers[0], signal.SIGKILL)
-    _, said = process.communicate(timeout=120)
+    assert run_to_end([*arguments, "--out", tmp_path / "calm"], env=_environment()).returncode == 0
+    with running([*arguments, "--out", tmp_path / "hit"], env=_environment()) as process:
+        wait_for(lambda: _digests(tmp_path / "hit"), process)
+        children = run_to_end(["ps", "-ww", "-o", "pid=,args=", "--ppid", process.pid])
+        workers = [int(line.split()[0]) for line in children.stdout.splitlines() if "LokyProcess" in line]
+        assert workers
+        os.kill(workers[0], signal.SIGKILL)
+        _, said = process.communicate(timeout=LONG)
     assert process.returncode == 0, said
     assert _digests(tmp_path / "hit") == _digests(tmp_path / "calm")
 
@@ -192,9 +186,7 @@ def test_reading_a_run_folder_executes_nothing(tmp_path: Path) -> None:
     mark.unlink()
     shutil.rmtree(tmp_path / "elsewhere", ignore_errors=True)
     for command in ("report", "compare"):
-        done = subprocess.run(
-            [sys.executable, "-m", "mcnav", command, tmp_path / "run"], capture_output=True, env=_environment()
-        )
+        done = run_to_end([sys.executable, "-m", "mcnav", command, tmp_path / "run"], env=_environment())
         assert done.returncode == 0, done.stderr
     report_run(tmp_path / "run")
     mcnav.samples_of(tmp_path / "run")
@@ -381,10 +373,8 @@ def test_a_new_scenario_runs_as_it_stands(tmp_path: Path) -> None:
     summary = run_campaign(read_campaign(campaign, {"samples": 2_000}), tmp_path / "run", None, 1).summary
     assert summary["verdict"] == "agrees"
     assert code.name == "my_system.py"
-    passed = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-c", os.devnull, str(test)],
-        cwd=tmp_path, capture_output=True, text=True, env=_environment(),
-    )  # fmt: skip
+    pytests = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-c", os.devnull, test]
+    passed = run_to_end(pytests, cwd=tmp_path, env=_environment())
     assert passed.returncode == 0, passed.stdout
     with pytest.raises(CampaignError, match="is there already"):
         new_scenario("my_system", tmp_path)
@@ -409,7 +399,7 @@ def test_commands(tmp_path: Path) -> None:
 
     def mcnav_says(*arguments: Any) -> subprocess.CompletedProcess[str]:
         command = [sys.executable, "-m", "mcnav", *map(str, arguments)]
-        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, env=_environment())
+        return run_to_end(command, cwd=tmp_path, env=_environment())
 
     written = mcnav_says("new", "scenario", "mine")
     assert written.returncode == 0

@@ -4,8 +4,8 @@ Each campaign is flown once undisturbed. Then, again and again, it is started, k
 (SIGKILL to the parent alone, so that its workers must notice by themselves) after a random time, now and then twice,
 and resumed; half the kills wait for the first chunk. To spare the start of the interpreter, campaigns are flown by
 forks of this process, which has everything imported. The chunks must be the same bits as those of the undisturbed
-run, and five seconds after each kill none of its processes may be left. The seed makes the moments repeatable as far
-as a computer's load is.
+run, and after each kill its processes must all end. The seed makes the moments repeatable as far as a computer's load
+is.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from pathlib import Path
 from mcnav.campaign.file import read_campaign
 from mcnav.study import run_campaign
 from tests.conftest import ROOT
+from tests.processes import LONG
 
 CAMPAIGN = ROOT / "campaigns" / "02_tn_d1772_trajectory_1.toml"
 ENGINES = {"reference": 128, "ensemble": 200_000}
@@ -53,7 +54,7 @@ def started(folder: Path, engine: str) -> int:
         os._exit(status)
 
 
-def left_of(session: int, seconds: float = 5.0) -> list[str]:
+def left_of(session: int, seconds: float = LONG) -> list[str]:
     """Processes of a session that are still there after some seconds; returns as soon as there are none."""
     deadline = time.monotonic() + seconds
     while True:

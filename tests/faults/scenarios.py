@@ -17,6 +17,7 @@ from mcnav.campaign.work import Draws, Work
 from mcnav.linear.map_engine import prepared_by
 from mcnav.sampling.designs import block_length
 from tests.conftest import ROOT
+from tests.processes import run_to_end
 
 SINGLE = """
 import ctypes, os, time
@@ -86,6 +87,11 @@ def command(*arguments: object) -> list[str]:
     return [sys.executable, "-m", "mcnav", *map(str, arguments)]
 
 
-def mcnav(*arguments: object, seconds: float = 120.0) -> subprocess.CompletedProcess[str]:
+def undrawn_command(*arguments: object) -> list[str]:
+    """The program's command line, for a run whose report is not at stake."""
+    return [sys.executable, "-m", "tests.undrawn", *map(str, arguments)]
+
+
+def mcnav(*arguments: object) -> subprocess.CompletedProcess[str]:
     """Run the program to its end."""
-    return subprocess.run(command(*arguments), capture_output=True, text=True, timeout=seconds, env=environment())
+    return run_to_end(command(*arguments), env=environment())

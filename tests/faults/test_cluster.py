@@ -6,9 +6,7 @@ import json
 import os
 import shutil
 import signal
-import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -31,7 +29,8 @@ from mcnav.study import run_campaign
 from tests.conftest import ROOT, campaign
 from tests.faults.kills import digests, left_of
 from tests.faults.scenarios import VECTORISED, command, environment, work_of, written
-from tests.faults.test_failures import REASONS
+from tests.faults.test_failures import LIMIT, REASONS
+from tests.processes import LONG, run_to_end, running, wait_for
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -159,7 +158,7 @@ def test_poison_samples_fail_alone(cluster: Cluster, tmp_path: Path) -> None:
     drawn = calm.errors.draw("random", 1, 60, 0, 60)[:, 0]
     chosen = dict(zip(np.sort(drawn)[: len(POISON)].tolist(), POISON, strict=True))
     body = "\n".join(f"if a == {value!r}:\n    {act}" for value, act in chosen.items())
-    run = read_campaign(written(tmp_path / "hit", body, samples=60, more='sample_timeout = "1 s"'))
+    run = read_campaign(written(tmp_path / "hit", body, samples=60, more=LIMIT))
     cluster.client.wait_for_workers(2)
     before, work = workers(cluster), work_of(run, tmp_path / "run")
     assert fly(work, 2, quiet, elsewhere=cluster.fly)[1] == 60
@@ -240,20 +239,31 @@ def test_refusals(cluster: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 def test_the_library_is_imported_for_clusters_alone() -> None:
     code = "import sys, mcnav.study, mcnav.campaign.cluster; sys.exit('distributed' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], env=environment()).returncode == 0
+    assert run_to_end([sys.executable, "-c", code], env=environment()).returncode == 0
 
 
 def test_a_chunk_that_nobody_wants_any_more(cluster: Cluster, tmp_path: Path) -> None:
     """A worker that is still flying when the run is broken off does not write into what may be another run's folder."""
-    code = VECTORISED.replace("def propagate", "chunk = 50\n\n    def propagate")
-    body = "time.sleep(0.6 * (a[0] < 0))\nif a[0] > 0: a = a * np.nan"
+    code = VECTORISED.replace("import time", "import os, time").replace(
+        "def propagate", "chunk = 50\n\n    def propagate"
+    )
+    late, go = str(tmp_path / "late"), str(tmp_path / "go")
+    body = f"""
+    if len(a) == 50:  # the chunk that comes first waits, the others fail
+        try:
+            os.close(os.open({late!r}, os.O_CREAT | os.O_EXCL))
+            while not os.path.exists({go!r}): time.sleep(0.01)
+        except FileExistsError:
+            a = a * np.nan
+    """
     run = read_campaign(written(tmp_path, body, code, samples=400))
-    assert 2 < (run.errors.draw("random", 1, 400, 0, 400)[::50, 0] < 0).sum() < 7
     work = work_of(run, tmp_path / "run")
     with pytest.raises(TooManyFailures, match=r"50 of the .* samples flown so far failed, where 49 may"):
         fly(work, 2, quiet, most_failures=49, elsewhere=cluster.fly)
     left = digests(tmp_path / "run")
-    time.sleep(1.0)
+    Path(go).touch()
+    for worker in cluster.client.scheduler_info()["workers"]:  # each has one thread, which is free only afterwards
+        cluster.client.submit(os.getpid, workers=[worker], pure=False).result(LONG)
     assert digests(tmp_path / "run") == left
     assert not list((tmp_path / "run").rglob(".*.tmp"))
 
@@ -264,21 +274,14 @@ def test_nobody_is_left(sign: signal.Signals, status: int, tmp_path: Path) -> No
     (tmp_path / "scratch").mkdir()
     code = VECTORISED.replace("def propagate", "chunk = 5\n\n    def propagate")
     path = written(tmp_path, "time.sleep(0.1)", code, samples=2_000)
-    process = subprocess.Popen(
-        command("run", path, "--out", tmp_path / "run", "--dask", 2, "--timeout", "9 s"),
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        text=True,
-        env=environment() | {"TMPDIR": str(tmp_path / "scratch")},
-        start_new_session=True,
-    )
-    deadline = time.monotonic() + 60.0
-    while not digests(tmp_path / "run") and process.poll() is None and time.monotonic() < deadline:
-        time.sleep(0.01)
-    (os.killpg if sign == signal.SIGINT else os.kill)(process.pid, sign)
-    _, said = process.communicate(timeout=10)
-    assert process.returncode == status, said
-    assert left_of(process.pid) == []
+    options = ("--out", tmp_path / "run", "--dask", 2, "--timeout", "100 s")
+    there = environment() | {"TMPDIR": str(tmp_path / "scratch")}
+    with running(command("run", path, *options), env=there) as process:
+        wait_for(lambda: digests(tmp_path / "run"), process)
+        (os.killpg if sign == signal.SIGINT else os.kill)(process.pid, sign)
+        _, said = process.communicate(timeout=LONG)
+        assert process.returncode == status, said
+        assert left_of(process.pid) == []
     assert 0 < len(digests(tmp_path / "run")) < 400
     if sign == signal.SIGINT:
         assert len(said.splitlines()) == 1, said

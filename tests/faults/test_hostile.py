@@ -31,6 +31,7 @@ from mcnav.judging import report_run, samples_of, summary_of
 from mcnav.study import run_campaign
 from tests.conftest import campaign, content
 from tests.faults.scenarios import VECTORISED, mcnav, written
+from tests.processes import LONG
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -63,9 +64,9 @@ def signed(folder: Path, change: Callable[[dict[str, Any]], object]) -> None:
 
 def refused(folder: Path) -> str:
     """The one line of `mcnav report` on a folder that it refuses."""
-    began = time.monotonic()
+    began = time.process_time()
     done = CliRunner().invoke(app, ["report", str(folder)])
-    assert time.monotonic() - began < 30.0
+    assert time.process_time() - began < LONG
     assert done.exit_code == 2, done.output
     assert done.exception is None or isinstance(done.exception, SystemExit)
     (line,) = done.stderr.splitlines()
@@ -243,10 +244,10 @@ def test_json_that_is_none(name: str, content: bytes | None, folder: Path) -> No
     path.write_bytes(content or b"")
     if content is None:
         os.truncate(path, 1 << 30)
-    began = time.monotonic()
+    began = time.process_time()
     with pytest.raises(RunFolderError) as found:
         summary_of(folder)
-    assert time.monotonic() - began < 5.0
+    assert time.process_time() - began < LONG
     assert str(path) in str(found.value)
 
 
@@ -398,10 +399,10 @@ def test_panels_from_elsewhere_stay_text(folder: Path) -> None:
 def test_large_campaign_files(text: bytes, tmp_path: Path) -> None:
     path = tmp_path / "campaign.toml"
     path.write_bytes(text)
-    began = time.monotonic()
+    began = time.process_time()
     with pytest.raises(CampaignError) as found:
         read_campaign(path)
-    assert time.monotonic() - began < 20.0
+    assert time.process_time() - began < LONG
     assert len(str(found.value).splitlines()) <= 60
     assert len(str(found.value)) < 60_000
 

@@ -8,7 +8,6 @@ import random
 import resource
 import shutil
 import signal
-import subprocess
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -22,7 +21,7 @@ from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
-from mcnav.campaign.file import parse_campaign
+from mcnav.campaign.file import parse_campaign, read_campaign
 from mcnav.campaign.folder import RunFolder
 from mcnav.campaign.parts import whole_part
 from mcnav.campaign.problems import RunFolderError
@@ -31,7 +30,10 @@ from mcnav.judging import report_run
 from mcnav.progress import Silent
 from mcnav.study import run_campaign
 from tests.faults.kills import left_of
-from tests.faults.scenarios import SINGLE, VECTORISED, command, environment, written
+from tests.faults.scenarios import SINGLE, VECTORISED, command, environment, undrawn_command, written
+from tests.processes import LONG, run_to_end, running, wait_for
+
+pytestmark = pytest.mark.usefixtures("undrawn")
 
 POSITIONS = 2_000
 
@@ -120,42 +122,52 @@ def test_a_full_disk_and_little_memory(kind: int, most: int, tmp_path: Path) -> 
         ("", SINGLE) if kind == resource.RLIMIT_FSIZE else ("np.ones(900_000_000) if len(a) > 90 else 0", VECTORISED)
     )
     path = written(tmp_path, body, code, samples=100)
-    arguments = command("run", path, "--samples", 2_000, "--jobs", 1, "--out", tmp_path / "run")
-    stopped = subprocess.run(
-        arguments, capture_output=True, text=True, env=environment() | {"OMP_NUM_THREADS": "1"}, timeout=100,
-        preexec_fn=lambda: limited(kind, most),
-    )  # fmt: skip
+    arguments = ["run", path, "--samples", 2_000, "--jobs", 1, "--out"]
+    one_thread = environment() | {"OMP_NUM_THREADS": "1"}
+    stopped = run_to_end(command(*arguments, tmp_path / "run"), env=one_thread, preexec_fn=lambda: limited(kind, most))
     assert stopped.returncode == 2, stopped.stderr[-2000:]
     (line,) = stopped.stderr.splitlines()
-    assert ("File too large" in line) if kind == resource.RLIMIT_FSIZE else ("memory" in line)
+    assert "File too large" in line if kind == resource.RLIMIT_FSIZE else "memory" in line, line
     assert not list((tmp_path / "run").rglob(".*.tmp"))
     if kind == resource.RLIMIT_AS:
         return
     for place in ("run", "other"):
-        arguments[arguments.index("--out") + 1] = str(tmp_path / place)
-        subprocess.run(arguments, check=True, capture_output=True, env=environment(), timeout=100)
+        done = run_to_end(undrawn_command(*arguments, tmp_path / place), env=environment())
+        assert done.returncode == 0, done.stderr
     assert digests(tmp_path / "run") == digests(tmp_path / "other")
 
 
-@pytest.mark.parametrize("sign", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
-def test_signals_while_a_sample_hangs(sign: signal.Signals, tmp_path: Path) -> None:
-    """The first signal breaks off in order, a second one at once; nobody is left five seconds later."""
-    path = written(tmp_path, "if a > 0.5: time.sleep(600)", samples=100)
-    process = subprocess.Popen(
-        command("run", path, "--out", tmp_path / "run"), env=environment(), start_new_session=True,
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
-    deadline = time.monotonic() + 60.0
-    while not (tmp_path / "run" / "samples").exists() and time.monotonic() < deadline:
-        time.sleep(0.05)
-    time.sleep(2.0)
-    process.send_signal(sign)
-    time.sleep(0.02)
-    process.send_signal(sign)
-    _, said = process.communicate(timeout=10)
+HANGS = {"beside": "abs(a) > 0.5", "samples": "abs(a - FIRST) < 1e-12"}
+"""Where a sample hangs: on the side, where derivatives are taken; or only when the first sample itself is flown."""
+
+
+@pytest.mark.parametrize(
+    ("sign", "times", "place"),
+    [
+        (signal.SIGINT, 1, "beside"),
+        (signal.SIGTERM, 1, "samples"),
+        (signal.SIGINT, 2, "samples"),
+        (signal.SIGKILL, 1, "beside"),
+    ],
+)
+def test_signals_while_a_sample_hangs(sign: signal.Signals, times: int, place: str, tmp_path: Path) -> None:
+    """The first signal breaks off in order, a second one at once; neither waits for the sample, and nobody is left."""
+    calm = read_campaign(written(tmp_path / "calm", "", samples=100))
+    first = float(calm.errors.draw("random", 1, 100, 0, 1)[0, 0])
+    hanging = tmp_path / "hanging"
+    body = f"if {HANGS[place]}:\n    open({str(hanging)!r}, 'w').close()\n    time.sleep(100_000)"
+    path = written(tmp_path, body.replace("FIRST", repr(first)), samples=100)
+    with running(command("run", path, "--out", tmp_path / "run"), env=environment()) as process:
+        wait_for(hanging.exists, process)
+        for _ in range(times):
+            process.send_signal(sign)
+            time.sleep(0.02)
+        _, said = process.communicate(timeout=LONG)
+        assert left_of(process.pid) == []
     assert process.returncode == {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGKILL: -9}[sign]
+    if times == 1 and sign != signal.SIGKILL:
+        assert said == "error: interrupted; what is stored is kept, and the same command goes on from there\n"
     assert "Traceback" not in said
-    assert left_of(process.pid) == []
 
 
 def test_stale_files_are_swept(finished: Path, tmp_path: Path) -> None:
@@ -201,24 +213,20 @@ def test_a_folder_that_is_being_read_only_is_told(tmp_path: Path) -> None:
 
 def test_two_processes_on_one_folder(tmp_path: Path) -> None:
     """One flies; the other is told so, with exit status 4, and touches nothing."""
-    path = written(tmp_path, "time.sleep(0.02)", samples=300)
-    first = subprocess.Popen(
-        command("run", path, "--out", tmp_path / "run"),
-        env=environment(),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    )
-    deadline = time.monotonic() + 60.0
-    while not (tmp_path / "run" / "manifest.json").exists() and time.monotonic() < deadline:
-        time.sleep(0.02)
-    second = subprocess.run(
-        command("run", path, "--out", tmp_path / "run"), env=environment(), capture_output=True, text=True, timeout=60
-    )
-    _, said = first.communicate(timeout=100)
+    go = tmp_path / "go"
+    calm = read_campaign(written(tmp_path, "", samples=300))
+    first_drawn = float(calm.errors.draw("random", 1, 300, 0, 1)[0, 0])
+    body = f"while {HANGS['samples']} and not os.path.exists({str(go)!r}): time.sleep(0.01)"
+    path = written(tmp_path, body.replace("FIRST", repr(first_drawn)), samples=300)
+    with running(undrawn_command("run", path, "--out", tmp_path / "run"), env=environment()) as first:
+        wait_for((tmp_path / "run" / "manifest.json").exists, first)
+        second = run_to_end(command("run", path, "--out", tmp_path / "run"), env=environment())
+        go.touch()
+        _, said = first.communicate(timeout=LONG)
     assert first.returncode == 0, said
     assert second.returncode == 4
     assert "another mcnav is writing here" in second.stderr
-    subprocess.run(command("run", path, "--out", tmp_path / "calm"), env=environment(), check=True, capture_output=True)
+    assert run_to_end(undrawn_command("run", path, "--out", tmp_path / "calm"), env=environment()).returncode == 0
     assert digests(tmp_path / "run") == digests(tmp_path / "calm")
 
 

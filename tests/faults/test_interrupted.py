@@ -1,0 +1,95 @@
+"""What an interrupted run does not wait for."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from mcnav import study
+from mcnav.lifetime import side_threads
+from mcnav.scenarios.limits import Stopped, within_limit
+from mcnav.study import run_campaign
+from tests.conftest import campaign
+from tests.faults.scenarios import environment
+from tests.processes import LONG, run_to_end
+
+pytestmark = pytest.mark.usefixtures("undrawn")
+
+
+def test_an_exception_does_not_wait_for_threads() -> None:
+    release = threading.Event()
+
+    def interrupted(started: list[Any]) -> None:
+        with side_threads(1) as beside:
+            started += [beside.submit(release.wait, LONG), beside.submit(int)]
+            raise KeyboardInterrupt
+
+    started: list[Any] = []
+    with pytest.raises(KeyboardInterrupt):
+        interrupted(started)
+    waiting, queued = started
+    assert not release.is_set()
+    assert queued.cancelled()
+    release.set()
+    assert waiting.result(LONG)
+
+
+def test_without_an_exception_threads_are_waited_for() -> None:
+    with side_threads(2) as beside:
+        found = [beside.submit(pow, 2, number) for number in range(4)]
+    assert [each.done() for each in found] == [True] * 4
+
+
+def test_flights_on_the_side_are_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Flights that would never end do not hold up a run that is broken off, and end at the next flight."""
+    ended = threading.Event()
+    under_way = threading.Event()
+
+    def beyond(*_: object) -> dict[str, Any]:
+        try:
+            while not ended.wait(0.001):
+                within_limit(under_way.set)
+        except Stopped:
+            ended.set()
+            raise
+        return {}
+
+    def broken_off(samples: int) -> None:
+        assert under_way.wait(LONG)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("mcnav.modelling._beyond", beyond)
+    with pytest.raises(KeyboardInterrupt):
+        run_campaign(campaign(4, samples=100), tmp_path / "run", "ensemble", 1, progress=broken_off)
+    assert ended.wait(LONG)
+    assert len(list((tmp_path / "run" / "samples").glob("part-*.parquet"))) == 1
+    monkeypatch.undo()
+    assert study.run_campaign(campaign(4, samples=100), tmp_path / "run", "ensemble", 1).flown == 0
+
+
+@pytest.mark.parametrize(("name", "status"), [("SIGINT", 130), ("SIGTERM", 143)])
+def test_a_command_that_is_interrupted_waits_for_no_thread(name: str, status: int) -> None:
+    """Nor does it forget what is to be done at the end of a process."""
+    code = f"""
+import atexit, os, signal, sys, threading, time
+from mcnav import cli
+
+@cli.app.command()
+def busy():
+    with cli._errors_told():
+        threading.Thread(target=time.sleep, args=(100_000,)).start()
+        atexit.register(print, "tidied up")
+        os.kill(os.getpid(), signal.{name})
+        time.sleep(100_000)
+
+sys.argv = ["mcnav", "busy"]
+cli.main()
+"""
+    done = run_to_end([sys.executable, "-c", code], env=environment())
+    assert done.returncode == status
+    assert done.stdout == "tidied up\n"
+    assert done.stderr == "error: interrupted; what is stored is kept, and the same command goes on from there\n"
