@@ -1,6 +1,6 @@
 """May the linear covariance analysis of an inertial navigation system be trusted, and where does it stop?
 
-Frames and signs (reentry; those of cruise and hover are in `mcnav.physics.steady`)
+Frames and signs (reentry; those of cruise and hover are in `mcnav.physics.steady.truth`)
     Planar motion, east in the equatorial plane of a spherical, rotating earth. Earth-centred polar state
     ``(r, theta, r_dot, theta_dot)``; ``f_x`` horizontal (positive east), ``f_z`` vertical (positive **down**), both
     specific forces. The reference axes of the instruments are horizontal and vertical at the start of navigation.
@@ -23,46 +23,46 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mcnav.campaign.file import Campaign, read_campaign
-    from mcnav.campaign.problems import CampaignError, RunFolderError
-    from mcnav.comparing import Between, compare_runs
-    from mcnav.judging import report_run, samples_of, summary_of
+    from mcnav.config.read import Campaign, read_campaign
+    from mcnav.errors import CampaignError, RunFolderError
     from mcnav.notebook import FlownRun, fly, open_run
-    from mcnav.scenarios.protocol import History, Outcomes, Output, Panel, Source
-    from mcnav.study import check_scenario, run_campaign
+    from mcnav.scenarios.protocol import History, Output, Panel, SimulationResult, Source
+    from mcnav.workflow.analyse import report_run, samples_of, summary_of
+    from mcnav.workflow.compare import RunComparison, compare_runs
+    from mcnav.workflow.run import check_scenario, run_campaign
 
 _HOMES = {
-    "Between": "mcnav.comparing",
-    "Campaign": "mcnav.campaign.file",
-    "CampaignError": "mcnav.campaign.problems",
+    "RunComparison": "mcnav.workflow.compare",
+    "Campaign": "mcnav.config.read",
+    "CampaignError": "mcnav.errors",
     "FlownRun": "mcnav.notebook",
     "History": "mcnav.scenarios.protocol",
-    "Outcomes": "mcnav.scenarios.protocol",
+    "SimulationResult": "mcnav.scenarios.protocol",
     "Output": "mcnav.scenarios.protocol",
     "Panel": "mcnav.scenarios.protocol",
-    "RunFolderError": "mcnav.campaign.problems",
+    "RunFolderError": "mcnav.errors",
     "Source": "mcnav.scenarios.protocol",
-    "check_scenario": "mcnav.study",
-    "compare_runs": "mcnav.comparing",
+    "check_scenario": "mcnav.workflow.run",
+    "compare_runs": "mcnav.workflow.compare",
     "fly": "mcnav.notebook",
     "open_run": "mcnav.notebook",
-    "read_campaign": "mcnav.campaign.file",
-    "report_run": "mcnav.judging",
-    "run_campaign": "mcnav.study",
-    "samples_of": "mcnav.judging",
-    "summary_of": "mcnav.judging",
+    "read_campaign": "mcnav.config.read",
+    "report_run": "mcnav.workflow.analyse",
+    "run_campaign": "mcnav.workflow.run",
+    "samples_of": "mcnav.workflow.analyse",
+    "summary_of": "mcnav.workflow.analyse",
 }
 
 __all__ = [
-    "Between",
     "Campaign",
     "CampaignError",
     "FlownRun",
     "History",
-    "Outcomes",
     "Output",
     "Panel",
+    "RunComparison",
     "RunFolderError",
+    "SimulationResult",
     "Source",
     "check_scenario",
     "compare_runs",
@@ -75,9 +75,13 @@ __all__ = [
     "summary_of",
 ]
 
+_EARLIER = {"Between": "RunComparison", "Outcomes": "SimulationResult"}
+"""Earlier names, which scenarios of one's own may use."""
+
 
 def __getattr__(name: str) -> Any:
     """Public names are imported when they are used, so that ``mcnav --help`` need not wait for numerics."""
+    name = _EARLIER.get(name, name)
     if name in _HOMES:
         return getattr(import_module(_HOMES[name]), name)
     raise AttributeError(f"module 'mcnav' has no attribute {name!r}")

@@ -14,7 +14,7 @@ from typing import Annotated, Any
 
 import typer
 
-from mcnav.report.fitted import OpenConsole
+from mcnav.report.fitted_table import OpenConsole
 
 NOT_KEPT, BAD_INPUT, SOME_FAILED, BUSY, INTERRUPTED, TERMINATED = 1, 2, 3, 4, 130, 143
 """Exit statuses; 0 is success."""
@@ -56,7 +56,7 @@ class Format(StrEnum):
 
 
 class Axes(StrEnum):
-    """Where the reference axes are alined."""
+    """Where the reference axes are aligned."""
 
     START = "start"
     TRAJECTORY = "trajectory"
@@ -92,15 +92,8 @@ def _fail(message: str, status: int) -> typer.Exit:
 @contextmanager
 def _errors_told(file: Path | None = None) -> Iterator[None]:
     """Turn what the user can mend into lines and an exit status; a scenario's own errors are those of the file."""
-    from mcnav.campaign.problems import (
-        CampaignError,
-        ClusterError,
-        Problem,
-        RunFolderBusy,
-        RunFolderError,
-        TooManyFailures,
-    )
-    from mcnav.linear.partials import FlightFailed
+    from mcnav.errors import CampaignError, ClusterError, Problem, RunFolderBusy, RunFolderError, TooManyFailures
+    from mcnav.lincov.partials import SimulationFailed
     from mcnav.scenarios.protocol import ScenarioError
 
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -117,7 +110,7 @@ def _errors_told(file: Path | None = None) -> Iterator[None]:
         raise _fail(f"{f'{file}: ' if file else ''}{message} (fewer --jobs need less)", BAD_INPUT) from None
     except ScenarioError as problem:
         raise _fail(str(Problem(str(file or ""), f"scenario.{problem.key}", str(problem))), BAD_INPUT) from None
-    except FlightFailed as problem:
+    except SimulationFailed as problem:
         raise _fail(str(Problem(str(file or ""), "scenario", str(problem))), BAD_INPUT) from None
     except (CampaignError, ClusterError, RunFolderError) as problem:
         raise _fail(str(problem), BAD_INPUT) from None
@@ -130,9 +123,9 @@ def _errors_told(file: Path | None = None) -> Iterator[None]:
 
 def _export(chosen: Format, rows: Sequence[Mapping[str, Any]], tables: Mapping[str, Any]) -> None:
     """Print rows as CSV, or tables by name as JSON."""
-    from mcnav.report import exported
+    from mcnav.report import export
 
-    sys.stdout.write(exported.as_csv(rows) if chosen is Format.CSV else exported.as_json(tables))
+    sys.stdout.write(export.as_csv(rows) if chosen is Format.CSV else export.as_json(tables))
 
 
 def run_folder(campaign: Path) -> Path:
@@ -197,10 +190,10 @@ def run(
     3 some samples failed, 4 folder in use, 130 interrupted.
     """
     with _errors_told(campaign):
-        from mcnav.campaign.cluster import flights
-        from mcnav.campaign.file import read_campaign
-        from mcnav.report import exported, progress, terminal
-        from mcnav.study import engine_of, run_campaign
+        from mcnav.config.read import read_campaign
+        from mcnav.execution.dask_cluster import open_executor
+        from mcnav.report import export, progress, terminal
+        from mcnav.workflow.run import engine_of, run_campaign
 
         options = {
             "samples": samples,
@@ -214,14 +207,14 @@ def run(
             raise _fail(f"{campaign}: accept: is missing; --check has nothing to check", BAD_INPUT)
         target = folder or run_folder(campaign)
         chosen = engine or engine_of(target, campaign)
-        with flights(scheduler, dask, jobs) as (flyers, workers, known), progress.shown(err) as told:
+        with open_executor(scheduler, dask, jobs) as (flyers, workers, known), progress.shown(err) as told:
             done = run_campaign(described, target, chosen, workers, fresh, told, max_failures, flyers, force)
         for notice in (*known, *done.notices):
             err.print(f"note: {notice}", markup=False)
         runs = {described.name: done.summary}
         if shown is not Format.TABLE:
-            rows, requirements = exported.output_rows(runs), exported.requirement_rows(done.summary)
-            tables = {"runs": exported.run_rows(runs), "outputs": rows, "requirements": requirements}
+            rows, requirements = export.output_rows(runs), export.requirement_rows(done.summary)
+            tables = {"runs": export.run_rows(runs), "outputs": rows, "requirements": requirements}
             _export(shown, rows, tables)
         said = out if shown is Format.TABLE else err
         if (warned := terminal.warnings(runs)) is not None:
@@ -248,7 +241,7 @@ def run(
 def report(folders: Folders) -> None:
     """Analyse finished run folders again and write their reports."""
     with _errors_told():
-        from mcnav.judging import report_run
+        from mcnav.workflow.analyse import report_run
 
         for folder in folders:
             report_run(folder)
@@ -267,16 +260,16 @@ def compare(
     on common draws where seeds allow.
     """
     with _errors_told():
-        from mcnav.campaign.files import write_whole
-        from mcnav.campaign.problems import as_written
-        from mcnav.comparing import compare_runs
-        from mcnav.judging import summary_of
-        from mcnav.report import exported, terminal
+        from mcnav.errors import reading_file
+        from mcnav.files import write_whole
+        from mcnav.report import export, terminal
+        from mcnav.workflow.analyse import summary_of
+        from mcnav.workflow.compare import compare_runs
 
         runs: dict[str, dict[str, Any]] = {str(folder): summary_of(folder) for folder in folders}
         told = []
         for name, summary in runs.items():
-            with as_written(Path(name) / "summary.json"):
+            with reading_file(Path(name) / "summary.json"):
                 terminal.comparison({name: summary})
                 told.append((f"\n{name}: {summary['campaign']}", terminal.verdict(summary)))
         several = len(folders) > 1
@@ -285,10 +278,10 @@ def compare(
         if (warned := terminal.warnings(runs)) is not None:
             said.print(warned)
         if shown is not Format.TABLE:
-            rows = exported.output_rows(runs)
+            rows = export.output_rows(runs)
             if found is not None and several:
-                rows = exported.with_changes(rows, list(runs), found.rows)
-            tables: dict[str, Any] = {"runs": exported.run_rows(runs), "outputs": rows}
+                rows = export.with_changes(rows, list(runs), found.rows)
+            tables: dict[str, Any] = {"runs": export.run_rows(runs), "outputs": rows}
             if found is not None and several:
                 changed = found.inputs.set_axis(list(runs), axis="columns")
                 tables["inputs"] = [{"key": key, **dict(values)} for key, values in changed.iterrows()]
@@ -323,9 +316,9 @@ def replay(
     Exit status: 0 as stored, 1 the outcome is another than the one stored, 2 bad input.
     """
     with _errors_told():
-        from mcnav.replay import as_stored, write_replay
-        from mcnav.replay import replay as fly_again
         from mcnav.report.replay import lines
+        from mcnav.workflow.replay import as_stored, write_replay
+        from mcnav.workflow.replay import replay as fly_again
 
         found = fly_again(folder, index, campaign)
         for note in found.notes:
@@ -344,7 +337,7 @@ def index(
 ) -> None:
     """Write index.html of all runs in a folder and below it: verdict, sigmas, date, identity."""
     with _errors_told():
-        from mcnav.gallery import write_index
+        from mcnav.workflow.index import write_index
 
         written, count = write_index(folder)
         out.print(f"{count} runs\n\nwritten: {written}", markup=False)
@@ -373,9 +366,9 @@ def partials(
     With --start-times, write them and the linear dispersion against the start of navigation.
     """
     with _errors_told(campaign):
-        from mcnav.campaign.file import read_campaign
-        from mcnav.linear.agreement import compared_partials
-        from mcnav.report import exported, terminal
+        from mcnav.config.read import read_campaign
+        from mcnav.lincov.partials_agreement import compare_partials
+        from mcnav.report import export, terminal
 
         if start_times and shown is not Format.TABLE:
             raise _fail(
@@ -387,9 +380,9 @@ def partials(
         described = read_campaign(campaign)
         sources, outputs = described.scenario.sources, described.scenario.outputs
         methods = [each for each in Method if each != Method.ALL] if method == Method.ALL else [method]
-        matrix, differences = compared_partials(described.scenario, [each.value for each in methods])
+        matrix, differences = compare_partials(described.scenario, [each.value for each in methods])
         if shown is not Format.TABLE:
-            rows = exported.partial_rows(sources, outputs, matrix)
+            rows = export.partial_rows(sources, outputs, matrix)
             shares = [
                 {"method": name, "output": output.name, "largest_difference": float(values[i])}
                 for name, values in differences.items()
@@ -421,9 +414,9 @@ def start_times(
 
 
 def _start_times(campaign: Path, folder: Path | None, axes: Axes | None, count: int | None, checks: bool) -> None:
-    from mcnav.campaign.file import read_campaign
+    from mcnav.config.read import read_campaign
     from mcnav.report import progress, terminal
-    from mcnav.sweeps.start_times import write_start_times
+    from mcnav.studies.start_times import write_start_times
 
     target = folder or Path("reports") / f"{campaign.stem}_start_times"
     described = read_campaign(campaign)
@@ -447,9 +440,9 @@ def linearity(
 ) -> None:
     """Find how many times larger the errors could be before linear analysis fails, source by source and together."""
     with _errors_told(campaign):
-        from mcnav.campaign.file import read_campaign
+        from mcnav.config.read import read_campaign
         from mcnav.report import progress, terminal
-        from mcnav.sweeps.linearity import write_linearity
+        from mcnav.studies.linearity import write_linearity
 
         described = read_campaign(campaign)
         target = folder or Path("reports") / f"{campaign.stem}_linearity"
@@ -468,8 +461,8 @@ def check_scenario(campaign: CampaignFile) -> None:
     Exit status: 0 all kept, 1 something is not, 2 bad input.
     """
     with _errors_told(campaign):
-        from mcnav import study
         from mcnav.report import terminal
+        from mcnav.workflow import run as study
 
         checks = study.check_scenario(campaign)
         out.print(terminal.checks([(check.name, check.passed, check.told) for check in checks]))
@@ -484,7 +477,7 @@ Name = Annotated[str, typer.Argument(metavar="NAME", help="Of the files: letters
 Into = Annotated[Path, typer.Option("--in", help="Folder.")]
 
 
-class Kind(StrEnum):
+class CampaignTemplate(StrEnum):
     """What a new campaign flies."""
 
     REENTRY = "reentry"
@@ -494,11 +487,13 @@ class Kind(StrEnum):
 
 @new.command("campaign")
 def new_campaign(
-    name: Name, kind: Annotated[Kind, typer.Option("--type", help="What it flies.")] = Kind.REENTRY, into: Into = Path()
+    name: Name,
+    kind: Annotated[CampaignTemplate, typer.Option("--type", help="What it flies.")] = CampaignTemplate.REENTRY,
+    into: Into = Path(),
 ) -> None:
     """Write a campaign file."""
     with _errors_told():
-        from mcnav.campaign.new import new_campaign
+        from mcnav.config.templates import new_campaign
 
         (written,) = new_campaign(name, into, kind.value)
         out.print(f"written: {written}\n\nnext: mcnav run {written}", markup=False)
@@ -508,7 +503,7 @@ def new_campaign(
 def new_scenario(name: Name, into: Into = Path()) -> None:
     """Write a scenario of one's own: the class, a campaign that flies it, and its test."""
     with _errors_told():
-        from mcnav.campaign.new import new_scenario
+        from mcnav.config.templates import new_scenario
 
         code, campaign, test = new_scenario(name, into)
         out.print(f"written: {code}\nwritten: {campaign}\nwritten: {test}", markup=False)
@@ -528,8 +523,8 @@ class Page(StrEnum):
 
 
 FILES = {
-    Page.TN_D1772: "reproduce/TN_D1772.md",
-    Page.STORY: "reproduce/STORY_OF_84_MINUTES.md",
+    Page.TN_D1772: "reproduce/tn_d1772/TN_D1772.md",
+    Page.STORY: "reproduce/story_of_84_minutes/STORY_OF_84_MINUTES.md",
 }
 """Where a page is, if not under its own name."""
 
@@ -565,7 +560,8 @@ def reproduce(
     with _errors_told():
         from collections import Counter
 
-        from mcnav.reproduce import page, story_page
+        from mcnav.reproduce.story_of_84_minutes import page as story_page
+        from mcnav.reproduce.tn_d1772 import page
 
         if seed is Seed.STORY:
             for path in story_page.write(folder or Path("reports") / seed.value):
@@ -595,7 +591,7 @@ def calibrate(
         from mcnav.calibration import page
         from mcnav.calibration.table import rates
         from mcnav.calibration.trials import run_trials
-        from mcnav.campaign.files import write_whole
+        from mcnav.files import write_whole
         from mcnav.sampling.designs import DESIGNS
 
         table = rates(*run_trials(trials, jobs, DESIGNS))

@@ -20,17 +20,17 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from jinja2 import Environment
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure as MplFigure
 from threadpoolctl import threadpool_limits
 
-from mcnav.campaign.file import Campaign, campaign_from
-from mcnav.campaign.folder import RunFolder
-from mcnav.judging import analyse, content_of, samples_of
-from mcnav.report import wording
-from mcnav.report.content import Content
-from mcnav.report.drawings.drawing import Drawing
-from mcnav.report.page import drawings
-from mcnav.study import run_campaign
+from mcnav.config.read import Campaign, campaign_from
+from mcnav.report import sentences
+from mcnav.report.figures.figure import Figure
+from mcnav.report.model import Content
+from mcnav.report.page import figures
+from mcnav.store.run_folder import RunFolder
+from mcnav.workflow.analyse import analyse, content_of, samples_of
+from mcnav.workflow.run import run_campaign
 
 SHOWN = """<div><p><strong>{{ name }}</strong>: {{ headline }}</p><p>{{ explanation }}</p>
 <table><thead><tr><th></th>{% for column in table.columns %}<th>{{ column }}</th>{% endfor %}</tr></thead>
@@ -73,7 +73,7 @@ class FlownRun:
     @property
     def verdict(self) -> str:
         """``agrees``, ``partly``, ``differs`` or ``undecided``."""
-        return wording.tone(self.summary)
+        return sentences.tone(self.summary)
 
     @cached_property
     def samples(self) -> pd.DataFrame:
@@ -101,7 +101,7 @@ class FlownRun:
                     "from": low,
                     "to": high,
                     "bias": output.bias.value * scale,
-                    "verdict": wording.output_words(output.sigma_linear, output.paired.verdict.value),
+                    "verdict": sentences.output_words(output.sigma_linear, output.paired.verdict.value),
                     "sigma plain": output.sigma_sample * scale,
                     "plain ratio": np.nan if plain.ratio is None else plain.ratio,
                     "plain from": plain_low,
@@ -160,11 +160,11 @@ class FlownRun:
         return {str(entry["name"]): str(entry[field]) for entry in self.content.manifest["model"][which]}
 
     @cached_property
-    def drawings(self) -> dict[str, Drawing]:
+    def drawings(self) -> dict[str, Figure]:
         """The report's figures by name; Jupyter shows each, and ``.data`` is the table behind it."""
-        return drawings(self.content)
+        return figures(self.content)
 
-    def figure(self, name: str) -> Figure:
+    def figure(self, name: str) -> MplFigure:
         """One of the report's figures, drawn by matplotlib; its ``axes`` are free to be changed.
 
         Parameters
@@ -183,14 +183,14 @@ class FlownRun:
             .from_string(SHOWN)
             .render(
                 name=self.summary["campaign"],
-                headline=wording.headline(self.summary),
-                explanation=wording.explanation(self.summary),
+                headline=sentences.headline(self.summary),
+                explanation=sentences.explanation(self.summary),
                 table=self.outputs,
             )
         )
 
     def __repr__(self) -> str:
-        return f"{self.summary['campaign']}: {wording.headline(self.summary)}"
+        return f"{self.summary['campaign']}: {sentences.headline(self.summary)}"
 
 
 def open_run(path: str | Path) -> FlownRun:
@@ -235,7 +235,7 @@ def fly(
     Raises
     ------
     CampaignError, RunFolderError
-        As `mcnav.study.run_campaign`.
+        As `mcnav.workflow.run.run_campaign`.
     """
     run_campaign(campaign_from(campaign, instead), folder, engine, jobs, fresh, force=force)
     return FlownRun(Path(folder))

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import pint
 
 
-class Kind(NamedTuple):
+class Dimension(NamedTuple):
     """A dimension in words, and a quantity of it as an example."""
 
     words: str
@@ -23,15 +23,15 @@ class Kind(NamedTuple):
 
 
 KINDS: Final = {
-    "m": Kind("a length", "5 km"),
-    "s": Kind("a time", "-20 min"),
-    "m/s": Kind("a speed", "0.5 m/s"),
-    "m/s^2": Kind("an acceleration", "100 ug"),
-    "rad": Kind("an angle", "40 arcsec"),
-    "rad/s": Kind("an angular rate", "0.2 deg/h"),
-    "m^2/kg": Kind("an area per mass", "4.1e-9 km^2/kg"),
-    "s/m": Kind("a time per length", "3.281 s/km"),
-    "1": Kind("a pure number", "100 ppm"),
+    "m": Dimension("a length", "5 km"),
+    "s": Dimension("a time", "-20 min"),
+    "m/s": Dimension("a speed", "0.5 m/s"),
+    "m/s^2": Dimension("an acceleration", "100 ug"),
+    "rad": Dimension("an angle", "40 arcsec"),
+    "rad/s": Dimension("an angular rate", "0.2 deg/h"),
+    "m^2/kg": Dimension("an area per mass", "4.1e-9 km^2/kg"),
+    "s/m": Dimension("a time per length", "3.281 s/km"),
+    "1": Dimension("a pure number", "100 ppm"),
 }
 """The dimensions that the program knows by name, each under its SI unit."""
 
@@ -73,9 +73,9 @@ def _quoted(text: str) -> str:
     return f"'{printable(text)}'"
 
 
-def kind_of(unit: str) -> Kind:
+def dimension_of(unit: str) -> Dimension:
     """The dimension of an SI unit in words; a unit that has no words yet is named itself."""
-    return KINDS.get(unit, Kind(f"a quantity in {unit}", f"1 {unit}"))
+    return KINDS.get(unit, Dimension(f"a quantity in {unit}", f"1 {unit}"))
 
 
 def conversion(unit: str, target: str) -> float:
@@ -112,7 +112,7 @@ def quantity(text: object, unit: str) -> float:
     ...
     mcnav.units.UnitError: got '5 km', which is a length; expected an angular rate such as "0.2 deg/h"
     """
-    words, example = kind_of(unit)
+    words, example = dimension_of(unit)
     expected = f'expected {words} such as "{example}"'
     if isinstance(text, (int, float)) and not isinstance(text, bool):
         if unit != "1":

@@ -12,14 +12,14 @@ import pytest
 from hypothesis import settings
 from markupsafe import Markup
 
-from mcnav.campaign.file import Campaign, parse_campaign
-from mcnav.physics.response import Response, linear_response
-from mcnav.physics.vehicle import Vehicle
+from mcnav.config.read import Campaign, parse_campaign
+from mcnav.physics.reentry.ensemble.transition import Response, linear_response
+from mcnav.physics.reentry.vehicle import Vehicle
 from mcnav.progress import Phase
-from mcnav.report.drawings import beside
-from mcnav.report.drawings.drawing import Drawing
+from mcnav.report.figures import beside
+from mcnav.report.figures.figure import Figure
 from mcnav.scenarios.reentry import SOURCES, Flight, Reentry
-from mcnav.scenarios.tn_d1772 import ERRORS, TABLE_I, start_state
+from mcnav.scenarios.table_i import ERRORS, TABLE_I, start_state
 
 settings.register_profile("suite", derandomize=True, deadline=None)
 settings.load_profile("suite")
@@ -56,10 +56,10 @@ def undrawn(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> 
     if request.node.get_closest_marker("drawn"):
         return
 
-    def svg(drawing: Drawing, number: int) -> Markup:
+    def svg(drawing: Figure, number: int) -> Markup:
         return Markup(f'<svg><title id="{drawing.key}-{number}-t"></title></svg>')
 
-    monkeypatch.setattr(Drawing, "svg", svg)
+    monkeypatch.setattr(Figure, "svg", svg)
     monkeypatch.setattr(beside, "draw", lambda drawings: None)
 
 

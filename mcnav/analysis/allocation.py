@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from mcnav._types import Array
 
 
 def largest_sigmas(row: Array, covariance: Array, limit: float) -> Array:

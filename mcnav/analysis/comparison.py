@@ -14,18 +14,18 @@ from typing import Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav.analysis.joint import Joint, compare_jointly
-from mcnav.analysis.verdict import Judgement, Verdict, judge, worst
-from mcnav.lifetime import side_threads
-from mcnav.linear.covariance import propagated_covariance
+from mcnav._subprocess import side_threads
+from mcnav._types import Array, IndexArray
+from mcnav.analysis.multivariate import MultivariateTests, compare_jointly
+from mcnav.analysis.verdict import Judgement, Verdict, combine_verdicts, judge
+from mcnav.lincov.covariance import propagated_covariance
 from mcnav.sampling.designs import FEWEST_BLOCKS
+from mcnav.statistics.chunked import scatter, squared_distances
 from mcnav.statistics.estimates import Estimate, blocked_mean
+from mcnav.statistics.interim_analyses import confidence_of_each
 from mcnav.statistics.power import detectable_ratio, samples_to_detect
-from mcnav.statistics.scatter import scatter, squared_distances
-from mcnav.statistics.stopping import confidence_of_each
 from mcnav.statistics.whitening import Whitening, whitening
 
-Array = NDArray[np.float64]
 Number = TypeVar("Number", np.float64, np.int64)
 
 LARGEST_FAILED_SHARE: Final = 1e-3
@@ -81,7 +81,8 @@ class Model:
 class Criterion:
     """What counts as agreement: a tolerance on sigma ratios, and the confidence of all verdicts together.
 
-    ``looks`` is how often the results may be looked at before the samples are enough (`mcnav.statistics.stopping`).
+    ``looks`` is how often the results may be looked at before the samples are enough
+    (`mcnav.statistics.interim_analyses`).
     """
 
     tolerance: float = 0.05
@@ -90,7 +91,7 @@ class Criterion:
 
 
 @dataclass(frozen=True)
-class Judging:
+class DecisionRule:
     """How estimates are judged throughout one comparison, of so many samples."""
 
     samples: int
@@ -154,7 +155,7 @@ class OutputComparison:
 
     @classmethod
     def judged(
-        cls, variance: float, floor: float, plain: Estimate, difference: Estimate, bias: Estimate, judging: Judging
+        cls, variance: float, floor: float, plain: Estimate, difference: Estimate, bias: Estimate, judging: DecisionRule
     ) -> OutputComparison:
         """From the linear variance, the flown one, and the difference of flown and predicted ones."""
         paired = replace(difference, value=variance + difference.value)
@@ -205,7 +206,7 @@ class Ellipsoid:
 
     @classmethod
     def judged(
-        cls, values: Array, given: Whitening, nees: Estimate, difference: Estimate, paired: Array, judging: Judging
+        cls, values: Array, given: Whitening, nees: Estimate, difference: Estimate, paired: Array, judging: DecisionRule
     ) -> Ellipsoid:
         """From the mean NEES of the flown errors, and the difference of it and the linear errors' NEES."""
         dimension = given.rank
@@ -247,7 +248,7 @@ class Comparison:
     covariance_paired: Array
     outputs: tuple[OutputComparison, ...]
     ellipsoid: Ellipsoid | None
-    joint: Joint | None
+    joint: MultivariateTests | None
     verdict: Verdict
 
 
@@ -261,7 +262,7 @@ def compare(
     model: Model,
     errors: Array,
     outcomes: Array,
-    blocks: NDArray[np.int64],
+    blocks: IndexArray,
     criterion: Criterion,
     fewest: float = FEWEST_BLOCKS["random"],
     normal: bool = True,
@@ -285,8 +286,8 @@ def compare(
         Whether the sources are normal.
     """
     flown = np.asarray(np.isfinite(outcomes).all(axis=1))
-    errors, blocks = rows(errors, flown), rows(blocks, flown)
-    outcomes = np.asfortranarray(rows(outcomes, flown))  # what follows goes by columns
+    errors, blocks = successful(errors, flown), successful(blocks, flown)
+    outcomes = np.asfortranarray(successful(outcomes, flown))  # what follows goes by columns
     count = len(outcomes)
     linear = model.outcome_covariance
     each = 1.0 - (1.0 - confidence_of_each(criterion.confidence, criterion.looks)) / (len(linear) + 1)
@@ -301,7 +302,7 @@ def compare(
     mean = outcomes.mean(axis=0)
     sample = _covariance(outcomes)
     paired = sample - _covariance(predicted) + linear
-    blocked = _Blocked(blocks, fewest, Judging(len(blocks), criterion.tolerance, each))
+    blocked = _Blocked(blocks, fewest, DecisionRule(len(blocks), criterion.tolerance, each))
     with side_threads(2) as beside:
         judged = [
             beside.submit(_compare_output, outcomes[:, i], predicted[:, i], float(linear[i, i]), float(floor), blocked)
@@ -317,20 +318,20 @@ def compare(
     failed = int((~flown).sum())
     return Comparison(
         count, failed, each, mean, linear, sample, paired, outputs, ellipsoid.result(), joint,
-        overall(outputs, failed, len(flown)),
+        overall_verdict(outputs, failed, len(flown)),
     )  # fmt: skip
 
 
-def overall(outputs: Sequence[OutputComparison], failed: int, samples: int) -> Verdict:
+def overall_verdict(outputs: Sequence[OutputComparison], failed: int, samples: int) -> Verdict:
     """The verdict on all outputs' sigmas."""
-    verdict = worst([output.paired.verdict for output in outputs])
+    verdict = combine_verdicts([output.paired.verdict for output in outputs])
     nothing_to_compare = all(output.paired.ratio is None for output in outputs) and verdict == Verdict.AGREES
     if nothing_to_compare or (verdict == Verdict.AGREES and failed > LARGEST_FAILED_SHARE * samples):
         return Verdict.UNDECIDED
     return verdict
 
 
-def rows(values: NDArray[Number], flown: NDArray[np.bool_]) -> NDArray[Number]:
+def successful(values: NDArray[Number], flown: NDArray[np.bool_]) -> NDArray[Number]:
     """The rows of the samples that did not fail."""
     return values if flown.all() else values[flown]
 
@@ -339,9 +340,9 @@ def rows(values: NDArray[Number], flown: NDArray[np.bool_]) -> NDArray[Number]:
 class _Blocked:
     """How estimates are formed and judged throughout one comparison."""
 
-    blocks: NDArray[np.int64]
+    blocks: IndexArray
     fewest: float
-    judging: Judging
+    judging: DecisionRule
 
     def mean(self, values: Array) -> Estimate:
         return blocked_mean(values, self.blocks, self.fewest)

@@ -7,19 +7,17 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import Comparison, Model, ratio_interval
 from mcnav.statistics.estimates import Estimate, block_begins, block_sums
-
-Array = NDArray[np.float64]
 
 POINTS: Final = 40
 """Sample sizes looked at, evenly spaced on the scale of their logarithm."""
 
 
 @dataclass(frozen=True)
-class Running:
+class RunningRatio:
     """Sigma ratios of one kind from the first so many samples.
 
     Attributes
@@ -45,16 +43,16 @@ class Convergence:
         Each interval at the confidence of the final one, by itself: together, over all sizes, they hold at less.
     """
 
-    sizes: NDArray[np.int64]
-    plain: Running
-    paired: Running
+    sizes: IndexArray
+    plain: RunningRatio
+    paired: RunningRatio
 
 
 def convergence(
     model: Model,
     errors: Array,
     outcomes: Array,
-    blocks: NDArray[np.int64],
+    blocks: IndexArray,
     comparison: Comparison,
     fewest: float,
 ) -> Convergence | None:
@@ -114,7 +112,7 @@ def _converging(
     return Convergence(ends[picked], runs["plain"], runs["paired"])
 
 
-def _added(sums: Array, sizes: Array, ends: NDArray[np.int64]) -> list[Array]:
+def _added(sums: Array, sizes: Array, ends: IndexArray) -> list[Array]:
     """Sums of T, T^2, T n, n^2, T^3, T^2 n, T n^2 and n^3 over the first so many blocks, a row each.
 
     T, shape (b, k), is a block's sum and n, shape (b,), its size.
@@ -130,12 +128,12 @@ def _added(sums: Array, sizes: Array, ends: NDArray[np.int64]) -> list[Array]:
 
 def _running(
     added: list[Array],
-    sizes: NDArray[np.int64],
-    blocks: NDArray[np.int64],
+    sizes: IndexArray,
+    blocks: IndexArray,
     known: Array | float,
     variance: Array,
     confidence: float,
-) -> Running:
+) -> RunningRatio:
     """Ratios and intervals from cumulative sums over blocks of T, T^2, T n, n^2, T^3, T^2 n, T n^2 and n^3.
 
     T is a block's sum and n its size. The ratio estimator's error is ``B / (B - 1) sum_b (T_b - m n_b)^2 / n^2``, and
@@ -153,4 +151,4 @@ def _running(
         if variance[i] > 0.0:
             estimate = Estimate(float(value), float(error[row, i]), float(blocks[row] - 1), float(asymmetry[row, i]))
             ratio[row, i], (low[row, i], high[row, i]) = ratio_interval(estimate, float(variance[i]), confidence)
-    return Running(ratio, low, high)
+    return RunningRatio(ratio, low, high)

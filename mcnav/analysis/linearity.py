@@ -13,16 +13,14 @@ from functools import cache
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.optimize.elementwise import find_root
 
+from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import LARGEST_FAILED_SHARE, Criterion, Model, compare
 from mcnav.analysis.verdict import Judgement
-from mcnav.linear.partials import Propagate
+from mcnav.lincov.partials import Propagate
 from mcnav.scenarios.protocol import LinearModel
-
-Array = NDArray[np.float64]
 
 Flyer = Callable[[float], Propagate]
 """From the largest multiple that is to be flown to a way of flying errors, accurate for errors of about that size."""
@@ -81,7 +79,7 @@ def alone(fly: Flyer, linear: LinearModel, directions: Array, tolerance: float, 
     engines = cache(fly)
     changes = directions @ linear.partials.T
 
-    def departures(multiples: Array, which: NDArray[np.int64], signs: Array) -> Array:
+    def departures(multiples: Array, which: IndexArray, signs: Array) -> Array:
         """Departure of each output, shape (n, outputs); signed multiples of chosen directions."""
         signed = signs * multiples
         decade = SMALLEST * 10.0 ** np.ceil(np.log10(multiples / SMALLEST) - 1e-9)
@@ -120,7 +118,7 @@ def alone(fly: Flyer, linear: LinearModel, directions: Array, tolerance: float, 
 
 def _first_crossings(
     departures: Callable[..., Array], steps: Array, count: int, sign: float, tolerance: float, shape: tuple[int, ...]
-) -> NDArray[np.int64]:
+) -> IndexArray:
     """Position on the ladder of the first departure beyond the tolerance, shape (directions, outputs); -1 for none.
 
     Directions that have departed in every output are not flown farther.
@@ -166,7 +164,7 @@ def together(
     fly: Flyer,
     model: Model,
     draws: Array,
-    blocks: NDArray[np.int64],
+    blocks: IndexArray,
     criterion: Criterion,
     fewest: int,
     largest: float,

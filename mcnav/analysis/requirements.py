@@ -22,13 +22,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from mcnav._types import Array, IndexArray
 from mcnav.analysis.allocation import largest_sigmas
 from mcnav.analysis.comparison import LARGEST_FAILED_SHARE, Comparison, Model
 from mcnav.analysis.verdict import Verdict, judge
 from mcnav.statistics import order_statistics, proportions
-from mcnav.statistics.radial import normal_circular_error_probable
-
-Array = NDArray[np.float64]
+from mcnav.statistics.circular_error import normal_circular_error_probable
 
 
 class Finding(StrEnum):
@@ -79,7 +78,7 @@ def requirements_from(
 
 
 @dataclass(frozen=True)
-class Judged:
+class RequirementResult:
     """A requirement and what was found of it.
 
     Attributes
@@ -116,10 +115,10 @@ def judge_requirement(
     requirement: Requirement,
     model: Model,
     outcomes: Array,
-    blocks: NDArray[np.int64],
+    blocks: IndexArray,
     comparison: Comparison,
     confidence: float,
-) -> Judged:
+) -> RequirementResult:
     """Judge one requirement.
 
     Parameters
@@ -146,7 +145,7 @@ def judge_requirement(
     return _judge_size(requirement, values, mean, covariance, confidence, remark, model)
 
 
-def independent_samples(blocks: NDArray[np.int64]) -> tuple[NDArray[np.bool_], str]:
+def independent_samples(blocks: IndexArray) -> tuple[NDArray[np.bool_], str]:
     """Samples that are independent of one another: one of each block, when blocks are single samples or pairs."""
     first = np.diff(blocks, prepend=blocks[:1] - 1) > 0
     largest = int(np.max(np.diff(np.append(np.flatnonzero(first), len(blocks))), initial=0))
@@ -156,7 +155,7 @@ def independent_samples(blocks: NDArray[np.int64]) -> tuple[NDArray[np.bool_], s
     return np.ones(len(blocks), dtype=bool), remark
 
 
-def _judge_ratios(requirement: Requirement, comparison: Comparison) -> Judged:
+def _judge_ratios(requirement: Requirement, comparison: Comparison) -> RequirementResult:
     found = [
         judge(output.paired.ratio, output.paired.interval, requirement.limits[0], comparison.samples)
         for output in comparison.outputs
@@ -167,7 +166,9 @@ def _judge_ratios(requirement: Requirement, comparison: Comparison) -> Judged:
                      for output in comparison.outputs)  # fmt: skip
     if not found:
         finding = Finding.NOT_MET if unforeseen else Finding.UNDECIDED
-        return Judged(requirement, finding, math.nan, (0.0, math.inf), 1.0, True, remark="there is nothing to compare")
+        return RequirementResult(
+            requirement, finding, math.nan, (0.0, math.inf), 1.0, True, remark="there is nothing to compare"
+        )
     names = {Verdict.DIFFERS: Finding.NOT_MET, Verdict.UNDECIDED: Finding.UNDECIDED, Verdict.AGREES: Finding.MET}
     order = (Verdict.DIFFERS, Verdict.UNDECIDED, Verdict.AGREES)
     worst = min(found, key=lambda each: (order.index(each.verdict), -abs((each.ratio or 1.0) - 1.0)))
@@ -176,7 +177,7 @@ def _judge_ratios(requirement: Requirement, comparison: Comparison) -> Judged:
     if finding == Finding.MET and failed:
         finding, remark = Finding.UNDECIDED, "too many samples failed"
     needed = max((each.samples_needed or 0 for each in found), default=0) or None
-    return Judged(requirement, finding, worst.ratio or 1.0, worst.interval or (0.0, math.inf), 1.0, True,
+    return RequirementResult(requirement, finding, worst.ratio or 1.0, worst.interval or (0.0, math.inf), 1.0, True,
                   needed if finding == Finding.UNDECIDED else None, remark=remark)  # fmt: skip
 
 
@@ -188,7 +189,7 @@ def _judge_size(
     confidence: float,
     remark: str,
     model: Model,
-) -> Judged:
+) -> RequirementResult:
     """A quantile of an output's absolute value, or of the distance from zero in two outputs."""
     limit, probability = requirement.limits[0], requirement.probability or 0.5
     size = np.hypot(*values.T) if requirement.kind == "cep" else np.abs(values[:, 0])
@@ -217,12 +218,12 @@ def _judge_size(
         sigma = _largest_sigma(float(mean[0]), limit, probability)
         if sigma is not None:
             largest = largest_sigmas(model.partials[requirement.outputs[0]], model.covariance, sigma)
-    return Judged(requirement, finding, estimate, interval, linear, linear <= limit, needed, largest, remark)
+    return RequirementResult(requirement, finding, estimate, interval, linear, linear <= limit, needed, largest, remark)
 
 
 def _judge_box(
     requirement: Requirement, values: Array, mean: Array, covariance: Array, confidence: float, remark: str
-) -> Judged:
+) -> RequirementResult:
     limits, probability = np.array(requirement.limits), requirement.probability or 0.5
     failed = ~np.isfinite(values).all(axis=1)
     inside = int(np.count_nonzero(np.all(np.abs(values[~failed]) <= limits, axis=1)))
@@ -240,7 +241,9 @@ def _judge_box(
     if finding == Finding.UNDECIDED and not remark and count:
         needed = _needed(1.0 - inside / count, 1.0 - probability, confidence, count)
     estimate = inside / (count - lost) if count > lost else math.nan
-    return Judged(requirement, finding, estimate, interval, linear, linear >= probability, needed, remark=remark)
+    return RequirementResult(
+        requirement, finding, estimate, interval, linear, linear >= probability, needed, remark=remark
+    )
 
 
 def _needed(share: float, allowed: float, confidence: float, count: int) -> int | None:

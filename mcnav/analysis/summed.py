@@ -11,34 +11,38 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
+from mcnav._types import Array
 from mcnav.analysis.comparison import (
     Comparison,
     Criterion,
+    DecisionRule,
     Ellipsoid,
-    Judging,
     Model,
     OutputComparison,
-    overall,
+    overall_verdict,
 )
 from mcnav.analysis.convergence import Convergence, convergence_of_blocks
-from mcnav.analysis.excluded import Excluded, excluded_of_sums
-from mcnav.analysis.joint import ROUNDING, CorrelationDifference, Joint, covariance_testable, joint_of_blocks
-from mcnav.linear.reduction import Frame, Reduced, reduced_block
+from mcnav.analysis.failed_samples import FailureBias, failure_bias_of_sums
+from mcnav.analysis.multivariate import (
+    ROUNDING,
+    CorrelationDifference,
+    MultivariateTests,
+    covariance_testable,
+    joint_of_blocks,
+)
+from mcnav.lincov.block_sums import BlockSums, Normalization, block_size
 from mcnav.statistics.chi_square import LEVELS, Containment, mean_interval
 from mcnav.statistics.covariance_tests import covariance_likelihood_ratio
 from mcnav.statistics.estimates import Estimate, summed_mean
+from mcnav.statistics.hypothesis_test import HypothesisTest
 from mcnav.statistics.proportions import probability_interval
 from mcnav.statistics.shape import shape_of_sums
-from mcnav.statistics.significance import Significance
 from mcnav.statistics.whitening import Whitening, whitening
 
-Array = NDArray[np.float64]
 
-
-def frame_of(model: Model, samples: int, of_design: int) -> Frame:
+def normalization_of(model: Model, samples: int, of_design: int) -> Normalization:
     """How a campaign's samples are to be reduced.
 
     Parameters
@@ -53,14 +57,14 @@ def frame_of(model: Model, samples: int, of_design: int) -> Frame:
     scale = np.where(sigma > 0.0, sigma, 1.0)
     given = whitening(linear)
     radii = np.array([special.chdtri(given.rank, 1.0 - level) for level in LEVELS]) if given.rank else np.zeros(0)
-    return Frame(
+    return Normalization(
         model.partials,
         model.mean,
         model.outcome_mean,
         scale,
         np.ascontiguousarray(scale[:, None] * given.matrix),
         radii,
-        reduced_block(samples, of_design),
+        block_size(samples, of_design),
     )
 
 
@@ -98,7 +102,7 @@ class _Sums:
         return found[0], found[1]
 
 
-def _sums(frame: Frame, found: Reduced) -> _Sums:
+def _sums(frame: Normalization, found: BlockSums) -> _Sums:
     blocks, outputs = found.blocks[found.blocks[:, 0] > 0.0], len(frame.scale)
     products = outputs * (outputs + 1) // 2
     cuts = np.cumsum([1, outputs, outputs, products, products, outputs])
@@ -124,19 +128,19 @@ class Summed:
     convergence : Convergence or None
     drawn : ndarray, shape (sources, sources)
         Covariance of the errors of the samples that did not fail, SI.
-    left_out : Excluded or None
+    left_out : FailureBias or None
     """
 
     comparison: Comparison
     convergence: Convergence | None
     drawn: Array
-    left_out: Excluded | None
+    left_out: FailureBias | None
 
 
 def compare_sums(
     model: Model,
-    frame: Frame,
-    found: Reduced,
+    frame: Normalization,
+    found: BlockSums,
     samples: int,
     kept: Comparison,
     criterion: Criterion,
@@ -151,7 +155,7 @@ def compare_sums(
     model : Model
     frame : Frame
         With which the samples were reduced.
-    found : Reduced
+    found : BlockSums
     samples : int
         All that were drawn; those not in the sums failed.
     kept : Comparison
@@ -167,7 +171,7 @@ def compare_sums(
     sums = _sums(frame, found)
     count = int(sums.total)
     drawn = np.full_like(model.covariance, np.nan)
-    left_out = excluded_of_sums(
+    left_out = failure_bias_of_sums(
         model, (samples, found.errors + found.lost, found.squares + found.lost_squares),
         (count, found.errors, found.squares),
     )  # fmt: skip
@@ -176,7 +180,7 @@ def compare_sums(
     away = found.errors / count
     drawn = (found.squares - count * np.outer(away, away)) / (count - 1.0)
     linear, each = model.outcome_covariance, kept.confidence_each
-    judging = Judging(count, criterion.tolerance, each)
+    judging = DecisionRule(count, criterion.tolerance, each)
     yy, zz = sums.centred
     sample, predicted = yy.sum(axis=0) / count, zz.sum(axis=0) / count
     paired = sample - predicted + linear
@@ -206,7 +210,7 @@ def compare_sums(
         outputs,
         _ellipsoid(model, sums, paired, kept.ellipsoid, judging, fewest),
         _joint(frame, found, sums, linear, sample, paired, kept, fewest, single, normal),
-        overall(outputs, samples - count, samples),
+        overall_verdict(outputs, samples - count, samples),
     )
     unscaled = np.diagonal(yy, axis1=1, axis2=2), np.diagonal(zz, axis1=1, axis2=2)
     running = convergence_of_blocks(sums.counts, *unscaled, np.diag(linear), each, fewest)
@@ -214,7 +218,7 @@ def compare_sums(
 
 
 def _ellipsoid(
-    model: Model, sums: _Sums, paired: Array, kept: Ellipsoid | None, judging: Judging, fewest: float
+    model: Model, sums: _Sums, paired: Array, kept: Ellipsoid | None, judging: DecisionRule, fewest: float
 ) -> Ellipsoid | None:
     """NEES is a linear function of the products of outputs about the linear mean."""
     if kept is None:
@@ -233,9 +237,9 @@ def _ellipsoid(
 
 
 def _joint(
-    frame: Frame, found: Reduced, sums: _Sums, linear: Array, sample: Array, paired: Array, kept: Comparison,
+    frame: Normalization, found: BlockSums, sums: _Sums, linear: Array, sample: Array, paired: Array, kept: Comparison,
     fewest: float, single: bool, normal: bool,
-) -> Joint | None:  # fmt: skip
+) -> MultivariateTests | None:  # fmt: skip
     if kept.joint is None:
         return None
     given, count, each = whitening(linear), int(sums.total), kept.confidence_each
@@ -249,7 +253,7 @@ def _joint(
         for level, hits in zip(LEVELS, found.within, strict=False)
     ]
     plain = single and enough
-    return Joint(
+    return MultivariateTests(
         covariance=covariance_likelihood_ratio(sample, count, linear) if plain and normal else None,
         covariance_paired=_of_blocks(_whitened(given, yy - zz), sums)
         if enough and covariance_testable(len(sums.counts), int(sums.counts.sum()))
@@ -276,7 +280,7 @@ def _whitened(given: Whitening, products: Array) -> Array:
     return np.asarray((given.matrix.T @ products @ given.matrix)[:, first, second])
 
 
-def _of_blocks(totals: Array, sums: _Sums) -> Significance | None:
+def _of_blocks(totals: Array, sums: _Sums) -> HypothesisTest | None:
     """T-squared of a mean of zero; differences that hold nothing but rounding are zero."""
     size = np.sqrt(np.sum(totals**2, axis=0) / sums.total)
     return joint_of_blocks(np.where(size > ROUNDING, totals, 0.0))
@@ -285,7 +289,7 @@ def _of_blocks(totals: Array, sums: _Sums) -> Significance | None:
 def _correlation(
     i: int, j: int, linear: Array, paired: Array, difference: Array, sums: _Sums, fewest: float
 ) -> CorrelationDifference:
-    """As for samples (`mcnav.analysis.joint`), the influence function summed over blocks."""
+    """As for samples (`mcnav.analysis.multivariate`), the influence function summed over blocks."""
     root = float(np.sqrt(paired[i, i] * paired[j, j]))
     found = float(paired[i, j]) / root
     own = difference[:, i, i] / paired[i, i] + difference[:, j, j] / paired[j, j]

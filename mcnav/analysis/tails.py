@@ -9,16 +9,14 @@ from itertools import combinations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import Criterion, Model
 from mcnav.analysis.requirements import absolute_normal_quantile, independent_samples
 from mcnav.analysis.verdict import Verdict, judge
+from mcnav.statistics.circular_error import normal_circular_error_probable
+from mcnav.statistics.interim_analyses import confidence_of_each
 from mcnav.statistics.order_statistics import lower_rank, upper_rank
-from mcnav.statistics.radial import normal_circular_error_probable
-from mcnav.statistics.stopping import confidence_of_each
-
-Array = NDArray[np.float64]
 
 PROBABILITIES: Final = (0.95, 0.99, 0.9973)
 """At which an output's absolute value is told."""
@@ -59,7 +57,7 @@ class Quantile:
 def tails(
     model: Model,
     outcomes: Array,
-    blocks: NDArray[np.int64],
+    blocks: IndexArray,
     units: Sequence[str],
     confidence: float,
     tolerance: float = Criterion.tolerance,
@@ -80,7 +78,8 @@ def tails(
     tolerance : float
         Share of the linear quantile within which a quantile agrees.
     looks : int
-        How often the results may be looked at (`mcnav.statistics.stopping`); widens the intervals of the verdicts.
+        How often the results may be looked at (`mcnav.statistics.interim_analyses`); widens the intervals of the
+        verdicts.
     """
     mean, covariance = model.outcome_mean, model.outcome_covariance
     picked, remark = independent_samples(blocks)

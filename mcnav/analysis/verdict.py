@@ -68,7 +68,7 @@ def judge(ratio: float, interval: tuple[float, float], tolerance: float, samples
     return Judgement(Verdict.UNDECIDED, ratio, interval, certain, needed)
 
 
-def worst(verdicts: list[Verdict]) -> Verdict:
+def combine_verdicts(verdicts: list[Verdict]) -> Verdict:
     """The verdict on the whole: one that differs outweighs one undecided, which outweighs agreement."""
     for verdict in (Verdict.DIFFERS, Verdict.UNDECIDED):
         if verdict in verdicts:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from matplotlib.axes import Axes
 
-from mcnav.report.drawings.drawing import HALF, Drawing, Plot, Series
+from mcnav.report.figures.figure import HALF, Figure, Plot, Series
 from mcnav.report.svg import FLOWN, INK, LINEAR, MUTED
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ FINDINGS: Final = {
 }
 
 
-def measured(table: pd.DataFrame, kind: str, title: str) -> Drawing:
+def measured(table: pd.DataFrame, kind: str, title: str) -> Figure:
     """Every rate of one kind, a row a statement; beside them, where some are withheld, those that are given."""
     own = table[table["kind"] == kind]
     statements = list(dict.fromkeys(own["statement"]))
@@ -48,7 +48,7 @@ def measured(table: pd.DataFrame, kind: str, title: str) -> Drawing:
     plots = [Plot("All rates", partial(draw, shown=own))]
     if "withheld" in found:
         plots.append(Plot("Those that the program gives", partial(draw, shown=own[own["finding"] != "withheld"])))
-    return Drawing(
+    return Figure(
         key=kind.replace(" ", "-"),
         title=title,
         description=f"Measured rates ({kind}) of every statement, system, distribution, design and size, and the "

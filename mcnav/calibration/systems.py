@@ -19,11 +19,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mcnav._types import Array
 from mcnav.analysis.comparison import Model
-
-Array = NDArray[np.float64]
 
 CURVATURE: Final = 0.2
 CORRUPTION: Final = 1.05
@@ -49,7 +47,7 @@ class Truth:
 
 
 @dataclass(frozen=True)
-class System:
+class SyntheticSystem:
     """A system to fly, the linear model that is believed of it, and its truth by the sources' moments.
 
     Attributes
@@ -101,8 +99,10 @@ def _same(covariance: Array) -> Callable[[float, float], Truth]:
 _PLAIN: Final = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 SYSTEMS: Final = {
-    "linear": System(_linear, _model(PARTIALS), _same(PARTIALS @ PARTIALS.T)),
-    "disguised": System(_disguised, _model(_PLAIN), _same(np.eye(2))),
-    "quadratic": System(_curved, _model(PARTIALS), _curved_truth),
-    "corrupted": System(_linear, _model(PARTIALS * np.array([CORRUPTION, 1.0, 1.0])), _same(PARTIALS @ PARTIALS.T)),
+    "linear": SyntheticSystem(_linear, _model(PARTIALS), _same(PARTIALS @ PARTIALS.T)),
+    "disguised": SyntheticSystem(_disguised, _model(_PLAIN), _same(np.eye(2))),
+    "quadratic": SyntheticSystem(_curved, _model(PARTIALS), _curved_truth),
+    "corrupted": SyntheticSystem(
+        _linear, _model(PARTIALS * np.array([CORRUPTION, 1.0, 1.0])), _same(PARTIALS @ PARTIALS.T)
+    ),
 }

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from mcnav.calibration.trials import LEVEL, SOURCES, Cell
 from mcnav.sampling.distributions import tail_weight
-from mcnav.sampling.errors import HEAVY_TAILS, LONG_TAILS
+from mcnav.sampling.error_model import HEAVY_TAILS, LONG_TAILS
 from mcnav.statistics.proportions import probability_interval
 
 if TYPE_CHECKING:

@@ -10,18 +10,16 @@ from typing import Final
 
 import numpy as np
 from joblib import Parallel, delayed
-from numpy.typing import NDArray
 from scipy import special
 from threadpoolctl import threadpool_limits
 
+from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import Comparison, Criterion, compare, correlations
 from mcnav.analysis.requirements import Finding, Requirement, judge_requirement
-from mcnav.calibration.systems import SYSTEMS, System, Truth
+from mcnav.calibration.systems import SYSTEMS, SyntheticSystem, Truth
 from mcnav.sampling.designs import FEWEST_BLOCKS, block_length, standard_normals
 from mcnav.sampling.distributions import Distribution, Normal, StudentT
-from mcnav.statistics.significance import Significance
-
-Array = NDArray[np.float64]
+from mcnav.statistics.hypothesis_test import HypothesisTest
 
 LEVEL: Final = 0.95
 """Confidence of each single statement."""
@@ -128,11 +126,11 @@ Statement = tuple[str, str, bool]
 
 def _statements(
     name: str,
-    system: System,
+    system: SyntheticSystem,
     truth: Truth,
     found: Comparison,
     flown: Array,
-    blocks: NDArray[np.int64],
+    blocks: IndexArray,
     sources: str,
 ) -> Iterator[Statement]:
     if name == "corrupted":
@@ -149,7 +147,7 @@ def _within(value: float, interval: tuple[float, float] | None) -> bool:
     return interval is not None and interval[0] <= value <= interval[1]
 
 
-def _covered(name: str, system: System, truth: Truth, found: Comparison) -> Iterator[Statement]:
+def _covered(name: str, system: SyntheticSystem, truth: Truth, found: Comparison) -> Iterator[Statement]:
     """Intervals against the truth; those of differences that are exactly nil have nothing to cover."""
     linear = system.model.outcome_covariance
     ratios = np.sqrt(np.diag(truth.covariance) / np.diag(linear))
@@ -183,7 +181,7 @@ def _alarms(name: str, found: Comparison, sources: str) -> Iterator[Statement]:
     joint = found.joint
     if joint is None:
         return
-    tests: dict[str, Significance | None] = {"bias, Hotelling": joint.bias}
+    tests: dict[str, HypothesisTest | None] = {"bias, Hotelling": joint.bias}
     if name == "disguised":
         tests = {"covariance, paired": joint.covariance_paired, "bias, paired": joint.bias_paired}
     elif sources == "normal":
@@ -199,7 +197,7 @@ def _alarms(name: str, found: Comparison, sources: str) -> Iterator[Statement]:
             yield statement, "false alarm", test.p_value < 1.0 - LEVEL
 
 
-def _tail(system: System, found: Comparison, flown: Array, blocks: NDArray[np.int64]) -> Iterator[Statement]:
+def _tail(system: SyntheticSystem, found: Comparison, flown: Array, blocks: IndexArray) -> Iterator[Statement]:
     """Upper bound of a quantile: a limit at the quantile itself is met only when the bound is wrong."""
     limit = float(special.ndtri(0.5 + 0.5 * TAIL))
     required = Requirement("quantile", (0,), (limit,), TAIL)

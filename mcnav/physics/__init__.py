@@ -8,5 +8,5 @@ Frames and signs, used by every module of the reentry:
 - The inertial *reference axes* are the local horizontal (east) and vertical (down) at one range angle of the
   trajectory, normally that of the start of navigation.
 
-Steady flight (``steady*``) is not planar and its earth does not turn; its axes are in `mcnav.physics.steady`.
+Steady flight (``steady*``) is not planar and its earth does not turn; its axes are in `mcnav.physics.steady.truth`.
 """

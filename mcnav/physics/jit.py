@@ -20,7 +20,7 @@ def compiled(function: Function) -> Function:
     return cast(Function, decorate(function))
 
 
-def reduced(function: Function) -> Function:
+def reduced_math(function: Function) -> Function:
     """Compile a sum over lanes, which may be taken in any order: the same one for the same lanes on one machine."""
     decorate = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
     return cast(Function, decorate(function))

@@ -5,13 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mcnav.report.content import Content
-from mcnav.report.numbers import share
+from mcnav.report.format import share
+from mcnav.report.model import Content
 from mcnav.statistics.estimates import Estimate
-
-Array = NDArray[np.float64]
 
 
 def two_routes(content: Content) -> dict[str, Any] | None:

@@ -6,9 +6,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from mcnav.analysis.causes import TERMS
-from mcnav.report.content import Content
-from mcnav.report.numbers import signed, with_error
+from mcnav.analysis.variance_breakdown import TERMS
+from mcnav.report.format import signed, with_error
+from mcnav.report.model import Content
 
 NAMES: Final = {
     "sampled_sigmas": "sampling: sigmas of the draws",

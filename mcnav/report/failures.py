@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from mcnav.report.content import Content
+from mcnav.report.model import Content
 from mcnav.scenarios.reasons import without_numbers
 
 MOST_REASONS: Final = 20

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any, Final
 
-from mcnav.report.content import Content
-from mcnav.report.numbers import fixed, number, with_error
-from mcnav.statistics.significance import Significance
+from mcnav.report.format import fixed, number, with_error
+from mcnav.report.model import Content
+from mcnav.statistics.hypothesis_test import HypothesisTest
 
 SMALLEST: Final = 1e-4
 """Probabilities below this are told as being below it."""
@@ -24,11 +24,11 @@ def probability(value: float) -> str:
     return f"{value:.2g}" if value < 0.995 else "1.0"
 
 
-def _degrees(test: Significance) -> str:
+def _degrees(test: HypothesisTest) -> str:
     return ", ".join(f"{value:,.0f}" for value in test.degrees_of_freedom)
 
 
-def _row(name: str, question: str, statistic: str, test: Significance | None) -> dict[str, str]:
+def _row(name: str, question: str, statistic: str, test: HypothesisTest | None) -> dict[str, str]:
     if test is None:
         return {"name": name, "question": question, "statistic": "–", "degrees": "", "p": "–"}
     shown = "∞" if math.isinf(test.statistic) else number(test.statistic)

@@ -9,14 +9,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from mcnav._types import Array
 from mcnav.analysis.linearity import AloneRange, DispersionRange
-from mcnav.report.content import spoken
-from mcnav.report.drawings import linearity as drawn
+from mcnav.report.figures import linearity as drawn
+from mcnav.report.model import humanize
 from mcnav.report.page import filled
-from mcnav.report.wording import JOINT, multiple_words
+from mcnav.report.sentences import JOINT, multiple_words
 from mcnav.scenarios.protocol import Output, Source, source_labels
-
-Array = NDArray[np.float64]
 
 ALL_AT_ONCE: Final = "all at once"
 
@@ -27,7 +26,7 @@ MINOR: Final = 0.01
 def alone_table(found: AloneRange, sizes: Array, sources: Sequence[Source], outputs: Sequence[Output]) -> pd.DataFrame:
     """One row for each direction and output: the multiple, its sign, and the error that it makes of a source."""
     rows = []
-    for j, name in enumerate([*(spoken(source.name) for source in sources), ALL_AT_ONCE]):
+    for j, name in enumerate([*(humanize(source.name) for source in sources), ALL_AT_ONCE]):
         for i, output in enumerate(outputs):
             multiple, sign = found.multiples[j, i], found.signs[j, i]
             row = {"source": name, "output": output.name, "multiple": multiple, "sign": sign}
@@ -67,7 +66,7 @@ def render(
     """The page. ``about``: tolerance, confidence, samples; ``contributions``, shape (sources, outputs): linear, SI."""
     tolerance, confidence, samples = about
     reached = float(dispersion.multiples[-1])
-    names = [spoken(output.name) for output in outputs]
+    names = [humanize(output.name) for output in outputs]
     directions = [*source_labels([each.name for each in sources], [each.name for each in outputs]), ALL_AT_ONCE]
     together = [
         {

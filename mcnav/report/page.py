@@ -14,17 +14,17 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from mcnav.report import wording
+from mcnav.report import sentences
 from mcnav.report.budget import two_routes
 from mcnav.report.causes import causes
-from mcnav.report.content import Content
-from mcnav.report.drawings import agreement, beside, dispersion, matrices, sources
-from mcnav.report.drawings.drawing import Drawing
-from mcnav.report.drawings.envelopes import envelopes
-from mcnav.report.drawings.flight import flight
 from mcnav.report.failures import failure_rows
+from mcnav.report.figures import agreement, beside, dispersion, matrices, sources
+from mcnav.report.figures.envelopes import envelopes
+from mcnav.report.figures.figure import Figure
+from mcnav.report.figures.flight import flight
+from mcnav.report.format import number, share, with_error
 from mcnav.report.joint import joint
-from mcnav.report.numbers import number, share, with_error
+from mcnav.report.model import Content
 from mcnav.report.requirements import requirement_rows
 from mcnav.report.tails import tail_rows
 
@@ -52,7 +52,7 @@ def _range(interval: tuple[float, float] | None) -> str:
     """An interval of a ratio as differences from one; empty where there is none."""
     if interval is None or not math.isfinite(interval[1]):
         return ""
-    low, high = (wording.percent(end - 1.0) for end in interval)
+    low, high = (sentences.percent(end - 1.0) for end in interval)
     return f"{low.removesuffix(' %')} to {high}"
 
 
@@ -70,7 +70,7 @@ def _output_rows(content: Content) -> list[dict[str, Any]]:
                 "name": content.output_names[i],
                 "unit": content.output_units[i],
                 "shown": number(output.sigma_paired * scale[i], 4),
-                "change": "" if output.paired.ratio is None else wording.percent(output.paired.ratio - 1.0),
+                "change": "" if output.paired.ratio is None else sentences.percent(output.paired.ratio - 1.0),
                 "range": _range(output.paired.interval),
                 "linear": number(sigma * scale[i], 5),
                 "sample": number(output.sigma_sample * scale[i], 5),
@@ -82,10 +82,10 @@ def _output_rows(content: Content) -> list[dict[str, Any]]:
                 "paired_ratio": number(output.paired.ratio, 5),
                 "paired_interval": _interval(output.paired.interval),
                 "bias": with_error(bias, error).split(" ") if sigma > 0.0 else [],
-                "verdict": (words := wording.output_words(sigma, output.paired.verdict.value)),
-                "tone": "" if words == wording.NOT_DISTURBED else output.paired.verdict.value,
+                "verdict": (words := sentences.output_words(sigma, output.paired.verdict.value)),
+                "tone": "" if words == sentences.NOT_DISTURBED else output.paired.verdict.value,
                 "detectable": number(100.0 * output.detectable_paired, 2),
-                "needed": needed and wording.more_samples(needed, content.summary["samples"]),
+                "needed": needed and sentences.more_samples(needed, content.summary["samples"]),
             }
         )
     return rows
@@ -148,16 +148,16 @@ def _farthest(content: Content) -> list[dict[str, Any]]:
     ]
 
 
-def drawings(content: Content) -> dict[str, Drawing]:
+def figures(content: Content) -> dict[str, Figure]:
     """Every figure of the report that there is something to show in, by name."""
-    drawn: dict[str, Drawing | None] = {"flight": flight(content.history)}
+    drawn: dict[str, Figure | None] = {"flight": flight(content.history)}
     if content.dispersed:
         drawn |= {
             "ratios": agreement.sigma_ratios(content),
             "nees": agreement.nees(content),
             "matrices": matrices.matrices(content),
             "budget": sources.budget(content),
-            "development": sources.development(content),
+            "development": sources.partials_history(content),
             "envelopes": envelopes(content),
             "scatter": dispersion.scatter(content),
             "histograms": dispersion.histograms(content),
@@ -174,7 +174,7 @@ def filled(template: str, **values: Any) -> str:
     content security policy names by its hash; whatever scrolls can be reached by keyboard.
     """
     environment = Environment(
-        loader=PackageLoader("mcnav.report", "."), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
+        loader=PackageLoader("mcnav.report", "templates"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
         lstrip_blocks=True,
     )  # fmt: skip
     style, script = (_source(environment, name) for name in ("style.css", "script.js"))
@@ -213,26 +213,26 @@ def _reachable(text: str) -> str:
 def render(content: Content) -> str:
     """The report as one HTML page."""
     manifest, summary = content.manifest, content.summary
-    drawn = drawings(content)
+    drawn = figures(content)
     beside.draw(list(drawn.values()))
     flown, seconds = manifest["flight"]["samples"], manifest["flight"]["seconds"]
     return filled(
         "campaign.html",
         summary=summary,
         manifest={"commit": None, **manifest},
-        headline=wording.headline(summary),
-        explanation=wording.explanation(summary),
-        joint_explanation=wording.joint_explanation(summary),
+        headline=sentences.headline(summary),
+        explanation=sentences.explanation(summary),
+        joint_explanation=sentences.joint_explanation(summary),
         joint=joint(content),
         requirements=requirement_rows(content),
         tails=tail_rows(content),
         causes=causes(content),
         routes=two_routes(content),
-        tone=wording.standing(summary),
-        certain=wording.certain_but_small(summary),
-        stopping=wording.stopping(summary),
-        caveat=wording.caveat(summary),
-        failures=wording.failures(summary),
+        tone=sentences.standing(summary),
+        certain=sentences.certain_but_small(summary),
+        stopping=sentences.stopping(summary),
+        caveat=sentences.caveat(summary),
+        failures=sentences.failures(summary),
         figures={key: drawn.get(key) for key in FIGURES},
         outputs=_output_rows(content) if content.dispersed else [],
         together=f"{100.0 * content.criterion.confidence:g} %",

@@ -6,21 +6,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from mcnav.report.content import spoken
-from mcnav.report.drawings.flight import flight
-from mcnav.report.fitted import Column, FittedTable
-from mcnav.report.numbers import number
+from mcnav._types import Array
+from mcnav.report.figures.flight import flight
+from mcnav.report.fitted_table import Column, FittedTable
+from mcnav.report.format import number
+from mcnav.report.model import humanize
 from mcnav.report.page import filled
 from mcnav.scenarios.protocol import History, Output, Source, source_labels
 from mcnav.units import conversion
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -97,7 +94,7 @@ def _outcome_rows(replay: Replay) -> list[tuple[str, str, list[str]]]:
     found = [replay.linear, *(outcome.values for outcome in replay.outcomes)]
     return [
         (
-            spoken(output.name),
+            humanize(output.name),
             output.shown_in,
             [number(float(values[i]) * conversion(output.unit, output.shown_in), 8) for values in found],
         )

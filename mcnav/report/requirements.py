@@ -7,9 +7,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from mcnav.report import wording
-from mcnav.report.content import Content, spoken
-from mcnav.report.numbers import number
+from mcnav.report import sentences
+from mcnav.report.format import number
+from mcnav.report.model import Content, humanize
 from mcnav.units import conversion
 
 TONES: Final = {"met": "agrees", "not met": "differs", "undecided": "undecided"}
@@ -35,14 +35,13 @@ def stated(entry: Mapping[str, Any], shown_in: Mapping[str, tuple[float, str]]) 
         return f"every sigma within ±{100.0 * limits[0]:g} % of the linear one"
     scale, unit = shown_in[names[0]]
     if entry["kind"] == "cep":
-        return (
-            f"circular error probable of {spoken(names[0])} and {spoken(names[1])} below {limits[0] * scale:g} {unit}"
-        )
+        pair = f"{humanize(names[0])} and {humanize(names[1])}"
+        return f"circular error probable of {pair} below {limits[0] * scale:g} {unit}"
     chance = f"{100.0 * entry['probability']:g} %"
     if entry["kind"] == "quantile":
-        return f"|{spoken(names[0])}| below {limits[0] * scale:g} {unit} in {chance} of flights"
+        return f"|{humanize(names[0])}| below {limits[0] * scale:g} {unit} in {chance} of flights"
     sides = [
-        f"|{spoken(name)}| below {limit * shown_in[name][0]:g} {shown_in[name][1]}"
+        f"|{humanize(name)}| below {limit * shown_in[name][0]:g} {shown_in[name][1]}"
         for name, limit in zip(names, limits, strict=True)
     ]
     return f"{' and '.join(sides)} in {chance} of flights"
@@ -90,7 +89,7 @@ def requirement_rows(content: Content) -> list[dict[str, Any]]:
                 "gaussian": "–" if entry["kind"] == "sigma_ratio" else ("met" if entry["linear_meets"] else "not met"),
                 "remark": entry["remark"],
                 "needed": (needed := entry["samples_needed"])
-                and wording.more_samples(needed, content.summary["samples"]),
+                and sentences.more_samples(needed, content.summary["samples"]),
                 "largest": [] if largest is None else _largest(content, np.array(largest, dtype=float)),
             }
         )

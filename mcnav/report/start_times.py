@@ -7,23 +7,21 @@ from typing import Any, Final
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from mcnav._types import Array
 from mcnav.analysis.comparison import Comparison
-from mcnav.linear.start_times import StartTimeStudy
-from mcnav.report.content import spoken
-from mcnav.report.drawings import start_times as drawn
-from mcnav.report.numbers import number
+from mcnav.lincov.start_times import StartTimeStudy
+from mcnav.report.figures import start_times as drawn
+from mcnav.report.format import number
+from mcnav.report.model import humanize
 from mcnav.report.page import filled
-from mcnav.report.wording import NOT_DISTURBED, output_words
+from mcnav.report.sentences import NOT_DISTURBED, output_words
 from mcnav.scenarios.protocol import Output, Source, source_labels
 from mcnav.units import conversion
 
-Array = NDArray[np.float64]
-
 CONVENTIONS: Final = {
-    "start": "The reference axes are alined at each start.",
-    "trajectory": "The reference axes are those alined at the first point of the trajectory throughout.",
+    "start": "The reference axes are aligned at each start.",
+    "trajectory": "The reference axes are those aligned at the first point of the trajectory throughout.",
 }
 
 
@@ -76,7 +74,7 @@ def render(
     scale = np.array([conversion(output.unit, output.shown_in) for output in outputs])
     labels = source_labels([source.name for source in sources], [output.name for output in outputs])
     curves = [
-        (spoken(output.name), drawn.effects(study, i, float(scale[i]), labels, output))
+        (humanize(output.name), drawn.effects(study, i, float(scale[i]), labels, output))
         for i, output in enumerate(outputs)
     ]
     return filled(
@@ -85,7 +83,7 @@ def render(
         convention=CONVENTIONS[study.axes],
         dispersion=drawn.dispersion(study, checks, scale, outputs),
         best=_best_rows(study, scale, outputs),
-        outputs=[(spoken(output.name), output.shown_in) for output in outputs],
+        outputs=[(humanize(output.name), output.shown_in) for output in outputs],
         checks=_check_rows(checks, scale),
         flown=max((comparison.samples for comparison in checks.values()), default=0),
         partials=curves,
@@ -99,7 +97,7 @@ def minutes(seconds: float) -> str:
 
 def _best_rows(study: StartTimeStudy, scale: Array, outputs: Sequence[Output]) -> list[dict[str, Any]]:
     """For each output, and for all of them weighted: the best start and the dispersion in each output then."""
-    places = [*((spoken(output.name), int(study.best[i])) for i, output in enumerate(outputs))]
+    places = [*((humanize(output.name), int(study.best[i])) for i, output in enumerate(outputs))]
     places += [("all, weighted", study.best_weighted), ("(start at the first point)", 0)]
     return [
         {"name": name, "time": minutes(study.times[place]), "sigma": [number(v) for v in study.sigma[place] * scale]}

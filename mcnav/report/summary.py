@@ -9,17 +9,17 @@ from typing import Any, Final
 import numpy as np
 
 from mcnav.analysis.budget import ErrorBudget
-from mcnav.analysis.causes import Causes
 from mcnav.analysis.comparison import Comparison, Criterion, Model
-from mcnav.analysis.excluded import Excluded
-from mcnav.analysis.joint import Joint
-from mcnav.analysis.requirements import Judged
+from mcnav.analysis.failed_samples import FailureBias
+from mcnav.analysis.multivariate import MultivariateTests
+from mcnav.analysis.requirements import RequirementResult
 from mcnav.analysis.tails import Quantile
-from mcnav.report.wording import tally
-from mcnav.statistics.significance import Significance
+from mcnav.analysis.variance_breakdown import VarianceBreakdown
+from mcnav.report.sentences import tally
+from mcnav.statistics.hypothesis_test import HypothesisTest
 
 TESTS: Final = ("covariance", "covariance_paired", "bias", "bias_paired", "nees")
-"""Tests of the outputs together that `mcnav.analysis.joint.Joint` holds."""
+"""Tests of the outputs together that `mcnav.analysis.multivariate.MultivariateTests` holds."""
 
 
 def summarise(
@@ -28,11 +28,11 @@ def summarise(
     model: Model,
     criterion: Criterion,
     comparison: Comparison,
-    causes: Causes | None,
+    causes: VarianceBreakdown | None,
     budget: ErrorBudget,
-    requirements: Sequence[Judged],
+    requirements: Sequence[RequirementResult],
     tails: Sequence[Quantile],
-    left_out: Excluded | None = None,
+    left_out: FailureBias | None = None,
 ) -> dict[str, Any]:
     """The content of ``summary.json``: SI units, rows and columns in the order of outputs and sources.
 
@@ -121,7 +121,7 @@ def _named(entry: dict[str, Any], outputs: Sequence[Mapping[str, str]]) -> dict[
     return entry | {"outputs": [outputs[number]["name"] for number in entry["outputs"]]}
 
 
-def _requirement(judged: Judged, outputs: Sequence[Mapping[str, str]]) -> dict[str, Any]:
+def _requirement(judged: RequirementResult, outputs: Sequence[Mapping[str, str]]) -> dict[str, Any]:
     return {
         **_named(asdict(judged.requirement), outputs),
         "finding": judged.finding.value,
@@ -129,9 +129,9 @@ def _requirement(judged: Judged, outputs: Sequence[Mapping[str, str]]) -> dict[s
     }
 
 
-def _joint(joint: Joint | None, outputs: int) -> dict[str, Any]:
+def _joint(joint: MultivariateTests | None, outputs: int) -> dict[str, Any]:
     """Tests of all outputs together; each a table of its attributes, or null where it cannot be made."""
-    tests: dict[str, Significance | None] = dict.fromkeys((*TESTS, "skewness", "kurtosis"))
+    tests: dict[str, HypothesisTest | None] = dict.fromkeys((*TESTS, "skewness", "kurtosis"))
     if joint is not None:
         tests |= {name: getattr(joint, name) for name in TESTS}
     if joint is not None and joint.normality is not None:

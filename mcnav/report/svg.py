@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import matplotlib as mpl
 from markupsafe import escape
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure as MplFigure
 from numpy.typing import NDArray
 
 INK, MUTED, GRID, PAPER = "#1d2733", "#5d6b7a", "#dfe5ec", "#ffffff"
@@ -68,7 +68,7 @@ def variable(colour: str) -> str:
     return f"var(--{VARIABLES[colour]})" if colour in VARIABLES else colour
 
 
-def svg(figure: Figure, key: str, title: str, description: str) -> str:
+def svg(figure: MplFigure, key: str, title: str, description: str) -> str:
     """A figure as SVG for one place of a page: no date, no prologue, ids of its own, a title and a description.
 
     The group of an artist whose gid is ``series-NAME`` gets that as its class; with a gid ``tip-TEXT`` it gets the text
@@ -109,8 +109,10 @@ def _rounded(attribute: str) -> str:
     return re.sub(r"(\.\d\d)\d+", r"\1", attribute).replace("\n", "")
 
 
-def new(width: float, height: float, rows: int = 1, columns: int = 1, **keywords: Any) -> tuple[Figure, NDArray[Any]]:
+def new(
+    width: float, height: float, rows: int = 1, columns: int = 1, **keywords: Any
+) -> tuple[MplFigure, NDArray[Any]]:
     """A figure of a size in inches with an array of axes, shape (rows, columns)."""
-    figure = Figure(figsize=(width, height), layout="constrained")
+    figure = MplFigure(figsize=(width, height), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False, **keywords)
     return figure, axes

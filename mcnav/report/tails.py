@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from mcnav.analysis.verdict import Verdict
-from mcnav.report.content import Content
-from mcnav.report.numbers import number
+from mcnav.report.format import number
+from mcnav.report.model import Content
 
 
 def tail_rows(content: Content) -> list[dict[str, Any]]:

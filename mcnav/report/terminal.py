@@ -7,18 +7,18 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Group, RenderableType
 from rich.text import Text
 
+from mcnav._types import Array
 from mcnav.analysis.comparison import Comparison
 from mcnav.analysis.linearity import DispersionRange
-from mcnav.analysis.verdict import worst
-from mcnav.linear.start_times import StartTimeStudy
-from mcnav.report import wording
-from mcnav.report.content import spoken
-from mcnav.report.exported import output_rows, partial_rows
-from mcnav.report.fitted import Column, FittedTable
+from mcnav.analysis.verdict import combine_verdicts
+from mcnav.lincov.start_times import StartTimeStudy
+from mcnav.report import sentences
+from mcnav.report.export import output_rows, partial_rows
+from mcnav.report.fitted_table import Column, FittedTable
+from mcnav.report.model import humanize
 from mcnav.report.requirements import TONES, shown_units, stated
 from mcnav.scenarios.protocol import Output, Source, source_labels
 from mcnav.units import conversion
@@ -26,10 +26,9 @@ from mcnav.units import conversion
 if TYPE_CHECKING:
     import pandas as pd
 
-Array = NDArray[np.float64]
 
 COLOURS = {"agrees": "green", "partly": "yellow", "undecided": "yellow", "differs": "red"}
-"""By tone of a verdict (`mcnav.report.wording.tone`)."""
+"""By tone of a verdict (`mcnav.report.sentences.tone`)."""
 
 ELSEWHERE = "report.html or --format csv"
 """Where columns are that a narrow terminal has no room for."""
@@ -37,9 +36,15 @@ ELSEWHERE = "report.html or --format csv"
 
 def verdict(summary: Mapping[str, Any]) -> RenderableType:
     """The verdict in sentences."""
-    lines = [Text(wording.headline(summary), style=f"bold {COLOURS[wording.standing(summary)]}")]
-    remarks = (wording.joint_explanation, wording.certain_but_small, wording.stopping, wording.caveat, wording.failures)
-    lines += [Text(sentence) for sentence in (say(summary) for say in (wording.explanation, *remarks)) if sentence]
+    lines = [Text(sentences.headline(summary), style=f"bold {COLOURS[sentences.standing(summary)]}")]
+    remarks = (
+        sentences.joint_explanation,
+        sentences.certain_but_small,
+        sentences.stopping,
+        sentences.caveat,
+        sentences.failures,
+    )
+    lines += [Text(sentence) for sentence in (say(summary) for say in (sentences.explanation, *remarks)) if sentence]
     return Group(*lines)
 
 
@@ -64,7 +69,7 @@ def comparison(runs: Mapping[str, Mapping[str, Any]]) -> RenderableType:
         about if several else f"{first['campaign']}: {about}", columns, keys=2 if several else 1, elsewhere=ELSEWHERE
     )
     for row in output_rows(runs):
-        label = f"{spoken(row['output'])} [{row['unit']}]"
+        label = f"{humanize(row['output'])} [{row['unit']}]"
         table.add(label, *([row["run"]] if several else []), *_output_cells(row))
     return table
 
@@ -99,7 +104,7 @@ def interval(low: float | None, high: float | None) -> str:
 
 def warnings(runs: Mapping[str, Mapping[str, Any]]) -> RenderableType | None:
     """What must be known before anything is read: runs without a sound linear model; none where all have one."""
-    told = [(name, wording.unsettled(summary)) for name, summary in runs.items()]
+    told = [(name, sentences.unsettled(summary)) for name, summary in runs.items()]
     lines = [Text(f"{name}: {words}", style="bold red") for name, words in told if words]
     return Group(*lines) if lines else None
 
@@ -121,7 +126,7 @@ def changes(first: str, found: pd.DataFrame) -> RenderableType:
     for row in found.itertuples(index=False):
         sigmas = (_shown(row[3], ".5g"), _shown(row[4], ".5g"), _shown(row[5], ".4f"))
         draws = "common" if row[10] else "separate"
-        table.add(f"{spoken(row[0])} [{row[1]}]", row[2], *sigmas, interval(row[6], row[7]), draws, row[11])
+        table.add(f"{humanize(row[0])} [{row[1]}]", row[2], *sigmas, interval(row[6], row[7]), draws, row[11])
     return table
 
 
@@ -132,14 +137,14 @@ def requirements(summary: Mapping[str, Any]) -> RenderableType:
     table = FittedTable("Requirements", [Column(name, text=True) for name in headings], keys=2)
     for entry in summary["requirements"]:
         needed = entry["samples_needed"]
-        decides = wording.more_samples(needed, summary["samples"]) if needed else entry["remark"]
+        decides = sentences.more_samples(needed, summary["samples"]) if needed else entry["remark"]
         table.add(Text(entry["finding"], style=COLOURS[TONES[entry["finding"]]]), stated(entry, units), decides)
     return table
 
 
 def partials(sources: Sequence[Source], outputs: Sequence[Output], matrix: Array) -> RenderableType:
     """P, a source a line, in the units shown."""
-    columns = [Column(f"{spoken(output.name)} [{output.shown_in}]") for output in outputs]
+    columns = [Column(f"{humanize(output.name)} [{output.shown_in}]") for output in outputs]
     table = FittedTable("Partial derivatives of the final errors", [Column("per unit of", text=True), *columns])
     values = iter(partial_rows(sources, outputs, matrix))
     labels = source_labels([source.name for source in sources], [output.name for output in outputs])
@@ -152,7 +157,7 @@ def agreement(outputs: Sequence[Output], differences: Mapping[str, Array]) -> Re
     """How far other methods are from the partials shown, as shares of each row's largest contribution."""
     table = FittedTable(
         "Largest difference from them, as a share of the row's largest one-sigma contribution",
-        [Column("method", text=True), *(Column(spoken(output.name)) for output in outputs)],
+        [Column("method", text=True), *(Column(humanize(output.name)) for output in outputs)],
     )
     for method, shares in differences.items():
         table.add(method, *(_shown(float(share), ".1e") for share in shares))
@@ -166,9 +171,9 @@ def linearity(outputs: Sequence[Output], found: DispersionRange, tolerance: floa
         [Column("1σ of", text=True), *(Column(name) for name in ("agrees up to", "leaves at", "differs from"))],
     )
     reached = float(found.multiples[-1])
-    for k, name in enumerate([*(spoken(output.name) for output in outputs), wording.JOINT]):
+    for k, name in enumerate([*(humanize(output.name) for output in outputs), sentences.JOINT]):
         values = (found.agrees_until[k], found.departs[k], found.differs_from[k])
-        table.add(name, *(wording.multiple_words(float(value), reached) for value in values))
+        table.add(name, *(sentences.multiple_words(float(value), reached) for value in values))
     return table
 
 
@@ -198,7 +203,7 @@ def best_starts(
         ],
     )
     scale = np.array([conversion(output.unit, output.shown_in) for output in outputs])
-    labels = [f"{spoken(output.name)} [{output.shown_in}]" for output in outputs]
+    labels = [f"{humanize(output.name)} [{output.shown_in}]" for output in outputs]
     rows = [(label, int(study.best[i]), np.eye(len(outputs))[i] * scale[i]) for i, label in enumerate(labels)]
     rows.append(("all, weighted", study.best_weighted, study.weights))
     for label, place, weights in rows:
@@ -211,7 +216,7 @@ def best_starts(
         found = next((each for when, each in checked.items() if np.isclose(when, time, rtol=0.0, atol=1e-6)), None)
         if found is not None and found.outputs:
             which = [output for output, weight in zip(found.outputs, weights, strict=True) if weight > 0.0]
-            verdict_there = worst([output.paired.verdict for output in which])
+            verdict_there = combine_verdicts([output.paired.verdict for output in which])
             cells += [size(np.array([output.sigma_paired for output in found.outputs])), verdict_there.value]
         elif checked:
             cells += ["–", "not checked"]

@@ -15,13 +15,11 @@ from functools import lru_cache
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from mcnav._types import Array
 from mcnav.sampling.distributions import Distribution, Normal
-from mcnav.sampling.others import Empirical
-
-Array = NDArray[np.float64]
+from mcnav.sampling.scipy_and_tables import EmpiricalDistribution
 
 _DEGREE: Final = 120
 _ABSCISSAE: Final = np.linspace(-14.0, 14.0, 16_001)
@@ -52,7 +50,7 @@ def hermite_coefficients(distribution: Distribution) -> Array:
         coefficients[degree] = np.sum(weights * values * current)
         before, current = current, (z * current - math.sqrt(degree) * before) / math.sqrt(degree + 1)
     captured = float(np.sum(coefficients**2))
-    if isinstance(distribution, Empirical) and 0.9 < captured < 0.999:
+    if isinstance(distribution, EmpiricalDistribution) and 0.9 < captured < 0.999:
         return coefficients
     if captured < 0.999:
         raise ValueError(

@@ -3,7 +3,7 @@
 Every draw starts as a standard normal ``z`` and becomes ``F^-1(Phi(z))`` with F the wanted distribution. That keeps
 one sample at one place of the random stream, carries correlations (Gaussian copula) and any design of the draws.
 The distributions here are symmetric about zero, except that `Fixed` is a constant; others are in
-`mcnav.sampling.others`.
+`mcnav.sampling.scipy_and_tables`.
 """
 
 from __future__ import annotations
@@ -13,10 +13,9 @@ from dataclasses import dataclass
 from typing import Final, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
-Array = NDArray[np.float64]
+from mcnav._types import Array
 
 
 class Distribution(Protocol):

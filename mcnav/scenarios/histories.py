@@ -6,15 +6,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mcnav._types import Array
 from mcnav.scenarios.protocol import History, Output, Panel
 from mcnav.units import conversion
 
-Array = NDArray[np.float64]
 
-
-def checked(history: History) -> History:
+def check_history(history: History) -> History:
     """A history whose columns are numbers of one length, and whose panels show nothing that is not there.
 
     Raises

@@ -6,12 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
-import numpy as np
-from numpy.typing import NDArray
-
+from mcnav._types import Array
 from mcnav.physics.power_sums import PowerSums
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -68,7 +64,7 @@ def source_labels(sources: Sequence[str], outputs: Sequence[str]) -> list[str]:
 
 
 @dataclass(frozen=True)
-class Outcomes:
+class SimulationResult:
     """What became of a chunk of samples.
 
     Attributes
@@ -77,7 +73,7 @@ class Outcomes:
         SI; a row that failed is NaN throughout.
     failures : mapping of int to str
         Row of each failed sample, and why.
-    handed_over : int
+    fallback_count : int
         How many samples left the fast engine's validity and were flown on the reference path instead.
     tracebacks : mapping of int to str
         Of failed samples that raised what nobody expected.
@@ -85,7 +81,7 @@ class Outcomes:
 
     values: Array
     failures: Mapping[int, str] = field(default_factory=dict)
-    handed_over: int = 0
+    fallback_count: int = 0
     tracebacks: Mapping[int, str] = field(default_factory=dict)
 
 
@@ -161,7 +157,7 @@ class History:
 
 
 @dataclass(frozen=True)
-class Development:
+class PartialsHistory:
     """Partial derivatives of the errors at many times of one flight.
 
     Attributes
@@ -212,10 +208,10 @@ class Scenario(Protocol):
     def engines(self) -> tuple[str, ...]:
         """Names of the ways to fly, the default first."""
 
-    def prepared(self, engine: str, probes: Array) -> Prepared:
+    def engine(self, engine: str, probes: Array) -> Engine:
         """A flyer for one engine, its accuracy settled on probe samples, shape (n, sources)."""
 
-    def linearised(self) -> LinearModel:
+    def linear_model(self) -> LinearModel:
         """Partial derivatives by the scenario's best method."""
 
     def history(self) -> History:
@@ -223,7 +219,7 @@ class Scenario(Protocol):
 
 
 @runtime_checkable
-class StartTimes(Scenario, Protocol):
+class VariableStart(Scenario, Protocol):
     """A scenario whose navigation may start at any time of its flight."""
 
     def started_at(self, time: float, axes: str) -> Scenario:
@@ -237,22 +233,22 @@ class StartTimes(Scenario, Protocol):
 
 
 @runtime_checkable
-class OverTime(Protocol):
+class HasPartialsHistory(Protocol):
     """A scenario that knows its partial derivatives not at the end alone, but throughout the flight."""
 
-    def development(self, count: int) -> Development:
+    def partials_history(self, count: int) -> PartialsHistory:
         """Partial derivatives at so many rising times, from the start to the end."""
 
 
 @runtime_checkable
-class Replayed(Protocol):
+class Replayable(Protocol):
     """A scenario that can show one flight from beginning to end."""
 
-    def replayed(self, errors: Array) -> History:
+    def simulate_one(self, errors: Array) -> History:
         """One sample, shape (sources,), flown by the reference engine to its end, or to where it failed."""
 
 
-class Prepared(Protocol):
+class Engine(Protocol):
     """One engine, ready to fly; it is sent to the workers and must survive pickling."""
 
     @property
@@ -267,12 +263,12 @@ class Prepared(Protocol):
     def accuracy(self) -> str:
         """What is known of its numerical error, in words for the report."""
 
-    def propagate(self, errors: Array) -> Outcomes:
+    def propagate(self, errors: Array) -> SimulationResult:
         """Fly samples, shape (n, sources), SI."""
 
 
 @runtime_checkable
-class Followed(Prepared, Protocol):
+class TimeHistoryEngine(Engine, Protocol):
     """An engine that knows the errors of its samples not at the end alone, but throughout the flight."""
 
     @property

@@ -13,39 +13,43 @@ from functools import cached_property
 from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mcnav._types import Array
 from mcnav.constants import EARTH_RADIUS, REENTRY_ALTITUDE, STANDARD_GRAVITY
-from mcnav.physics.adjoint import Adjoint, sweep
-from mcnav.physics.ensemble import fly_ensemble
-from mcnav.physics.grid import Grid
-from mcnav.physics.histories import HistoryGrid, fly_histories, followed, history_grid, history_sums
-from mcnav.physics.instruments import Error
-from mcnav.physics.linearized import linearise, linearise_throughout
-from mcnav.physics.navigator import Diverged, fly_indicated, navigation_error
 from mcnav.physics.power_sums import PowerSums
-from mcnav.physics.refinement import refined_grid
-from mcnav.physics.response import linear_response
-from mcnav.physics.together import fly_together
-from mcnav.physics.truth import NeverComesDown, Trajectory, airspeed_and_angle, fly_truth
-from mcnav.physics.vehicle import Vehicle
+from mcnav.physics.reentry.adjoint import Adjoint, sweep
+from mcnav.physics.reentry.ensemble.grid import Grid
+from mcnav.physics.reentry.ensemble.history_kernel import (
+    HistoryGrid,
+    followed_samples,
+    history_grid,
+    history_sums,
+    simulate_histories,
+)
+from mcnav.physics.reentry.ensemble.kernel import simulate_ensemble
+from mcnav.physics.reentry.ensemble.refinement import refined_grid
+from mcnav.physics.reentry.ensemble.transition import linear_response
+from mcnav.physics.reentry.instruments import Error
+from mcnav.physics.reentry.linearized import linearize, linearize_throughout
+from mcnav.physics.reentry.navigator import Diverged, navigation_error, simulate_indicated
+from mcnav.physics.reentry.shared_steps import simulate_together
+from mcnav.physics.reentry.truth import NoReentry, Trajectory, airspeed_and_angle, fly_truth
+from mcnav.physics.reentry.vehicle import Vehicle
 from mcnav.scenarios.histories import with_errors
-from mcnav.scenarios.one_by_one import Flown, fly_each
 from mcnav.scenarios.protocol import (
-    Development,
+    Engine,
     Epochs,
     History,
     LinearModel,
-    Outcomes,
     Output,
     Panel,
-    Prepared,
+    PartialsHistory,
     ScenarioError,
+    SimulationResult,
     Source,
 )
-from mcnav.scenarios.tn_d1772 import ERRORS
-
-Array = NDArray[np.float64]
+from mcnav.scenarios.sample_loop import SampleResults, simulate_each
+from mcnav.scenarios.table_i import ERRORS
 
 SOURCES: Final = tuple(
     Source(name, unit, shown_in, float(nominal))
@@ -116,7 +120,7 @@ class Flight:
     start : float, optional
         Start of navigation, s from reentry (negative before); by default the first point of the truth.
     axes : str
-        ``start``: alined at the start of navigation. ``trajectory``: as alined at the first point of the truth.
+        ``start``: aligned at the start of navigation. ``trajectory``: as aligned at the first point of the truth.
     accelerometers_off_above : float, optional
         Actual altitude (m) above which the accelerometers' outputs are taken as zero.
     """
@@ -146,10 +150,10 @@ class Navigation:
     start: float
     theta_axes: float
 
-    def by_reference(self, errors: Array, rows: Iterable[int]) -> Flown:
+    def simulate_reference(self, errors: Array, rows: Iterable[int]) -> SampleResults:
         """Fly some rows of errors, shape (n, 10), on the reference path."""
-        return fly_each(
-            lambda row: fly_indicated(self.trajectory, errors[row], self.start, self.theta_axes), rows, Diverged
+        return simulate_each(
+            lambda row: simulate_indicated(self.trajectory, errors[row], self.start, self.theta_axes), rows, Diverged
         )
 
 
@@ -162,9 +166,9 @@ class ReferenceEngine:
     chunk: int = REFERENCE_CHUNK
     accuracy: str = "polar equations of NASA TN D-1772, DOP853 with relative tolerance 1e-12"
 
-    def propagate(self, errors: Array) -> Outcomes:
+    def propagate(self, errors: Array) -> SimulationResult:
         """Fly samples, shape (n, 10)."""
-        flown = self.navigation.by_reference(errors, range(len(errors)))
+        flown = self.navigation.simulate_reference(errors, range(len(errors)))
         return flown.outcomes(np.full((len(errors), len(OUTPUTS)), np.nan))
 
 
@@ -178,11 +182,11 @@ class EnsembleEngine:
     parallel: str = "threads"
     chunk: int = ENSEMBLE_CHUNK
 
-    def propagate(self, errors: Array) -> Outcomes:
+    def propagate(self, errors: Array) -> SimulationResult:
         """Fly samples, shape (n, 10)."""
-        values, valid = fly_ensemble(self.grid, errors)
+        values, valid = simulate_ensemble(self.grid, errors)
         beyond = np.flatnonzero(~valid)
-        return self.navigation.by_reference(errors, (int(row) for row in beyond)).outcomes(values, len(beyond))
+        return self.navigation.simulate_reference(errors, (int(row) for row in beyond)).outcomes(values, len(beyond))
 
     @cached_property
     def epochs(self) -> Epochs:
@@ -207,8 +211,8 @@ class EnsembleEngine:
 
     def histories(self, errors: Array) -> Array:
         """Errors of samples, shape (n, 10), at every epoch, shape (n, m, 4)."""
-        values, component = fly_histories(self._followed, errors)
-        values[~followed(component)] = np.nan
+        values, component = simulate_histories(self._followed, errors)
+        values[~followed_samples(component)] = np.nan
         return values
 
     def history_sums(self, errors: Array) -> PowerSums:
@@ -263,7 +267,7 @@ class Reentry:
             trajectory = fly_truth(
                 np.array(flight.first_point), flight.vehicle, flight.final_altitude, flight.accelerometers_off_above
             )
-        except NeverComesDown as failure:
+        except NoReentry as failure:
             raise ScenarioError("final_altitude", str(failure)) from None
         start = 0.0 if flight.start is None else trajectory.reentry_time + flight.start
         self.navigation = _navigation(trajectory, start, flight.axes)
@@ -275,13 +279,13 @@ class Reentry:
 
     @cached_property
     def _model(self) -> LinearModel:
-        return LinearModel(*linearise(self.trajectory, self.navigation.start, self.navigation.theta_axes))
+        return LinearModel(*linearize(self.trajectory, self.navigation.start, self.navigation.theta_axes))
 
-    def linearised(self) -> LinearModel:
+    def linear_model(self) -> LinearModel:
         """Partial derivatives by the variational equations along the truth."""
         return self._model
 
-    def development(self, count: int) -> Development:
+    def partials_history(self, count: int) -> PartialsHistory:
         """Partial derivatives over the flight; half of the times are after reentry, where errors change fastest."""
         navigation, reentry, final = self.navigation, self.trajectory.reentry_time, self.trajectory.final_time
         before = count // 2 if navigation.start < reentry else 0
@@ -291,8 +295,8 @@ class Reentry:
                 np.linspace(max(reentry, navigation.start), final, count - before),
             ]
         )
-        partials = linearise_throughout(self.trajectory, navigation.start, navigation.theta_axes, times)
-        return Development("time from reentry [min]", (times - reentry) / 60.0, partials)
+        partials = linearize_throughout(self.trajectory, navigation.start, navigation.theta_axes, times)
+        return PartialsHistory("time from reentry [min]", (times - reentry) / 60.0, partials)
 
     @cached_property
     def _adjoint(self) -> Adjoint:
@@ -338,10 +342,10 @@ class Reentry:
         """
         navigation, reentry = self.navigation, self.trajectory.reentry_time
         moments = np.clip(times + reentry, navigation.start, self.trajectory.final_time)
-        flown = fly_together(self.trajectory, errors, navigation.start, navigation.theta_axes, moments)
+        flown = simulate_together(self.trajectory, errors, navigation.start, navigation.theta_axes, moments)
         return *flown, navigation_error(flown[0][:, None], flown[1])
 
-    def replayed(self, errors: Array) -> History:
+    def simulate_one(self, errors: Array) -> History:
         """One sample, shape (10,), on the reference path: actual and indicated flight, and the navigation errors."""
         times: list[Array] = []
         states: list[Array] = []
@@ -352,7 +356,7 @@ class Reentry:
 
         navigation = self.navigation
         with contextlib.suppress(Diverged):
-            fly_indicated(self.trajectory, errors, navigation.start, navigation.theta_axes, watch)
+            simulate_indicated(self.trajectory, errors, navigation.start, navigation.theta_axes, watch)
         if not times:
             return History()
         found = np.concatenate(states)
@@ -400,7 +404,7 @@ class Reentry:
         sets[:, :, Error.MISALIGNMENT] += elapsed[:, None] * errors[:, Error.GYRO_DRIFT]
         return sets, instantaneous[-1]
 
-    def prepared(self, engine: str, probes: Array) -> Prepared:
+    def engine(self, engine: str, probes: Array) -> Engine:
         """A flyer for one of `engines`; the ensemble's grid is refined until the probes, shape (n, 10), agree."""
         if engine == "reference":
             return ReferenceEngine(self.navigation)
@@ -410,7 +414,7 @@ class Reentry:
             f"{len(probes)} probe samples {refined.error:.1e} of an output's dispersion"
         )
         ready = EnsembleEngine(self.navigation, refined.grid, accuracy)
-        if ready.propagate(probes).handed_over > HAND_OVER_SHARE * len(probes):
+        if ready.propagate(probes).fallback_count > HAND_OVER_SHARE * len(probes):
             return replace(ready, parallel="processes", chunk=REFERENCE_CHUNK)
         return ready
 

@@ -16,8 +16,8 @@ from typing import Any, Final
 import numpy as np
 
 from mcnav.scenarios.inputs import InputFile
-from mcnav.scenarios.one_by_one import told
 from mcnav.scenarios.protocol import ScenarioError
+from mcnav.scenarios.sample_loop import format_exception
 from mcnav.units import UnitError, conversion, printable, quantity
 
 WORDS: Final[Mapping[type, str]] = {str: "text in quotes", bool: "true or false", int: "a whole number"}
@@ -89,7 +89,7 @@ def check_unit(where: str, unit: object, shown_in: object) -> None:
         factor = conversion(str(unit), str(shown_in))
         alone = conversion(str(unit), str(unit))
     except (UnitError, Exception) as wrong:  # pint has kinds of its own for units that do not convert
-        raise ScenarioError("type", f"{where}: {unit!r} shown in {shown_in!r}: {told(wrong, '')}") from None
+        raise ScenarioError("type", f"{where}: {unit!r} shown in {shown_in!r}: {format_exception(wrong, '')}") from None
     if not (factor > 0.0 and alone == 1.0):
         raise ScenarioError("type", f"{where}: {unit!r} cannot be shown in {shown_in!r}")
 

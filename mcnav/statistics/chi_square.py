@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
+from mcnav._types import Array
+from mcnav.statistics.hypothesis_test import HypothesisTest
 from mcnav.statistics.proportions import probability_interval
-from mcnav.statistics.significance import Significance
-
-Array = NDArray[np.float64]
 
 LEVELS: Final = (0.5, 0.9, 0.95, 0.99, 0.9973)
 
@@ -31,7 +29,7 @@ def mean_interval(count: int, dimension: int, confidence: float) -> tuple[float,
     return float(special.chdtri(freedom, 1.0 - tail)) / count, float(special.chdtri(freedom, tail)) / count
 
 
-def distribution_test(values: Array, dimension: int) -> Significance | None:
+def distribution_test(values: Array, dimension: int) -> HypothesisTest | None:
     """Kolmogorov-Smirnov test of independent squared distances, shape (n,), against chi-square of a dimension."""
     if len(values) == 0 or dimension < 1:
         return None
@@ -40,7 +38,7 @@ def distribution_test(values: Array, dimension: int) -> Significance | None:
     above = np.max(np.arange(1, count + 1) / count - expected)
     below = np.max(expected - np.arange(count) / count)
     distance = float(max(above, below))
-    return Significance(distance, (float(count),), kolmogorov_p_value(distance, count), dimension)
+    return HypothesisTest(distance, (float(count),), kolmogorov_p_value(distance, count), dimension)
 
 
 def kolmogorov_p_value(distance: float, count: int) -> float:

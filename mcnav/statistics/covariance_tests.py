@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
-from mcnav.statistics.significance import Significance
+from mcnav._types import Array
+from mcnav.statistics.hypothesis_test import HypothesisTest
 from mcnav.statistics.whitening import leaves_range, whitening
 
-Array = NDArray[np.float64]
 
-
-def covariance_likelihood_ratio(sample: Array, count: int, covariance: Array) -> Significance | None:
+def covariance_likelihood_ratio(sample: Array, count: int, covariance: Array) -> HypothesisTest | None:
     """Test that independent normal samples, of unknown mean, have a given covariance.
 
     With W the sample covariance whitened by the given one, of rank p, and nu = n - 1,
@@ -34,20 +32,20 @@ def covariance_likelihood_ratio(sample: Array, count: int, covariance: Array) ->
 
     Returns
     -------
-    Significance or None
+    HypothesisTest or None
         None when there is nothing to test, or there are too few samples for a determinant.
     """
     given = whitening(covariance)
     degrees, rank = count - 1, given.rank
     if leaves_range(given, covariance, sample):
-        return Significance(float("inf"), (0.5 * rank * (rank + 1),), 0.0, rank)
+        return HypothesisTest(float("inf"), (0.5 * rank * (rank + 1),), 0.0, rank)
     if rank == 0 or degrees < rank:
         return None
     values = np.linalg.eigvalsh(given.matrix.T @ sample @ given.matrix)
     if values[0] <= 0.0:
-        return Significance(float("inf"), (0.5 * rank * (rank + 1),), 0.0, rank)
+        return HypothesisTest(float("inf"), (0.5 * rank * (rank + 1),), 0.0, rank)
     ratio = degrees * float(np.sum(values - 1.0 - np.log(values)))
     correction = 1.0 - (2.0 * rank**2 + 3.0 * rank - 1.0) / (6.0 * degrees * (rank + 1.0))
     freedom = 0.5 * rank * (rank + 1)
     statistic = max(correction, 0.0) * ratio
-    return Significance(statistic, (freedom,), float(special.chdtrc(freedom, statistic)), rank)
+    return HypothesisTest(statistic, (freedom,), float(special.chdtrc(freedom, statistic)), rank)

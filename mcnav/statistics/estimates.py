@@ -20,10 +20,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
-Array = NDArray[np.float64]
+from mcnav._types import Array, IndexArray
 
 
 @dataclass(frozen=True)
@@ -82,7 +81,7 @@ def _unskewed(quantile: float, asymmetry: float) -> float:
     return float(3.0 * (root - 1.0) / asymmetry)
 
 
-def blocked_mean(values: Array, blocks: NDArray[np.int64], fewest: float = 2) -> Estimate:
+def blocked_mean(values: Array, blocks: IndexArray, fewest: float = 2) -> Estimate:
     """Mean of one quantity over samples that belong to independent blocks.
 
     With m_b the mean and n_b the size of block b, ``s.e.^2 = B / (B - 1) sum_b n_b^2 (m_b - m)^2 / n^2``: the ratio
@@ -123,7 +122,7 @@ def summed_mean(totals: Array, counts: Array, fewest: float = 2) -> Estimate:
     return _estimate(mean, totals - mean * counts, count, fewest)
 
 
-def block_sums(values: Array, blocks: NDArray[np.int64]) -> Array:
+def block_sums(values: Array, blocks: IndexArray) -> Array:
     """Sums over independent blocks, shape (blocks, ...).
 
     Parameters
@@ -137,6 +136,6 @@ def block_sums(values: Array, blocks: NDArray[np.int64]) -> Array:
     return values if len(begins) == len(blocks) else np.asarray(np.add.reduceat(values, begins, axis=0))
 
 
-def block_begins(blocks: NDArray[np.int64]) -> NDArray[np.int64]:
+def block_begins(blocks: IndexArray) -> IndexArray:
     """The first sample of each block, shape (blocks,)."""
     return np.flatnonzero(np.diff(blocks, prepend=blocks[0] - 1))

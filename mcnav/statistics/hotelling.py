@@ -5,20 +5,18 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
-from mcnav.statistics.scatter import scatter
-from mcnav.statistics.significance import Significance
+from mcnav._types import Array
+from mcnav.statistics.chunked import scatter
+from mcnav.statistics.hypothesis_test import HypothesisTest
 from mcnav.statistics.whitening import RANK_TOLERANCE, Whitening, whitening
-
-Array = NDArray[np.float64]
 
 ROUNDING: Final = 1e-12
 """A standard deviation below this share of the mean is that of a constant."""
 
 
-def hotelling(values: Array, mean: Array, within: Whitening | None = None) -> Significance | None:
+def hotelling(values: Array, mean: Array, within: Whitening | None = None) -> HypothesisTest | None:
     """Test that independent, nearly normal observations have a given mean.
 
     With m the sample mean less the given one and C the sample covariance, of dimension p,
@@ -37,7 +35,7 @@ def hotelling(values: Array, mean: Array, within: Whitening | None = None) -> Si
 
     Returns
     -------
-    Significance or None
+    HypothesisTest or None
         Statistic: the F-distributed one. None with fewer observations than dimensions.
     """
     count = len(values)
@@ -57,11 +55,11 @@ def hotelling(values: Array, mean: Array, within: Whitening | None = None) -> Si
     outside = float(np.sum((own.complement.T @ unscaled) ** 2))
     rank = own.rank
     if outside > RANK_TOLERANCE * max(float(np.sum(unscaled**2)), 1.0 if rank else 0.0):
-        return Significance(float("inf"), (float(max(rank, 1)), float(count - rank)), 0.0, rank)
+        return HypothesisTest(float("inf"), (float(max(rank, 1)), float(count - rank)), 0.0, rank)
     if rank == 0:
-        return Significance(0.0, (1.0, float(count)), 1.0, 0)
+        return HypothesisTest(0.0, (1.0, float(count)), 1.0, 0)
     squared = count * float(np.sum((own.matrix.T @ deviation) ** 2))
     statistic = squared * (count - rank) / (rank * (count - 1.0))
-    return Significance(
+    return HypothesisTest(
         statistic, (float(rank), float(count - rank)), float(special.fdtrc(rank, count - rank, statistic)), rank
     )

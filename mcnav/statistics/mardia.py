@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
-from mcnav.statistics.scatter import scatter, stretches
-from mcnav.statistics.significance import Significance
+from mcnav._types import Array
+from mcnav.statistics.chunked import scatter, stretches
+from mcnav.statistics.hypothesis_test import HypothesisTest
 from mcnav.statistics.whitening import whitening
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -25,14 +23,14 @@ class Mardia:
         b_1; zero for a normal distribution.
     kurtosis : float
         b_2; p (p + 2) for a normal distribution of p dimensions.
-    skewness_test, kurtosis_test : Significance
+    skewness_test, kurtosis_test : HypothesisTest
         Against normality: chi-square and standard normal (two-sided).
     """
 
     skewness: float
     kurtosis: float
-    skewness_test: Significance
-    kurtosis_test: Significance
+    skewness_test: HypothesisTest
+    kurtosis_test: HypothesisTest
 
 
 def mardia(values: Array) -> Mardia | None:
@@ -80,6 +78,6 @@ def mardia(values: Array) -> Mardia | None:
     return Mardia(
         skewness,
         kurtosis,
-        Significance(float(chi), (freedom,), float(special.chdtrc(freedom, chi)), rank),
-        Significance(float(normal), (), float(2.0 * special.ndtr(-abs(normal))), rank),
+        HypothesisTest(float(chi), (freedom,), float(special.chdtrc(freedom, chi)), rank),
+        HypothesisTest(float(normal), (), float(2.0 * special.ndtr(-abs(normal))), rank),
     )

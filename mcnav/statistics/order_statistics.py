@@ -10,10 +10,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
-Array = NDArray[np.float64]
+from mcnav._types import Array
 
 
 def samples_for_upper_bound(quantile: float, confidence: float, exceedances: int = 0) -> int:

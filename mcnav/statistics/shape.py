@@ -6,15 +6,13 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mcnav._types import Array, IndexArray
+from mcnav.statistics.chunked import stretches
 from mcnav.statistics.estimates import Estimate, block_sums
-from mcnav.statistics.scatter import stretches
-
-Array = NDArray[np.float64]
 
 
-def skewness(values: Array, blocks: NDArray[np.int64], fewest: float = 2) -> Estimate:
+def skewness(values: Array, blocks: IndexArray, fewest: float = 2) -> Estimate:
     """Skewness ``mean(z^3)`` of the standardised values; zero without dispersion.
 
     Its error is the jackknife's, leaving out one independent block at a time: at a few hundred samples the influence
@@ -30,7 +28,7 @@ def skewness(values: Array, blocks: NDArray[np.int64], fewest: float = 2) -> Est
     return skewness_and_kurtosis(values, blocks, fewest)[0]
 
 
-def excess_kurtosis(values: Array, blocks: NDArray[np.int64], fewest: float = 2) -> Estimate:
+def excess_kurtosis(values: Array, blocks: IndexArray, fewest: float = 2) -> Estimate:
     """Excess kurtosis ``mean(z^4) - 3``; zero without dispersion; error and parameters as those of `skewness`."""
     return skewness_and_kurtosis(values, blocks, fewest)[1]
 
@@ -50,7 +48,7 @@ def _excess_kurtosis(m1: Array, m2: Array, m3: Array, m4: Array) -> Array:
 _MEASURES: Final = (_skewness, _excess_kurtosis)
 
 
-def skewness_and_kurtosis(values: Array, blocks: NDArray[np.int64], fewest: float = 2) -> tuple[Estimate, Estimate]:
+def skewness_and_kurtosis(values: Array, blocks: IndexArray, fewest: float = 2) -> tuple[Estimate, Estimate]:
     """Both at once, from one pass over the values; see `skewness` and `excess_kurtosis`."""
     centred = values - np.mean(values)
     sigma = float(np.sqrt(np.mean(centred**2)))

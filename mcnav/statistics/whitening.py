@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from mcnav._types import Array
 
 RANK_TOLERANCE: Final = 1e-9
 """Eigenvalues of the correlation matrix below this share of the largest count as zero."""

@@ -23,7 +23,7 @@ HYDROSTATIC_GRADIENT: Final = 9.80665 * 28.966 / 8314.39
 
 
 def stretch_constants(coefficients: Any, accelerometers_on: bool) -> np.ndarray:
-    """The constants of a stretch, shape (8,), from those of a `mcnav.physics.truth.Phase`."""
+    """The constants of a stretch, shape (8,), from those of a `mcnav.physics.reentry.truth.Phase`."""
     base, temperature, lapse, density, ballistic, lift, lift_per_rate = coefficients
     if lapse == 0.0:
         law = (HYDROSTATIC_GRADIENT / temperature * LENGTH, 0.0, 0.0)
@@ -37,7 +37,7 @@ def joint_rates(library: Any) -> Callable[..., tuple[tuple[Any, ...], tuple[Any,
     """Rates of actual and indicated state, by the functions of a library.
 
     The function returned takes time, actual state (4), indicated state (4), constants of the stretch (8) and equipment
-    errors (6: misalinement, drift, biases, scale factors); each component may be a number, an array or an expression.
+    errors (6: misalignment, drift, biases, scale factors); each component may be a number, an array or an expression.
     """
     sin, cos, exp, log, sqrt = library.sin, library.cos, library.exp, library.log, library.sqrt
 

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure as MplFigure
 
 from tests.benchmarks.compare import TARGETS
 from tests.benchmarks.peers import PEERS
@@ -21,7 +21,7 @@ SMALLEST: Final = 1e-9
 def work_precision(record: Mapping[str, Any]) -> str:
     """The figure as SVG."""
     cases = record["cases"]
-    figure = Figure(figsize=(5.4 * len(cases), 5.6), layout="constrained")
+    figure = MplFigure(figsize=(5.4 * len(cases), 5.6), layout="constrained")
     panels = figure.subplots(1, len(cases), sharey=True, squeeze=False)[0]
     for panel, case in zip(panels, cases, strict=True):
         _draw(panel, case, record)

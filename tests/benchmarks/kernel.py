@@ -16,13 +16,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from mcnav.physics.ensemble import fly_ensemble
-from mcnav.physics.grid import Grid, shared_grid
-from mcnav.physics.histories import history_grid, history_sums
-from mcnav.physics.refinement import FINEST, refined_grid
-from mcnav.physics.response import Response, linear_response
+from mcnav.physics.reentry.ensemble.grid import Grid, shared_grid
+from mcnav.physics.reentry.ensemble.history_kernel import history_grid, history_sums
+from mcnav.physics.reentry.ensemble.kernel import simulate_ensemble
+from mcnav.physics.reentry.ensemble.refinement import FINEST, refined_grid
+from mcnav.physics.reentry.ensemble.transition import Response, linear_response
 from mcnav.scenarios.reentry import HISTORY_NODES
-from mcnav.scenarios.tn_d1772 import TABLE_I
+from mcnav.scenarios.table_i import TABLE_I
 from tests.benchmarks.build import case_of, scenario_of
 from tests.benchmarks.case import Case
 from tests.benchmarks.operations import KINDS, of_sample, rates, shortest
@@ -63,12 +63,12 @@ def measure(case: Case, seconds: float = 0.3) -> dict[str, Any]:
 
 def _by_nodes(case: Case, response: Response, samples: np.ndarray, seconds: float) -> list[dict[str, Any]]:
     compared = samples[: len(case.reference)]
-    finest, _ = fly_ensemble(shared_grid(response, FINEST), compared)
+    finest, _ = simulate_ensemble(shared_grid(response, FINEST), compared)
     found = []
     for nodes in NODES:
         grid = shared_grid(response, nodes)
-        values, _ = fly_ensemble(grid, compared)
-        spent = fastest(lambda grid=grid: fly_ensemble(grid, samples[:CHUNK]), seconds).processor / CHUNK
+        values, _ = simulate_ensemble(grid, compared)
+        spent = fastest(lambda grid=grid: simulate_ensemble(grid, samples[:CHUNK]), seconds).processor / CHUNK
         against_finest = float((np.abs(values - finest) / case.sigma).max())
         found.append(
             {
@@ -83,11 +83,11 @@ def _by_nodes(case: Case, response: Response, samples: np.ndarray, seconds: floa
 
 def _threads(case: Case, grid: Grid, samples: np.ndarray, seconds: float) -> dict[str, float]:
     """One thread and two over the same samples."""
-    fly, chunks = partial(fly_ensemble, grid), np.split(samples, len(samples) // CHUNK)
+    fly, chunks = partial(simulate_ensemble, grid), np.split(samples, len(samples) // CHUNK)
     alone = fastest(lambda: [fly(chunk) for chunk in chunks], seconds).wall
     with ThreadPoolExecutor(2) as pool:
         both = fastest(lambda: list(pool.map(fly, chunks)), seconds).wall
-    values, _ = fly_ensemble(grid, samples[: len(case.reference)])
+    values, _ = simulate_ensemble(grid, samples[: len(case.reference)])
     return {
         "microseconds": alone / len(samples) * 1e6,
         "error": case.error(values),
@@ -99,7 +99,7 @@ def _threads(case: Case, grid: Grid, samples: np.ndarray, seconds: float) -> dic
 def _by_epochs(response: Response, nodes: int, samples: np.ndarray, seconds: float) -> list[dict[str, float]]:
     """Final errors alone, and the second pass in which power sums of all errors are taken at epochs."""
     final = shared_grid(response, nodes)
-    alone = fastest(lambda: fly_ensemble(final, samples), seconds).processor
+    alone = fastest(lambda: simulate_ensemble(final, samples), seconds).processor
     found = [{"epochs": 0, "microseconds": alone / len(samples) * 1e6}]
     for count in EPOCHS:
         times = np.linspace(response.start, response.end, count)
@@ -112,7 +112,7 @@ def _by_epochs(response: Response, nodes: int, samples: np.ndarray, seconds: flo
 def _bound(grid: Grid, samples: np.ndarray, seconds: float) -> dict[str, float]:
     """Operations of a sample, how fast they were done, and how fast one core can do them and move memory."""
     operations, per_second = of_sample(grid), rates(seconds)
-    spent = fastest(lambda: fly_ensemble(grid, samples), seconds).processor / len(samples)
+    spent = fastest(lambda: simulate_ensemble(grid, samples), seconds).processor / len(samples)
     room = np.ones(1 << 24)
     other = np.empty_like(room)
     copied = 2 * room.nbytes / fastest(lambda: np.copyto(other, room), seconds).wall

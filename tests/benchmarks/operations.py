@@ -14,15 +14,16 @@ from unittest.mock import patch
 
 import numpy as np
 
-from mcnav.physics import closed_forms, ensemble
-from mcnav.physics.grid import Grid
+from mcnav.physics import lanes
 from mcnav.physics.jit import compiled
+from mcnav.physics.reentry.ensemble import kernel
+from mcnav.physics.reentry.ensemble.grid import Grid
 from tests.benchmarks.timing import fastest
 
 KINDS: Final = ("simple", "division", "root")
 """Additions, multiplications, comparisons and roundings; divisions; square roots."""
 
-LANES: Final = ensemble.LANES
+LANES: Final = kernel.LANES
 TERMS: Final = 16
 SWEEPS: Final = 20_000
 
@@ -102,19 +103,19 @@ def _counted(function: Any, rows: int, *arguments: Any) -> Counter[str]:
     counts: Counter[str] = Counter()
     block = np.array([Counted(1e-3, counts) for _ in range(rows * LANES)], dtype=object)
     with ExitStack() as stack:
-        for module in (ensemble, closed_forms):
+        for module in (kernel, lanes):
             stack.enter_context(patch.object(module, "np", _Functions()))
         for name in ("half_turn", "gravity_remainder", "angle_of_half"):
-            stack.enter_context(patch.object(ensemble, name, getattr(closed_forms, name).py_func))
+            stack.enter_context(patch.object(kernel, name, getattr(lanes, name).py_func))
         function.py_func(block, *arguments)
     return Counter({kind: round(counts[kind] / LANES) for kind in KINDS})
 
 
 def of_sample(grid: Grid) -> Counter[str]:
     """Operations that one sample costs on a grid: pushes by force and by gravity; start and end, once, are left out."""
-    force = _counted(ensemble.push_by_force, ensemble.ROWS, 0.0, grid.moments[0])
-    gravity = _counted(ensemble.push_by_gravity, ensemble.ROWS, grid.readout[0], grid.recent[0], grid.weights[0])
-    end = _counted(ensemble.convert, ensemble.REPORT_ROWS, grid.last, grid.nominal)
+    force = _counted(kernel.push_by_force, kernel.ROWS, 0.0, grid.moments[0])
+    gravity = _counted(kernel.push_by_gravity, kernel.ROWS, grid.readout[0], grid.recent[0], grid.weights[0])
+    end = _counted(kernel.convert, kernel.REPORT_ROWS, grid.last, grid.nominal)
     total: Counter[str] = Counter()
     for counted, times in ((force, int(grid.forced.sum())), (gravity, len(grid.readout)), (end, 1)):
         total.update({kind: number * times for kind, number in counted.items()})

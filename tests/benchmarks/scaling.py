@@ -13,15 +13,15 @@ import time
 from pathlib import Path
 from unittest.mock import patch
 
-from mcnav.campaign import cluster as clusters
-from mcnav.campaign import reduced
-from mcnav.campaign.cluster import opened
-from mcnav.campaign.file import Campaign, read_campaign
-from mcnav.campaign.folder import RunFolder
-from mcnav.campaign.runner import fly
-from mcnav.campaign.work import Place, fly_chunk
-from mcnav.judging import analyse
-from mcnav.study import run_campaign
+from mcnav.config.read import Campaign, read_campaign
+from mcnav.execution import dask_cluster as clusters
+from mcnav.execution.chunks import SampleRange, simulate_chunk
+from mcnav.execution.dask_cluster import connect
+from mcnav.execution.runner import run_chunks
+from mcnav.store import summaries
+from mcnav.store.run_folder import RunFolder
+from mcnav.workflow.analyse import analyse
+from mcnav.workflow.run import run_campaign
 from tests.conftest import ROOT
 from tests.faults.scenarios import VECTORISED, work_of, written
 
@@ -46,9 +46,9 @@ def _summary(name: str, samples: int) -> Campaign:
 def per_sample(name: str, engine: str, samples: int, folder: Path) -> None:
     """Draw, fly, reduce and store one chunk, after one that compiled and warmed up."""
     work = work_of(_summary(name, 10**9), folder, engine)
-    fly_chunk(work, Place(1, samples, samples + min(samples, work.prepared.chunk)))
+    simulate_chunk(work, SampleRange(1, samples, samples + min(samples, work.engine.chunk)))
     began = time.process_time()
-    fly_chunk(work, Place(2, 2 * samples, 3 * samples))
+    simulate_chunk(work, SampleRange(2, 2 * samples, 3 * samples))
     seconds = time.process_time() - began
     size = (work.folder.parts / "part-00002.parquet").stat().st_size
     print(
@@ -60,9 +60,9 @@ def per_task_of_a_cluster(folder: Path) -> None:
     """Processor time, for each task, of the process that hands chunks out, with the scheduler in it."""
     code = VECTORISED.replace("def propagate", "chunk = 2\n\n    def propagate")
     work = work_of(read_campaign(written(folder, "", code, samples=2 * TRIVIAL)), folder / "run")
-    with opened(None, 2) as (cluster, _), patch.object(clusters, "MOST", 1):
+    with connect(None, 2) as (cluster, _), patch.object(clusters, "MOST", 1):
         began = time.process_time()
-        fly(work, 2, lambda samples: None, elsewhere=cluster.fly)
+        run_chunks(work, 2, lambda samples: None, elsewhere=cluster.fly)
         busy = time.process_time() - began
     print(f"| handing out a task | {busy / TRIVIAL * 1e3:.1f} ms |", flush=True)
 
@@ -70,7 +70,7 @@ def per_task_of_a_cluster(folder: Path) -> None:
 def per_chunk_of_the_analysis(folder: Path) -> None:
     """What the analysis takes longer for each chunk."""
     times = []
-    with patch.object(reduced, "CHUNK", 8_192):
+    with patch.object(summaries, "CHUNK", 8_192):
         for chunks in (SMALL // 2, SMALL):
             place = folder / str(chunks)
             run_campaign(_summary("01_tn_d1772_trajectory_4", 8_192 * chunks), place, None, 2)

@@ -19,14 +19,18 @@ from tests.benchmarks.growth import CAMPAIGN, STAGED
 from tests.benchmarks.spawn import run
 
 STAGES: Final = {
-    "read the campaign, fly its truth": ("mcnav.campaign.file:read_campaign",),
-    "prepare: partials, grid, first draws": ("mcnav.study:system_of",),
-    "draw": ("mcnav.campaign.work:draw",),
-    "fly": ("mcnav.campaign.work:fly_errors",),
-    "errors at 60 epochs": ("mcnav.campaign.epochs:sums",),
-    "store": ("mcnav.campaign.work:write_part", "mcnav.campaign.work:reduced", "mcnav.study:write_epochs"),
-    "analyse": ("mcnav.study:analyse",),
-    "write the report": ("mcnav.study:finish",),
+    "read the campaign, fly its truth": ("mcnav.config.read:read_campaign",),
+    "prepare: partials, grid, first draws": ("mcnav.workflow.run:prepare_campaign",),
+    "draw": ("mcnav.execution.chunks:draw",),
+    "fly": ("mcnav.execution.chunks:simulate_errors",),
+    "errors at 60 epochs": ("mcnav.store.histories:history_sums",),
+    "store": (
+        "mcnav.execution.chunks:write_part",
+        "mcnav.execution.chunks:reduce_samples",
+        "mcnav.workflow.run:write_epochs",
+    ),
+    "analyse": ("mcnav.workflow.run:analyse",),
+    "write the report": ("mcnav.workflow.run:write_results",),
 }
 REST: Final = "start, imports and the rest"
 
@@ -54,11 +58,11 @@ def watched(spent: dict[str, float]) -> None:
 def main(answer: Path, samples: int, store: str, begin: float) -> None:
     """Run a campaign with time-keepers and write what they found."""
     spent: dict[str, float] = defaultdict(float)
-    from mcnav.campaign import file
-    from mcnav.study import run_campaign
+    from mcnav.config import read
+    from mcnav.workflow.run import run_campaign
 
     watched(spent)
-    campaign = file.read_campaign(CAMPAIGN, {"samples": samples, "store": store})
+    campaign = read.read_campaign(CAMPAIGN, {"samples": samples, "store": store})
     with TemporaryDirectory() as folder:
         run_campaign(campaign, Path(folder) / "run", None, 1)
     spent[REST] = time.clock_gettime(time.CLOCK_MONOTONIC) - begin - sum(spent.values())

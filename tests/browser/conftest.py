@@ -12,16 +12,16 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from mcnav import comparing, gallery
 from mcnav.calibration import page as calibration_page
-from mcnav.replay import replay, write_replay
-from mcnav.reproduce import page as tn_page
-from mcnav.reproduce import story_page
-from mcnav.reproduce.tn_d1772 import Cell
-from mcnav.reproduce.tn_findings import Finding
-from mcnav.study import run_campaign
-from mcnav.sweeps.linearity import write_linearity
-from mcnav.sweeps.start_times import write_start_times
+from mcnav.reproduce.story_of_84_minutes import page as story_page
+from mcnav.reproduce.tn_d1772 import page as tn_page
+from mcnav.reproduce.tn_d1772.claims import Finding
+from mcnav.reproduce.tn_d1772.tables import Cell
+from mcnav.studies.linearity import write_linearity
+from mcnav.studies.start_times import write_start_times
+from mcnav.workflow import compare, index
+from mcnav.workflow.replay import replay, write_replay
+from mcnav.workflow.run import run_campaign
 from tests.conftest import ROOT, campaign
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -111,13 +111,13 @@ def _comparison(folder: Path, made: Callable[[str], Path]) -> Path:
     larger = campaign(4, 2.0, name=NAME, samples=2_000)
     run_campaign(larger, folder / f"larger {FOLDER}", "ensemble", 2)
     written = folder / "comparison.html"
-    runs = comparing.compare_runs([made("report").parent, folder / f"larger {FOLDER}"])
+    runs = compare.compare_runs([made("report").parent, folder / f"larger {FOLDER}"])
     written.write_text(runs.page, encoding="utf-8")
     return written
 
 
 def _index(_: Path, made: Callable[[str], Path]) -> Path:
-    return gallery.write_index(made("report").parent.parent)[0]
+    return index.write_index(made("report").parent.parent)[0]
 
 
 KINDS: dict[str, Callable[[Path, Callable[[str], Path]], Path]] = {

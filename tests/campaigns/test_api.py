@@ -11,8 +11,8 @@ import pytest
 import tomli_w
 
 import mcnav
-from mcnav.campaign.folder import RunFolder
 from mcnav.notebook import FlownRun
+from mcnav.store.run_folder import RunFolder
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 

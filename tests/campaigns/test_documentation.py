@@ -18,10 +18,10 @@ import numpy as np
 import pytest
 
 import mcnav
-from mcnav.campaign.file import read_campaign
-from mcnav.gallery import write_index
-from mcnav.judging import report_run
-from mcnav.study import run_campaign
+from mcnav.config.read import read_campaign
+from mcnav.workflow.analyse import report_run
+from mcnav.workflow.index import write_index
+from mcnav.workflow.run import run_campaign
 from tests.conftest import ROOT, campaign
 from tests.processes import LONG, run_to_end, running
 
@@ -111,7 +111,7 @@ def test_pages_are_shown() -> None:
         ("guide", "GUIDE.md"),
         ("notation", "NOTATION.md"),
         ("scaling", "SCALING.md"),
-        ("story", "reproduce/STORY_OF_84_MINUTES.md"),
+        ("story", "reproduce/story_of_84_minutes/STORY_OF_84_MINUTES.md"),
     ):
         shown = _run([sys.executable, "-m", "mcnav", "docs", page], ROOT)
         assert shown.stdout.strip() == (PAGES / file).read_text(encoding="utf-8").strip()

@@ -10,9 +10,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from mcnav.campaign.folder import RunFolder
-from mcnav.scenarios.protocol import Followed
-from mcnav.study import run_campaign
+from mcnav.scenarios.protocol import TimeHistoryEngine
+from mcnav.store.run_folder import RunFolder
+from mcnav.workflow.run import run_campaign
 from tests.conftest import campaign, reentry
 
 OUTPUTS = ("altitude [m]", "range [m]", "altitude_rate [m/s]", "range_rate [m/s]")
@@ -88,8 +88,8 @@ def test_samples_that_leave_the_kernel_are_left_out() -> None:
     """Their histories are NaN, the sums are those of the others."""
     errors = np.zeros((3, 10))
     errors[1, 0] = 1e9
-    engine = reentry(4).prepared("ensemble", np.zeros((2, 10)))
-    assert isinstance(engine, Followed)
+    engine = reentry(4).engine("ensemble", np.zeros((2, 10)))
+    assert isinstance(engine, TimeHistoryEngine)
     histories = engine.histories(errors)
     assert np.isnan(histories[1]).all()
     assert np.isfinite(histories[[0, 2]]).all()

@@ -13,9 +13,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mcnav.campaign.file import parse_campaign, read_campaign
-from mcnav.campaign.problems import CampaignError
-from mcnav.campaign.until import Until
+from mcnav.config.read import parse_campaign, read_campaign
+from mcnav.config.stopping import StoppingRule
+from mcnav.errors import CampaignError
 from mcnav.sampling.distributions import Fixed, StudentT, Triangular, TruncatedNormal, Uniform
 from tests.conftest import ROOT, content
 
@@ -45,7 +45,7 @@ def test_every_campaign_is_valid_and_resolves_to_itself(path: Path) -> None:
     again = parse_campaign(tomllib.loads(campaign.to_toml()), str(path), path.stem)
     assert again.resolved == campaign.resolved
     assert np.array_equal(again.errors.covariance, campaign.errors.covariance)
-    assert np.array_equal(again.scenario.linearised().partials, campaign.scenario.linearised().partials)
+    assert np.array_equal(again.scenario.linear_model().partials, campaign.scenario.linear_model().partials)
 
 
 def test_the_campaign_in_the_readme_is_valid() -> None:
@@ -309,7 +309,7 @@ def test_one_wrong_group(changed: dict[str, Any], line: str) -> None:
 def test_a_stopping_rule() -> None:
     rule = {"until": "sigma_ratio_paired 0.5 %", "at_most": 50_000}
     found = parse_campaign(content(samples=rule), "test.toml", "test")
-    assert found.until == Until("sigma_ratio_paired", 0.005, 0.95, 50_000)
+    assert found.until == StoppingRule("sigma_ratio_paired", 0.005, 0.95, 50_000)
     assert found.samples == 50_000
     assert parse_campaign(tomllib.loads(found.to_toml()), "test.toml", "test").until == found.until
     (line,) = _mistakes(content(samples=rule, design="sobol"))

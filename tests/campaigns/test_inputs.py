@@ -14,15 +14,15 @@ import pytest
 from typer.testing import CliRunner
 
 import mcnav
-from mcnav.campaign import inputs as campaign_inputs
-from mcnav.campaign.file import read_campaign
-from mcnav.campaign.folder import RunFolder
-from mcnav.campaign.problems import CampaignError, RunFolderError
 from mcnav.cli import app
-from mcnav.comparing import compare_runs
-from mcnav.replay import as_stored, replay
+from mcnav.config.read import read_campaign
+from mcnav.errors import CampaignError, RunFolderError
 from mcnav.scenarios.inputs import InputFile, content_of, inputs_of, is_input, named_apart, plain_name, watched
-from mcnav.study import run_campaign
+from mcnav.store import inputs as campaign_inputs
+from mcnav.store.run_folder import RunFolder
+from mcnav.workflow.compare import compare_runs
+from mcnav.workflow.replay import as_stored, replay
+from mcnav.workflow.run import run_campaign
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -343,8 +343,8 @@ def test_a_campaign_that_was_read_before_its_file_changed(tmp_path: Path) -> Non
     (tmp_path / "table.txt").write_text("3\n")
     late = read_campaign(campaign)
     ones = np.ones((1, 1))
-    assert early.scenario.prepared("vectorised", ones).propagate(ones).values[0, 0] == 2.0
-    assert late.scenario.prepared("vectorised", ones).propagate(ones).values[0, 0] == 3.0
+    assert early.scenario.engine("vectorised", ones).propagate(ones).values[0, 0] == 2.0
+    assert late.scenario.engine("vectorised", ones).propagate(ones).values[0, 0] == 3.0
     with pytest.raises(RunFolderError, match=r"table\.txt: has changed; the campaign was read before that; read it"):
         run_campaign(early, tmp_path / "run", None, 1)
     assert run_campaign(late, tmp_path / "run", None, 1).summary["sigma_linear"][0] == pytest.approx(3.0, rel=1e-9)

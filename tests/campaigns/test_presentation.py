@@ -18,10 +18,10 @@ from mcnav.analysis.comparison import Criterion, Model, compare
 from mcnav.analysis.tails import tails
 from mcnav.analysis.verdict import Verdict, judge
 from mcnav.cli import app
-from mcnav.report import terminal, wording
-from mcnav.report.drawings.matrices import certain_differences
-from mcnav.report.exported import output_rows, partial_rows
-from mcnav.report.fitted import Column, FittedTable, OpenConsole
+from mcnav.report import sentences, terminal
+from mcnav.report.export import output_rows, partial_rows
+from mcnav.report.figures.matrices import certain_differences
+from mcnav.report.fitted_table import Column, FittedTable, OpenConsole
 from mcnav.scenarios.protocol import Output, Source
 from mcnav.statistics.power import SMALLEST_STEP, sensible_step
 
@@ -128,7 +128,7 @@ def test_into_a_pipe_the_width_is_unlimited(nine: Path) -> None:
     assert left_out(shown) == ""
     done = CliRunner().invoke(app, ["compare", str(nine / "run")], env={"COLUMNS": "30"})
     assert shown.splitlines()[2] in done.stdout
-    assert wording.explanation(summary) in done.stdout
+    assert sentences.explanation(summary) in done.stdout
 
 
 def test_a_table_of_texts_is_folded_between_words() -> None:
@@ -216,8 +216,8 @@ def test_what_nothing_disturbs_does_not_agree(nine: Path) -> None:
     done = CliRunner().invoke(app, ["compare", str(nine / "run"), str(nine / "other")])
     assert done.stdout.count(words) == 3, done.stdout  # twice beside Monte Carlo, once as a change
     agreeing = dict(summary, verdict="agrees", verdicts=["agrees"] * 9)
-    assert "In every other output" in wording.explanation(agreeing)
-    assert wording.explanation(agreeing).endswith(f"still is {words}.")
+    assert "In every other output" in sentences.explanation(agreeing)
+    assert sentences.explanation(agreeing).endswith(f"still is {words}.")
 
 
 @pytest.mark.parametrize("count", [1, 99, 100, 1_000, 12_345, 1_000_000])
@@ -230,7 +230,7 @@ def test_more_samples_are_a_sensible_step_more(count: int) -> None:
         assert len(str(advised).rstrip("0")) <= 2
     narrow = judge(1.0401, (1.030, 1.0501), 0.05, 1000)
     assert (narrow.verdict, narrow.samples_needed) == (Verdict.UNDECIDED, 1031)
-    assert wording.more_samples(narrow.samples_needed or 0, 1000) == "about 1,300 samples"
+    assert sentences.more_samples(narrow.samples_needed or 0, 1000) == "about 1,300 samples"
 
 
 RUNS, SAMPLES, FALSE_ALARMS = 200, 1_000, 1e-6

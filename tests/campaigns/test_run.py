@@ -14,13 +14,13 @@ import pandas as pd
 import pytest
 
 import mcnav
-from mcnav.campaign.file import Campaign, parse_campaign, read_campaign
-from mcnav.campaign.folder import RunFolder
-from mcnav.campaign.origin import commit
-from mcnav.campaign.problems import RunFolderBusy, RunFolderError
-from mcnav.judging import report_run, summary_of
+from mcnav.config.read import Campaign, parse_campaign, read_campaign
+from mcnav.errors import RunFolderBusy, RunFolderError
 from mcnav.progress import Phase
-from mcnav.study import run_campaign
+from mcnav.store.provenance import commit
+from mcnav.store.run_folder import RunFolder
+from mcnav.workflow.analyse import report_run, summary_of
+from mcnav.workflow.run import run_campaign
 from tests.conftest import Told, campaign, content
 
 pytestmark = pytest.mark.usefixtures("undrawn")
@@ -225,7 +225,7 @@ def test_a_folder_of_someone_elses_is_left_alone(tmp_path: Path) -> None:
 
 
 def test_a_folder_in_use_is_respected(tmp_path: Path) -> None:
-    with RunFolder(tmp_path).held(), pytest.raises(RunFolderBusy, match="another mcnav is writing here"):
+    with RunFolder(tmp_path).lock(), pytest.raises(RunFolderBusy, match="another mcnav is writing here"):
         run_campaign(campaign(1), tmp_path, "ensemble", 1)
 
 

@@ -11,14 +11,14 @@ import pytest
 from typer.testing import CliRunner
 
 import mcnav
-from mcnav.campaign.file import read_campaign
-from mcnav.campaign.problems import CampaignError
 from mcnav.cli import app
-from mcnav.judging import report_run
-from mcnav.linear.soundness import LARGEST
-from mcnav.scenarios.differences import differentiated
-from mcnav.scenarios.protocol import Outcomes
-from mcnav.study import run_campaign
+from mcnav.config.read import read_campaign
+from mcnav.errors import CampaignError
+from mcnav.scenarios.finite_differences import differentiate
+from mcnav.scenarios.protocol import SimulationResult
+from mcnav.scenarios.soundness import LARGEST
+from mcnav.workflow.analyse import report_run
+from mcnav.workflow.run import run_campaign
 from tests.conftest import ROOT
 
 pytestmark = pytest.mark.usefixtures("undrawn")
@@ -260,12 +260,12 @@ def test_noise_that_passes_is_harmless(share: float) -> None:
     passed = 0
     for trial in range(50):
 
-        def fly(errors: np.ndarray, trial: int = trial) -> Outcomes:
+        def fly(errors: np.ndarray, trial: int = trial) -> SimulationResult:
             seeds = ([abs(hash((float(row[0]), float(row[1])))), trial] for row in errors)
             noise = np.array([np.random.default_rng(seed).standard_normal(2) for seed in seeds])
-            return Outcomes(errors @ partials.T + share * sigmas * noise)
+            return SimulationResult(errors @ partials.T + share * sigmas * noise)
 
-        found = differentiated(fly, np.ones(2))
+        found = differentiate(fly, np.ones(2))
         if found.disagreement(np.ones(2, dtype=bool)).max() <= LARGEST:
             passed += 1
             off = np.sqrt((found.model.partials**2).sum(axis=1)) / sigmas - 1.0

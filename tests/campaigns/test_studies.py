@@ -9,11 +9,11 @@ import pytest
 
 from mcnav.analysis.comparison import Criterion, Model
 from mcnav.analysis.linearity import alone, together
-from mcnav.campaign.problems import CampaignError
-from mcnav.linear.partials import Propagate
-from mcnav.scenarios.protocol import LinearModel, Outcomes
-from mcnav.sweeps.linearity import linearity_study
-from mcnav.sweeps.start_times import check_start_time, checked_times, start_time_study
+from mcnav.errors import CampaignError
+from mcnav.lincov.partials import Propagate
+from mcnav.scenarios.protocol import LinearModel, SimulationResult
+from mcnav.studies.linearity import linearity_study
+from mcnav.studies.start_times import check_start_time, checked_times, start_time_study
 from tests.conftest import campaign
 
 QUADRATIC = 0.01
@@ -21,8 +21,8 @@ QUADRATIC = 0.01
 
 
 def _quadratic(multiple: float) -> Propagate:
-    def propagate(errors: np.ndarray) -> Outcomes:
-        return Outcomes(errors + QUADRATIC * errors**2)
+    def propagate(errors: np.ndarray) -> SimulationResult:
+        return SimulationResult(errors + QUADRATIC * errors**2)
 
     return propagate
 
@@ -58,7 +58,7 @@ def test_range_of_dispersion_of_a_known_system() -> None:
 
 def test_flights_that_fail_end_the_range() -> None:
     def failing(multiple: float) -> Propagate:
-        return lambda errors: Outcomes(np.where(np.abs(errors) > 7.0, np.nan, errors))
+        return lambda errors: SimulationResult(np.where(np.abs(errors) > 7.0, np.nan, errors))
 
     found = alone(failing, LinearModel(np.eye(1), np.zeros(1)), np.ones((1, 1)), 0.05, 100.0)
     assert found.multiples[0, 0] == pytest.approx(7.0, rel=1e-5)

@@ -15,17 +15,17 @@ import pytest
 
 from mcnav.analysis.comparison import Criterion, Model, compare
 from mcnav.analysis.convergence import convergence
-from mcnav.analysis.excluded import excluded
-from mcnav.analysis.summed import compare_sums, frame_of
-from mcnav.campaign import reduced as store
-from mcnav.campaign.file import parse_campaign
-from mcnav.campaign.folder import RunFolder
-from mcnav.campaign.manifest import fault_in
-from mcnav.campaign.problems import CampaignError, RunFolderError
-from mcnav.judging import summary_of
-from mcnav.linear.reducing import reduced
-from mcnav.linear.reduction import columns_of
-from mcnav.study import run_campaign
+from mcnav.analysis.failed_samples import failure_bias
+from mcnav.analysis.summed import compare_sums, normalization_of
+from mcnav.config.read import parse_campaign
+from mcnav.errors import CampaignError, RunFolderError
+from mcnav.lincov.block_sums import column_count
+from mcnav.lincov.sample_reduction import reduce_samples
+from mcnav.store import summaries as store
+from mcnav.store.manifest import find_fault
+from mcnav.store.run_folder import RunFolder
+from mcnav.workflow.analyse import summary_of
+from mcnav.workflow.run import run_campaign
 from tests.conftest import campaign, content
 
 pytestmark = pytest.mark.usefixtures("undrawn")
@@ -36,7 +36,11 @@ SAMPLES, KEPT, CHUNK = 60_000, 10_000, 1 << 14
 @pytest.fixture(autouse=True)
 def _small() -> Any:
     """Chunks and kept samples small enough for several of them."""
-    with patch.object(store, "CHUNK", CHUNK), patch("mcnav.campaign.work.KEPT", KEPT), patch("mcnav.study.KEPT", KEPT):
+    with (
+        patch.object(store, "CHUNK", CHUNK),
+        patch("mcnav.execution.chunks.KEPT", KEPT),
+        patch("mcnav.workflow.run.KEPT", KEPT),
+    ):
         yield
 
 
@@ -63,7 +67,7 @@ def test_the_same_answers_as_from_samples(tmp_path: Path) -> None:
         values = [np.array(each[key], dtype=float) for each in (summed, whole)]
         scale = np.nanmax(np.abs(values[1]))
         np.testing.assert_allclose(values[0], values[1], rtol=1e-7, atol=1e-9 * scale, err_msg=key)
-    blocks = SAMPLES / frame_of(_model(), SAMPLES, 1).block
+    blocks = SAMPLES / normalization_of(_model(), SAMPLES, 1).block
     for key in ("bias_standard_error", "nees_standard_error", "nees_paired_standard_error", "skewness_standard_error"):
         ratio = np.array(summed[key]) / np.array(whole[key])
         assert np.all(np.abs(ratio - 1.0) < 5.0 / np.sqrt(2.0 * blocks)), key
@@ -120,8 +124,8 @@ def test_failures_are_counted_by_reason(tmp_path: Path) -> None:
     errors = np.random.default_rng(3).standard_normal((1_000, 2))
     outcomes = errors @ model.partials.T
     outcomes[[5, 700]] = np.nan
-    frame = frame_of(model, 1_000, 1)
-    found = reduced(frame, 0, errors, outcomes)
+    frame = normalization_of(model, 1_000, 1)
+    found = reduce_samples(frame, 0, errors, outcomes)
     assert found.blocks[:, 0].sum() == 998
     kept = compare(model, errors, outcomes, np.arange(1_000), Criterion())
     summed = compare_sums(model, frame, found, 1_000, kept, Criterion(), 100, True, True)
@@ -143,10 +147,10 @@ def test_what_failed_samples_hide_is_told_from_sums() -> None:
     errors = np.random.default_rng(4).standard_normal((1_000, 2))
     outcomes = errors @ model.partials.T
     outcomes[errors[:, 0] > 1.5] = np.nan
-    found = reduced(frame_of(model, 1_000, 1), 0, errors, outcomes)
+    found = reduce_samples(normalization_of(model, 1_000, 1), 0, errors, outcomes)
     kept = compare(model, errors, outcomes, np.arange(1_000), Criterion())
-    summed = compare_sums(model, frame_of(model, 1_000, 1), found, 1_000, kept, Criterion(), 100, True, True)
-    known = excluded(model, errors, np.isfinite(outcomes).all(axis=1))
+    summed = compare_sums(model, normalization_of(model, 1_000, 1), found, 1_000, kept, Criterion(), 100, True, True)
+    known = failure_bias(model, errors, np.isfinite(outcomes).all(axis=1))
     assert known is not None
     assert summed.left_out is not None
     assert summed.left_out.samples == known.samples
@@ -155,7 +159,7 @@ def test_what_failed_samples_hide_is_told_from_sums() -> None:
 
 def test_reasons_are_bounded() -> None:
     """Those that differ in their numbers are told as one, and whatever is still too much as the rest."""
-    found = reduced(frame_of(_model(), 10_000, 1), 0, np.zeros((10, 2)), np.zeros((10, 2)))
+    found = reduce_samples(normalization_of(_model(), 10_000, 1), 0, np.zeros((10, 2)), np.zeros((10, 2)))
     many = {index: f"failed: fell to {index} km" for index in range(2_000)}
     assert store.Summary.of(found, 2_000, many).failures == {
         "failed: fell to … km": store.Failure(2_000, tuple(range(store.FIRST)))
@@ -171,8 +175,8 @@ def test_with_equal_blocks_everything_agrees_with_the_samples() -> None:
     model, generator = _model(), np.random.default_rng(5)
     errors = generator.standard_normal((1_000, 2))
     outcomes = errors @ model.partials.T + 0.2 * errors**2
-    frame = replace(frame_of(model, 1_000, 1), block=1)
-    found = reduced(frame, 0, errors, outcomes)
+    frame = replace(normalization_of(model, 1_000, 1), block=1)
+    found = reduce_samples(frame, 0, errors, outcomes)
     kept = compare(model, errors, outcomes, np.arange(1_000), Criterion())
     summed = compare_sums(model, frame, found, 1_000, kept, Criterion(), 100, True, True)
     assert kept.joint is not None
@@ -208,8 +212,8 @@ def _model() -> Model:
 
 
 def test_a_block_has_as_many_sums_as_are_counted() -> None:
-    found = reduced(frame_of(_model(), 10_000, 1), 0, np.zeros((10, 2)), np.zeros((10, 2)))
-    assert found.blocks.shape == (3, columns_of(2))
+    found = reduce_samples(normalization_of(_model(), 10_000, 1), 0, np.zeros((10, 2)), np.zeros((10, 2)))
+    assert found.blocks.shape == (3, column_count(2))
 
 
 def test_more_samples_than_can_be_stored_need_a_summary() -> None:
@@ -249,5 +253,5 @@ def test_a_manifest_of_as_many_samples_as_a_campaign_may_have(tmp_path: Path) ->
     manifest = RunFolder(tmp_path / "run").manifest()
     assert manifest is not None
     last = manifest["parts"][-1] | {"end": 10**12}
-    assert fault_in(manifest | {"samples": 10**12, "parts": [*manifest["parts"][:-1], last]}) is None
-    assert fault_in(manifest | {"samples": 10**12}) is not None
+    assert find_fault(manifest | {"samples": 10**12, "parts": [*manifest["parts"][:-1], last]}) is None
+    assert find_fault(manifest | {"samples": 10**12}) is not None

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mcnav.linear.covariance import propagated_covariance
-from mcnav.physics.ensemble import fly_ensemble
-from mcnav.physics.refinement import refined_grid
+from mcnav.lincov.covariance import propagated_covariance
+from mcnav.physics.reentry.ensemble.kernel import simulate_ensemble
+from mcnav.physics.reentry.ensemble.refinement import refined_grid
 from mcnav.scenarios.reentry import Reentry
-from mcnav.scenarios.tn_d1772 import ERRORS
+from mcnav.scenarios.table_i import ERRORS
 from tests.conftest import reentry
 
 Draw = Callable[[int, float], np.ndarray]
@@ -21,13 +21,13 @@ COUNT = 200
 
 def _difference(scenario: Reentry, errors: np.ndarray, multiple: float) -> np.ndarray:
     """Largest difference of the engines in each output, as a share of its linear sigma."""
-    fast = scenario.prepared("ensemble", errors[:64]).propagate(errors)
-    slow = scenario.prepared("reference", errors[:64]).propagate(errors)
+    fast = scenario.engine("ensemble", errors[:64]).propagate(errors)
+    slow = scenario.engine("reference", errors[:64]).propagate(errors)
     assert not fast.failures
     assert not slow.failures
-    assert fast.handed_over == 0
+    assert fast.fallback_count == 0
     start_covariance = np.diag((ERRORS * multiple) ** 2)
-    sigma = np.sqrt(np.diag(propagated_covariance(scenario.linearised().partials, start_covariance)))
+    sigma = np.sqrt(np.diag(propagated_covariance(scenario.linear_model().partials, start_covariance)))
     return np.asarray(np.abs(fast.values - slow.values).max(axis=0) / sigma)
 
 
@@ -53,13 +53,13 @@ def test_wild_samples_are_right_or_handed_over(number: int, multiple: float, dra
     navigation = scenario.navigation
     errors = draws(400, multiple)
     refined = refined_grid(navigation.trajectory, navigation.start, navigation.theta_axes, errors[:64])
-    values, valid = fly_ensemble(refined.grid, errors)
+    values, valid = simulate_ensemble(refined.grid, errors)
     kept = np.flatnonzero(valid)[:20]
-    found = navigation.by_reference(errors, kept)
+    found = navigation.simulate_reference(errors, kept)
     flown, failures = found.values, found.failures
     assert len(kept) > 0
     assert not failures
-    linear = propagated_covariance(scenario.linearised().partials, np.diag((ERRORS * multiple) ** 2))
+    linear = propagated_covariance(scenario.linear_model().partials, np.diag((ERRORS * multiple) ** 2))
     differences = np.abs([values[row] - flown[row] for row in flown]).max(axis=0)
     assert (differences / np.sqrt(np.diag(linear))).max() < 1e-5
 
@@ -85,13 +85,13 @@ def test_accelerometers_off_deep_in_the_atmosphere(draws: Draw) -> None:
     On trajectory 1: the truth of trajectory 4 turns rounding into metres, which shows once the navigator has lost it.
     """
     scenario = reentry(1, accelerometers_off_above=60_000.0)
-    assert np.abs(scenario.linearised().nominal).max() > 10_000.0
+    assert np.abs(scenario.linear_model().nominal).max() > 10_000.0
     assert _difference(scenario, draws(20, 1.0), 1.0).max() < 1e-5
 
 
 def test_a_perfect_system_has_no_error(scenario: Reentry) -> None:
     """Exactly none on the ensemble path; under 1e-6 km and 1e-6 m/s on the reference path."""
     nothing = np.zeros((1, 10))
-    assert np.all(scenario.prepared("ensemble", nothing).propagate(nothing).values == 0.0)
-    left = np.abs(scenario.prepared("reference", nothing).propagate(nothing).values)
+    assert np.all(scenario.engine("ensemble", nothing).propagate(nothing).values == 0.0)
+    left = np.abs(scenario.engine("reference", nothing).propagate(nothing).values)
     assert np.all(left < [1e-3, 1e-3, 1e-6, 1e-6])

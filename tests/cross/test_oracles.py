@@ -9,10 +9,10 @@ from filterpy.stats import NEES
 from scipy import optimize, stats
 
 from mcnav.analysis.comparison import Criterion, Model, compare
-from mcnav.linear.covariance import propagated_covariance
-from mcnav.linear.unscented import unscented
+from mcnav.lincov.covariance import propagated_covariance
+from mcnav.lincov.unscented import unscented_covariance
 from mcnav.sampling.distributions import Distribution, Normal, StudentT, Triangular, TruncatedNormal, Uniform
-from mcnav.scenarios.protocol import Outcomes
+from mcnav.scenarios.protocol import SimulationResult
 from mcnav.statistics.estimates import blocked_mean
 from tests.conftest import campaign, reentry
 
@@ -39,8 +39,8 @@ def test_distributions_against_scipy(ours: Distribution, theirs: stats.rv_contin
 def test_nees_against_filterpy() -> None:
     run = campaign(1, 3.0)
     errors = run.errors.draw("random", 1, 400, 0, 400)
-    outcomes = run.scenario.prepared("ensemble", errors[:64]).propagate(errors).values
-    linear = run.scenario.linearised()
+    outcomes = run.scenario.engine("ensemble", errors[:64]).propagate(errors).values
+    linear = run.scenario.linear_model()
     model = Model(linear.partials, linear.nominal, run.errors.mean, run.errors.covariance)
     found = compare(model, errors, outcomes, np.arange(400), Criterion()).ellipsoid
     assert found is not None
@@ -57,13 +57,13 @@ def test_covariance_against_openturns() -> None:
     run = campaign(4, correlations=[{"between": ["altitude", "altitude_rate"], "coefficient": -0.6}])
     scenario = reentry(4)
     sigma = run.errors.standard_deviations
-    partials = scenario.linearised().partials * sigma  # per sigma: OpenTURNS wants a correlation of order one
+    partials = scenario.linear_model().partials * sigma  # per sigma: OpenTURNS wants a correlation of order one
     correlation = run.errors.covariance / np.outer(sigma, sigma)
     function = ot.LinearFunction([0.0] * 10, [0.0] * 4, ot.Matrix(partials.tolist()))
     distribution = ot.Normal([0.0] * 10, [1.0] * 10, ot.CorrelationMatrix(correlation.tolist()))
     expansion = ot.TaylorExpansionMoments(ot.CompositeRandomVector(function, ot.RandomVector(distribution)))
     expected = np.array(expansion.getCovariance())
-    ours = propagated_covariance(scenario.linearised().partials, run.errors.covariance)
+    ours = propagated_covariance(scenario.linear_model().partials, run.errors.covariance)
     np.testing.assert_allclose(ours, expected, rtol=1e-9)
 
 
@@ -74,10 +74,12 @@ def test_unscented_transform_is_exact_for_a_quadratic() -> None:
     covariance = np.diag(sigma**2)
     covariance[0, 1] = covariance[1, 0] = correlation * sigma[0] * sigma[1]
 
-    def propagate(errors: np.ndarray) -> Outcomes:
-        return Outcomes(np.column_stack([errors[:, 0] + 0.1 * errors[:, 0] ** 2, errors[:, 1] - errors[:, 0] * 0.5]))
+    def propagate(errors: np.ndarray) -> SimulationResult:
+        return SimulationResult(
+            np.column_stack([errors[:, 0] + 0.1 * errors[:, 0] ** 2, errors[:, 1] - errors[:, 0] * 0.5])
+        )
 
-    mean, found = unscented(propagate, np.zeros(3), covariance)
+    mean, found = unscented_covariance(propagate, np.zeros(3), covariance)
     np.testing.assert_allclose(mean, [0.1 * 4.0, 0.0], atol=1e-12)
     assert found[1, 1] == pytest.approx(0.25 + 0.25 * 4.0 - correlation * 2.0 * 0.5, rel=1e-12)
 

@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 from mcnav.constants import EARTH_RADIUS
-from mcnav.linear.partials import (
+from mcnav.lincov.partials import (
     partials_at_later_starts,
     partials_by_differences,
     partials_by_independent_sets,
     partials_from_runs,
 )
-from mcnav.physics.adjoint import sweep
-from mcnav.physics.linearized import linearise
+from mcnav.physics.reentry.adjoint import sweep
+from mcnav.physics.reentry.linearized import linearize
 from mcnav.scenarios.reentry import Reentry
-from mcnav.scenarios.tn_d1772 import ERRORS
+from mcnav.scenarios.table_i import ERRORS
 from tests.conftest import reentry
 
 AGREEMENT = 1e-5
@@ -31,8 +31,8 @@ to a thousandfold by a skip."""
 
 def _differences(scenario: Reentry) -> dict[str, float]:
     probes = np.diag(ERRORS)
-    variational = scenario.linearised().partials
-    fast, slow = (scenario.prepared(engine, probes).propagate for engine in ("ensemble", "reference"))
+    variational = scenario.linear_model().partials
+    fast, slow = (scenario.engine(engine, probes).propagate for engine in ("ensemble", "reference"))
     others = {
         "differences": partials_by_differences(fast, ERRORS),
         "runs on the ensemble engine": partials_by_independent_sets(fast, ERRORS),
@@ -77,15 +77,15 @@ def test_partials_from_runs_refuses_too_few_runs() -> None:
 
 def test_axes_do_not_matter_without_accelerometer_errors() -> None:
     """Biases and scale factors live in the axes; everything else is the same physics in any axes."""
-    here, there = (reentry(4, start=-214.8, axes=axes).linearised().partials for axes in ("start", "trajectory"))
+    here, there = (reentry(4, start=-214.8, axes=axes).linear_model().partials for axes in ("start", "trajectory"))
     np.testing.assert_allclose(here[:, :6] * ERRORS[:6], there[:, :6] * ERRORS[:6], rtol=1e-7, atol=1e-6)
     assert np.abs((here - there)[:, 6:] * ERRORS[6:]).max() > 100.0
 
 
 def test_partials_over_time(scenario: Reentry) -> None:
     """From the start errors themselves to the final partials; in between against the histories of single runs."""
-    trajectory, known = scenario.trajectory, scenario.development(21)
-    np.testing.assert_allclose(known.partials[-1], scenario.linearised().partials, rtol=1e-8, atol=1e-6)
+    trajectory, known = scenario.trajectory, scenario.partials_history(21)
+    np.testing.assert_allclose(known.partials[-1], scenario.linear_model().partials, rtol=1e-8, atol=1e-6)
     at_start = np.diag([1.0, EARTH_RADIUS / trajectory.state(0.0)[0]] * 2)
     np.testing.assert_allclose(known.partials[0], np.hstack([at_start, np.zeros((4, 6))]), atol=1e-12)
     assert known.label == "time from reentry [min]"
@@ -106,7 +106,7 @@ def test_one_adjoint_sweep_gives_every_start_time(scenario: Reentry, axes: str) 
     adjoint = sweep(trajectory, first)
     for start in np.linspace(0.0, 0.999 * trajectory.final_time, 50):
         theta_axes = float(trajectory.state(start)[1]) if axes == "start" else first
-        fresh, _ = linearise(trajectory, start, theta_axes)
+        fresh, _ = linearize(trajectory, start, theta_axes)
         largest = np.abs(fresh * ERRORS).max(axis=1, keepdims=True)
         assert (np.abs(adjoint.partials(start, axes) - fresh) * ERRORS / largest).max() < SAME_EQUATIONS
 

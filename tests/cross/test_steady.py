@@ -9,17 +9,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mcnav.linear.partials import partials_throughout
-from mcnav.physics.instruments import indicated_force, measured_force
-from mcnav.physics.schuler import schuler_period
-from mcnav.physics.steady import Earth, Error, SteadyFlight
-from mcnav.physics.steady_ensemble import fly_ensemble, fly_histories
-from mcnav.physics.steady_linear import linearise
-from mcnav.physics.steady_navigator import Diverged, fly_indicated, indicated_rates
-from mcnav.physics.truth import motion
-from mcnav.reproduce.story_of_84_minutes import CROSS, RANGE, measured_period
-from mcnav.scenarios.cruise import SOURCES, Cruise
-from mcnav.scenarios.protocol import Followed
+from mcnav.lincov.partials import partials_throughout
+from mcnav.physics.reentry.instruments import indicated_force, measured_force
+from mcnav.physics.reentry.truth import motion
+from mcnav.physics.steady.ensemble import simulate_ensemble, simulate_histories
+from mcnav.physics.steady.linearized import linearize
+from mcnav.physics.steady.navigator import Diverged, indicated_rates, simulate_indicated
+from mcnav.physics.steady.truth import Earth, Error, SteadyFlight
+from mcnav.reproduce.story_of_84_minutes.numbers import CROSS, RANGE, measured_period
+from mcnav.reproduce.story_of_84_minutes.schuler import schuler_period
+from mcnav.scenarios.protocol import TimeHistoryEngine
+from mcnav.scenarios.steady import SOURCES, Cruise
 
 SIZES = np.array([source.nominal for source in SOURCES])
 SPEED = 804.672
@@ -46,7 +46,8 @@ def _draws(count: int, multiple: float) -> np.ndarray:
 @settings(max_examples=50)
 @given(st.integers(0, 10_000), st.floats(0.0, 10_000.0))
 def test_in_the_plane_it_is_the_navigator_of_the_report(seed: int, time: float) -> None:
-    """NASA TN D-1772, eqs. (5)-(9), as `mcnav.physics.instruments` and `mcnav.physics.truth` have them, to rounding."""
+    """NASA TN D-1772, eqs. (5)-(9), as `mcnav.physics.reentry.instruments` and `mcnav.physics.reentry.truth` have them,
+    to rounding."""
     random = np.random.default_rng(seed)
     flight = SteadyFlight(10e3, SPEED, 1.0, slaved=False)
     whole = np.zeros(len(SIZES))
@@ -71,23 +72,23 @@ def test_in_the_plane_it_is_the_navigator_of_the_report(seed: int, time: float) 
 def test_engines_agree(flight: SteadyFlight, multiple: float) -> None:
     """To what the fourth-order scheme leaves at 4000 steps: 1e-10, and the reference's 1e-12 of an earth's radius."""
     errors = _draws(6, multiple * (1.0 if flight.slaved else 0.1))
-    reference = np.array([fly_indicated(flight, row) for row in errors])
-    values, valid = fly_ensemble(flight, errors, 4_000)
+    reference = np.array([simulate_indicated(flight, row) for row in errors])
+    values, valid = simulate_ensemble(flight, errors, 4_000)
     assert valid.all()
     rounding = np.array([1e-5, 1e-5, 1e-5, 1e-8, 1e-8, 1e-8]) * (30.0 if not flight.slaved else 1.0)
     assert np.all(np.abs(values - reference) < 1e-7 * np.abs(reference).max(axis=0) + rounding)
 
 
 def test_no_errors_are_exactly_none(flight: SteadyFlight) -> None:
-    values, _ = fly_ensemble(flight, np.zeros((2, len(SIZES))), 100)
+    values, _ = simulate_ensemble(flight, np.zeros((2, len(SIZES))), 100)
     assert not values.any()
 
 
 def test_flights_at_small_errors_are_the_linear_ones(flight: SteadyFlight) -> None:
     """Odd part of flights at a thousandth of the usual sizes: what bends is of third order, 1e-9; asked for, 1e-6."""
     steps = np.diag(SIZES) * 1e-3
-    flown = 0.5 * (fly_ensemble(flight, steps, 4_000)[0] - fly_ensemble(flight, -steps, 4_000)[0]).T
-    expected = linearise(flight, np.array([flight.duration]))[0] * SIZES * 1e-3
+    flown = 0.5 * (simulate_ensemble(flight, steps, 4_000)[0] - simulate_ensemble(flight, -steps, 4_000)[0]).T
+    expected = linearize(flight, np.array([flight.duration]))[0] * SIZES * 1e-3
     largest = np.abs(expected).max(axis=1, keepdims=True)
     assert np.all(np.abs(flown - expected) <= 1e-6 * largest)
 
@@ -119,7 +120,7 @@ def _forces(flight: SteadyFlight, source: Error, time: float) -> tuple[float, fl
 def test_the_exact_linear_solution(name: str) -> None:
     """Two oscillators, w^2 = g_eff / r along and g / r across, driven by known forces: Duhamel's integral."""
     flight = FLIGHTS[name]
-    found = linearise(flight, np.array([flight.duration]))[0]
+    found = linearize(flight, np.array([flight.duration]))[0]
     rates = np.sqrt([flight.effective_gravity / flight.radius, flight.gravity / flight.radius])
     share = flight.earth.radius / flight.radius
     abscissae, weights = np.polynomial.legendre.leggauss(100)  # exact to rounding for a few swings
@@ -161,7 +162,7 @@ def test_a_launch_in_a_wrong_direction_is_the_flight_turned(azimuth: float, angl
     flight = replace(flight, duration=angle / flight.rate)
     errors = np.zeros((1, len(SIZES)))
     errors[0, Error.AZIMUTH_MISALIGNMENT] = azimuth
-    values, _ = fly_ensemble(flight, errors, 2_000)
+    values, _ = simulate_ensemble(flight, errors, 2_000)
     cross = values[0, CROSS] / flight.earth.radius
     assert np.sin(cross) == pytest.approx(np.sin(azimuth) * np.sin(angle), abs=1e-9)
 
@@ -173,7 +174,7 @@ def test_a_start_elsewhere_with_the_platform_to_match_is_the_flight_shifted(shif
     flight = SteadyFlight(0.0, SPEED, 6_000.0)
     errors = np.zeros((1, len(SIZES)))
     errors[0, Error.RANGE], errors[0, Error.MISALIGNMENT] = shift * flight.radius, -shift
-    values, _ = fly_ensemble(flight, errors, 1_000)
+    values, _ = simulate_ensemble(flight, errors, 1_000)
     np.testing.assert_allclose(values[0], [0.0, shift * flight.radius, 0.0, 0.0, 0.0, 0.0], atol=1e-5)
 
 
@@ -182,17 +183,17 @@ def test_a_navigator_that_falls_is_a_failure_with_its_reason() -> None:
     errors = np.zeros(len(SIZES))
     errors[Error.BIAS_Z] = 0.01
     with pytest.raises(Diverged, match="came near the earth's centre at"):
-        fly_indicated(flight, errors)
+        simulate_indicated(flight, errors)
     scenario = Cruise(flight)
-    outcomes = scenario.prepared("ensemble", errors[None, :]).propagate(errors[None, :])
-    assert outcomes.handed_over == 1
+    outcomes = scenario.engine("ensemble", errors[None, :]).propagate(errors[None, :])
+    assert outcomes.fallback_count == 1
     assert np.isnan(outcomes.values).all()
 
 
 def test_development_ends_with_the_partials() -> None:
     scenario = Cruise(FLIGHTS["cruise, level platform"])
-    known = scenario.development(7)
-    np.testing.assert_allclose(known.partials[-1], scenario.linearised().partials, rtol=1e-8, atol=1e-6)
+    known = scenario.partials_history(7)
+    np.testing.assert_allclose(known.partials[-1], scenario.linear_model().partials, rtol=1e-8, atol=1e-6)
     assert known.times[-1] == pytest.approx(10_120.0 / 60.0)
 
 
@@ -200,14 +201,14 @@ def test_histories_are_shorter_flights(flight: SteadyFlight) -> None:
     """At each stop what the flight that ends there gives with the same steps, and at the last one its very bits."""
     errors = _draws(40, 1.0)
     stops = np.array([0, 30, 101, 240])
-    histories, valid = fly_histories(flight, errors, 240, stops)
-    final, _ = fly_ensemble(flight, errors, 240)
+    histories, valid = simulate_histories(flight, errors, 240, stops)
+    final, _ = simulate_ensemble(flight, errors, 240)
     assert valid.all()
     np.testing.assert_array_equal(histories[:, -1], final)
     scale = np.abs(histories).max(axis=(0, 1))
     for number, stop in enumerate(stops[1:-1], start=1):
         shorter = replace(flight, duration=flight.duration * stop / 240)
-        expected, _ = fly_ensemble(shorter, errors, int(stop))
+        expected, _ = simulate_ensemble(shorter, errors, int(stop))
         assert np.all(np.abs(histories[:, number] - expected) <= 1e-9 * scale + 1e-12)
 
 
@@ -215,8 +216,8 @@ def test_linear_sigmas_of_a_steady_flight_throughout() -> None:
     """Central differences of histories against the equations of variation, in both kinds of axes."""
     scenario = Cruise(FLIGHTS["cruise, level platform"])
     sizes = np.array([source.nominal for source in scenario.sources])
-    engine = scenario.prepared("ensemble", np.diag(sizes))
-    assert isinstance(engine, Followed)
+    engine = scenario.engine("ensemble", np.diag(sizes))
+    assert isinstance(engine, TimeHistoryEngine)
     partials, nominal = partials_throughout(engine, sizes)
     np.testing.assert_array_equal(nominal, 0.0)
     steps = len(engine.epochs.times)

@@ -24,11 +24,11 @@ if "--atheris" in sys.argv:  # what reads files is watched; compiled code must b
     left_out = [*compiled, package / "physics" / "jit.py"]
     names = [".".join(path.relative_to(package.parent).with_suffix("").parts) for path in left_out]
     with atheris.instrument_imports(include=["mcnav", "tomllib", "pint"], exclude=names):
-        import_module("mcnav.study")
+        import_module("mcnav.workflow.run")
 
-from mcnav.campaign.file import read_campaign
-from mcnav.campaign.problems import CampaignError, RunFolderError
-from mcnav.study import run_campaign
+from mcnav.config.read import read_campaign
+from mcnav.errors import CampaignError, RunFolderError
+from mcnav.workflow.run import run_campaign
 from tests.conftest import ROOT
 
 LONGEST = 10.0

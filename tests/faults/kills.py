@@ -21,8 +21,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from mcnav.campaign.file import read_campaign
-from mcnav.study import run_campaign
+from mcnav.config.read import read_campaign
+from mcnav.workflow.run import run_campaign
 from tests.conftest import ROOT
 from tests.processes import LONG
 

@@ -9,13 +9,13 @@ import textwrap
 from pathlib import Path
 
 from mcnav.analysis.comparison import Model
-from mcnav.analysis.summed import frame_of
-from mcnav.campaign.file import Campaign
-from mcnav.campaign.folder import RunFolder
-from mcnav.campaign.parts import Layout
-from mcnav.campaign.work import Draws, Work
-from mcnav.linear.map_engine import prepared_by
+from mcnav.analysis.summed import normalization_of
+from mcnav.config.read import Campaign
+from mcnav.execution.chunks import ChunkJob, DrawPlan
+from mcnav.lincov.polynomial_engine import prepare_engine
 from mcnav.sampling.designs import block_length
+from mcnav.store.parts import SampleSchema
+from mcnav.store.run_folder import RunFolder
 from tests.conftest import ROOT
 from tests.processes import run_to_end
 
@@ -63,18 +63,20 @@ def written(folder: Path, body: str, code: str = SINGLE, samples: int = 100, mor
     return path
 
 
-def work_of(run: Campaign, folder: Path, engine: str | None = None) -> Work:
+def work_of(run: Campaign, folder: Path, engine: str | None = None) -> ChunkJob:
     """What a run of a campaign sends to its workers, without the flights on the side."""
     errors, scenario = run.errors, run.scenario
     probes = errors.draw(run.design, run.seed, run.samples, 0, min(64, run.samples))
-    prepared = prepared_by(scenario, engine or scenario.engines[0], probes, errors.mean, errors.standard_deviations)
-    linear = scenario.linearised()
+    prepared = prepare_engine(scenario, engine or scenario.engines[0], probes, errors.mean, errors.standard_deviations)
+    linear = scenario.linear_model()
     model = Model(linear.partials, linear.nominal, errors.mean, errors.covariance)
-    frame = frame_of(model, run.samples, block_length(run.design, run.samples)) if run.store == "summary" else None
+    frame = (
+        normalization_of(model, run.samples, block_length(run.design, run.samples)) if run.store == "summary" else None
+    )
     (folder / "samples").mkdir(parents=True)
-    layout = Layout.of(scenario.sources, scenario.outputs)
-    draws = Draws(errors, run.design, run.seed, run.samples)
-    return Work(draws, prepared, RunFolder(folder), "0" * 64, layout, run.sample_timeout, frame)
+    layout = SampleSchema.of(scenario.sources, scenario.outputs)
+    draws = DrawPlan(errors, run.design, run.seed, run.samples)
+    return ChunkJob(draws, prepared, RunFolder(folder), "0" * 64, layout, run.sample_timeout, frame)
 
 
 def environment() -> dict[str, str]:

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from mcnav.campaign.problems import MOST_NAMES, suggestion
 from mcnav.cli import app
+from mcnav.errors import MOST_NAMES, suggestion
 from tests.conftest import ROOT
 
 pytestmark = pytest.mark.usefixtures("undrawn")

@@ -17,15 +17,15 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner, Result
 
-from mcnav.campaign import cluster as clusters
-from mcnav.campaign.cluster import Cluster, opened
-from mcnav.campaign.file import read_campaign
-from mcnav.campaign.folder import RunFolder
-from mcnav.campaign.problems import ClusterError, RunFolderError, TooManyFailures
-from mcnav.campaign.runner import fly
-from mcnav.campaign.work import Work
 from mcnav.cli import app
-from mcnav.study import run_campaign
+from mcnav.config.read import read_campaign
+from mcnav.errors import ClusterError, RunFolderError, TooManyFailures
+from mcnav.execution import dask_cluster as clusters
+from mcnav.execution.chunks import ChunkJob
+from mcnav.execution.dask_cluster import Cluster, connect
+from mcnav.execution.runner import run_chunks
+from mcnav.store.run_folder import RunFolder
+from mcnav.workflow.run import run_campaign
 from tests.conftest import ROOT, campaign
 from tests.faults.kills import digests, left_of
 from tests.faults.scenarios import VECTORISED, command, environment, work_of, written
@@ -39,7 +39,7 @@ POISON = ("os._exit(9)", "time.sleep(60)")
 
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[Cluster]:
-    with opened(None, 2) as (made, notices):
+    with connect(None, 2) as (made, notices):
         assert made.threads == 2
         assert notices == []
         yield made
@@ -93,11 +93,11 @@ def test_same_bits(engine: str, store: str, cluster: Cluster, tmp_path: Path) ->
     work = work_of(run, tmp_path / "here", engine)
     there = replace(work, folder=RunFolder(tmp_path / "there"))
     there.folder.parts.mkdir(parents=True)
-    _, flown = fly(work, 1, quiet)
-    parts, flown_there = fly(there, 2, quiet, elsewhere=cluster.fly)
+    _, flown = run_chunks(work, 1, quiet)
+    parts, flown_there = run_chunks(there, 2, quiet, elsewhere=cluster.fly)
     assert flown == flown_there == sum(part.end - part.begin for part in parts) == run.samples
     assert digests(tmp_path / "here") == digests(tmp_path / "there")
-    assert fly(there, 2, quiet, elsewhere=cluster.fly)[1] == 0
+    assert run_chunks(there, 2, quiet, elsewhere=cluster.fly)[1] == 0
 
 
 def test_a_whole_run(cluster: Cluster, tmp_path: Path) -> None:
@@ -122,7 +122,7 @@ def test_a_killed_worker(together: int, cluster: Cluster, tmp_path: Path, monkey
     work = work_of(read_campaign(written(tmp_path, "time.sleep(0.05)", code, samples=300)), tmp_path / "here")
     there = replace(work, folder=RunFolder(tmp_path / "there"))
     there.folder.parts.mkdir(parents=True)
-    fly(work, 4, quiet)
+    run_chunks(work, 4, quiet)
     ready, before = [0], workers(cluster)
 
     def kill(samples: int) -> None:
@@ -130,7 +130,7 @@ def test_a_killed_worker(together: int, cluster: Cluster, tmp_path: Path, monkey
         if ready[0] == 3:
             os.kill(min(workers(cluster)), signal.SIGKILL)
 
-    assert fly(there, 2, kill, elsewhere=cluster.fly)[1] == 300
+    assert run_chunks(there, 2, kill, elsewhere=cluster.fly)[1] == 300
     assert ready[0] == 60
     assert digests(tmp_path / "here") == digests(tmp_path / "there")
     assert workers(cluster) != before
@@ -142,7 +142,7 @@ def test_a_chunk_that_always_kills_its_worker(cluster: Cluster, tmp_path: Path) 
     value = float(calm.errors.draw("random", 1, 100, 0, 100)[17, 0])
     code = VECTORISED.replace("import time", "import os").replace("def prop", "chunk = 10\n\n    def prop")
     path = written(tmp_path / "hit", f"if (a == {value!r}).any(): os._exit(9)", code)
-    fly(work_of(calm, tmp_path / "calm" / "run"), 1, quiet)
+    run_chunks(work_of(calm, tmp_path / "calm" / "run"), 1, quiet)
     done = mcnav_run(path, "--scheduler", cluster.address, "--out", tmp_path / "hit" / "run")
     assert done.exit_code == 3, done.output
     assert "1 of 100 samples failed" in " ".join(done.output.split())
@@ -161,7 +161,7 @@ def test_poison_samples_fail_alone(cluster: Cluster, tmp_path: Path) -> None:
     run = read_campaign(written(tmp_path / "hit", body, samples=60, more=LIMIT))
     cluster.client.wait_for_workers(2)
     before, work = workers(cluster), work_of(run, tmp_path / "run")
-    assert fly(work, 2, quiet, elsewhere=cluster.fly)[1] == 60
+    assert run_chunks(work, 2, quiet, elsewhere=cluster.fly)[1] == 60
     samples = pd.read_parquet(tmp_path / "run" / "samples")
     expected = [f"failed: {REASONS[chosen[value]]}" if value in chosen else "ok" for value in drawn.tolist()]
     assert samples["status"].tolist() == expected
@@ -176,7 +176,7 @@ def test_a_cluster_that_is_lost(cluster: Cluster, tmp_path: Path) -> None:
     """One line, at once; what is stored is kept."""
     code = VECTORISED.replace("def propagate", "chunk = 5\n\n    def propagate")
     work = work_of(read_campaign(written(tmp_path, "time.sleep(0.02)", code, samples=300)), tmp_path / "run")
-    with opened(cluster.address) as (lost, _):
+    with connect(cluster.address) as (lost, _):
         told: list[int] = []
 
         def lose(samples: int) -> None:
@@ -185,7 +185,7 @@ def test_a_cluster_that_is_lost(cluster: Cluster, tmp_path: Path) -> None:
                 lost.client.close()
 
         with pytest.raises(ClusterError, match=r"the scheduler is gone.*the same command goes on from there"):
-            fly(work, 1, lose, elsewhere=lost.fly)
+            run_chunks(work, 1, lose, elsewhere=lost.fly)
     assert 0 < len(digests(tmp_path / "run")) < 60
 
 
@@ -230,7 +230,7 @@ def test_refusals(cluster: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPa
     with monkeypatch.context() as patch:
 
         @contextmanager
-        def elsewhere(work: Work) -> Iterator[Work]:
+        def elsewhere(work: ChunkJob) -> Iterator[ChunkJob]:
             yield replace(work, wanted=Path("/nowhere/samples/.wanted"))
 
         patch.setattr(clusters, "_wanted", elsewhere)
@@ -238,7 +238,7 @@ def test_refusals(cluster: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 
 def test_the_library_is_imported_for_clusters_alone() -> None:
-    code = "import sys, mcnav.study, mcnav.campaign.cluster; sys.exit('distributed' in sys.modules)"
+    code = "import sys, mcnav.workflow.run, mcnav.execution.dask_cluster; sys.exit('distributed' in sys.modules)"
     assert run_to_end([sys.executable, "-c", code], env=environment()).returncode == 0
 
 
@@ -259,7 +259,7 @@ def test_a_chunk_that_nobody_wants_any_more(cluster: Cluster, tmp_path: Path) ->
     run = read_campaign(written(tmp_path, body, code, samples=400))
     work = work_of(run, tmp_path / "run")
     with pytest.raises(TooManyFailures, match=r"50 of the .* samples flown so far failed, where 49 may"):
-        fly(work, 2, quiet, most_failures=49, elsewhere=cluster.fly)
+        run_chunks(work, 2, quiet, most_failures=49, elsewhere=cluster.fly)
     left = digests(tmp_path / "run")
     Path(go).touch()
     for worker in cluster.client.scheduler_info()["workers"]:  # each has one thread, which is free only afterwards

@@ -12,11 +12,11 @@ import pytest
 from typer.testing import CliRunner
 
 import mcnav
-from mcnav.campaign.file import read_campaign
-from mcnav.campaign.problems import CampaignError, RunFolderError, TooManyFailures
 from mcnav.cli import app
-from mcnav.replay import as_stored, replay, write_replay
-from mcnav.study import run_campaign
+from mcnav.config.read import read_campaign
+from mcnav.errors import CampaignError, RunFolderError, TooManyFailures
+from mcnav.workflow.replay import as_stored, replay, write_replay
+from mcnav.workflow.run import run_campaign
 from tests.conftest import campaign
 from tests.faults.scenarios import VECTORISED, written
 
@@ -134,7 +134,7 @@ def test_replay_of_a_reentry(tmp_path: Path) -> None:
 
 
 def test_replay_of_a_cruise(tmp_path: Path) -> None:
-    from mcnav.campaign.file import parse_campaign
+    from mcnav.config.read import parse_campaign
 
     described = {"scenario": {"type": "cruise", "speed": "250 m/s", "duration": "1 h", "altitude": "10 km"}}
     described |= {"samples": 100, "seed": 1, "errors": {"misalignment": "1 mrad", "gyro_drift": "0.1 deg/h"}}

@@ -22,13 +22,13 @@ import pyarrow.parquet as pq
 import pytest
 from typer.testing import CliRunner
 
-from mcnav.campaign.file import parse_campaign, read_campaign
-from mcnav.campaign.files import parquet_bytes
-from mcnav.campaign.folder import RunFolder
-from mcnav.campaign.problems import CampaignError, RunFolderError
 from mcnav.cli import app
-from mcnav.judging import report_run, samples_of, summary_of
-from mcnav.study import run_campaign
+from mcnav.config.read import parse_campaign, read_campaign
+from mcnav.errors import CampaignError, RunFolderError
+from mcnav.files import parquet_bytes
+from mcnav.store.run_folder import RunFolder
+from mcnav.workflow.analyse import report_run, samples_of, summary_of
+from mcnav.workflow.run import run_campaign
 from tests.conftest import campaign, content
 from tests.faults.scenarios import VECTORISED, mcnav, written
 from tests.processes import LONG

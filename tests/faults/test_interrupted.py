@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from mcnav import study
-from mcnav.lifetime import side_threads
-from mcnav.scenarios.limits import Stopped, within_limit
-from mcnav.study import run_campaign
+from mcnav._subprocess import side_threads
+from mcnav.scenarios.timeouts import Stopped, within_limit
+from mcnav.workflow import run
+from mcnav.workflow.run import run_campaign
 from tests.conftest import campaign
 from tests.faults.scenarios import environment
 from tests.processes import LONG, run_to_end
@@ -62,13 +62,13 @@ def test_flights_on_the_side_are_stopped(tmp_path: Path, monkeypatch: pytest.Mon
         assert under_way.wait(LONG)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("mcnav.modelling._beyond", beyond)
+    monkeypatch.setattr("mcnav.workflow.prepare._beyond", beyond)
     with pytest.raises(KeyboardInterrupt):
         run_campaign(campaign(4, samples=100), tmp_path / "run", "ensemble", 1, progress=broken_off)
     assert ended.wait(LONG)
     assert len(list((tmp_path / "run" / "samples").glob("part-*.parquet"))) == 1
     monkeypatch.undo()
-    assert study.run_campaign(campaign(4, samples=100), tmp_path / "run", "ensemble", 1).flown == 0
+    assert run.run_campaign(campaign(4, samples=100), tmp_path / "run", "ensemble", 1).flown == 0
 
 
 @pytest.mark.parametrize(("name", "status"), [("SIGINT", 130), ("SIGTERM", 143)])

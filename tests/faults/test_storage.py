@@ -21,14 +21,14 @@ from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
-from mcnav.campaign.file import parse_campaign, read_campaign
-from mcnav.campaign.folder import RunFolder
-from mcnav.campaign.parts import whole_part
-from mcnav.campaign.problems import RunFolderError
-from mcnav.campaign.work import fly_chunk
-from mcnav.judging import report_run
+from mcnav.config.read import parse_campaign, read_campaign
+from mcnav.errors import RunFolderError
+from mcnav.execution.chunks import simulate_chunk
 from mcnav.progress import Silent
-from mcnav.study import run_campaign
+from mcnav.store.parts import whole_part
+from mcnav.store.run_folder import RunFolder
+from mcnav.workflow.analyse import report_run
+from mcnav.workflow.run import run_campaign
 from tests.faults.kills import left_of
 from tests.faults.scenarios import SINGLE, VECTORISED, command, environment, undrawn_command, written
 from tests.processes import LONG, run_to_end, running, wait_for
@@ -89,7 +89,7 @@ def test_every_wrong_byte_of_a_chunk_is_noticed_and_mended(finished: Path, tmp_p
 
 
 def _identity(folder: RunFolder) -> str:
-    from mcnav.campaign.parts import identities_in
+    from mcnav.store.parts import identities_in
 
     (identity,) = identities_in(folder.parts)
     return identity
@@ -232,8 +232,8 @@ def test_two_processes_on_one_folder(tmp_path: Path) -> None:
 
 def flown(samples: int, folder: Path, **more: Any) -> None:
     """Run the small campaign, in this process and without its page, neither of which is at stake."""
-    alone = lambda work, missing, jobs: (fly_chunk(work, place) for place in missing)  # noqa: E731
-    with patch("mcnav.report.page.render", return_value=""), patch("mcnav.campaign.runner.fly_in_processes", alone):
+    alone = lambda work, missing, jobs: (simulate_chunk(work, place) for place in missing)  # noqa: E731
+    with patch("mcnav.report.page.render", return_value=""), patch("mcnav.execution.runner.run_in_processes", alone):
         run_campaign(small(samples), folder, "reference", 1, **more)
 
 

@@ -6,13 +6,13 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mcnav.linear.covariance import propagated_covariance
-from mcnav.physics.ensemble import fly_ensemble
-from mcnav.physics.grid import shared_grid
-from mcnav.physics.navigator import fly_indicated
-from mcnav.sampling.errors import ErrorModel
+from mcnav.lincov.covariance import propagated_covariance
+from mcnav.physics.reentry.ensemble.grid import shared_grid
+from mcnav.physics.reentry.ensemble.kernel import simulate_ensemble
+from mcnav.physics.reentry.navigator import simulate_indicated
+from mcnav.sampling.error_model import ErrorModel
 from mcnav.scenarios.reentry import OUTPUTS, SOURCES
-from mcnav.scenarios.tn_d1772 import ERRORS
+from mcnav.scenarios.table_i import ERRORS
 from mcnav.units import quantity
 from tests.conftest import reentry, response
 
@@ -26,9 +26,9 @@ def test_engines_agree_for_any_errors(multiples: np.ndarray) -> None:
     navigation = reentry(1).navigation
     errors = multiples * ERRORS
     grid = shared_grid(response(reentry(1)), 96)
-    fast, _ = fly_ensemble(grid, errors[None, :])
-    slow = fly_indicated(navigation.trajectory, errors, navigation.start, navigation.theta_axes)
-    sigma = np.sqrt(np.diag(propagated_covariance(reentry(1).linearised().partials, np.diag(ERRORS**2))))
+    fast, _ = simulate_ensemble(grid, errors[None, :])
+    slow = simulate_indicated(navigation.trajectory, errors, navigation.start, navigation.theta_axes)
+    sigma = np.sqrt(np.diag(propagated_covariance(reentry(1).linear_model().partials, np.diag(ERRORS**2))))
     np.testing.assert_array_less(np.abs(fast[0] - slow), 1e-7 * sigma)
 
 
@@ -37,7 +37,7 @@ def test_engines_agree_for_any_errors(multiples: np.ndarray) -> None:
 def test_an_initial_range_error_turns_the_axes(equipment: np.ndarray, turn: float) -> None:
     """Turning the indicated start and the platform together only shifts the range: the physics has no preferred angle.
 
-    With range error R and misalinement -R / r_o the navigator flies the true flight, rotated; every other final error
+    With range error R and misalignment -R / r_o the navigator flies the true flight, rotated; every other final error
     stays as it was, to the accuracy of the grid's coefficients.
     """
     scenario = reentry(4)
@@ -49,7 +49,7 @@ def test_an_initial_range_error_turns_the_axes(equipment: np.ndarray, turn: floa
     turned = plain.copy()
     turned[1] = turn * ERRORS[1]
     turned[4] = -turned[1] / radius
-    outcome, _ = fly_ensemble(grid, np.stack([plain, turned]))
+    outcome, _ = simulate_ensemble(grid, np.stack([plain, turned]))
     shift = 6378140.0 * turned[1] / radius
     np.testing.assert_allclose(outcome[1] - outcome[0], [0.0, shift, 0.0, 0.0], rtol=1e-9, atol=1e-4)
 
@@ -57,7 +57,7 @@ def test_an_initial_range_error_turns_the_axes(equipment: np.ndarray, turn: floa
 @settings(max_examples=50)
 @given(MULTIPLES, st.floats(1e-3, 1e3))
 def test_linear_covariance_scales_and_stays_symmetric(multiples: np.ndarray, factor: float) -> None:
-    partials = reentry(4).linearised().partials
+    partials = reentry(4).linear_model().partials
     start = np.diag((multiples * ERRORS) ** 2)
     covariance = propagated_covariance(partials, start)
     assert np.array_equal(covariance, covariance.T)

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mcnav.reproduce.printed import NAMES, TO_PRINTED
-from mcnav.reproduce.printed import final_errors as printed_errors
-from mcnav.scenarios.tn_d1772 import ERRORS
+from mcnav.reproduce.tn_d1772.printed import NAMES, TO_PRINTED
+from mcnav.reproduce.tn_d1772.printed import final_errors as printed_errors
+from mcnav.scenarios.table_i import ERRORS
 from tests.conftest import TRAJECTORIES, reentry
 
 ENGINES = ("ensemble", "reference")
@@ -23,7 +23,7 @@ MULTIPLES = {"IV(a)": -1.0, "IV(b)": 10.0, "IV(c)": 100.0}
 def _runs(number: int, engine: str, multiple: float, **options: Any) -> np.ndarray:
     """Runs 1 to 11: each error alone, then all of them; in the units printed."""
     errors = np.vstack([np.diag(ERRORS), ERRORS]) * multiple
-    outcomes = reentry(number, **options).prepared(engine, errors).propagate(errors)
+    outcomes = reentry(number, **options).engine(engine, errors).propagate(errors)
     assert not outcomes.failures
     return outcomes.values * np.array(TO_PRINTED)
 
@@ -59,7 +59,7 @@ def test_table_iv(table: str, engine: str) -> None:
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize(("table", "axes"), [("V(a)", "trajectory"), ("V(b)", "start")])
 def test_table_v(table: str, axes: str, engine: str) -> None:
-    """Navigation from 3.58 min before reentry: part (a) in the axes of the first start, part (b) in axes alined there.
+    """Navigation from 3.58 min before reentry: part (a) in the axes of the first start, part (b) in axes aligned there.
 
     The report blames the difference of the parts on inaccurate partial derivatives; each is right in its own axes
     (errata, item 4). 2.5 % of the column's largest entry is what the start time leaves: it is printed to 0.01 min, and

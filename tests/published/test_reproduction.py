@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from mcnav.reproduce import page
-from mcnav.reproduce.printed import SUMS, final_errors, sums
-from mcnav.reproduce.tn_d1772 import CASES, CONTRADICTIONS, SUM_NAMES, Cell, Mark
+from mcnav.reproduce.tn_d1772 import page
+from mcnav.reproduce.tn_d1772.printed import SUMS, final_errors, sums
+from mcnav.reproduce.tn_d1772.tables import CASES, CONTRADICTIONS, SUM_NAMES, Cell, Mark
 from tests.conftest import ROOT
 
 

@@ -8,10 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from mcnav.physics.schuler import hover
-from mcnav.physics.steady import Error
-from mcnav.reproduce import story_page
-from mcnav.reproduce.story_of_84_minutes import (
+from mcnav.physics.steady.truth import Error
+from mcnav.reproduce.story_of_84_minutes import page as story_page
+from mcnav.reproduce.story_of_84_minutes.numbers import (
     HEIGHT,
     PERIOD,
     RADIUS,
@@ -19,9 +18,10 @@ from mcnav.reproduce.story_of_84_minutes import (
     Number,
     Standing,
     all_numbers,
-    flown,
     hovering,
+    simulated,
 )
+from mcnav.reproduce.story_of_84_minutes.schuler import hover
 from tests.conftest import ROOT
 
 PRINTED = {
@@ -95,7 +95,7 @@ def test_the_cruising_missile_departs_by_a_few_times_its_correction(numbers: tup
 def test_hovering_at_a_small_error(ratio: float) -> None:
     """Within 1e-3 of k R / 2 (cosh(sqrt(2) 2 pi) - 1) after 84 minutes."""
     gravity = ROUND.gravitational_parameter / RADIUS**2
-    height = flown(hovering(PERIOD), Error.BIAS_Z, HEIGHT, -ratio * gravity)
+    height = simulated(hovering(PERIOD), Error.BIAS_Z, HEIGHT, -ratio * gravity)
     closed = 0.5 * ratio * RADIUS * (np.cosh(np.sqrt(2.0) * 2.0 * np.pi) - 1.0)
     assert height == pytest.approx(closed, rel=1e-3)
     assert closed == pytest.approx(float(hover(ratio * gravity, 2.0 * np.pi / PERIOD, PERIOD)), rel=1e-12)

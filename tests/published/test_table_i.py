@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from mcnav.constants import EARTH_RADIUS, EARTH_RATE
-from mcnav.physics.truth import airspeed_and_angle, fly_truth
-from mcnav.physics.vehicle import Vehicle
-from mcnav.reproduce.printed import trajectories
-from mcnav.scenarios.tn_d1772 import START_AIRSPEED, TABLE_I, common_start, range_from_reentry
+from mcnav.physics.reentry.truth import airspeed_and_angle, fly_truth
+from mcnav.physics.reentry.vehicle import Vehicle
+from mcnav.reproduce.tn_d1772.printed import trajectories
+from mcnav.scenarios.table_i import START_AIRSPEED, TABLE_I, common_start, range_from_reentry
 from tests.conftest import TRAJECTORIES, reentry
 
 SOLVED_FOR_RANGE = (4, 6)

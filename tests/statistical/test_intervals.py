@@ -51,8 +51,8 @@ def test_the_paired_estimate_is_far_sharper_on_trajectory_4() -> None:
 
     run = campaign(4, samples=1000)
     errors = run.errors.draw("random", 1, 1000, 0, 1000)
-    outcomes = run.scenario.prepared("ensemble", errors[:64]).propagate(errors).values
-    linear = run.scenario.linearised()
+    outcomes = run.scenario.engine("ensemble", errors[:64]).propagate(errors).values
+    linear = run.scenario.linear_model()
     model = Model(linear.partials, linear.nominal, run.errors.mean, run.errors.covariance)
     for output in compare(model, errors, outcomes, np.arange(1000), Criterion()).outputs:
         assert output.paired.interval is not None
@@ -68,8 +68,8 @@ def test_nees_of_trajectory_1(multiple: float, expected: float) -> None:
     count = 40_000
     run = campaign(1, multiple, samples=count)
     errors = run.errors.draw("random", 2, count, 0, count)
-    outcomes = run.scenario.prepared("ensemble", errors[:64]).propagate(errors).values
-    linear = run.scenario.linearised()
+    outcomes = run.scenario.engine("ensemble", errors[:64]).propagate(errors).values
+    linear = run.scenario.linear_model()
     model = Model(linear.partials, linear.nominal, run.errors.mean, run.errors.covariance)
     found = compare(model, errors, outcomes, np.arange(count), Criterion()).ellipsoid
     assert found is not None
@@ -83,8 +83,8 @@ def test_skewness_of_trajectory_7() -> None:
     count = 40_000
     run = campaign(7, 10.0, samples=count)
     errors = run.errors.draw("random", 3, count, 0, count)
-    outcomes = run.scenario.prepared("ensemble", errors[:64]).propagate(errors).values
-    linear = run.scenario.linearised()
+    outcomes = run.scenario.engine("ensemble", errors[:64]).propagate(errors).values
+    linear = run.scenario.linear_model()
     model = Model(linear.partials, linear.nominal, run.errors.mean, run.errors.covariance)
     found = compare(model, errors, outcomes, np.arange(count), Criterion()).joint
     assert found is not None

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mcnav.statistics.stopping import confidence_of_each, looks
+from mcnav.statistics.interim_analyses import confidence_of_each, interim_sizes
 
 TRIALS, FALSE_ALARM = 4_000, 1e-3
 
@@ -29,7 +29,7 @@ def _missed(each: float, precision: float, sizes: tuple[int, ...]) -> int:
 
 def test_looking_does_not_spoil_the_confidence() -> None:
     """Even by a rule that stops whenever zero is excluded; without the correction it is spoiled for certain."""
-    sizes = looks(256, 4096)
+    sizes = interim_sizes(256, 4096)
     assert sizes == (256, 512, 1024, 2048, 4096)
     honest = _missed(confidence_of_each(0.95, len(sizes)), 0.0, sizes)
     assert stats.binom.sf(honest - 1, TRIALS, 0.05) > FALSE_ALARM
@@ -39,7 +39,7 @@ def test_looking_does_not_spoil_the_confidence() -> None:
 
 @pytest.mark.parametrize(("chunk", "at_most"), [(1, 2), (32, 100_000), (8192, 8192), (8192, 10**6), (300, 301)])
 def test_looks_rise_to_the_most_allowed(chunk: int, at_most: int) -> None:
-    sizes = looks(chunk, at_most)
+    sizes = interim_sizes(chunk, at_most)
     assert sizes[-1] == at_most
     assert np.all(np.diff(sizes) > 0)
     assert all(size % chunk == 0 for size in sizes[:-1])

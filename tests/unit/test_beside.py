@@ -10,13 +10,13 @@ import pandas as pd
 import pytest
 from matplotlib.axes import Axes
 
-from mcnav.report.drawings import beside
-from mcnav.report.drawings.drawing import Drawing, Plot
+from mcnav.report.figures import beside
+from mcnav.report.figures.figure import Figure, Plot
 
 HERE = os.getpid()
 
 
-def _drawings(then: Callable[[], object] = lambda: None) -> list[Drawing]:
+def _drawings(then: Callable[[], object] = lambda: None) -> list[Figure]:
     """Two figures; what is to happen in another process than this one happens when a plot is drawn there."""
 
     def draw(axes: Axes) -> None:
@@ -25,7 +25,7 @@ def _drawings(then: Callable[[], object] = lambda: None) -> list[Drawing]:
         axes.plot([0.0, 1.0], [1.0, 3.0])
 
     return [
-        Drawing(
+        Figure(
             f"figure-{k}", "Title", "Description", [Plot("one", draw), Plot("two", draw)][: 2 - k], (), pd.DataFrame()
         )
         for k in range(2)
@@ -47,4 +47,4 @@ def test_a_plot_that_cannot_be_drawn_says_so() -> None:
         raise ValueError("no such plot")
 
     with pytest.raises(ValueError, match="no such plot"):
-        beside.draw([Drawing("key", "Title", "", [Plot("", draw)] * 2, (), pd.DataFrame())])
+        beside.draw([Figure("key", "Title", "", [Plot("", draw)] * 2, (), pd.DataFrame())])

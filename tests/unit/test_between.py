@@ -6,25 +6,25 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mcnav.analysis.between import Flights, change
 from mcnav.analysis.comparison import Model
-from mcnav.campaign.folder import RunFolder
-from mcnav.comparing import compare_runs, same_draws
-from mcnav.judging import analyse
-from mcnav.report.between import inputs
-from mcnav.study import run_campaign
+from mcnav.analysis.run_comparison import SampleSet, change
+from mcnav.report.comparison import inputs
+from mcnav.store.run_folder import RunFolder
+from mcnav.workflow.analyse import analyse
+from mcnav.workflow.compare import compare_runs, same_draws
+from mcnav.workflow.run import run_campaign
 from tests.conftest import campaign
 
 PARTIALS = np.array([[1.0, 0.5]])
 
 
-def _flights(seed: int, count: int, curvature: float, sigma: float = 1.0, begin: int = 0) -> Flights:
+def _flights(seed: int, count: int, curvature: float, sigma: float = 1.0, begin: int = 0) -> SampleSet:
     """y = x1 + x2 / 2 + c x1^2, whose variance is 1.25 sigma^2 + 2 c^2 sigma^4."""
     draws = np.random.default_rng(seed).standard_normal((begin + count, 2))[begin:] * sigma
     outputs = draws @ PARTIALS.T + curvature * draws[:, :1] ** 2
     index = np.arange(begin, begin + count)
     model = Model(PARTIALS, np.zeros(1), np.zeros(2), np.diag([sigma**2] * 2))
-    return Flights(model, index, index, draws, outputs, 100)
+    return SampleSet(model, index, index, draws, outputs, 100)
 
 
 def _variance(curvature: float, sigma: float = 1.0) -> float:

@@ -10,12 +10,12 @@ import pytest
 
 from mcnav.analysis.allocation import largest_sigmas
 from mcnav.analysis.budget import error_budget
-from mcnav.linear.alone import budget_by_flights
-from mcnav.linear.partials import FlightFailed
-from mcnav.linear.sobol import sobol_by_flights
+from mcnav.lincov.partials import SimulationFailed
+from mcnav.lincov.simulated_budget import simulate_each_source_alone
+from mcnav.lincov.sobol import estimate_sobol_indices
 from mcnav.sampling.distributions import Fixed, Normal, Uniform
-from mcnav.sampling.errors import Correlation, ErrorModel
-from mcnav.scenarios.protocol import Outcomes
+from mcnav.sampling.error_model import Correlation, ErrorModel
+from mcnav.scenarios.protocol import SimulationResult
 
 NAMES = ["a", "b", "c", "d"]
 PARTIALS = np.array([[1.0, 2.0, 0.0, 3.0], [0.5, -1.0, 3.0, 0.0]])
@@ -23,19 +23,19 @@ ERRORS = ErrorModel(NAMES, {"a": Normal(1.0), "b": Uniform(1.0), "d": Fixed(2.0)
 CORRELATED = ErrorModel(NAMES, {"a": Normal(1.0), "b": Normal(0.5), "c": Normal(2.0)}, [Correlation(("a", "b"), 0.4)])
 
 
-def _linear(errors: np.ndarray) -> Outcomes:
-    return Outcomes(errors @ PARTIALS.T)
+def _linear(errors: np.ndarray) -> SimulationResult:
+    return SimulationResult(errors @ PARTIALS.T)
 
 
-def _product(errors: np.ndarray) -> Outcomes:
-    return Outcomes(np.column_stack([errors[:, 0] + errors[:, 0] * errors[:, 1], errors[:, 1]]))
+def _product(errors: np.ndarray) -> SimulationResult:
+    return SimulationResult(np.column_stack([errors[:, 0] + errors[:, 0] * errors[:, 1], errors[:, 1]]))
 
 
 @pytest.mark.parametrize("errors", [ERRORS, CORRELATED])
 @pytest.mark.parametrize("design", ["random", "sobol"])
 def test_flights_of_a_linear_system_give_the_linear_budget(errors: ErrorModel, design: str) -> None:
     """Exactly: the paired estimate has no sampling error then."""
-    found = budget_by_flights(lambda e: _linear(e), PARTIALS, errors, design, 1, 512)
+    found = simulate_each_source_alone(lambda e: _linear(e), PARTIALS, errors, design, 1, 512)
     linear = error_budget(PARTIALS, errors.covariance)
     variances = np.diag(PARTIALS @ errors.covariance @ PARTIALS.T)
     np.testing.assert_allclose(found["alone"]["variance"], linear.shares * variances[:, None], atol=1e-12)
@@ -47,7 +47,7 @@ def test_interaction_shows_in_all_but_one() -> None:
     """y = a + a b: alone b does nothing; without it the variance of a b, sigma_a^2 sigma_b^2, goes."""
     partials = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]])
     errors = ErrorModel(NAMES, {"a": Normal(1.0), "b": Normal(0.5), "c": Normal(1.0)})
-    found = budget_by_flights(_product, partials, errors, "random", 3, 2000)
+    found = simulate_each_source_alone(_product, partials, errors, "random", 3, 2000)
     alone, without = (np.array(found[key]["variance"]) for key in ("alone", "without"))
     assert alone[0, 1] == pytest.approx(0.0, abs=1e-12)
     assert without[0, 1] == pytest.approx(1.0, rel=1e-12)
@@ -64,7 +64,7 @@ def test_saved_and_shares_differ_by_cross_terms() -> None:
 def test_sobol_indices_of_a_product() -> None:
     """y = a + a b with normal a, b: V = s_a^2 (1 + s_b^2); S_a = 1 / (1 + s_b^2), S_b = 0, total of a one."""
     errors = ErrorModel(NAMES, {"a": Normal(1.0), "b": Normal(0.5)})
-    found = sobol_by_flights(_product, errors, 7)
+    found = estimate_sobol_indices(_product, errors, 7)
     first, total = np.array(found["first_order"]), np.array(found["total"])
     assert first[0, :2] == pytest.approx([0.8, 0.0], abs=0.02)
     assert total[0, :2] == pytest.approx([1.0, 0.2], abs=0.02)
@@ -76,7 +76,7 @@ def test_sobol_indices_of_a_product() -> None:
 def test_sobol_indices_against_openturns() -> None:
     """Independent implementation, the same function, within five of our standard errors and theirs."""
     errors = ErrorModel(NAMES, {"a": Normal(1.0), "b": Normal(0.5)})
-    found = sobol_by_flights(_product, errors, 11)
+    found = estimate_sobol_indices(_product, errors, 11)
     function = ot.SymbolicFunction(["a", "b"], ["a + a * b"])
     distribution = ot.JointDistribution([ot.Normal(0.0, 1.0), ot.Normal(0.0, 0.5)])
     ot.RandomGenerator.SetSeed(1)
@@ -93,15 +93,15 @@ def test_sobol_indices_against_openturns() -> None:
     ("errors", "message"), [(CORRELATED, "depend on one"), (ErrorModel(NAMES, {}), "no source has a dispersion")]
 )
 def test_sobol_indices_that_do_not_exist(errors: ErrorModel, message: str) -> None:
-    with pytest.raises(FlightFailed, match=message):
-        sobol_by_flights(_linear, errors, 1)
+    with pytest.raises(SimulationFailed, match=message):
+        estimate_sobol_indices(_linear, errors, 1)
 
 
-@pytest.mark.parametrize("study", [lambda f: budget_by_flights(f, PARTIALS, ERRORS, "random", 1, 100),
-                                   lambda f: sobol_by_flights(f, ERRORS, 1)])  # fmt: skip
-def test_a_failed_flight_is_named(study: Callable[[Callable[[np.ndarray], Outcomes]], object]) -> None:
-    with pytest.raises(FlightFailed, match="too low"):
-        study(lambda errors: Outcomes(np.full((len(errors), 2), np.nan), {0: "too low"}))
+@pytest.mark.parametrize("study", [lambda f: simulate_each_source_alone(f, PARTIALS, ERRORS, "random", 1, 100),
+                                   lambda f: estimate_sobol_indices(f, ERRORS, 1)])  # fmt: skip
+def test_a_failed_flight_is_named(study: Callable[[Callable[[np.ndarray], SimulationResult]], object]) -> None:
+    with pytest.raises(SimulationFailed, match="too low"):
+        study(lambda errors: SimulationResult(np.full((len(errors), 2), np.nan), {0: "too low"}))
 
 
 def test_allocation_meets_the_limit_exactly() -> None:
@@ -134,6 +134,6 @@ def test_a_correlation_may_lower_the_variance() -> None:
 
 
 def test_a_single_source_has_the_whole_variance() -> None:
-    found = sobol_by_flights(_linear, ErrorModel(NAMES, {"b": Normal(1.0)}), 2)
+    found = estimate_sobol_indices(_linear, ErrorModel(NAMES, {"b": Normal(1.0)}), 2)
     np.testing.assert_allclose(np.array(found["first_order"])[:, 1], 1.0, atol=0.02)
     assert np.array(found["total"]).shape == (2, 4)

@@ -9,16 +9,16 @@ import pytest
 from numpy.typing import NDArray
 
 from mcnav.constants import EARTH_RADIUS
-from mcnav.physics.ellipse import (
+from mcnav.physics.reentry.vehicle import ConstantLift, Vehicle
+from mcnav.reproduce.tn_d1772.ellipse import (
     Ellipse,
     ellipse_of,
     perigee_by_rates,
     perigee_by_speed_and_angle,
     perigee_radius,
 )
-from mcnav.physics.vehicle import ConstantLift, Vehicle
 from mcnav.scenarios.reentry import Flight, Reentry
-from mcnav.scenarios.tn_d1772 import common_start
+from mcnav.scenarios.table_i import common_start
 
 Array = NDArray[np.float64]
 

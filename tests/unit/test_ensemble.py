@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 from numba.core.runtime import _nrt_python, rtsys
 
-from mcnav.physics.closed_forms import angle_of_half, gravity_remainder, half_turn
-from mcnav.physics.ensemble import LANES, fly_ensemble
-from mcnav.physics.grid import shared_grid
-from mcnav.physics.refinement import TOLERANCE, refined_grid
+from mcnav.physics.lanes import angle_of_half, gravity_remainder, half_turn
+from mcnav.physics.reentry.ensemble.grid import shared_grid
+from mcnav.physics.reentry.ensemble.kernel import LANES, simulate_ensemble
+from mcnav.physics.reentry.ensemble.refinement import TOLERANCE, refined_grid
 from mcnav.scenarios.reentry import Reentry
-from mcnav.scenarios.tn_d1772 import ERRORS
+from mcnav.scenarios.table_i import ERRORS
 from tests.conftest import reentry, response
 
 Draw = Callable[[int, float], np.ndarray]
 
 
 def test_no_errors_give_exactly_zero(scenario: Reentry) -> None:
-    outcome, valid = fly_ensemble(shared_grid(response(scenario), 24), np.zeros((3, 10)))
+    outcome, valid = simulate_ensemble(shared_grid(response(scenario), 24), np.zeros((3, 10)))
     assert np.all(outcome == 0.0)
     assert valid.all()
 
@@ -65,7 +65,7 @@ def test_small_errors_follow_the_partial_derivatives(scenario: Reentry, draws: D
     """
     errors = draws(20, 1e-3)
     grid = shared_grid(response(scenario), 48)
-    odd = 0.5 * (fly_ensemble(grid, errors)[0] - fly_ensemble(grid, -errors)[0])
+    odd = 0.5 * (simulate_ensemble(grid, errors)[0] - simulate_ensemble(grid, -errors)[0])
     linear = errors @ scenario.partials_at(scenario.start_times(2)[:1])[0].T
     assert (np.abs(odd - linear).max(axis=0) / linear.std(axis=0)).max() < 1e-8
 
@@ -75,7 +75,7 @@ def test_fourth_order_at_least_despite_the_kinks(number: int, draws: Draw) -> No
     """Four times the nodes divide the error by 4^4 and more: kinks lie in the factors that are integrated exactly."""
     errors = draws(40, 1.0)
     coarse, middle, fine = (
-        fly_ensemble(shared_grid(response(reentry(number)), nodes), errors)[0] for nodes in (36, 144, 384)
+        simulate_ensemble(shared_grid(response(reentry(number)), nodes), errors)[0] for nodes in (36, 144, 384)
     )
     assert np.abs((coarse - fine) / fine.std(axis=0)).max() > 4**4 * np.abs((middle - fine) / fine.std(axis=0)).max()
 
@@ -84,9 +84,9 @@ def test_a_sample_does_not_depend_on_its_place(draws: Draw) -> None:
     """Bit for bit, whatever lane it has and whatever flies beside it."""
     errors = draws(2 * LANES + 7, 1.0)
     grid = shared_grid(response(reentry(4)), 24)
-    whole, _ = fly_ensemble(grid, errors)
+    whole, _ = simulate_ensemble(grid, errors)
     for cut in (1, 5, LANES - 1, LANES + 3):
-        parts = np.concatenate([fly_ensemble(grid, errors[:cut])[0], fly_ensemble(grid, errors[cut:])[0]])
+        parts = np.concatenate([simulate_ensemble(grid, errors[:cut])[0], simulate_ensemble(grid, errors[cut:])[0]])
         assert np.array_equal(whole, parts)
 
 
@@ -96,8 +96,8 @@ def test_refinement_meets_its_tolerance(scenario: Reentry, draws: Draw) -> None:
     navigation = scenario.navigation
     refined = refined_grid(navigation.trajectory, navigation.start, navigation.theta_axes, probes)
     assert refined.error <= TOLERANCE
-    values, _ = fly_ensemble(refined.grid, probes)
-    best, _ = fly_ensemble(shared_grid(response(scenario), 4 * refined.nodes), probes)
+    values, _ = simulate_ensemble(refined.grid, probes)
+    best, _ = simulate_ensemble(shared_grid(response(scenario), 4 * refined.nodes), probes)
     assert (np.abs(values - best).max(axis=0) / best.std(axis=0)).max() <= TOLERANCE * 17.0 / 16.0
 
 
@@ -107,8 +107,8 @@ def test_probes_that_are_mostly_invalid_ask_for_the_finest_grid(draws: Draw) -> 
     navigation = scenario.navigation
     errors = draws(2000, 1000.0)
     refined = refined_grid(navigation.trajectory, navigation.start, navigation.theta_axes, errors[:64])
-    values, valid = fly_ensemble(refined.grid, errors)
-    best, _ = fly_ensemble(shared_grid(response(scenario), 2 * refined.nodes), errors)
+    values, valid = simulate_ensemble(refined.grid, errors)
+    best, _ = simulate_ensemble(shared_grid(response(scenario), 2 * refined.nodes), errors)
     assert 0 < valid.sum() < 200
     assert (np.abs(values - best)[valid].max(axis=0) / best[valid].std(axis=0)).max() < 1e-5
 
@@ -117,7 +117,7 @@ def test_a_hopeless_sample_is_marked_not_flown_wrong() -> None:
     into_the_earth = np.eye(10)[0] * -2e7
     once_round = np.eye(10)[1] * 2.0 * np.pi * reentry(4).trajectory.state(0.0)[0]
     errors = np.vstack([ERRORS, into_the_earth, np.full(10, np.nan), once_round, ERRORS])
-    outcome, valid = fly_ensemble(shared_grid(response(reentry(4)), 24), errors)
+    outcome, valid = simulate_ensemble(shared_grid(response(reentry(4)), 24), errors)
     assert valid.tolist() == [True, False, False, False, True]
     assert np.array_equal(outcome[0], outcome[4])
 
@@ -125,13 +125,13 @@ def test_a_hopeless_sample_is_marked_not_flown_wrong() -> None:
 def test_nothing_is_allocated_per_sample() -> None:
     """The compiled code allocates as often for one block as for a hundred."""
     grid = shared_grid(response(reentry(4)), 24)
-    fly_ensemble(grid, np.zeros((1, 10)))
+    simulate_ensemble(grid, np.zeros((1, 10)))
     enabled = _nrt_python.memsys_stats_enabled()
     _nrt_python.memsys_enable_stats()
     allocations = []
     for count in (LANES, 100 * LANES):
         before = rtsys.get_allocation_stats().alloc
-        fly_ensemble(grid, np.zeros((count, 10)))
+        simulate_ensemble(grid, np.zeros((count, 10)))
         allocations.append(rtsys.get_allocation_stats().alloc - before)
     if not enabled:
         _nrt_python.memsys_disable_stats()

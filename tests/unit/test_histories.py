@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from mcnav.constants import EARTH_RADIUS
-from mcnav.physics.ensemble import LANES, fly_ensemble
-from mcnav.physics.grid import shared_grid
-from mcnav.physics.histories import fly_histories, history_grid, history_sums
-from mcnav.physics.navigator import fly_indicated
-from mcnav.physics.truth import Trajectory
+from mcnav.physics.reentry.ensemble.grid import shared_grid
+from mcnav.physics.reentry.ensemble.history_kernel import history_grid, history_sums, simulate_histories
+from mcnav.physics.reentry.ensemble.kernel import LANES, simulate_ensemble
+from mcnav.physics.reentry.navigator import simulate_indicated
+from mcnav.physics.reentry.truth import Trajectory
 from mcnav.scenarios.reentry import Reentry
 from tests.conftest import reentry, response
 
@@ -27,17 +27,17 @@ def _epochs(scenario: Reentry, count: int = 50) -> np.ndarray:
 def test_a_history_begins_and_ends_where_it_must(scenario: Reentry, draws: Draw) -> None:
     """At the start errors themselves, ranges at the earth's radius; at the final errors of the ensemble."""
     errors = draws(100, 1.0)
-    histories, component = fly_histories(history_grid(response(scenario), NODES, _epochs(scenario)), errors)
+    histories, component = simulate_histories(history_grid(response(scenario), NODES, _epochs(scenario)), errors)
     scale = np.array([1.0, EARTH_RADIUS / response(scenario).first[0]] * 2)
     np.testing.assert_allclose(histories[:, 0], errors[:, :4] * scale, rtol=1e-9, atol=1e-10)
-    final, _ = fly_ensemble(shared_grid(response(scenario), NODES), errors)
+    final, _ = simulate_ensemble(shared_grid(response(scenario), NODES), errors)
     assert (np.abs(histories[:, -1] - final).max(axis=0) / final.std(axis=0)).max() < 1e-7
     assert np.all(component > 0.9)
 
 
 def test_no_errors_give_exactly_zero_at_every_epoch() -> None:
     grid = history_grid(response(reentry(4)), 40, _epochs(reentry(4)))
-    assert np.all(fly_histories(grid, np.zeros((2, 10)))[0] == 0.0)
+    assert np.all(simulate_histories(grid, np.zeros((2, 10)))[0] == 0.0)
 
 
 @pytest.mark.parametrize("number", [1, 4, 7])
@@ -48,10 +48,10 @@ def test_against_the_reference_path_at_kinks_of_the_truth(number: int, draws: Dr
     ends = (len(phases) // 3, len(phases) // 2, len(phases) - 2)
     epochs = np.array([phases[end].end for end in ends])
     errors = draws(100, 1.0)
-    histories, _ = fly_histories(history_grid(response(reentry(number)), NODES, epochs), errors)
+    histories, _ = simulate_histories(history_grid(response(reentry(number)), NODES, epochs), errors)
     for place, end in enumerate(ends):
         cut = Trajectory(phases[: end + 1], navigation.trajectory.reentry_time)
-        flown = np.array([fly_indicated(cut, row, navigation.start, navigation.theta_axes) for row in errors[:10]])
+        flown = np.array([simulate_indicated(cut, row, navigation.start, navigation.theta_axes) for row in errors[:10]])
         share = np.abs(histories[:10, place] - flown) / histories[:, place].std(axis=0)
         assert share.max() < 1e-4
 
@@ -59,8 +59,8 @@ def test_against_the_reference_path_at_kinks_of_the_truth(number: int, draws: Dr
 def test_a_perfect_system_misses_the_forces_it_does_not_see() -> None:
     """Accelerometers off above an altitude: the last epoch holds the nominal final errors of the variational path."""
     scenario = reentry(1, accelerometers_off_above=60_000.0)
-    histories, _ = fly_histories(history_grid(response(scenario), NODES, _epochs(scenario)), np.zeros((1, 10)))
-    np.testing.assert_allclose(histories[0, -1], scenario.linearised().nominal, rtol=1e-7)
+    histories, _ = simulate_histories(history_grid(response(scenario), NODES, _epochs(scenario)), np.zeros((1, 10)))
+    np.testing.assert_allclose(histories[0, -1], scenario.linear_model().nominal, rtol=1e-7)
 
 
 @pytest.mark.parametrize("multiple", [1.0, 100.0])
@@ -68,8 +68,8 @@ def test_power_sums_give_the_moments_of_stored_histories(multiple: float, draws:
     """Within 1e-12 of the moment: sums of some thousand terms, about a pivot at most a sigma or so off."""
     errors = draws(3 * LANES + 5, multiple)
     grid = history_grid(response(reentry(4)), NODES, _epochs(reentry(4)))
-    errors = errors[fly_ensemble(shared_grid(response(reentry(4)), NODES), errors)[1]]
-    stored, _ = fly_histories(grid, errors)
+    errors = errors[simulate_ensemble(shared_grid(response(reentry(4)), NODES), errors)[1]]
+    stored, _ = simulate_histories(grid, errors)
     sums = history_sums(grid, errors)
     central = stored - stored.mean(axis=0)
     sigma = stored.std(axis=0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mcnav.analysis.comparison import Criterion, Model, compare
-from mcnav.analysis.joint import FEWEST_PAIRS, Joint
+from mcnav.analysis.multivariate import FEWEST_PAIRS, MultivariateTests
 
 PARTIALS = np.array([[1.0, 2.0, 0.0], [0.5, -1.0, 3.0]])
 SIGMA = np.array([1.0, 0.5, 2.0])
@@ -17,7 +17,9 @@ def _errors(count: int, seed: int = 8) -> np.ndarray:
     return np.random.default_rng(seed).standard_normal((count, 3)) * SIGMA
 
 
-def _joint(errors: np.ndarray, outcomes: np.ndarray, blocks: np.ndarray | None = None, fewest: int = 100) -> Joint:
+def _joint(
+    errors: np.ndarray, outcomes: np.ndarray, blocks: np.ndarray | None = None, fewest: int = 100
+) -> MultivariateTests:
     at = np.arange(len(errors)) if blocks is None else blocks
     found = compare(MODEL, errors, outcomes, at, Criterion(), fewest).joint
     assert found is not None

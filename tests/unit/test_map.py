@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_limits
 
-from mcnav.linear.map_engine import TOLERANCE, MapEngine, mapped
-from mcnav.linear.polynomial import MapRefused, fit
-from mcnav.scenarios.protocol import Outcomes
-from mcnav.scenarios.tn_d1772 import ERRORS
+from mcnav.lincov.polynomial import PolynomialFitError, fit
+from mcnav.lincov.polynomial_engine import TOLERANCE, PolynomialEngine, fit_polynomial_engine
+from mcnav.scenarios.protocol import SimulationResult
+from mcnav.scenarios.table_i import ERRORS
 from tests.conftest import reentry
 
 Draw = Callable[[int, float], np.ndarray]
@@ -26,9 +26,9 @@ def _one_thread() -> Iterator[None]:
 
 
 @lru_cache
-def _map(number: int) -> MapEngine:
+def _map(number: int) -> PolynomialEngine:
     probes = np.random.default_rng(7).standard_normal((64, len(ERRORS))) * ERRORS
-    return mapped(reentry(number).prepared("ensemble", probes), np.zeros(len(ERRORS)), ERRORS)
+    return fit_polynomial_engine(reentry(number).engine("ensemble", probes), np.zeros(len(ERRORS)), ERRORS)
 
 
 @pytest.mark.parametrize("number", range(1, 8))
@@ -37,7 +37,7 @@ def test_every_draw_is_within_the_tolerance_of_its_flight(number: int, draws: Dr
     engine, errors = _map(number), draws(DRAWS, 1.0)
     flown, mapped_ = engine.exact.propagate(errors).values, engine.propagate(errors)
     assert (np.abs(mapped_.values - flown).max(axis=0) / flown.std(axis=0)).max() <= TOLERANCE
-    assert mapped_.handed_over <= 2
+    assert mapped_.fallback_count <= 2
     assert engine.polynomial.error <= TOLERANCE
 
 
@@ -48,16 +48,18 @@ def test_far_samples_are_flown(draws: Draw) -> None:
     outcomes = engine.propagate(errors)
     far = np.flatnonzero(((errors / ERRORS) ** 2).sum(axis=1) > engine.polynomial.reach**2)
     assert {3, 17} <= set(far.tolist())
-    assert outcomes.handed_over == len(far)
+    assert outcomes.fallback_count == len(far)
     assert np.array_equal(outcomes.values[far], engine.exact.propagate(errors[far]).values)
 
 
 @pytest.mark.parametrize(("multiple", "last"), [(4.0, 4), (100.0, 2)])
 def test_refused_where_no_polynomial_holds(multiple: float, last: int, draws: Draw) -> None:
     """The message says how near each order came; where the first is hopeless, no further one is tried."""
-    prepared = reentry(4).prepared("ensemble", draws(64, multiple))
-    with pytest.raises(MapRefused, match=rf"no polynomial represents .* within 0\.0001 .* with order {last}; use the"):
-        mapped(prepared, np.zeros(len(ERRORS)), multiple * ERRORS)
+    prepared = reentry(4).engine("ensemble", draws(64, multiple))
+    with pytest.raises(
+        PolynomialFitError, match=rf"no polynomial represents .* within 0\.0001 .* with order {last}; use the"
+    ):
+        fit_polynomial_engine(prepared, np.zeros(len(ERRORS)), multiple * ERRORS)
 
 
 def test_bits_do_not_depend_on_chunks(draws: Draw) -> None:
@@ -71,9 +73,9 @@ def test_derivatives_are_those_of_a_known_system() -> None:
     """A quadratic is found again, and a source without dispersion takes no part."""
     gradient, hessian = np.array([1.0, -3.0]), np.array([[0.3, 0.1], [0.1, -0.4]])
 
-    def quadratic(errors: np.ndarray) -> Outcomes:
+    def quadratic(errors: np.ndarray) -> SimulationResult:
         s = errors[:, :2]
-        return Outcomes((s @ gradient + 0.5 * np.einsum("ni,ij,nj->n", s, hessian, s))[:, None])
+        return SimulationResult((s @ gradient + 0.5 * np.einsum("ni,ij,nj->n", s, hessian, s))[:, None])
 
     found = fit(quadratic, np.zeros(3), np.array([2.0, 0.5, 0.0]), 3)
     np.testing.assert_allclose(found.gradient[0], [*gradient, 0.0], atol=1e-10)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from mcnav.linear.moments import moments
-from mcnav.linear.polynomial import PolynomialMap, monomials
+from mcnav.lincov.polynomial import PolynomialMap, monomials
+from mcnav.lincov.polynomial_moments import moments
 
 
 def _polynomial(coefficients: dict[tuple[int, ...], tuple[float, ...]], scale: list[float]) -> PolynomialMap:

@@ -10,8 +10,13 @@ from scipy import stats
 
 from mcnav.sampling.copula import hermite_coefficients
 from mcnav.sampling.distributions import Normal, StudentT, tail_weight
-from mcnav.sampling.errors import Correlation, CorrelationError, ErrorModel
-from mcnav.sampling.others import Empirical, Scipy, continuous_distributions, shape_names
+from mcnav.sampling.error_model import Correlation, CorrelationError, ErrorModel
+from mcnav.sampling.scipy_and_tables import (
+    EmpiricalDistribution,
+    ScipyDistribution,
+    continuous_distributions,
+    shape_names,
+)
 
 VALUES = np.random.default_rng(1).gamma(3.0, size=400)
 
@@ -19,13 +24,13 @@ VALUES = np.random.default_rng(1).gamma(3.0, size=400)
 @pytest.mark.parametrize(
     ("ours", "theirs"),
     [
-        (Scipy("laplace", (), 0.0, 2.0), stats.laplace(scale=2.0)),
-        (Scipy("gamma", (("a", 3.0),), -1.0, 0.5), stats.gamma(3.0, -1.0, 0.5)),
-        (Scipy("beta", (("a", 2.0), ("b", 5.0))), stats.beta(2.0, 5.0)),
-        (Scipy("t", (("df", 5.0),)), stats.t(5.0)),
+        (ScipyDistribution("laplace", (), 0.0, 2.0), stats.laplace(scale=2.0)),
+        (ScipyDistribution("gamma", (("a", 3.0),), -1.0, 0.5), stats.gamma(3.0, -1.0, 0.5)),
+        (ScipyDistribution("beta", (("a", 2.0), ("b", 5.0))), stats.beta(2.0, 5.0)),
+        (ScipyDistribution("t", (("df", 5.0),)), stats.t(5.0)),
     ],
 )
-def test_scipy_distributions(ours: Scipy, theirs: stats.rv_continuous) -> None:
+def test_scipy_distributions(ours: ScipyDistribution, theirs: stats.rv_continuous) -> None:
     normal = np.linspace(-7.0, 7.0, 57)
     expected = np.where(normal < 0.0, theirs.ppf(stats.norm.cdf(normal)), theirs.isf(stats.norm.sf(normal)))
     np.testing.assert_allclose(ours.transform(normal), expected, rtol=1e-12)
@@ -36,21 +41,21 @@ def test_scipy_distributions(ours: Scipy, theirs: stats.rv_continuous) -> None:
 
 def test_a_normal_by_its_scipy_name_is_the_normal() -> None:
     one = ErrorModel(["a"], {"a": Normal(2.0)}).draw("random", 1, 50, 0, 50)
-    other = ErrorModel(["a"], {"a": Scipy("norm", (), 0.0, 2.0)}).draw("random", 1, 50, 0, 50)
+    other = ErrorModel(["a"], {"a": ScipyDistribution("norm", (), 0.0, 2.0)}).draw("random", 1, 50, 0, 50)
     np.testing.assert_allclose(one, other, rtol=1e-10)
 
 
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Scipy("poisson"), "no continuous distribution 'poisson'"),
-        (lambda: Scipy("__import__"), "no continuous distribution"),
-        (lambda: Scipy("cauchy"), "no finite mean and variance"),
-        (lambda: Scipy("t", (("df", 2.0),)), "no finite mean and variance"),
-        (lambda: Scipy("gamma", (("a", -1.0),)), "no finite mean and variance"),
-        (lambda: Scipy("laplace", (), 0.0, 0.0), "scale must be positive"),
-        (lambda: Empirical(np.array([1.0, 1.0])), "two different values"),
-        (lambda: Empirical(np.array([1.0, np.nan])), "not finite"),
+        (lambda: ScipyDistribution("poisson"), "no continuous distribution 'poisson'"),
+        (lambda: ScipyDistribution("__import__"), "no continuous distribution"),
+        (lambda: ScipyDistribution("cauchy"), "no finite mean and variance"),
+        (lambda: ScipyDistribution("t", (("df", 2.0),)), "no finite mean and variance"),
+        (lambda: ScipyDistribution("gamma", (("a", -1.0),)), "no finite mean and variance"),
+        (lambda: ScipyDistribution("laplace", (), 0.0, 0.0), "scale must be positive"),
+        (lambda: EmpiricalDistribution(np.array([1.0, 1.0])), "two different values"),
+        (lambda: EmpiricalDistribution(np.array([1.0, np.nan])), "not finite"),
     ],
 )
 def test_impossible_ones_are_refused(make: object, message: str) -> None:
@@ -64,20 +69,20 @@ def test_shapes() -> None:
 
 
 def test_draws_of_a_table_are_its_values() -> None:
-    table = Empirical(VALUES)
+    table = EmpiricalDistribution(VALUES)
     drawn = ErrorModel(["a"], {"a": table}).draw("random", 3, 40_000, 0, 40_000)[:, 0]
     assert set(drawn) == set(VALUES)
     assert (table.mean, table.standard_deviation) == pytest.approx((VALUES.mean(), VALUES.std()))
     counts = np.array([np.count_nonzero(drawn == value) for value in VALUES])
     assert stats.chisquare(counts).pvalue > 1e-6
-    assert Empirical(VALUES[::-1]) == table
+    assert EmpiricalDistribution(VALUES[::-1]) == table
     assert table.transform(np.array([-40.0, 40.0])).tolist() == [VALUES.min(), VALUES.max()]
 
 
 @pytest.mark.parametrize("coefficient", [-0.7, 0.5, 0.9])
 def test_correlations_are_reached(coefficient: float) -> None:
     """Between a skewed distribution and a table of skewed values; within six standard errors."""
-    one, other = Scipy("gamma", (("a", 2.0),)), Empirical(VALUES)
+    one, other = ScipyDistribution("gamma", (("a", 2.0),)), EmpiricalDistribution(VALUES)
     model = ErrorModel(["a", "b"], {"a": one, "b": other}, [Correlation(("a", "b"), coefficient)])
     count = 100_000
     drawn = (model.draw("random", 2, count, 0, count) - model.mean) / model.standard_deviations
@@ -87,7 +92,7 @@ def test_correlations_are_reached(coefficient: float) -> None:
 
 def test_reach_of_skewed_distributions_is_lopsided() -> None:
     """Two exponentials: all the way up, but down to 1 - pi^2/6 only."""
-    pair = {"a": Scipy("expon"), "b": Scipy("expon")}
+    pair = {"a": ScipyDistribution("expon"), "b": ScipyDistribution("expon")}
     with pytest.raises(CorrelationError, match=r"from -0\.6449 to 1\.0000; got -0\.7"):
         ErrorModel(["a", "b"], pair, [Correlation(("a", "b"), -0.7)])
     assert np.sum(hermite_coefficients(pair["a"]) ** 2) == pytest.approx(1.0)
@@ -96,6 +101,10 @@ def test_reach_of_skewed_distributions_is_lopsided() -> None:
 
 
 def test_tails_are_weighed() -> None:
-    assert tail_weight(Scipy("t", (("df", 10.0),))) == pytest.approx(tail_weight(StudentT(1.0, 10.0)), rel=1e-6)
-    model = ErrorModel(["a", "b"], {"a": Scipy("lognorm", (("s", 1.0),)), "b": Empirical(VALUES)})
+    assert tail_weight(ScipyDistribution("t", (("df", 10.0),))) == pytest.approx(
+        tail_weight(StudentT(1.0, 10.0)), rel=1e-6
+    )
+    model = ErrorModel(
+        ["a", "b"], {"a": ScipyDistribution("lognorm", (("s", 1.0),)), "b": EmpiricalDistribution(VALUES)}
+    )
     assert model.heavy_tailed("random") == ("a",)

@@ -8,10 +8,10 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from mcnav.campaign.parts import Layout, Part, samples_from, verified_part, write_part
-from mcnav.scenarios.protocol import Outcomes
+from mcnav.scenarios.protocol import SimulationResult
+from mcnav.store.parts import Part, SampleSchema, samples_from, verified_part, write_part
 
-LAYOUT = Layout(("error a [m]", "error b [rad]"), ("output c [m]",))
+LAYOUT = SampleSchema(("error a [m]", "error b [rad]"), ("output c [m]",))
 IDENTITY = "f" * 64
 
 
@@ -20,7 +20,9 @@ def stored(tmp_path: Path) -> Part:
     values = np.arange(40.0)[:, None] ** 3
     values[7] = np.nan
     errors = np.random.default_rng(1).standard_normal((40, 2))
-    return write_part(tmp_path, 3, 120, IDENTITY, LAYOUT, errors, Outcomes(values, {7: "fell"}, handed_over=2))
+    return write_part(
+        tmp_path, 3, 120, IDENTITY, LAYOUT, errors, SimulationResult(values, {7: "fell"}, fallback_count=2)
+    )
 
 
 def test_what_is_written_is_read_back(stored: Part, tmp_path: Path) -> None:

@@ -9,14 +9,14 @@ from scipy import stats
 from mcnav.analysis.comparison import Criterion, Model, compare
 from mcnav.analysis.requirements import (
     Finding,
-    Judged,
     Requirement,
+    RequirementResult,
     absolute_normal_quantile,
     judge_requirement,
     normal_box_probability,
     requirements_from,
 )
-from mcnav.report import wording
+from mcnav.report import sentences
 
 MODEL = Model(np.array([[1.0, 0.0], [0.0, 2.0]]), np.zeros(2), np.zeros(2), np.eye(2))
 P9973 = 3.0 * 0.99999  # of a standard normal, absolute
@@ -29,7 +29,7 @@ def _judged(
     blocks: np.ndarray | None = None,
     failed: int = 0,
     model: Model = MODEL,
-) -> Judged:
+) -> RequirementResult:
     errors = np.random.default_rng(3).standard_normal((count, 2))
     outcomes = factor * errors @ model.partials.T
     outcomes[:failed] = np.nan
@@ -171,9 +171,9 @@ AGREES = {"verdict": "agrees", "verdict_matrix": "agrees", "sigma_linear": [1.0]
 def test_requirements_have_a_say_beside_the_verdict(findings: list[str], sentence: str, standing: str) -> None:
     """The headline tells both; it is green only when linear analysis agrees and every requirement is met."""
     summary = AGREES | {"requirements": [{"finding": finding} for finding in findings]}
-    assert wording.headline(summary) == f"Yes: the linear covariance analysis may be trusted here.{sentence}"
-    assert wording.standing(summary) == standing
-    assert wording.tone(summary) == "agrees"
+    assert sentences.headline(summary) == f"Yes: the linear covariance analysis may be trusted here.{sentence}"
+    assert sentences.standing(summary) == standing
+    assert sentences.tone(summary) == "agrees"
     differs = summary | {"verdict": "differs"}
-    assert wording.headline(differs) == f"No: the linear covariance analysis does not hold here.{sentence}"
-    assert wording.standing(differs) == "differs"
+    assert sentences.headline(differs) == f"No: the linear covariance analysis does not hold here.{sentence}"
+    assert sentences.standing(differs) == "differs"

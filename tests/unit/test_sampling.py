@@ -20,7 +20,7 @@ from mcnav.sampling.distributions import (
     Uniform,
     tail_weight,
 )
-from mcnav.sampling.errors import Correlation, CorrelationError, ErrorModel
+from mcnav.sampling.error_model import Correlation, CorrelationError, ErrorModel
 
 ALL: dict[str, Distribution] = {
     "a": Normal(2.0),

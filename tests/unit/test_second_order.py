@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mcnav.analysis.causes import TERMS, Predicted, predicted_from, split_difference
 from mcnav.analysis.comparison import Criterion, Model, compare
-from mcnav.linear.partials import FlightFailed
-from mcnav.linear.second_order import principal_directions, second_order
-from mcnav.scenarios.protocol import Outcomes
+from mcnav.analysis.variance_breakdown import TERMS, Predicted, predicted_from, split_difference
+from mcnav.lincov.higher_order import principal_directions, second_order
+from mcnav.lincov.partials import SimulationFailed
+from mcnav.scenarios.protocol import SimulationResult
 from tests.conftest import campaign
 
 SIGMA = np.array([2.0, 0.5, 0.0])
@@ -18,9 +18,9 @@ GRADIENT = np.array([1.0, -3.0, 7.0])
 HESSIAN = np.array([[0.3, 0.1, 1.0], [0.1, -0.4, 0.0], [1.0, 0.0, 2.0]])
 
 
-def _quadratic(errors: np.ndarray) -> Outcomes:
+def _quadratic(errors: np.ndarray) -> SimulationResult:
     curved = errors @ GRADIENT + 0.5 * np.einsum("ni,ij,nj->n", errors, HESSIAN, errors)
-    return Outcomes(np.column_stack([curved, errors[:, 0]]))
+    return SimulationResult(np.column_stack([curved, errors[:, 0]]))
 
 
 @pytest.mark.parametrize("step", [0.1, 0.5, 1.0])
@@ -41,9 +41,9 @@ def test_a_quadratic_is_exact(step: float) -> None:
 def test_a_cubic_has_its_third_order_term() -> None:
     """y = x + a x^3 + b x w^2, normal: the variance to fourth order is 1 + 2 (3 a + b)."""
 
-    def cubic(errors: np.ndarray) -> Outcomes:
+    def cubic(errors: np.ndarray) -> SimulationResult:
         x, w = errors.T
-        return Outcomes((x + 0.01 * x**3 + 0.02 * x * w**2)[:, None])
+        return SimulationResult((x + 0.01 * x**3 + 0.02 * x * w**2)[:, None])
 
     found = second_order(cubic, np.zeros(2), np.eye(2))
     assert found.third_order[0, 0] == pytest.approx(2.0 * (0.03 + 0.02), rel=1e-9)
@@ -76,10 +76,10 @@ def test_no_errors_at_all() -> None:
 
 
 def test_a_failed_flight_is_named() -> None:
-    def failing(errors: np.ndarray) -> Outcomes:
-        return Outcomes(np.full((len(errors), 1), np.nan), {3: "too low"})
+    def failing(errors: np.ndarray) -> SimulationResult:
+        return SimulationResult(np.full((len(errors), 1), np.nan), {3: "too low"})
 
-    with pytest.raises(FlightFailed, match="flight 4 of 13"):
+    with pytest.raises(SimulationFailed, match="flight 4 of 13"):
         second_order(failing, np.zeros(2), np.eye(2))
 
 
@@ -89,8 +89,8 @@ def test_it_predicts_what_is_flown(trajectory: int, multiple: float) -> None:
     count = 40_000
     run = campaign(trajectory, multiple, samples=count)
     errors = run.errors.draw("random", 1, count, 0, count)
-    prepared = run.scenario.prepared("ensemble", errors[:64])
-    linear = run.scenario.linearised()
+    prepared = run.scenario.engine("ensemble", errors[:64])
+    linear = run.scenario.linear_model()
     model = Model(linear.partials, linear.nominal, run.errors.mean, run.errors.covariance)
     found = second_order(prepared.propagate, run.errors.mean, run.errors.covariance)
     comparison = compare(model, errors, prepared.propagate(errors).values, np.arange(count), Criterion())

@@ -10,8 +10,8 @@ from scipy import stats
 
 from mcnav.sampling.designs import DESIGNS
 from mcnav.sampling.distributions import Distribution, Fixed, Normal, StudentT, Triangular, Uniform
-from mcnav.sampling.errors import Correlation, CorrelationError, ErrorModel, JointError
-from mcnav.sampling.shared_tails import SharedTails, normal_of_rank, rank_correlation
+from mcnav.sampling.error_model import Correlation, CorrelationError, ErrorModel, JointError
+from mcnav.sampling.multivariate_t import MultivariateT, normal_of_rank, rank_correlation
 
 FALSE_ALARM = 1e-6
 """Probability with which a right program fails one of the statistical assertions here; the seeds are fixed besides."""
@@ -26,7 +26,7 @@ SOURCES: dict[str, Distribution] = {
     "e": Normal(1.0),
     "f": Normal(1.0),
 }
-GROUPS = [SharedTails(("a", "b", "c"), 9.0), SharedTails(("e", "f"), 12.0)]
+GROUPS = [MultivariateT(("a", "b", "c"), 9.0), MultivariateT(("e", "f"), 12.0)]
 CORRELATED = [
     Correlation(("a", "b"), -0.6),
     Correlation(("b", "c"), 0.4, of_ranks=True),
@@ -94,7 +94,7 @@ def test_rank_correlation_of_any_margins(wanted: float) -> None:
 
 @pytest.mark.parametrize("end", [-1.0, 1.0])
 def test_ends_of_the_range(end: float) -> None:
-    for group in (None, SharedTails(("a", "b"), 3.0)):
+    for group in (None, MultivariateT(("a", "b"), 3.0)):
         assert rank_correlation(end, group, group) == pytest.approx(end, abs=1e-9)
         model = ErrorModel(
             ["a", "b"],
@@ -107,7 +107,7 @@ def test_ends_of_the_range(end: float) -> None:
 
 
 def test_many_degrees_of_freedom_are_the_normal_again() -> None:
-    group = SharedTails(("a", "b"), 1e7)
+    group = MultivariateT(("a", "b"), 1e7)
     assert group.coupling == pytest.approx(1.0, abs=1e-6)
     assert rank_correlation(0.5, group, group) == pytest.approx(rank_correlation(0.5), abs=1e-6)
     assert normal_of_rank(0.5, group, None) == pytest.approx(normal_of_rank(0.5), abs=1e-6)
@@ -116,7 +116,7 @@ def test_many_degrees_of_freedom_are_the_normal_again() -> None:
 @pytest.mark.parametrize("degrees", [2.5, 5.0, 40.0])
 def test_the_scale(degrees: float) -> None:
     """Its mean against scipy's chi distribution; its values against scipy's chi-square quantiles."""
-    group = SharedTails(("a", "b"), degrees)
+    group = MultivariateT(("a", "b"), degrees)
     expected = stats.chi(degrees).expect(lambda w: np.sqrt(degrees - 2.0) / w)
     assert group.coupling == pytest.approx(expected, rel=1e-7)
     normal = np.linspace(-6.0, 6.0, 25)
@@ -128,7 +128,7 @@ def test_the_scale(degrees: float) -> None:
 
 def test_each_member_is_students_t() -> None:
     """Kolmogorov-Smirnov; and their sizes come together, where normals of no correlation would have them apart."""
-    model = ErrorModel(["a", "b"], {"a": Normal(2.0), "b": Normal(1.0)}, (), [SharedTails(("a", "b"), 5.0)])
+    model = ErrorModel(["a", "b"], {"a": Normal(2.0), "b": Normal(1.0)}, (), [MultivariateT(("a", "b"), 5.0)])
     drawn = model.draw("random", 8, 40_000, 0, 40_000)
     for column, sigma in zip(drawn.T, (2.0, 1.0), strict=True):
         assert stats.kstest(column, stats.t(5.0, scale=sigma * np.sqrt(3.0 / 5.0)).cdf).pvalue > FALSE_ALARM
@@ -151,7 +151,7 @@ def test_pairs_mirror_and_other_sources_stay_as_they_were() -> None:
     drawn = MODEL.draw("antithetic", 5, 1001, 0, 1001)
     np.testing.assert_array_equal(drawn[0:1000:2], -drawn[1:1001:2])
     alone = ErrorModel(["a", "b", "c"], {"a": Normal(1.0), "b": Normal(1.0), "c": Normal(1.0)})
-    joined = ErrorModel(["a", "b", "c"], dict.fromkeys("abc", Normal(1.0)), (), [SharedTails(("a", "b"), 5.0)])
+    joined = ErrorModel(["a", "b", "c"], dict.fromkeys("abc", Normal(1.0)), (), [MultivariateT(("a", "b"), 5.0)])
     one, other = (model.draw("random", 5, 100, 0, 100) for model in (alone, joined))
     np.testing.assert_array_equal(one[:, 2], other[:, 2])
     np.testing.assert_allclose(one[:, 0] / one[:, 1], other[:, 0] / other[:, 1], rtol=1e-12)
@@ -161,20 +161,20 @@ def test_tails_are_told() -> None:
     assert (MODEL.heavy_tailed("random"), MODEL.long_tailed("random")) == ((), tuple("abcef"))
     assert MODEL.heavy_tailed("sobol") == tuple("abcef")
     assert not MODEL.normal
-    assert ErrorModel(NAMES, SOURCES, (), [SharedTails(("a", "b"), 5.0)]).heavy_tailed("random") == ("a", "b")
+    assert ErrorModel(NAMES, SOURCES, (), [MultivariateT(("a", "b"), 5.0)]).heavy_tailed("random") == ("a", "b")
     copied = pickle.loads(pickle.dumps(MODEL))
     assert np.array_equal(copied.draw("random", 1, 9, 0, 9), MODEL.draw("random", 1, 9, 0, 9))
 
 
 def test_impossible_ones_are_refused() -> None:
     with pytest.raises(ValueError, match="must exceed 2"):
-        SharedTails(("a", "b"), 2.0)
+        MultivariateT(("a", "b"), 2.0)
     with pytest.raises(JointError, match="d must be stated by its sigma alone"):
-        ErrorModel(NAMES, SOURCES, (), [SharedTails(("a", "d"), 5.0)])
+        ErrorModel(NAMES, SOURCES, (), [MultivariateT(("a", "d"), 5.0)])
     with pytest.raises(JointError, match="f must be stated by its sigma alone"):
-        ErrorModel(NAMES, {**SOURCES, "f": Fixed(1.0)}, (), [SharedTails(("f", "a"), 5.0)])
+        ErrorModel(NAMES, {**SOURCES, "f": Fixed(1.0)}, (), [MultivariateT(("f", "a"), 5.0)])
     with pytest.raises(JointError, match="b is named twice"):
-        ErrorModel(NAMES, SOURCES, (), [SharedTails(("a", "b"), 5.0), SharedTails(("b", "c"), 5.0)])
+        ErrorModel(NAMES, SOURCES, (), [MultivariateT(("a", "b"), 5.0), MultivariateT(("b", "c"), 5.0)])
     with pytest.raises(CorrelationError, match=r"can be correlated up to 0\.9[0-9]+; got 0\.99"):
         ErrorModel(NAMES, SOURCES, [Correlation(("a", "e"), 0.99)], GROUPS)
     with pytest.raises(CorrelationError, match=r"rank-correlated up to 0\.9[0-9]+; got -0\.99"):
@@ -182,6 +182,6 @@ def test_impossible_ones_are_refused() -> None:
 
 
 def test_a_member_may_be_absent_in_size() -> None:
-    model = ErrorModel(["a", "b"], {"a": Normal(1.0), "b": Normal(0.0)}, (), [SharedTails(("a", "b"), 30.0)])
+    model = ErrorModel(["a", "b"], {"a": Normal(1.0), "b": Normal(0.0)}, (), [MultivariateT(("a", "b"), 30.0)])
     assert np.all(model.draw("random", 1, 20, 0, 20)[:, 1] == 0.0)
     assert model.long_tailed("random") == ()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mcnav.statistics import chi_square, order_statistics, power, proportions, radial, shape
+from mcnav.statistics import chi_square, circular_error, order_statistics, power, proportions, shape
 from mcnav.statistics.covariance_tests import covariance_likelihood_ratio
 from mcnav.statistics.estimates import Estimate, blocked_mean
 from mcnav.statistics.hotelling import hotelling
@@ -191,15 +191,21 @@ def test_shape_has_the_normals_error_for_normal_samples() -> None:
 def test_circular_error_probable() -> None:
     """Of the circular normal distribution sqrt(2 ln 2); of one on a line the normal quartile; of a point how far."""
     origin = np.zeros(2)
-    assert radial.normal_circular_error_probable(origin, 4.0 * np.eye(2)) == pytest.approx(2.0 * np.sqrt(2 * np.log(2)))
+    assert circular_error.normal_circular_error_probable(origin, 4.0 * np.eye(2)) == pytest.approx(
+        2.0 * np.sqrt(2 * np.log(2))
+    )
     line = np.array([[9.0, 9.0], [9.0, 9.0]])
-    assert radial.normal_circular_error_probable(origin, line) == pytest.approx(np.sqrt(18) * stats.norm.ppf(0.75))
-    assert radial.normal_circular_error_probable(np.array([3.0, 4.0]), np.zeros((2, 2))) == pytest.approx(5.0, rel=1e-8)
-    assert radial.normal_circular_error_probable(origin, np.zeros((2, 2))) == 0.0
+    assert circular_error.normal_circular_error_probable(origin, line) == pytest.approx(
+        np.sqrt(18) * stats.norm.ppf(0.75)
+    )
+    assert circular_error.normal_circular_error_probable(np.array([3.0, 4.0]), np.zeros((2, 2))) == pytest.approx(
+        5.0, rel=1e-8
+    )
+    assert circular_error.normal_circular_error_probable(origin, np.zeros((2, 2))) == 0.0
     thin = np.diag([1.0, 1e-8])
-    assert radial.normal_circular_error_probable(origin, thin) == pytest.approx(stats.norm.ppf(0.75), rel=1e-7)
+    assert circular_error.normal_circular_error_probable(origin, thin) == pytest.approx(stats.norm.ppf(0.75), rel=1e-7)
     far = np.array([0.3, -2.0])
-    found = radial.normal_probability_within(2.5, far, np.diag([1.0, 1.0]))
+    found = circular_error.normal_probability_within(2.5, far, np.diag([1.0, 1.0]))
     assert found == pytest.approx(stats.ncx2.cdf(2.5**2, 2, 0.3**2 + 2.0**2), rel=1e-9)
 
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from mcnav.constants import EARTH_RADIUS, GRAVITATIONAL_PARAMETER, REENTRY_ALTITUDE
-from mcnav.physics.atmosphere import LAYER_BOUNDARIES
-from mcnav.physics.truth import NeverComesDown, Trajectory, fly_truth, truth_force
-from mcnav.physics.vehicle import ConstantLift, VariableLift, Vehicle, aerodynamic_force
+from mcnav.physics.reentry.atmosphere import LAYER_BOUNDARIES
+from mcnav.physics.reentry.truth import NoReentry, Trajectory, fly_truth, truth_force
+from mcnav.physics.reentry.vehicle import ConstantLift, VariableLift, Vehicle, aerodynamic_force
 from mcnav.scenarios.reentry import Reentry
-from mcnav.scenarios.tn_d1772 import common_start
+from mcnav.scenarios.table_i import common_start
 
 STEP_ERROR = 1e-12 * 300
 """DOP853's tolerance times the steps of the longest trajectory."""
@@ -115,14 +115,14 @@ def test_drag_opposes_and_lift_is_normal_to_the_air_speed() -> None:
 def test_a_start_below_the_final_altitude_is_refused() -> None:
     start = common_start()
     start[0] = EARTH_RADIUS + 10_000.0
-    with pytest.raises(NeverComesDown, match=r"starts at 10\.00 km"):
+    with pytest.raises(NoReentry, match=r"starts at 10\.00 km"):
         fly_truth(start, Vehicle(ConstantLift(0.1)), 20_000.0)
 
 
 def test_a_flight_that_leaves_is_given_up() -> None:
     start = common_start()
     start[2] = 12_000.0
-    with pytest.raises(NeverComesDown, match=r"never comes down to 30\.00 km"):
+    with pytest.raises(NoReentry, match=r"never comes down to 30\.00 km"):
         fly_truth(start, Vehicle(ConstantLift(0.1)), 30_000.0)
 
 

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from mcnav.linear.map_engine import MapEngine
-from mcnav.linear.polynomial import fit
-from mcnav.physics.grid import shared_grid
-from mcnav.physics.response import linear_response
-from mcnav.physics.vehicle import Vehicle
+from mcnav.lincov.polynomial import fit
+from mcnav.lincov.polynomial_engine import PolynomialEngine
+from mcnav.physics.reentry.ensemble.grid import shared_grid
+from mcnav.physics.reentry.ensemble.transition import linear_response
+from mcnav.physics.reentry.vehicle import Vehicle
 from mcnav.scenarios.reentry import ENSEMBLE_CHUNK, EnsembleEngine, Flight, Navigation, Reentry
-from mcnav.scenarios.tn_d1772 import TABLE_I
+from mcnav.scenarios.table_i import TABLE_I
 from tests.benchmarks.case import Case
 from tests.benchmarks.peer import Fly, Peer
 
@@ -44,7 +44,7 @@ def prepare_map(case: Case, order: float, cores: int) -> Fly:
     """Samples evaluated by a polynomial; those beyond the fitted ones are flown."""
     exact = _engine(case, MAP_NODES)
     polynomial = fit(lambda draws: exact.propagate(draws), np.zeros(10), case.one_sigma, int(order))
-    engine = MapEngine(polynomial, exact, "")
+    engine = PolynomialEngine(polynomial, exact, "")
     return lambda draws: engine.propagate(draws).values
 
 

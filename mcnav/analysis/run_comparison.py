@@ -1,0 +1,153 @@
+"""Two campaigns beside each other: what has become of each output's dispersion and mean.
+
+Of each run the paired estimates are taken, sigma^2 = (P S P^T)_ii + mean(q) with q the square of a flown less that of
+the linear error. With q / sigma^2 of both runs, the logarithm of the sigma ratio has the error of half the difference
+of their means. Where both drew the same samples, by seed and index, that difference is taken sample by sample, and what
+the draws share cancels once more; otherwise the two errors add in squares, with Welch's degrees of freedom.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mcnav._types import Array, IndexArray
+from mcnav.analysis.comparison import Model
+from mcnav.statistics.estimates import Estimate, blocked_mean
+
+
+@dataclass(frozen=True)
+class SampleSet:
+    """The samples of one run that did not fail.
+
+    Attributes
+    ----------
+    model : Model
+    index : ndarray of int, shape (n,)
+    blocks : ndarray of int, shape (n,)
+    errors : ndarray, shape (n, sources)
+    outputs : ndarray, shape (n, outputs)
+    fewest : float
+        Independent blocks below which nothing is claimed.
+    """
+
+    model: Model
+    index: IndexArray
+    blocks: IndexArray
+    errors: Array
+    outputs: Array
+    fewest: float
+
+
+@dataclass(frozen=True)
+class Change:
+    """One output in a run and in a later one.
+
+    Attributes
+    ----------
+    before, after : float
+        Paired sigmas, SI.
+    ratio : float
+        After over before; NaN where either is zero.
+    interval : tuple of float
+        Of the ratio.
+    mean : Estimate
+        Mean after less mean before, SI.
+    common : bool
+        Whether it was taken on common draws.
+    """
+
+    before: float
+    after: float
+    ratio: float
+    interval: tuple[float, float]
+    mean: Estimate
+    common: bool
+
+    @property
+    def certain(self) -> bool:
+        """Whether the interval of the ratio excludes one."""
+        return not self.interval[0] <= 1.0 <= self.interval[1]
+
+
+def change(before: SampleSet, after: SampleSet, outputs: tuple[int, int], common: bool, confidence: float) -> Change:
+    """What has become of one output.
+
+    Parameters
+    ----------
+    before, after : Flights
+    outputs : tuple of int
+        The output's place in each.
+    common : bool
+        Whether samples of one index are common draws.
+    confidence : float
+        Of the interval.
+    """
+    squares, deviations, sigmas, means = [], [], [], []
+    for flights, i in ((before, outputs[0]), (after, outputs[1])):
+        square, deviation, linear, centre = _controlled(flights, i)
+        variance = linear + float(np.mean(square))
+        variance = variance if variance > flights.model.rounding[i] ** 2 else 0.0
+        sigmas.append(float(np.sqrt(variance)) if variance > 0.0 else 0.0)
+        squares.append(square / variance if variance > 0.0 else square)
+        deviations.append(deviation)
+        means.append(centre)
+    spread = _difference(before, after, squares, common)
+    mean = _difference(before, after, deviations, common)
+    shifted = Estimate(means[1] - means[0] + mean.value, mean.standard_error, mean.degrees_of_freedom)
+    if not all(sigmas):
+        return Change(sigmas[0], sigmas[1], float("nan"), (float("nan"), float("nan")), shifted, common)
+    ratio, half = sigmas[1] / sigmas[0], 0.5 * spread.half_width(confidence)
+    interval = (ratio * float(np.exp(-half)), ratio * float(np.exp(min(half, 700.0))))
+    return Change(sigmas[0], sigmas[1], ratio, interval, shifted, common)
+
+
+def _controlled(flights: SampleSet, i: int) -> tuple[Array, Array, float, float]:
+    """Squares and deviations of flown less linear errors, and the variance and mean that these correct."""
+    model, flown = flights.model, flights.outputs[:, i]
+    linear = model.nominal[i] + flights.errors @ model.partials[i]
+    count = len(flown)
+    unbiased = count / max(count - 1.0, 1.0)
+    square = unbiased * ((flown - flown.mean()) ** 2 - (linear - linear.mean()) ** 2)
+    return square, flown - linear, float(model.outcome_covariance[i, i]), float(model.outcome_mean[i])
+
+
+def _difference(before: SampleSet, after: SampleSet, values: list[Array], common: bool) -> Estimate:
+    """Mean of the later values less that of the earlier ones."""
+    value = float(np.mean(values[1]) - np.mean(values[0]))
+    fewest = max(before.fewest, after.fewest)
+    if common:
+        _, first, second = np.intersect1d(before.index, after.index, assume_unique=True, return_indices=True)
+        if len(first) == len(before.index) == len(after.index):
+            return blocked_mean(values[1][second] - values[0][first], before.blocks[first], fewest)
+        if len(first):
+            return _partly_common(before, after, values, first, second, value, fewest)
+    one, two = (blocked_mean(v, f.blocks, fewest) for v, f in zip(values, (before, after), strict=True))
+    return _welch(value, [one.standard_error, two.standard_error], [one.degrees_of_freedom, two.degrees_of_freedom])
+
+
+def _partly_common(
+    before: SampleSet, after: SampleSet, values: list[Array], first: IndexArray, second: IndexArray,
+    value: float, fewest: float,
+) -> Estimate:  # fmt: skip
+    """The same where one run has samples that the other has not: each sample weighs what it weighs in its own mean."""
+    index = np.union1d(before.index, after.index)
+    weighted, blocks = np.zeros(len(index)), np.zeros(len(index), dtype=np.int64)
+    for sign, flights, own in ((-1.0, before, values[0]), (1.0, after, values[1])):
+        place = np.searchsorted(index, flights.index)
+        weighted[place] += sign * (own - own.mean()) * len(index) / len(own)
+        blocks[place] = flights.blocks
+    error = blocked_mean(weighted, blocks, fewest)
+    return Estimate(value, error.standard_error, min(len(first), len(second)) - 1.0)
+
+
+def _welch(value: float, errors: list[float], degrees: list[float]) -> Estimate:
+    """A difference of independent means."""
+    squares = [error**2 for error in errors]
+    if not np.isfinite(sum(squares)):
+        return Estimate(value, float("inf"), 0.0)
+    if sum(squares) == 0.0:
+        return Estimate(value, 0.0, min(degrees))
+    pooled = sum(squares) ** 2 / sum(s**2 / d for s, d in zip(squares, degrees, strict=True) if s > 0.0)
+    return Estimate(value, float(np.sqrt(sum(squares))), float(pooled))

@@ -1,0 +1,144 @@
+"""Why flown and linear variances differ: a split whose terms add up to the difference exactly.
+
+With y the flown and z = y0 + P s the linear errors of the same draws, P S P^T the linear covariance, S-hat the
+covariance of the draws and P' the partial derivatives by differences,
+
+    cov(y) - P S P^T  =   P (S-hat - S) P^T                       sampling: the draws are not quite those asked for,
+                        + [cov(y) - cov(z)]                       the paired difference, which is split further:
+                              P' S P'^T - P S P^T                 partials: two ways to the derivatives,
+                              1/2 tr(H_i S H_j S)                 curvature,
+                              the third derivatives' term         of the same order in sigma,
+                              what is left.
+
+The first line is at once what the plain estimate has and the paired one has not (`mcnav.analysis.comparison`). What is
+left holds the higher orders and the sampling error of the paired difference, whose standard error goes with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.analysis.comparison import Comparison, Model
+from mcnav.statistics.chunked import scatter
+
+TERMS: Final = ("sampled_sigmas", "sampled_correlations", "partials", "second_order", "third_order", "rest")
+"""The terms of the split, in the order in which they are told."""
+
+
+@dataclass(frozen=True)
+class Predicted:
+    """What was computed beside the linear model when the campaign was flown; NaN where it could not be.
+
+    Attributes
+    ----------
+    partials : ndarray, shape (outputs, sources)
+        P by differences.
+    quadratic, third_order : ndarray, shape (outputs, outputs)
+        What second and third derivatives add to the covariance; see `mcnav.lincov.higher_order`.
+    unscented : ndarray, shape (outputs, outputs)
+        Covariance by the unscented transform.
+    """
+
+    partials: Array
+    quadratic: Array
+    third_order: Array
+    unscented: Array
+
+
+def predicted_from(model: Mapping[str, Any], outputs: int) -> Predicted:
+    """What a manifest's model says beside its partials; NaN for whatever it does not hold."""
+
+    def table(key: str, entry: str, columns: int) -> Array:
+        found = (model.get(key) or {}).get(entry)
+        return np.full((outputs, columns), np.nan) if found is None else np.array(found, dtype=float)
+
+    return Predicted(
+        partials=table("partials_differences", "partials", len(model["sources"])),
+        quadratic=table("second_order", "quadratic", outputs),
+        third_order=table("second_order", "third_order", outputs),
+        unscented=table("unscented", "covariance", outputs),
+    )
+
+
+@dataclass(frozen=True)
+class VarianceBreakdown:
+    """The split of each output's variance, SI.
+
+    Attributes
+    ----------
+    terms : dict of str to ndarray, shape (outputs,)
+        Keyed by `TERMS`; they sum to ``total``. A term that was not computed is NaN, and is then part of the rest.
+    total : ndarray, shape (outputs,)
+        Plain sample variance less the linear one.
+    paired : ndarray, shape (outputs,)
+        Paired variance less the linear one: the terms from ``partials`` on.
+    standard_error : ndarray, shape (outputs,)
+        Of the paired difference, and so of the rest.
+    unscented : ndarray, shape (outputs,)
+        Unscented variance less the linear one, for comparison.
+    """
+
+    terms: dict[str, Array]
+    total: Array
+    paired: Array
+    standard_error: Array
+    unscented: Array
+
+
+def split_difference(
+    model: Model, errors: Array, comparison: Comparison, predicted: Predicted
+) -> VarianceBreakdown | None:
+    """Split the difference between the flown and the linear variances.
+
+    Parameters
+    ----------
+    model : Model
+    errors : ndarray, shape (n, sources)
+        Start errors of the samples that were compared.
+    comparison : Comparison
+    predicted : Predicted
+
+    Returns
+    -------
+    VarianceBreakdown or None
+        None when nothing could be compared.
+    """
+    if not comparison.outputs:
+        return None
+    return split_by_covariance(model, scatter(errors) / (len(errors) - 1), comparison, predicted)
+
+
+def split_by_covariance(
+    model: Model, drawn: Array, comparison: Comparison, predicted: Predicted
+) -> VarianceBreakdown | None:
+    """As `split_difference`, from the covariance of the errors that were drawn, shape (sources, sources)."""
+    if not comparison.outputs:
+        return None
+    linear = np.diag(comparison.covariance_linear)
+    total = np.diag(comparison.covariance_sample) - linear
+    excess = drawn - model.covariance
+    sampling = np.einsum("ij,jk,ik->i", model.partials, excess, model.partials)
+    sigmas = np.einsum("ij,j,ij->i", model.partials, np.diag(excess), model.partials)
+    two_ways = np.einsum("ij,jk,ik->i", predicted.partials, model.covariance, predicted.partials) - np.einsum(
+        "ij,jk,ik->i", model.partials, model.covariance, model.partials
+    )
+    terms = {
+        "sampled_sigmas": sigmas,
+        "sampled_correlations": sampling - sigmas,
+        "partials": two_ways,
+        "second_order": np.diag(predicted.quadratic),
+        "third_order": np.diag(predicted.third_order),
+    }
+    terms["rest"] = total - np.sum([np.nan_to_num(term) for term in terms.values()], axis=0)
+    return VarianceBreakdown(
+        terms=terms,
+        total=total,
+        paired=total - sampling,
+        standard_error=np.array([output.paired_variance.standard_error for output in comparison.outputs]),
+        unscented=np.diag(predicted.unscented) - linear,
+    )

@@ -1,0 +1,102 @@
+"""What is wrong with a file, said in lines that name the file, the key, what came and what would do."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from mcnav.units import printable
+
+MOST_PROBLEMS: Final = 50
+"""Mistakes told of one file."""
+
+LONGEST: Final = 400
+"""Characters of a file name or key that are shown."""
+
+LONGEST_MESSAGE: Final = 1_000
+"""Characters of a message that are shown: some list names."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One mistake."""
+
+    file: str
+    key: str
+    message: str
+
+    def __str__(self) -> str:
+        parts = (self.file, LONGEST), (self.key, LONGEST), (self.message, LONGEST_MESSAGE)
+        return ": ".join(printable(part, most) for part, most in parts if part)
+
+
+class CampaignError(Exception):
+    """A campaign that cannot be run as it stands; its mistakes together, one a line, as many as anybody reads."""
+
+    def __init__(self, problems: Sequence[Problem]) -> None:
+        lines = [str(problem) for problem in problems[:MOST_PROBLEMS]]
+        if len(problems) > MOST_PROBLEMS:
+            lines.append(f"{problems[0].file}: and more")
+        super().__init__("\n".join(lines))
+        self.problems = tuple(problems)
+
+
+class RunFolderError(Exception):
+    """A run folder that cannot be used; the message names it and says what would do."""
+
+
+class ClusterError(Exception):
+    """A cluster that cannot be used, or has been lost; the message names it and says what would do."""
+
+
+class RunFolderBusy(RunFolderError):
+    """Another process is writing to the run folder."""
+
+
+LONGEST_NAME: Final = 100
+"""Characters of a name that may have been meant for another."""
+
+
+MOST_NAMES: Final = 20
+"""Names that a message lists."""
+
+
+class TooManyFailures(Exception):
+    """More samples failed than a run was allowed; the message says how many."""
+
+
+@contextmanager
+def reading_file(path: Path) -> Iterator[None]:
+    """Let a file of a run folder that is not as this program writes it be told so, whatever is the matter with it.
+
+    Raises
+    ------
+    RunFolderError
+        In place of what code raises that is given numbers, names or shapes that it has never seen.
+    """
+    try:
+        yield
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError) as failure:
+        told = printable(f"{type(failure).__name__}: {failure}", 120)
+        raise RunFolderError(f"{path}: is not as this program writes it ({told}); run the campaign again") from failure
+
+
+def suggestion(name: str, known: list[str]) -> str:
+    """What an unknown name may have meant, and what is known, as the end of a message.
+
+    >>> suggestion("altitud", ["altitude", "range"])
+    "; did you mean 'altitude'? It is one of altitude, range"
+    """
+    if not known:
+        return ""
+    listed = ", ".join(known[:MOST_NAMES])
+    if len(known) > MOST_NAMES:
+        listed += f" and {len(known) - MOST_NAMES} more"
+    close = difflib.get_close_matches(name, known, n=1) if len(name) <= LONGEST_NAME else []
+    if close:
+        return f"; did you mean {close[0]!r}? It is one of {listed}"
+    return f"; expected one of {listed}"

@@ -1,0 +1,1 @@
+"""Chunks of samples: drawn, simulated and stored by workers."""

@@ -1,0 +1,197 @@
+"""One chunk of a run: drawn, flown and stored by whoever is given it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from mcnav._types import Array
+from mcnav.lincov.block_sums import Normalization
+from mcnav.lincov.sample_reduction import reduce_samples
+from mcnav.sampling.error_model import ErrorModel
+from mcnav.scenarios.inputs import InputFile
+from mcnav.scenarios.protocol import Engine, SimulationResult
+from mcnav.scenarios.sample_loop import NOT_FINITE, SampleFailed, simulate_each
+from mcnav.scenarios.timeouts import SampleTimeout, time_limit
+from mcnav.store import histories
+from mcnav.store.inputs import check_unchanged
+from mcnav.store.parts import Part, SampleSchema, whole_part, write_part
+from mcnav.store.run_folder import RunFolder
+from mcnav.store.summaries import KEPT, MARK, MOST_REASONS, Summary, summary_chunk
+
+
+@dataclass(frozen=True)
+class DrawPlan:
+    """Which samples to draw; see `ErrorModel.draw`."""
+
+    model: ErrorModel
+    design: str
+    seed: int
+    samples: int
+
+
+@dataclass(frozen=True)
+class ChunkJob:
+    """What a worker needs to fly any chunk of a run; with a frame it keeps a summary in place of samples.
+
+    ``inputs`` are files that the scenario reads: a chunk is stored only when they stayed as they were.
+
+    ``timeout`` is the time that a sample may take, s. ``wanted`` is a file that is there for as long as the run wants
+    its chunks: a worker that nobody can end must not write into a folder that by then may be another run's.
+    """
+
+    draws: DrawPlan
+    engine: Engine
+    folder: RunFolder
+    identity: str
+    layout: SampleSchema
+    timeout: float | None = None
+    frame: Normalization | None = None
+    wanted: Path | None = None
+    inputs: tuple[InputFile, ...] = ()
+
+    @property
+    def in_processes(self) -> bool:
+        """Whether chunks need processes of their own: signals, which keep time, reach main threads alone."""
+        return self.engine.parallel == "processes" or self.timeout is not None
+
+    @property
+    def chunk(self) -> int:
+        """Samples of a chunk: part of engine and campaign, never of the number of workers."""
+        return self.engine.chunk if self.frame is None else summary_chunk(self.engine.chunk, self.draws.samples)
+
+
+class RunCancelled(Exception):
+    """A run that has ended, or was broken off, wants no more chunks."""
+
+
+@dataclass(frozen=True)
+class SampleRange:
+    """A chunk by its number, and its samples [begin, end)."""
+
+    number: int
+    begin: int
+    end: int
+
+
+def draw(work: ChunkJob, place: SampleRange) -> Array:
+    """Errors of a chunk's samples, shape (n, sources)."""
+    draws = work.draws
+    return draws.model.draw(draws.design, draws.seed, draws.samples, place.begin, place.end)
+
+
+def simulate_errors(prepared: Engine, timeout: float | None, outputs: int, errors: Array) -> SimulationResult:
+    """Outcomes of samples, shape (n, sources); what an engine raises is pinned to the samples that cause it."""
+    with time_limit(timeout):
+        try:
+            outcomes = prepared.propagate(errors)
+        except MemoryError:
+            raise
+        except (Exception, SampleTimeout):
+            each = simulate_each(lambda row: _alone(prepared, errors[row]), range(len(errors)))
+            outcomes = each.outcomes(np.full((len(errors), outputs), np.nan))
+    lost = np.flatnonzero(~np.isfinite(outcomes.values).all(axis=1))
+    failures = {int(row): NOT_FINITE for row in lost} | dict(outcomes.failures)
+    values = outcomes.values.copy()
+    values[list(failures)] = np.nan
+    return replace(outcomes, values=values, failures=failures)
+
+
+def _alone(prepared: Engine, errors: Array) -> Array:
+    outcomes = prepared.propagate(errors[None, :])
+    if outcomes.failures:
+        raise SampleFailed(outcomes.failures[0])
+    return np.asarray(outcomes.values[0])
+
+
+def simulate_chunk(work: ChunkJob, place: SampleRange) -> Part:
+    """Draw, fly and store one chunk."""
+    check_unchanged(work.inputs, work.folder.path)
+    with threadpool_limits(1):
+        return store(work, place, ((errors, _flown(work, errors)) for errors in draw_pieces(work, place)))
+
+
+def _flown(work: ChunkJob, errors: Array) -> SimulationResult:
+    return simulate_errors(work.engine, work.timeout, len(work.layout.outputs), errors)
+
+
+def draw_pieces(work: ChunkJob, place: SampleRange) -> Iterator[Array]:
+    """Errors of a chunk's samples, in pieces of the engine's own chunk."""
+    step = work.engine.chunk
+    for begin in range(place.begin, place.end, step):
+        yield draw(work, SampleRange(place.number, begin, min(begin + step, place.end)))
+
+
+def store(work: ChunkJob, place: SampleRange, flown: Iterable[tuple[Array, SimulationResult]]) -> Part:
+    """Store a chunk that comes in pieces: its samples, or its summary, so that no two pieces need be held at once."""
+    folder, identity, layout = work.folder.parts, work.identity, work.layout
+    if work.frame is None:
+        ((errors, outcomes),) = flown
+        marks = histories.history_marks(work.engine, errors)
+        check_not_cancelled(work)
+        return write_part(folder, place.number, place.begin, identity, layout, errors, outcomes, marks)
+    begin, handed_over, followed = place.begin, 0, None
+    total: Summary | None = None
+    rows: list[tuple[Array, SimulationResult]] = []
+    tracebacks: dict[int, str] = {}
+    for errors, outcomes in flown:
+        reasons = {begin + row: f"failed: {reason}" for row, reason in sorted(outcomes.failures.items())}
+        found = Summary.of(reduce_samples(work.frame, begin, errors, outcomes.values), len(errors), reasons)
+        total = found if total is None else total + found
+        for row, text in islice(sorted(outcomes.tracebacks.items()), MOST_REASONS - len(tracebacks)):
+            tracebacks[begin - place.begin + row] = text
+        followed = histories.add_power_sums(followed, histories.history_sums(work.engine, errors))
+        handed_over += outcomes.fallback_count
+        kept = min(max(KEPT - begin, 0), len(errors))
+        failures = {row: reason for row, reason in outcomes.failures.items() if row < kept}
+        rows.append((errors[:kept].copy(), SimulationResult(outcomes.values[:kept].copy(), failures)))
+        begin += len(errors)
+    if total is None:
+        raise ValueError("a chunk has at least one sample")
+    marks = {**histories.history_marks_of(followed), MARK: total.as_mark()}
+    errors, outcomes = _concatenate(rows)
+    outcomes = replace(outcomes, tracebacks=tracebacks)
+    counts = (total.samples, sum(failure.samples for failure in total.failures.values()), handed_over)
+    check_not_cancelled(work)
+    return write_part(folder, place.number, place.begin, identity, layout, errors, outcomes, marks, counts)
+
+
+def check_not_cancelled(work: ChunkJob) -> None:
+    """Raise `RunCancelled` when the run is over, `RunFolderError` when a file that the scenario reads has changed.
+
+    On a shared file system reading asks anew, looking may not.
+    """
+    check_unchanged(work.inputs, work.folder.path)
+    if work.wanted is None:
+        return
+    try:
+        work.wanted.read_bytes()
+    except OSError:
+        raise RunCancelled(f"{work.folder.path}: no run wants this chunk any more") from None
+
+
+def _concatenate(rows: Sequence[tuple[Array, SimulationResult]]) -> tuple[Array, SimulationResult]:
+    """Pieces of a chunk as one."""
+    failures: dict[int, str] = {}
+    begin = 0
+    for errors, outcomes in rows:
+        failures |= {begin + row: reason for row, reason in outcomes.failures.items()}
+        begin += len(errors)
+    values = np.concatenate([outcomes.values for _, outcomes in rows])
+    return np.concatenate([errors for errors, _ in rows]), SimulationResult(values, failures)
+
+
+def find_part(work: ChunkJob, number: int) -> Part | None:
+    """The part of a number that is there already, whole and of this very run."""
+    return whole_part(work.folder.parts, number, work.identity, None if work.frame is None else KEPT)
+
+
+def find_range(work: ChunkJob, place: SampleRange) -> Part | None:
+    """The part of a chunk that is there already, whole and of this very run."""
+    found = find_part(work, place.number)
+    return found if found is not None and (found.begin, found.end) == (place.begin, place.end) else None

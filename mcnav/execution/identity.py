@@ -1,0 +1,193 @@
+"""What a run's numbers depend on: two runs with one identity have the same samples, bit for bit.
+
+The number of samples is part of a run's identity, but not of a chunk's: a sample depends on its index alone, as long as
+the design's blocks and the probes of the engine stay the same. So a run can be extended.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+from collections.abc import Mapping
+from importlib.metadata import version
+from typing import Any, Final
+
+from mcnav.config.read import Campaign
+from mcnav.errors import RunFolderError
+from mcnav.files import to_json
+from mcnav.lincov.block_sums import block_size
+from mcnav.sampling.designs import REPLICATES, block_length
+from mcnav.store.inputs import identities
+from mcnav.store.parts import identities_in
+from mcnav.store.run_folder import MANIFEST, RunFolder
+from mcnav.store.summaries import SLOW, SUMMARY, summary_chunk
+
+LIBRARIES: Final = ("numpy", "scipy", "numba", "pyarrow")
+CHUNKS: Final = 2
+"""Counts the changes of what a chunk's file holds."""
+
+SHOWN: Final = 3
+"""Differences that a refusal names."""
+
+PROBES: Final = 64
+"""Samples on which an engine's accuracy is settled: the first of the campaign itself."""
+
+SAMPLES: Final = "samples"
+UNUSED: Final = ("start_times", "accept", "sample_timeout")
+"""Entries of a campaign on which its samples do not depend."""
+REMEDY: Final = "--fresh replaces them, --out writes elsewhere"
+
+
+def versions() -> dict[str, str]:
+    """The program, the interpreter and the libraries that results depend on."""
+    return {
+        "mcnav": version("mcnav"),
+        "python": platform.python_version(),
+        **{name: version(name) for name in LIBRARIES},
+    }
+
+
+def identity_of(campaign: Campaign, engine: str) -> dict[str, Any]:
+    """The resolved campaign, the engine, the versions, any code of the user's and the files that it reads.
+
+    What the samples do not depend on is left out.
+
+    Raises
+    ------
+    CampaignError
+        When a scenario of the user's own cannot be linearised, which shows the files that it reads.
+    """
+    described = {key: entry for key, entry in campaign.resolved.items() if key not in UNUSED}
+    identity = {"campaign": to_json(described), "engine": engine, "versions": versions(), "chunks": CHUNKS}
+    if campaign.code is not None:
+        identity["code"] = {"file": campaign.code.file, "sha256": campaign.code.digest}
+        files = identities(campaign.inputs())
+        if files:
+            identity["files"] = files
+    return identity
+
+
+def digest(identity: Mapping[str, Any]) -> str:
+    """SHA-256 of an identity."""
+    return hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()
+
+
+def chunk_digest(identity: Mapping[str, Any], design: str, samples: int) -> str:
+    """Digest of what the samples of a run depend on, whatever their number: every stored chunk carries it."""
+    described = {key: entry for key, entry in identity["campaign"].items() if key != SAMPLES}
+    return digest(
+        {
+            **identity,
+            "campaign": described,
+            "drawn": _draw_layout(design, samples),
+            **_summary_layout(identity, design, samples),
+        }
+    )
+
+
+def _draw_layout(design: str, samples: int) -> dict[str, int]:
+    """What the number of samples decides of each of them."""
+    return {"block": block_length(design, samples), "probes": min(PROBES, samples)}
+
+
+def _summary_layout(identity: Mapping[str, Any], design: str, samples: int) -> dict[str, Any]:
+    """What the number of samples decides of the sums that a summary keeps; nothing of stored samples."""
+    if identity["campaign"].get("store") != SUMMARY:
+        return {}
+    return {
+        "summed": {"block": block_size(samples, block_length(design, samples)), "chunk": summary_chunk(SLOW, samples)}
+    }
+
+
+def check_resumable(folder: RunFolder, identity: Mapping[str, Any], design: str, samples: int) -> list[str]:
+    """Raise `RunFolderError` when a folder holds another run: its results are neither mixed with nor overwritten.
+
+    A damaged manifest is replaced when the chunks beside it are of this very run.
+
+    Returns
+    -------
+    list of str
+        What the user should know, a line each.
+    """
+    damage: RunFolderError | None = None
+    try:
+        earlier = folder.manifest()
+    except RunFolderError as found:
+        earlier, damage = None, found
+    if earlier is not None:
+        _refuse_changed(folder, earlier, identity, design, samples)
+        return []
+    stored = identities_in(folder.parts)
+    if stored - {chunk_digest(identity, design, samples)}:
+        state = "missing" if damage is None else "damaged"
+        raise RunFolderError(
+            f"{folder.path}: holds samples of another run, and the {MANIFEST} that would say which is {state}; {REMEDY}"
+        )
+    if damage is None:
+        return []
+    return [f"{folder.path / MANIFEST}: was damaged; it is written again, and stored samples are believed by content"]
+
+
+def check_no_foreign_files(folder: RunFolder) -> None:
+    """Raise `RunFolderError` when a folder holds files but no run of this program."""
+    foreign = folder.foreign()
+    if not foreign or identities_in(folder.parts):
+        return
+    try:
+        known = folder.manifest() is not None
+    except RunFolderError:
+        known = False
+    if not known:
+        raise RunFolderError(
+            f"{folder.path}: holds {foreign[0]!r}, which is not of a run; choose another folder with --out"
+        )
+
+
+def _refuse_changed(
+    folder: RunFolder, earlier: Mapping[str, Any], identity: Mapping[str, Any], design: str, samples: int
+) -> None:
+    """Raise `RunFolderError` when the earlier run is neither this one nor the beginning of it."""
+    before, now = _flat(earlier.get("identity", {})), _flat(to_json(identity))
+    changed = [key for key in sorted(before.keys() | now.keys()) if before.get(key) != now.get(key)]
+    if changed == [SAMPLES] and isinstance(before.get(SAMPLES), int) and isinstance(now.get(SAMPLES), int):
+        _refuse_other_samples(folder, identity, design, before[SAMPLES], samples)
+        return
+    if changed:
+        lines = [f"{key} was {before.get(key, 'absent')}, is {now.get(key, 'absent')}" for key in changed[:SHOWN]]
+        more = f" and {len(changed) - SHOWN} more" if len(changed) > SHOWN else ""
+        raise RunFolderError(f"{folder.path}: holds the results of another run ({'; '.join(lines)}{more}); {REMEDY}")
+
+
+def _refuse_other_samples(
+    folder: RunFolder, identity: Mapping[str, Any], design: str, before: int, samples: int
+) -> None:
+    """Raise `RunFolderError` when so many samples do not begin with the earlier ones."""
+    if samples < before:
+        raise RunFolderError(
+            f"{folder.path}: holds a run of {before:,} samples, and {samples:,} are fewer; ask for as many or more, "
+            f"{REMEDY}"
+        )
+    if before < PROBES:
+        raise RunFolderError(
+            f"{folder.path}: holds a run of {before} samples; one of fewer than {PROBES} is too short to be "
+            f"extended: {REMEDY}"
+        )
+    if _draw_layout(design, before) != _draw_layout(design, samples):
+        most = 2 * REPLICATES * block_length(design, before) - 1
+        raise RunFolderError(
+            f"{folder.path}: holds a run of {before:,} samples, which design {design} would change if there were "
+            f"{samples:,}; up to {most:,} they stay as they are, {REMEDY}"
+        )
+
+    if _summary_layout(identity, design, before) != _summary_layout(identity, design, samples):
+        raise RunFolderError(
+            f"{folder.path}: holds a summary of {before:,} samples, and one of {samples:,} is kept in larger blocks; "
+            f"{REMEDY}"
+        )
+
+
+def _flat(value: Any, prefix: str = "") -> dict[str, Any]:
+    if isinstance(value, Mapping):
+        return {key: leaf for name, entry in value.items() for key, leaf in _flat(entry, f"{prefix}{name}.").items()}
+    return {prefix.removesuffix(".").removeprefix("campaign."): value}

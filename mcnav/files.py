@@ -1,0 +1,84 @@
+"""Files that are either there whole or not there, and whose bytes depend on their content alone."""
+
+from __future__ import annotations
+
+import errno
+import io
+import math
+import os
+import re
+import secrets
+import stat
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+
+def to_json(value: Any) -> Any:
+    """A value as JSON can hold it: arrays as lists, what is not finite as null."""
+    if isinstance(value, np.ndarray):
+        return to_json(value.tolist())
+    if isinstance(value, Mapping):
+        return {key: to_json(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [to_json(entry) for entry in value]
+    if isinstance(value, (float, np.floating)):
+        return float(value) if math.isfinite(value) else None
+    return value
+
+
+_TEMPORARY: Final = re.compile(r"\..+\.[0-9a-f]{12}\.tmp")
+
+
+def is_temporary(name: str) -> bool:
+    """Whether a file of this name is one that `write_whole` did not finish."""
+    return _TEMPORARY.fullmatch(name) is not None
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file so that it is either there whole, or not there."""
+    temporary = path.with_name(f".{path.name}.{secrets.token_hex(6)}.tmp")
+    try:
+        with temporary.open("wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def read_whole(path: Path, most: int) -> bytes:
+    """The content of a file, when it is a file and no longer than so many bytes.
+
+    Raises
+    ------
+    OSError
+        When it cannot be read, is no file (reading a pipe might never end), or is longer.
+    """
+    found = path.stat()
+    if not stat.S_ISREG(found.st_mode):
+        raise OSError(errno.EINVAL, "is no file")
+    if found.st_size > most:
+        raise OSError(errno.EFBIG, f"is longer than {most:,} bytes")
+    with path.open("rb") as file:
+        return file.read(most)
+
+
+def parquet_bytes(table: pa.Table, text: Sequence[str] = ()) -> bytes:
+    """A parquet file with page checksums; the same table gives the same bytes."""
+    numbers = [name for name in table.column_names if name not in text]
+    buffer = io.BytesIO()
+    pq.write_table(
+        table,
+        buffer,
+        compression="zstd",
+        use_dictionary=list(text),
+        use_byte_stream_split=[name for name in numbers if pa.types.is_floating(table.schema.field(name).type)],
+        write_page_checksum=True,
+    )
+    return buffer.getvalue()

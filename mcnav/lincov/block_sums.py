@@ -1,0 +1,110 @@
+"""Samples reduced to what comparing them with the linear model needs, so that they need not be kept.
+
+Every second-order estimate of a comparison is a mean over samples of products of flown errors y and linear ones z, and
+its standard error is that of block means. Sums of these products over blocks of samples therefore say as much as the
+samples do, whatever the mean turns out to be. Sums add up: blocks that two chunks share, and chunks to a campaign.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from mcnav._types import Array
+
+BLOCKS: Final = 2_048
+"""Blocks of a campaign of independent draws, at least, where it has as many samples."""
+
+
+def column_count(outputs: int) -> int:
+    """Sums of a block: count, y, z, products of y and of z (upper triangles by rows), third and fourth powers of y.
+
+    >>> columns_of(4)
+    37
+    """
+    return 1 + 4 * outputs + outputs * (outputs + 1)
+
+
+def block_size(samples: int, of_design: int) -> int:
+    """Samples of a block: a power of two, and whole blocks of the design.
+
+    >>> reduced_block(100_000_000, 1), reduced_block(1_000, 2), reduced_block(100_000_000, 4_194_304)
+    (32768, 2, 4194304)
+    """
+    return max(of_design, 1 << (max(1, samples // BLOCKS).bit_length() - 1))
+
+
+@dataclass(frozen=True)
+class Normalization:
+    """How samples are normalised before they are summed.
+
+    Attributes
+    ----------
+    partials : ndarray, shape (outputs, sources)
+    mean : ndarray, shape (sources,)
+        Of the sources.
+    centre, scale : ndarray, shape (outputs,)
+        Linear mean and sigma of the outputs; a scale of one without dispersion.
+    whitening : ndarray, shape (outputs, rank)
+        Turns normalised outputs into independent ones of unit variance, by the linear covariance.
+    radii : ndarray, shape (levels,)
+        Squared distances, rising, within which samples are counted.
+    block : int
+        Samples of a block.
+    """
+
+    partials: Array
+    mean: Array
+    centre: Array
+    scale: Array
+    whitening: Array
+    radii: Array
+    block: int
+
+
+@dataclass(frozen=True)
+class BlockSums:
+    """Sums over the samples of a stretch; but for the last two, of those that did not fail.
+
+    Attributes
+    ----------
+    first : int
+        Number of the first block.
+    blocks : ndarray, shape (blocks, columns_of(outputs))
+        Of normalised outputs.
+    errors : ndarray, shape (sources,)
+        Sum of the sources' errors about their mean, SI.
+    squares : ndarray, shape (sources, sources)
+        Sum of their products.
+    within : ndarray, shape (levels,)
+        Samples within each radius.
+    lost : ndarray, shape (sources,)
+    lost_squares : ndarray, shape (sources, sources)
+        As ``errors`` and ``squares``, of the samples that failed.
+    """
+
+    first: int
+    blocks: Array
+    errors: Array
+    squares: Array
+    within: Array
+    lost: Array
+    lost_squares: Array
+
+    def __add__(self, other: BlockSums) -> BlockSums:
+        """With the stretch that follows: a block that both have a part of is one."""
+        shared = self.first + len(self.blocks) - other.first
+        blocks = np.zeros((len(self.blocks) + len(other.blocks) - shared, self.blocks.shape[1]))
+        blocks[: len(self.blocks)] = self.blocks
+        blocks[len(self.blocks) - shared :] += other.blocks
+        return BlockSums(
+            self.first,
+            blocks,
+            self.errors + other.errors,
+            self.squares + other.squares,
+            self.within + other.within,
+            self.lost + other.lost,
+            self.lost_squares + other.lost_squares,
+        )

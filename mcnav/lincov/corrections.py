@@ -1,0 +1,166 @@
+"""What a few hundred further flights say of the linear model: flown with a campaign, kept in its manifest."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Final
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.lincov.higher_order import second_order
+from mcnav.lincov.partials import SimulationFailed, partials_by_differences
+from mcnav.lincov.polynomial import fit
+from mcnav.lincov.polynomial_engine import PolynomialEngine
+from mcnav.lincov.polynomial_moments import moments
+from mcnav.lincov.simulated_budget import DRAWS, simulate_each_source_alone
+from mcnav.lincov.sobol import estimate_sobol_indices
+from mcnav.lincov.unscented import unscented_covariance
+from mcnav.sampling.error_model import ErrorModel
+from mcnav.scenarios.protocol import Engine, Scenario
+
+PROBES: Final = 64
+"""Draws on which the engine's accuracy is settled."""
+
+QUICK: Final = 1_024
+"""An engine whose chunks are smaller than this is too slow for tens of thousands of flights on the side."""
+
+HIGHER_ORDER: Final = 3
+"""Order of the polynomial whose moments stand beside the linear ones."""
+
+ROUGHEST: Final = 0.05
+"""Largest error of that polynomial on flights not fitted, as a share of the dispersion, with which it is shown."""
+
+
+def simulated_budgets(
+    scenario: Scenario,
+    errors: ErrorModel,
+    partials: Array,
+    design: str,
+    seed: int,
+    samples: int,
+    guard: Callable[[Engine], Engine] = lambda prepared: prepared,
+) -> dict[str, Any]:
+    """Each source alone and all but one, and Sobol indices, on the scenario's first engine.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    errors : ErrorModel
+    partials : ndarray, shape (outputs, sources)
+    design : str
+    seed : int
+    samples : int
+        Of the campaign: no more draws than that are flown.
+    guard : callable
+        What is put around the engine, so that a flight may end its process.
+
+    Returns
+    -------
+    dict
+        ``alone`` and ``sobol``: see `mcnav.lincov.simulated_budget.simulate_each_source_alone`,
+        `mcnav.lincov.sobol.estimate_sobol_indices`; a table ``{"failed": reason}`` when a flight that it needs fails,
+        or the engine is too slow.
+    """
+    count = min(DRAWS, samples)
+    prepared = guard(scenario.engine(scenario.engines[0], errors.draw(design, seed, count, 0, min(PROBES, count))))
+
+    def guarded(study: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+        if prepared.chunk < QUICK:
+            return {"failed": "the engine is too slow for so many flights on the side"}
+        try:
+            return study()
+        except SimulationFailed as failure:
+            return {"failed": str(failure)}
+
+    return {
+        "alone": guarded(lambda: simulate_each_source_alone(prepared.propagate, partials, errors, design, seed, count)),
+        "sobol": guarded(lambda: estimate_sobol_indices(prepared.propagate, errors, seed)),
+    }
+
+
+def nonlinear_corrections(scenario: Scenario, prepared: Engine, errors: ErrorModel) -> dict[str, Any]:
+    """Unscented transform, partials by differences, second-order corrections and moments of a polynomial, SI.
+
+    Returns
+    -------
+    dict
+        ``unscented``, ``partials_differences``, ``second_order`` and ``higher_order``, each a table of arrays, or
+        ``{"failed": reason}`` when a flight that it needs fails.
+    """
+    sizes = np.array([source.nominal for source in scenario.sources])
+
+    def sigma_points() -> dict[str, Any]:
+        mean, covariance = unscented_covariance(prepared.propagate, errors.mean, errors.covariance)
+        return {"mean": mean, "covariance": covariance}
+
+    def differences() -> dict[str, Any]:
+        return {"partials": partials_by_differences(prepared.propagate, sizes)}
+
+    def derivatives() -> dict[str, Any]:
+        found = second_order(prepared.propagate, errors.mean, errors.covariance)
+        return {
+            "mean_shift": found.mean_shift,
+            "quadratic": found.quadratic,
+            "third_order": found.third_order,
+            "skewness": found.skewness,
+        }
+
+    found: dict[str, Any] = {}
+    for key, compute in (
+        ("unscented", sigma_points),
+        ("partials_differences", differences),
+        ("second_order", derivatives),
+        ("higher_order", lambda: higher_order(prepared, errors)),
+    ):
+        try:
+            found[key] = compute()
+        except SimulationFailed as failure:
+            found[key] = {"failed": str(failure)}
+    return found
+
+
+def higher_order(prepared: Engine, errors: ErrorModel) -> dict[str, Any]:
+    """Moments of the final errors in closed form, from a polynomial fitted to flights: nothing is sampled.
+
+    Parameters
+    ----------
+    prepared : Engine
+        A map's own polynomial serves; to another engine's flights one of order `HIGHER_ORDER` is fitted.
+    errors : ErrorModel
+        Of normal sources.
+
+    Returns
+    -------
+    dict
+        ``mean``, ``covariance``, ``sigma``, ``skewness``, ``kurtosis`` (3 for a normal distribution), and ``order``,
+        ``error``, ``flights`` of the polynomial.
+
+    Raises
+    ------
+    SimulationFailed
+        When the sources are not normal, the engine is slow, or no such polynomial represents the flights.
+    """
+    if not errors.normal:
+        raise SimulationFailed("the sources are not normal: their moments are not those of the closed form")
+    if isinstance(prepared, PolynomialEngine):
+        polynomial = prepared.polynomial
+    elif prepared.chunk < QUICK:
+        raise SimulationFailed("the engine is too slow for so many flights on the side")
+    else:
+        polynomial = fit(prepared.propagate, errors.mean, errors.standard_deviations, HIGHER_ORDER)
+    if not polynomial.error <= ROUGHEST:
+        raise SimulationFailed(
+            f"a polynomial of order {polynomial.order} is {polynomial.error:.2g} of the dispersion off the flights"
+        )
+    found = moments(polynomial, errors.covariance)
+    return {
+        "mean": found.mean,
+        "covariance": found.covariance,
+        "sigma": np.sqrt(np.diag(found.covariance)),
+        "skewness": found.skewness,
+        "kurtosis": found.kurtosis,
+        "order": polynomial.order,
+        "error": polynomial.error,
+        "flights": polynomial.flights,
+    }

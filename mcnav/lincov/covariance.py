@@ -1,0 +1,29 @@
+"""The covariance of the final errors by linear analysis."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mcnav._types import Array
+
+
+def propagated_covariance(partials: Array, start_covariance: Array) -> Array:
+    """P S P^T, symmetric to the last bit, shape (outputs, outputs).
+
+    Parameters
+    ----------
+    partials : ndarray, shape (outputs, sources)
+    start_covariance : ndarray, shape (sources, sources)
+
+    Examples
+    --------
+    >>> propagated_covariance(np.array([[1.0, 2.0]]), np.diag([9.0, 4.0]))
+    array([[25.]])
+    """
+    if partials.ndim != 2 or start_covariance.shape != (partials.shape[1],) * 2:
+        raise ValueError(
+            "partials and start covariance must list the same sources; got shapes "
+            f"{partials.shape} and {start_covariance.shape}"
+        )
+    covariance = partials @ start_covariance @ partials.T
+    return np.asarray(0.5 * (covariance + covariance.T))

@@ -1,0 +1,126 @@
+"""Beyond the Jacobian: second and third derivatives of the final errors, and what they do to mean and covariance.
+
+In independent standard normals u, with ``s = mean + L u`` and ``L L^T = S``, expand each output as
+
+    y_i = y_0 + g_i u + 1/2 u^T H_i u + 1/6 T_i u u u.
+
+For normal errors the mean and covariance are then, with every term of the fourth order in sigma,
+
+    mean_i  = y_0 + 1/2 tr H_i,
+    cov_ij  = g_i g_j + 1/2 tr(H_i H_j) + 1/2 (g_i c_j + c_i g_j),        c_i = sum_k T_i[., k, k],
+
+and the third central moment of the quadratic part is ``3 g H g + tr H^3``. In the sources' own terms the first
+correction is ``1/2 tr(H_i S H_j S)``, the mean's ``1/2 tr(H_i S)``. The cubic term is of the same order as the
+quadratic one: a prediction without it has the covariance wrong.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Final
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.lincov.partials import Propagate, simulate_or_raise
+
+STEP: Final = 0.5
+"""Step of the differences in sigmas: derivatives are wanted as they are over the errors' own range, not at a point."""
+
+
+@dataclass(frozen=True)
+class SecondOrder:
+    """Derivatives along the principal directions of the start covariance, per sigma; r is its rank.
+
+    Attributes
+    ----------
+    gradients : ndarray, shape (outputs, r)
+    hessians : ndarray, shape (outputs, r, r)
+    cubic : ndarray, shape (outputs, r)
+        ``c``, the third derivatives contracted over two of their three directions.
+    """
+
+    gradients: Array
+    hessians: Array
+    cubic: Array
+
+    @property
+    def mean_shift(self) -> Array:
+        """What curvature adds to the mean, shape (outputs,)."""
+        return np.asarray(0.5 * np.trace(self.hessians, axis1=1, axis2=2))
+
+    @property
+    def quadratic(self) -> Array:
+        """What the second derivatives add to the covariance, shape (outputs, outputs)."""
+        return np.asarray(0.5 * np.einsum("iab,jba->ij", self.hessians, self.hessians))
+
+    @property
+    def third_order(self) -> Array:
+        """What the third derivatives add to it, shape (outputs, outputs)."""
+        half = 0.5 * self.gradients @ self.cubic.T
+        return np.asarray(half + half.T)
+
+    @property
+    def skewness(self) -> Array:
+        """Skewness of each output's quadratic part, shape (outputs,); zero without dispersion."""
+        g, h = self.gradients, self.hessians
+        third = 3.0 * np.einsum("ia,iab,ib->i", g, h, g) + np.einsum("iab,ibc,ica->i", h, h, h)
+        variance = np.sum(g**2, axis=1) + np.diag(self.quadratic)
+        return np.asarray(np.divide(third, variance**1.5, out=np.zeros_like(third), where=variance > 0.0))
+
+
+def principal_directions(covariance: Array) -> Array:
+    """L with ``L L^T`` equal to a start covariance, a column for each dimension of its range, shape (sources, r)."""
+    sigma = np.sqrt(np.diag(covariance))
+    active = np.flatnonzero(sigma > 0.0)
+    correlation = covariance[np.ix_(active, active)] / np.outer(sigma[active], sigma[active])
+    if np.array_equal(correlation, np.eye(len(active))):
+        return np.asarray(np.diag(sigma)[:, active])  # independent sources keep their names
+    values, vectors = np.linalg.eigh(correlation)
+    kept = values > 1e-12 * values[-1]
+    directions = np.zeros((len(sigma), int(kept.sum())))
+    directions[active] = sigma[active][:, None] * vectors[:, kept] * np.sqrt(values[kept])
+    return directions
+
+
+def second_order(propagate: Propagate, mean: Array, covariance: Array, step: float = STEP) -> SecondOrder:
+    """Derivatives of the final errors by central differences on one batch of ``2 r^2 + 2 r + 1`` flights.
+
+    Parameters
+    ----------
+    propagate : callable
+        Errors, shape (n, sources), to `SimulationResult`.
+    mean, covariance : ndarray, shapes (sources,) and (sources, sources)
+        Of the start errors, SI.
+    step : float
+        In sigmas.
+
+    Raises
+    ------
+    SimulationFailed
+        When one of the flights fails.
+    """
+    directions = principal_directions(covariance)
+    rank = directions.shape[1]
+    unit = step * np.eye(rank)
+    pairs = list(combinations(range(rank), 2))
+    points = [np.zeros(rank)]
+    for a in range(rank):
+        points += [unit[a], -unit[a], 2.0 * unit[a], -2.0 * unit[a]]
+    for a, b in pairs:
+        points += [unit[a] + unit[b], unit[a] - unit[b], unit[b] - unit[a], -unit[a] - unit[b]]
+    flown = simulate_or_raise(propagate, mean + np.array(points) @ directions.T)
+    centre, outputs = flown[0], flown.shape[1]
+    along = flown[1 : 1 + 4 * rank].reshape(rank, 4, outputs) - centre
+    mixed = flown[1 + 4 * rank :].reshape(len(pairs), 4, outputs) - centre
+    plus, minus, far, farther = along.transpose(1, 0, 2)  # far: two steps up, farther: two steps down
+    gradients = (8.0 * (plus - minus) - (far - farther)) / (12.0 * step)
+    hessians = np.zeros((rank, rank, outputs))
+    hessians[range(rank), range(rank)] = (16.0 * (plus + minus) - (far + farther)) / (12.0 * step**2)
+    cubic = (far - 2.0 * plus + 2.0 * minus - farther) / (2.0 * step**3)
+    for (a, b), (both, first, second, neither) in zip(pairs, mixed, strict=True):
+        hessians[a, b] = hessians[b, a] = (both - first - second + neither) / (4.0 * step**2)
+        cubic[a] += (both + first - 2.0 * plus[a] - second - neither + 2.0 * minus[a]) / (2.0 * step**3)
+        cubic[b] += (both + second - 2.0 * plus[b] - first - neither + 2.0 * minus[b]) / (2.0 * step**3)
+    return SecondOrder(gradients.T, hessians.transpose(2, 0, 1), cubic.T)

@@ -1,0 +1,270 @@
+"""The final errors as a polynomial of the errors going in: a map fitted to flights, and its moments in closed form.
+
+With x the errors in units of their standard deviations about their means, ``y(x) = sum_k c_k x^e_k`` over monomials up
+to an order. Since truth and final time do not depend on the sample, y is a smooth function of the errors alone, and a
+few thousand flights determine it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import chain, combinations_with_replacement
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import qr, solve_triangular
+
+from mcnav._types import Array, IndexArray
+from mcnav.lincov.partials import Propagate, simulate_or_raise
+from mcnav.physics.jit import compiled
+
+Integers = IndexArray
+
+LANES: Final = 16
+"""Samples evaluated side by side."""
+
+POINTS_PER_TERM: Final = 3
+REACH: Final = 1.4
+"""Points, fitted and held out, are normal with this many of the sources' standard deviations: the tails of a large
+campaign lie among them."""
+
+HELD_OUT: Final = 512
+SPARED: Final = (0.9, 0.5, 0.2)
+"""Shares of the tolerance that may be spent on leaving out terms: the first that the flights held out allow."""
+SEED: Final = 1963
+
+ORDERS: Final = (2, 3, 4)
+HOPELESS: Final = 1.0
+"""With an error of the dispersion's own size no higher order is tried: flights this far out are slow, too."""
+
+
+class PolynomialFitError(ArithmeticError):
+    """No polynomial of the orders tried represents the flights; the message says how near they came."""
+
+
+@dataclass(frozen=True)
+class PolynomialMap:
+    """A fitted polynomial.
+
+    Attributes
+    ----------
+    order : int
+    centre, scale : ndarray, shape (sources,)
+        SI; a source without dispersion has scale zero and takes no part.
+    exponents : ndarray of int, shape (terms, sources)
+        The first is that of the constant.
+    coefficients : ndarray, shape (terms, outputs)
+        SI units of the outputs.
+    error : float
+        Largest difference from flights that were not fitted, as a share of the output's dispersion among them.
+    flights : int
+        Flights that were fitted.
+    reach : float
+        Largest distance from the centre of a fitted point, in standard deviations: beyond it nothing is known.
+    """
+
+    order: int
+    centre: Array
+    scale: Array
+    exponents: Integers
+    coefficients: Array
+    error: float
+    flights: int
+    reach: float
+
+    def normalised(self, errors: Array) -> Array:
+        """Errors (SI) in standard deviations about the centre, shape (n, sources); zero for sources without any."""
+        inverse = np.divide(1.0, self.scale, out=np.zeros_like(self.scale), where=self.scale > 0.0)
+        return np.asarray((errors - self.centre) * inverse)
+
+    def __call__(self, errors: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """Final errors of samples, shape (n, outputs), and which of them lie among the fitted points, shape (n,)."""
+        errors = np.ascontiguousarray(errors, dtype=float)
+        inverse = np.divide(1.0, self.scale, out=np.zeros_like(self.scale), where=self.scale > 0.0)
+        values, distance = np.empty((len(errors), self.coefficients.shape[1])), np.empty(len(errors))
+        parents, factors = recipe(self.exponents)
+        evaluate(errors, self.centre, inverse, parents, factors, np.ascontiguousarray(self.coefficients.T), values,
+                 distance)  # fmt: skip
+        return values, np.asarray(distance <= self.reach**2)
+
+    @property
+    def gradient(self) -> Array:
+        """First partial derivatives at the centre, SI, shape (outputs, sources); zero without dispersion."""
+        found = np.zeros((self.coefficients.shape[1], len(self.scale)))
+        for term in np.flatnonzero(self.exponents.sum(axis=1) == 1):
+            source = int(self.exponents[term].argmax())
+            found[:, source] = self.coefficients[term] / self.scale[source]
+        return found
+
+    @property
+    def hessians(self) -> Array:
+        """Second partial derivatives at the centre, SI, shape (outputs, sources, sources)."""
+        count = len(self.scale)
+        found = np.zeros((self.coefficients.shape[1], count, count))
+        for term in np.flatnonzero(self.exponents.sum(axis=1) == 2):
+            sources = np.repeat(np.arange(count), self.exponents[term])
+            i, j = (int(source) for source in sources)
+            value = self.coefficients[term] * (2.0 if i == j else 1.0) / (self.scale[i] * self.scale[j])
+            found[:, i, j] = found[:, j, i] = value
+        return found
+
+
+def monomials(sources: Integers, count: int, order: int) -> Integers:
+    """Exponents of all monomials up to an order in some of ``count`` sources, shape (terms, count), by rising order."""
+    chosen = (combinations_with_replacement(sources.tolist(), degree) for degree in range(order + 1))
+    rows = [np.bincount(np.array(row, dtype=int), minlength=count) for row in chain.from_iterable(chosen)]
+    return np.array(rows, dtype=np.int64)
+
+
+def recipe(exponents: Integers) -> tuple[Integers, Integers]:
+    """How each monomial follows from an earlier one: its parent's position and the source that multiplies it."""
+    places = {tuple(row): place for place, row in enumerate(exponents.tolist())}
+    parents, factors = np.zeros(len(exponents), dtype=np.int64), np.zeros(len(exponents), dtype=np.int64)
+    for place, row in enumerate(exponents.tolist()[1:], start=1):
+        factor = next(source for source, power in enumerate(row) if power)  # the first: parents are then sparse too
+        row[factor] -= 1
+        parents[place], factors[place] = places[tuple(row)], factor
+    return parents, factors
+
+
+@compiled
+def evaluate(
+    errors: Array, centre: Array, inverse: Array, parents: Integers, factors: Integers, coefficients: Array,
+    values: Array, distance: Array,
+) -> None:  # fmt: skip
+    """Evaluate a polynomial for many samples, a block of lanes at a time.
+
+    Every monomial is an earlier one times one source; the outputs are one small matrix product a block, whose shape is
+    always the same, so that a sample's bits do not depend on its neighbours.
+    """
+    terms, sources, outputs = len(parents), errors.shape[1], coefficients.shape[0]
+    inputs = np.zeros(sources * LANES)
+    table, sums = np.empty((terms, LANES)), np.empty((outputs, LANES))
+    flat = table.ravel()
+    flat[:LANES] = 1.0
+    for begin in range(0, errors.shape[0], LANES):
+        count = min(LANES, errors.shape[0] - begin)
+        for lane in range(count):
+            square = 0.0
+            for source in range(sources):
+                x = (errors[begin + lane, source] - centre[source]) * inverse[source]
+                inputs[source * LANES + lane] = x
+                square += x * x
+            distance[begin + lane] = square
+        for term in range(1, terms):
+            own, parent, factor = term * LANES, parents[term] * LANES, factors[term] * LANES
+            for lane in range(LANES):
+                flat[own + lane] = flat[parent + lane] * inputs[factor + lane]
+        np.dot(coefficients, table, sums)
+        for output in range(outputs):
+            for lane in range(count):
+                values[begin + lane, output] = sums[output, lane]
+
+
+@dataclass(frozen=True)
+class _Flown:
+    """Flights to fit to and to check with, in standard deviations of sources and outputs."""
+
+    points: Array
+    values: Array
+    spread: Array
+    fitted: int
+
+    def solved(self, exponents: Integers) -> tuple[Array, float]:
+        """Coefficients by least squares, and the largest error on the flights held out."""
+        table = products(self.points, exponents)
+        orthogonal, triangle = qr(table[: self.fitted], mode="economic", check_finite=False)
+        coefficients = solve_triangular(triangle, orthogonal.T @ self.values[: self.fitted], check_finite=False)
+        missed = np.abs(table[self.fitted :] @ coefficients - self.values[self.fitted :])
+        return np.asarray(coefficients), float(missed.max())
+
+
+def _flown(propagate: Propagate, centre: Array, scale: Array, terms: int) -> _Flown:
+    fitted = max(POINTS_PER_TERM * terms, 64)
+    points = np.zeros((fitted + HELD_OUT, len(scale)))
+    active = np.flatnonzero(scale > 0.0)
+    generator = np.random.Generator(np.random.Philox(SEED))
+    points[:, active] = REACH * generator.standard_normal((len(points), len(active)))
+    values = simulate_or_raise(propagate, centre + points * scale)
+    spread = values.std(axis=0) / REACH
+    spread = np.where(spread > 0.0, spread, np.maximum(np.abs(values).max(axis=0), np.finfo(float).tiny))
+    return _Flown(points, values / spread, spread, fitted)
+
+
+def fit(propagate: Propagate, centre: Array, scale: Array, order: int, tolerance: float = 0.0) -> PolynomialMap:
+    """Fit a polynomial of an order to flights, and measure its error on others.
+
+    Parameters
+    ----------
+    propagate : callable
+        Errors, shape (n, sources), to `SimulationResult`.
+    centre, scale : ndarray, shape (sources,)
+        Means and standard deviations of the sources, SI.
+    order : int
+    tolerance : float
+        Share of the dispersion; above zero, small terms are left out that are not needed for it.
+
+    Raises
+    ------
+    SimulationFailed
+        When a flight that it needs fails.
+    """
+    whole = exponents = monomials(np.flatnonzero(scale > 0.0), len(scale), order)
+    flown = _flown(propagate, centre, scale, len(exponents))
+    of_whole, error = flown.solved(exponents)
+    coefficients = of_whole
+    if 0.0 < tolerance < HOPELESS and error <= tolerance:
+        for share in SPARED:
+            exponents = whole[_needed(flown.points, whole, of_whole, share * tolerance)]
+            coefficients, error = flown.solved(exponents)
+            if error <= tolerance:
+                break
+    reach = float(np.sqrt((flown.points[: flown.fitted] ** 2).sum(axis=1).max()))
+    return PolynomialMap(order, centre, scale, exponents, coefficients * flown.spread, error, flown.fitted, reach)
+
+
+def _needed(points: Array, exponents: Integers, coefficients: Array, spare: float) -> Integers:
+    """Positions of the terms to keep: the largest, and for each of them those from which it is computed."""
+    sizes = (np.abs(coefficients) * np.sqrt((products(points, exponents) ** 2).mean(axis=0))[:, None]).max(axis=1)
+    rising = np.argsort(sizes)
+    kept = np.zeros(len(exponents), dtype=bool)
+    kept[rising[np.cumsum(sizes[rising]) > spare]] = True
+    kept[exponents.sum(axis=1) <= 2] = True  # few, and derivatives are read from them
+    parents, _ = recipe(exponents)
+    for term in range(len(exponents) - 1, 0, -1):
+        kept[parents[term]] |= kept[term]
+    return np.flatnonzero(kept)
+
+
+def products(points: Array, exponents: Integers) -> Array:
+    """Every monomial at every point, shape (n, terms)."""
+    parents, factors = recipe(exponents)
+    found = np.ones((len(points), len(exponents)))
+    for term in range(1, len(exponents)):
+        found[:, term] = found[:, parents[term]] * points[:, factors[term]]
+    return found
+
+
+def fitted_map(propagate: Propagate, centre: Array, scale: Array, tolerance: float) -> PolynomialMap:
+    """The polynomial of lowest order that meets a tolerance on flights that were not fitted.
+
+    Raises
+    ------
+    PolynomialFitError
+        When none of `ORDERS` does.
+    SimulationFailed
+        When a flight that it needs fails.
+    """
+    tried = []
+    for order in ORDERS:
+        found = fit(propagate, centre, scale, order, tolerance)
+        if found.error <= tolerance:
+            return found
+        tried.append(f"{found.error:.1e} with order {order}")
+        if not found.error <= HOPELESS:
+            break
+    raise PolynomialFitError(
+        f"no polynomial represents these flights within {tolerance:g} of the dispersion: the error is "
+        f"{', '.join(tried)}; use the ensemble engine"
+    )

@@ -1,0 +1,108 @@
+"""The polynomial map as an engine: samples are evaluated, not flown; those it does not know are flown after all."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.lincov.polynomial import PolynomialMap, fitted_map
+from mcnav.scenarios.protocol import Engine, Scenario, SimulationResult
+
+TOLERANCE: Final = 1e-4
+"""Largest error of the map on flights that were not fitted, as a share of each output's dispersion."""
+
+CHUNK: Final = 65_536
+
+MAP: Final = "map"
+"""Name of the engine; every scenario has it."""
+
+
+@dataclass(frozen=True)
+class PolynomialEngine:
+    """A map in place of flights.
+
+    Attributes
+    ----------
+    polynomial : PolynomialMap
+    exact : Engine
+        The engine to which it was fitted, which flies the samples that lie beyond the fitted ones.
+    accuracy : str
+    """
+
+    polynomial: PolynomialMap
+    exact: Engine
+    accuracy: str
+    parallel: str = "threads"
+    chunk: int = CHUNK
+
+    def propagate(self, errors: Array) -> SimulationResult:
+        """Final errors of samples, shape (n, sources)."""
+        values, known = self.polynomial(errors)
+        unknown = np.flatnonzero(~known)
+        if len(unknown) == 0:
+            return SimulationResult(values)
+        flown = self.exact.propagate(errors[unknown])
+        values[unknown] = flown.values
+        failures, tracebacks = (
+            {int(unknown[row]): told for row, told in found.items()} for found in (flown.failures, flown.tracebacks)
+        )
+        return SimulationResult(values, failures, len(unknown), tracebacks)
+
+
+def fit_polynomial_engine(
+    exact: Engine, mean: Array, standard_deviations: Array, tolerance: float = TOLERANCE
+) -> PolynomialEngine:
+    """Fit a map to an engine's flights.
+
+    Parameters
+    ----------
+    exact : Engine
+    mean, standard_deviations : ndarray, shape (sources,)
+        Of the errors that are to be flown, SI.
+    tolerance : float
+
+    Raises
+    ------
+    PolynomialFitError
+        When no map meets the tolerance.
+    SimulationFailed
+        When a flight that the fit needs fails.
+    """
+    polynomial = fitted_map(exact.propagate, mean, standard_deviations, tolerance)
+    accuracy = (
+        f"polynomial map of order {polynomial.order}, {len(polynomial.exponents)} terms fitted to "
+        f"{polynomial.flights:,} flights; largest error on flights not fitted, drawn wider than the samples, "
+        f"{polynomial.error:.1e} of an output's dispersion. Flown: {exact.accuracy}"
+    )
+    return PolynomialEngine(polynomial, exact, accuracy)
+
+
+def engine_names(scenario: Scenario) -> tuple[str, ...]:
+    """Every engine that a scenario can be flown by, the default first."""
+    return (*scenario.engines, MAP)
+
+
+def prepare_engine(scenario: Scenario, engine: str, probes: Array, mean: Array, standard_deviations: Array) -> Engine:
+    """One of `engines_of` a scenario, ready to fly errors of given mean and standard deviations, shape (sources,), SI.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    engine : str
+    probes : ndarray, shape (n, sources)
+        See `mcnav.scenarios.protocol.Scenario.engine`.
+    mean, standard_deviations : ndarray, shape (sources,)
+
+    Raises
+    ------
+    PolynomialFitError
+        When no map represents the flights.
+    SimulationFailed
+        When a flight to which a map is to be fitted fails.
+    """
+    if engine != MAP:
+        return scenario.engine(engine, probes)
+    return fit_polynomial_engine(scenario.engine(scenario.engines[0], probes), mean, standard_deviations)

@@ -1,0 +1,153 @@
+"""Moments of a polynomial of normal variables, in closed form: nothing is sampled.
+
+For independent standard normal u the expectation of a monomial ``prod u_j^e_j`` is ``prod (e_j - 1)!!`` when every e_j
+is even, and zero otherwise. Powers of a polynomial are polynomials again, so that mean, covariance, skewness and
+kurtosis are sums over pairs of monomials, of which only those with the same parity in every variable contribute.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.linalg import qr, solve_triangular
+
+from mcnav._types import Array, IndexArray
+from mcnav.lincov.polynomial import PolynomialMap, monomials, products
+from mcnav.physics.jit import compiled
+
+Integers = IndexArray
+
+HIGHEST_POWER: Final = 16
+"""Four times the highest order of a polynomial map."""
+
+NEGLIGIBLE: Final = 1e-12
+"""Coefficients below this share of the largest are rounding."""
+
+DOUBLE_FACTORIALS: Final = np.array(
+    [float(np.prod(np.arange(e - 1, 0, -2, dtype=float))) if e % 2 == 0 else 0.0 for e in range(HIGHEST_POWER + 1)]
+)
+"""``(e - 1)!!`` for even e, the moments of a standard normal variable; zero for odd e."""
+
+
+@dataclass(frozen=True)
+class Moments:
+    """Moments of the outputs for normal sources.
+
+    Attributes
+    ----------
+    mean : ndarray, shape (outputs,)
+    covariance : ndarray, shape (outputs, outputs)
+    skewness, kurtosis : ndarray, shape (outputs,)
+        The kurtosis of a normal distribution is 3; NaN for an output without dispersion.
+    """
+
+    mean: Array
+    covariance: Array
+    skewness: Array
+    kurtosis: Array
+
+
+def moments(polynomial: PolynomialMap, covariance: Array) -> Moments:
+    """Mean, covariance, skewness and kurtosis of the outputs of a polynomial map for normal sources.
+
+    Parameters
+    ----------
+    polynomial : PolynomialMap
+        Its centre is the sources' mean.
+    covariance : ndarray, shape (sources, sources)
+        Of the sources, SI.
+
+    Examples
+    --------
+    The square of a standard normal variable has mean 1, variance 2, skewness sqrt(8) and kurtosis 15:
+
+    >>> square = PolynomialMap(2, np.zeros(1), np.ones(1), np.array([[0], [1], [2]]), np.array([[0.0], [0.0], [1.0]]),
+    ...                        0.0, 0, 0.0)
+    >>> found = moments(square, np.eye(1))
+    >>> [round(float(x), 6) for x in (found.mean[0], found.covariance[0, 0], found.skewness[0], found.kurtosis[0])]
+    [1.0, 2.0, 2.828427, 15.0]
+    """
+    exponents, coefficients = _in_independent(polynomial, covariance)
+    mean = np.array([_expected(exponents, column) for column in coefficients.T])
+    centred = coefficients.copy()
+    centred[0] -= mean
+    count = centred.shape[1]
+    found = np.zeros((count, count))
+    for i in range(count):
+        for j in range(i + 1):
+            found[i, j] = found[j, i] = _expected_product(exponents, centred[:, i], exponents, centred[:, j])
+    skewness, kurtosis = np.full(count, np.nan), np.full(count, np.nan)
+    for i in np.flatnonzero(np.diag(found) > 0.0).tolist():
+        squared, values = _squared(exponents, centred[:, i])
+        skewness[i] = _expected_product(squared, values, exponents, centred[:, i]) / found[i, i] ** 1.5
+        kurtosis[i] = _expected_product(squared, values, squared, values) / found[i, i] ** 2
+    return Moments(mean, found, skewness, kurtosis)
+
+
+def _in_independent(polynomial: PolynomialMap, covariance: Array) -> tuple[Integers, Array]:
+    """Exponents and coefficients of the polynomial in independent standard normal variables.
+
+    A polynomial stays one of its order under a linear change of variables: values at a few points determine the new
+    coefficients to rounding.
+    """
+    sigma = np.sqrt(np.diag(covariance))
+    active = np.flatnonzero(sigma > 0.0)
+    scale = np.where(polynomial.scale > 0.0, polynomial.scale, 1.0)
+    if np.array_equal(covariance, np.diag(np.diag(covariance))):
+        stretched = polynomial.coefficients * ((sigma / scale) ** polynomial.exponents).prod(axis=1)[:, None]
+        return polynomial.exponents, stretched
+    values, vectors = np.linalg.eigh(covariance[np.ix_(active, active)] / np.outer(scale[active], scale[active]))
+    factor = np.zeros((len(scale), len(active)))
+    factor[active] = vectors * np.sqrt(np.maximum(values, 0.0))
+    exponents = monomials(np.arange(len(active)), len(active), polynomial.order)
+    points = np.random.Generator(np.random.Philox(1)).standard_normal((2 * len(exponents) + 8, len(active)))
+    outcomes = products(points @ factor.T, polynomial.exponents) @ polynomial.coefficients
+    orthogonal, triangle = qr(products(points, exponents), mode="economic", check_finite=False)
+    coefficients = solve_triangular(triangle, orthogonal.T @ outcomes, check_finite=False)
+    coefficients[np.abs(coefficients) <= NEGLIGIBLE * np.abs(coefficients).max(axis=0)] = 0.0
+    kept = coefficients.any(axis=1)
+    kept[0] = True
+    return exponents[kept], np.asarray(coefficients[kept])
+
+
+def _expected(exponents: Integers, coefficients: Array) -> float:
+    return float((coefficients * DOUBLE_FACTORIALS[exponents].prod(axis=1)).sum())
+
+
+def _squared(exponents: Integers, coefficients: Array) -> tuple[Integers, Array]:
+    """The square of a polynomial, equal monomials gathered."""
+    base = 2 * int(exponents.max(initial=0)) + 1
+    if float(base) ** exponents.shape[1] < np.iinfo(np.int64).max:
+        keys = exponents @ base ** np.arange(exponents.shape[1], dtype=np.int64)
+        _, first, place = np.unique(np.add.outer(keys, keys), return_index=True, return_inverse=True)
+        unique = exponents[first // len(exponents)] + exponents[first % len(exponents)]
+    else:
+        pairs = (exponents[:, None, :] + exponents[None, :, :]).reshape(-1, exponents.shape[1])
+        unique, place = np.unique(pairs, axis=0, return_inverse=True)
+    weights = np.outer(coefficients, coefficients).ravel()
+    return unique, np.asarray(np.bincount(place.ravel(), weights=weights, minlength=len(unique)), dtype=float)
+
+
+def _expected_product(exponents: Integers, coefficients: Array, others: Integers, their: Array) -> float:
+    """E[p q] of two polynomials given by their monomials."""
+    weights = 1 << np.arange(exponents.shape[1], dtype=np.int64)
+    parity, other_parity = (exponents % 2) @ weights, (others % 2) @ weights
+    total = 0.0
+    for own in np.unique(parity):
+        mine, yours = np.flatnonzero(parity == own), np.flatnonzero(other_parity == own)
+        total += _sum_over_pairs(exponents[mine], coefficients[mine], others[yours], their[yours], DOUBLE_FACTORIALS)
+    return total
+
+
+@compiled
+def _sum_over_pairs(exponents: Integers, coefficients: Array, others: Integers, their: Array, table: Array) -> float:
+    total = 0.0
+    for i in range(exponents.shape[0]):
+        for j in range(others.shape[0]):
+            value = coefficients[i] * their[j]
+            for variable in range(exponents.shape[1]):
+                value *= table[exponents[i, variable] + others[j, variable]]
+            total += value
+    return total

@@ -1,0 +1,68 @@
+"""Samples added up to what is kept of them (`mcnav.lincov.block_sums`)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mcnav._types import Array, IndexArray
+from mcnav.lincov.block_sums import BlockSums, Normalization, column_count
+from mcnav.physics.jit import compiled
+
+
+def reduce_samples(frame: Normalization, begin: int, errors: Array, outcomes: Array) -> BlockSums:
+    """Reduce a stretch of samples.
+
+    Parameters
+    ----------
+    frame : Frame
+    begin : int
+        Index of the first sample.
+    errors : ndarray, shape (n, sources)
+    outcomes : ndarray, shape (n, outputs)
+        NaN in the row of a sample that failed.
+    """
+    flown = np.isfinite(outcomes).all(axis=1)
+    away = errors[flown] - frame.mean
+    y = (outcomes[flown] - frame.centre) / frame.scale
+    z = np.einsum("nj,ij->ni", away, frame.partials) / frame.scale
+    first, last = begin // frame.block, (begin + len(errors) - 1) // frame.block
+    places = (begin + np.flatnonzero(flown)) // frame.block - first
+    blocks = np.zeros((last - first + 1, column_count(len(frame.centre))))
+    within = np.zeros(len(frame.radii))
+    _add(np.ascontiguousarray(y), z, places, frame.whitening, frame.radii, blocks, within)
+    lost = errors[~flown] - frame.mean
+    return BlockSums(first, blocks, away.sum(axis=0), away.T @ away, within, lost.sum(axis=0), lost.T @ lost)
+
+
+@compiled
+def _add(y: Array, z: Array, places: IndexArray, whitening: Array, radii: Array, blocks: Array, within: Array) -> None:
+    outputs = y.shape[1]
+    for row in range(y.shape[0]):
+        sums = blocks[places[row]]
+        sums[0] += 1.0
+        column = 1
+        for i in range(outputs):
+            sums[column + i] += y[row, i]
+            sums[column + outputs + i] += z[row, i]
+        column += 2 * outputs
+        for i in range(outputs):
+            for j in range(i, outputs):
+                sums[column] += y[row, i] * y[row, j]
+                column += 1
+        for i in range(outputs):
+            for j in range(i, outputs):
+                sums[column] += z[row, i] * z[row, j]
+                column += 1
+        for i in range(outputs):
+            square = y[row, i] * y[row, i]
+            sums[column + i] += square * y[row, i]
+            sums[column + outputs + i] += square * square
+        distance = 0.0
+        for direction in range(whitening.shape[1]):
+            along = 0.0
+            for i in range(outputs):
+                along += y[row, i] * whitening[i, direction]
+            distance += along * along
+        for level in range(len(radii)):
+            if distance <= radii[level]:
+                within[level] += 1.0

@@ -1,0 +1,122 @@
+"""Dispersion against the start time of navigation: P(t_s) S(t_s) P(t_s)^T."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.lincov.covariance import propagated_covariance
+from mcnav.scenarios.protocol import VariableStart
+
+
+@dataclass(frozen=True)
+class ErrorSchedule:
+    """How the start errors change with the time at which navigation starts.
+
+    Attributes
+    ----------
+    multiples : mapping of int to (ndarray, ndarray)
+        By source: times (rising, s from the scenario's event) and what multiple of its stated errors it has then.
+        Between the times the multiple is linear, beyond them constant. A source left out keeps its errors.
+    """
+
+    multiples: Mapping[int, tuple[Array, Array]] = field(default_factory=dict)
+
+    def at(self, times: Array, sources: int) -> Array:
+        """Multiple of every source's errors at each time, shape (n, sources)."""
+        found = np.ones((len(times), sources))
+        for source, (known, values) in self.multiples.items():
+            found[:, source] = np.interp(times, known, values)
+        return found
+
+
+@dataclass(frozen=True)
+class StartTimeStudy:
+    """What a start time does to the final errors, by the linear model.
+
+    Attributes
+    ----------
+    axes : str
+        Convention of the reference axes.
+    times : ndarray, shape (n,)
+        Start times, s from the scenario's event.
+    partials : ndarray, shape (n, outputs, sources)
+        SI.
+    effects : ndarray, shape (n, outputs, sources)
+        What one sigma of each source, as large as it is at that start time, does to each output, SI.
+    sigma : ndarray, shape (n, outputs)
+        Dispersion, SI.
+    weights : ndarray, shape (outputs,)
+        An output's sigma is worth this much, per SI unit, in the weighted dispersion.
+    """
+
+    axes: str
+    times: Array
+    partials: Array
+    effects: Array
+    sigma: Array
+    weights: Array
+
+    @property
+    def weighted(self) -> Array:
+        """Root sum square of the outputs' weighted sigmas, shape (n,)."""
+        return np.asarray(np.sqrt(((self.sigma * self.weights) ** 2).sum(axis=1)))
+
+    @property
+    def before_event(self) -> int:
+        """How many of the start times are not later than the event.
+
+        Only these compete for the best: at the very end only the start errors themselves remain.
+        """
+        return max(1, int(np.searchsorted(self.times, 0.0, side="right")))
+
+    @property
+    def best(self) -> Array:
+        """Position of the start time of least dispersion in each output, up to the event, shape (outputs,)."""
+        return np.asarray(np.argmin(self.sigma[: self.before_event], axis=0))
+
+    @property
+    def best_weighted(self) -> int:
+        """The same for the weighted dispersion."""
+        return int(np.argmin(self.weighted[: self.before_event]))
+
+
+def study_start_times(
+    scenario: VariableStart,
+    start_covariance: Array,
+    axes: str,
+    count: int,
+    schedule: ErrorSchedule | None = None,
+    weights: Array | None = None,
+) -> StartTimeStudy:
+    """Partial derivatives and dispersion for evenly spaced start times.
+
+    Parameters
+    ----------
+    scenario : VariableStart
+    start_covariance : ndarray, shape (sources, sources)
+        Of the stated errors.
+    axes : str
+        ``start``: reference axes aligned at each start time; ``trajectory``: those of the first point throughout.
+    count : int
+        Start times.
+    schedule : ErrorSchedule, optional
+        How the errors change with the start time; constant unless given.
+    weights : ndarray, shape (outputs,), optional
+        See `StartTimeStudy`; by default each output counts by its sigma for a start at the first point.
+    """
+    times = scenario.start_times(count)
+    partials = scenario.partials_at(times, axes)
+    multiples = (schedule or ErrorSchedule()).at(times, len(start_covariance))
+    variances = [
+        np.diag(propagated_covariance(matrix * multiple, start_covariance))
+        for matrix, multiple in zip(partials, multiples, strict=True)
+    ]
+    sigma = np.sqrt(np.maximum(variances, 0.0))
+    if weights is None:
+        weights = np.divide(1.0, sigma[0], out=np.zeros_like(sigma[0]), where=sigma[0] > 0.0)
+    effects = partials * (multiples * np.sqrt(np.diag(start_covariance)))[:, None, :]
+    return StartTimeStudy(axes, times, partials, effects, sigma, weights)

@@ -1,0 +1,1 @@
+"""Reentry of NASA TN D-1772: truth, instruments, navigator, linearized equations."""

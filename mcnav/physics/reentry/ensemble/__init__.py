@@ -1,0 +1,1 @@
+"""The ensemble engine of reentry: shared tables, kernels, refinement."""

@@ -1,0 +1,130 @@
+"""The navigator, flown as the report writes it: NASA TN D-1772, eqs. (5), (9), (10), in polar coordinates.
+
+This is the reference path. Truth and indicated motion are integrated together, one sample at a time, by scipy's DOP853
+with a restart at every kink of the truth. The ensemble path (`mcnav.physics.reentry.ensemble.kernel`) shares none of
+these equations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+from scipy.integrate import DOP853, solve_ivp
+
+from mcnav._types import Array
+from mcnav.constants import EARTH_RADIUS
+from mcnav.physics.jit import compiled
+from mcnav.physics.reentry.instruments import Error, indicated_force, measured_force
+from mcnav.physics.reentry.truth import Trajectory, motion, truth_force
+
+RELATIVE_TOLERANCE: Final = 1e-12
+ABSOLUTE_TOLERANCE: Final = np.array([1e-5, 1e-12, 1e-8, 1e-15] * 2)
+
+LOWEST_RADIUS: Final = 0.01 * EARTH_RADIUS
+"""An indicated position nearer to the earth's centre than this (m) is no navigation any more."""
+
+
+class Diverged(ArithmeticError):
+    """An indicated trajectory that cannot be flown to the end; the message says why."""
+
+
+@compiled
+def joint_rates(
+    time: float, state: Array, coefficients: Array, on: float, errors: Array, start: float, theta_axes: float
+) -> Array:
+    """Rates of the truth (first four) and of the indicated state (last four), NASA TN D-1772, eqs. (1)-(9)."""
+    rates = np.empty(8)
+    actual, indicated = state[:4], state[4:]
+    force_x, force_z = truth_force(actual, coefficients)
+    motion(actual, force_x, force_z, rates[:4])
+    measured_x, measured_z = measured_force(force_x, force_z, actual[1] - theta_axes, time - start, errors)
+    indicated_x, indicated_z = indicated_force(on * measured_x, on * measured_z, indicated[1] - theta_axes)
+    motion(indicated, indicated_x, indicated_z, rates[4:])
+    return rates
+
+
+def indicated_start(actual: Array, errors: Array) -> Array:
+    """Indicated state at the start of navigation, shape (4,) (NASA TN D-1772, eq. 10).
+
+    Range and range-rate errors are arc lengths at the radius of the start.
+    """
+    radius = actual[0]
+    offsets = [
+        errors[Error.ALTITUDE],
+        errors[Error.RANGE] / radius,
+        errors[Error.ALTITUDE_RATE],
+        errors[Error.RANGE_RATE] / radius,
+    ]
+    return np.asarray(actual + offsets, dtype=float)
+
+
+def navigation_error(actual: Array, indicated: Array) -> Array:
+    """Indicated less actual, as altitude, range, altitude rate and range rate at the earth's radius: m, m/s."""
+    scale = [1.0, EARTH_RADIUS, 1.0, EARTH_RADIUS]
+    return np.asarray((indicated - actual) * scale, dtype=float)
+
+
+def _too_low(time: float, state: Array, *_: object) -> float:
+    return float(state[4]) - LOWEST_RADIUS
+
+
+_too_low.terminal = True  # type: ignore[attr-defined]
+
+
+def simulate_indicated(
+    trajectory: Trajectory,
+    errors: Array,
+    start: float,
+    theta_axes: float,
+    watch: Callable[[Array, Array], None] = lambda times, states: None,
+) -> Array:
+    """Final navigation errors of one sample, flown along a truth from the start of navigation.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        The truth.
+    errors : ndarray, shape (10,)
+        In the order of `Error`: m, m/s, rad, rad/s, m/s^2, dimensionless.
+    start : float
+        Start of navigation, s from the first point of the truth.
+    theta_axes : float
+        Range angle at which the reference axes are horizontal and vertical, rad.
+    watch : callable
+        Shown the integrator's steps as they are flown, also of a flight that diverges: times, shape (m,), s from the
+        first point of the truth; actual and indicated states, shape (8, m).
+
+    Returns
+    -------
+    ndarray, shape (4,)
+        Altitude, range, altitude rate, range rate: m, m/s.
+
+    Raises
+    ------
+    Diverged
+        When the indicated position comes near the earth's centre, or the integration breaks down.
+    """
+    actual = trajectory.departure(start)
+    state = np.concatenate([actual, indicated_start(actual, errors)])
+    if not np.all(np.isfinite(state)) or state[4] <= LOWEST_RADIUS:
+        raise Diverged(f"the indicated radius starts at {state[4]:.6g} m")
+    for begin, end, phase in trajectory.navigated(start):
+        flown = solve_ivp(
+            joint_rates,
+            (begin, end),
+            trajectory.shared(begin, phase, state),
+            method=DOP853,
+            rtol=RELATIVE_TOLERANCE,
+            atol=ABSOLUTE_TOLERANCE,
+            events=_too_low,
+            args=(phase.coefficients, float(phase.accelerometers_on), errors, start, theta_axes),
+        )
+        watch(flown.t, flown.y)
+        state = flown.y[:, -1]
+        if flown.status == 1:
+            raise Diverged(f"the indicated position fell to {state[4] / 1e3:.0f} km from the earth's centre")
+        if flown.status < 0 or not np.all(np.isfinite(state)):
+            raise Diverged(f"the integration broke down at {flown.t[-1]:.1f} s: {flown.message}")
+    return navigation_error(state[:4], state[4:])

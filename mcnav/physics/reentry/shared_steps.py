@@ -1,0 +1,115 @@
+"""Histories of several indicated trajectories flown together along one truth.
+
+All of them share every step of the integrator. The map from the errors at one time to those at a later one is then one
+and the same smooth function for all, so that small differences between the flights keep their meaning to rounding:
+what NASA TN D-1772, eq. (16), needs of its ten runs.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from scipy.integrate import DOP853, solve_ivp
+
+from mcnav._types import Array
+from mcnav.physics.jit import compiled
+from mcnav.physics.reentry.instruments import indicated_force, measured_force
+from mcnav.physics.reentry.navigator import (
+    ABSOLUTE_TOLERANCE,
+    LOWEST_RADIUS,
+    RELATIVE_TOLERANCE,
+    Diverged,
+    indicated_start,
+)
+from mcnav.physics.reentry.truth import Trajectory, motion, truth_force
+
+
+@compiled
+def joint_rates(
+    time: float, state: Array, coefficients: Array, on: float, errors: Array, start: float, theta_axes: float
+) -> Array:
+    """Rates of the truth (first four) and of n indicated states (four each), NASA TN D-1772, eqs. (1)-(9)."""
+    rates = np.empty(state.size)
+    actual = state[:4]
+    force_x, force_z = truth_force(actual, coefficients)
+    motion(actual, force_x, force_z, rates[:4])
+    for run in range(errors.shape[0]):
+        own = slice(4 + 4 * run, 8 + 4 * run)
+        indicated = state[own]
+        measured_x, measured_z = measured_force(force_x, force_z, actual[1] - theta_axes, time - start, errors[run])
+        along_x, along_z = indicated_force(on * measured_x, on * measured_z, indicated[1] - theta_axes)
+        motion(indicated, along_x, along_z, rates[own])
+    return rates
+
+
+def simulate_together(
+    trajectory: Trajectory, errors: Array, start: float, theta_axes: float, times: Array
+) -> tuple[Array, Array]:
+    """Actual and indicated states of several flights at chosen times.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        The truth.
+    errors : ndarray, shape (n, 10)
+        Of each flight, in the order of `mcnav.physics.reentry.instruments.Error`, SI.
+    start, theta_axes : float
+        As for `mcnav.physics.reentry.navigator.simulate_indicated`.
+    times : ndarray, shape (m,)
+        Rising, s from the first point of the truth, none before the start. The integration halts at each, so that
+        nothing is interpolated.
+
+    Returns
+    -------
+    actual : ndarray, shape (m, 4)
+    indicated : ndarray, shape (m, n, 4)
+        Polar states: m, rad, m/s, rad/s.
+
+    Raises
+    ------
+    Diverged
+        When a flight comes near the earth's centre, or the integration breaks down.
+    """
+    first = trajectory.departure(start)
+    state = np.concatenate([first, *(indicated_start(first, row) for row in errors)])
+    kept: dict[float, Array] = {start: state}
+    tolerance = np.tile(ABSOLUTE_TOLERANCE[:4], 1 + len(errors))
+    for begin, end, phase in trajectory.navigated(start):
+        state = trajectory.shared(begin, phase, state)
+        halts = [begin, *(float(time) for time in times if begin < time < end), end]
+        for since, until in pairwise(halts):
+            flown = solve_ivp(
+                joint_rates,
+                (since, until),
+                state,
+                method=DOP853,
+                rtol=RELATIVE_TOLERANCE,
+                atol=tolerance,
+                args=(phase.coefficients, float(phase.accelerometers_on), errors, start, theta_axes),
+            )
+            state = flown.y[:, -1]
+            if flown.status != 0 or state[4::4].min(initial=np.inf) < LOWEST_RADIUS:
+                raise Diverged(f"a flight of {len(errors)} flown together broke down at {flown.t[-1]:.1f} s")
+            kept[until] = state
+    if missing := [float(time) for time in times if float(time) not in kept]:
+        raise ValueError(f"histories run from {start:g} s to {trajectory.final_time:g} s; got {missing[0]:g} s")
+    found = np.array([kept[float(time)] for time in times])
+    return found[:, :4], found[:, 4:].reshape(len(times), len(errors), 4)
+
+
+def speed_and_angle_errors(actual: Array, indicated: Array) -> tuple[Array, Array]:
+    """Errors of the inertial speed (m/s) and of its flight-path angle (rad), as NASA TN D-1772, figure 3(b).
+
+    Parameters
+    ----------
+    actual, indicated : ndarray, shape (..., 4)
+        Polar states.
+    """
+
+    def speed_and_angle(state: Array) -> tuple[Array, Array]:
+        across = state[..., 0] * state[..., 3]
+        return np.hypot(state[..., 2], across), np.arctan2(state[..., 2], across)
+
+    (speed, angle), (indicated_speed, indicated_angle) = speed_and_angle(actual), speed_and_angle(indicated)
+    return indicated_speed - speed, indicated_angle - angle

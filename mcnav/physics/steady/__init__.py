@@ -1,0 +1,1 @@
+"""Cruise and hover of "The Story of 84 Minutes"."""

@@ -1,0 +1,177 @@
+"""The navigator of a steady flight in spherical coordinates: the reference path, one sample at a time.
+
+NASA TN D-1772, eqs. (5)-(10), with a coordinate across the track added, of which the report's plane has none:
+
+    r''         = r cross'^2 + r theta'^2 cos^2 cross - f_z - mu / r^2      (left out when the altitude is slaved)
+    r theta''   = f_x / cos cross - 2 r' theta' + 2 r theta' cross' tan cross
+    r cross''   = f_y - 2 r' cross' - r theta'^2 sin cross cos cross
+
+with the forces (f_x, f_y, f_z) that the instruments measure, along the indicated directions. No frequency is put in:
+the Schuler oscillation is what these equations do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+from scipy.integrate import DOP853, solve_ivp
+
+from mcnav._types import Array
+from mcnav.physics.jit import compiled
+from mcnav.physics.steady.truth import Error, SteadyFlight, navigation_error
+
+RELATIVE_TOLERANCE: Final = 1e-12
+ABSOLUTE_TOLERANCE: Final = np.array([1e-6, 1e-14, 1e-14, 1e-9, 1e-17, 1e-17])
+"""DOP853's, for r, theta, cross and their rates: m, rad, m/s, rad/s."""
+
+LOWEST_SHARE: Final = 0.01
+"""An indicated position nearer to the earth's centre than this share of the actual radius is no navigation any more."""
+
+STEEPEST: Final = 1.5
+"""Across the track (rad) the coordinates end at the pole of the great circle; so far from it they still serve."""
+
+
+class Diverged(ArithmeticError):
+    """An indicated flight that cannot be flown to its end; the message says why."""
+
+
+@compiled
+def misaligned(force: Array, turn: Array) -> Array:
+    """A vector along axes turned by a rotation vector (rad), shape (3,): Rodrigues' formula."""
+    angle = np.sqrt(np.sum(turn * turn))
+    if angle == 0.0:
+        return force.copy()
+    axis = turn / angle
+    turned: Array = np.cos(angle) * force + np.sin(angle) * np.cross(axis, force)
+    turned += (1.0 - np.cos(angle)) * np.sum(axis * force) * axis
+    return turned
+
+
+@compiled
+def directions(theta: float, cross: float) -> Array:
+    """Rows: along, across (right) and down at a position, in the instruments' axes at the start; shape (3, 3)."""
+    along, across = np.array([np.cos(theta), 0.0, np.sin(theta)]), np.empty(3)
+    down = np.array([-np.cos(cross) * np.sin(theta), -np.sin(cross), np.cos(cross) * np.cos(theta)])
+    across[0], across[1], across[2] = -np.sin(cross) * np.sin(theta), np.cos(cross), np.sin(cross) * np.cos(theta)
+    rows = np.empty((3, 3))
+    rows[0], rows[1], rows[2] = along, across, down
+    return rows
+
+
+@compiled
+def indicated_rates(
+    time: float, state: Array, errors: Array, radius: float, rate: float, force: float, mu: float, slaved: bool,
+    level: bool,
+) -> Array:  # fmt: skip
+    """Rates of (r, theta, cross, r', theta', cross') of the indicated motion, shape (6,)."""
+    angle = rate * time
+    felt = np.array([force * np.sin(angle), 0.0, -force * np.cos(angle)])
+    local = directions(state[1], state[2])
+    first, later = time, 0.0  # how long the gyros have drifted about their first axes, and a quarter turn on
+    if level and rate != 0.0:
+        first, later = np.sin(angle) / rate, (1.0 - np.cos(angle)) / rate
+    roll, azimuth = -errors[10], errors[11]
+    turn = np.array(
+        [
+            -errors[7] + roll * first - azimuth * later,
+            errors[6] + errors[9] * time,
+            errors[8] + roll * later + azimuth * first,
+        ]
+    )
+    felt = misaligned(felt, turn)
+    if level:
+        felt = local @ felt
+    measured = (felt + errors[12:15]) * (1.0 + errors[15:18])
+    if not level:
+        measured = local @ measured
+    r, _, cross, r_rate, theta_rate, cross_rate = state
+    rates = np.empty(6)
+    rates[:3] = state[3:]
+    rates[3] = 0.0
+    if not slaved:
+        rates[3] = r * (cross_rate**2 + (theta_rate * np.cos(cross)) ** 2) - measured[2] - mu / (r * r)
+    along = (measured[0] / np.cos(cross) - 2.0 * r_rate * theta_rate) / r
+    rates[4] = along + 2.0 * theta_rate * cross_rate * np.tan(cross)
+    rates[5] = (measured[1] - 2.0 * r_rate * cross_rate) / r - theta_rate**2 * np.sin(cross) * np.cos(cross)
+    return rates
+
+
+def indicated_start(flight: SteadyFlight, errors: Array) -> Array:
+    """The indicated state at the start, shape (6,).
+
+    The start's velocity is known along the platform's axes: an azimuth misalignment turns it, as a missile launched
+    into the wrong direction (the seed's Problem 1).
+    """
+    azimuth, radius = errors[Error.AZIMUTH_MISALIGNMENT], flight.radius
+    lifted = 0.0 if flight.slaved else 1.0
+    return np.array(
+        [
+            radius + lifted * errors[Error.ALTITUDE],
+            errors[Error.RANGE] / radius,
+            errors[Error.CROSS_RANGE] / radius,
+            lifted * errors[Error.ALTITUDE_RATE],
+            flight.rate * np.cos(azimuth) + errors[Error.RANGE_RATE] / radius,
+            flight.rate * np.sin(azimuth) + errors[Error.CROSS_RANGE_RATE] / radius,
+        ]
+    )
+
+
+def simulate_indicated(
+    flight: SteadyFlight, errors: Array, watch: Callable[[Array, Array], None] = lambda times, states: None
+) -> Array:
+    """Final navigation errors of one sample, shape (6,); see `mcnav.physics.steady.truth.navigation_error`.
+
+    Parameters
+    ----------
+    flight : SteadyFlight
+    errors : ndarray, shape (18,)
+        In the order of `Error`: m, m/s, rad, rad/s, m/s^2, dimensionless.
+    watch : callable
+        Shown the integrator's steps, also of a flight that diverges: times, shape (m,), s; states, shape (6, m).
+
+    Raises
+    ------
+    Diverged
+        When the indicated position comes near the earth's centre or the great circle's pole, or breaks down.
+    """
+    lowest = LOWEST_SHARE * flight.radius
+
+    def too_low(time: float, state: Array, *_: object) -> float:
+        return float(state[0]) - lowest
+
+    def too_far_across(time: float, state: Array, *_: object) -> float:
+        return STEEPEST - abs(float(state[2]))
+
+    for event in (too_low, too_far_across):
+        event.terminal = True  # type: ignore[attr-defined]
+    start = indicated_start(flight, errors)
+    if not np.all(np.isfinite(start)) or too_low(0.0, start) <= 0.0 or too_far_across(0.0, start) <= 0.0:
+        raise Diverged(f"the indicated flight starts at radius {start[0]:.6g} m, {start[2]:.3g} rad across the track")
+    flown = solve_ivp(
+        indicated_rates,
+        (0.0, flight.duration),
+        start,
+        method=DOP853,
+        rtol=RELATIVE_TOLERANCE,
+        atol=ABSOLUTE_TOLERANCE,
+        events=(too_low, too_far_across),
+        args=(
+            errors,
+            flight.radius,
+            flight.rate,
+            flight.effective_gravity,
+            flight.earth.gravitational_parameter,
+            flight.slaved,
+            flight.level,
+        ),
+    )
+    watch(flown.t, flown.y)
+    if flown.status == 1:
+        low = flown.t_events[0].size > 0
+        where = "the earth's centre" if low else "the pole of the great circle"
+        raise Diverged(f"the indicated position came near {where} at {flown.t[-1]:.0f} s")
+    if flown.status < 0 or not np.all(np.isfinite(flown.y[:, -1])):
+        raise Diverged(f"the integration broke down at {flown.t[-1]:.1f} s: {flown.message}")
+    return navigation_error(flight, flown.y[:, -1])

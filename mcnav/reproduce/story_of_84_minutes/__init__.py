@@ -1,0 +1,1 @@
+"""The Story of 84 Minutes recomputed."""

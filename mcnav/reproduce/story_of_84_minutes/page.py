@@ -1,0 +1,117 @@
+"""The reproduction of "The Story of 84 Minutes" as one HTML page and CSV files."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import pandas as pd
+
+from mcnav.report.format import number
+from mcnav.report.page import filled
+from mcnav.reproduce.story_of_84_minutes import curves as story_curves
+from mcnav.reproduce.story_of_84_minutes import figures as drawn
+from mcnav.reproduce.story_of_84_minutes.numbers import Number, Standing, all_numbers
+
+TITLE: Final = "The Story of 84 Minutes"
+
+KINDS: Final = {Standing.DIGITS: "digits", Standing.SLIDE_RULE: "tolerance", Standing.MISPRINT: "inconsistent"}
+"""Classes of the style sheet."""
+
+PHRASES: Final = {
+    Standing.DIGITS: "agree to the printed digits",
+    Standing.SLIDE_RULE: "agree to a slide rule's accuracy",
+    Standing.MISPRINT: "are misprinted or miscalculated",
+}
+
+
+def table(numbers: Sequence[Number]) -> pd.DataFrame:
+    """One row a printed number."""
+    return pd.DataFrame(
+        [
+            {
+                "place": each.place,
+                "quantity": each.quantity,
+                "unit": each.unit,
+                "printed": each.printed,
+                "formula": each.formula,
+                "closed form": each.closed,
+                "linear": each.linear,
+                "flown at rest": each.flown,
+                "flown cruising": each.cruising,
+                "standing": each.standing.value,
+                "remark": each.remark,
+            }
+            for each in numbers
+        ]
+    )
+
+
+def _shown(each: Number) -> dict[str, Any]:
+    """A number for the template: one digit more than printed."""
+
+    def text(value: float | None) -> str:
+        if value is None:
+            return ""
+        if "e" in each.printed:
+            return f"{value:,.0f}"
+        decimals = len(each.printed.partition(".")[2]) + 1
+        return f"{value:,.{decimals}f}".replace("-", "−") if abs(value) >= 0.5 * 10.0**-decimals else "0"
+
+    return {
+        "place": each.place,
+        "quantity": each.quantity,
+        "unit": "" if each.unit == "1" else each.unit,
+        "printed": number(float(each.printed), 3) if "e" in each.printed else each.printed,
+        "formula": each.formula,
+        "closed": text(each.closed),
+        "linear": text(each.linear),
+        "flown": text(each.flown),
+        "cruising": text(each.cruising),
+        "kind": KINDS[each.standing],
+        "standing": each.standing.value,
+        "remark": each.remark,
+    }
+
+
+def write(folder: Path) -> list[Path]:
+    """Write the page and its tables into a folder; the paths written, the page first."""
+    numbers, curves, periods = all_numbers(), story_curves.curves(), story_curves.periods()
+    climb, growth = story_curves.climb(), story_curves.hover_growth()
+    departure = story_curves.hover_departure()
+    tables = {
+        "numbers.csv": table(numbers),
+        "curves.csv": curves,
+        "periods.csv": periods,
+        "climb.csv": climb,
+        "hover.csv": growth,
+        "hover_departure.csv": departure,
+    }
+    counted = Counter(each.standing for each in numbers)
+    across, expected = story_curves.across()
+    page = filled(
+        "story.html",
+        title=TITLE,
+        total=len(numbers),
+        counts=[(PHRASES[standing], counted[standing]) for standing in Standing if counted[standing]],
+        misprints=[_shown(each) for each in numbers if each.standing is Standing.MISPRINT],
+        numbers=[_shown(each) for each in numbers],
+        marks=[(kind, PHRASES[standing]) for standing, kind in KINDS.items()],
+        errors=[drawn.error(name, curves) for name in drawn.TITLES],
+        periods=[drawn.periods(periods), drawn.climb(climb)],
+        cruising=number(float(periods["period along the track, flown [min]"][1]), 5),
+        across=number(across, 5),
+        expected_across=number(expected, 5),
+        correction=f"{100.0 * periods['V^2 / g r'][1]:.2f}",
+        hover=drawn.hover(growth, departure),
+        tables=list(tables),
+    )
+    folder.mkdir(parents=True, exist_ok=True)
+    written = [folder / "story.html"]
+    written[0].write_text(page, encoding="utf-8")
+    for name, frame in tables.items():
+        frame.to_csv(folder / name, index=False)
+        written.append(folder / name)
+    return written

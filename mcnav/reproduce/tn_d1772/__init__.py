@@ -1,0 +1,1 @@
+"""NASA TN D-1772 recomputed."""

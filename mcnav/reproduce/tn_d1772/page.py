@@ -1,0 +1,167 @@
+"""The reproduction of NASA TN D-1772 as one HTML page and its CSV files."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from itertools import groupby
+from pathlib import Path
+from typing import Any, Final
+
+import pandas as pd
+
+from mcnav.files import write_whole
+from mcnav.report.figures.figure import Figure
+from mcnav.report.format import number
+from mcnav.report.page import filled
+from mcnav.reproduce.tn_d1772 import curves as computed
+from mcnav.reproduce.tn_d1772 import figures as drawn
+from mcnav.reproduce.tn_d1772.claims import Finding, claims, settled
+from mcnav.reproduce.tn_d1772.tables import Cell, Mark, all_cells
+
+TITLE: Final = "NASA TN D-1772, recomputed"
+PAGE: Final = "tn_d1772.html"
+
+PHRASES: Final = {
+    Mark.DIGITS: "agree to the printed digits",
+    Mark.TOLERANCE: "lie within the tolerance",
+    Mark.INCONSISTENT: "are contradicted by the report itself",
+    Mark.DIFFERS: "differ",
+}
+
+CAPTIONS: Final = {
+    "I": "Range and time are counted from 121.92 km. Trajectories 4 and 6 are solved for their printed range.",
+    "III": "The absolute sums of Table II, altitude and range.",
+    "IV(c)": "A hundred times the errors: far from linear, and still the same by both engines.",
+    "V(a)": "Navigation from 3.58 min before reentry, in the axes of the first start.",
+    "V(b)": "Navigation from 3.58 min before reentry, in axes aligned there. The parts differ in runs 7 to 10 because "
+    "the axes do, by 89 degrees, and not because partial derivatives were inaccurate, as the report has it.",
+    "VI": "Accelerometer outputs taken as zero above 121.92 km.",
+}
+
+
+FIGURES: Final[Mapping[str, tuple[Callable[[], pd.DataFrame], Callable[[pd.DataFrame], Figure]]]] = {
+    "1": (computed.figure_1, drawn.figure_1),
+    "2": (computed.figure_2, drawn.figure_2),
+    "3": (computed.figure_3, drawn.figure_3),
+    "4": (computed.figure_4, drawn.figure_4),
+    "5": (computed.figure_5, drawn.figure_5),
+    **{
+        str(6 + output): (
+            partial(computed.figures_6_to_9, output=output),
+            partial(drawn.figures_6_to_9, output=output),
+        )
+        for output in range(4)
+    },
+    "10": (computed.figure_10, drawn.figure_10),
+    "11": (computed.figure_11, drawn.figure_11),
+    "12": (computed.figure_12, drawn.figure_12),
+    "13": (computed.switching, drawn.figure_13),
+}
+"""Data and drawing of each figure."""
+
+
+def table(cells: Sequence[Cell]) -> pd.DataFrame:
+    """One row a printed number."""
+    return pd.DataFrame(
+        [
+            {
+                "table": cell.table,
+                "row": cell.row,
+                "column": cell.column,
+                "unit": cell.unit,
+                "printed": cell.printed,
+                "computed": cell.computed,
+                "ensemble engine": cell.second,
+                "difference": cell.difference,
+                "tolerance": cell.tolerance,
+                "mark": cell.mark.value,
+                "reason": cell.reason,
+            }
+            for cell in cells
+        ]
+    )
+
+
+def _shown(cell: Cell) -> dict[str, Any]:
+    """A cell for the template: one digit more than printed."""
+    decimals = len(cell.printed.partition(".")[2]) + 1
+    return {
+        "table": cell.table,
+        "row": cell.row,
+        "column": cell.column,
+        "unit": cell.unit,
+        "printed": cell.printed.replace("-", "−"),
+        "shown": f"{round(cell.computed, decimals) + 0.0:.{decimals}f}".replace("-", "−"),  # and no negative zero
+        "allowed": f"{cell.tolerance:.3g}",
+        "mark": cell.mark.value,
+        "kind": cell.mark.name.lower(),
+        "reason": cell.reason,
+    }
+
+
+def _between_engines(cells: Sequence[Cell]) -> str:
+    """How far the two engines are apart in a table, as a share of the tolerance; empty where only one computes it."""
+    shares = [abs(cell.second - cell.computed) / cell.tolerance for cell in cells if cell.second == cell.second]
+    return f"The two engines differ by at most {number(max(shares), 1)} of the tolerance." if shares else ""
+
+
+def render(
+    title: str,
+    cells: Sequence[Cell],
+    figures: Mapping[str, Figure],
+    said: Sequence[Finding],
+    decided: Sequence[Finding],
+) -> str:
+    """The page; figures by number."""
+    tables = []
+    for name, members in groupby(cells, key=lambda cell: cell.table):
+        own = list(members)
+        rows = [(row, list(group)) for row, group in groupby(own, key=lambda cell: cell.row)]
+        columns = list(dict.fromkeys((cell.column, cell.unit) for cell in rows[0][1]))
+        shown = [(row, [_shown(cell) for cell in group]) for row, group in rows]
+        caption = f"{CAPTIONS.get(name, '')} {_between_engines(own)}".strip()
+        tables.append({"name": f"Table {name}", "caption": caption, "columns": columns, "rows": shown})
+    counted = Counter(cell.mark for cell in cells)
+    return filled(
+        "reproduction.html",
+        title=title,
+        total=len(cells),
+        counts=[(mark, f"{counted[mark]:,}") for mark in Mark if counted[mark]],
+        phrases=PHRASES,
+        notable=[_shown(cell) for cell in cells if cell.mark in (Mark.INCONSISTENT, Mark.DIFFERS)],
+        tables=tables,
+        marks=[(mark.name.lower(), phrase) for mark, phrase in PHRASES.items()],
+        figures=figures,
+        claims=said,
+        settled=decided,
+    )
+
+
+def write_reproduction(path: Path) -> tuple[list[Cell], list[Path]]:
+    """Recompute the whole report and write it down.
+
+    Returns
+    -------
+    cells : list of Cell
+        Every number of Tables I to VI.
+    written : list of Path
+        The page, ``tables.csv``, ``findings.csv`` and ``figure_01.csv`` to ``figure_13.csv``.
+    """
+    cells = all_cells()
+    data = {name: tabulate() for name, (tabulate, _) in FIGURES.items()}
+    figures = {name: draw(data[name]) for name, (_, draw) in FIGURES.items()}
+    said, decided = claims(data), settled()
+    found = [("claim", finding) for finding in said] + [("decision", finding) for finding in decided]
+    findings = pd.DataFrame([{"kind": kind} | vars(finding) for kind, finding in found])
+    files = {
+        PAGE: render(TITLE, cells, figures, said, decided),
+        "tables.csv": table(cells).to_csv(index=False),
+        "findings.csv": findings.to_csv(index=False),
+        **{figure.file: data[name].to_csv(index=False) for name, figure in figures.items()},
+    }
+    path.mkdir(parents=True, exist_ok=True)
+    for name, text in files.items():
+        write_whole(path / name, text.encode())
+    return cells, [path / name for name in files]

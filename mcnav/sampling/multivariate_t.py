@@ -1,0 +1,124 @@
+"""Errors that are large together: groups of sources with one multivariate Student-t distribution.
+
+With z correlated standard normals and W a chi-square of nu degrees of freedom that a whole group shares,
+
+    x_i = sigma_i z_i sqrt((nu - 2) / W)
+
+has the standard deviation sigma_i, and two of a group have the normals' correlation exactly, since
+``E (nu - 2) / W = 1``. Between a member and an error ``g_j(z_j)`` outside the group the correlation is
+``kappa a_j rho_z``, with ``kappa = E sqrt((nu - 2) / W)`` and a_j the first Hermite coefficient of ``g_j``
+(`mcnav.sampling.copula`); between members of two groups it is ``kappa_1 kappa_2 rho_z``.
+
+Of rank correlations, with three independent draws of the pair and S = 1 / W (or 1 for an error outside the group),
+
+    rho_S = (6 / pi) E arcsin( rho_z sqrt(S_1 S'_1 / ((S_1 + S_2) (S'_1 + S'_3))) ),
+
+by the normal's orthant probability; without groups this is (6 / pi) arcsin(rho_z / 2) (Kruskal, 1958).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+from scipy import special
+from scipy.optimize import brentq
+
+from mcnav._types import Array
+
+_ABSCISSAE: Final = np.linspace(-7.0, 7.0, 29)
+"""Abscissae of the trapezoidal rule over standard normals; its error is 1e-9 or less."""
+
+
+@dataclass(frozen=True)
+class MultivariateT:
+    """Sources with one multivariate Student-t distribution.
+
+    Attributes
+    ----------
+    sources : tuple of str
+    degrees_of_freedom : float
+        Must exceed 2, for a finite variance.
+    """
+
+    sources: tuple[str, ...]
+    degrees_of_freedom: float
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.degrees_of_freedom) and self.degrees_of_freedom > 2.0):
+            raise ValueError("degrees_of_freedom must exceed 2 for a finite variance")
+
+    def scale(self, normal: Array) -> Array:
+        """The factor ``sqrt((nu - 2) / W)`` of a group from its own standard normal variate, elementwise."""
+        return np.asarray(np.sqrt((self.degrees_of_freedom - 2.0) / _chi_square(self.degrees_of_freedom, normal)))
+
+    @property
+    def coupling(self) -> float:
+        """The factor's mean, ``sqrt((nu - 2) / 2) Gamma((nu - 1) / 2) / Gamma(nu / 2)``."""
+        half = 0.5 * self.degrees_of_freedom
+        return math.sqrt(half - 1.0) * math.exp(math.lgamma(half - 0.5) - math.lgamma(half))
+
+
+def _chi_square(degrees: float, normal: Array) -> Array:
+    """Chi-square's quantile at the probability of a standard normal variate, by the nearer tail."""
+    tail = special.ndtr(-np.abs(normal))
+    half = 0.5 * degrees
+    return np.asarray(2.0 * np.where(normal < 0.0, special.gammaincinv(half, tail), special.gammainccinv(half, tail)))
+
+
+@lru_cache(maxsize=64)
+def _sines(one: MultivariateT | None, other: MultivariateT | None) -> tuple[Array, Array]:
+    """Values of the root in rho_S's equation and their probabilities, shape (m,)."""
+    weights = np.exp(-0.5 * _ABSCISSAE**2)
+    weights /= weights.sum()
+    alone = np.zeros(1), np.ones(1)
+    spread = _ABSCISSAE, weights
+
+    def inverse(group: MultivariateT | None, normal: Array) -> Array:
+        return np.ones_like(normal) if group is None else 1.0 / _chi_square(group.degrees_of_freedom, normal)
+
+    (first, p), (second, q) = (spread if group is not None else alone for group in (one, other))
+    s_1, s_2 = inverse(one, first)[:, None], inverse(one, first)
+    t_1, t_3 = inverse(other, second)[:, None], inverse(other, second)
+    left, right = s_1 / (s_1 + s_2), t_1 / (t_1 + t_3)  # of a first draw (rows) beside each second one
+    if one is not None and one == other:  # the first draw is shared
+        sines = left[:, :, None] * right[:, None, :]
+        chances = p[:, None, None] * p[None, :, None] * p
+    else:
+        sines = left[:, :, None, None] * right
+        chances = p[:, None, None, None] * p[None, :, None, None] * q[:, None] * q
+    kept = chances.ravel() > 1e-16
+    return np.sqrt(sines.ravel()[kept]), chances.ravel()[kept]
+
+
+def rank_correlation(normal: float, one: MultivariateT | None = None, other: MultivariateT | None = None) -> float:
+    """Spearman's rank correlation of two errors by the correlation of their normals; each may be of a group.
+
+    >>> round(rank_correlation(0.5), 4), round(rank_correlation(0.5, *[SharedTails(("a", "b"), 3.0)] * 2), 4)
+    (0.4826, 0.4643)
+    """
+    if one is None and other is None:
+        return 6.0 / math.pi * math.asin(0.5 * normal)
+    sines, chances = _sines(one, other)
+    return float(6.0 / math.pi * np.sum(chances * np.arcsin(normal * sines)))
+
+
+def normal_of_rank(wanted: float, one: MultivariateT | None = None, other: MultivariateT | None = None) -> float:
+    """Correlation of the normals that gives a rank correlation; see `rank_correlation`.
+
+    Raises
+    ------
+    ValueError
+        When it cannot be reached; the message names the largest magnitude that can be had.
+    """
+    if one is None and other is None:
+        return 2.0 * math.sin(math.pi * wanted / 6.0)
+    largest = rank_correlation(1.0, one, other)
+    if abs(abs(wanted) - largest) <= 1e-9:
+        return math.copysign(1.0, wanted)
+    if abs(wanted) > largest:
+        raise ValueError(f"errors of these distributions can be rank-correlated up to {largest:.4f}; got {wanted:g}")
+    return float(brentq(lambda rho: rank_correlation(rho, one, other) - wanted, -1.0, 1.0, xtol=1e-15))

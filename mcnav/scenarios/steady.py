@@ -1,0 +1,305 @@
+"""Cruise and hover: the systems of "The Story of 84 Minutes" as scenarios.
+
+A vehicle keeps its height and speed along a great circle of an earth that does not turn, with the instruments and the
+navigator of NASA TN D-1772. With its altitude slaved to an outside altimeter the navigator is a Schuler pendulum; with
+an altitude of its own it diverges upwards.
+
+Two engines fly it. ``ensemble`` takes deviations in cartesian axes through a compiled kernel; ``reference`` takes
+spherical coordinates, sample by sample, through scipy's DOP853.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcnav._types import Array, IndexArray
+from mcnav.constants import STANDARD_GRAVITY
+from mcnav.physics.power_sums import PowerSums
+from mcnav.physics.steady.ensemble import simulate_ensemble, simulate_histories
+from mcnav.physics.steady.linearized import linearize
+from mcnav.physics.steady.navigator import Diverged, simulate_indicated
+from mcnav.physics.steady.truth import SteadyFlight, navigation_error
+from mcnav.scenarios.histories import with_errors
+from mcnav.scenarios.protocol import (
+    Engine,
+    Epochs,
+    History,
+    LinearModel,
+    Output,
+    Panel,
+    PartialsHistory,
+    ScenarioError,
+    SimulationResult,
+    Source,
+    source_labels,
+)
+from mcnav.scenarios.sample_loop import SampleResults, simulate_each
+
+DEGREE: Final = np.pi / 180.0
+
+SOURCES: Final = (
+    Source("altitude", "m", "m", 100.0),
+    Source("range", "m", "m", 100.0),
+    Source("cross_range", "m", "m", 100.0),
+    Source("altitude_rate", "m/s", "m/s", 0.3048),
+    Source("range_rate", "m/s", "m/s", 0.3048),
+    Source("cross_range_rate", "m/s", "m/s", 0.3048),
+    Source("misalignment", "rad", "arcsec", 0.01 * DEGREE),
+    Source("roll_misalignment", "rad", "arcsec", 0.01 * DEGREE),
+    Source("azimuth_misalignment", "rad", "arcsec", 0.01 * DEGREE),
+    Source("gyro_drift", "rad/s", "deg/h", 0.01 * DEGREE / 3600.0),
+    Source("roll_drift", "rad/s", "deg/h", 0.01 * DEGREE / 3600.0),
+    Source("azimuth_drift", "rad/s", "deg/h", 0.01 * DEGREE / 3600.0),
+    Source("bias_x", "m/s^2", "ug", 1e-4 * STANDARD_GRAVITY),
+    Source("bias_y", "m/s^2", "ug", 1e-4 * STANDARD_GRAVITY),
+    Source("bias_z", "m/s^2", "ug", 1e-4 * STANDARD_GRAVITY),
+    Source("scale_factor_x", "1", "ppm", 1e-4),
+    Source("scale_factor_y", "1", "ppm", 1e-4),
+    Source("scale_factor_z", "1", "ppm", 1e-4),
+)
+"""Initial-condition and equipment errors in the order of `mcnav.physics.steady.truth.Error`; the sizes are the
+seed's."""
+
+OUTPUTS: Final = (
+    Output("altitude", "m", "km"),
+    Output("range", "m", "km"),
+    Output("cross_range", "m", "km"),
+    Output("altitude_rate", "m/s", "m/s"),
+    Output("range_rate", "m/s", "m/s"),
+    Output("cross_range_rate", "m/s", "m/s"),
+)
+"""Final navigation errors."""
+
+VERTICAL: Final = ("altitude", "altitude_rate")
+"""Neither errors nor outputs of a navigator whose altitude is slaved."""
+
+ENSEMBLE_CHUNK: Final = 8_192
+REFERENCE_CHUNK: Final = 32
+HISTORY_POINTS: Final = 121
+HISTORY_TIME: Final = "time [min]"
+EPOCHS: Final = 60
+"""Instants at which the errors of all samples are read out."""
+
+TOLERANCE: Final = 1e-7
+"""Largest numerical error of any probe, as a share of the probes' standard deviation in that output."""
+
+FEWEST_STEPS: Final = 64
+MOST_STEPS: Final = 16_384
+
+HAND_OVER_SHARE: Final = 0.01
+"""When more of the probes leave the kernel's validity, the reference path will do most of the work, in processes."""
+
+LONGEST: Final = 10.0 * 86_400.0
+"""s; a flight beyond that many days is a slip of the pen."""
+
+
+@dataclass(frozen=True)
+class Navigation:
+    """A flight with the errors and outputs that its navigator has, as columns of the physics' own order.
+
+    Attributes
+    ----------
+    flight : SteadyFlight
+    sources, outputs : tuple of int
+        Rows of `SOURCES` and of `OUTPUTS`.
+    """
+
+    flight: SteadyFlight
+    sources: tuple[int, ...]
+    outputs: tuple[int, ...]
+
+    def whole(self, errors: Array) -> Array:
+        """Errors as the physics takes them, shape (n, 18)."""
+        found = np.zeros((len(errors), len(SOURCES)))
+        found[:, self.sources] = errors
+        return found
+
+    def by_ensemble(self, errors: Array, steps: int) -> tuple[Array, NDArray[np.bool_]]:
+        """Outcomes of the kernel and whether they are valid."""
+        values, valid = simulate_ensemble(self.flight, self.whole(errors), steps)
+        return values[:, self.outputs], valid
+
+    def simulate_reference(self, errors: Array, rows: Iterable[int]) -> SampleResults:
+        """Fly some rows of errors on the reference path."""
+        whole, outputs = self.whole(errors), list(self.outputs)
+        return simulate_each(lambda row: simulate_indicated(self.flight, whole[row])[outputs], rows, Diverged)
+
+
+@dataclass(frozen=True)
+class ReferenceEngine:
+    """Spherical coordinates, one sample at a time."""
+
+    navigation: Navigation
+    parallel: str = "processes"
+    chunk: int = REFERENCE_CHUNK
+    accuracy: str = "spherical coordinates, DOP853 with relative tolerance 1e-12"
+
+    def propagate(self, errors: Array) -> SimulationResult:
+        """Fly samples, shape (n, sources)."""
+        flown = self.navigation.simulate_reference(errors, range(len(errors)))
+        return flown.outcomes(np.full((len(errors), len(self.navigation.outputs)), np.nan))
+
+
+@dataclass(frozen=True)
+class EnsembleEngine:
+    """Deviations on a shared grid; a sample beyond its validity is flown by the reference path instead."""
+
+    navigation: Navigation
+    steps: int
+    accuracy: str
+    parallel: str = "threads"
+    chunk: int = ENSEMBLE_CHUNK
+
+    def propagate(self, errors: Array) -> SimulationResult:
+        """Fly samples, shape (n, sources)."""
+        values, valid = self.navigation.by_ensemble(errors, self.steps)
+        beyond = np.flatnonzero(~valid)
+        return self.navigation.simulate_reference(errors, (int(row) for row in beyond)).outcomes(values, len(beyond))
+
+    @cached_property
+    def _stops(self) -> IndexArray:
+        return np.unique(np.linspace(0, self.steps, EPOCHS).round().astype(np.int64))
+
+    @property
+    def epochs(self) -> Epochs:
+        """Steps of the flight, evenly spaced."""
+        return Epochs(HISTORY_TIME, self.navigation.flight.duration / 60.0 * self._stops / self.steps)
+
+    def histories(self, errors: Array) -> Array:
+        """Errors of samples, shape (n, sources), at every epoch, shape (n, m, outputs)."""
+        flight, whole = self.navigation.flight, self.navigation.whole(errors)
+        histories, valid = simulate_histories(flight, whole, self.steps, self._stops)
+        histories[~valid] = np.nan
+        return histories[:, :, self.navigation.outputs]
+
+    def history_sums(self, errors: Array) -> PowerSums:
+        """Power sums of samples' errors, shape (n, sources), at every epoch."""
+        histories = self.histories(errors)
+        valid = np.isfinite(histories).all(axis=(1, 2))
+        return PowerSums.of(histories[valid], np.zeros(histories.shape[1:]))
+
+
+class Cruise:
+    """The scenario: steady flight along a great circle, or standing still, and a navigator that goes along.
+
+    Raises
+    ------
+    ScenarioError
+        When nothing holds the vehicle down: at or beyond orbital speed.
+    """
+
+    engines = ("ensemble", "reference")
+
+    def __init__(self, flight: SteadyFlight) -> None:
+        if flight.effective_gravity <= 0.0:
+            orbital = np.sqrt(flight.gravity * flight.radius)
+            raise ScenarioError(
+                "speed", f"{flight.speed:g} m/s is not below the {orbital:.1f} m/s of a satellite at this height"
+            )
+        left_out = VERTICAL if flight.slaved else ()
+        self.flight = flight
+        self.sources = tuple(source for source in SOURCES if source.name not in left_out)
+        self.outputs = tuple(output for output in OUTPUTS if output.name not in left_out)
+        self.navigation = Navigation(
+            flight,
+            tuple(SOURCES.index(source) for source in self.sources),
+            tuple(OUTPUTS.index(output) for output in self.outputs),
+        )
+
+    def _partials(self, times: Array) -> Array:
+        rows = np.ix_(range(len(times)), self.navigation.outputs, self.navigation.sources)
+        return linearize(self.flight, times)[rows]
+
+    @cached_property
+    def _model(self) -> LinearModel:
+        return LinearModel(self._partials(np.array([self.flight.duration]))[0], np.zeros(len(self.outputs)))
+
+    def linear_model(self) -> LinearModel:
+        """Partial derivatives by the equations of variation."""
+        return self._model
+
+    def partials_history(self, count: int) -> PartialsHistory:
+        """Partial derivatives at evenly spaced times of the flight."""
+        times = np.linspace(0.0, self.flight.duration, count)
+        return PartialsHistory(HISTORY_TIME, times / 60.0, self._partials(times))
+
+    def engine(self, engine: str, probes: Array) -> Engine:
+        """A flyer for one of `engines`; the ensemble's steps are refined until the probes, (n, sources), agree."""
+        if engine == "reference":
+            return ReferenceEngine(self.navigation)
+        steps, error = self._refined(probes)
+        accuracy = (
+            f"deviations in cartesian axes, Runge-Kutta order 4, {steps} steps; largest numerical error of "
+            f"{len(probes)} probe samples {error:.1e} of an output's dispersion"
+        )
+        ready = EnsembleEngine(self.navigation, steps, accuracy)
+        if ready.propagate(probes).fallback_count > HAND_OVER_SHARE * len(probes):
+            return replace(ready, parallel="processes", chunk=REFERENCE_CHUNK)
+        return ready
+
+    def _refined(self, probes: Array) -> tuple[int, float]:
+        """Find the fewest steps that the probes allow, and their error, as the ensemble of reentry does."""
+
+        def flown(steps: int) -> Array:
+            values, valid = self.navigation.by_ensemble(probes, steps)
+            return np.asarray(np.where(valid[:, None], values, 0.0))
+
+        steps = FEWEST_STEPS
+        while True:
+            coarse, fine = flown(steps), flown(2 * steps)
+            scale = fine.std(axis=0)
+            scale = np.where(scale > 0.0, scale, np.abs(fine).max(axis=0))
+            shares = np.abs(coarse - fine).max(axis=0)[scale > 0.0] / scale[scale > 0.0]
+            error = float(shares.max(initial=0.0)) * 16.0 / 15.0
+            if error <= TOLERANCE or steps >= MOST_STEPS:
+                return steps, error
+            wanted = int(np.ceil(1.1 * steps * (error / TOLERANCE) ** 0.25))
+            steps = min(max(wanted, steps + 1), MOST_STEPS)
+
+    def simulate_one(self, errors: Array) -> History:
+        """One sample, shape (sources,), on the reference path: its navigation errors over the flight."""
+        seen: list[tuple[Array, Array]] = []
+        with contextlib.suppress(Diverged):
+            simulate_indicated(self.flight, self.navigation.whole(errors[None])[0], lambda *step: seen.append(step))
+        if not seen:
+            return History()
+        times, states = seen[0]
+        off = np.array(
+            [
+                navigation_error(replace(self.flight, duration=float(time)), state)
+                for time, state in zip(times, states.T, strict=True)
+            ]
+        )
+        return with_errors(History({HISTORY_TIME: times / 60.0}), off[:, self.navigation.outputs], self.outputs)
+
+    def history(self) -> History:
+        """What the usual size of each error alone does to the indicated position over the flight, flown."""
+        flight, names = self.flight, [output.name for output in self.outputs]
+        labels = source_labels([source.name for source in self.sources], names)
+        sizes = np.array([source.nominal for source in self.sources])
+        times = np.linspace(0.0, flight.duration, HISTORY_POINTS)
+        steps = MOST_STEPS // 32
+        flown = np.zeros((len(times), len(sizes), len(names)))
+        for number, time in enumerate(times[1:], start=1):
+            shorter = replace(self.navigation, flight=replace(flight, duration=float(time)))
+            flown[number] = shorter.by_ensemble(np.diag(sizes), max(FEWEST_STEPS, steps * number // len(times)))[0]
+        columns = {HISTORY_TIME: times / 60.0, "range flown [km]": flight.speed * times / 1e3}
+        panels = []
+        for name in (name for name in names if not name.endswith("_rate")):
+            spoken = name.replace("_", " ")
+            of_output = flown[:, :, names.index(name)] / 1e3
+            largest = np.abs(of_output).max(axis=0)
+            kept = [j for j in np.argsort(-largest, kind="stable") if largest[j] > 0.01 * largest.max()][:6]
+            drawn = {f"{spoken} by {self.sources[j].name.replace('_', ' ')} [km]": of_output[:, j] for j in kept}
+            legend = tuple(labels[j] for j in kept)
+            columns |= drawn
+            title = f"{spoken.capitalize()} error left by one error of usual size"
+            panels.append(Panel(title, HISTORY_TIME, tuple(drawn), legend, f"{spoken} error [km]"))
+        return History(columns, {"end": flight.duration / 60.0}, tuple(panels))

@@ -1,0 +1,105 @@
+"""The trajectories and errors of NASA TN D-1772 (Table I; eqs. 18-21), SI units."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+from scipy.optimize import brentq
+
+from mcnav._types import Array
+from mcnav.constants import EARTH_RADIUS, EARTH_RATE, TN_GRAVITY
+from mcnav.physics.reentry.truth import NoReentry, Trajectory, fly_truth
+from mcnav.physics.reentry.vehicle import ConstantLift, LiftLaw, VariableLift, Vehicle
+
+START_ALTITUDE: Final = 18_476_300.0
+START_RANGE: Final = -12_010_330.0
+START_ALTITUDE_RATE: Final = -4_685.08
+START_RANGE_RATE: Final = 732.9312
+"""The common start point, eq. (18); ranges are r_E theta and r_E theta_dot, m and m/s."""
+
+START_AIRSPEED: Final = 4_799.92
+"""Airspeed at the start of the trajectories that Table I varies in angle, m/s."""
+
+ERRORS: Final = np.array([5e3, 500.0, 0.5, 0.02, 2e-4, 1e-6, 1e-4 * TN_GRAVITY, 1e-4 * TN_GRAVITY, 1e-4, 1e-4])
+"""The report's initial-condition and equipment errors, eqs. (20) and (21), in the order of the columns of P."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A column of Table I.
+
+    Lift law and final altitude (m); where the start angle is solved for, the final range (m) counted from reentry and
+    the printed angle (deg).
+    """
+
+    lift_law: LiftLaw
+    final_altitude: float
+    final_range: float | None = None
+    printed_angle: float | None = None
+
+
+TABLE_I: Final = {
+    1: Row(ConstantLift(0.05), 27_620.0),
+    2: Row(VariableLift(), 29_500.0),
+    3: Row(ConstantLift(0.22), 26_510.0),
+    4: Row(VariableLift(), 26_750.0, 9_780_000.0, -77.4070),
+    5: Row(ConstantLift(0.25), 29_570.0),
+    6: Row(VariableLift(), 28_310.0, 20_980_000.0, -77.4068),
+    7: Row(ConstantLift(0.27), 26_220.0),
+}
+
+ANGLE_BRACKET: Final = 0.002
+"""How far from its printed value (deg) the start angle of a solved trajectory is sought."""
+
+
+def common_start() -> Array:
+    """Polar state of eq. (18), shape (4,): m, rad, m/s, rad/s."""
+    return np.array(
+        [
+            EARTH_RADIUS + START_ALTITUDE,
+            START_RANGE / EARTH_RADIUS,
+            START_ALTITUDE_RATE,
+            START_RANGE_RATE / EARTH_RADIUS,
+        ]
+    )
+
+
+def start_at_angle(angle: float) -> Array:
+    """The common start point with the airspeed of Table I at a flight-path angle (rad), NASA TN D-1772, eq. (4)."""
+    state = common_start()
+    state[2] = START_AIRSPEED * np.sin(angle)
+    state[3] = EARTH_RATE + START_AIRSPEED * np.cos(angle) / state[0]
+    return state
+
+
+def range_from_reentry(trajectory: Trajectory) -> float:
+    """r_E (theta_f - theta_R): final range counted from where the altitude falls through 121.92 km, m."""
+    final, reentry = trajectory.state(trajectory.final_time), trajectory.state(trajectory.reentry_time)
+    return float(EARTH_RADIUS * (final[1] - reentry[1]))
+
+
+@lru_cache
+def start_state(number: int) -> tuple[float, ...]:
+    """Polar start state of a trajectory of Table I: m, rad, m/s, rad/s.
+
+    Trajectories 4 and 6 react so sharply to the start angle (0.002 deg moves the end by thousands of kilometres) that
+    the printed angle does not define them. Theirs is solved for the printed final range.
+    """
+    row = TABLE_I[number]
+    if row.final_range is None or row.printed_angle is None:
+        return tuple(common_start())
+    vehicle, wanted = Vehicle(row.lift_law), row.final_range
+
+    def overshoot(angle: float) -> float:
+        try:
+            return (
+                range_from_reentry(fly_truth(start_at_angle(np.radians(angle)), vehicle, row.final_altitude)) - wanted
+            )
+        except NoReentry:  # skipped out of the atmosphere: farther than any range
+            return 2.0 * np.pi * EARTH_RADIUS
+
+    angle = brentq(overshoot, row.printed_angle - ANGLE_BRACKET, row.printed_angle + ANGLE_BRACKET, xtol=1e-13)
+    return tuple(start_at_angle(np.radians(angle)))

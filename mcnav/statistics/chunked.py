@@ -1,0 +1,59 @@
+"""Sums over many samples, a stretch at a time: what is formed on the way stays in the processor's cache."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from mcnav._types import Array, IndexArray
+from mcnav.statistics.whitening import Whitening
+
+STRETCH: Final = 32_768
+"""Samples; of ten columns they take 2.6 MB."""
+
+
+def stretches(samples: int) -> Iterator[slice]:
+    """Slices of `STRETCH` samples, in order."""
+    return (slice(begin, begin + STRETCH) for begin in range(0, samples, STRETCH))
+
+
+def stretches_of_blocks(begins: IndexArray, samples: int) -> Iterator[tuple[slice, slice]]:
+    """Slices of samples, and of the blocks that these are, in order: whole blocks, of about `STRETCH` samples together.
+
+    Parameters
+    ----------
+    begins : ndarray of int, shape (blocks,)
+        The first sample of each block.
+    samples : int
+
+    Examples
+    --------
+    >>> [(rows.stop, own.stop) for rows, own in stretches_of_blocks(np.array([0, 30_000, 60_000]), 90_000)]
+    [(30000, 1), (60000, 2), (90000, 3)]
+    """
+    ends = np.append(begins[1:], samples)
+    first = 0
+    while first < len(begins):
+        last = max(int(np.searchsorted(ends, begins[first] + STRETCH, side="right")), first + 1)
+        yield slice(int(begins[first]), int(ends[last - 1])), slice(first, last)
+        first = last
+
+
+def scatter(values: Array) -> Array:
+    """Sum of the products about the mean, ``sum (x - m)(x - m)^T``, shape (k, k), of samples of shape (n, k)."""
+    mean = values.mean(axis=0)
+    total = np.zeros((values.shape[1], values.shape[1]))
+    for part in stretches(len(values)):
+        centred = values[part] - mean
+        total += centred.T @ centred
+    return total
+
+
+def squared_distances(values: Array, centre: Array, given: Whitening) -> Array:
+    """Squared lengths of deviations from a centre in whitened coordinates, shape (n,), of samples of shape (n, k)."""
+    found = np.empty(len(values))
+    for part in stretches(len(values)):
+        found[part] = np.sum((given.matrix.T @ (values[part] - centre).T) ** 2, axis=0)
+    return found

@@ -1,0 +1,122 @@
+"""Errors throughout the flight: moments that chunks carry with them, their sum in order of index, and the tables.
+
+The power sums of a chunk's samples are a mark in the chunk's own file, under the file's checksum. Added up in order of
+index they are the same, bit for bit, however many workers there were and however often a run was broken off.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from mcnav._types import Array
+from mcnav.physics.power_sums import PowerSums
+from mcnav.scenarios.protocol import Engine, Epochs, Output, TimeHistoryEngine
+from mcnav.store.parts import Part
+
+MARK: Final = "mcnav.histories"
+PERCENTILES: Final = (1.0, 5.0, 50.0, 95.0, 99.0)
+"""Of the samples whose histories are stored."""
+
+STORED: Final = 2_000
+"""Samples whose histories are stored in full: the first of the campaign."""
+
+
+def history_sums(prepared: Engine, errors: Array) -> PowerSums | None:
+    """Power sums of samples, shape (n, sources), throughout the flight; none where the engine does not know them."""
+    return prepared.history_sums(errors) if isinstance(prepared, TimeHistoryEngine) else None
+
+
+def add_power_sums(one: PowerSums | None, other: PowerSums | None) -> PowerSums | None:
+    """Two stretches of samples together."""
+    return one + other if one is not None and other is not None else one or other
+
+
+def history_marks_of(found: PowerSums | None) -> dict[str, str]:
+    """What a chunk's file is to say of its samples throughout the flight."""
+    if found is None:
+        return {}
+    numbers = np.append(found.sums.ravel(), float(found.count)).astype("<f8")
+    return {MARK: base64.b64encode(numbers.tobytes()).decode()}
+
+
+def history_marks(prepared: Engine, errors: Array) -> dict[str, str]:
+    """`marked` sums of a chunk's samples, shape (n, sources)."""
+    return history_marks_of(history_sums(prepared, errors))
+
+
+def read_power_sums(prepared: Engine, folder: Path, parts: Sequence[Part]) -> PowerSums | None:
+    """Power sums of all samples, from the marks of the parts in order of index; none where nothing was followed."""
+    if not isinstance(prepared, TimeHistoryEngine):
+        return None
+    pivot = prepared.history_sums(np.zeros((0, 1))).pivot
+    total = None
+    for part in sorted(parts, key=lambda part: part.begin):
+        text = (pq.read_schema(folder / part.file).metadata or {}).get(MARK.encode())
+        if text is not None:
+            numbers = np.frombuffer(base64.b64decode(text), dtype="<f8")
+            found = PowerSums(int(numbers[-1]), pivot, numbers[:-1].reshape(len(pivot), -1).astype(float))
+            total = found if total is None else total + found
+    return total
+
+
+def histories_table(epochs: Epochs, outputs: Sequence[Output], histories: Array) -> pa.Table:
+    """Histories of samples, shape (n, m, outputs): a row for each sample and epoch, NaN where not followed."""
+    count, instants, _ = histories.shape
+    columns: dict[str, Any] = {
+        "index": np.repeat(np.arange(count), instants),
+        epochs.label: np.tile(epochs.times, count),
+    }
+    for number, output in enumerate(outputs):
+        columns[f"{output.name} [{output.unit}]"] = np.ascontiguousarray(histories[:, :, number].ravel())
+    return pa.table(columns)
+
+
+def epochs_table(
+    epochs: Epochs, outputs: Sequence[Output], found: PowerSums, linear: tuple[Array, Array], histories: Array
+) -> pa.Table:
+    """What is known at every epoch: moments of all samples, linear ones, percentiles of the stored histories.
+
+    Columns, for each output: ``mean``, ``sigma``, ``third``, ``fourth`` (central moments), ``linear mean``, ``linear
+    sigma`` and percentiles; for each pair ``covariance``. Units are in the names.
+
+    Parameters
+    ----------
+    epochs : Epochs
+    outputs : sequence of Output
+    found : PowerSums
+    linear : (ndarray, ndarray), shapes (m, outputs) and (m, outputs, outputs)
+        Linear mean and covariance.
+    histories : ndarray, shape (n, m, outputs)
+    """
+    covariance, third, fourth = found.covariance, found.third, found.fourth
+    known = histories[np.isfinite(histories).all(axis=(1, 2))]
+    ranked = (
+        np.percentile(known, PERCENTILES, axis=0) if len(known) else np.full((len(PERCENTILES), *third.shape), np.nan)
+    )
+    columns: dict[str, Any] = {epochs.label: epochs.times}
+    for i, output in enumerate(outputs):
+        name, unit = output.name, output.unit
+        columns[f"mean {name} [{unit}]"] = found.mean[:, i]
+        columns[f"sigma {name} [{unit}]"] = np.sqrt(np.maximum(covariance[:, i, i], 0.0))
+        columns[f"third {name} [({unit})^3]"] = third[:, i]
+        columns[f"fourth {name} [({unit})^4]"] = fourth[:, i]
+        columns[f"linear mean {name} [{unit}]"] = linear[0][:, i]
+        columns[f"linear sigma {name} [{unit}]"] = np.sqrt(np.maximum(linear[1][:, i, i], 0.0))
+        for level, values in zip(PERCENTILES, ranked, strict=True):
+            columns[f"percentile {level:g} {name} [{unit}]"] = values[:, i]
+    for i, one in enumerate(outputs):
+        for j, other in enumerate(outputs[:i]):
+            unit = f"({other.unit})({one.unit})"
+            columns[f"covariance {other.name}, {one.name} [{unit}]"] = covariance[:, i, j]
+    described = {"events": dict(epochs.events), "samples": found.count, "stored": len(known)}
+    return pa.table({name: np.ascontiguousarray(column) for name, column in columns.items()}).replace_schema_metadata(
+        {"mcnav.epochs": json.dumps(described)}
+    )

@@ -1,0 +1,276 @@
+"""Sample files: one chunk each, in parquet, believed by its content."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from mcnav._types import Array, IndexArray
+from mcnav.files import parquet_bytes, read_whole, write_whole
+from mcnav.scenarios.protocol import SimulationResult
+
+OK: Final = "ok"
+_TEXT: Final = ("status",)
+
+LARGEST_PART: Final = 1_000_000_000
+"""Bytes."""
+
+MOST_EXPANSION: Final = 200
+MOST_ROWS: Final = 200
+"""Bytes and rows for each byte of a file; numbers that are all the same are packed closest."""
+
+ROOM: Final = 10_000_000
+"""Bytes that any file may expand to."""
+
+MOST_TRACEBACKS: Final = 500_000
+"""Characters of tracebacks that a part keeps; beyond it a failed sample has its reason, and can be replayed."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """What the manifest says of one file of samples [begin, end)."""
+
+    file: str
+    begin: int
+    end: int
+    failed: int
+    handed_over: int
+    sha256: str
+
+
+@dataclass(frozen=True)
+class Samples:
+    """All samples of a run.
+
+    Attributes
+    ----------
+    index : ndarray of int, shape (n,)
+    status : list of str
+        ``ok``, or why the sample failed.
+    errors : ndarray, shape (n, sources)
+        SI.
+    outputs : ndarray, shape (n, outputs)
+        SI; NaN in the row of a sample that failed.
+    """
+
+    index: IndexArray
+    status: list[str]
+    errors: Array
+    outputs: Array
+
+
+@dataclass(frozen=True)
+class SampleSchema:
+    """Columns of the sample files: ``error NAME [unit]`` and ``output NAME [unit]``."""
+
+    errors: tuple[str, ...]
+    outputs: tuple[str, ...]
+
+    @classmethod
+    def of(cls, sources: Sequence[Any], outputs: Sequence[Any]) -> SampleSchema:
+        """The layout for the sources and outputs of a scenario."""
+        return cls(
+            tuple(f"error {source.name} [{source.unit}]" for source in sources),
+            tuple(f"output {output.name} [{output.unit}]" for output in outputs),
+        )
+
+
+def part_name(number: int) -> str:
+    """File name of a part by its number."""
+    return f"part-{number:05d}.parquet"
+
+
+def write_part(
+    place: Path,
+    number: int,
+    begin: int,
+    identity: str,
+    layout: SampleSchema,
+    errors: Array,
+    outcomes: SimulationResult,
+    further: Mapping[str, str] | None = None,
+    whole: tuple[int, int, int] | None = None,
+) -> Part:
+    """Store one chunk of samples in a folder, whole.
+
+    Parameters
+    ----------
+    place : Path
+        Folder of the parts.
+    number, begin : int
+        Of the part, and of its first sample.
+    identity : str
+        Digest of the run.
+    layout : SampleSchema
+    errors, outcomes
+        Of the chunk's samples.
+    further : mapping of str to str, optional
+        What else the file is to say of its samples.
+    whole : (int, int, int), optional
+        Samples, failures and samples handed over of a chunk of which only these rows are kept.
+    """
+    count = len(errors)
+    status = [f"failed: {outcomes.failures[row]}" if row in outcomes.failures else OK for row in range(count)]
+    columns: dict[str, Any] = {"index": np.arange(begin, begin + count), "status": pa.array(status, pa.string())}
+    columns.update(zip(layout.errors, errors.T, strict=True))
+    failed = np.array([row in outcomes.failures for row in range(count)], dtype=bool)
+    for name, values in zip(layout.outputs, outcomes.values.T, strict=True):
+        columns[name] = pa.array(np.ascontiguousarray(values), mask=failed)
+    table = pa.table({name: pa.array(column) for name, column in columns.items()})
+    samples, lost, handed_over = whole or (count, int(failed.sum()), outcomes.fallback_count)
+    marks = {"mcnav.identity": identity, "mcnav.fallback_count": str(handed_over), **(further or {})}
+    if whole is not None:
+        marks |= {"mcnav.begin": str(begin), "mcnav.samples": str(samples), "mcnav.failed": str(lost)}
+    if outcomes.tracebacks:
+        marks["mcnav.tracebacks"] = _packed({begin + row: text for row, text in outcomes.tracebacks.items()})
+    content = parquet_bytes(table.replace_schema_metadata(marks), _TEXT)
+    write_whole(place / part_name(number), content)
+    return _described(number, begin, samples, lost, handed_over, content)
+
+
+def _packed(tracebacks: Mapping[int, str]) -> str:
+    """Tracebacks by index as text, each wording once, as many as there is room for."""
+    texts: dict[str, list[int]] = {}
+    room = MOST_TRACEBACKS
+    for index, text in tracebacks.items():
+        if text not in texts:
+            room -= len(text)
+            if room < 0:
+                break
+        texts.setdefault(text, []).append(index)
+    return json.dumps([[text, indices] for text, indices in texts.items()])
+
+
+def tracebacks_in(table: pa.Table) -> dict[int, str]:
+    """Tracebacks of failed samples by index, as far as the part of a table keeps them."""
+    try:
+        packed = json.loads((table.schema.metadata or {}).get(b"mcnav.tracebacks", b"[]"))
+        return {int(index): str(text) for text, indices in packed for index in indices}
+    except (ValueError, TypeError, RecursionError):
+        return {}
+
+
+def table_from(content: bytes, rows: int | None = None) -> pa.Table:
+    """The table in a parquet file, its checksums verified, unless it claims to be much larger than it is.
+
+    Raises
+    ------
+    ValueError, OSError, pyarrow.ArrowException
+        When it cannot be read, or has not so many rows.
+    """
+    file = pq.ParquetFile(io.BytesIO(content), page_checksum_verification=True)
+    described = file.metadata
+    claimed = sum(described.row_group(number).total_byte_size for number in range(described.num_row_groups))
+    if rows is not None and described.num_rows != rows:
+        raise ValueError(f"it has {described.num_rows} rows, not {rows}")
+    if claimed > MOST_EXPANSION * len(content) + ROOM or described.num_rows > MOST_ROWS * len(content):
+        raise ValueError("it claims to hold more than there is room for")
+    return file.read()
+
+
+def whole_part(place: Path, number: int, identity: str, kept: int | None = None) -> Part | None:
+    """The part of a number, when a whole one of this very run is there.
+
+    Of a summary the file has the rows of samples below ``kept`` and says itself which samples it is of, and how many
+    of them failed.
+
+    Besides the checksums of its pages, the file must be what writing its content again gives: so that a bit that has
+    flipped anywhere is noticed, also where no checksum covers it.
+    """
+    try:
+        content = read_whole(place / part_name(number), LARGEST_PART)
+        table = table_from(content)
+        marks = {key.decode(): value.decode() for key, value in (table.schema.metadata or {}).items()}
+        whole = parquet_bytes(table, _TEXT) == content
+        index, status = table.column("index").to_numpy(), table.column("status").to_pylist()
+        handed_over = int(marks["mcnav.fallback_count"])
+        if kept is None:
+            begin, count, rows = int(index[0]), len(index), len(index)
+            failed = sum(entry != OK for entry in status)
+        else:
+            begin, count, failed = (int(marks[f"mcnav.{key}"]) for key in ("begin", "samples", "failed"))
+            rows = min(max(kept - begin, 0), count)
+    except (OSError, pa.ArrowException, ValueError, KeyError, IndexError, TypeError):
+        return None
+    in_place = np.array_equal(index, np.arange(begin, begin + rows))
+    if not whole or marks.get("mcnav.identity") != identity or not in_place:
+        return None
+    return _described(number, begin, count, failed, handed_over, content)
+
+
+def verified_part(
+    place: Path, number: int, begin: int, end: int, identity: str, kept: int | None = None
+) -> Part | None:
+    """The part for samples [begin, end), when a whole one of this very run is there; see `whole_part`."""
+    found = whole_part(place, number, identity, kept)
+    return found if found is not None and (found.begin, found.end) == (begin, end) else None
+
+
+def identities_in(place: Path) -> set[str]:
+    """The identities that the parts in a folder carry, as far as these can be read."""
+    found = set()
+    for path in sorted(place.glob("part-*.parquet")):
+        try:
+            marks = pq.read_schema(io.BytesIO(read_whole(path, LARGEST_PART))).metadata or {}
+            found.add(marks[b"mcnav.identity"].decode())
+        except (OSError, pa.ArrowException, ValueError, KeyError):
+            continue
+    return found
+
+
+def _described(number: int, begin: int, count: int, failed: int, handed_over: int, content: bytes) -> Part:
+    return Part(part_name(number), begin, begin + count, failed, handed_over, hashlib.sha256(content).hexdigest())
+
+
+def in_order(table: pa.Table, begin: int = 0) -> bool:
+    """Whether a table holds samples in the order of their index from the first on, each with a status."""
+    index, status = table.column("index"), table.column("status")
+    whole = pa.types.is_integer(index.type) and pa.types.is_string(status.type) and status.null_count == 0
+    return whole and np.array_equal(index.to_numpy(), np.arange(begin, begin + len(table)))
+
+
+def samples_from(table: pa.Table, layout: SampleSchema) -> Samples:
+    """The samples of a table as arrays."""
+    samples = room_for(len(table), layout)
+    put(table, layout, samples, 0)
+    return samples
+
+
+def room_for(count: int, layout: SampleSchema) -> Samples:
+    """Arrays for so many samples, to be filled; those of errors and outputs have their columns contiguous."""
+    errors, outputs = (np.empty((len(names), count)).T for names in (layout.errors, layout.outputs))
+    return Samples(np.empty(count, dtype=np.int64), [OK] * count, errors, outputs)
+
+
+def put(table: pa.Table, layout: SampleSchema, samples: Samples, row: int) -> None:
+    """Put the samples of a table among others, from a row on."""
+    _fill(samples.index, table.column("index"), row)
+    for array, names in ((samples.errors, layout.errors), (samples.outputs, layout.outputs)):
+        for column, name in zip(array.T, names, strict=True):
+            _fill(column, table.column(name), row)
+    for chunk in table.column("status").chunks:
+        if not pc.all(pc.equal(chunk, OK)).as_py():
+            samples.status[row : row + len(chunk)] = chunk.to_pylist()
+        row += len(chunk)
+
+
+def _fill(array: NDArray[Any], column: pa.ChunkedArray, row: int) -> None:
+    for chunk in column.chunks:
+        array[row : row + len(chunk)] = chunk.to_numpy(zero_copy_only=False)
+        row += len(chunk)
+
+
+def part_records(parts: Sequence[Part]) -> list[dict[str, Any]]:
+    """Parts as the manifest lists them, in the order of their samples."""
+    return [asdict(part) for part in sorted(parts, key=lambda part: part.begin)]

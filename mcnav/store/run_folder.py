@@ -1,0 +1,426 @@
+"""The run folder: what a run leaves behind, and all that a report needs.
+
+``campaign.toml`` (resolved), ``manifest.json``, ``samples/part-*.parquet``, ``history.parquet``, where the engine knows
+errors throughout the flight ``epochs.parquet`` and ``histories.parquet``, ``summary.json``, ``report.html``, and the
+Python file of a scenario of the user's own, which only ``mcnav run`` on the campaign beside it ever executes, with the
+small files that it reads in ``inputs/``. A file is written under a temporary name and renamed when it is complete, so
+that a file that is there is whole. A part carries the identity of its run and its place in it; it is believed by its
+content, not because the manifest mentions it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Iterator, Mapping, Sequence, Set
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, suppress
+from dataclasses import asdict
+from itertools import accumulate
+from pathlib import Path
+from typing import Any, Final
+
+import filelock
+import pyarrow as pa
+
+from mcnav._types import Array
+from mcnav.errors import RunFolderBusy, RunFolderError
+from mcnav.files import is_temporary, parquet_bytes, read_whole, to_json, write_whole
+from mcnav.scenarios.histories import check_history
+from mcnav.scenarios.inputs import InputFile
+from mcnav.scenarios.protocol import History, Panel
+from mcnav.store.inputs import INPUTS, LARGEST_KEPT
+from mcnav.store.manifest import find_fault
+from mcnav.store.parts import LARGEST_PART, MOST_ROWS, Samples, SampleSchema, in_order, put, room_for, table_from
+
+CAMPAIGN, MANIFEST, SUMMARY, REPORT = "campaign.toml", "manifest.json", "summary.json", "report.html"
+HISTORY, SAMPLES, LOCK = "history.parquet", "samples", ".lock"
+EPOCHS, HISTORIES = "epochs.parquet", "histories.parquet"
+TABLES: Final = "tables"
+"""Folder of a run in which the tables of its campaign are kept."""
+
+LARGEST_JSON: Final = 64_000_000
+"""Bytes of a manifest or summary; a quarter of a million chunks."""
+
+NOT_EACH_ONCE: Final = "does not hold each sample once, in order, with its status"
+
+READERS: Final = 2
+"""Threads that read and verify sample files."""
+
+_REPLAY: Final = re.compile(r"replay_\d+\.(?:html|csv)")
+
+
+def _checksum(content: Mapping[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def _as_text(content: Mapping[str, Any]) -> bytes:
+    """How this program writes JSON; nothing else in a file that it wrote."""
+    return (json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
+
+
+def _rows_of(part: Mapping[str, Any], kept: int | None) -> int:
+    """How many samples' rows a part has, of those below ``kept`` where only these are."""
+    begin, end = int(part["begin"]), int(part["end"])
+    return end - begin if kept is None else max(min(end, kept) - begin, 0)
+
+
+class RunFolder:
+    """One run folder.
+
+    Parameters
+    ----------
+    path : Path
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    @contextmanager
+    def lock(self) -> Iterator[None]:
+        """Hold the folder's lock; it is freed by the end of the process, however it ends.
+
+        Raises
+        ------
+        RunFolderBusy
+            When another process holds it.
+        RunFolderError
+            When the folder cannot be made or written to.
+        """
+        lock = filelock.FileLock(self.path / LOCK)
+        linked = [place for place in (self.path / LOCK, self.parts, *self._folders) if place.is_symlink()]
+        if linked:
+            raise RunFolderError(f"{linked[0]}: is a link to somewhere else, which no run makes; remove it")
+        try:
+            (self.parts).mkdir(parents=True, exist_ok=True)
+            lock.acquire(timeout=0)
+        except filelock.Timeout:
+            raise RunFolderBusy(f"{self.path}: another mcnav is writing here; wait for it, or choose --out") from None
+        except (FileExistsError, NotADirectoryError):
+            raise RunFolderError(f"{self.path}: cannot be written to: a file is where a folder should be") from None
+        except OSError as failure:
+            raise RunFolderError(f"{self.path}: cannot be written to: {failure.strerror or failure}") from None
+        try:
+            yield
+        finally:
+            lock.release()
+
+    def manifest(self) -> dict[str, Any] | None:
+        """What the run says of itself; none when nothing has been run here.
+
+        Raises
+        ------
+        RunFolderError
+            When the manifest is there but is not as this program wrote it.
+        """
+        remedy = "run the campaign again to mend it"
+        content = self._json(MANIFEST, remedy)
+        if content is None:
+            return None
+        try:
+            whole = _as_text(content) == self._read(MANIFEST, remedy)
+        except ValueError:
+            whole = False
+        if not whole or content.pop("checksum", None) != _checksum(content):
+            raise RunFolderError(f"{self.path / MANIFEST}: is damaged or was edited; {remedy}")
+        fault = find_fault(content)
+        if fault is not None:
+            raise RunFolderError(f"{self.path / MANIFEST}: is not as this program writes it ({fault}); {remedy}")
+        return content
+
+    def write_manifest(self, content: Mapping[str, Any]) -> None:
+        """Write the manifest with a checksum of itself."""
+        known = to_json(content)
+        self.write_json(MANIFEST, known | {"checksum": _checksum(known)})
+
+    def summary(self) -> dict[str, Any]:
+        """The analysed results.
+
+        Raises
+        ------
+        RunFolderError
+            When there are none, or they are not those of the run.
+        """
+        remedy = "run mcnav report on the folder"
+        summary, manifest = self._json(SUMMARY, remedy), self.manifest()
+        if summary is None or manifest is None:
+            raise RunFolderError(f"{self.path}: holds no finished run; run the campaign first")
+        told = ("campaign", "samples", "seed", "design")
+        if not manifest.get("complete") or any(summary.get(key) != manifest.get(key) for key in told):
+            raise RunFolderError(f"{self.path / SUMMARY}: is not that of the run in this folder; {remedy}")
+        return summary
+
+    def _read(self, name: str, remedy: str) -> bytes | None:
+        """A file of this folder; none when it is not there."""
+        try:
+            return read_whole(self.path / name, LARGEST_JSON)
+        except (FileNotFoundError, NotADirectoryError):
+            return None
+        except OSError as failure:
+            told = failure.strerror or failure
+            raise RunFolderError(f"{self.path / name}: cannot be read: {told}; {remedy}") from None
+
+    def _json(self, name: str, remedy: str) -> dict[str, Any] | None:
+        found = self._read(name, remedy)
+        if found is None:
+            return None
+        try:
+            content = json.loads(found.decode("utf-8"))
+        except (ValueError, RecursionError):
+            content = None
+        if not isinstance(content, dict):
+            raise RunFolderError(f"{self.path / name}: is damaged; {remedy}")
+        return content
+
+    def write_json(self, name: str, content: Mapping[str, Any]) -> None:
+        """Write a JSON file of this folder."""
+        self.write(name, _as_text(to_json(content)))
+
+    def write(self, name: str, content: bytes) -> None:
+        """Write a file of this folder, whole.
+
+        Raises
+        ------
+        RunFolderError
+            When the disk refuses it.
+        """
+        try:
+            write_whole(self.path / name, content)
+        except OSError as failure:
+            raise RunFolderError(f"{self.path / name}: cannot be written: {failure.strerror or failure}") from None
+
+    def write_tables(self, tables: Mapping[str, bytes]) -> None:
+        """Store the tables that the campaign file reads."""
+        if tables:
+            (self.path / TABLES).mkdir(exist_ok=True)
+        for name, content in tables.items():
+            self.write(name, content)
+
+    def write_inputs(self, files: Sequence[InputFile]) -> None:
+        """Keep copies of the files that the scenario reads, but for large ones.
+
+        Raises
+        ------
+        RunFolderError
+            When one has changed meanwhile, or the disk refuses it.
+        """
+        for file in files:
+            if file.size > LARGEST_KEPT:
+                continue
+            try:
+                content = read_whole(Path(file.path), LARGEST_KEPT)
+            except OSError as failure:
+                raise RunFolderError(f"{file.path}: cannot be read: {failure.strerror or failure}") from None
+            if hashlib.sha256(content).hexdigest() != file.digest:
+                raise RunFolderError(f"{file.path}: changed while the run began; run the campaign again")
+            try:
+                (self.path / INPUTS).mkdir(exist_ok=True)
+            except OSError as failure:
+                raise RunFolderError(f"{self.path / INPUTS}: cannot be made: {failure.strerror or failure}") from None
+            self.write(f"{INPUTS}/{file.name}", content)
+
+    def kept_input(self, record: Mapping[str, Any]) -> Path | None:
+        """The copy of a file that a manifest lists; none when there is none with that content."""
+        path = self.path / INPUTS / str(record["name"])
+        try:
+            content = read_whole(path, LARGEST_KEPT)
+        except OSError:
+            return None
+        return path if hashlib.sha256(content).hexdigest() == record["sha256"] else None
+
+    @property
+    def _folders(self) -> tuple[Path, ...]:
+        """Folders that some runs have beside that of their samples."""
+        return self.path / TABLES, self.path / INPUTS
+
+    def foreign(self) -> list[str]:
+        """Names in the folder that no run writes."""
+        own = {CAMPAIGN, MANIFEST, SUMMARY, REPORT, HISTORY, EPOCHS, HISTORIES, SAMPLES, TABLES, INPUTS, LOCK}
+        if not self.path.is_dir():
+            return []
+        names = (entry.name for entry in self.path.iterdir())
+        return sorted(name for name in names if name not in own and not (is_temporary(name) or _REPLAY.fullmatch(name)))
+
+    def clear(self, needed: Sequence[Path] = ()) -> None:
+        """Delete what a run wrote here, and nothing else; copies of inputs stay where the next run reads them."""
+        self._clear_code()
+        self._clear_inputs({path.resolve() for path in needed})
+        for name in (MANIFEST, SUMMARY, REPORT, HISTORY, EPOCHS, HISTORIES, CAMPAIGN):
+            (self.path / name).unlink(missing_ok=True)
+        for part in (self.parts).glob("part-*.parquet"):
+            part.unlink()
+        for written in self.path.glob("replay_*"):
+            if _REPLAY.fullmatch(written.name):
+                written.unlink()
+        for table in (self.path / TABLES).glob("*.csv"):
+            table.unlink()
+
+    def _clear_code(self) -> None:
+        """Delete the copy of the user's own file, if it is still what the run wrote."""
+        try:
+            kept = ((self.manifest() or {}).get("identity") or {}).get("code") or {}
+            path = self.path / Path(str(kept["file"])).name
+            if path.suffix == ".py" and hashlib.sha256(path.read_bytes()).hexdigest() == kept["sha256"]:
+                path.unlink()
+        except (RunFolderError, OSError, KeyError, TypeError, AttributeError):
+            return
+
+    def _clear_inputs(self, needed: Set[Path]) -> None:
+        """Delete the copies of files that the scenario read, if they are still what the run wrote."""
+        try:
+            listed = (self.manifest() or {}).get("files", [])
+        except RunFolderError:
+            return
+        for record in listed:
+            path = self.kept_input(record)
+            if path is not None and path.resolve() not in needed:
+                path.unlink()
+        with suppress(OSError):
+            (self.path / INPUTS).rmdir()  # unless there is something else in it
+
+    def remove_partial_files(self) -> None:
+        """Delete what a killed process left half written."""
+        for place in (self.path, self.parts, *self._folders):
+            for entry in place.glob(".*.tmp"):
+                if is_temporary(entry.name):
+                    entry.unlink()
+
+    @property
+    def parts(self) -> Path:
+        """Where the sample files are."""
+        return self.path / SAMPLES
+
+    def table(self, parts: Sequence[Mapping[str, Any]], alone: bool = True, kept: int | None = None) -> pa.Table:
+        """All samples of the parts that a manifest lists, in order, every part verified.
+
+        Parameters
+        ----------
+        parts : sequence of mapping
+        alone : bool
+            Whether there must be no other parts: while a run goes on, there may be.
+        kept : int, optional
+            Samples of which a summary keeps the rows.
+
+        Raises
+        ------
+        RunFolderError
+            When a part is missing, or its content is not what the manifest says.
+        """
+        self._refuse_strangers(parts if alone else None)
+        with ThreadPoolExecutor(READERS) as readers:
+            tables = list(readers.map(lambda part: self._verified(part, kept), parts))
+        try:
+            whole = pa.concat_tables(tables)
+            ordered = in_order(whole)
+        except (pa.ArrowException, KeyError):
+            raise RunFolderError(f"{self.parts}: the chunks do not have the same columns") from None
+        if not ordered:
+            raise RunFolderError(f"{self.parts}: {NOT_EACH_ONCE}")
+        return whole
+
+    def samples(
+        self, parts: Sequence[Mapping[str, Any]], layout: SampleSchema, alone: bool = True, kept: int | None = None
+    ) -> Samples:
+        """As `table`, as arrays; no part is in memory longer than it takes to copy it there."""
+        self._refuse_strangers(parts if alone else None)
+        rows = [_rows_of(part, kept) for part in parts]
+        begins = list(accumulate(rows, initial=0))
+        sizes = [found.stat().st_size for found in self.parts.iterdir()]
+        if begins[-1] > MOST_ROWS * sum(sizes) and len(sizes) >= len(parts):
+            raise ValueError("it claims to have more samples than there is room for")
+        samples = room_for(begins[-1], layout)
+
+        def read(part: Mapping[str, Any], begin: int) -> bool:
+            table = self._verified(part, kept)
+            try:
+                put(table, layout, samples, begin)
+                return in_order(table, begin)
+            except (pa.ArrowException, KeyError, TypeError, ValueError):
+                raise RunFolderError(f"{self.parts / str(part['file'])}: does not have this run's columns") from None
+
+        with ThreadPoolExecutor(READERS) as readers:
+            if not all(readers.map(read, parts, begins)):
+                raise RunFolderError(f"{self.parts}: {NOT_EACH_ONCE}")
+        return samples
+
+    def _refuse_strangers(self, parts: Sequence[Mapping[str, Any]] | None) -> None:
+        """See that no other parts lie beside those listed."""
+        listed = None if parts is None else {str(part["file"]) for part in parts}
+        for found in sorted(self.parts.iterdir()):
+            if listed is not None and found.name not in listed and not found.name.startswith("."):
+                raise RunFolderError(f"{found}: is not of this run; remove it, or run the campaign again with --fresh")
+
+    def _verified(self, part: Mapping[str, Any], kept: int | None) -> pa.Table:
+        """The samples of one part."""
+        path = self.parts / str(part["file"])
+        try:
+            content = read_whole(path, LARGEST_PART)
+        except OSError as failure:
+            raise RunFolderError(
+                f"{path}: cannot be read: {failure.strerror or failure}; run the campaign again"
+            ) from None
+        if hashlib.sha256(content).hexdigest() != part["sha256"]:
+            raise RunFolderError(f"{path}: is damaged (its checksum differs); run the campaign again to mend it")
+        try:
+            return table_from(content, _rows_of(part, kept))
+        except (pa.ArrowException, ValueError, OSError) as failure:
+            raise RunFolderError(f"{path}: is no chunk of this program ({failure})") from None
+
+    def campaign(self) -> str:
+        """The resolved campaign file.
+
+        Raises
+        ------
+        RunFolderError
+            When it cannot be read.
+        """
+        try:
+            return read_whole(self.path / CAMPAIGN, LARGEST_JSON).decode("utf-8")
+        except (OSError, UnicodeDecodeError) as failure:
+            raise RunFolderError(f"{self.path / CAMPAIGN}: cannot be read; run the campaign again") from failure
+
+    def write_history(self, history: History) -> None:
+        """Store what was flown."""
+        table = pa.table(dict(history.columns))
+        panels = [asdict(panel) for panel in history.panels]
+        marks = {"mcnav.events": json.dumps(dict(history.events)), "mcnav.panels": json.dumps(panels)}
+        self.write(HISTORY, parquet_bytes(table.replace_schema_metadata(marks)))
+
+    def history(self) -> History:
+        """What was flown.
+
+        Raises
+        ------
+        RunFolderError
+            When it cannot be read.
+        """
+        try:
+            table = table_from(read_whole(self.path / HISTORY, LARGEST_JSON))
+            marks = table.schema.metadata or {}
+            events, described = json.loads(marks[b"mcnav.events"]), json.loads(marks[b"mcnav.panels"])
+            panels = tuple(
+                Panel(**entry | {key: tuple(entry[key]) for key in ("y", "legend", "marks")}) for entry in described
+            )
+            columns = {name: table.column(name).to_numpy() for name in table.column_names}
+            return check_history(History(columns, events, panels))
+        except (OSError, pa.ArrowException, KeyError, TypeError, ValueError, AttributeError, RecursionError) as failure:
+            raise RunFolderError(f"{self.path / HISTORY}: is missing or damaged; run the campaign again") from failure
+
+    def epochs(self) -> tuple[dict[str, Array], dict[str, Any]] | None:
+        """Columns of ``epochs.parquet`` and what it says of itself; none where the run has none.
+
+        Raises
+        ------
+        RunFolderError
+            When it cannot be read.
+        """
+        path = self.path / EPOCHS
+        if not path.exists():
+            return None
+        try:
+            table = table_from(read_whole(path, LARGEST_JSON))
+            described = json.loads((table.schema.metadata or {})[b"mcnav.epochs"])
+        except (OSError, pa.ArrowException, KeyError, TypeError, ValueError, RecursionError) as failure:
+            raise RunFolderError(f"{path}: is damaged; run the campaign again") from failure
+        return {name: table.column(name).to_numpy() for name in table.column_names}, described

@@ -1,0 +1,131 @@
+"""Several run folders beside each other: what was changed, and what has become of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from threadpoolctl import threadpool_limits
+
+from mcnav.analysis.run_comparison import Change, SampleSet, change
+from mcnav.report.comparison import Row, inputs, outputs, render
+from mcnav.sampling.designs import FEWEST_BLOCKS, block_length
+from mcnav.store.run_folder import RunFolder
+from mcnav.workflow.analyse import Analysis, analyse, summary_of
+
+
+@dataclass(frozen=True)
+class RunComparison:
+    """Several runs, the first being what the others are compared with.
+
+    Attributes
+    ----------
+    titles : tuple of str
+        Of the runs.
+    summaries, manifests : tuple of mapping
+    rows : tuple of Row
+        One for each output that the first run shares with another, for each of these.
+    confidence : float
+        Of all intervals together (Bonferroni).
+    """
+
+    titles: tuple[str, ...]
+    summaries: tuple[Mapping[str, Any], ...]
+    manifests: tuple[Mapping[str, Any], ...]
+    rows: tuple[Row, ...]
+    confidence: float
+
+    @property
+    def inputs(self) -> pd.DataFrame:
+        """What the campaigns do not have in common: one row a key, one column a run."""
+        return inputs(self.manifests).set_axis(list(self.titles), axis="columns")
+
+    @property
+    def outputs(self) -> pd.DataFrame:
+        """What has become of each output, in the units shown: one row an output of a later run."""
+        return outputs(self.rows, self.titles)
+
+    def _repr_html_(self) -> str:
+        """Both tables."""
+        tables = (self.inputs, self.outputs)
+        return "".join(table.to_html(escape=True, float_format="{:.5g}".format) for table in tables)
+
+    @property
+    def page(self) -> str:
+        """The comparison as one HTML page."""
+        return render(self.titles, self.summaries, self.manifests, self.rows, self.confidence)
+
+
+def compare_runs(paths: Sequence[str | Path]) -> RunComparison:
+    """Compare finished run folders with the first of them; nothing is flown.
+
+    Parameters
+    ----------
+    paths : sequence of str or Path
+        Run folders, at least one.
+
+    Raises
+    ------
+    RunFolderError
+        When one holds no finished run, or is damaged.
+    """
+    with threadpool_limits(1):
+        summaries = tuple(summary_of(Path(path)) for path in paths)
+        runs = [analyse(RunFolder(Path(path))) for path in paths]
+        flights = [_flights(run) for run in runs]
+    first, confidence = runs[0], runs[0].criterion.confidence
+    names = [_outputs(run) for run in runs]
+    pairs = [
+        (later, name) for later in range(1, len(runs)) for name in names[0] if name in names[later]
+    ]  # an output is the same where name and unit are
+    each = 1.0 - (1.0 - confidence) / max(len(pairs), 1)
+    rows = []
+    for later, name in pairs:
+        at = (names[0].index(name), names[later].index(name))
+        found = _change(flights[0], flights[later], at, same_draws(first, runs[later]), each)
+        shown = first.manifest["model"]["outputs"][at[0]]["shown_in"]
+        rows.append(Row(later, name[0], name[1], shown, found))
+    return RunComparison(
+        titles(paths), summaries, tuple(run.manifest for run in runs), tuple(rows), confidence
+    )  # fmt: skip
+
+
+def titles(paths: Sequence[str | Path]) -> tuple[str, ...]:
+    """Short names of folders: their last parts, or the whole paths where these are not different."""
+    short = tuple(Path(path).resolve().name for path in paths)
+    return short if len(set(short)) == len(short) else tuple(str(path) for path in paths)
+
+
+def same_draws(one: Analysis, other: Analysis) -> bool:
+    """Whether samples of one index come from the same random numbers in both runs."""
+    first, second = one.manifest, other.manifest
+    same = all(first[key] == second[key] for key in ("seed", "design"))
+    lengths = [block_length(each["design"], each["samples"]) for each in (first, second)]
+    sources = [[entry["name"] for entry in each["model"]["sources"]] for each in (first, second)]
+    return same and lengths[0] == lengths[1] and sources[0] == sources[1]
+
+
+def _outputs(run: Analysis) -> list[tuple[str, str]]:
+    return [(entry["name"], entry["unit"]) for entry in run.manifest["model"]["outputs"]]
+
+
+def _flights(run: Analysis) -> SampleSet:
+    manifest, samples = run.manifest, run.samples
+    flown = np.isfinite(samples.outputs).all(axis=1)
+    fewest = math.inf if manifest["heavy_tailed"] else FEWEST_BLOCKS[manifest["design"]]
+    blocks = samples.index // block_length(manifest["design"], manifest["samples"])
+    return SampleSet(
+        run.model, samples.index[flown], blocks[flown], samples.errors[flown], samples.outputs[flown], fewest
+    )
+
+
+def _change(before: SampleSet, after: SampleSet, at: tuple[int, int], common: bool, confidence: float) -> Change | None:
+    """What has become of an output; none where too few flights came through."""
+    if min(len(before.index), len(after.index)) < 2:
+        return None
+    return change(before, after, at, common, confidence)

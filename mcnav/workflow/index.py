@@ -1,0 +1,97 @@
+"""All runs of a folder on one page: verdict, sigmas, date, and what went in."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any, Final
+from urllib.parse import quote
+
+from mcnav.errors import RunFolderError
+from mcnav.execution.identity import digest
+from mcnav.files import write_whole
+from mcnav.report import sentences
+from mcnav.report.format import number
+from mcnav.report.model import humanize
+from mcnav.report.page import filled
+from mcnav.report.requirements import shown_units, tone_of
+from mcnav.store.run_folder import MANIFEST, REPORT, RunFolder
+
+DEEPEST: Final = 3
+"""Folders below the one that is looked through."""
+
+INDEX: Final = "index.html"
+HASH: Final = 10
+"""Digits shown of what identifies a run."""
+
+
+def write_index(folder: Path) -> tuple[Path, int]:
+    """Write ``index.html`` of all runs in a folder and below it.
+
+    Parameters
+    ----------
+    folder : Path
+
+    Returns
+    -------
+    written : Path
+    runs : int
+        How many it shows.
+    """
+    runs, others = [], []
+    for place in _below(folder, DEEPEST):
+        if (place / MANIFEST).exists():
+            runs.append(_entry(folder, place))
+        else:
+            others += [_link(folder, page) for page in sorted(place.glob("*.html")) if page.name != INDEX]
+    written = folder / INDEX
+    write_whole(written, filled("index.html", runs=runs, others=others).encode())
+    return written, len(runs)
+
+
+def _below(folder: Path, depth: int) -> list[Path]:
+    """A folder and those in it, in order of their names; what is in a run folder is its own affair."""
+    found = [folder]
+    if depth and not (folder / MANIFEST).exists():
+        inside = sorted(entry for entry in folder.iterdir() if entry.is_dir() and not entry.name.startswith("."))
+        found += [place for entry in inside for place in _below(entry, depth - 1)]
+    return found
+
+
+def _link(folder: Path, page: Path) -> dict[str, str]:
+    path = Path(os.path.relpath(page, folder)).as_posix()
+    return {"href": quote(path), "path": path}
+
+
+def _entry(folder: Path, place: Path) -> dict[str, Any]:
+    """A run's row; one that cannot be read says why."""
+    entry: dict[str, Any] = _link(folder, place / REPORT) | {"folder": place.name, "report": (place / REPORT).exists()}
+    try:
+        run = RunFolder(place)
+        summary, manifest = run.summary(), run.manifest()
+        if manifest is None:
+            raise RunFolderError("holds no run")
+        units = shown_units(summary)
+        counts = sentences.met(summary)
+        sigmas = summary["sigma_paired"] or summary["sigma_linear"]
+        return entry | {
+            "name": summary["campaign"],
+            "tone": sentences.tone(summary),
+            "standing": sentences.standing(summary),
+            "headline": sentences.headline(summary),
+            "warning": sentences.unsettled(summary),
+            "samples": f"{summary['samples']:,}",
+            "failed": f"{summary['failed']:,}",
+            "sigmas": [
+                (humanize(output["name"]), number(None if sigma is None else sigma * units[output["name"]][0], 4),
+                 units[output["name"]][1])
+                for output, sigma in zip(summary["outputs"], sigmas, strict=True)
+            ],
+            "date": str(manifest["started"])[:10],
+            "hash": digest(manifest["identity"])[:HASH],
+            "requirements": counts and f"{counts['met']} of {counts['of']} met",
+            "requirements_tone": counts and tone_of(counts),
+        }  # fmt: skip
+    except (RunFolderError, KeyError, TypeError, ValueError) as failure:
+        told = str(failure) if isinstance(failure, RunFolderError) else f"{type(failure).__name__}: {failure}"
+        return entry | {"name": place.name, "tone": "", "failure": told.replace(str(place), place.name)}
