@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from markupsafe import Markup
 from mcnav.config.read import Campaign, parse_campaign
 from mcnav.physics.reentry.ensemble.transition import Response, linear_response
 from mcnav.physics.reentry.vehicle import Vehicle
-from mcnav.progress import Phase
+from mcnav.progress import Phase, Silent
 from mcnav.report.figures import beside
 from mcnav.report.figures.figure import Figure
 from mcnav.scenarios.reentry import SOURCES, Flight, Reentry
@@ -114,3 +115,14 @@ def draws() -> Callable[[int, float], np.ndarray]:
         return np.random.default_rng(1963).standard_normal((count, len(ERRORS))) * ERRORS * multiple
 
     return draw
+
+
+@dataclass(frozen=True)
+class Interrupting(Silent):
+    """Progress that does something each time samples have become ready."""
+
+    act: Callable[[], object]
+
+    def advance(self, samples: int, stored: bool = False) -> None:
+        """Act."""
+        self.act()

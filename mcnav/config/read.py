@@ -121,7 +121,7 @@ class Campaign:
         try:
             return self.scenario.inputs()
         except ScenarioError as wrong:
-            raise CampaignError([Problem(self.name, f"scenario.{wrong.key}", str(wrong))]) from None
+            raise CampaignError([Problem(self.file, f"scenario.{wrong.key}", str(wrong))]) from None
 
 
 def read_campaign(

@@ -21,7 +21,7 @@ BLOCKS: Final = 2_048
 def column_count(outputs: int) -> int:
     """Sums of a block: count, y, z, products of y and of z (upper triangles by rows), third and fourth powers of y.
 
-    >>> columns_of(4)
+    >>> column_count(4)
     37
     """
     return 1 + 4 * outputs + outputs * (outputs + 1)
@@ -30,7 +30,7 @@ def column_count(outputs: int) -> int:
 def block_size(samples: int, of_design: int) -> int:
     """Samples of a block: a power of two, and whole blocks of the design.
 
-    >>> reduced_block(100_000_000, 1), reduced_block(1_000, 2), reduced_block(100_000_000, 4_194_304)
+    >>> block_size(100_000_000, 1), block_size(1_000, 2), block_size(100_000_000, 4_194_304)
     (32768, 2, 4194304)
     """
     return max(of_design, 1 << (max(1, samples // BLOCKS).bit_length() - 1))

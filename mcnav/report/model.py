@@ -114,7 +114,7 @@ def labels_of(model: Mapping[str, Any]) -> list[str]:
 def humanize(name: str) -> str:
     """A name from a file as people write it.
 
-    >>> spoken("gyro_drift")
+    >>> humanize("gyro_drift")
     'gyro drift'
     """
     return name.replace("_", " ")

@@ -97,7 +97,7 @@ def _sines(one: MultivariateT | None, other: MultivariateT | None) -> tuple[Arra
 def rank_correlation(normal: float, one: MultivariateT | None = None, other: MultivariateT | None = None) -> float:
     """Spearman's rank correlation of two errors by the correlation of their normals; each may be of a group.
 
-    >>> round(rank_correlation(0.5), 4), round(rank_correlation(0.5, *[SharedTails(("a", "b"), 3.0)] * 2), 4)
+    >>> round(rank_correlation(0.5), 4), round(rank_correlation(0.5, *[MultivariateT(("a", "b"), 3.0)] * 2), 4)
     (0.4826, 0.4643)
     """
     if one is None and other is None:

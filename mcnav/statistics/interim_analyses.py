@@ -26,7 +26,7 @@ def interim_sizes(chunk: int, at_most: int) -> tuple[int, ...]:
 
     Examples
     --------
-    >>> looks(8192, 50_000), looks(100, 1000), looks(8192, 500)
+    >>> interim_sizes(8192, 50_000), interim_sizes(100, 1000), interim_sizes(8192, 500)
     ((8192, 16384, 32768, 50000), (400, 800, 1000), (500,))
     """
     size = chunk

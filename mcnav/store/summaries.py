@@ -49,7 +49,7 @@ OTHERS: Final = "failed: other reasons"
 def summary_chunk(engine_chunk: int, samples: int) -> int:
     """Samples of a summary's chunk: whole chunks of the engine.
 
-    >>> chunk_of(8_192, 1_000_000) // 8_192, chunk_of(32, 1_000_000), chunk_of(8_192, 10**12)
+    >>> summary_chunk(8_192, 1_000_000) // 8_192, summary_chunk(32, 1_000_000), summary_chunk(8_192, 10**12)
     (32, 1024, 268435456)
     """
     wanted = SLOW if engine_chunk < SLOW else max(CHUNK, 1 << (-(-samples // CHUNKS) - 1).bit_length())

@@ -18,6 +18,7 @@ from mcnav.execution import dask_cluster as clusters
 from mcnav.execution.chunks import SampleRange, simulate_chunk
 from mcnav.execution.dask_cluster import connect
 from mcnav.execution.runner import run_chunks
+from mcnav.progress import SILENT
 from mcnav.store import summaries
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.analyse import analyse
@@ -62,7 +63,7 @@ def per_task_of_a_cluster(folder: Path) -> None:
     work = work_of(read_campaign(written(folder, "", code, samples=2 * TRIVIAL)), folder / "run")
     with connect(None, 2) as (cluster, _), patch.object(clusters, "MOST", 1):
         began = time.process_time()
-        run_chunks(work, 2, lambda samples: None, elsewhere=cluster.fly)
+        run_chunks(work, 2, SILENT, elsewhere=cluster.fly)
         busy = time.process_time() - began
     print(f"| handing out a task | {busy / TRIVIAL * 1e3:.1f} ms |", flush=True)
 

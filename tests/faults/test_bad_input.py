@@ -100,7 +100,7 @@ OPTIONS = {
     "a folder as campaign": (["run", "other"], "other: is a folder"),
     "a report of nothing": (["report", "nowhere"], "nowhere: holds no run"),
     "a report of a file": (["report", "good.toml"], "good.toml: holds no run"),
-    "a comparison with nothing": (["compare", "nowhere"], "nowhere: holds no finished run"),
+    "a comparison with nothing": (["compare", "nowhere"], "nowhere: holds no run (there is no such folder)"),
     "a replay of nothing": (["replay", "nowhere", "1"], "nowhere: holds no run"),
     "an index of nothing": (["index", "nowhere"], "nowhere: No such file or directory"),
     "an index of a file": (["index", "good.toml"], "good.toml: Not a directory"),

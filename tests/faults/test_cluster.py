@@ -24,9 +24,10 @@ from mcnav.execution import dask_cluster as clusters
 from mcnav.execution.chunks import ChunkJob
 from mcnav.execution.dask_cluster import Cluster, connect
 from mcnav.execution.runner import run_chunks
+from mcnav.progress import SILENT
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.run import run_campaign
-from tests.conftest import ROOT, campaign
+from tests.conftest import ROOT, Interrupting, campaign
 from tests.faults.kills import digests, left_of
 from tests.faults.scenarios import VECTORISED, command, environment, work_of, written
 from tests.faults.test_failures import LIMIT, REASONS
@@ -47,10 +48,6 @@ def cluster() -> Iterator[Cluster]:
 
 def workers(cluster: Cluster) -> set[int]:
     return set(cluster.client.run(os.getpid).values())
-
-
-def quiet(samples: int) -> None:
-    pass
 
 
 def mcnav_run(*arguments: object) -> Result:
@@ -79,12 +76,16 @@ def test_a_file_that_a_scenario_reads(where: str, cluster: Cluster, tmp_path: Pa
         samples = pd.read_parquet(tmp_path / "there" / "samples")
         np.testing.assert_allclose(samples["output b [m]"], gain * samples["error a [m]"], rtol=1e-15)
 
-    def change(samples: int) -> None:
-        table.write_text("4")
-
     path.write_text(path.read_text().replace("samples = 100", "samples = 30_000"))  # four chunks
     with pytest.raises(RunFolderError, match=r"table\.txt: has changed; samples stored in"):
-        run_campaign(read_campaign(path), tmp_path / "there", None, 2, progress=change, flights=cluster.fly)
+        run_campaign(
+            read_campaign(path),
+            tmp_path / "there",
+            None,
+            2,
+            progress=Interrupting(lambda: table.write_text("4")),
+            flights=cluster.fly,
+        )
 
 
 @pytest.mark.parametrize(("engine", "store"), [("ensemble", "samples"), ("ensemble", "summary"), ("map", "samples")])
@@ -93,11 +94,11 @@ def test_same_bits(engine: str, store: str, cluster: Cluster, tmp_path: Path) ->
     work = work_of(run, tmp_path / "here", engine)
     there = replace(work, folder=RunFolder(tmp_path / "there"))
     there.folder.parts.mkdir(parents=True)
-    _, flown = run_chunks(work, 1, quiet)
-    parts, flown_there = run_chunks(there, 2, quiet, elsewhere=cluster.fly)
+    _, flown = run_chunks(work, 1, SILENT)
+    parts, flown_there = run_chunks(there, 2, SILENT, elsewhere=cluster.fly)
     assert flown == flown_there == sum(part.end - part.begin for part in parts) == run.samples
     assert digests(tmp_path / "here") == digests(tmp_path / "there")
-    assert run_chunks(there, 2, quiet, elsewhere=cluster.fly)[1] == 0
+    assert run_chunks(there, 2, SILENT, elsewhere=cluster.fly)[1] == 0
 
 
 def test_a_whole_run(cluster: Cluster, tmp_path: Path) -> None:
@@ -122,15 +123,15 @@ def test_a_killed_worker(together: int, cluster: Cluster, tmp_path: Path, monkey
     work = work_of(read_campaign(written(tmp_path, "time.sleep(0.05)", code, samples=300)), tmp_path / "here")
     there = replace(work, folder=RunFolder(tmp_path / "there"))
     there.folder.parts.mkdir(parents=True)
-    run_chunks(work, 4, quiet)
+    run_chunks(work, 4, SILENT)
     ready, before = [0], workers(cluster)
 
-    def kill(samples: int) -> None:
+    def kill() -> None:
         ready[0] += 1
         if ready[0] == 3:
             os.kill(min(workers(cluster)), signal.SIGKILL)
 
-    assert run_chunks(there, 2, kill, elsewhere=cluster.fly)[1] == 300
+    assert run_chunks(there, 2, Interrupting(kill), elsewhere=cluster.fly)[1] == 300
     assert ready[0] == 60
     assert digests(tmp_path / "here") == digests(tmp_path / "there")
     assert workers(cluster) != before
@@ -142,7 +143,7 @@ def test_a_chunk_that_always_kills_its_worker(cluster: Cluster, tmp_path: Path) 
     value = float(calm.errors.draw("random", 1, 100, 0, 100)[17, 0])
     code = VECTORISED.replace("import time", "import os").replace("def prop", "chunk = 10\n\n    def prop")
     path = written(tmp_path / "hit", f"if (a == {value!r}).any(): os._exit(9)", code)
-    run_chunks(work_of(calm, tmp_path / "calm" / "run"), 1, quiet)
+    run_chunks(work_of(calm, tmp_path / "calm" / "run"), 1, SILENT)
     done = mcnav_run(path, "--scheduler", cluster.address, "--out", tmp_path / "hit" / "run")
     assert done.exit_code == 3, done.output
     assert "1 of 100 samples failed" in " ".join(done.output.split())
@@ -161,7 +162,7 @@ def test_poison_samples_fail_alone(cluster: Cluster, tmp_path: Path) -> None:
     run = read_campaign(written(tmp_path / "hit", body, samples=60, more=LIMIT))
     cluster.client.wait_for_workers(2)
     before, work = workers(cluster), work_of(run, tmp_path / "run")
-    assert run_chunks(work, 2, quiet, elsewhere=cluster.fly)[1] == 60
+    assert run_chunks(work, 2, SILENT, elsewhere=cluster.fly)[1] == 60
     samples = pd.read_parquet(tmp_path / "run" / "samples")
     expected = [f"failed: {REASONS[chosen[value]]}" if value in chosen else "ok" for value in drawn.tolist()]
     assert samples["status"].tolist() == expected
@@ -177,15 +178,15 @@ def test_a_cluster_that_is_lost(cluster: Cluster, tmp_path: Path) -> None:
     code = VECTORISED.replace("def propagate", "chunk = 5\n\n    def propagate")
     work = work_of(read_campaign(written(tmp_path, "time.sleep(0.02)", code, samples=300)), tmp_path / "run")
     with connect(cluster.address) as (lost, _):
-        told: list[int] = []
+        ready = [0]
 
-        def lose(samples: int) -> None:
-            told.append(samples)
-            if len(told) == 2:
+        def lose() -> None:
+            ready[0] += 1
+            if ready[0] == 2:
                 lost.client.close()
 
         with pytest.raises(ClusterError, match=r"the scheduler is gone.*the same command goes on from there"):
-            run_chunks(work, 1, lose, elsewhere=lost.fly)
+            run_chunks(work, 1, Interrupting(lose), elsewhere=lost.fly)
     assert 0 < len(digests(tmp_path / "run")) < 60
 
 
@@ -259,7 +260,7 @@ def test_a_chunk_that_nobody_wants_any_more(cluster: Cluster, tmp_path: Path) ->
     run = read_campaign(written(tmp_path, body, code, samples=400))
     work = work_of(run, tmp_path / "run")
     with pytest.raises(TooManyFailures, match=r"50 of the .* samples flown so far failed, where 49 may"):
-        run_chunks(work, 2, quiet, most_failures=49, elsewhere=cluster.fly)
+        run_chunks(work, 2, SILENT, most_failures=49, elsewhere=cluster.fly)
     left = digests(tmp_path / "run")
     Path(go).touch()
     for worker in cluster.client.scheduler_info()["workers"]:  # each has one thread, which is free only afterwards

@@ -13,7 +13,7 @@ from mcnav._subprocess import side_threads
 from mcnav.scenarios.timeouts import Stopped, within_limit
 from mcnav.workflow import run
 from mcnav.workflow.run import run_campaign
-from tests.conftest import campaign
+from tests.conftest import Interrupting, campaign
 from tests.faults.scenarios import environment
 from tests.processes import LONG, run_to_end
 
@@ -58,13 +58,13 @@ def test_flights_on_the_side_are_stopped(tmp_path: Path, monkeypatch: pytest.Mon
             raise
         return {}
 
-    def broken_off(samples: int) -> None:
+    def broken_off() -> None:
         assert under_way.wait(LONG)
         raise KeyboardInterrupt
 
     monkeypatch.setattr("mcnav.workflow.prepare._beyond", beyond)
     with pytest.raises(KeyboardInterrupt):
-        run_campaign(campaign(4, samples=100), tmp_path / "run", "ensemble", 1, progress=broken_off)
+        run_campaign(campaign(4, samples=100), tmp_path / "run", "ensemble", 1, progress=Interrupting(broken_off))
     assert ended.wait(LONG)
     assert len(list((tmp_path / "run" / "samples").glob("part-*.parquet"))) == 1
     monkeypatch.undo()
