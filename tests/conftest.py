@@ -24,8 +24,16 @@ from mcnav.scenarios.table_i import ERRORS, TABLE_I, start_state
 settings.register_profile("suite", derandomize=True, deadline=None)
 settings.load_profile("suite")
 
-ROOT = Path(__file__).parent.parent
+TESTS = Path(__file__).parent
+ROOT = TESTS.parent
 TRAJECTORIES = tuple(TABLE_I)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark every test with the folder it is in; `pyproject.toml` lists what each folder costs."""
+    for item in items:
+        if item.path.is_relative_to(TESTS):
+            item.add_marker(item.path.relative_to(TESTS).parts[0])
 
 
 class Told:
