@@ -14,8 +14,6 @@ from tests.conftest import ROOT
 PACKAGE = ROOT / "mcnav"
 PAGES = [ROOT / "README.md", ROOT / ".github" / "CONTRIBUTING.md", *sorted(PACKAGE.rglob("*.md"))]
 EXACT = [PACKAGE / "ARCHITECTURE.md", PACKAGE / "NOTATION.md", ROOT / ".github" / "CONTRIBUTING.md"]
-ELSEWHERE = {"Parallel", "open", "jinja2", "numba", "numpydoc", "hypothesis", "filterpy", "scipy", "git"}
-"""Names in these pages that belong to other packages."""
 
 
 def named(page: Path) -> str:
@@ -65,7 +63,7 @@ def test_every_path_and_name_exists(page: Path) -> None:
             found = each.split()[1] in known() or each.split()[1].replace("-", "_") in known()
         else:
             words = re.findall(r"[A-Za-z_]\w*", re.sub(r"[\"'].*?[\"']", "", each))
-            found = all(word in known() or word in ELSEWHERE for word in words)
+            found = all(word in known() for word in words)
         if not found:
             missing.append(each)
     assert not missing
