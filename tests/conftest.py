@@ -21,19 +21,19 @@ from mcnav.report.figures.figure import Figure
 from mcnav.scenarios.reentry import SOURCES, Flight, Reentry
 from mcnav.scenarios.table_i import ERRORS, TABLE_I, start_state
 
-settings.register_profile("suite", derandomize=True, deadline=None)
-settings.load_profile("suite")
-
-TESTS = Path(__file__).parent
-ROOT = TESTS.parent
-TRAJECTORIES = tuple(TABLE_I)
-
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark every test with the folder it is in; `pyproject.toml` lists what each folder costs."""
     for item in items:
-        if item.path.is_relative_to(TESTS):
-            item.add_marker(item.path.relative_to(TESTS).parts[0])
+        if Path(__file__).parent in item.path.parents:
+            item.add_marker(item.path.relative_to(Path(__file__).parent).parts[0])
+
+
+settings.register_profile("suite", derandomize=True, deadline=None)
+settings.load_profile("suite")
+
+ROOT = Path(__file__).parent.parent
+TRAJECTORIES = tuple(TABLE_I)
 
 
 class Told:
