@@ -1,15 +1,19 @@
-# The two commands that matter: make demo, make test. Both make what they need, starting from Python 3.11 and make.
+# The two main commands are make demo and make test. Both install what they need, given Python 3.11 and make.
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constraint .ci/constraints.txt
 
-.PHONY: demo test lint check bench examples clean
+.PHONY: demo test quick lint check bench examples clean
 
 demo: .venv/installed
 	$(BIN)/mcnav run campaigns/01_tn_d1772_trajectory_4.toml
 
 test: .venv/tested
 	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal
+
+# Under a minute: lint, and the unit tests but for the slow ones.
+quick: lint
+	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal -m "not slow" tests/unit
 
 lint: .venv/tested
 	$(BIN)/ruff check .
@@ -19,12 +23,12 @@ lint: .venv/tested
 
 check: lint test
 
-# mcnav beside its peers, into reports/benchmarks; a few minutes on a machine that does nothing else. BENCH=--full flies
-# 10^8 samples as well.
+# Compare mcnav with its peers, into reports/benchmarks: a few minutes on an otherwise idle machine. BENCH=--full adds
+# 10^8 samples.
 bench: .venv/benched
 	$(BIN)/python -m tests.benchmarks $(BENCH)
 
-# The small reports under reports/examples, flown again only where what they depend on has changed.
+# The small reports under reports/examples; simulated again only where their inputs have changed.
 EXAMPLES := 01_tn_d1772_trajectory_4 11_cruise 14_polar
 examples: .venv/installed
 	for name in $(EXAMPLES); do \
@@ -42,7 +46,7 @@ examples: .venv/installed
 	$(PIP) --editable '.[test]'
 	touch $@
 
-# Each peer by itself: one that will not install is named with its reason, and the others go on.
+# Each peer is installed separately: one that fails is listed with its reason, and the others continue.
 .venv/benched: .venv/installed
 	$(BIN)/python -m tests.benchmarks.install $@
 

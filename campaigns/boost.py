@@ -1,9 +1,9 @@
 """The boost phase of a ballistic missile with a stable platform, and where the missile comes down.
 
 A missile is boosted for three minutes in a plane, at a constant acceleration that its thrust gives, along a direction
-that turns linearly with time; then it falls freely. Guidance cuts off when the indicated speed is as planned and holds
-the planned attitude to the platform, so that a misalinement turns the thrust itself. What comes out is how far the
-actual cutoff, and the point of impact by Kepler's laws, are from the planned ones.
+that turns linearly with time; then it falls freely. Guidance cuts off at the planned indicated speed and holds the
+planned attitude relative to the platform, so that a misalignment turns the thrust itself. The outputs are the
+deviations of the actual cutoff, and of the point of impact by Kepler's laws, from the planned ones.
 
 "Ballistic missiles may also be guided by inertial systems during the boost phase. Since this boost phase lasts only for
 about three minutes, the 84 minute pendulum effect is of less importance" (The Story of 84 Minutes, 1966).
@@ -82,7 +82,7 @@ class Boost:
         return np.array([r - EARTH, EARTH * angle, up, along, EARTH * (angle + at_impact - at_cutoff)])
 
     def fly(self, errors):
-        """Errors of one missile, shape (5,), to what becomes of it less what was planned, shape (5,)."""
+        """Errors of one missile, shape (5,), to its deviations from the plan, shape (5,)."""
         return self._flown(errors) - self.planned
 
     def history(self):

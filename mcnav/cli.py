@@ -514,12 +514,16 @@ class Page(StrEnum):
     """Pages of the documentation that come with the program."""
 
     GUIDE = "guide"
+    CAMPAIGNS = "campaigns"
+    SCENARIOS = "scenarios"
+    COMMANDS = "commands"
+    REPORT = "report"
     NOTEBOOK = "notebook"
+    SCALING = "scaling"
     NOTATION = "notation"
     ARCHITECTURE = "architecture"
     TN_D1772 = "tn-d1772"
     STORY = "story"
-    SCALING = "scaling"
 
 
 FILES = {
@@ -531,7 +535,7 @@ FILES = {
 
 @app.command()
 def docs(page: Annotated[Page, typer.Argument(metavar="PAGE", help="Which one.")] = Page.GUIDE) -> None:
-    """Show the documentation: guide, notebook, notation, architecture, tn-d1772, story or scaling."""
+    """Show a page of the documentation."""
     from importlib.resources import files
 
     text = files("mcnav").joinpath(FILES.get(page, f"{page.value.upper()}.md")).read_text(encoding="utf-8")

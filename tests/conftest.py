@@ -22,6 +22,14 @@ from mcnav.report.figures.figure import Figure
 from mcnav.scenarios.reentry import SOURCES, Flight, Reentry
 from mcnav.scenarios.table_i import ERRORS, TABLE_I, start_state
 
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark every test with the folder it is in; `pyproject.toml` lists what each folder costs."""
+    for item in items:
+        if Path(__file__).parent in item.path.parents:
+            item.add_marker(item.path.relative_to(Path(__file__).parent).parts[0])
+
+
 settings.register_profile("suite", derandomize=True, deadline=None)
 settings.load_profile("suite")
 

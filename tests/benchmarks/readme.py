@@ -1,39 +1,50 @@
-"""The figures of the last benchmark into the README, between its marks: ``python -m tests.benchmarks.readme``."""
+"""The last benchmark into its page and, in three lines, into the README: ``python -m tests.benchmarks.readme``."""
 
 from __future__ import annotations
 
 import json
+import textwrap
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from tests.benchmarks.kernel import sentence
-from tests.benchmarks.tables import growth_tables, peers_table
+from tests.benchmarks.tables import FINE, OURS, markdown
 
 ROOT: Final = Path(__file__).parent.parent.parent
 BEGIN: Final = "<!-- benchmarks: written by python -m tests.benchmarks.readme -->\n"
 END: Final = "<!-- end of benchmarks -->\n"
+PAGE: Final = "reports/benchmarks/benchmarks.md"
 
 
 def excerpt(record: Mapping[str, Any]) -> str:
-    """What the README shows of a record."""
-    machine = record["machine"]
-    parts = [f"{machine['processor']}, {machine['cores']} cores, Python {machine['python']}, {machine['date']}."]
+    """Make the sentences of the README: this program and its fastest peer at the same accuracy, and the longest run."""
+    sentences = []
     for case in record["cases"]:
-        rows = [row for row in record["peers"] if row["trajectory"] == case["trajectory"]]
-        parts += [f"Trajectory {case['trajectory']} ({case['minutes']:.0f} minutes):", peers_table(rows)]
+        rows = [
+            row
+            for row in record["peers"]
+            if row["trajectory"] == case["trajectory"] and (row.get("at") or {}).get(FINE)
+        ]
+        times = {row["peer"]: row["at"][FINE]["microseconds"] for row in rows}
+        others = {name: time for name, time in times.items() if not name.startswith(OURS)}
+        if OURS in times and others:
+            best = min(others, key=lambda name: others[name])
+            sentences.append(
+                f"On trajectory {case['trajectory']} a sample takes {times[OURS]:.2g} µs of one core at an error of "
+                f"{FINE} of sigma; the fastest of the other packages ({best}) takes {others[best]:.2g} µs."
+            )
     if record["growth"]:
-        parts += ["Whole runs of trajectory 4, from the start of the process to the finished report:"]
-        parts += growth_tables(record["growth"], record["stages"])
-    parts += [
-        f"What bounds the kernel on trajectory {found['trajectory']}: {sentence(found['bound'])}."
-        for found in record["kernel"]
-    ]
-    return "\n\n".join(parts)
+        run = max(record["growth"]["samples"], key=lambda row: row["samples"])
+        sentences.append(
+            f"A run of {run['samples']:,} samples takes {run['seconds']:.0f} s from the command to the report, "
+            f"with {run['jobs']} jobs and {run['megabytes']:.0f} MB of memory."
+        )
+    sentences.append(f"All measurements, and how they are made: [Benchmarks]({PAGE}).")
+    return textwrap.fill(" ".join(sentences), 120, break_on_hyphens=False)
 
 
 def renewed(text: str, record: Mapping[str, Any]) -> str:
-    """The README with new figures.
+    """Make the README with new figures.
 
     Raises
     ------
@@ -48,6 +59,7 @@ def renewed(text: str, record: Mapping[str, Any]) -> str:
 
 
 if __name__ == "__main__":
-    path = ROOT / "README.md"
-    known = json.loads((ROOT / "reports" / "benchmarks" / "benchmarks.json").read_text())
-    path.write_text(renewed(path.read_text(encoding="utf-8"), known), encoding="utf-8")
+    readme = ROOT / "README.md"
+    known = json.loads((ROOT / PAGE).with_suffix(".json").read_text(encoding="utf-8"))
+    readme.write_text(renewed(readme.read_text(encoding="utf-8"), known), encoding="utf-8")
+    (ROOT / PAGE).write_text(markdown(known), encoding="utf-8")

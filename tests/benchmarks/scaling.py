@@ -53,7 +53,8 @@ def per_sample(name: str, engine: str, samples: int, folder: Path) -> None:
     seconds = time.process_time() - began
     size = (work.folder.parts / "part-00002.parquet").stat().st_size
     print(
-        f"| {name}, {engine} | {seconds / samples * 1e6:,.2f} µs a sample | {size / 1e3:,.0f} kB a chunk |", flush=True
+        f"| {name}, {engine} | {seconds / samples * 1e6:,.2f} µs per sample | {size / 1e3:,.0f} kB per chunk |",
+        flush=True,
     )
 
 

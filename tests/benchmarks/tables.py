@@ -1,4 +1,4 @@
-"""The measurements as Markdown: what stands in the README, and the whole record."""
+"""The measurements as Markdown: the page of benchmarks."""
 
 from __future__ import annotations
 
@@ -7,6 +7,29 @@ from typing import Any, Final
 
 from tests.benchmarks.compare import TARGETS
 from tests.benchmarks.kernel import sentence
+
+METHOD: Final = """\
+    make bench                      # all peers on trajectories 3 and 4, then whole runs: minutes on an idle machine
+    make bench BENCH="1 7 --full"   # other trajectories, and 10^8 samples; python -m tests.benchmarks --help
+    .venv/bin/python -m tests.benchmarks.kernel    # the ensemble's kernel alone, all seven trajectories
+    .venv/bin/python -m tests.benchmarks.readme    # this page and the lines of the README again, from the record
+
+`make bench` writes this page, `work_precision.svg` and the record `benchmarks.json`, which has every number in full.
+
+All peers integrate the same equations along the same truth for the same samples of the TN's errors, in stretches
+between the kinks of the truth and in canonical units, which suit their step controls better than SI. The accuracy of
+every peer is swept. Its error is measured on 200 samples against the reference engine, as a share of each output's
+sigma, and the cheapest setting within 1e-6 of sigma counts. Each peer runs in a process of its own: the sweep on one
+core (least processor time of several runs, peak memory), the chosen setting again on two. Start-up is the time from
+the start of the process to the first final error, with compiled code cached where the library does so. Peers are
+installed one by one, and one that fails is listed with its reason. numbalsoda has no wheel for Python 3.11 and needs
+a Fortran compiler; once there is one, `rm .venv/benched` and run `make bench` again.
+
+The machine was a virtual one whose speed varies by half: the same million stored samples took 8.8 to 12.6 s within an
+hour, and their report made again from the folder 4.7 to 6.4 s. A thousand samples on the reference engine take 12 to
+19 s.\
+"""
+"""How the measurements are made and read."""
 
 ROUGH, FINE = (f"{target:.0e}" for target in TARGETS)
 OURS: Final = "mcnav"
@@ -17,9 +40,10 @@ def markdown(record: Mapping[str, Any]) -> str:
     machine = record["machine"]
     parts = [
         "# Benchmarks",
+        "Times and memory of mcnav and its peers, at the same measured accuracy.",
+        METHOD,
         f"{machine['processor']} ({', '.join(machine['vectors'])}), {machine['cores']} cores, "
-        f"Python {machine['python']}, {machine['date']}; load of the machine before the first run {machine['load']}. "
-        "How they are made and read: README, Benchmarks. Numbers in full: `benchmarks.json`.",
+        f"Python {machine['python']}, {machine['date']}; load of the machine before the first run {machine['load']}.",
         *(_trajectory(record, case) for case in record["cases"]),
         "![Work against precision](work_precision.svg)",
         "## The kernel by itself",
@@ -40,17 +64,17 @@ def _trajectory(record: Mapping[str, Any], case: Mapping[str, Any]) -> str:
     rows = [row for row in record["peers"] if row["trajectory"] == case["trajectory"]]
     return (
         f"## Trajectory {case['trajectory']}: {case['minutes']:.0f} minutes, {case['stretches']} stretches\n\n"
-        f"{peers_table(rows)}\n\n"
+        f"{_peers_table(rows)}\n\n"
         f"Error: the largest in any output of {case['compared']} draws, as a share of its sigma, against "
         f"{case['reference']}, from which the ensemble's finest grid differs by {case['disagreement']:.0e}."
     )
 
 
-def peers_table(rows: Sequence[Mapping[str, Any]]) -> str:
+def _peers_table(rows: Sequence[Mapping[str, Any]]) -> str:
     """The peers on one trajectory, at the same measured accuracies."""
     ours = next((_spent(row, FINE) for row in rows if row["peer"] == OURS), None)
     head = [
-        "", "method", f"µs of one core a sample, at {ROUGH} σ", f"at {FINE} σ", "against mcnav", "error there",
+        "", "method", f"µs of one core per sample, at {ROUGH} σ", f"at {FINE} σ", "against mcnav", "error there",
         "samples/s, two cores", "start-up", "memory",
     ]  # fmt: skip
     return _table(head, [_peer(row, ours) for row in rows])
@@ -95,7 +119,7 @@ def _number(value: float | None, otherwise: str, unit: str = "") -> str:
 
 def _kernel(found: Mapping[str, Any]) -> str:
     nodes = _table(
-        ["nodes", "µs a sample", "error against the finest grid", "against the reference"],
+        ["nodes", "µs per sample", "error against the finest grid", "against the reference"],
         [
             [
                 str(row["nodes"]),
@@ -120,15 +144,12 @@ def _kernel(found: Mapping[str, Any]) -> str:
 
 
 def _growth(growth: Mapping[str, Any], stages: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Runs by samples and by jobs, and where their time goes."""
     if not growth:
         return []
-    return ["## Whole runs: from start to finished report, trajectory 4", *growth_tables(growth, stages)]
-
-
-def growth_tables(growth: Mapping[str, Any], stages: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Runs by samples and by jobs, and where their time goes."""
     head = ["samples", "jobs", "keeps", "seconds", "processor", "memory", "stored"]
     return [
+        "## Whole runs: from start to finished report, trajectory 4",
         _table(head, [_run(row) for row in (*growth["samples"], *growth["jobs"])]),
         "Seconds of each stage, one job:",
         _table(

@@ -35,7 +35,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     missing = CHROMIUM is None and os.environ.get("MCNAV_BROWSER") != "required"
     for item in items:
         if Path(__file__).parent in item.path.parents:
-            item.add_marker(pytest.mark.browser)
             item.add_marker(pytest.mark.skipif(missing, reason="no Chromium on this machine"))
 
 

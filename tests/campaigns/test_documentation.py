@@ -1,4 +1,4 @@
-"""What the documentation says is done as it says: every command, every line of Python; the examples are up to date."""
+"""The documentation is executed: every command, campaign and line of Python in it; the examples are up to date."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import shutil
 import socket
 import subprocess
 import sys
+import tomllib
 from contextlib import ExitStack
 from pathlib import Path
 from unittest.mock import patch
@@ -18,7 +19,8 @@ import numpy as np
 import pytest
 
 import mcnav
-from mcnav.config.read import read_campaign
+from mcnav.config.read import parse_campaign, read_campaign
+from mcnav.config.templates import new_scenario
 from mcnav.workflow.analyse import report_run
 from mcnav.workflow.index import write_index
 from mcnav.workflow.run import run_campaign
@@ -31,9 +33,8 @@ EXAMPLE_RUNS = [folder.parent for folder in sorted(EXAMPLES.glob("*/manifest.jso
 
 
 def _blocks(page: str, language: str) -> list[str]:
-    return re.findall(
-        rf"^```{language}\n(.*?)^```", (PAGES / page).read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE
-    )
+    text = (PAGES / page).read_text(encoding="utf-8")
+    return re.findall(rf"^```{language}\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
 
 
 def _run(command: list[str], place: Path) -> subprocess.CompletedProcess[str]:
@@ -47,20 +48,31 @@ def place(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_every_command_of_the_guide(place: Path) -> None:
-    commands = [line for block in _blocks("GUIDE.md", "sh") for line in block.splitlines() if line]
-    assert len(commands) > 10
+def _run_every_command(page: str, place: Path) -> int:
+    commands = [line for block in _blocks(page, "sh") for line in block.splitlines() if line]
     for command in commands:
         finished = _run([sys.executable, "-m", *shlex.split(command)], place)
         assert finished.returncode == 0, f"{command}\n{finished.stderr}"
         for written in re.findall(r"^(?:written|report): (.*)$", finished.stdout, re.MULTILINE):
             assert (place / written).exists()
+    return len(commands)
+
+
+@pytest.mark.slow
+def test_every_command_of_the_guide(place: Path) -> None:
+    assert _run_every_command("GUIDE.md", place) > 10
     assert (place / "reports" / "comparison.html").read_text().count("<svg") == 1
     index = (place / "reports" / "index.html").read_text()
     assert 'href="mine/report.html"' in index
     assert 'href="comparison.html"' in index
 
 
+@pytest.mark.slow
+def test_every_command_of_the_page_on_scenarios(place: Path) -> None:
+    assert _run_every_command("SCENARIOS.md", place) == 3
+
+
+@pytest.mark.slow
 def test_every_command_of_the_page_on_clusters(place: Path) -> None:
     """A scheduler and its workers, started as the page says, fly what it says; this machine is all of the machines."""
     with socket.socket() as free:
@@ -87,15 +99,49 @@ def test_every_command_of_the_page_on_clusters(place: Path) -> None:
     assert (place / "runs" / "first" / "report.html").exists()
 
 
-def test_every_command_is_in_the_documentation() -> None:
-    told = (ROOT / "README.md").read_text(encoding="utf-8")
+def test_every_command_and_every_option_of_run_is_documented() -> None:
+    told = (PAGES / "COMMANDS.md").read_text(encoding="utf-8")
     listed = _run([sys.executable, "-m", "mcnav", "--help"], ROOT).stdout
     commands = re.findall(r"^  ([a-z][a-z-]+) {2,}", listed.partition("Commands:")[2], re.MULTILINE)
     assert len(commands) > 10
     for command in commands:
-        assert f"mcnav {command}" in told
+        assert f"`mcnav {command}" in told
+    options = set(
+        re.findall(r"^  (--[a-z-]+)", _run([sys.executable, "-m", "mcnav", "run", "--help"], ROOT).stdout, re.M)
+    )
+    assert len(options) > 10
+    for option in options:
+        assert f"`{option}" in told
 
 
+@pytest.mark.parametrize("page", ["../README.md", "CAMPAIGNS.md", "GUIDE.md"])
+def test_every_campaign_is_valid(page: str) -> None:
+    """Whole campaigns as they are, parts of one in place of those of a campaign of the same type."""
+    of_type = {"reentry": "01_tn_d1772_trajectory_4", "cruise": "11_cruise"}
+    blocks = _blocks(page, "toml")
+    assert blocks
+    for block in blocks:
+        entries = tomllib.loads(block)
+        file = of_type[entries.get("scenario", {}).get("type", "reentry")]
+        rest = tomllib.loads((ROOT / "campaigns" / f"{file}.toml").read_text(encoding="utf-8"))
+        whole = {"name", "scenario", "errors"} <= entries.keys()
+        parse_campaign(entries if whole else rest | entries, page, "page")
+
+
+@pytest.mark.parametrize("page", ["../README.md", "SCENARIOS.md"])
+def test_every_scenario_runs(page: str, tmp_path: Path) -> None:
+    """As printed, with the campaign that ``mcnav new`` writes less the settings that the class does not have."""
+    (shown,) = _blocks(page, "python")
+    _, campaign, _ = new_scenario("my_system", tmp_path)
+    (tmp_path / "my_system.py").write_text(shown)
+    settings = ("angle",) if "settings" in shown else ("speed", "angle")
+    lines = campaign.read_text().splitlines(keepends=True)
+    campaign.write_text("".join(line for line in lines if not line.startswith(settings)))
+    assert run_campaign(read_campaign(campaign, {"samples": 500}), tmp_path / "run", None, 1).summary["failed"] == 0
+    assert all(check.passed for check in mcnav.check_scenario(campaign))
+
+
+@pytest.mark.slow
 def test_the_twenty_lines(place: Path) -> None:
     (text,) = _blocks("NOTEBOOK.md", "python")
     assert sum(bool(line) for line in text.splitlines()) <= 20
@@ -104,17 +150,6 @@ def test_the_twenty_lines(place: Path) -> None:
     assert "Yes for the dispersion of each output" in finished.stdout
     assert "no change seen" in finished.stdout
     assert (place / "scatter.png").stat().st_size > 10_000
-
-
-def test_pages_are_shown() -> None:
-    for page, file in (
-        ("guide", "GUIDE.md"),
-        ("notation", "NOTATION.md"),
-        ("scaling", "SCALING.md"),
-        ("story", "reproduce/story_of_84_minutes/STORY_OF_84_MINUTES.md"),
-    ):
-        shown = _run([sys.executable, "-m", "mcnav", "docs", page], ROOT)
-        assert shown.stdout.strip() == (PAGES / file).read_text(encoding="utf-8").strip()
 
 
 def test_a_run_in_a_notebook(place: Path) -> None:

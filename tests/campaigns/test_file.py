@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -46,14 +45,6 @@ def test_every_campaign_is_valid_and_resolves_to_itself(path: Path) -> None:
     assert again.resolved == campaign.resolved
     assert np.array_equal(again.errors.covariance, campaign.errors.covariance)
     assert np.array_equal(again.scenario.linear_model().partials, campaign.scenario.linear_model().partials)
-
-
-def test_the_campaign_in_the_readme_is_valid() -> None:
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    shown = text[text.index('    name = "my reentry"') : text.index("Error sources:")]
-    campaign = parse_campaign(tomllib.loads(textwrap.dedent(shown)), "README.md", "README")
-    assert campaign.name == "my reentry"
-    assert np.count_nonzero(campaign.errors.standard_deviations) == 3
 
 
 def test_there_is_a_campaign_for_every_trajectory() -> None:

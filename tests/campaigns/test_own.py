@@ -353,20 +353,6 @@ def test_what_a_history_says_stays_text(tmp_path: Path) -> None:
     assert "What was flown" in page
 
 
-def test_the_scenario_in_the_readme(tmp_path: Path) -> None:
-    """As printed, with the campaign that ``mcnav new`` writes less what belongs to its own class."""
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    shown = text[
-        text.index("    import numpy as np\n    from mcnav import Output") : text.index("A `Source` has a name")
-    ]
-    _, campaign, _ = new_scenario("my_system", tmp_path)
-    (tmp_path / "my_system.py").write_text(textwrap.dedent(shown))
-    lines = campaign.read_text().splitlines(keepends=True)
-    campaign.write_text("".join(line for line in lines if not line.startswith(("speed", "angle"))))
-    assert run_campaign(read_campaign(campaign, {"samples": 500}), tmp_path / "run", None, 1).summary["failed"] == 0
-    assert all(check.passed for check in mcnav.check_scenario(campaign))
-
-
 def test_a_new_scenario_runs_as_it_stands(tmp_path: Path) -> None:
     """As a new user has it: written, flown, tested."""
     code, campaign, test = new_scenario("my_system", tmp_path)

@@ -121,10 +121,10 @@ def test_findings(folder: Path) -> None:
     assert found[found["said"].str.contains("insufficient accuracy")].iloc[0]["verdict"] == "does not hold"
 
 
-def test_the_readme_counts_right(cells: list[Cell]) -> None:
+def test_the_documentation_counts_right(cells: list[Cell]) -> None:
     counted = Counter(cell.mark for cell in cells)
     agree = counted[Mark.DIGITS] + counted[Mark.TOLERANCE]
     said = f"{agree} agree, {counted[Mark.INCONSISTENT]} are contradicted by the report itself, {counted[Mark.DIFFERS]}"
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    text = (ROOT / "mcnav" / "COMMANDS.md").read_text(encoding="utf-8")
     assert f"all {len(cells)} printed numbers" in text
     assert said in text

@@ -125,9 +125,9 @@ def test_page_and_tables(tmp_path: Path) -> None:
     assert hovering_table["pushed up, flown / linear"].iloc[-1] < 0.8
 
 
-def test_the_readme_counts_right(numbers: tuple[Number, ...]) -> None:
+def test_the_documentation_counts_right(numbers: tuple[Number, ...]) -> None:
     wrong = sum(each.standing is Standing.MISPRINT for each in numbers)
     said = f"the {len(numbers)} printed numbers and the plots of the second seed"
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    text = (ROOT / "mcnav" / "COMMANDS.md").read_text(encoding="utf-8")
     assert said in text
     assert f"{len(numbers) - wrong} agree, {wrong} are misprinted or miscalculated" in text

@@ -81,6 +81,7 @@ def test_common_draws_are_worth_something() -> None:
     assert np.diff(together.interval)[0] < 0.5 * np.diff(apart.interval)[0]
 
 
+@pytest.mark.slow
 def test_runs_beside_each_other(tmp_path_factory: pytest.TempPathFactory) -> None:
     place = tmp_path_factory.mktemp("between")
     run_campaign(campaign(4, samples=300), place / "a", "ensemble", 1)

@@ -41,6 +41,7 @@ def test_a_part_of_another_run_or_place_is_not_believed(stored: Part, tmp_path: 
     assert verified_part(tmp_path, 4, 120, 160, IDENTITY) is None
 
 
+@pytest.mark.slow
 def test_every_flipped_bit_is_noticed(stored: Part, tmp_path: Path) -> None:
     """One bit in each byte of the file, headers and footer included: none is read as if nothing were wrong."""
     path = tmp_path / stored.file
