@@ -159,7 +159,7 @@ def test_distributions() -> None:
         ("accept", {"quantile": [{"output": "range", "probability": 0.9, "below": "1 km", "abov": 3}]},
          "accept.quantile #1.abov: unknown key; expected one of output, probability, below"),
         ("accept", {"cep": [{"outputs": ["altitude"], "below": "1 km"}]},
-         "accept.cep #1.outputs: got 1 names; expected two"),
+         "accept.cep #1.outputs: got a list of length 1; expected at"),
         ("accept", {"cep": [{"outputs": ["altitude", "altitude"], "below": "1 km"}]},
          "accept.cep #1.outputs: got 'altitude' twice"),
         ("accept", {"cep": [{"outputs": ["altitude", "range_rate"], "below": "1 km"}]},
@@ -257,7 +257,10 @@ def test_impossible_correlations() -> None:
             {"between": ["altitude", "speed"], "coefficient": 0.5},
             "correlations #1.between: unknown error source 'speed'",
         ),
-        ({"between": ["altitude"], "coefficient": 0.5}, "correlations #1.between: got 1 names; expected two"),
+        (
+            {"between": ["altitude"], "coefficient": 0.5},
+            "correlations #1.between: got a list of length 1; expected at",
+        ),
         ({"between": ["altitude", "range"], "coefficient": 1.5}, "correlations #1.coefficient: got 1.5"),
         ({"between": ["altitude", "range"]}, "correlations #1: got neither; expected coefficient (Pearson's) or rank_"),
         (
@@ -326,12 +329,12 @@ def _table(path: Path, **entry: Any) -> dict[str, Any]:
     ("text", "entry", "line"),
     [
         ("x\n1\n2\n", {"column": "y"}, "column: {} has no column 'y'; expected one of x"),
-        ("x\n1\nb\n", {}, "column: {}, 'x': holds something that is no number"),
+        ("x\n1\nb\n", {}, "column: {}, 'x': contains an entry that is not a number"),
         ('x\n1\n""\n3\n', {}, "column: {}, 'x': a value is missing or not finite"),
         ("x\n1\n1\n", {}, "column: {}, 'x': it needs two different values at least"),
         ("x\n", {}, "column: {}, 'x': it needs two different values at least"),
-        ("", {}, "file: {}: is no table: No columns to parse from file"),
-        ("x\n1\n2\n", {"sha256": "0"}, "sha256: {} does not hold the values that it did"),
+        ("", {}, "file: {}: is not a table: No columns to parse from file"),
+        ("x\n1\n2\n", {"sha256": "0"}, "sha256: the values in {} have changed since the run"),
         ("x\n1\n2\n", {"colour": "0"}, "colour: unknown key of a table"),
     ],
 )

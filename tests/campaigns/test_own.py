@@ -272,7 +272,7 @@ def test_what_cannot_be_flown_is_told_before_the_flight(before: str, after: str,
 @pytest.mark.parametrize(
     ("kind", "message"),
     [
-        ("nowhere.py:Mine", "nowhere.py is not there; its place is relative to the campaign file"),
+        ("nowhere.py:Mine", "nowhere.py does not exist; paths are relative to the campaign file"),
         ("mine.py", "got 'mine.py'; expected one of reentry, cruise, hover, or a file and class"),
         ("mine.py:not a class", "got 'mine.py:not a class'; expected one of"),
     ],
@@ -376,7 +376,7 @@ def test_a_new_scenario_runs_as_it_stands(tmp_path: Path) -> None:
     pytests = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-c", os.devnull, test]
     passed = run_to_end(pytests, cwd=tmp_path, env=_environment())
     assert passed.returncode == 0, passed.stdout
-    with pytest.raises(CampaignError, match="is there already"):
+    with pytest.raises(CampaignError, match="exists already"):
         new_scenario("my_system", tmp_path)
 
 
@@ -389,7 +389,7 @@ def test_a_new_campaign_runs_as_it_stands(kind: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["", "2", "a b", "../x", "class", "a.b", "x" * 99])
 def test_names_that_will_not_do(name: str, tmp_path: Path) -> None:
-    with pytest.raises(CampaignError, match="is no name for files"):
+    with pytest.raises(CampaignError, match="cannot name a file"):
         new_scenario(name, tmp_path)
     assert not list(tmp_path.iterdir())
 

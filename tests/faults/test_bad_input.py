@@ -100,14 +100,14 @@ OPTIONS = {
     "a folder as campaign": (["run", "other"], "other: is a folder"),
     "a report of nothing": (["report", "nowhere"], "nowhere: holds no run"),
     "a report of a file": (["report", "good.toml"], "good.toml: holds no run"),
-    "a comparison with nothing": (["compare", "nowhere"], "nowhere: holds no finished run"),
+    "a comparison with nothing": (["compare", "nowhere"], "nowhere: holds no run"),
     "a replay of nothing": (["replay", "nowhere", "1"], "nowhere: holds no run"),
     "an index of nothing": (["index", "nowhere"], "nowhere: No such file or directory"),
     "an index of a file": (["index", "good.toml"], "good.toml: Not a directory"),
     "start times of cruise": (["start-times", "cruise.toml"], "cruise.toml: scenario: has no start times"),
     "partials at its start times": (["partials", "cruise.toml", "--start-times"], "cruise.toml: scenario: has no"),
-    "a campaign that is there": (["new", "campaign", "good"], "good.toml: is there already"),
-    "a name that is none": (["new", "campaign", "2x"], "2x: is no name for files"),
+    "a campaign that is there": (["new", "campaign", "good"], "good.toml: exists already"),
+    "a name that is none": (["new", "campaign", "2x"], "2x: cannot name a file"),
     "no such scheduler": (["run", "good.toml", "--scheduler", "nowhere"], "nowhere: is no scheduler"),
 }
 
