@@ -346,8 +346,8 @@ def test_a_file_that_changes_while_the_run_goes_on(where: str, engine: str, tmp_
 def test_a_file_that_changes_at_the_very_end(tmp_path: Path) -> None:
     """After the last chunk is stored: the run is not complete."""
     campaign = declared(tmp_path, "2\n")
+    progress = ChangingProgress(tmp_path / "table.txt")
     with pytest.raises(RunFolderError, match="has changed; samples stored in"):
-        progress = ChangingProgress(tmp_path / "table.txt")
         run_campaign(read_campaign(campaign), tmp_path / "run", None, 1, progress=progress)
     assert len(list((tmp_path / "run" / "samples").glob("part-*.parquet"))) == 1
 
