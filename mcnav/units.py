@@ -22,7 +22,7 @@ class Dimension(NamedTuple):
     example: str
 
 
-KINDS: Final = {
+DIMENSIONS: Final = {
     "m": Dimension("a length", "5 km"),
     "s": Dimension("a time", "-20 min"),
     "m/s": Dimension("a speed", "0.5 m/s"),
@@ -75,7 +75,7 @@ def _quoted(text: str) -> str:
 
 def dimension_of(unit: str) -> Dimension:
     """Return the dimension of an SI unit in words, or the unit itself when it has no words."""
-    return KINDS.get(unit, Dimension(f"a quantity in {unit}", f"1 {unit}"))
+    return DIMENSIONS.get(unit, Dimension(f"a quantity in {unit}", f"1 {unit}"))
 
 
 def conversion(unit: str, target: str) -> float:
@@ -142,9 +142,9 @@ def quantity(text: object, unit: str) -> float:
 
 
 def _words(unit: pint.Unit) -> str:
-    for known, kind in KINDS.items():
+    for known, dimension in DIMENSIONS.items():
         if _unit(known).dimensionality == unit.dimensionality:
-            return kind.words
+            return dimension.words
     return f"of dimension {unit.dimensionality}"
 
 

@@ -90,7 +90,7 @@ def simulate_each(
 def format_exception(failure: BaseException, file: str) -> str:
     """An exception in one line, with the line of the user's file where it arose.
 
-    >>> told(ValueError("no fuel"), "boost.py")
+    >>> format_exception(ValueError("no fuel"), "boost.py")
     'ValueError: no fuel'
     """
     place = ""
