@@ -244,7 +244,7 @@ def test_impossible_correlations() -> None:
     tables = [{"between": [a, b], "coefficient": c} for a, b, c in pairs]
     (line,) = _mistakes(content(correlations=tables))
     assert line == (
-        "test.toml: correlations: together they are no correlation matrix: its smallest eigenvalue is -0.8, and must "
+        "test.toml: correlations: together they are not a correlation matrix: its smallest eigenvalue is -0.8; "
         "not be negative"
     )
 

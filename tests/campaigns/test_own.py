@@ -233,7 +233,7 @@ def test_settings_have_units(tmp_path: Path) -> None:
         ("class Mine", "raise SystemExit\nclass Mine", "mine.py cannot be executed: SystemExit"),
         ('"m", "m", 1.0', '"m", "s", 1.0', "Mine.sources: 'm' shown in 's'"),
         ('"m", "m", 1.0', '"m", "m", 0.0', "Mine.sources: a needs a usual size above zero; got 0.0"),
-        ('"a", "m"', '"a b", "m"', "Mine.sources: 'a b' is no name"),
+        ('"a", "m"', '"a b", "m"', "Mine.sources: 'a b' is not a name"),
         ('(Source("a", "m", "m", 1.0),)', "()", "Mine.sources must be one or more Source of mcnav; got ()"),
         ("def fly", "def flie", "Mine has neither propagate, for many samples, nor fly, for one"),
         ("def fly", "settings = 3\n    def fly", "Mine.settings must give a unit for each name"),
