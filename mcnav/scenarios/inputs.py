@@ -170,8 +170,6 @@ class OpenedFiles:
 
 
 _active: list[OpenedFiles] = []
-_installing = threading.Lock()
-_installed: list[bool] = []
 
 
 def _hook(event: str, arguments: tuple[Any, ...]) -> None:
@@ -189,13 +187,15 @@ def _hook(event: str, arguments: tuple[Any, ...]) -> None:
         return
 
 
+@lru_cache(maxsize=1)
+def _install_hook() -> None:
+    sys.addaudithook(_hook)
+
+
 @contextmanager
 def record_opened_files() -> Iterator[OpenedFiles]:
     """Record every file that this thread, and threads started meanwhile, open."""
-    with _installing:
-        if not _installed:
-            sys.addaudithook(_hook)
-            _installed.append(True)
+    _install_hook()
     found = OpenedFiles()
     _active.append(found)
     try:

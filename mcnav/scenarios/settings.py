@@ -29,7 +29,7 @@ LISTS: Final[Mapping[type, str]] = {
 LARGEST: Final = 2**63 - 1
 """Largest whole number: TOML has 64 bits."""
 
-_NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
+NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
 
 Plain = str | bool | int
 Kind = str | type
@@ -67,7 +67,7 @@ def settings_of(kind: type) -> Mapping[str, Declared]:
     if not isinstance(found, Mapping):
         raise ScenarioError("type", f"{where} must give a unit for each name, such as {{'time': 's'}}, or a type")
     for name, declared in found.items():
-        if not isinstance(name, str) or not _NAME.fullmatch(name) or name == "type":
+        if not isinstance(name, str) or not NAME.fullmatch(name) or name == "type":
             raise ScenarioError("type", f"{where}: {name!r} is not a name of letters, digits and _, or is 'type'")
         inner = declared[0] if isinstance(declared, list) and len(declared) == 1 else declared
         if inner is Path and not isinstance(declared, list):

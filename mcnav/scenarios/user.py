@@ -25,7 +25,6 @@ that it is seen to open while it is built, linearized and asked for its history 
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -39,7 +38,7 @@ from mcnav.scenarios.histories import check_history
 from mcnav.scenarios.inputs import InputFile, with_unique_names
 from mcnav.scenarios.protocol import Engine, History, LinearModel, Output, ScenarioError, Source
 from mcnav.scenarios.sample_loop import format_exception
-from mcnav.scenarios.settings import check_unit
+from mcnav.scenarios.settings import NAME, check_unit
 from mcnav.scenarios.user_code import UserScenarioSpec
 from mcnav.scenarios.user_engine import UserEngine
 
@@ -52,15 +51,13 @@ SETTLED: Final = 1e-3
 A larger difference means that the function has a kink or a jump, or is noisy.
 """
 
-_NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
-
 
 def _check_entries(where: str, entries: Any, kind: type[Source] | type[Output]) -> None:
     """Raise `ScenarioError` when sources or outputs are not declared as they must be."""
     if not isinstance(entries, Sequence) or not entries or not all(isinstance(entry, kind) for entry in entries):
         raise ScenarioError("type", f"{where} must be one or more {kind.__name__} of mcnav; got {entries!r:.80}")
     for entry in entries:
-        if not isinstance(entry.name, str) or not _NAME.fullmatch(entry.name):
+        if not isinstance(entry.name, str) or not NAME.fullmatch(entry.name):
             raise ScenarioError("type", f"{where}: {entry.name!r} is not a name of letters, digits and _")
         check_unit(where, entry.unit, entry.shown_in)
         if isinstance(entry, Source) and not (np.isfinite(entry.nominal) and entry.nominal > 0.0):

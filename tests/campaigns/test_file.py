@@ -245,7 +245,7 @@ def test_impossible_correlations() -> None:
     (line,) = _mistakes(content(correlations=tables))
     assert line == (
         "test.toml: correlations: together they are not a correlation matrix: its smallest eigenvalue is -0.8; "
-        "not be negative"
+        "expected none below zero"
     )
 
 
