@@ -32,16 +32,12 @@ class Campaign:
 
     Attributes
     ----------
-    name : str
     samples, seed : int
         With a stopping rule, samples are the largest number.
-    until : StoppingRule or None
     design : str
         One of `mcnav.sampling.designs.DESIGNS`.
     tolerance, confidence : float
         Criterion of agreement between linear covariance and Monte Carlo.
-    scenario : Scenario
-    errors : ErrorModel
     start_times : StartTimesPlan
         Plan of ``mcnav start-times``; a run does not use it.
     requirements : tuple of RequirementEntry

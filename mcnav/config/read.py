@@ -41,7 +41,6 @@ def read_campaign(
 
     Parameters
     ----------
-    path : Path
     overrides : mapping, optional
         Top-level entries that replace those of the file.
     execute : bool

@@ -34,7 +34,6 @@ class StartTimesPlan:
         Samples of each check.
     weights : ndarray, optional
         See `mcnav.lincov.start_times.StartTimeStudy`.
-    schedule : ErrorSchedule
     """
 
     count: int

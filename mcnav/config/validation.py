@@ -32,22 +32,7 @@ _TAGS: Final = ("constant", "variable")
 
 
 def validate(table: type[AnyTable], content: object, context: FileContext, key: str = "") -> AnyTable | None:
-    """Validate the content of a table; mistakes are added to the context.
-
-    Parameters
-    ----------
-    table : type of Table
-    content : object
-        Table as TOML has it.
-    context : FileContext
-    key : str
-        Key of the table in the file; empty for the whole file.
-
-    Returns
-    -------
-    Table or None
-        None when there are mistakes.
-    """
+    """Validate the content of the table at a key; when there are mistakes, add them to the context and return None."""
     try:
         return table.model_validate(content)
     except ValidationError as invalid:

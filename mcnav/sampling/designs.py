@@ -87,10 +87,8 @@ def standard_normals(design: str, seed: int, samples: int, begin: int, end: int,
     ----------
     design : str
         One of `DESIGNS`.
-    seed : int
     samples : int
         Samples of the whole campaign, which determine the block length of the replicated designs.
-    begin, end : int
     dimensions : int
         Variates per sample.
     """

@@ -63,7 +63,6 @@ class ErrorModel:
         All sources of the scenario.
     distributions : mapping of str to Distribution
         Distributions by source, SI; an omitted source is zero.
-    correlations : sequence of Correlation
     joint : sequence of MultivariateT
         Groups of normal sources that get a multivariate Student-t distribution with the same sigmas and correlations.
 

@@ -71,7 +71,6 @@ class UserScenario:
 
     Parameters
     ----------
-    spec : UserScenarioSpec
     sizes : ndarray, shape (sources,), optional
         One sigma of each source, SI, for the steps of finite differences; where zero or omitted, the usual sizes.
 

@@ -89,7 +89,6 @@ class UserScenarioSpec:
 
     Attributes
     ----------
-    code : SourceFile
     name : str
         Name of the class.
     settings : tuple of (str, Value)

@@ -18,7 +18,6 @@ class ScenarioSpec:
 
     Attributes
     ----------
-    scenario : Scenario
     resolved : mapping
         Table with every default spelled out; it defines the same scenario.
     code : SourceFile, optional
