@@ -18,6 +18,8 @@ DOTTED: Final = re.compile(rb"(?:[\w-]{1,100}[ \t]?\.[ \t]?){200}")
 LARGEST_FILE: Final = 1_000_000
 """Bytes."""
 
+NOT_READABLE: Final = "is not TOML that can be read: it is nested too deeply, or holds a number of too many digits"
+
 
 def load_file(path: Path) -> dict[str, Any]:
     """Read a TOML file.
@@ -28,7 +30,17 @@ def load_file(path: Path) -> dict[str, Any]:
         When it cannot be read, is too large, or is not TOML.
     """
     try:
-        return _load(path)
+        if path.is_dir():
+            raise IsADirectoryError
+        with path.open("rb") as file:
+            content = file.read(LARGEST_FILE + 1)
+        if len(content) <= LARGEST_FILE and not DOTTED.search(content):
+            return tomllib.loads(content.decode("utf-8-sig"))
+        message = NOT_READABLE
+        if len(content) > LARGEST_FILE:
+            message = f"is larger than the {LARGEST_FILE} bytes that a campaign file has at most"
+    except IsADirectoryError:
+        message = "is a folder; expected a campaign file in TOML"
     except FileNotFoundError:
         message = "no such file; expected a campaign file in TOML"
     except OSError as failure:
@@ -38,21 +50,8 @@ def load_file(path: Path) -> dict[str, Any]:
     except tomllib.TOMLDecodeError as failure:
         message = f"is not TOML: {failure}"
     except (RecursionError, ValueError):
-        message = "is not TOML that can be read: it is nested too deeply, or holds a number of too many digits"
-    raise CampaignError([Problem(str(path), "", message)]) from None
-
-
-def _load(path: Path) -> dict[str, Any]:
-    if path.is_dir():
-        raise CampaignError([Problem(str(path), "", "is a folder; expected a campaign file in TOML")])
-    with path.open("rb") as file:
-        content = file.read(LARGEST_FILE + 1)
-    if len(content) > LARGEST_FILE:
-        message = f"is larger than the {LARGEST_FILE} bytes that a campaign file has at most"
-        raise CampaignError([Problem(str(path), "", message)])
-    if DOTTED.search(content):
-        raise ValueError
-    return tomllib.loads(content.decode("utf-8-sig"))
+        message = NOT_READABLE
+    raise CampaignError([Problem(str(path), "", message)])
 
 
 def load_mapping(described: Mapping[str, Any], file: str) -> dict[str, Any]:
@@ -67,6 +66,6 @@ def load_mapping(described: Mapping[str, Any], file: str) -> dict[str, Any]:
         return tomllib.loads(tomli_w.dumps(described))
     except (TypeError, ValueError, RecursionError) as failure:
         message = (
-            f"holds what no campaign file can ({failure}); use text, numbers, true or false, lists and dictionaries"
+            f"contains what no campaign file can ({failure}); use text, numbers, true or false, lists and dictionaries"
         )
         raise CampaignError([Problem(file, "", message)]) from None

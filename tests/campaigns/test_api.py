@@ -70,7 +70,7 @@ def test_a_campaign_refuses_what_it_cannot_change(tmp_path: Path) -> None:
     [
         ({"seed": "one"}, r"^campaign: seed: got 'one'; expected a whole number$"),
         ({"errors": {"altitud": "1 m"}}, r"^campaign: errors.altitud: "),
-        ({"name": None}, r"^campaign: holds what no campaign file can \(.*NoneType.*\); use text, numbers"),
+        ({"name": None}, r"^campaign: contains what no campaign file can \(.*NoneType.*\); use text, numbers"),
         ({"scenario": {"type": "nowhere.py:Mine"}}, r"^campaign: scenario.type: nowhere.py does not exist"),
     ],
 )
