@@ -426,7 +426,7 @@ def test_names_that_are_html_or_mathematics(tmp_path: Path) -> None:
     path = write_campaign(tmp_path, "", samples=30)
     code = (tmp_path / "mine.py").read_text().replace('Source("a",', 'Source("<b>",')
     (tmp_path / "mine.py").write_text(code)
-    with pytest.raises(CampaignError, match="is no name"):
+    with pytest.raises(CampaignError, match="is not a name of letters"):
         read_campaign(path)
 
 
