@@ -1,19 +1,19 @@
-"""May the linear covariance analysis of an inertial navigation system be trusted, and where does it stop?
+"""Monte Carlo covariance analysis for inertial navigation: where is linear covariance analysis valid?
 
-Frames and signs (reentry; those of cruise and hover are in `mcnav.physics.steady.truth`)
-    Planar motion, east in the equatorial plane of a spherical, rotating earth. Earth-centred polar state
-    ``(r, theta, r_dot, theta_dot)``; ``f_x`` horizontal (positive east), ``f_z`` vertical (positive **down**), both
-    specific forces. The reference axes of the instruments are horizontal and vertical at the start of navigation.
-    Navigation error = indicated - actual.
+Frames and signs of the reentry (for cruise and hover see `mcnav.physics.steady.truth`)
+    Motion is planar, eastward in the equatorial plane of a spherical, rotating earth, with the geocentric polar state
+    ``(r, theta, r_dot, theta_dot)``. Specific forces are ``f_x``, horizontal and positive east, and ``f_z``, vertical
+    and positive **down**. The reference axes of the instruments are horizontal and vertical at the start of
+    navigation. Navigation error = indicated - actual.
 
 Units
-    SI and radians inside; km, deg/h, ug, ppm and the like in campaign files, tables and reports only.
+    SI and radians; other units (km, deg/h, ug, ppm) only in campaign files, tables and reports.
 
-Order of the error sources (columns of P)
+Order of the error sources of the reentry (columns of P)
     altitude, range, altitude_rate, range_rate, misalignment, gyro_drift, bias_x, bias_z, scale_factor_x,
     scale_factor_z. Range and range rate are arc lengths at the radius of the start.
 
-Order of the outputs (rows of P)
+Order of its outputs (rows of P)
     altitude, range, altitude_rate, range_rate. Range and range rate are arc lengths at the earth's radius.
 """
 
@@ -76,11 +76,11 @@ __all__ = [
 ]
 
 _EARLIER = {"Between": "RunComparison", "Outcomes": "SimulationResult"}
-"""Earlier names, which scenarios of one's own may use."""
+"""Former names, which user-defined scenarios may still use."""
 
 
 def __getattr__(name: str) -> Any:
-    """Public names are imported when they are used, so that ``mcnav --help`` need not wait for numerics."""
+    """Import a public name on first use, so that ``mcnav --help`` does not wait for numerical libraries."""
     name = _EARLIER.get(name, name)
     if name in _HOMES:
         return getattr(import_module(_HOMES[name]), name)

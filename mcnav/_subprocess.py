@@ -1,4 +1,4 @@
-"""Processes that end with the one that started them, and threads that are not waited for when work is broken off."""
+"""Worker processes that end with their parent, and threads that are abandoned when work is interrupted."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ _PR_SET_PDEATHSIG: Final = 1
 
 
 def end_with_parent(parent: int) -> None:
-    """Let a worker process end with its parent, also when that was killed and could not say so.
+    """End this worker process when its parent ends, even when the parent is killed.
 
-    On Linux the kernel sees to it, whatever the worker is at; elsewhere the worker looks for its parent.
+    On Linux the kernel ends it at once; elsewhere a thread checks the parent twice a second.
     """
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the parent, which says what is to be done
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles Ctrl-C
 
     def watch() -> None:
         while os.getppid() == parent:
@@ -35,11 +35,7 @@ def end_with_parent(parent: int) -> None:
 
 @contextmanager
 def side_threads(count: int) -> Iterator[ThreadPoolExecutor]:
-    """Run some work in threads beside this one.
-
-    Unlike the executor's own context, an exception (Ctrl-C, say) does not wait for the threads: what they are at is
-    dropped when it ends.
-    """
+    """Provide an executor of threads that an exception, such as Ctrl-C, does not wait for."""
     executor = ThreadPoolExecutor(count)
     try:
         yield executor

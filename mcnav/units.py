@@ -1,6 +1,6 @@
-"""Units at the edges: campaign files and tables. Inside, everything is SI and radians.
+"""Units of campaign files and tables; all other values are in SI units and radians.
 
-The registry (``units.txt``) is our own: in pint's default one "2 g" is a mass and an angle has no dimension.
+The registry (``units.txt``) replaces pint's default one, in which "2 g" is a mass and an angle has no dimension.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ if TYPE_CHECKING:
 
 
 class Dimension(NamedTuple):
-    """A dimension in words, and a quantity of it as an example."""
+    """A dimension in words, and an example."""
 
     words: str
     example: str
 
 
-KINDS: Final = {
+DIMENSIONS: Final = {
     "m": Dimension("a length", "5 km"),
     "s": Dimension("a time", "-20 min"),
     "m/s": Dimension("a speed", "0.5 m/s"),
@@ -33,7 +33,7 @@ KINDS: Final = {
     "s/m": Dimension("a time per length", "3.281 s/km"),
     "1": Dimension("a pure number", "100 ppm"),
 }
-"""The dimensions that the program knows by name, each under its SI unit."""
+"""Named dimensions by SI unit."""
 
 _QUANTITY: Final = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
 _UNIT: Final = re.compile(r"[A-Za-zµμ%_]+|sqrt\(|[()*/ ]|[\^]-?\d(?!\d)|(?<![\d.])1(?![\d.])")
@@ -41,12 +41,12 @@ _LONGEST: Final = 80
 
 
 class UnitError(ValueError):
-    """A quantity that cannot be read, or is of another dimension; the message says what came and what would do."""
+    """Quantity that cannot be read, or of the wrong dimension; the message states what came and what is expected."""
 
 
 @lru_cache
 def _registry() -> pint.UnitRegistry[float]:
-    import pint  # a fifth of a second, which reports can load beside their analysis
+    import pint  # the import takes a fifth of a second
 
     text = files("mcnav").joinpath("units.txt").read_text(encoding="utf-8")
     return pint.UnitRegistry(text.splitlines(), cache_folder=None)
@@ -54,17 +54,17 @@ def _registry() -> pint.UnitRegistry[float]:
 
 @lru_cache(maxsize=1024)
 def _unit(text: str) -> pint.Unit:
-    """A unit, from a small grammar: names, products, quotients, one-digit powers and square roots."""
+    """Parse a unit: names, products, quotients, one-digit powers and square roots."""
     if len(text) > _LONGEST or _UNIT.sub("", text):
         raise UnitError(f"{_quoted(text)} is not a unit")
     try:
         return _registry().Unit(re.sub(r"sqrt\(([^()]*)\)", r"(\1)**0.5", text) if text != "1" else "")
-    except Exception:  # pint raises many kinds, down to AssertionError, for text that is no unit
+    except Exception:  # pint raises many types, even AssertionError, for text that is not a unit
         raise UnitError(f"{_quoted(text)} is not a known unit") from None
 
 
 def printable(text: str, longest: int = _LONGEST) -> str:
-    """Foreign text for a line of a message: cut to a length, with what no terminal should see spelled out."""
+    """Shorten foreign text for a message and escape characters that are not printable."""
     shown = text if len(text) <= longest else text[: longest - 3] + "..."
     return "".join(c if c.isprintable() else c.encode("unicode_escape", "replace").decode("ascii") for c in shown)
 
@@ -74,12 +74,12 @@ def _quoted(text: str) -> str:
 
 
 def dimension_of(unit: str) -> Dimension:
-    """The dimension of an SI unit in words; a unit that has no words yet is named itself."""
-    return KINDS.get(unit, Dimension(f"a quantity in {unit}", f"1 {unit}"))
+    """Return the dimension of an SI unit in words, or the unit itself when it has no words."""
+    return DIMENSIONS.get(unit, Dimension(f"a quantity in {unit}", f"1 {unit}"))
 
 
 def conversion(unit: str, target: str) -> float:
-    """What a value in one unit is multiplied by to be in another.
+    """Return the factor that converts values from one unit to another.
 
     >>> conversion("km", "m")
     1000.0
@@ -94,14 +94,14 @@ def quantity(text: object, unit: str) -> float:
     Parameters
     ----------
     text : object
-        What the file holds: a string with its unit (a bare number will do for a pure number).
+        A string with a unit; a number for a pure number.
     unit : str
-        The SI unit wanted.
+        SI unit.
 
     Raises
     ------
     UnitError
-        When it is no quantity, not finite, or of another dimension.
+        When it is not a quantity, not finite, or of another dimension.
 
     Examples
     --------
@@ -142,9 +142,9 @@ def quantity(text: object, unit: str) -> float:
 
 
 def _words(unit: pint.Unit) -> str:
-    for known, kind in KINDS.items():
+    for known, dimension in DIMENSIONS.items():
         if _unit(known).dimensionality == unit.dimensionality:
-            return kind.words
+            return dimension.words
     return f"of dimension {unit.dimensionality}"
 
 

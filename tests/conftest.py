@@ -1,4 +1,4 @@
-"""Scenarios and campaigns that many tests share; each is built once."""
+"""Shared scenarios and campaigns; each is built once."""
 
 from __future__ import annotations
 
@@ -37,15 +37,8 @@ ROOT = Path(__file__).parent.parent
 TRAJECTORIES = tuple(TABLE_I)
 
 
-class Told:
-    """Progress that is remembered.
-
-    Attributes
-    ----------
-    phases : list of (Phase, int or None, str)
-    samples, stored : int
-        That have become ready, and how many of them were stored already.
-    """
+class RecordedProgress:
+    """Progress that records phases, ready samples, and those of them that were stored already."""
 
     def __init__(self) -> None:
         self.phases: list[tuple[Phase, int | None, str]] = []
@@ -61,41 +54,41 @@ class Told:
 
 @pytest.fixture
 def undrawn(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Reports whole but for what matplotlib draws, which takes longer than most flights; not in tests marked drawn."""
+    """Replace the figures of reports, which take longer than most runs, by empty ones; not in tests marked drawn."""
     if request.node.get_closest_marker("drawn"):
         return
 
-    def svg(drawing: Figure, number: int) -> Markup:
-        return Markup(f'<svg><title id="{drawing.key}-{number}-t"></title></svg>')
+    def svg(figure: Figure, number: int) -> Markup:
+        return Markup(f'<svg><title id="{figure.key}-{number}-t"></title></svg>')
 
     monkeypatch.setattr(Figure, "svg", svg)
-    monkeypatch.setattr(beside, "draw", lambda drawings: None)
+    monkeypatch.setattr(beside, "draw", lambda figures: None)
 
 
 @lru_cache
 def reentry(trajectory: int, **options: Any) -> Reentry:
-    """A trajectory of Table I as a scenario."""
+    """Return the scenario of a trajectory of Table I."""
     row = TABLE_I[trajectory]
     return Reentry(Flight(start_state(trajectory), Vehicle(row.lift_law), row.final_altitude, **options))
 
 
 @lru_cache
 def response(scenario: Reentry) -> Response:
-    """The linear response from a scenario's start of navigation."""
+    """Compute the linear response from the start of navigation."""
     navigation = scenario.navigation
     return linear_response(navigation.trajectory, navigation.start, navigation.theta_axes)
 
 
 def tn_errors(multiple: float = 1.0) -> dict[str, Any]:
-    """The ``[errors]`` of NASA TN D-1772, some multiple of them."""
+    """Return ``[errors]`` at a multiple of those of NASA TN D-1772."""
     return {
-        source.name: f"{float(size * multiple)!r} {source.unit if source.unit != '1' else ''}".strip()
+        source.name: f"{float(size * multiple)!r} {source.unit}".removesuffix(" 1")
         for source, size in zip(SOURCES, ERRORS, strict=True)
     }
 
 
 def content(trajectory: int = 4, multiple: float = 1.0, **entries: Any) -> dict[str, Any]:
-    """The content of a campaign file."""
+    """Return the content of a campaign file."""
     return {
         "samples": 500,
         "seed": 1772,
@@ -105,19 +98,19 @@ def content(trajectory: int = 4, multiple: float = 1.0, **entries: Any) -> dict[
 
 
 def campaign(trajectory: int = 4, multiple: float = 1.0, **entries: Any) -> Campaign:
-    """A campaign at some multiple of the report's errors."""
+    """Return a campaign at a multiple of the errors of NASA TN D-1772."""
     return parse_campaign(content(trajectory, multiple, **entries), "test.toml", "test")
 
 
 @pytest.fixture(params=TRAJECTORIES, ids=lambda number: f"trajectory {number}")
 def scenario(request: pytest.FixtureRequest) -> Reentry:
-    """Each trajectory of Table I in turn."""
+    """Return each trajectory of Table I in turn."""
     return reentry(request.param)
 
 
 @pytest.fixture
 def draws() -> Callable[[int, float], np.ndarray]:
-    """Normal draws at a multiple of the report's one-sigma errors, shape (count, 10)."""
+    """Return a function that draws normal errors at a multiple of the TN's sigmas, shape (count, 10)."""
 
     def draw(count: int, multiple: float = 1.0) -> np.ndarray:
         return np.random.default_rng(1963).standard_normal((count, len(ERRORS))) * ERRORS * multiple

@@ -1,4 +1,4 @@
-"""Processes that tests start: waited for by what they do, not by the clock, and ended whatever becomes of the test."""
+"""Processes that tests start: tests wait for events, not for times, and always end their processes."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from typing import Any, Final, TypeVar
 Found = TypeVar("Found")
 
 LONG: Final = 600.0
-"""Seconds after which a test gives up waiting: far more than anything takes on a slow and busy machine."""
+"""Longest wait of a test, s: far more than any step takes on a slow and busy machine."""
 
 
 @contextmanager
 def running(command: Sequence[object], **options: Any) -> Iterator[subprocess.Popen[str]]:
-    """Start a process in a session of its own; at the end it and its children are killed, and its pipes closed.
+    """Start a process in a new session; at the end, kill it and its children and close its pipes.
 
-    Its output and errors are pipes of text unless the options of `subprocess.Popen` say otherwise.
+    Output and errors are text pipes unless the options of `subprocess.Popen` replace them.
     """
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     with subprocess.Popen([*map(str, command)], start_new_session=True, **(pipes | options)) as process:
@@ -32,21 +32,21 @@ def running(command: Sequence[object], **options: Any) -> Iterator[subprocess.Po
 
 
 def run_to_end(command: Sequence[object], **options: Any) -> subprocess.CompletedProcess[str]:
-    """Run a process to its end, as `subprocess.run` with its output captured."""
+    """Run a process to its end and capture its output."""
     with running(command, **options) as process:
-        said, errors = process.communicate(timeout=LONG)
-        return subprocess.CompletedProcess(process.args, process.returncode, said, errors)
+        output, errors = process.communicate(timeout=LONG)
+        return subprocess.CompletedProcess(process.args, process.returncode, output, errors)
 
 
 def wait_for(found: Callable[[], Found], process: subprocess.Popen[str] | None = None) -> Found:
-    """Wait until something is found (is true), and return it; fail when the process ends before, or after `LONG`."""
+    """Wait until a result is true, and return it; fail when the process ends first, or after `LONG`."""
     until = time.monotonic() + LONG
     while True:
         ended = process is not None and process.poll() is not None
         if result := found():
             return result
         if process is not None and ended:
-            said = process.stderr.read() if process.stderr else ""
-            raise AssertionError(f"ended with status {process.returncode} before: {said[-2000:]}")
-        assert time.monotonic() < until, f"nothing in {LONG:g} s"
+            errors = process.stderr.read() if process.stderr else ""
+            raise AssertionError(f"ended with status {process.returncode} before: {errors[-2000:]}")
+        assert time.monotonic() < until, f"no result in {LONG:g} s"
         time.sleep(0.005)

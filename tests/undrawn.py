@@ -1,4 +1,4 @@
-"""The program without what draws reports, for tests of anything else: ``python -m tests.undrawn run ...``."""
+"""The program without report pages, for tests of other parts: ``python -m tests.undrawn run ...``."""
 
 import sys
 from types import ModuleType
@@ -7,7 +7,7 @@ from mcnav.cli import main
 
 
 class _NoPage(ModuleType):
-    """In place of `mcnav.report.page`: whatever it is asked to make is empty."""
+    """Substitute for `mcnav.report.page`, whose functions return empty text."""
 
     def __getattr__(self, name: str) -> object:
         if name.startswith("__"):

@@ -39,7 +39,7 @@ class Convergence:
     ----------
     sizes : ndarray of int, shape (sizes,)
         Whole blocks each.
-    plain, paired : Running
+    plain, paired : RunningRatio
         Each interval at the confidence of the final one, by itself: together, over all sizes, they hold at less.
     """
 

@@ -45,7 +45,7 @@ Sums = tuple[int, Array, Array]
 
 
 def failure_bias_of_sums(model: Model, whole: Sums, kept: Sums) -> FailureBias | None:
-    """As `excluded`, from the sums of all samples and of those that were flown."""
+    """As `failure_bias`, from the sums of all samples and of those that were flown."""
     failed = whole[0] - kept[0]
     if failed == 0:
         return None

@@ -76,7 +76,7 @@ def change(before: SampleSet, after: SampleSet, outputs: tuple[int, int], common
 
     Parameters
     ----------
-    before, after : Flights
+    before, after : SampleSet
     outputs : tuple of int
         The output's place in each.
     common : bool

@@ -153,7 +153,7 @@ def compare_sums(
     Parameters
     ----------
     model : Model
-    frame : Frame
+    frame : Normalization
         With which the samples were reduced.
     found : BlockSums
     samples : int

@@ -1,1 +1,1 @@
-"""Campaigns: the file that describes one, the folder that holds its run, and the runner that fills it."""
+"""Campaign files: read, checked and resolved to a `Campaign`."""

@@ -1,73 +1,64 @@
-"""The table ``[accept]`` of a campaign file: what the system must do, in the units of the scenario's outputs."""
+"""The table ``[accept]`` of a campaign file: requirements on the system, in the units of the scenario's outputs."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
+from typing import TypedDict
 
+from mcnav.config.context import FileContext
 from mcnav.config.schema import AcceptTable
-from mcnav.errors import Problem, suggestion
 from mcnav.scenarios.protocol import Output
-from mcnav.units import UnitError, quantity
 
 
-def read_requirements(
-    table: AcceptTable, file: str, outputs: Sequence[Output], problems: list[Problem]
-) -> list[Mapping[str, Any]]:
-    """The requirements, SI; mistakes are added to the list.
+class RequirementEntry(TypedDict):
+    """A requirement as the manifest stores it: limits in SI units, one for each output or a single one."""
 
-    Returns
-    -------
-    list of mapping
-        ``kind`` (``sigma_ratio``, ``quantile``, ``cep`` or ``box``), ``outputs`` (their names), ``limits`` (one for
-        each of them, or a single one), ``probability`` (none for a sigma ratio).
-    """
-    known = {output.name: output for output in outputs}
+    kind: str
+    outputs: list[str]
+    limits: list[float]
+    probability: float | None
 
-    def limit(written: Any, name: str, key: str) -> float:
-        try:
-            value = quantity(written, known[name].unit)
-        except UnitError as wrong:
-            problems.append(Problem(file, key, str(wrong)))
-            return 1.0
-        if value <= 0.0:
-            problems.append(Problem(file, key, f"got {written!r}; expected a limit above zero"))
-        return value
 
-    def missing(names: Sequence[str], key: str) -> bool:
-        wrong = [name for name in names if name not in known]
-        problems.extend(Problem(file, key, f"unknown output {name!r}{suggestion(name, list(known))}") for name in wrong)
-        return bool(wrong)
+def read_requirements(table: AcceptTable, outputs: Sequence[Output], context: FileContext) -> list[RequirementEntry]:
+    """Read all requirements; mistakes are added to the context."""
+    units = {output.name: output.unit for output in outputs}
+    found: list[RequirementEntry] = []
 
-    found: list[Mapping[str, Any]] = []
+    def require(kind: str, names: list[str], limits: list[float], probability: float | None) -> None:
+        found.append(RequirementEntry(kind=kind, outputs=names, limits=limits, probability=probability))
+
+    def limit(written: object, name: str, key: str) -> float:
+        value = context.quantity(written, units[name], key)
+        if value is not None and value <= 0.0:
+            context.problem(key, f"got {written!r}; expected a limit above zero")
+        return value or 1.0
+
+    def known(names: Sequence[str], key: str) -> bool:
+        return context.check_names(names, list(units), key, "output")
+
     if table.sigma_ratio is not None:
-        found.append(_requirement("sigma_ratio", list(known), [table.sigma_ratio], None))
+        require("sigma_ratio", list(units), [table.sigma_ratio], None)
     for number, entry in enumerate(table.quantile, start=1):
         key = f"accept.quantile #{number}"
-        if not missing([entry.output], f"{key}.output"):
-            most = limit(entry.below, entry.output, f"{key}.below")
-            found.append(_requirement("quantile", [entry.output], [most], entry.probability))
+        if known([entry.output], f"{key}.output"):
+            largest = limit(entry.below, entry.output, f"{key}.below")
+            require("quantile", [entry.output], [largest], entry.probability)
     for number, circle in enumerate(table.cep, start=1):
         key = f"accept.cep #{number}"
-        if missing(circle.outputs, f"{key}.outputs"):
+        if not known(circle.outputs, f"{key}.outputs"):
             continue
         first, second = circle.outputs
         if first == second:
-            problems.append(Problem(file, f"{key}.outputs", f"got {first!r} twice; expected two different outputs"))
-        elif known[first].unit != known[second].unit:
-            message = f"{first} and {second} have different units; a circle needs two of one"
-            problems.append(Problem(file, f"{key}.outputs", message))
+            context.problem(f"{key}.outputs", f"got {first!r} twice; expected two different outputs")
+        elif units[first] != units[second]:
+            context.problem(f"{key}.outputs", f"{first} and {second} have different units; a circle needs two of one")
         else:
-            found.append(_requirement("cep", [first, second], [limit(circle.below, first, f"{key}.below")], 0.5))
+            require("cep", [first, second], [limit(circle.below, first, f"{key}.below")], 0.5)
     for number, box in enumerate(table.box, start=1):
         key = f"accept.box #{number}"
         if not box.within:
-            problems.append(Problem(file, f"{key}.within", "is empty; expected a limit for at least one output"))
-        elif not missing(list(box.within), f"{key}.within"):
+            context.problem(f"{key}.within", "is empty; expected a limit for at least one output")
+        elif known(list(box.within), f"{key}.within"):
             limits = [limit(written, name, f"{key}.within.{name}") for name, written in box.within.items()]
-            found.append(_requirement("box", list(box.within), limits, box.probability))
+            require("box", list(box.within), limits, box.probability)
     return found
-
-
-def _requirement(kind: str, outputs: list[str], limits: list[float], probability: float | None) -> Mapping[str, Any]:
-    return {"kind": kind, "outputs": outputs, "limits": limits, "probability": probability}

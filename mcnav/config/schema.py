@@ -1,6 +1,6 @@
-"""The tables of a campaign file as pydantic models: structure, units and ranges, each mistake with its key.
+"""The tables of a campaign file as pydantic models: structure, units and ranges.
 
-Those of ``[scenario]`` are with their kinds, in `mcnav.config.scenarios`.
+The tables of ``[scenario]`` are in `mcnav.config.scenarios`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from mcnav.units import quantity
 
 
 def read_as(unit: str) -> BeforeValidator:
-    """A field that holds a quantity with its unit."""
+    """Return the validator of a field that holds a quantity with its unit."""
 
     def read(value: object) -> float:
         return quantity(value, unit)
@@ -37,7 +37,7 @@ Text = Annotated[
 
 
 class Table(BaseModel):
-    """A table in which every key must be known and every value of its type."""
+    """A table whose keys must be known and whose values must have the right type."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
@@ -59,7 +59,7 @@ class JointTable(Table):
 
 
 class StartTimesTable(Table):
-    """``[start_times]``; weights and errors are read by `mcnav.config.start_times`, which knows their units."""
+    """``[start_times]``; `mcnav.config.start_times` reads weights and errors with their units."""
 
     count: Annotated[int, Field(ge=2, le=100_000)] = 241
     axes: Literal["start", "trajectory"] = "start"
@@ -70,7 +70,7 @@ class StartTimesTable(Table):
 
 
 class QuantileTable(Table):
-    """``[[accept.quantile]]``: the size of an output, at a probability, lies below a limit."""
+    """``[[accept.quantile]]``: a quantile of an output's absolute value lies below a limit."""
 
     output: str
     probability: Probability
@@ -85,7 +85,7 @@ class CircularTable(Table):
 
 
 class BoxTable(Table):
-    """``[[accept.box]]``: the sizes of some outputs lie within limits together, with a probability."""
+    """``[[accept.box]]``: the absolute values of some outputs lie within limits jointly, with a probability."""
 
     within: dict[str, Any]
     probability: Probability
@@ -109,7 +109,7 @@ class UntilTable(Table):
 
 
 class CampaignTable(Table):
-    """The whole file; `mcnav.config.read` reads the entries of ``[scenario]`` and ``[errors]`` by kind and units."""
+    """The whole file; `mcnav.config.read` reads ``[scenario]`` and ``[errors]`` by type and units."""
 
     name: Text | None = None
     samples: Annotated[int, Field(ge=2, le=1_000_000_000_000)] = 20_000

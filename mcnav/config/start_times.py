@@ -1,4 +1,4 @@
-"""The table ``[start_times]`` of a campaign file: what ``mcnav start-times`` is to study."""
+"""The table ``[start_times]`` of a campaign file: the plan of ``mcnav start-times``."""
 
 from __future__ import annotations
 
@@ -10,31 +10,30 @@ from typing import Any
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.config.context import FileContext
 from mcnav.config.schema import StartTimesTable
-from mcnav.errors import Problem, suggestion
+from mcnav.errors import suggestion
 from mcnav.lincov.start_times import ErrorSchedule
 from mcnav.sampling.distributions import Distribution
 from mcnav.scenarios.protocol import Output, Source
-from mcnav.units import UnitError, quantity
 
 
 @dataclass(frozen=True)
 class StartTimesPlan:
-    """What to study.
+    """A study of start times.
 
     Attributes
     ----------
     count : int
-        Start times.
+        Number of start times.
     axes : str
         Convention of the reference axes.
     check : tuple of float
-        Start times that Monte Carlo is to check, s from the scenario's event; some are chosen when empty.
+        Start times that Monte Carlo checks, s from the scenario's event; chosen by the study when empty.
     samples : int
-        Of each check.
+        Samples of each check.
     weights : ndarray, optional
         See `mcnav.lincov.start_times.StartTimeStudy`.
-    schedule : ErrorSchedule
     """
 
     count: int
@@ -47,73 +46,66 @@ class StartTimesPlan:
 
 def read_start_times(
     table: StartTimesTable,
-    file: str,
     sources: Sequence[Source],
     outputs: Sequence[Output],
     distributions: Mapping[str, Distribution],
-    problems: list[Problem],
+    context: FileContext,
 ) -> StartTimesPlan:
-    """The plan that a table describes; mistakes are added to the list."""
-    weights = _read_weights(table.weights, file, outputs, problems)
+    """Read the plan; mistakes are added to the context."""
+    weights = _read_weights(table.weights, outputs, context)
     multiples = {}
     names = [source.name for source in sources]
     for name, entries in table.errors.items():
         key = f"start_times.errors.{name}"
         if name not in names:
-            problems.append(Problem(file, key, f"unknown error source{suggestion(name, names)}"))
+            context.problem(key, f"unknown error source{suggestion(name, names)}")
             continue
         stated = distributions.get(name)
         size = 0.0 if stated is None else stated.standard_deviation or abs(stated.mean)
         if size == 0.0:
-            problems.append(Problem(file, key, "changes an error that [errors] does not have; state it there first"))
+            context.problem(key, "changes an error that [errors] does not have; state it there first")
             continue
-        points = _read_points(entries, sources[names.index(name)], file, key, problems)
+        points = _read_points(entries, sources[names.index(name)], key, context)
         if points is not None:
             multiples[names.index(name)] = (points[:, 0], points[:, 1] / size)
     return StartTimesPlan(table.count, table.axes, tuple(table.check), table.samples, weights, ErrorSchedule(multiples))
 
 
-def _read_weights(
-    entries: Mapping[str, Any], file: str, outputs: Sequence[Output], problems: list[Problem]
-) -> Array | None:
-    """One over the sigma that counts as one unit of harm, for each output; zero for an output left out."""
+def _read_weights(entries: Mapping[str, Any], outputs: Sequence[Output], context: FileContext) -> Array | None:
+    """Return 1 / sigma for each output, with the sigma that counts as one unit of harm; 0 for an output left out."""
     if not entries:
         return None
-    known = {output.name: output for output in outputs}
-    weights = dict.fromkeys(known, 0.0)
+    units = {output.name: output.unit for output in outputs}
+    weights = dict.fromkeys(units, 0.0)
     for name, entry in entries.items():
         key = f"start_times.weights.{name}"
-        if name not in known:
-            problems.append(Problem(file, key, f"unknown output{suggestion(name, list(known))}"))
+        if name not in units:
+            context.problem(key, f"unknown output{suggestion(name, list(units))}")
             continue
-        try:
-            worth = quantity(entry, known[name].unit)
-        except UnitError as wrong:
-            problems.append(Problem(file, key, str(wrong)))
-            continue
-        if worth <= 0.0:
-            problems.append(Problem(file, key, f"got {entry!r}; expected a sigma greater than zero"))
-            continue
-        weights[name] = 1.0 / worth
+        sigma = context.quantity(entry, units[name], key)
+        if sigma is not None and sigma <= 0.0:
+            context.problem(key, f"got {entry!r}; expected a sigma greater than zero")
+        elif sigma is not None:
+            weights[name] = 1.0 / sigma
     return np.array(list(weights.values()))
 
 
-def _read_points(entries: list[Any], source: Source, file: str, key: str, problems: list[Problem]) -> Array | None:
-    """Rows (time, one sigma) in SI units, or none when something is wrong with them."""
+def _read_points(entries: list[Any], source: Source, key: str, context: FileContext) -> Array | None:
+    """Read rows (time, one sigma) in SI units; None when there is a mistake."""
     points = []
     for number, entry in enumerate(entries, start=1):
+        at = f"{key} #{number}"
         if not isinstance(entry, list) or len(entry) != 2:
-            problems.append(Problem(file, f"{key} #{number}", 'expected a pair ["start time", "one sigma"]'))
+            context.problem(at, 'expected a pair ["start time", "one sigma"]')
             return None
-        try:
-            points.append((quantity(entry[0], "s"), quantity(entry[1], source.unit)))
-        except UnitError as wrong:
-            problems.append(Problem(file, f"{key} #{number}", str(wrong)))
+        time, sigma = context.quantity(entry[0], "s", at), context.quantity(entry[1], source.unit, at)
+        if time is None or sigma is None:
             return None
-        if points[-1][1] < 0.0:
-            problems.append(Problem(file, f"{key} #{number}", f"got {entry[1]!r}; expected a sigma of at least zero"))
+        if sigma < 0.0:
+            context.problem(at, f"got {entry[1]!r}; expected a sigma of at least zero")
             return None
+        points.append((time, sigma))
     if any(later[0] <= earlier[0] for earlier, later in pairwise(points)):
-        problems.append(Problem(file, key, "expected start times in rising order"))
+        context.problem(key, "expected start times in rising order")
         return None
     return np.array(points)

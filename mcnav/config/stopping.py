@@ -1,35 +1,34 @@
-"""``samples`` as a table: fly until a stated precision is reached."""
+"""``samples`` as a table: simulate until a stated precision is reached."""
 
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from typing import Any, Final
 
+from mcnav.config.context import FileContext
 from mcnav.config.schema import UntilTable
-from mcnav.errors import Problem
-from mcnav.units import UnitError, quantity
 
 QUANTITIES: Final = ("sigma_ratio", "sigma_ratio_paired")
-"""What may be made precise, named as in ``summary.json``: Monte Carlo over linear sigma, plain or paired."""
+"""Quantities with a precision, named as in ``summary.json``: Monte Carlo over linear sigma, plain or paired."""
 
 GROWING: Final = ("random", "antithetic")
-"""Designs whose samples stay as they are when more are added."""
+"""Designs whose samples do not change when more are added."""
 
 
 @dataclass(frozen=True)
 class StoppingRule:
-    """When to stop.
+    """Precision at which a run stops.
 
     Attributes
     ----------
     quantity : str
         One of `QUANTITIES`.
     precision : float
-        Half the width that the interval of every output's ratio may have.
+        Largest half-width of the interval of every output's ratio.
     confidence : float
-        Of all those intervals together.
+        Joint confidence of all those intervals.
     at_most : int
-        Samples.
+        Largest number of samples.
     """
 
     quantity: str
@@ -38,28 +37,26 @@ class StoppingRule:
     at_most: int
 
     def described(self) -> dict[str, Any]:
-        """As a manifest keeps it."""
+        """Return the rule as the manifest stores it."""
         return asdict(self)
 
 
-def read_stopping_rule(table: UntilTable, design: str, file: str, problems: list[Problem]) -> StoppingRule | None:
-    """When to stop; mistakes are added to the list."""
+def read_stopping_rule(table: UntilTable, design: str, context: FileContext) -> StoppingRule | None:
+    """Read the stopping rule; when it is wrong, add the mistake to the context and return None."""
     name, _, written = table.until.strip().partition(" ")
     key = "samples.until"
     if name not in QUANTITIES:
         wanted = " or ".join(f'"{each} 1 %"' for each in QUANTITIES)
-        problems.append(Problem(file, key, f"got {table.until!r}; expected a quantity and its precision: {wanted}"))
+        context.problem(key, f"got {table.until!r}; expected a quantity and its precision: {wanted}")
         return None
-    try:
-        precision = quantity(written, "1")
-    except UnitError as wrong:
-        problems.append(Problem(file, key, str(wrong)))
+    precision = context.quantity(written, "1", key)
+    if precision is None:
         return None
     if not 0.0 < precision < 1.0:
-        problems.append(Problem(file, key, f"got {table.until!r}; expected a precision above 0 and below 100 %"))
+        context.problem(key, f"got {table.until!r}; expected a precision above 0 and below 100 %")
         return None
     if design not in GROWING:
-        message = f"needs design {' or '.join(GROWING)}: the samples of {design} change when more are added"
-        problems.append(Problem(file, key, message))
+        needed = " or ".join(GROWING)
+        context.problem(key, f"needs design {needed}: the samples of {design} change when more are added")
         return None
     return StoppingRule(name, precision, table.confidence, table.at_most)

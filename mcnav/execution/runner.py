@@ -61,7 +61,7 @@ def run_chunks(
         Told, in a line, of each stored chunk that turned out damaged.
     most_failures : int, optional
         Samples that may fail.
-    elsewhere : Flights, optional
+    elsewhere : ChunkExecutor, optional
         Who flies in place of this machine's threads and processes.
 
     Returns

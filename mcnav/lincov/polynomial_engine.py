@@ -86,7 +86,7 @@ def engine_names(scenario: Scenario) -> tuple[str, ...]:
 
 
 def prepare_engine(scenario: Scenario, engine: str, probes: Array, mean: Array, standard_deviations: Array) -> Engine:
-    """One of `engines_of` a scenario, ready to fly errors of given mean and standard deviations, shape (sources,), SI.
+    """Prepare one of `engine_names` for errors of given mean and standard deviations, shape (sources,), SI.
 
     Parameters
     ----------

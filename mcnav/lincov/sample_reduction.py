@@ -14,7 +14,7 @@ def reduce_samples(frame: Normalization, begin: int, errors: Array, outcomes: Ar
 
     Parameters
     ----------
-    frame : Frame
+    frame : Normalization
     begin : int
         Index of the first sample.
     errors : ndarray, shape (n, sources)

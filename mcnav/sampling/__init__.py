@@ -1,1 +1,1 @@
-"""Error sources as statistics (distributions, correlations, start covariance) and as draws."""
+"""Statistics of the error sources (distributions, correlations, start covariance) and their samples."""

@@ -1,11 +1,11 @@
-"""Correlation between errors of any distribution: a Gaussian copula that reaches the correlation asked for.
+"""Gaussian copula: correlated errors of any distribution.
 
-Two errors ``x_i = g_i(z_i)`` made from correlated normals have another correlation than the normals. With a_k and b_k
-the coefficients of ``g_i`` and ``g_j`` in the orthonormal Hermite polynomials, scaled to unit variance,
+Two errors ``x_i = g_i(z_i)`` of correlated normals have a different correlation than the normals. With a_k and b_k the
+coefficients of ``g_i`` and ``g_j`` in orthonormal Hermite polynomials, scaled to unit variance,
 
     corr(x_i, x_j) = sum_k a_k b_k rho_z^k,
 
-which rises with rho_z and is solved for it (Nataf's transformation; Liu and Der Kiureghian, 1986).
+which increases with rho_z and is solved for it (Nataf's transformation; Liu and Der Kiureghian, 1986).
 """
 
 from __future__ import annotations
@@ -23,23 +23,27 @@ from mcnav.sampling.scipy_and_tables import EmpiricalDistribution
 
 _DEGREE: Final = 120
 _ABSCISSAE: Final = np.linspace(-14.0, 14.0, 16_001)
-"""Abscissae of the trapezoidal rule, whose weights fall to 1e-43 at the ends."""
+"""Abscissae of the trapezoidal rule; the weights at the ends are 1e-43."""
 
 ROUNDING: Final = 1e-10
-"""A correlation matrix whose smallest eigenvalue lies above minus this is taken as semidefinite."""
+"""Magnitude of a negative eigenvalue that counts as rounding error."""
 
 
 @lru_cache(maxsize=128)
 def hermite_coefficients(distribution: Distribution) -> Array:
-    """Coefficients a_0 ... a_120 of a unit-variance transform in the orthonormal Hermite polynomials, shape (121,).
+    """Compute the coefficients a_0 ... a_120 of a unit-variance transform in orthonormal Hermite polynomials.
 
-    What the finite sum leaves out (1e-7 for a triangle's kink) is made up by scaling. The steps of a table leave out
-    more, of which only correlations near one would see anything: its coefficients stay as they are.
+    Scaling replaces the variance that the finite sum omits (1e-7 for a triangle's kink). The steps of a table omit
+    more, which only matters for correlations near one: its coefficients are not scaled.
+
+    Returns
+    -------
+    ndarray, shape (121,)
 
     Raises
     ------
     ValueError
-        When the tails are so heavy that the sum does not hold 99.9 % of the variance.
+        When the tails are so heavy that the sum contains less than 99.9 % of the variance.
     """
     z = _ABSCISSAE
     weights = np.exp(-0.5 * z * z) * ((z[1] - z[0]) / math.sqrt(2.0 * math.pi))
@@ -61,32 +65,27 @@ def hermite_coefficients(distribution: Distribution) -> Array:
 
 
 def normal_correlation(first: Distribution, second: Distribution, wanted: float) -> float:
-    """Correlation of the normals that gives two errors the wanted correlation.
+    """Find the correlation of the normals that gives two errors the wanted correlation.
 
     Raises
     ------
     ValueError
-        When no copula reaches it; the message names the largest magnitude that can be had.
+        When no copula reaches it; the message names the range that can be reached.
     """
     if isinstance(first, Normal) and isinstance(second, Normal):
         return wanted
-    products = np.asarray(hermite_coefficients(first)) * np.asarray(hermite_coefficients(second))
-
-    def excess(rho: float) -> float:
-        return float(np.polynomial.polynomial.polyval(rho, products)) - wanted
-
-    lowest, highest = (excess(end) + wanted for end in (-1.0, 1.0))
+    lowest, highest = (error_correlation(first, second, end) for end in (-1.0, 1.0))
     for end, reached in ((1.0, highest), (-1.0, lowest)):
         if abs(wanted - reached) <= 1e-9:
             return end
     if not lowest < wanted < highest:
         span = f"up to {highest:.4f}" if abs(lowest + highest) < 1e-9 else f"from {lowest:.4f} to {highest:.4f}"
         raise ValueError(f"errors of these distributions can be correlated {span}; got {wanted:g}")
-    return float(brentq(excess, -1.0, 1.0, xtol=1e-15))
+    return float(brentq(lambda rho: error_correlation(first, second, rho) - wanted, -1.0, 1.0, xtol=1e-15))
 
 
 def error_correlation(first: Distribution, second: Distribution, normal: float) -> float:
-    """Correlation of two errors whose normals have a given one."""
+    """Compute the correlation of two errors from that of their normals."""
     if isinstance(first, Normal) and isinstance(second, Normal):
         return normal
     products = np.asarray(hermite_coefficients(first)) * np.asarray(hermite_coefficients(second))
@@ -94,18 +93,18 @@ def error_correlation(first: Distribution, second: Distribution, normal: float) 
 
 
 def semidefinite_factor(matrix: Array) -> Array:
-    """Lower triangular L with L L^T equal to a positive semidefinite matrix, shape (n, n).
+    """Compute the lower triangular L with L L^T equal to a positive semidefinite matrix, shape (n, n).
 
-    A pivot that vanishes to rounding gives a column of zeros, so that perfectly correlated errors can be drawn.
+    A pivot of zero, to rounding, gives a column of zeros; perfectly correlated errors can be drawn.
 
     Raises
     ------
     ValueError
-        When the matrix has an eigenvalue below zero.
+        When the matrix has a negative eigenvalue.
     """
     smallest = float(np.linalg.eigvalsh(matrix)[0])
     if smallest < -ROUNDING:
-        raise ValueError(f"its smallest eigenvalue is {smallest:.3g}, and must not be negative")
+        raise ValueError(f"its smallest eigenvalue is {smallest:.3g}; expected none below zero")
     size = len(matrix)
     factor = np.zeros((size, size))
     for column in range(size):

@@ -1,11 +1,11 @@
-"""Designs: how the uniform variates of a campaign are laid out over its samples.
+"""Sampling designs: standard normal variates of the samples of a campaign.
 
-Each design divides the samples into *blocks* that are independent of one another: single samples, antithetic pairs, or
-whole replicates of a Latin hypercube or scrambled Sobol net. Every statistic's error is estimated from blocks, so that
-its interval holds for the design that drew the samples.
+Each design divides the samples into independent *blocks*: single samples, antithetic pairs, or whole replicates of a
+Latin hypercube or scrambled Sobol net. The error of every statistic is estimated from blocks, so that its interval is
+valid for each design.
 
-Any stretch of samples can be drawn by itself. Sample i depends on the seed, its index and, for the replicated designs,
-on the block length; never on chunks or workers.
+Any range of samples can be drawn alone. Sample i depends on the seed, its index and, for the replicated designs, the
+block length; never on chunks or workers.
 """
 
 from __future__ import annotations
@@ -19,27 +19,27 @@ from mcnav._types import Array
 
 DESIGNS: Final = ("random", "antithetic", "latin-hypercube", "sobol")
 REPLICATES: Final = 16
-"""Replicates of a replicated design, at least (where there are as many samples)."""
+"""Smallest number of replicates of a replicated design, if there are as many samples."""
 
 FEWEST_BLOCKS: Final = {"random": 100, "antithetic": 1_000, "latin-hypercube": REPLICATES, "sobol": REPLICATES}
-"""Independent blocks below which no interval is given.
+"""Smallest number of independent blocks for an interval.
 
-At these counts intervals of a quadratic system that should cover 95 % were measured to cover 93.5 to 95.3 %, within a
-point of error; 20 random draws covered 91 %, 400 antithetic pairs 89 %. Pairs need the most: within a pair the nearly
-symmetric part cancels, and a skewed rest is left. `tests/statistical/test_intervals.py` measures it again.
+With these, 95 % intervals of a quadratic system were measured to cover 93.5 to 95.3 %, within one percentage point; 20
+random draws covered 91 %, 400 antithetic pairs 89 %. Pairs need the most: within a pair the nearly symmetric part
+cancels, and the rest is skewed. `tests/statistical/test_intervals.py` repeats the measurement.
 """
 
 LARGEST_HYPERCUBE: Final = 1_024
 _WORDS: Final = 4
-"""Philox gives its 64-bit words in fours."""
+"""64-bit words that Philox generates at once."""
 
 
 def block_length(design: str, samples: int) -> int:
-    """Samples in one independent block of a design.
+    """Return the number of samples in one independent block.
 
-    Latin hypercubes and Sobol nets take the largest power of two that leaves `REPLICATES` of them; hypercubes stop at
-    1024, beyond which further rows bring nothing. The samples of these two designs change with the block length, and so
-    each time that ``samples / REPLICATES`` reaches another power of two.
+    For Latin hypercubes and Sobol nets it is the largest power of two that leaves `REPLICATES` of them; for hypercubes
+    at most 1024, as longer ones gain nothing. The samples of these two designs change with the block length, that is,
+    whenever ``samples / REPLICATES`` reaches another power of two.
     """
     if design == "random":
         return 1
@@ -54,7 +54,7 @@ def _key(seed: int, block: int | None = None) -> np.random.SeedSequence:
 
 
 def _random(seed: int, begin: int, end: int, dimensions: int) -> Array:
-    """Uniforms of samples [begin, end): each sample owns its own stretch of one Philox stream."""
+    """Draw uniforms of samples [begin, end); each sample has its own range of one Philox stream."""
     stride = -(-dimensions // _WORDS)
     stream = np.random.Philox(_key(seed))
     stream.advance(begin * stride)
@@ -63,35 +63,32 @@ def _random(seed: int, begin: int, end: int, dimensions: int) -> Array:
 
 
 def _latin_hypercube(seed: int, block: int, length: int, dimensions: int) -> Array:
-    """One replicate: in each dimension every stratum holds one point."""
+    """Draw one replicate; in each dimension every stratum contains one point."""
     generator = np.random.Generator(np.random.Philox(_key(seed, block)))
     strata = generator.permuted(np.tile(np.arange(length), (dimensions, 1)), axis=1).T
     return np.asarray((strata + generator.random((length, dimensions))) / length)
 
 
 def _sobol(seed: int, block: int, begin: int, end: int, dimensions: int) -> Array:
-    """Points [begin, end) of one scrambled Sobol net."""
-    from scipy.stats import qmc  # half a second, for those who ask for it
+    """Draw points [begin, end) of one scrambled Sobol net."""
+    from scipy.stats import qmc  # the import takes half a second
 
     net = qmc.Sobol(dimensions, scramble=True, rng=np.random.Generator(np.random.Philox(_key(seed, block))))
     if begin:
         net.fast_forward(begin)
     count = end - begin
-    return np.asarray(net.random(1 << (count - 1).bit_length())[:count])  # whole powers of two: the net's own lengths
+    return np.asarray(net.random(1 << (count - 1).bit_length())[:count])  # a net is balanced at powers of two
 
 
 def standard_normals(design: str, seed: int, samples: int, begin: int, end: int, dimensions: int) -> Array:
-    """Independent standard normal variates of samples [begin, end) of a campaign, shape (end - begin, dimensions).
+    """Draw independent standard normals of samples [begin, end) of a campaign, shape (end - begin, dimensions).
 
     Parameters
     ----------
     design : str
         One of `DESIGNS`.
-    seed : int
     samples : int
-        Samples in the whole campaign: it sets the block length of the replicated designs.
-    begin, end : int
-        Stretch wanted.
+        Samples of the whole campaign, which determine the block length of the replicated designs.
     dimensions : int
         Variates per sample.
     """

@@ -1,9 +1,8 @@
-"""The distributions an error source may have, each as a function of a standard normal variate.
+"""Distributions of an error source, each a function of a standard normal variate.
 
-Every draw starts as a standard normal ``z`` and becomes ``F^-1(Phi(z))`` with F the wanted distribution. That keeps
-one sample at one place of the random stream, carries correlations (Gaussian copula) and any design of the draws.
-The distributions here are symmetric about zero, except that `Fixed` is a constant; others are in
-`mcnav.sampling.scipy_and_tables`.
+Every draw is ``F^-1(Phi(z))``, with a standard normal ``z`` and the distribution F. One variate per draw keeps samples
+at fixed places of the random stream, and admits correlations (Gaussian copula) and any design. The distributions here
+are symmetric about zero, except that `Fixed` is a constant; others are in `mcnav.sampling.scipy_and_tables`.
 """
 
 from __future__ import annotations
@@ -19,10 +18,10 @@ from mcnav._types import Array
 
 
 class Distribution(Protocol):
-    """An error source's statistics, SI units; equal ones are interchangeable."""
+    """Statistics of an error source, SI; equal distributions are interchangeable."""
 
     def __hash__(self) -> int:
-        """Of its parameters."""
+        """Hash the parameters."""
 
     @property
     def mean(self) -> float:
@@ -30,21 +29,21 @@ class Distribution(Protocol):
 
     @property
     def standard_deviation(self) -> float:
-        """Standard deviation: what goes into the start covariance."""
+        """Standard deviation, as in the start covariance."""
 
     def transform(self, normal: Array) -> Array:
-        """Values of this distribution from standard normal variates, elementwise: ``F^-1(Phi(z))``."""
+        """Convert standard normal variates to this distribution, elementwise: ``F^-1(Phi(z))``."""
 
 
 _ABSCISSAE: Final = np.linspace(-14.0, 14.0, 2_001)
 
 
 def tail_weight(distribution: Distribution) -> float:
-    """``E z^8 / (E z^4)^2`` of the standardised values: the kurtosis of their squares.
+    """Compute ``E z^8 / (E z^4)^2`` of the standardized values: the kurtosis of their squares.
 
-    Squares of a quadratic function of the errors vary as their fourth powers; this is what decides whether an interval
-    of a variance can be trusted. The integral reaches to probabilities of 1e-44, where one that does not exist has
-    grown beyond all bounds. The distribution must have a dispersion.
+    Squares of a quadratic function of the errors vary as their fourth powers, so this ratio decides whether the
+    interval of a variance is reliable. The integral extends to probabilities of 1e-44, where a divergent one is very
+    large. The standard deviation must not be zero.
 
     >>> round(tail_weight(Normal(2.0)), 3)
     11.667
@@ -61,7 +60,7 @@ def _positive(name: str, value: float) -> None:
 
 @dataclass(frozen=True)
 class Normal:
-    """Zero-mean normal with a standard deviation; a sigma of zero is an error that is absent."""
+    """Zero-mean normal with standard deviation sigma; zero means no error."""
 
     sigma: float
     mean: float = 0.0
@@ -80,7 +79,7 @@ class Normal:
 
 @dataclass(frozen=True)
 class Uniform:
-    """Uniform within +-half_width; its standard deviation is half_width / sqrt(3)."""
+    """Uniform on [-half_width, half_width], with standard deviation half_width / sqrt(3)."""
 
     half_width: float
     mean: float = 0.0
@@ -98,9 +97,9 @@ class Uniform:
 
 @dataclass(frozen=True)
 class TruncatedNormal:
-    """Normal of parameter sigma, cut off at +-limit.
+    """Normal with parameter sigma, truncated at +-limit.
 
-    With a = limit / sigma its variance is ``sigma^2 [1 - 2 a phi(a) / (2 Phi(a) - 1)]``.
+    With a = limit / sigma, its variance is ``sigma^2 [1 - 2 a phi(a) / (2 Phi(a) - 1)]``.
     """
 
     sigma: float
@@ -120,7 +119,7 @@ class TruncatedNormal:
 
     @property
     def standard_deviation(self) -> float:
-        # the variance as a share of sigma^2 is P(3/2, a^2/2) / P(1/2, a^2/2), which does not cancel at small a
+        # variance / sigma^2 = P(3/2, a^2/2) / P(1/2, a^2/2), without cancellation at small a
         square = 0.5 * (self.limit / self.sigma) ** 2
         return self.sigma * math.sqrt(float(special.gammainc(1.5, square)) / self._inside)
 
@@ -133,7 +132,7 @@ class TruncatedNormal:
 
 @dataclass(frozen=True)
 class Triangular:
-    """Symmetric triangular within +-half_width; its standard deviation is half_width / sqrt(6)."""
+    """Symmetric triangular on [-half_width, half_width], with standard deviation half_width / sqrt(6)."""
 
     half_width: float
     mean: float = 0.0
@@ -152,7 +151,7 @@ class Triangular:
 
 @dataclass(frozen=True)
 class StudentT:
-    """Student's t scaled to a standard deviation sigma; the degrees of freedom must exceed 2."""
+    """Student's t scaled to standard deviation sigma, with more than 2 degrees of freedom."""
 
     sigma: float
     degrees_of_freedom: float
@@ -175,7 +174,7 @@ class StudentT:
 
 @dataclass(frozen=True)
 class Fixed:
-    """A known, constant error: a mean without dispersion."""
+    """Known, constant error: a mean with zero standard deviation."""
 
     mean: float
 

@@ -1,4 +1,4 @@
-"""The one place where a campaign's errors become statistics and draws."""
+"""Error model of a campaign: statistics and samples of all sources."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from mcnav.sampling.distributions import Distribution, Fixed, Normal, StudentT, 
 from mcnav.sampling.multivariate_t import MultivariateT, normal_of_rank
 
 HEAVY_TAILS: Final = {"random": 150.0, "antithetic": 18.0, "latin-hypercube": 150.0, "sobol": 18.0}
-"""For each design the tail weight beyond which intervals of second moments cannot be promised.
+"""Tail weight by design above which intervals of second moments are not reliable.
 
-Student's t of eight degrees of freedom has an infinite one; with five, intervals that should cover 95 % were measured
-to cover half. With ten (weight 70) they cover 91 to 95 % for random draws and hypercubes, but only 80 to 90 % for
-antithetic pairs and nets, which leave the tails alone and take away the rest (`mcnav calibrate`). The normal
-distribution has 11.7.
+Student's t with eight degrees of freedom has an infinite tail weight; with five, 95 % intervals were measured to cover
+half. With ten (weight 70) they cover 91 to 95 % for random draws and hypercubes, but only 80 to 90 % for antithetic
+pairs and nets, which reduce the variance of everything but the tails (``mcnav calibrate``). The normal distribution
+has 11.7.
 """
 
 LONG_TAILS: Final = 18.0
-"""Tail weight beyond which intervals are at best nearly right: Student's t of twenty-four degrees of freedom."""
+"""Tail weight above which intervals are at best approximate: Student's t with twenty-four degrees of freedom."""
 
 
 class CorrelationError(ValueError):
-    """Correlations that no errors can have; `entry` is the one at fault, or none when it is the whole matrix."""
+    """Impossible correlations; ``entry`` is the index of the wrong one, or None for the matrix as a whole."""
 
     def __init__(self, message: str, entry: int | None = None) -> None:
         super().__init__(message)
@@ -38,7 +38,7 @@ class CorrelationError(ValueError):
 
 
 class JointError(ValueError):
-    """Sources that cannot have one joint distribution; `entry` is the group at fault."""
+    """Sources that cannot have a joint distribution; ``entry`` is the index of the group."""
 
     def __init__(self, message: str, entry: int) -> None:
         super().__init__(message)
@@ -60,20 +60,18 @@ class ErrorModel:
     Parameters
     ----------
     names : sequence of str
-        Every source of the scenario.
+        All sources of the scenario.
     distributions : mapping of str to Distribution
-        Those that are present, SI units; a source left out is zero.
-    correlations : sequence of Correlation
+        Distributions by source, SI; an omitted source is zero.
     joint : sequence of MultivariateT
-        Groups of normal sources that have a multivariate Student-t distribution instead, with the same sigmas and
-        correlations.
+        Groups of normal sources that get a multivariate Student-t distribution with the same sigmas and correlations.
 
     Raises
     ------
     CorrelationError
-        When a correlation cannot be reached, or all of them together are impossible.
+        When a correlation cannot be reached, or the matrix is not positive semidefinite.
     JointError
-        When a source of a group is not a normal one, or is in two groups.
+        When a source of a group is not normal, or is in two groups.
     """
 
     def __init__(
@@ -97,9 +95,8 @@ class ErrorModel:
             i, j = (self.names.index(name) for name in correlation.between)
             for k in (i, j):
                 if self.distributions[k].standard_deviation == 0.0:
-                    raise CorrelationError(
-                        f"{self.names[k]} has no dispersion, so that nothing can be correlated with it", entry
-                    )
+                    message = f"{self.names[k]} has no dispersion, so that nothing can be correlated with it"
+                    raise CorrelationError(message, entry)
             try:
                 found, copula = self._correlated(i, j, correlation)
             except ValueError as problem:
@@ -110,10 +107,10 @@ class ErrorModel:
             semidefinite_factor(self._correlation)
             self._factor = semidefinite_factor(normal)
         except ValueError as problem:
-            raise CorrelationError(f"together they are no correlation matrix: {problem}") from None
+            raise CorrelationError(f"together they are not a correlation matrix: {problem}") from None
 
     def _groups(self) -> tuple[int | None, ...]:
-        """The group of each source, by its number."""
+        """Find the index of each source's group."""
         found: list[int | None] = [None] * len(self.names)
         for number, group in enumerate(self._joint):
             for name in group.sources:
@@ -124,13 +121,13 @@ class ErrorModel:
         return tuple(found)
 
     def _member(self, name: str, stated: Distribution, number: int) -> Distribution:
-        """Student's t with the sigma of a normal source."""
+        """Return Student's t with the sigma of a normal source."""
         if not isinstance(stated, Normal):
             raise JointError(f"{name} must be stated by its sigma alone, as a normal error", number)
         return StudentT(stated.sigma, self._joint[number].degrees_of_freedom) if stated.sigma > 0.0 else stated
 
     def _correlated(self, i: int, j: int, wanted: Correlation) -> tuple[float, float]:
-        """Pearson's correlation of two errors, and that of their normals; see `mcnav.sampling.multivariate_t`."""
+        """Compute Pearson's correlation of two errors and of their normals; see `mcnav.sampling.multivariate_t`."""
         one, other = self.distributions[i], self.distributions[j]
         groups = [None if (group := self._group[k]) is None else self._joint[group] for k in (i, j)]
         if groups == [None, None]:
@@ -148,9 +145,8 @@ class ErrorModel:
             copula = normal_of_rank(wanted.coefficient, *groups)
             return largest * copula, copula
         if abs(wanted.coefficient) > largest:
-            raise ValueError(
-                f"errors of these distributions can be correlated up to {largest:.4f}; got {wanted.coefficient:g}"
-            )
+            came = f"got {wanted.coefficient:g}"
+            raise ValueError(f"errors of these distributions can be correlated up to {largest:.4f}; {came}")
         return wanted.coefficient, wanted.coefficient / largest
 
     @cached_property
@@ -165,12 +161,12 @@ class ErrorModel:
 
     @cached_property
     def covariance(self) -> Array:
-        """The start covariance S of NASA TN D-1772's errors, shape (sources, sources)."""
+        """Start covariance S of NASA TN D-1772, shape (sources, sources)."""
         return np.asarray(self._correlation * np.outer(self.standard_deviations, self.standard_deviations))
 
     @property
     def independent(self) -> bool:
-        """Whether no source tells anything about another."""
+        """Whether all sources are independent."""
         return not self._joint and np.array_equal(self._correlation, np.eye(len(self.names)))
 
     @property
@@ -179,11 +175,11 @@ class ErrorModel:
         return all(isinstance(each, (Normal, Fixed)) for each in self.distributions)
 
     def heavy_tailed(self, design: str) -> tuple[str, ...]:
-        """Sources with whose tails a design's intervals of second moments cannot be promised."""
+        """Return the sources whose tails make a design's intervals of second moments unreliable."""
         return self._tails(HEAVY_TAILS[design], math.inf)
 
     def long_tailed(self, design: str) -> tuple[str, ...]:
-        """Sources with whose tails such intervals are only nearly right."""
+        """Return the sources whose tails make such intervals approximate."""
         return self._tails(LONG_TAILS, HEAVY_TAILS[design])
 
     def _tails(self, above: float, to: float) -> tuple[str, ...]:
@@ -191,14 +187,14 @@ class ErrorModel:
         return tuple(name for name, weight in zip(self.names, weights, strict=True) if above < weight <= to)
 
     def draw(self, design: str, seed: int, samples: int, begin: int, end: int) -> Array:
-        """Errors of samples [begin, end) of a campaign of so many samples, shape (end - begin, sources), SI.
+        """Draw samples [begin, end) of a campaign with the given total, shape (end - begin, sources), SI.
 
-        A sample's errors depend on the campaign and its index alone. Sums run source by source and element by element,
-        so that the same sample has the same bits in whatever stretch it is drawn.
+        A sample depends on the campaign and its index alone. Sums are elementwise, one source after another, so that a
+        sample has the same bits in any range.
         """
         count = len(self.names)
         independent = standard_normals(design, seed, samples, begin, end, count + len(self._joint))
-        if design == "antithetic":  # a pair shares its scale: mirrored errors are the errors of mirrored normals
+        if design == "antithetic":  # a pair shares its scale, so that mirrored normals give mirrored errors
             independent[np.arange(begin, end) % 2 == 1, count:] *= -1.0
         scales = [group.scale(independent[:, count + number]) for number, group in enumerate(self._joint)]
         errors = np.empty((end - begin, count))

@@ -1,19 +1,19 @@
-"""Errors that are large together: groups of sources with one multivariate Student-t distribution.
+"""Multivariate Student-t distribution of a group of sources, whose errors are large together.
 
-With z correlated standard normals and W a chi-square of nu degrees of freedom that a whole group shares,
+With correlated standard normals z, and a chi-square W with nu degrees of freedom for the whole group,
 
     x_i = sigma_i z_i sqrt((nu - 2) / W)
 
-has the standard deviation sigma_i, and two of a group have the normals' correlation exactly, since
-``E (nu - 2) / W = 1``. Between a member and an error ``g_j(z_j)`` outside the group the correlation is
-``kappa a_j rho_z``, with ``kappa = E sqrt((nu - 2) / W)`` and a_j the first Hermite coefficient of ``g_j``
-(`mcnav.sampling.copula`); between members of two groups it is ``kappa_1 kappa_2 rho_z``.
+has standard deviation sigma_i, and two members have exactly the correlation of their normals, since
+``E (nu - 2) / W = 1``. The correlation of a member with an error ``g_j(z_j)`` outside the group is ``kappa a_j rho_z``,
+with ``kappa = E sqrt((nu - 2) / W)`` and the first Hermite coefficient a_j of ``g_j`` (`mcnav.sampling.copula`);
+members of two groups have ``kappa_1 kappa_2 rho_z``.
 
-Of rank correlations, with three independent draws of the pair and S = 1 / W (or 1 for an error outside the group),
+With three independent draws of a pair and S = 1 / W (1 for an error outside a group), the rank correlation is
 
     rho_S = (6 / pi) E arcsin( rho_z sqrt(S_1 S'_1 / ((S_1 + S_2) (S'_1 + S'_3))) ),
 
-by the normal's orthant probability; without groups this is (6 / pi) arcsin(rho_z / 2) (Kruskal, 1958).
+by the orthant probability of the normal; without groups it is (6 / pi) arcsin(rho_z / 2) (Kruskal, 1958).
 """
 
 from __future__ import annotations
@@ -30,19 +30,12 @@ from scipy.optimize import brentq
 from mcnav._types import Array
 
 _ABSCISSAE: Final = np.linspace(-7.0, 7.0, 29)
-"""Abscissae of the trapezoidal rule over standard normals; its error is 1e-9 or less."""
+"""Abscissae of the trapezoidal rule over standard normals, with an error of at most 1e-9."""
 
 
 @dataclass(frozen=True)
 class MultivariateT:
-    """Sources with one multivariate Student-t distribution.
-
-    Attributes
-    ----------
-    sources : tuple of str
-    degrees_of_freedom : float
-        Must exceed 2, for a finite variance.
-    """
+    """Sources with one multivariate Student-t distribution; a finite variance needs more than 2 degrees of freedom."""
 
     sources: tuple[str, ...]
     degrees_of_freedom: float
@@ -52,18 +45,18 @@ class MultivariateT:
             raise ValueError("degrees_of_freedom must exceed 2 for a finite variance")
 
     def scale(self, normal: Array) -> Array:
-        """The factor ``sqrt((nu - 2) / W)`` of a group from its own standard normal variate, elementwise."""
+        """Compute the factor ``sqrt((nu - 2) / W)`` from the group's standard normal variate, elementwise."""
         return np.asarray(np.sqrt((self.degrees_of_freedom - 2.0) / _chi_square(self.degrees_of_freedom, normal)))
 
     @property
     def coupling(self) -> float:
-        """The factor's mean, ``sqrt((nu - 2) / 2) Gamma((nu - 1) / 2) / Gamma(nu / 2)``."""
+        """Mean of the factor, ``sqrt((nu - 2) / 2) Gamma((nu - 1) / 2) / Gamma(nu / 2)``."""
         half = 0.5 * self.degrees_of_freedom
         return math.sqrt(half - 1.0) * math.exp(math.lgamma(half - 0.5) - math.lgamma(half))
 
 
 def _chi_square(degrees: float, normal: Array) -> Array:
-    """Chi-square's quantile at the probability of a standard normal variate, by the nearer tail."""
+    """Compute the chi-square quantile at the probability of a standard normal variate, from the nearer tail."""
     tail = special.ndtr(-np.abs(normal))
     half = 0.5 * degrees
     return np.asarray(2.0 * np.where(normal < 0.0, special.gammaincinv(half, tail), special.gammainccinv(half, tail)))
@@ -71,48 +64,48 @@ def _chi_square(degrees: float, normal: Array) -> Array:
 
 @lru_cache(maxsize=64)
 def _sines(one: MultivariateT | None, other: MultivariateT | None) -> tuple[Array, Array]:
-    """Values of the root in rho_S's equation and their probabilities, shape (m,)."""
+    """Compute the values of the root in the equation of rho_S and their probabilities, shape (m,)."""
     weights = np.exp(-0.5 * _ABSCISSAE**2)
     weights /= weights.sum()
-    alone = np.zeros(1), np.ones(1)
-    spread = _ABSCISSAE, weights
+    constant = np.zeros(1), np.ones(1)
+    normal = _ABSCISSAE, weights
 
-    def inverse(group: MultivariateT | None, normal: Array) -> Array:
-        return np.ones_like(normal) if group is None else 1.0 / _chi_square(group.degrees_of_freedom, normal)
+    def inverse(group: MultivariateT | None, z: Array) -> Array:
+        return np.ones_like(z) if group is None else 1.0 / _chi_square(group.degrees_of_freedom, z)
 
-    (first, p), (second, q) = (spread if group is not None else alone for group in (one, other))
+    (first, p), (second, q) = (constant if group is None else normal for group in (one, other))
     s_1, s_2 = inverse(one, first)[:, None], inverse(one, first)
     t_1, t_3 = inverse(other, second)[:, None], inverse(other, second)
-    left, right = s_1 / (s_1 + s_2), t_1 / (t_1 + t_3)  # of a first draw (rows) beside each second one
+    left, right = s_1 / (s_1 + s_2), t_1 / (t_1 + t_3)  # first draw in rows, second draw in columns
     if one is not None and one == other:  # the first draw is shared
         sines = left[:, :, None] * right[:, None, :]
-        chances = p[:, None, None] * p[None, :, None] * p
+        probabilities = p[:, None, None] * p[None, :, None] * p
     else:
         sines = left[:, :, None, None] * right
-        chances = p[:, None, None, None] * p[None, :, None, None] * q[:, None] * q
-    kept = chances.ravel() > 1e-16
-    return np.sqrt(sines.ravel()[kept]), chances.ravel()[kept]
+        probabilities = p[:, None, None, None] * p[None, :, None, None] * q[:, None] * q
+    kept = probabilities.ravel() > 1e-16
+    return np.sqrt(sines.ravel()[kept]), probabilities.ravel()[kept]
 
 
 def rank_correlation(normal: float, one: MultivariateT | None = None, other: MultivariateT | None = None) -> float:
-    """Spearman's rank correlation of two errors by the correlation of their normals; each may be of a group.
+    """Compute Spearman's rank correlation of two errors, each possibly in a group, from that of their normals.
 
     >>> round(rank_correlation(0.5), 4), round(rank_correlation(0.5, *[MultivariateT(("a", "b"), 3.0)] * 2), 4)
     (0.4826, 0.4643)
     """
     if one is None and other is None:
         return 6.0 / math.pi * math.asin(0.5 * normal)
-    sines, chances = _sines(one, other)
-    return float(6.0 / math.pi * np.sum(chances * np.arcsin(normal * sines)))
+    sines, probabilities = _sines(one, other)
+    return float(6.0 / math.pi * np.sum(probabilities * np.arcsin(normal * sines)))
 
 
 def normal_of_rank(wanted: float, one: MultivariateT | None = None, other: MultivariateT | None = None) -> float:
-    """Correlation of the normals that gives a rank correlation; see `rank_correlation`.
+    """Find the correlation of the normals that gives a rank correlation; see `rank_correlation`.
 
     Raises
     ------
     ValueError
-        When it cannot be reached; the message names the largest magnitude that can be had.
+        When it cannot be reached; the message names the largest magnitude.
     """
     if one is None and other is None:
         return 2.0 * math.sin(math.pi * wanted / 6.0)

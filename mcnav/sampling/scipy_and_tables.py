@@ -1,4 +1,4 @@
-"""Distributions from elsewhere: any continuous one of scipy.stats by its name, and the values of a table."""
+"""Continuous distributions of scipy.stats, and empirical distributions of tables."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from mcnav._types import Array
 
 @lru_cache(maxsize=1)
 def continuous_distributions() -> dict[str, Any]:
-    """Every continuous distribution of scipy.stats by its name."""
-    from scipy import stats  # half a second, for those who ask for it
+    """Return all continuous distributions of scipy.stats by name."""
+    from scipy import stats  # the import takes half a second
 
     found = {name: getattr(stats, name) for name in dir(stats)}
     return {name: each for name, each in found.items() if isinstance(each, stats.rv_continuous)}
 
 
 def shape_names(name: str) -> tuple[str, ...]:
-    """Names of a scipy distribution's shape parameters.
+    """Return the names of a scipy distribution's shape parameters.
 
     >>> shape_names("beta"), shape_names("laplace")
     (('a', 'b'), ())
@@ -36,21 +36,21 @@ def shape_names(name: str) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class ScipyDistribution:
-    """A continuous distribution of scipy.stats.
+    """Continuous distribution of scipy.stats.
 
     Parameters
     ----------
     name : str
-        Of the distribution; it is looked up among `continuous_distributions`, and nothing is evaluated.
+        A key of `continuous_distributions`; nothing is evaluated.
     shapes : tuple of (str, float)
-        Its shape parameters by name.
+        Shape parameters by name.
     loc, scale : float
-        Shift and scale, SI.
+        SI.
 
     Raises
     ------
     ValueError
-        When there is no such distribution, or no finite mean and variance above zero with these parameters.
+        When there is no such distribution, or it lacks a finite mean and a finite, positive variance.
     """
 
     name: str
@@ -69,7 +69,7 @@ class ScipyDistribution:
     @cached_property
     def _moments(self) -> tuple[float, float]:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")  # integrals that do not converge: moments that do not exist
+            warnings.simplefilter("ignore")  # integrals of moments that do not exist
             shapes = dict(self.shapes)
             mean, variance = continuous_distributions()[self.name].stats(**shapes, moments="mv")
         return self.loc + self.scale * float(mean), self.scale * math.sqrt(max(float(variance), 0.0))
@@ -85,7 +85,7 @@ class ScipyDistribution:
         return self._moments[1]
 
     def transform(self, normal: Array) -> Array:
-        """Quantiles at the probabilities of standard normal variates, by the nearer tail."""
+        """Compute the quantiles at the probabilities of standard normal variates, from the nearer tail."""
         family, shapes = continuous_distributions()[self.name], dict(self.shapes)
         tail = ndtr(-np.abs(normal))
         with np.errstate(all="ignore"):
@@ -95,17 +95,17 @@ class ScipyDistribution:
 
 @dataclass(frozen=True)
 class EmpiricalDistribution:
-    """The values of a table, each as likely as any other.
+    """Equally likely values.
 
     Parameters
     ----------
     values : ndarray, shape (n,)
-        SI, in whatever order.
+        SI, in any order.
 
     Raises
     ------
     ValueError
-        With fewer than two different values, or one that is not finite.
+        When fewer than two values differ, or one is not finite.
     """
 
     values: Array = field(compare=False, repr=False)
@@ -115,7 +115,7 @@ class EmpiricalDistribution:
         if not np.isfinite(self.values).all():
             raise ValueError("a value is missing or not finite")
         if len(self.values) < 2 or np.ptp(self.values) == 0.0:
-            raise ValueError("it needs two different values at least")
+            raise ValueError("expected at least two different values")
         values = np.sort(np.asarray(self.values, dtype=float))
         object.__setattr__(self, "values", values)
         object.__setattr__(self, "digest", hashlib.sha256(values.astype("<f8").tobytes()).hexdigest())
@@ -127,10 +127,10 @@ class EmpiricalDistribution:
 
     @property
     def standard_deviation(self) -> float:
-        """Standard deviation of the values: they are the whole population."""
+        """Standard deviation of the values as a population."""
         return float(np.std(self.values))
 
     def transform(self, normal: Array) -> Array:
-        """The value at each standard normal variate's probability."""
+        """Return the values at the probabilities of standard normal variates."""
         count = len(self.values)
         return np.asarray(self.values[np.minimum((ndtr(normal) * count).astype(int), count - 1)])

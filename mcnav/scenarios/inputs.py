@@ -1,8 +1,8 @@
-"""Files that a scenario of the user's own reads: found by watching, identified by content.
+"""Files that a user-defined scenario reads: recorded when they are opened, identified by content.
 
-Python reports every file that it opens (audit event ``open``). While a `watched` block runs, files opened for reading
-are noted; those of Python itself, of installed packages, of the operating system and of caches are left out, and so are
-files that the same block writes. Libraries that open files without Python (parquet, HDF5, sqlite) are not seen.
+Python reports every file that it opens (audit event ``open``). `record_opened_files` records files opened for reading,
+except those of Python, installed packages, the operating system and caches, and those written in the same block.
+Files that libraries open without Python (parquet, HDF5, sqlite) are not recorded.
 """
 
 from __future__ import annotations
@@ -27,9 +27,10 @@ from typing import Any, Final
 from mcnav.scenarios.protocol import ScenarioError
 
 SETTLED_AFTER: Final = 2.0
-"""Seconds since its last change after which a file's time stamp and size vouch for its content."""
+"""Age of a file's last change, s, from which equal time stamps and sizes imply equal content."""
 
 LONGEST_NAME: Final = 100
+"""Characters."""
 
 _SYSTEM: Final = (
     "/proc", "/dev", "/sys", "/etc", "/run", "/usr/lib", "/usr/lib64", "/lib", "/lib64", "/usr/share/fonts",
@@ -46,7 +47,7 @@ class InputFile:
     Attributes
     ----------
     name : str
-        Name under which a run knows the file; unique among the files of a run.
+        Unique name among the files of a run.
     path : str
         Absolute path.
     digest : str
@@ -54,7 +55,7 @@ class InputFile:
     size : int
         Bytes.
     setting : str, optional
-        Key of ``[scenario]`` that names the file; none when the file was noticed.
+        Key of ``[scenario]`` that names the file, if any.
     """
 
     name: str
@@ -72,7 +73,7 @@ class InputFile:
             return False
 
 
-def file_at(path: str, name: str = "", setting: str | None = None) -> InputFile:
+def identify_file(path: str, name: str = "", setting: str | None = None) -> InputFile:
     """Identify a file.
 
     Raises
@@ -81,15 +82,15 @@ def file_at(path: str, name: str = "", setting: str | None = None) -> InputFile:
         When it cannot be read, or is not a regular file.
     """
     digest, size = content_of(path)
-    return InputFile(name or plain_name(path), path, digest, size, setting)
+    return InputFile(name or safe_name(path), path, digest, size, setting)
 
 
 _known: dict[str, tuple[tuple[int, ...], str]] = {}
-"""Digests of files by path, with the time stamps and size for which they hold."""
+"""Digests of files by path, with their time stamps and sizes."""
 
 
 def content_of(path: str) -> tuple[str, int]:
-    """SHA-256 and size of a regular file; it is read again only when its time stamp or size differ.
+    """Return SHA-256 and size of a regular file, which is read again only when its time stamp or size differ.
 
     Raises
     ------
@@ -98,12 +99,14 @@ def content_of(path: str) -> tuple[str, int]:
     """
     found = Path(path).stat()
     if not stat.S_ISREG(found.st_mode):
-        raise OSError("is no file")
+        raise OSError("is not a regular file")
     mark = (found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns)
     known = _known.get(path)
     if known is not None and known[0] == mark:
         return known[1], found.st_size
-    settled = abs(time.time() - max(found.st_mtime, found.st_ctime)) > SETTLED_AFTER  # clocks of servers may be ahead
+    settled = (
+        abs(time.time() - max(found.st_mtime, found.st_ctime)) > SETTLED_AFTER
+    )  # clocks of file servers may be ahead
     with Path(path).open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
     if settled:
@@ -111,20 +114,20 @@ def content_of(path: str) -> tuple[str, int]:
     return digest, found.st_size
 
 
-def plain_name(path: str) -> str:
-    """Make a file name that is safe on every file system of a path's last part.
+def safe_name(path: str) -> str:
+    """Return the last part of a path as a file name that is valid on every file system.
 
-    >>> plain_name("/data/flight 7.csv")
+    >>> safe_name("/data/flight 7.csv")
     'flight 7.csv'
     """
     name = re.sub(r"[^\w .+-]", "_", Path(path).name, flags=re.ASCII).lstrip(". ") or "file"
     return name if len(name) <= LONGEST_NAME else name[-LONGEST_NAME:].lstrip(". ")
 
 
-def named_apart(files: Iterable[InputFile], taken: Sequence[InputFile] = ()) -> tuple[InputFile, ...]:
-    """Give files names of their own: the last parts of their paths, as many as tell them apart.
+def with_unique_names(files: Iterable[InputFile], taken: Sequence[InputFile] = ()) -> tuple[InputFile, ...]:
+    """Give files unique names made of the last parts of their paths.
 
-    A file that several paths lead to, or that is among those taken, counts once.
+    A file with several paths appears once; files among those taken are left out.
     """
     used, found = {file.name.casefold() for file in taken}, list[InputFile]()
     known = {Path(file.path).resolve() for file in taken}
@@ -133,8 +136,8 @@ def named_apart(files: Iterable[InputFile], taken: Sequence[InputFile] = ()) -> 
             continue
         known.add(Path(file.path).resolve())
         parts = Path(file.path).parts
-        names = [plain_name("_".join(parts[-count:])) for count in range(1, len(parts))]
-        numbered = (f"{number}_{plain_name(file.path)}" for number in range(2, 10_000))
+        names = [safe_name("_".join(parts[-count:])) for count in range(1, len(parts))]
+        numbered = (f"{number}_{safe_name(file.path)}" for number in range(2, 10_000))
         name = next(name for name in (*names, *numbered) if name.casefold() not in used)
         used.add(name.casefold())
         found.append(replace(file, name=name))
@@ -142,8 +145,8 @@ def named_apart(files: Iterable[InputFile], taken: Sequence[InputFile] = ()) -> 
 
 
 @dataclass
-class Watched:
-    """Files opened so far in a `watched` block, by path."""
+class OpenedFiles:
+    """Paths opened so far in a `record_opened_files` block."""
 
     read: set[str] = field(default_factory=set)
     written: set[str] = field(default_factory=set)
@@ -152,8 +155,8 @@ class Watched:
         default_factory=lambda: frozenset(thread.ident for thread in threading.enumerate())
     )
 
-    def opened(self, path: Any, flags: Any) -> None:
-        """Note a file that is about to be opened."""
+    def add(self, path: Any, flags: Any) -> None:
+        """Record a file that is about to be opened."""
         if not isinstance(path, (str, bytes)) or not isinstance(flags, int):
             return
         place = str(Path(os.fsdecode(path)).absolute())
@@ -161,49 +164,49 @@ class Watched:
 
     @property
     def concerned(self) -> bool:
-        """Whether the present thread runs the block, or was started since the block began."""
+        """Whether the current thread runs the block, or was started since the block began."""
         present = threading.get_ident()
         return present == self.thread or present not in self.others
 
 
-_watching: list[Watched] = []
-_installing = threading.Lock()
-_installed: list[bool] = []
+_active: list[OpenedFiles] = []
 
 
 def _hook(event: str, arguments: tuple[Any, ...]) -> None:
-    """Note what is opened; an audit hook is never removed, so that it must cost nothing while nobody watches."""
-    if not _watching or event not in ("open", "os.rename"):
+    """Record opened files; an audit hook cannot be removed, so it must cost little outside the blocks."""
+    if not _active or event not in ("open", "os.rename"):
         return
     try:
-        for each in tuple(_watching):
+        for each in tuple(_active):
             if each.concerned:
                 if event == "open":
-                    each.opened(arguments[0], arguments[2])
+                    each.add(arguments[0], arguments[2])
                 else:
-                    each.opened(arguments[1], os.O_WRONLY)
+                    each.add(arguments[1], os.O_WRONLY)
     except Exception:  # raising here would fail the user's open()
         return
 
 
+@lru_cache(maxsize=1)
+def _install_hook() -> None:
+    sys.addaudithook(_hook)
+
+
 @contextmanager
-def watched() -> Iterator[Watched]:
-    """Note every file that this thread, and threads started meanwhile, open."""
-    with _installing:
-        if not _installed:
-            sys.addaudithook(_hook)
-            _installed.append(True)
-    found = Watched()
-    _watching.append(found)
+def record_opened_files() -> Iterator[OpenedFiles]:
+    """Record every file that this thread, and threads started meanwhile, open."""
+    _install_hook()
+    found = OpenedFiles()
+    _active.append(found)
     try:
         yield found
     finally:
-        _watching[:] = [each for each in _watching if each is not found]
+        _active[:] = [each for each in _active if each is not found]
 
 
 @lru_cache(maxsize=1)
-def _roots() -> tuple[str, ...]:
-    """Folders whose files belong to Python, to installed packages, to this program or to the operating system."""
+def _system_folders() -> tuple[str, ...]:
+    """Return the folders of Python, installed packages, this program and the operating system."""
     places = {*_SYSTEM, sys.prefix, sys.base_prefix, sys.exec_prefix, str(Path(__file__).parents[1])}
     places |= {*sysconfig.get_paths().values(), *site.getsitepackages(), site.getusersitepackages()}
     places |= {os.environ.get(name, "") for name in ("XDG_CACHE_HOME", "MPLCONFIGDIR", "NUMBA_CACHE_DIR")}
@@ -214,22 +217,20 @@ def _roots() -> tuple[str, ...]:
 
 
 def is_input(path: str) -> bool:
-    """Whether a file that was read counts as an input, by where it lies and how it is named."""
+    """Return whether a file counts as an input, by its folder and name."""
     where = Path(path)
-    if any(place.startswith(root) for root in _roots() for place in (path, str(where.resolve()))):
+    if any(place.startswith(root) for root in _system_folders() for place in (path, str(where.resolve()))):
         return False
     return where.suffix not in _IGNORED_SUFFIX and not any(_IGNORED_PART.fullmatch(part) for part in where.parts[:-1])
 
 
-def inputs_of(found: Watched, code: str) -> dict[str, InputFile]:
-    """Identify the inputs among the files of a `watched` block, by path.
-
-    A file that is gone again, or never was there, is left out: nothing of it can have stayed.
+def find_inputs(found: OpenedFiles, code: str) -> dict[str, InputFile]:
+    """Identify the inputs among recorded files, by path; files that no longer exist are left out.
 
     Raises
     ------
     ScenarioError
-        When one is a pipe or the like, whose content cannot be read again.
+        When one is not a regular file, such as a pipe, so that its content cannot be read again.
     """
     files = {}
     for path in sorted(found.read - found.written):
@@ -240,9 +241,9 @@ def inputs_of(found: Watched, code: str) -> dict[str, InputFile]:
             if stat.S_ISDIR(kind):
                 continue
             if not stat.S_ISREG(kind):
-                message = f"{code} reads {path}, which is no regular file; its content cannot belong to the run"
+                message = f"{code} reads {path}, which is not a regular file; its content cannot be stored with the run"
                 raise ScenarioError("type", message)
-            files[path] = file_at(path)
+            files[path] = identify_file(path)
         except OSError:
             continue
     return files

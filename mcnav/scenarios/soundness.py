@@ -141,7 +141,7 @@ def unsettled(
 
     Parameters
     ----------
-    scenario : Own
+    scenario : UserScenario
     prepared : Engine
         Its engine; flown only where the class gives its own derivatives.
     model : LinearModel

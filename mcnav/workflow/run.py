@@ -93,7 +93,7 @@ def run_campaign(
         Told which phase begins, and how many samples have become ready.
     most_failures : int, optional
         Samples that may fail before the run is broken off.
-    flights : Flights, optional
+    flights : ChunkExecutor, optional
         Who flies in place of this machine's threads and processes; see `mcnav.execution.dask_cluster`.
     force : bool
         Go on where partial derivatives are not settled; the summary and the report say so.

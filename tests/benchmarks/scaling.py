@@ -24,7 +24,7 @@ from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.analyse import analyse
 from mcnav.workflow.run import run_campaign
 from tests.conftest import ROOT
-from tests.faults.scenarios import VECTORISED, work_of, written
+from tests.faults.scenarios import VECTORISED, chunk_job, write_campaign
 
 FLOWN = (
     ("01_tn_d1772_trajectory_4", "ensemble", 1 << 18),
@@ -46,7 +46,7 @@ def _summary(name: str, samples: int) -> Campaign:
 
 def per_sample(name: str, engine: str, samples: int, folder: Path) -> None:
     """Draw, fly, reduce and store one chunk, after one that compiled and warmed up."""
-    work = work_of(_summary(name, 10**9), folder, engine)
+    work = chunk_job(_summary(name, 10**9), folder, engine)
     simulate_chunk(work, SampleRange(1, samples, samples + min(samples, work.engine.chunk)))
     began = time.process_time()
     simulate_chunk(work, SampleRange(2, 2 * samples, 3 * samples))
@@ -61,7 +61,7 @@ def per_sample(name: str, engine: str, samples: int, folder: Path) -> None:
 def per_task_of_a_cluster(folder: Path) -> None:
     """Processor time, for each task, of the process that hands chunks out, with the scheduler in it."""
     code = VECTORISED.replace("def propagate", "chunk = 2\n\n    def propagate")
-    work = work_of(read_campaign(written(folder, "", code, samples=2 * TRIVIAL)), folder / "run")
+    work = chunk_job(read_campaign(write_campaign(folder, "", code, samples=2 * TRIVIAL)), folder / "run")
     with connect(None, 2) as (cluster, _), patch.object(clusters, "MOST", 1):
         began = time.process_time()
         run_chunks(work, 2, SILENT, elsewhere=cluster.fly)

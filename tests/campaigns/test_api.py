@@ -60,7 +60,7 @@ def test_a_campaign_refuses_what_it_cannot_change(tmp_path: Path) -> None:
     path = tmp_path / "campaign.toml"
     path.write_text(tomli_w.dumps(described()))
     with pytest.raises(
-        mcnav.CampaignError, match=r"store: cannot take the place of a Campaign's; samples and seed can"
+        mcnav.CampaignError, match=r"store: cannot be replaced in a Campaign; only samples and seed can"
     ):
         mcnav.fly(mcnav.read_campaign(path), tmp_path / "run", store="summary")  # type: ignore[arg-type]
 
@@ -70,8 +70,8 @@ def test_a_campaign_refuses_what_it_cannot_change(tmp_path: Path) -> None:
     [
         ({"seed": "one"}, r"^campaign: seed: got 'one'; expected a whole number$"),
         ({"errors": {"altitud": "1 m"}}, r"^campaign: errors.altitud: "),
-        ({"name": None}, r"^campaign: holds what no campaign file can \(.*NoneType.*\); use text, numbers"),
-        ({"scenario": {"type": "nowhere.py:Mine"}}, r"^campaign: scenario.type: nowhere.py is not there"),
+        ({"name": None}, r"^campaign: contains what no campaign file can \(.*NoneType.*\); use text, numbers"),
+        ({"scenario": {"type": "nowhere.py:Mine"}}, r"^campaign: scenario.type: nowhere.py does not exist"),
     ],
 )
 def test_a_dictionary_with_a_mistake(more: dict[str, Any], line: str, tmp_path: Path) -> None:

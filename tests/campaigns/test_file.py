@@ -150,7 +150,7 @@ def test_distributions() -> None:
         ("accept", {"quantile": [{"output": "range", "probability": 0.9, "below": "1 km", "abov": 3}]},
          "accept.quantile #1.abov: unknown key; expected one of output, probability, below"),
         ("accept", {"cep": [{"outputs": ["altitude"], "below": "1 km"}]},
-         "accept.cep #1.outputs: got 1 names; expected two"),
+         "accept.cep #1.outputs: got a list of length 1; expected at"),
         ("accept", {"cep": [{"outputs": ["altitude", "altitude"], "below": "1 km"}]},
          "accept.cep #1.outputs: got 'altitude' twice"),
         ("accept", {"cep": [{"outputs": ["altitude", "range_rate"], "below": "1 km"}]},
@@ -235,8 +235,8 @@ def test_impossible_correlations() -> None:
     tables = [{"between": [a, b], "coefficient": c} for a, b, c in pairs]
     (line,) = _mistakes(content(correlations=tables))
     assert line == (
-        "test.toml: correlations: together they are no correlation matrix: its smallest eigenvalue is -0.8, and must "
-        "not be negative"
+        "test.toml: correlations: together they are not a correlation matrix: its smallest eigenvalue is -0.8; "
+        "expected none below zero"
     )
 
 
@@ -248,7 +248,10 @@ def test_impossible_correlations() -> None:
             {"between": ["altitude", "speed"], "coefficient": 0.5},
             "correlations #1.between: unknown error source 'speed'",
         ),
-        ({"between": ["altitude"], "coefficient": 0.5}, "correlations #1.between: got 1 names; expected two"),
+        (
+            {"between": ["altitude"], "coefficient": 0.5},
+            "correlations #1.between: got a list of length 1; expected at",
+        ),
         ({"between": ["altitude", "range"], "coefficient": 1.5}, "correlations #1.coefficient: got 1.5"),
         ({"between": ["altitude", "range"]}, "correlations #1: got neither; expected coefficient (Pearson's) or rank_"),
         (
@@ -317,12 +320,12 @@ def _table(path: Path, **entry: Any) -> dict[str, Any]:
     ("text", "entry", "line"),
     [
         ("x\n1\n2\n", {"column": "y"}, "column: {} has no column 'y'; expected one of x"),
-        ("x\n1\nb\n", {}, "column: {}, 'x': holds something that is no number"),
+        ("x\n1\nb\n", {}, "column: {}, 'x': contains an entry that is not a number"),
         ('x\n1\n""\n3\n', {}, "column: {}, 'x': a value is missing or not finite"),
-        ("x\n1\n1\n", {}, "column: {}, 'x': it needs two different values at least"),
-        ("x\n", {}, "column: {}, 'x': it needs two different values at least"),
-        ("", {}, "file: {}: is no table: No columns to parse from file"),
-        ("x\n1\n2\n", {"sha256": "0"}, "sha256: {} does not hold the values that it did"),
+        ("x\n1\n1\n", {}, "column: {}, 'x': expected at least two different values"),
+        ("x\n", {}, "column: {}, 'x': expected at least two different values"),
+        ("", {}, "file: {}: is not a table: No columns to parse from file"),
+        ("x\n1\n2\n", {"sha256": "0"}, "sha256: the values in {} have changed since the run"),
         ("x\n1\n2\n", {"colour": "0"}, "colour: unknown key of a table"),
     ],
 )

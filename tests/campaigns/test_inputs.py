@@ -17,13 +17,21 @@ import mcnav
 from mcnav.cli import app
 from mcnav.config.read import read_campaign
 from mcnav.errors import CampaignError, RunFolderError
-from mcnav.scenarios.inputs import InputFile, content_of, inputs_of, is_input, named_apart, plain_name, watched
+from mcnav.progress import Silent
+from mcnav.scenarios.inputs import (
+    InputFile,
+    content_of,
+    find_inputs,
+    is_input,
+    record_opened_files,
+    safe_name,
+    with_unique_names,
+)
 from mcnav.store import inputs as campaign_inputs
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.compare import compare_runs
 from mcnav.workflow.replay import as_stored, replay
 from mcnav.workflow.run import run_campaign
-from tests.conftest import Interrupting
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -157,10 +165,10 @@ def test_settings_of_every_type_arrive_as_they_are_declared(tmp_path: Path) -> N
         ("table", '"../x"', "scenario.table: got '../x'; the file must lie beside the campaign file"),
         ("table", '"a\\\\..\\\\x"', "the file must lie beside the campaign file"),
         ("table", '"a\\u0000b"', "the file must lie beside the campaign file"),
-        ("table", '"nowhere.txt"', "nowhere.txt is not there; its place is relative to the campaign file"),
-        ("table", '"below"', "below cannot be read: is no file"),
+        ("table", '"nowhere.txt"', "nowhere.txt does not exist; paths are relative to the campaign file"),
+        ("table", '"below"', "below cannot be read: is not a regular file"),
         ("table", '""', "the file must lie beside the campaign file"),
-        ("table", '"pipe"', "pipe cannot be read: is no file"),
+        ("table", '"pipe"', "pipe cannot be read: is not a regular file"),
     ],
 )
 def test_settings_of_the_wrong_type_are_told_in_one_line(key: str, value: str, message: str, tmp_path: Path) -> None:
@@ -296,6 +304,17 @@ def test_replay_refuses_a_changed_file_that_was_only_noticed(tmp_path: Path) -> 
         replay(tmp_path / "run", 5, campaign)
 
 
+class ChangingProgress(Silent):
+    """Progress that replaces a file whenever samples become ready."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def advance(self, samples: int, stored: bool = False) -> None:
+        self.path.unlink()
+        self.path.write_text("3\n")
+
+
 @pytest.mark.parametrize("where", ["declared", "made", "flown"])
 @pytest.mark.parametrize("engine", ["threads", "processes"])
 def test_a_file_that_changes_while_the_run_goes_on(where: str, engine: str, tmp_path: Path) -> None:
@@ -306,9 +325,9 @@ def test_a_file_that_changes_while_the_run_goes_on(where: str, engine: str, tmp_
         code = code.replace("def propagate", "def fly")
     (tmp_path / "mine.py").write_text(code)
 
-    change = Interrupting(lambda: (tmp_path / "table.txt").write_text("3\n"))
+    progress = ChangingProgress(tmp_path / "table.txt")
     with pytest.raises(RunFolderError) as refused:
-        run_campaign(read_campaign(campaign), tmp_path / "run", None, 1, progress=change)
+        run_campaign(read_campaign(campaign), tmp_path / "run", None, 1, progress=progress)
     assert str(refused.value) == (
         f"{tmp_path / 'table.txt'}: has changed; samples stored in {tmp_path / 'run'} come from the file as it was: "
         "restore it, or replace them with --fresh"
@@ -327,9 +346,9 @@ def test_a_file_that_changes_while_the_run_goes_on(where: str, engine: str, tmp_
 def test_a_file_that_changes_at_the_very_end(tmp_path: Path) -> None:
     """After the last chunk is stored: the run is not complete."""
     campaign = declared(tmp_path, "2\n")
-    change = Interrupting(lambda: (tmp_path / "table.txt").unlink() or (tmp_path / "table.txt").write_text("3\n"))
+    progress = ChangingProgress(tmp_path / "table.txt")
     with pytest.raises(RunFolderError, match="has changed; samples stored in"):
-        run_campaign(read_campaign(campaign), tmp_path / "run", None, 1, progress=change)
+        run_campaign(read_campaign(campaign), tmp_path / "run", None, 1, progress=progress)
     assert len(list((tmp_path / "run" / "samples").glob("part-*.parquet"))) == 1
 
 
@@ -373,7 +392,7 @@ def test_a_pipe_is_no_input(tmp_path: Path) -> None:
     """Its content cannot be read again; opened without waiting for a writer."""
     os.mkfifo(tmp_path / "pipe")
     campaign = written(tmp_path, made=f"os.close(os.open({str(tmp_path / 'pipe')!r}, os.O_RDONLY | os.O_NONBLOCK))")
-    with pytest.raises(CampaignError, match=r"mine\.py reads .*pipe, which is no regular file"):
+    with pytest.raises(CampaignError, match=r"mine\.py reads .*pipe, which is not a regular file"):
         read_campaign(campaign)
 
 
@@ -391,7 +410,7 @@ def test_what_counts_as_an_input(tmp_path: Path) -> None:
 
     other = threading.Thread(target=another)
     other.start()
-    with watched() as found:
+    with record_opened_files() as found:
         (tmp_path / "read.csv").read_bytes()
         (tmp_path / "link.csv").read_bytes()
         own = threading.Thread(target=(tmp_path / "own thread.csv").read_text)
@@ -412,8 +431,8 @@ def test_what_counts_as_an_input(tmp_path: Path) -> None:
         go.set()
         done.wait(60)
     other.join()
-    (tmp_path / "module.py").read_text()  # no longer watched
-    named = named_apart(inputs_of(found, "mine.py").values())
+    (tmp_path / "module.py").read_text()  # no longer record_opened_files
+    named = with_unique_names(find_inputs(found, "mine.py").values())
     assert [file.name for file in named] == ["link.csv", "own thread.csv"]
 
 
@@ -433,13 +452,13 @@ def test_places_of_inputs(path: str, counts: bool) -> None:
 
 
 def test_names_are_safe_and_apart(tmp_path: Path) -> None:
-    assert plain_name("/x/../..") == "file"
-    assert plain_name("/x/.hidden\n<b>.csv") == "hidden__b_.csv"
-    assert len(plain_name("x" * 500)) == 100
+    assert safe_name("/x/../..") == "file"
+    assert safe_name("/x/.hidden\n<b>.csv") == "hidden__b_.csv"
+    assert len(safe_name("x" * 500)) == 100
     places = ["/a/x/t.csv", "/b/x/t.csv", "/b/T.csv", "/x_t.csv"]
-    names = [file.name for file in named_apart(InputFile("", place, "", 0) for place in places)]
+    names = [file.name for file in with_unique_names(InputFile("", place, "", 0) for place in places)]
     assert len({name.casefold() for name in names}) == len(places)
-    assert names == [file.name for file in named_apart(InputFile("", place, "1", 1) for place in places)]
+    assert names == [file.name for file in with_unique_names(InputFile("", place, "1", 1) for place in places)]
 
 
 def test_content_is_told_by_content(tmp_path: Path) -> None:

@@ -233,7 +233,7 @@ def test_settings_have_units(tmp_path: Path) -> None:
         ("class Mine", "raise SystemExit\nclass Mine", "mine.py cannot be executed: SystemExit"),
         ('"m", "m", 1.0', '"m", "s", 1.0', "Mine.sources: 'm' shown in 's'"),
         ('"m", "m", 1.0', '"m", "m", 0.0', "Mine.sources: a needs a usual size above zero; got 0.0"),
-        ('"a", "m"', '"a b", "m"', "Mine.sources: 'a b' is no name"),
+        ('"a", "m"', '"a b", "m"', "Mine.sources: 'a b' is not a name"),
         ('(Source("a", "m", "m", 1.0),)', "()", "Mine.sources must be one or more Source of mcnav; got ()"),
         ("def fly", "def flie", "Mine has neither propagate, for many samples, nor fly, for one"),
         ("def fly", "settings = 3\n    def fly", "Mine.settings must give a unit for each name"),
@@ -272,7 +272,7 @@ def test_what_cannot_be_flown_is_told_before_the_flight(before: str, after: str,
 @pytest.mark.parametrize(
     ("kind", "message"),
     [
-        ("nowhere.py:Mine", "nowhere.py is not there; its place is relative to the campaign file"),
+        ("nowhere.py:Mine", "nowhere.py does not exist; paths are relative to the campaign file"),
         ("mine.py", "got 'mine.py'; expected one of reentry, cruise, hover, or a file and class"),
         ("mine.py:not a class", "got 'mine.py:not a class'; expected one of"),
     ],
@@ -362,7 +362,7 @@ def test_a_new_scenario_runs_as_it_stands(tmp_path: Path) -> None:
     pytests = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-c", os.devnull, test]
     passed = run_to_end(pytests, cwd=tmp_path, env=_environment())
     assert passed.returncode == 0, passed.stdout
-    with pytest.raises(CampaignError, match="is there already"):
+    with pytest.raises(CampaignError, match="exists already"):
         new_scenario("my_system", tmp_path)
 
 
@@ -375,7 +375,7 @@ def test_a_new_campaign_runs_as_it_stands(kind: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["", "2", "a b", "../x", "class", "a.b", "x" * 99])
 def test_names_that_will_not_do(name: str, tmp_path: Path) -> None:
-    with pytest.raises(CampaignError, match="is no name for files"):
+    with pytest.raises(CampaignError, match="cannot name a file"):
         new_scenario(name, tmp_path)
     assert not list(tmp_path.iterdir())
 

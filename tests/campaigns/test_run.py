@@ -21,7 +21,7 @@ from mcnav.store.provenance import commit
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.analyse import report_run, summary_of
 from mcnav.workflow.run import run_campaign
-from tests.conftest import Told, campaign, content
+from tests.conftest import RecordedProgress, campaign, content
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -146,12 +146,12 @@ def test_a_missing_or_damaged_part_is_flown_again(tmp_path: Path) -> None:
     parts[1].write_bytes(content)
     with pytest.raises(RunFolderError, match=r"part-00000\.parquet: cannot be read"):
         report_run(folder)
-    told = Told()
-    done = run_campaign(run, folder, "ensemble", 1, progress=told)
+    progress = RecordedProgress()
+    done = run_campaign(run, folder, "ensemble", 1, progress=progress)
     assert _digests(folder) == before
-    assert told.samples == 20_000
-    assert told.stored == 20_000 - 2 * 8_192
-    assert told.phases == [
+    assert progress.samples == 20_000
+    assert progress.stored == 20_000 - 2 * 8_192
+    assert progress.phases == [
         (Phase.PREPARING, None, ""),
         (Phase.SIMULATING, 20_000, ""),
         (Phase.ANALYSING, None, ""),

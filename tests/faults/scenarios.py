@@ -1,4 +1,4 @@
-"""Scenarios of one's own that misbehave in one way each, and the campaigns that fly them."""
+"""User-defined scenarios that fail in one way each, and their campaigns."""
 
 from __future__ import annotations
 
@@ -51,8 +51,8 @@ class Mine:
 """
 
 
-def written(folder: Path, body: str, code: str = SINGLE, samples: int = 100, more: str = "") -> Path:
-    """A campaign of the class ``Mine`` whose code has some lines in it."""
+def write_campaign(folder: Path, body: str, code: str = SINGLE, samples: int = 100, more: str = "") -> Path:
+    """Write a campaign of the class ``Mine`` with the given lines in its code; return its path."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "mine.py").write_text(
         code.replace("BODY", textwrap.indent(textwrap.dedent(body), " " * 8).strip() or "pass")
@@ -63,8 +63,8 @@ def written(folder: Path, body: str, code: str = SINGLE, samples: int = 100, mor
     return path
 
 
-def work_of(run: Campaign, folder: Path, engine: str | None = None) -> ChunkJob:
-    """What a run of a campaign sends to its workers, without the flights on the side."""
+def chunk_job(run: Campaign, folder: Path, engine: str | None = None) -> ChunkJob:
+    """Build the job that a run sends to its workers."""
     errors, scenario = run.errors, run.scenario
     probes = errors.draw(run.design, run.seed, run.samples, 0, min(64, run.samples))
     prepared = prepare_engine(scenario, engine or scenario.engines[0], probes, errors.mean, errors.standard_deviations)
@@ -80,17 +80,17 @@ def work_of(run: Campaign, folder: Path, engine: str | None = None) -> ChunkJob:
 
 
 def environment() -> dict[str, str]:
-    """Of a process that runs this tree's program."""
+    """Return the environment of a process that runs this tree's program."""
     return os.environ | {"PYTHONPATH": str(ROOT), "COLUMNS": "200"}
 
 
 def command(*arguments: object) -> list[str]:
-    """The program's command line."""
+    """Return the command line of the program."""
     return [sys.executable, "-m", "mcnav", *map(str, arguments)]
 
 
 def undrawn_command(*arguments: object) -> list[str]:
-    """The program's command line, for a run whose report is not at stake."""
+    """Return the command line of the program without report pages."""
     return [sys.executable, "-m", "tests.undrawn", *map(str, arguments)]
 
 

@@ -106,8 +106,8 @@ OPTIONS = {
     "an index of a file": (["index", "good.toml"], "good.toml: Not a directory"),
     "start times of cruise": (["start-times", "cruise.toml"], "cruise.toml: scenario: has no start times"),
     "partials at its start times": (["partials", "cruise.toml", "--start-times"], "cruise.toml: scenario: has no"),
-    "a campaign that is there": (["new", "campaign", "good"], "good.toml: is there already"),
-    "a name that is none": (["new", "campaign", "2x"], "2x: is no name for files"),
+    "a campaign that is there": (["new", "campaign", "good"], "good.toml: exists already"),
+    "a name that is none": (["new", "campaign", "2x"], "2x: cannot name a file"),
     "no such scheduler": (["run", "good.toml", "--scheduler", "nowhere"], "nowhere: is no scheduler"),
 }
 

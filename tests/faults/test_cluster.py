@@ -29,7 +29,7 @@ from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.run import run_campaign
 from tests.conftest import ROOT, Interrupting, campaign
 from tests.faults.kills import digests, left_of
-from tests.faults.scenarios import VECTORISED, command, environment, work_of, written
+from tests.faults.scenarios import VECTORISED, chunk_job, command, environment, write_campaign
 from tests.faults.test_failures import LIMIT, REASONS
 from tests.processes import LONG, run_to_end, running, wait_for
 
@@ -62,7 +62,7 @@ def test_a_file_that_a_scenario_reads(where: str, cluster: Cluster, tmp_path: Pa
     body = f"self.gain = getattr(self, 'gain', None) or {read}" if where == "flown" else "self.gain = GAIN"
     code = VECTORISED.replace("class Mine", f"GAIN = {read}\n\nclass Mine" if where == "executed" else "class Mine")
     table.write_text("2")
-    path = written(tmp_path, body, code.replace("2.0 * a", "self.gain * a"))
+    path = write_campaign(tmp_path, body, code.replace("2.0 * a", "self.gain * a"))
     for gain in (2.0, 3.0):
         table.write_text(f"{gain:g}")
         for folder, flyers in (("here", None), ("there", cluster.fly)):
@@ -91,7 +91,7 @@ def test_a_file_that_a_scenario_reads(where: str, cluster: Cluster, tmp_path: Pa
 @pytest.mark.parametrize(("engine", "store"), [("ensemble", "samples"), ("ensemble", "summary"), ("map", "samples")])
 def test_same_bits(engine: str, store: str, cluster: Cluster, tmp_path: Path) -> None:
     run = campaign(1, samples=20_000, store=store)
-    work = work_of(run, tmp_path / "here", engine)
+    work = chunk_job(run, tmp_path / "here", engine)
     there = replace(work, folder=RunFolder(tmp_path / "there"))
     there.folder.parts.mkdir(parents=True)
     _, flown = run_chunks(work, 1, SILENT)
@@ -120,7 +120,7 @@ def test_a_killed_worker(together: int, cluster: Cluster, tmp_path: Path, monkey
     monkeypatch.setattr(clusters, "SHARES", 30 // together)
     cluster.client.wait_for_workers(2)
     code = VECTORISED.replace("def propagate", "chunk = 5\n\n    def propagate")
-    work = work_of(read_campaign(written(tmp_path, "time.sleep(0.05)", code, samples=300)), tmp_path / "here")
+    work = chunk_job(read_campaign(write_campaign(tmp_path, "time.sleep(0.05)", code, samples=300)), tmp_path / "here")
     there = replace(work, folder=RunFolder(tmp_path / "there"))
     there.folder.parts.mkdir(parents=True)
     run_chunks(work, 4, SILENT)
@@ -139,11 +139,11 @@ def test_a_killed_worker(together: int, cluster: Cluster, tmp_path: Path, monkey
 
 def test_a_chunk_that_always_kills_its_worker(cluster: Cluster, tmp_path: Path) -> None:
     """It does not hang: dask gives up, and the one sample at fault is found, as for any deadly sample."""
-    calm = read_campaign(written(tmp_path / "calm", "", VECTORISED, samples=100))
+    calm = read_campaign(write_campaign(tmp_path / "calm", "", VECTORISED, samples=100))
     value = float(calm.errors.draw("random", 1, 100, 0, 100)[17, 0])
     code = VECTORISED.replace("import time", "import os").replace("def prop", "chunk = 10\n\n    def prop")
-    path = written(tmp_path / "hit", f"if (a == {value!r}).any(): os._exit(9)", code)
-    run_chunks(work_of(calm, tmp_path / "calm" / "run"), 1, SILENT)
+    path = write_campaign(tmp_path / "hit", f"if (a == {value!r}).any(): os._exit(9)", code)
+    run_chunks(chunk_job(calm, tmp_path / "calm" / "run"), 1, SILENT)
     done = mcnav_run(path, "--scheduler", cluster.address, "--out", tmp_path / "hit" / "run")
     assert done.exit_code == 3, done.output
     assert "1 of 100 samples failed" in " ".join(done.output.split())
@@ -155,13 +155,13 @@ def test_a_chunk_that_always_kills_its_worker(cluster: Cluster, tmp_path: Path) 
 
 def test_poison_samples_fail_alone(cluster: Cluster, tmp_path: Path) -> None:
     """Flown in processes of their own they do not even end the worker; the limit of time holds."""
-    calm = read_campaign(written(tmp_path / "calm", "", samples=60))
+    calm = read_campaign(write_campaign(tmp_path / "calm", "", samples=60))
     drawn = calm.errors.draw("random", 1, 60, 0, 60)[:, 0]
     chosen = dict(zip(np.sort(drawn)[: len(POISON)].tolist(), POISON, strict=True))
     body = "\n".join(f"if a == {value!r}:\n    {act}" for value, act in chosen.items())
-    run = read_campaign(written(tmp_path / "hit", body, samples=60, more=LIMIT))
+    run = read_campaign(write_campaign(tmp_path / "hit", body, samples=60, more=LIMIT))
     cluster.client.wait_for_workers(2)
-    before, work = workers(cluster), work_of(run, tmp_path / "run")
+    before, work = workers(cluster), chunk_job(run, tmp_path / "run")
     assert run_chunks(work, 2, SILENT, elsewhere=cluster.fly)[1] == 60
     samples = pd.read_parquet(tmp_path / "run" / "samples")
     expected = [f"failed: {REASONS[chosen[value]]}" if value in chosen else "ok" for value in drawn.tolist()]
@@ -176,7 +176,7 @@ def test_poison_samples_fail_alone(cluster: Cluster, tmp_path: Path) -> None:
 def test_a_cluster_that_is_lost(cluster: Cluster, tmp_path: Path) -> None:
     """One line, at once; what is stored is kept."""
     code = VECTORISED.replace("def propagate", "chunk = 5\n\n    def propagate")
-    work = work_of(read_campaign(written(tmp_path, "time.sleep(0.02)", code, samples=300)), tmp_path / "run")
+    work = chunk_job(read_campaign(write_campaign(tmp_path, "time.sleep(0.02)", code, samples=300)), tmp_path / "run")
     with connect(cluster.address) as (lost, _):
         ready = [0]
 
@@ -204,7 +204,7 @@ def test_a_cluster_without_workers(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_refusals(cluster: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """One line each, exit status 2, nothing flown."""
-    path = written(tmp_path, "")
+    path = write_campaign(tmp_path, "")
     there = ("--scheduler", cluster.address)
 
     def refused(*arguments: object) -> str:
@@ -257,8 +257,8 @@ def test_a_chunk_that_nobody_wants_any_more(cluster: Cluster, tmp_path: Path) ->
         except FileExistsError:
             a = a * np.nan
     """
-    run = read_campaign(written(tmp_path, body, code, samples=400))
-    work = work_of(run, tmp_path / "run")
+    run = read_campaign(write_campaign(tmp_path, body, code, samples=400))
+    work = chunk_job(run, tmp_path / "run")
     with pytest.raises(TooManyFailures, match=r"50 of the .* samples flown so far failed, where 49 may"):
         run_chunks(work, 2, SILENT, most_failures=49, elsewhere=cluster.fly)
     left = digests(tmp_path / "run")
@@ -274,7 +274,7 @@ def test_nobody_is_left(sign: signal.Signals, status: int, tmp_path: Path) -> No
     """Ctrl-C, which reaches all processes of a terminal; a kill of the parent alone."""
     (tmp_path / "scratch").mkdir()
     code = VECTORISED.replace("def propagate", "chunk = 5\n\n    def propagate")
-    path = written(tmp_path, "time.sleep(0.1)", code, samples=2_000)
+    path = write_campaign(tmp_path, "time.sleep(0.1)", code, samples=2_000)
     options = ("--out", tmp_path / "run", "--dask", 2, "--timeout", "100 s")
     there = environment() | {"TMPDIR": str(tmp_path / "scratch")}
     with running(command("run", path, *options), env=there) as process:

@@ -18,7 +18,7 @@ from mcnav.errors import CampaignError, RunFolderError, TooManyFailures
 from mcnav.workflow.replay import as_stored, replay, write_replay
 from mcnav.workflow.run import run_campaign
 from tests.conftest import campaign
-from tests.faults.scenarios import VECTORISED, written
+from tests.faults.scenarios import VECTORISED, write_campaign
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -38,11 +38,11 @@ REASONS = {
 
 def test_poison_samples_fail_alone(tmp_path: Path) -> None:
     """Whatever they do, each is one row with its reason; the others come out as they would have without them."""
-    calm = read_campaign(written(tmp_path / "calm", "", samples=60))
+    calm = read_campaign(write_campaign(tmp_path / "calm", "", samples=60))
     drawn = calm.errors.draw("random", 1, 60, 0, 60)[:, 0]
     chosen = dict(zip(np.sort(drawn)[: len(REASONS)].tolist(), REASONS, strict=True))
     body = "\n".join(f"if a == {value!r}:\n    {act}" for value, act in chosen.items())
-    poisoned = read_campaign(written(tmp_path / "hit", body, samples=60, more=LIMIT))
+    poisoned = read_campaign(write_campaign(tmp_path / "hit", body, samples=60, more=LIMIT))
     summary = run_campaign(poisoned, tmp_path / "hit" / "run", None, 2).summary
     run_campaign(calm, tmp_path / "calm" / "run", None, 1)
     hit, other = (mcnav.samples_of(tmp_path / name / "run") for name in ("hit", "calm"))
@@ -56,7 +56,7 @@ def test_poison_samples_fail_alone(tmp_path: Path) -> None:
 
 def test_flights_on_the_side_may_end_their_process(tmp_path: Path) -> None:
     """The unscented transform's points lie where every flight is deadly, and there is one worker only."""
-    run = read_campaign(written(tmp_path, "if abs(a) > 0.9: os._exit(9)", samples=8))
+    run = read_campaign(write_campaign(tmp_path, "if abs(a) > 0.9: os._exit(9)", samples=8))
     summary = run_campaign(run, tmp_path / "run", None, 1).summary
     samples = mcnav.samples_of(tmp_path / "run")
     assert ((samples["status"] != "ok") == (samples["error a [m]"].abs() > 0.9)).all()
@@ -66,10 +66,10 @@ def test_flights_on_the_side_may_end_their_process(tmp_path: Path) -> None:
 
 def test_a_vectorised_sample_that_hangs(tmp_path: Path) -> None:
     """With a limit it flies in worker processes; the call is told to stop, and who was at fault is found."""
-    calm = read_campaign(written(tmp_path / "calm", "", VECTORISED, samples=60))
+    calm = read_campaign(write_campaign(tmp_path / "calm", "", VECTORISED, samples=60))
     largest = float(calm.errors.draw("random", 1, 60, 0, 60)[:, 0].max())
     body = f"if (a == {largest!r}).any(): time.sleep(60)"
-    run = read_campaign(written(tmp_path, body, VECTORISED, samples=60, more=LIMIT))
+    run = read_campaign(write_campaign(tmp_path, body, VECTORISED, samples=60, more=LIMIT))
     summary = run_campaign(run, tmp_path / "run", None, 1).summary
     samples = mcnav.samples_of(tmp_path / "run")
     assert summary["failures"] == {"failed: took longer than 3 s": 1}
@@ -78,7 +78,7 @@ def test_a_vectorised_sample_that_hangs(tmp_path: Path) -> None:
 
 def test_too_many_failures_break_off(tmp_path: Path) -> None:
     """What is stored is kept; a run that may go on does."""
-    run = read_campaign(written(tmp_path, "if a > 0.5: raise ValueError('no fuel')", samples=200))
+    run = read_campaign(write_campaign(tmp_path, "if a > 0.5: raise ValueError('no fuel')", samples=200))
     with pytest.raises(TooManyFailures, match=r"of the \d+ samples flown so far failed, where 5 may"):
         run_campaign(run, tmp_path / "run", None, 1, most_failures=5)
     assert 0 < len(list((tmp_path / "run" / "samples").glob("part-*.parquet"))) < 8
@@ -91,7 +91,7 @@ def test_too_many_failures_break_off(tmp_path: Path) -> None:
 
 def test_tracebacks_are_kept_and_replayed(tmp_path: Path) -> None:
     """The traceback is that of the user's own line; the history of such a scenario is its errors and outcomes."""
-    path = written(tmp_path, "if a > 2.2:\n    raise ValueError(f'no fuel at {a}')", samples=60)
+    path = write_campaign(tmp_path, "if a > 2.2:\n    raise ValueError(f'no fuel at {a}')", samples=60)
     run_campaign(read_campaign(path), tmp_path / "run", None, 1)
     samples = mcnav.samples_of(tmp_path / "run")
     index = int(np.flatnonzero(samples["status"] != "ok")[0])
@@ -105,7 +105,7 @@ def test_tracebacks_are_kept_and_replayed(tmp_path: Path) -> None:
     page, table = write_replay(found, tmp_path / "elsewhere")
     assert "no fuel at" in page.read_text()
     assert [row["flown"] for row in csv.DictReader(table.read_text().splitlines())] == ["stored", "again, single"]
-    other = written(tmp_path / "other", "if a > 2.3: raise ValueError('no fuel')", samples=60)
+    other = write_campaign(tmp_path / "other", "if a > 2.3: raise ValueError('no fuel')", samples=60)
     with pytest.raises(RunFolderError, match="is not the campaign that was flown"):
         replay(tmp_path / "run", index, other)
 
@@ -157,7 +157,7 @@ def test_a_million_samples_one_in_a_hundred_failing(tmp_path: Path) -> None:
     values = np.column_stack([2.0 * a, a + a**2])
     return Outcomes(values, {int(row): f"ran dry at {a[row]:.6f}" for row in np.flatnonzero(lost)})
     """
-    path = written(
+    path = write_campaign(
         tmp_path,
         body,
         VECTORISED.replace("import *", "import *\nfrom mcnav import Outcomes"),

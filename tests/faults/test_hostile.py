@@ -30,7 +30,7 @@ from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.analyse import report_run, samples_of, summary_of
 from mcnav.workflow.run import run_campaign
 from tests.conftest import campaign, content
-from tests.faults.scenarios import VECTORISED, mcnav, written
+from tests.faults.scenarios import VECTORISED, mcnav, write_campaign
 from tests.processes import LONG
 
 pytestmark = pytest.mark.usefixtures("undrawn")
@@ -283,7 +283,7 @@ def stored_with_inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("inputs")
     (place / "table.txt").write_text("2")
     reads = f"open({str(place / 'table.txt')!r}).close()\n\nclass Mine:"
-    path = written(place, "pass", VECTORISED.replace("class Mine:", reads))
+    path = write_campaign(place, "pass", VECTORISED.replace("class Mine:", reads))
     run_campaign(read_campaign(path), place / "run", None, 1)
     return place
 
@@ -423,10 +423,10 @@ def test_campaigns_and_code_that_are_pipes_or_endless(tmp_path: Path) -> None:
 
 def test_names_that_are_html_or_mathematics(tmp_path: Path) -> None:
     """Whatever a class of one's own calls its units and events; a name itself must be one."""
-    path = written(tmp_path, "", samples=30)
+    path = write_campaign(tmp_path, "", samples=30)
     code = (tmp_path / "mine.py").read_text().replace('Source("a",', 'Source("<b>",')
     (tmp_path / "mine.py").write_text(code)
-    with pytest.raises(CampaignError, match="is no name"):
+    with pytest.raises(CampaignError, match="is not a name of letters"):
         read_campaign(path)
 
 

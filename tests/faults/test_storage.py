@@ -30,7 +30,7 @@ from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.analyse import report_run
 from mcnav.workflow.run import run_campaign
 from tests.faults.kills import left_of
-from tests.faults.scenarios import SINGLE, VECTORISED, command, environment, undrawn_command, written
+from tests.faults.scenarios import SINGLE, VECTORISED, command, environment, undrawn_command, write_campaign
 from tests.processes import LONG, run_to_end, running, wait_for
 
 pytestmark = pytest.mark.usefixtures("undrawn")
@@ -121,7 +121,7 @@ def test_a_full_disk_and_little_memory(kind: int, most: int, tmp_path: Path) -> 
     body, code = (
         ("", SINGLE) if kind == resource.RLIMIT_FSIZE else ("np.ones(900_000_000) if len(a) > 90 else 0", VECTORISED)
     )
-    path = written(tmp_path, body, code, samples=100)
+    path = write_campaign(tmp_path, body, code, samples=100)
     arguments = ["run", path, "--samples", 2_000, "--jobs", 1, "--out"]
     one_thread = environment() | {"OMP_NUM_THREADS": "1"}
     stopped = run_to_end(command(*arguments, tmp_path / "run"), env=one_thread, preexec_fn=lambda: limited(kind, most))
@@ -152,11 +152,11 @@ HANGS = {"beside": "abs(a) > 0.5", "samples": "abs(a - FIRST) < 1e-12"}
 )
 def test_signals_while_a_sample_hangs(sign: signal.Signals, times: int, place: str, tmp_path: Path) -> None:
     """The first signal breaks off in order, a second one at once; neither waits for the sample, and nobody is left."""
-    calm = read_campaign(written(tmp_path / "calm", "", samples=100))
+    calm = read_campaign(write_campaign(tmp_path / "calm", "", samples=100))
     first = float(calm.errors.draw("random", 1, 100, 0, 1)[0, 0])
     hanging = tmp_path / "hanging"
     body = f"if {HANGS[place]}:\n    open({str(hanging)!r}, 'w').close()\n    time.sleep(100_000)"
-    path = written(tmp_path, body.replace("FIRST", repr(first)), samples=100)
+    path = write_campaign(tmp_path, body.replace("FIRST", repr(first)), samples=100)
     with running(command("run", path, "--out", tmp_path / "run"), env=environment()) as process:
         wait_for(hanging.exists, process)
         for _ in range(times):
@@ -214,10 +214,10 @@ def test_a_folder_that_is_being_read_only_is_told(tmp_path: Path) -> None:
 def test_two_processes_on_one_folder(tmp_path: Path) -> None:
     """One flies; the other is told so, with exit status 4, and touches nothing."""
     go = tmp_path / "go"
-    calm = read_campaign(written(tmp_path, "", samples=300))
+    calm = read_campaign(write_campaign(tmp_path, "", samples=300))
     first_drawn = float(calm.errors.draw("random", 1, 300, 0, 1)[0, 0])
     body = f"while {HANGS['samples']} and not os.path.exists({str(go)!r}): time.sleep(0.01)"
-    path = written(tmp_path, body.replace("FIRST", repr(first_drawn)), samples=300)
+    path = write_campaign(tmp_path, body.replace("FIRST", repr(first_drawn)), samples=300)
     with running(undrawn_command("run", path, "--out", tmp_path / "run"), env=environment()) as first:
         wait_for((tmp_path / "run" / "manifest.json").exists, first)
         second = run_to_end(command("run", path, "--out", tmp_path / "run"), env=environment())

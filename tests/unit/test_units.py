@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from mcnav.units import KINDS, UnitError, conversion, quantity
+from mcnav.units import DIMENSIONS, UnitError, conversion, quantity
 
 ARCSEC = math.pi / 648_000.0
 
@@ -81,5 +81,5 @@ def test_what_cannot_be_read(text: object, unit: str, message: str) -> None:
 
 
 def test_examples_are_of_their_kind() -> None:
-    for unit, kind in KINDS.items():
-        quantity(kind.example, unit)
+    for unit, dimension in DIMENSIONS.items():
+        quantity(dimension.example, unit)

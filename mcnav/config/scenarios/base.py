@@ -1,43 +1,15 @@
-"""What a kind of scenario is to the campaign file."""
+"""Interface between the campaign file and its scenario types."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Any
 
+from mcnav.config.context import FileContext
 from mcnav.config.schema import Table
-from mcnav.errors import Problem
 from mcnav.scenarios.protocol import Scenario, Source
-from mcnav.scenarios.user import SourceFile
-
-
-@dataclass(frozen=True)
-class Kept:
-    """A file that a run was made with, by its digest, and its copy in the run folder if there is one."""
-
-    sha256: str
-    copy: Path | None
-
-
-@dataclass(frozen=True)
-class FileContext:
-    """Where a table stands.
-
-    Attributes
-    ----------
-    file : str
-        The campaign file's name, for messages.
-    folder : Path
-        Folder of what lies beside it.
-    kept : mapping of str to Kept
-        Files of a run that is to be repeated, by setting: a copy takes the place of a file that has changed since.
-    """
-
-    file: str
-    folder: Path
-    kept: Mapping[str, Kept] = field(default_factory=dict)
+from mcnav.scenarios.user_code import SourceFile
 
 
 @dataclass(frozen=True)
@@ -46,11 +18,10 @@ class ScenarioSpec:
 
     Attributes
     ----------
-    scenario : Scenario
     resolved : mapping
-        The table with every default spelled out; it builds the same scenario again.
-    code : Code, optional
-        The file of the user's own that the scenario is made of.
+        Table with every default spelled out; it defines the same scenario.
+    code : SourceFile, optional
+        File of a user-defined scenario.
     """
 
     scenario: Scenario
@@ -60,18 +31,19 @@ class ScenarioSpec:
 
 @dataclass(frozen=True)
 class ScenarioType:
-    """A kind of scenario.
+    """A type of scenario.
 
     Attributes
     ----------
     table : type of Table
-        What ``[scenario]`` may hold.
-    describe : callable
-        Table as read, its entries as written, place, list of mistakes to add to: the scenario, or none.
+        Model of ``[scenario]``.
+    read : callable
+        Builds the scenario from the validated table, its entries as written and the context. Raises `ScenarioError`,
+        or adds several mistakes to the context and returns None.
     sources : sequence of Source, optional
-        What ``[errors]`` may hold while the table itself is wrong; by default nothing is said of it then.
+        Sources against which ``[errors]`` is checked when ``[scenario]`` itself is wrong.
     """
 
     table: type[Table]
-    describe: Callable[[Any, Mapping[str, Any], FileContext, list[Problem]], ScenarioSpec | None]
+    read: Callable[[Any, Mapping[str, Any], FileContext], ScenarioSpec | None]
     sources: Sequence[Source] | None = None

@@ -1,4 +1,4 @@
-"""``type = "reentry"``: the system of NASA TN D-1772 in a campaign file."""
+"""``type = "reentry"``: the system of NASA TN D-1772."""
 
 from __future__ import annotations
 
@@ -7,12 +7,11 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from mcnav.config.scenarios.base import FileContext, ScenarioSpec
+from mcnav.config.context import FileContext
+from mcnav.config.scenarios.base import ScenarioSpec
 from mcnav.config.schema import AreaPerMass, Duration, Length, Number, Speed, Table, TimePerLength
 from mcnav.constants import BALLISTIC_COEFFICIENT, EARTH_RADIUS
-from mcnav.errors import Problem
 from mcnav.physics.reentry.vehicle import ConstantLift, LiftLaw, VariableLift, Vehicle
-from mcnav.scenarios.protocol import ScenarioError
 from mcnav.scenarios.reentry import Flight, Reentry
 from mcnav.scenarios.table_i import TABLE_I, common_start, start_state
 
@@ -33,7 +32,7 @@ class VariableLiftTable(Table):
 
 
 class FirstPointTable(Table):
-    """Where the truth begins, as NASA TN D-1772, eq. (18): ranges are r_E theta and r_E theta_dot."""
+    """First point of the truth, NASA TN D-1772, eq. (18): ranges are r_E theta and r_E theta_dot."""
 
     altitude: Annotated[Length, Field(gt=0.0)]
     range: Length
@@ -55,45 +54,37 @@ class ReentryTable(Table):
     accelerometers_off_above: Annotated[Length, Field(gt=0.0)] | None = None
 
 
-def _read_flight(table: ReentryTable, place: FileContext, problems: list[Problem]) -> Flight | None:
-    """What to fly: a row of Table I, with whatever is spelled out in its place."""
+def _lift_law(table: ConstantLiftTable | VariableLiftTable) -> LiftLaw:
+    if isinstance(table, ConstantLiftTable):
+        return ConstantLift(table.lift_to_drag)
+    return VariableLift(table.gain, table.limit)
+
+
+def _read_flight(table: ReentryTable, context: FileContext) -> Flight | None:
+    """Read the flight: a row of Table I, whose entries the table may replace; mistakes are added to the context."""
     row = None if table.trajectory is None else TABLE_I[table.trajectory]
-    law: LiftLaw | None = row.lift_law if row else None
+    law = row.lift_law if row is not None else None
     if table.lift_law is not None:
-        spelled = table.lift_law
-        law = (
-            ConstantLift(spelled.lift_to_drag)
-            if spelled.type == "constant"
-            else VariableLift(spelled.gain, spelled.limit)
-        )
+        law = _lift_law(table.lift_law)
     final_altitude = table.final_altitude
     if final_altitude is None and row is not None:
         final_altitude = row.final_altitude
     for key, value in (("lift_law", law), ("final_altitude", final_altitude)):
         if value is None:
-            problems.append(
-                Problem(place.file, f"scenario.{key}", "is missing; give it, or a trajectory of Table I by its number")
-            )
-    if table.first_point is not None and table.trajectory is not None:
-        problems.append(
-            Problem(place.file, "scenario.first_point", "got with a trajectory of Table I, which has its own; keep one")
-        )
+            context.problem(f"scenario.{key}", "is missing; give it, or a trajectory of Table I by its number")
+    at = table.first_point
+    if at is not None and table.trajectory is not None:
+        context.problem("scenario.first_point", "got with a trajectory of Table I, which has its own; keep one")
     if law is None or final_altitude is None:
         return None
-    if table.first_point is not None:
-        at = table.first_point
-        first: tuple[float, ...] = (
-            EARTH_RADIUS + at.altitude,
-            at.range / EARTH_RADIUS,
-            at.altitude_rate,
-            at.range_rate / EARTH_RADIUS,
-        )
+    if at is not None:
+        angle, angular_rate = at.range / EARTH_RADIUS, at.range_rate / EARTH_RADIUS
+        first: tuple[float, ...] = (EARTH_RADIUS + at.altitude, angle, at.altitude_rate, angular_rate)
     else:
         first = start_state(table.trajectory) if table.trajectory else tuple(common_start())
-    ballistic = BALLISTIC_COEFFICIENT if table.ballistic is None else table.ballistic
     return Flight(
         first_point=first,
-        vehicle=Vehicle(law, ballistic),
+        vehicle=Vehicle(law, BALLISTIC_COEFFICIENT if table.ballistic is None else table.ballistic),
         final_altitude=final_altitude,
         start=table.start,
         axes=table.axes,
@@ -101,17 +92,10 @@ def _read_flight(table: ReentryTable, place: FileContext, problems: list[Problem
     )
 
 
-def read_scenario(
-    table: ReentryTable, entries: Mapping[str, Any], place: FileContext, problems: list[Problem]
-) -> ScenarioSpec | None:
-    """The scenario of a table; mistakes are added to the list."""
-    flight = _read_flight(table, place, problems)
+def read_scenario(table: ReentryTable, entries: Mapping[str, Any], context: FileContext) -> ScenarioSpec | None:
+    """Build the scenario; mistakes are added to the context."""
+    flight = _read_flight(table, context)
     if flight is None:
-        return None
-    try:
-        scenario = Reentry(flight)
-    except ScenarioError as wrong:
-        problems.append(Problem(place.file, f"scenario.{wrong.key}", str(wrong)))
         return None
     law = flight.vehicle.lift_law
     lift: dict[str, Any] = (
@@ -125,4 +109,4 @@ def read_scenario(
         "final_altitude": f"{flight.final_altitude!r} m",
         "axes": flight.axes,
     }
-    return ScenarioSpec(scenario, {**defaults, **entries})
+    return ScenarioSpec(Reentry(flight), {**defaults, **entries})

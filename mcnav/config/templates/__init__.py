@@ -1,4 +1,4 @@
-"""New campaigns and scenarios from skeletons that run as they stand."""
+"""Templates of campaigns and scenarios, which run without changes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ TYPES: Final = ("reentry", "cruise", "hover")
 _NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,60}")
 
 
-def _skeleton(name: str, changes: dict[str, str]) -> str:
+def _fill_in(name: str, changes: dict[str, str]) -> str:
+    """Read a template and replace its placeholders."""
     text = files("mcnav.config.templates").joinpath(name).read_text(encoding="utf-8")
     for before, after in changes.items():
         text = text.replace(before, after)
@@ -24,47 +25,47 @@ def _skeleton(name: str, changes: dict[str, str]) -> str:
 
 
 def _write(folder: Path, contents: dict[str, str]) -> list[Path]:
-    """Write files that are all not there yet."""
+    """Write files, none of which exists yet."""
     paths = {folder / name: text for name, text in contents.items()}
-    there = [path for path in paths if path.exists()]
-    if there:
-        raise CampaignError([Problem(str(path), "", "is there already; choose another name") for path in there])
+    existing = [path for path in paths if path.exists()]
+    if existing:
+        raise CampaignError([Problem(str(path), "", "exists already; choose another name") for path in existing])
     folder.mkdir(parents=True, exist_ok=True)
     for path, text in paths.items():
         write_whole(path, text.encode())
     return list(paths)
 
 
-def _checked(name: str) -> None:
+def _check_name(name: str) -> None:
     if not _NAME.fullmatch(name) or keyword.iskeyword(name):
-        raise CampaignError([Problem(name, "", "is no name for files: a letter, then letters, digits and _")])
+        raise CampaignError([Problem(name, "", "cannot name a file; expected a letter, then letters, digits and _")])
 
 
 def new_campaign(name: str, folder: Path, kind: str) -> list[Path]:
-    """Write a campaign file of one of `TYPES`; the paths written.
+    """Write a campaign file of one of `TYPES`; return the path written, in a list.
 
     Raises
     ------
     CampaignError
-        When the name will not do, or the file is there already.
+        When the name cannot be used, or the file exists.
     """
-    _checked(name)
-    return _write(folder, {f"{name}.toml": _skeleton(f"{kind}.toml", {"NAME": name})})
+    _check_name(name)
+    return _write(folder, {f"{name}.toml": _fill_in(f"{kind}.toml", {"NAME": name})})
 
 
 def new_scenario(name: str, folder: Path) -> list[Path]:
-    """Write a scenario, a campaign that flies it and a test of it; the paths written, the campaign second.
+    """Write a scenario, its campaign and its test; return the three paths in that order.
 
     Raises
     ------
     CampaignError
-        When the name will not do, or a file is there already.
+        When the name cannot be used, or a file exists.
     """
-    _checked(name)
+    _check_name(name)
     changes = {"NAME": name, "CLASS": "".join(part[:1].upper() + part[1:] for part in name.split("_"))}
     contents = {
         f"{name}.py": "scenario.py.txt",
         f"{name}.toml": "scenario.toml",
         f"test_{name}.py": "test_scenario.py.txt",
     }
-    return _write(folder, {file: _skeleton(skeleton, changes) for file, skeleton in contents.items()})
+    return _write(folder, {file: _fill_in(template, changes) for file, template in contents.items()})

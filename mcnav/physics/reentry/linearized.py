@@ -133,7 +133,7 @@ def linearize_throughout(trajectory: Trajectory, start: float, theta_axes: float
     Parameters
     ----------
     trajectory, start, theta_axes
-        As those of `linearise`.
+        As those of `linearize`.
     times : ndarray, shape (n,)
         Between the start of navigation and the end.
     """

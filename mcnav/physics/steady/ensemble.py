@@ -249,7 +249,7 @@ def simulate_histories(
     flight : SteadyFlight
     errors : ndarray, shape (n, 18)
     steps : int
-        As for `fly_ensemble`.
+        As for `simulate_ensemble`.
     stops : ndarray of int, shape (m,)
         Rising, from 0 (the start) to ``steps`` (the end).
 
@@ -257,7 +257,7 @@ def simulate_histories(
     -------
     histories : ndarray, shape (n, m, 6)
     valid : ndarray of bool, shape (n,)
-        As for `fly_ensemble`, until the last stop.
+        As for `simulate_ensemble`, until the last stop.
     """
     errors = np.asarray(errors, dtype=float)
     halves = np.linspace(0.0, flight.duration, 2 * steps + 1)

@@ -146,7 +146,7 @@ def test_perfect_correlation_can_be_drawn() -> None:
 def test_impossible_correlations_are_refused() -> None:
     names = ["a", "b", "c"]
     pairs = [Correlation(("a", "b"), 0.9), Correlation(("a", "c"), 0.9), Correlation(("b", "c"), -0.9)]
-    with pytest.raises(CorrelationError, match=r"no correlation matrix: its smallest eigenvalue is -0\.8"):
+    with pytest.raises(CorrelationError, match=r"not a correlation matrix: its smallest eigenvalue is -0\.8"):
         ErrorModel(names, dict.fromkeys(names, Normal(1.0)), pairs)
 
 

@@ -2,7 +2,7 @@
 
 Between nodes the deviation is read out as at a node: c with the remainders of the last four nodes standing in for what
 the final weights have not gathered yet, times the response at the epoch. Forces are integrated up to each epoch. What a
-sample does at its nodes is not touched by the epochs, so that the final errors are those of `fly_ensemble` but for the
+sample does at its nodes is not touched by the epochs, so the final errors are those of `simulate_ensemble` but for the
 intervals over which forces are summed. What stands in costs up to 1e-3 of an epoch's sigma with the nodes that a
 campaign's final errors need, in the first intervals and where the flight ends fast, and under 1e-4 with half as many
 again; at nine epochs in ten it is below 1e-5.
@@ -243,5 +243,5 @@ def history_sums(grid: HistoryGrid, errors: Array) -> PowerSums:
 
 
 def followed_samples(component: Array) -> NDArray[np.bool_]:
-    """Which samples stayed within the kernel's validity, from what `fly_histories` says of each."""
+    """Which samples stayed within the kernel's validity, from what `simulate_histories` says of each."""
     return np.asarray(component >= SMALLEST_COMPONENT)  # false for NaN

@@ -1,0 +1,122 @@
+"""A campaign as the rest of the program uses it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+import tomli_w
+
+from mcnav.config.context import FileContext
+from mcnav.config.requirements import RequirementEntry
+from mcnav.config.schema import CampaignTable
+from mcnav.config.start_times import StartTimesPlan
+from mcnav.config.stopping import StoppingRule
+from mcnav.config.validation import validate
+from mcnav.errors import CampaignError, Problem
+from mcnav.sampling.error_model import ErrorModel
+from mcnav.scenarios.inputs import InputFile
+from mcnav.scenarios.protocol import Scenario, ScenarioError
+from mcnav.scenarios.user import UserScenario
+from mcnav.scenarios.user_code import SourceFile
+
+MOST_STORED: Final = 1_000_000_000
+"""Samples that can be stored one by one."""
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """A campaign, read and checked.
+
+    Attributes
+    ----------
+    samples, seed : int
+        With a stopping rule, samples are the largest number.
+    design : str
+        One of `mcnav.sampling.designs.DESIGNS`.
+    tolerance, confidence : float
+        Criterion of agreement between linear covariance and Monte Carlo.
+    start_times : StartTimesPlan
+        Plan of ``mcnav start-times``; a run does not use it.
+    requirements : tuple of RequirementEntry
+        Requirements of ``[accept]``.
+    tables : mapping of str to bytes
+        Files that the resolved campaign reads, by their relative path.
+    resolved : mapping
+        Content of the file with every default spelled out; written as TOML it defines the same campaign.
+    code : SourceFile, optional
+        File of a user-defined scenario.
+    sample_timeout : float, optional
+        Time limit of one sample, s.
+    store : str
+        ``samples``: all samples are stored; ``summary``: sums for the analysis, of a size independent of their number.
+    file : str
+        Path of the campaign file as given, for messages.
+    """
+
+    name: str
+    samples: int
+    seed: int
+    until: StoppingRule | None
+    design: str
+    tolerance: float
+    confidence: float
+    scenario: Scenario
+    errors: ErrorModel
+    start_times: StartTimesPlan
+    requirements: tuple[RequirementEntry, ...]
+    tables: Mapping[str, bytes]
+    resolved: Mapping[str, Any]
+    code: SourceFile | None = None
+    sample_timeout: float | None = None
+    store: str = "samples"
+    file: str = ""
+
+    def to_toml(self) -> str:
+        """Write the resolved campaign as a campaign file."""
+        return tomli_w.dumps(dict(self.resolved))
+
+    def inputs(self) -> tuple[InputFile, ...]:
+        """Return the files that a user-defined scenario reads; it is linearized to find them.
+
+        Raises
+        ------
+        CampaignError
+            When it cannot be linearized.
+        """
+        if not isinstance(self.scenario, UserScenario):
+            return ()
+        try:
+            return self.scenario.inputs()
+        except ScenarioError as wrong:
+            raise CampaignError([Problem(self.file, f"scenario.{wrong.key}", str(wrong))]) from None
+
+    def with_overrides(self, overrides: Mapping[str, Any]) -> Campaign:
+        """Replace ``samples`` or ``seed``; files that the campaign names are not read again.
+
+        Raises
+        ------
+        CampaignError
+            When another key is given, or a value is wrong.
+        """
+        context = FileContext(self.file, Path())
+        for key in overrides.keys() - {"samples", "seed"}:
+            context.problem(key, "cannot be replaced in a Campaign; only samples and seed can")
+        if context.problems:
+            raise context.error()
+        resolved = {**self.resolved, **overrides}
+        until = None if "samples" in overrides else self.until
+        table = validate(CampaignTable, resolved if until is None else {**resolved, "samples": self.samples}, context)
+        if table is not None:
+            check_stored_samples(table, context)
+        if table is None or context.problems:
+            raise context.error()
+        return replace(self, samples=table.samples, seed=table.seed, until=until, resolved=resolved)
+
+
+def check_stored_samples(table: CampaignTable, context: FileContext) -> None:
+    """Add a mistake when more samples are to be stored one by one than `MOST_STORED`."""
+    if table.store == "samples" and table.samples > MOST_STORED:
+        context.problem("samples", f"got {table.samples}; more than {MOST_STORED} need store = 'summary'")

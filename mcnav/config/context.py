@@ -1,0 +1,69 @@
+"""The campaign file being read: where it lies, and the mistakes found in it so far."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from mcnav.errors import CampaignError, Problem, suggestion
+from mcnav.units import UnitError, quantity
+
+
+@dataclass(frozen=True)
+class Kept:
+    """SHA-256 of a file that a run has read, and the copy in the run folder, if there is one."""
+
+    sha256: str
+    copy: Path | None
+
+
+@dataclass(frozen=True)
+class FileContext:
+    """A campaign file and its mistakes.
+
+    Attributes
+    ----------
+    file : str
+        Name of the campaign file, for messages.
+    folder : Path
+        Folder that relative paths start from.
+    kept : mapping of str to Kept
+        Files of an earlier run by setting: a copy replaces a file that has changed since.
+    problems : list of Problem
+        Mistakes found so far; functions that read a table add theirs and go on.
+    """
+
+    file: str
+    folder: Path
+    kept: Mapping[str, Kept] = field(default_factory=dict)
+    problems: list[Problem] = field(default_factory=list)
+
+    def problem(self, key: str, message: str) -> None:
+        """Add a mistake."""
+        self.problems.append(Problem(self.file, key, message))
+
+    def error(self) -> CampaignError:
+        """Return the exception that lists all mistakes."""
+        return CampaignError(self.problems)
+
+    def quantity(self, value: object, unit: str, key: str) -> float | None:
+        """Read a quantity into an SI unit; when it is wrong, add the mistake and return None."""
+        try:
+            return quantity(value, unit)
+        except UnitError as wrong:
+            self.problem(key, str(wrong))
+            return None
+
+    def check_keys(self, table: Iterable[str], known: list[str], key: str, what: str) -> None:
+        """Add a mistake for each key of a table, other than ``distribution``, that is not known."""
+        for name in table:
+            if name not in known and name != "distribution":
+                self.problem(f"{key}.{name}", f"unknown key of {what}{suggestion(name, known)}")
+
+    def check_names(self, names: Iterable[str], known: list[str], key: str, what: str) -> bool:
+        """Add a mistake for each name in a list that is not known; return whether all are."""
+        unknown = [name for name in names if name not in known]
+        for name in unknown:
+            self.problem(key, f"unknown {what} {name!r}{suggestion(name, known)}")
+        return not unknown

@@ -1,0 +1,71 @@
+"""Campaign files as dictionaries: TOML read within bounds, so that no file takes unbounded time or memory."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import tomli_w
+
+from mcnav.errors import CampaignError, Problem
+
+DOTTED: Final = re.compile(rb"(?:[\w-]{1,100}[ \t]?\.[ \t]?){200}")
+"""Dotted key of more names than any campaign needs; the parser takes time proportional to their square."""
+
+LARGEST_FILE: Final = 1_000_000
+"""Bytes."""
+
+NOT_READABLE: Final = "is not TOML that can be read: it is nested too deeply, or holds a number of too many digits"
+
+
+def load_file(path: Path) -> dict[str, Any]:
+    """Read a TOML file.
+
+    Raises
+    ------
+    CampaignError
+        When it cannot be read, is too large, or is not TOML.
+    """
+    try:
+        if path.is_dir():
+            raise IsADirectoryError
+        with path.open("rb") as file:
+            content = file.read(LARGEST_FILE + 1)
+        if len(content) <= LARGEST_FILE and not DOTTED.search(content):
+            return tomllib.loads(content.decode("utf-8-sig"))
+        message = NOT_READABLE
+        if len(content) > LARGEST_FILE:
+            message = f"is larger than the {LARGEST_FILE} bytes that a campaign file has at most"
+    except IsADirectoryError:
+        message = "is a folder; expected a campaign file in TOML"
+    except FileNotFoundError:
+        message = "no such file; expected a campaign file in TOML"
+    except OSError as failure:
+        message = f"cannot be read: {failure.strerror or failure}"
+    except UnicodeDecodeError as failure:
+        message = f"is not UTF-8 text (byte {failure.start})"
+    except tomllib.TOMLDecodeError as failure:
+        message = f"is not TOML: {failure}"
+    except (RecursionError, ValueError):
+        message = NOT_READABLE
+    raise CampaignError([Problem(str(path), "", message)])
+
+
+def load_mapping(described: Mapping[str, Any], file: str) -> dict[str, Any]:
+    """Convert a mapping to the content of the campaign file with the same entries.
+
+    Raises
+    ------
+    CampaignError
+        When TOML cannot represent an entry.
+    """
+    try:
+        return tomllib.loads(tomli_w.dumps(described))
+    except (TypeError, ValueError, RecursionError) as failure:
+        message = (
+            f"contains what no campaign file can ({failure}); use text, numbers, true or false, lists and dictionaries"
+        )
+        raise CampaignError([Problem(file, "", message)]) from None

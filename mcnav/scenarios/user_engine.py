@@ -1,0 +1,71 @@
+"""Engine of a user-defined scenario: calls ``propagate`` or ``fly`` of the user's class."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.scenarios.protocol import SimulationResult
+from mcnav.scenarios.sample_loop import NOT_FINITE, SampleFailed, simulate_each
+from mcnav.scenarios.timeouts import SampleTimeout, within_limit
+from mcnav.scenarios.user_code import UserScenarioSpec
+
+
+@dataclass(frozen=True)
+class UserEngine:
+    """Engine of the user's class; it is sent to workers as the text of the file."""
+
+    spec: UserScenarioSpec
+    outputs: int
+    parallel: str
+    chunk: int
+    accuracy: str
+
+    def propagate(self, errors: Array) -> SimulationResult:
+        """Simulate samples, shape (n, sources), SI."""
+        instance = self.spec.build().instance
+        if hasattr(instance, "propagate"):
+            try:
+                return self._result(within_limit(lambda: instance.propagate(errors.copy())), len(errors))
+            except MemoryError:
+                raise
+            except (Exception, SystemExit, SampleTimeout):  # simulating each sample alone finds the one at fault
+                return self._simulate_each(lambda row: self._simulate_alone(instance, row), errors)
+        return self._simulate_each(lambda row: _check_row(instance.fly(row), self.outputs), errors)
+
+    def _simulate_alone(self, instance: Any, row: Array) -> Array:
+        result = self._result(instance.propagate(row[None, :]), 1)
+        if result.failures:
+            raise SampleFailed(result.failures[0])
+        return np.asarray(result.values[0])
+
+    def _simulate_each(self, simulate: Callable[[Array], Array], errors: Array) -> SimulationResult:
+        file = self.spec.code.file
+        found = simulate_each(lambda row: simulate(errors[row].copy()), range(len(errors)), file=file)
+        return found.outcomes(np.full((len(errors), self.outputs), np.nan))
+
+    def _result(self, returned: Any, count: int) -> SimulationResult:
+        """Check what ``propagate`` returned, and give every row without finite outputs a reason."""
+        reasons: Mapping[int, str] = {}
+        fallback_count = 0
+        if isinstance(returned, SimulationResult):
+            returned, reasons, fallback_count = returned.values, returned.failures, returned.fallback_count
+        values = np.array(returned, dtype=float)
+        if values.shape != (count, self.outputs):
+            raise ValueError(f"propagate must return shape {(count, self.outputs)}; got {values.shape}")
+        failed = ~np.isfinite(values).all(axis=1)
+        failed[list(reasons)] = True
+        values[failed] = np.nan
+        failures = {int(row): str(reasons.get(int(row), NOT_FINITE)) for row in np.flatnonzero(failed)}
+        return SimulationResult(values, failures, fallback_count)
+
+
+def _check_row(returned: Any, outputs: int) -> Array:
+    values = np.array(returned, dtype=float)
+    if values.shape != (outputs,):
+        raise ValueError(f"fly must return shape {(outputs,)}; got {values.shape}")
+    return values
