@@ -19,12 +19,7 @@ from mcnav.report.fitted_table import OpenConsole
 NOT_KEPT, BAD_INPUT, SOME_FAILED, BUSY, INTERRUPTED, TERMINATED = 1, 2, 3, 4, 130, 143
 """Exit statuses; 0 is success."""
 
-app = typer.Typer(
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
-    add_completion=True,
-)
+app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None, add_completion=True)
 out, err = OpenConsole(highlight=False, soft_wrap=True), OpenConsole(stderr=True, highlight=False, soft_wrap=True)
 
 CampaignFile = Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file (TOML).")]
@@ -195,12 +190,7 @@ def run(
         from mcnav.report import export, progress, terminal
         from mcnav.workflow.run import engine_of, run_campaign
 
-        options = {
-            "samples": samples,
-            "seed": seed,
-            "sample_timeout": timeout,
-            "store": store.value if store else None,
-        }
+        options = {"samples": samples, "seed": seed, "sample_timeout": timeout, "store": store.value if store else None}
         given = {key: value for key, value in options.items() if value is not None}
         described = read_campaign(campaign, given)
         if check and not described.requirements:

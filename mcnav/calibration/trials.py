@@ -125,13 +125,7 @@ Statement = tuple[str, str, bool]
 
 
 def _statements(
-    name: str,
-    system: SyntheticSystem,
-    truth: Truth,
-    found: Comparison,
-    flown: Array,
-    blocks: IndexArray,
-    sources: str,
+    name: str, system: SyntheticSystem, truth: Truth, found: Comparison, flown: Array, blocks: IndexArray, sources: str
 ) -> Iterator[Statement]:
     if name == "corrupted":
         yield from _found_out(found)

@@ -60,12 +60,7 @@ def matrices(content: Content) -> Figure:
     each, together = (f"{100.0 * level:.4g} %" for level in (comparison.confidence_each, content.criterion.confidence))
     plots = [
         plot("Covariance, linear", relative[0], np.where(nil[0], 0.0, linear * square), lambda value: number(value, 3)),
-        plot(
-            "Covariance, paired",
-            relative[1],
-            np.where(nil[1], 0.0, flown * square),
-            lambda value: number(value, 3),
-        ),
+        plot("Covariance, paired", relative[1], np.where(nil[1], 0.0, flown * square), lambda value: number(value, 3)),
         plot("Difference, % of σᵢσⱼ", _magnified(change, certain[0]), change, lambda value: number(value, 2)),
         plot("Correlation, linear", both[0], both[0], _coefficient),
         plot("Correlation, paired", both[1], both[1], _coefficient),
