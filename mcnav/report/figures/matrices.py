@@ -69,15 +69,15 @@ def matrices(content: Content) -> Figure:
     return Figure(
         key="matrices",
         title="Covariances and correlations of the final errors",
-        description="Covariance and correlation matrices of the outputs, by linear analysis, by the paired Monte Carlo "
-        "estimate, and their difference, as numbers on coloured squares.",
+        description="Covariance and correlation matrices of the outputs: linear, paired Monte Carlo estimate, and "
+        "difference, as numbers on coloured squares.",
         plots=plots,
         series=(Series("positive", "positive", FLOWN, "area"), Series("negative", "negative", LINEAR, "area")),
         data=pd.DataFrame(rows),
         size=THIRD,
-        caption="Colours of covariances are in units of the linear sigmas; differences are coloured up to their "
-        f"largest entry, and only where their interval excludes zero (intervals of sigmas at {each} each, those of "
-        f"correlations together at {together}). Covariances below a two-thousandth of σᵢσⱼ are shown as zero.",
+        caption="Colours of covariances are in units of the linear sigmas. Differences are scaled to their largest "
+        f"entry and coloured only if their interval excludes zero (sigmas at {each} each, correlations jointly at "
+        f"{together}). Covariances below 0.0005 σᵢσⱼ are shown as zero.",
     )  # fmt: skip
 
 
