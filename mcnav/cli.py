@@ -576,18 +576,17 @@ def calibrate(
         from mcnav.calibration import page
         from mcnav.calibration.table import rates
         from mcnav.calibration.trials import run_trials
-        from mcnav.files import write_whole
+        from mcnav.files import write_texts
         from mcnav.sampling.designs import DESIGNS
 
         table = rates(*run_trials(trials, jobs, DESIGNS))
-        folder.mkdir(parents=True, exist_ok=True)
-        written = table.to_csv(index=False, float_format="%.4f")
-        write_whole(folder / "calibration.csv", written.encode())
-        write_whole(folder / "calibration.html", page.render(table, trials).encode())
+        texts = {"calibration.html": page.render(table, trials)}
+        texts["calibration.csv"] = table.to_csv(index=False, float_format="%.4f")
+        files = write_texts(folder, texts)
         for finding, count in table[table["finding"] != ""]["finding"].value_counts().items():
             out.print(f"{count:6} rates {finding}")
         out.print()
-        _print_written((folder / "calibration.html", folder / "calibration.csv"))
+        _print_written(files)
 
 
 def main() -> None:
