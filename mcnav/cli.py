@@ -1,4 +1,4 @@
-"""The commands."""
+"""Command line: parse options, run a use case of `mcnav.workflow` or `mcnav.studies`, print the results."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import atexit
 import os
 import signal
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from enum import StrEnum
 from pathlib import Path
@@ -16,23 +16,15 @@ import typer
 
 from mcnav.report.fitted_table import OpenConsole
 
-NOT_KEPT, BAD_INPUT, SOME_FAILED, BUSY, INTERRUPTED, TERMINATED = 1, 2, 3, 4, 130, 143
+CHECK_FAILED, BAD_INPUT, SOME_FAILED, BUSY, INTERRUPTED, TERMINATED = 1, 2, 3, 4, 130, 143
 """Exit statuses; 0 is success."""
 
-app = typer.Typer(
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
-    add_completion=True,
-)
+app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None, add_completion=True)
 out, err = OpenConsole(highlight=False, soft_wrap=True), OpenConsole(stderr=True, highlight=False, soft_wrap=True)
-
-CampaignFile = Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file (TOML).")]
-Folders = Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders.")]
 
 
 class Method(StrEnum):
-    """How partial derivatives are found."""
+    """Method used to compute partial derivatives."""
 
     ALL = "all"
     VARIATIONAL = "variational"
@@ -41,14 +33,14 @@ class Method(StrEnum):
 
 
 class Store(StrEnum):
-    """What a run keeps."""
+    """Results that a run stores."""
 
     SAMPLES = "samples"
     SUMMARY = "summary"
 
 
 class Format(StrEnum):
-    """How results are printed."""
+    """Format of printed results."""
 
     TABLE = "table"
     CSV = "csv"
@@ -56,31 +48,37 @@ class Format(StrEnum):
 
 
 class Axes(StrEnum):
-    """Where the reference axes are aligned."""
+    """Point at which the reference axes are aligned."""
 
     START = "start"
     TRAJECTORY = "trajectory"
 
 
-AsFormat = Annotated[
-    Format, typer.Option("--format", help="A table to read, or csv or json in full precision, alone on stdout.")
+CampaignFile = Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file (TOML).")]
+Folders = Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders.")]
+FormatOption = Annotated[
+    Format, typer.Option("--format", help="Print a table, or only CSV or JSON in full precision on stdout.")
 ]
+Count = Annotated[int | None, typer.Option("--count", min=2, max=100_000, help="Number of start times [default: 241].")]
+OutFolder = Annotated[
+    Path | None, typer.Option("--out", help="Output folder [default: reports/NAME_start_times or NAME_linearity].")
+]
+ChosenAxes = Annotated[Axes | None, typer.Option(help="Where the reference axes are aligned [default: start].")]
 
-
-_asked_to_end: list[int] = []
-"""Signals that ended the command."""
+_signals: list[int] = []
+"""Signals received that end the command."""
 
 
 def _end(number: int, frame: object) -> None:
-    """Break off in order; when asked again, at once: files are whole or not there, workers end with this process."""
-    _asked_to_end.append(number)
-    if len(_asked_to_end) > 1:
-        os._exit(_status_when_ended())
+    """Interrupt the command; exit at once on a second signal, as files are written whole and workers end with it."""
+    _signals.append(number)
+    if len(_signals) > 1:
+        os._exit(_signal_status())
     raise KeyboardInterrupt
 
 
-def _status_when_ended() -> int:
-    return TERMINATED if _asked_to_end[:1] == [signal.SIGTERM] else INTERRUPTED
+def _signal_status() -> int:
+    return TERMINATED if _signals[:1] == [signal.SIGTERM] else INTERRUPTED
 
 
 def _fail(message: str, status: int) -> typer.Exit:
@@ -90,24 +88,24 @@ def _fail(message: str, status: int) -> typer.Exit:
 
 
 @contextmanager
-def _errors_told(file: Path | None = None) -> Iterator[None]:
-    """Turn what the user can mend into lines and an exit status; a scenario's own errors are those of the file."""
+def _reported_errors(file: Path | None = None) -> Iterator[None]:
+    """Turn errors that the user can fix into messages and an exit status; scenario errors name the campaign file."""
     from mcnav.errors import CampaignError, ClusterError, Problem, RunFolderBusy, RunFolderError, TooManyFailures
     from mcnav.lincov.partials import SimulationFailed
     from mcnav.scenarios.protocol import ScenarioError
 
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _end)
+    resumes = "stored samples are kept, and the same command{} resumes the run"
     try:
         yield
     except RunFolderBusy as problem:
         raise _fail(str(problem), BUSY) from None
     except TooManyFailures as problem:
-        message = f"{problem}; what is stored is kept, and the same command without --max-failures goes on from there"
-        raise _fail(message, SOME_FAILED) from None
+        raise _fail(f"{problem}; {resumes.format(' without --max-failures')}", SOME_FAILED) from None
     except MemoryError:
-        message = "not enough memory; what is stored is kept, and the same command goes on from there"
-        raise _fail(f"{f'{file}: ' if file else ''}{message} (fewer --jobs need less)", BAD_INPUT) from None
+        place = f"{file}: " if file else ""
+        raise _fail(f"{place}not enough memory; {resumes.format('')} (fewer --jobs need less)", BAD_INPUT) from None
     except ScenarioError as problem:
         raise _fail(str(Problem(str(file or ""), f"scenario.{problem.key}", str(problem))), BAD_INPUT) from None
     except SimulationFailed as problem:
@@ -117,8 +115,7 @@ def _errors_told(file: Path | None = None) -> Iterator[None]:
     except OSError as problem:
         raise _fail(f"{problem.filename or 'a file'}: {problem.strerror or problem}", BAD_INPUT) from None
     except KeyboardInterrupt:
-        message = "interrupted; what is stored is kept, and the same command goes on from there"
-        raise _fail(message, _status_when_ended()) from None
+        raise _fail(f"interrupted; {resumes.format('')}", _signal_status()) from None
 
 
 def _export(chosen: Format, rows: Sequence[Mapping[str, Any]], tables: Mapping[str, Any]) -> None:
@@ -128,8 +125,13 @@ def _export(chosen: Format, rows: Sequence[Mapping[str, Any]], tables: Mapping[s
     sys.stdout.write(export.as_csv(rows) if chosen is Format.CSV else export.as_json(tables))
 
 
+def _print_written(paths: Iterable[Path]) -> None:
+    for path in paths:
+        out.print(f"written: {path}", markup=False)
+
+
 def run_folder(campaign: Path) -> Path:
-    """Where results go: ``reports/`` and the campaign file's stem; a run folder's own file goes on in that folder."""
+    """Return ``reports/`` with the campaign file's stem; for the copy in a run folder, that folder."""
     if campaign.name == "campaign.toml" and (campaign.parent / "manifest.json").exists():
         return campaign.parent
     return Path("reports") / campaign.stem
@@ -145,102 +147,97 @@ def _version(asked: bool) -> None:
 
 @app.callback()
 def program(
-    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Show it.")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
 ) -> None:
-    """May the linear covariance analysis of this inertial navigation system be trusted? Monte Carlo answers."""
+    """Test the linear covariance analysis of an inertial navigation system by Monte Carlo simulation."""
 
 
 @app.command()
 def run(
     campaign: CampaignFile,
-    folder: Annotated[
-        Path | None, typer.Option("--out", help="Run folder [default: reports/ and the file's name without .toml].")
-    ] = None,
+    folder: Annotated[Path | None, typer.Option("--out", help="Run folder [default: reports/NAME].")] = None,
     engine: Annotated[
         str | None,
-        typer.Option(help="How samples are flown: ensemble, reference or map [default: the scenario's first]."),
+        typer.Option(help="Simulation engine: ensemble, reference or map [default: the scenario's first]."),
     ] = None,
-    jobs: Annotated[int | None, typer.Option(min=1, help="Workers [default: 2].")] = None,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Parallel jobs [default: 2].")] = None,
     dask: Annotated[
-        int | None, typer.Option(min=1, metavar="N", help="Fly in N worker processes of a dask cluster made for it.")
+        int | None, typer.Option(min=1, metavar="N", help="Simulate in N processes of a local dask cluster.")
     ] = None,
     scheduler: Annotated[
         str | None,
-        typer.Option(metavar="ADDRESS", help="Fly on a dask cluster, such as tcp://host:8786; see mcnav docs scaling."),
+        typer.Option(
+            metavar="ADDRESS", help="Simulate on a dask cluster, such as tcp://host:8786; see mcnav docs scaling."
+        ),
     ] = None,
-    samples: Annotated[int | None, typer.Option(min=2, help="Samples, in place of the file's.")] = None,
-    seed: Annotated[int | None, typer.Option(min=0, help="Seed, in place of the file's.")] = None,
+    samples: Annotated[int | None, typer.Option(min=2, help="Number of samples [default: the file's].")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Seed [default: the file's].")] = None,
     store: Annotated[
-        Store | None, typer.Option(help="Keep every sample, or a summary of any number of them [default: the file's].")
+        Store | None, typer.Option(help="Store every sample, or only a summary [default: the file's].")
     ] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Replace an earlier run in the folder.")] = False,
     force: Annotated[
-        bool, typer.Option("--force", help="Go on where partial derivatives are not settled; the results say so.")
+        bool, typer.Option("--force", help="Run even if partial derivatives are not settled; the results warn of it.")
     ] = False,
-    check: Annotated[bool, typer.Option("--check", help="Exit 1 unless every requirement of [accept] is met.")] = False,
+    check: Annotated[
+        bool, typer.Option("--check", help="Exit with status 1 unless every requirement of [accept] is met.")
+    ] = False,
     timeout: Annotated[
-        str | None, typer.Option(metavar="TIME", help="Time that a sample may take, such as '10 s'.")
+        str | None, typer.Option(metavar="TIME", help="Time limit of one sample, such as '10 s'.")
     ] = None,
-    max_failures: Annotated[int | None, typer.Option(min=0, help="Break off when more samples fail.")] = None,
-    shown: AsFormat = Format.TABLE,
+    max_failures: Annotated[int | None, typer.Option(min=0, help="Stop when more samples fail.")] = None,
+    form: FormatOption = Format.TABLE,
 ) -> None:
-    """Fly a campaign, compare linear with Monte Carlo, write the report.
+    """Run a campaign: simulate, compare with linear analysis, write the report.
 
-    Exit status: 0 done, 1 a requirement is not met or not decided (with --check), 2 bad input,
+    Exit status: 0 success, 1 a requirement is not met or undecided (with --check), 2 bad input,
     3 some samples failed, 4 folder in use, 130 interrupted.
     """
-    with _errors_told(campaign):
+    with _reported_errors(campaign):
         from mcnav.config.read import read_campaign
         from mcnav.execution.dask_cluster import open_executor
-        from mcnav.report import export, progress, terminal
+        from mcnav.report import export, progress, requirements, terminal
         from mcnav.workflow.run import engine_of, run_campaign
 
-        options = {
-            "samples": samples,
-            "seed": seed,
-            "sample_timeout": timeout,
-            "store": store.value if store else None,
-        }
-        given = {key: value for key, value in options.items() if value is not None}
-        described = read_campaign(campaign, given)
-        if check and not described.requirements:
-            raise _fail(f"{campaign}: accept: is missing; --check has nothing to check", BAD_INPUT)
+        options = {"samples": samples, "seed": seed, "sample_timeout": timeout, "store": store.value if store else None}
+        content = read_campaign(campaign, {key: value for key, value in options.items() if value is not None})
+        if check and not content.requirements:
+            raise _fail(f"{campaign}: accept: is missing; --check needs requirements", BAD_INPUT)
         target = folder or run_folder(campaign)
         chosen = engine or engine_of(target, campaign)
-        with open_executor(scheduler, dask, jobs) as (flyers, workers, known), progress.shown(err) as told:
-            done = run_campaign(described, target, chosen, workers, fresh, told, max_failures, flyers, force)
-        for notice in (*known, *done.notices):
-            err.print(f"note: {notice}", markup=False)
-        runs = {described.name: done.summary}
-        if shown is not Format.TABLE:
-            rows, requirements = export.output_rows(runs), export.requirement_rows(done.summary)
-            tables = {"runs": export.run_rows(runs), "outputs": rows, "requirements": requirements}
-            _export(shown, rows, tables)
-        said = out if shown is Format.TABLE else err
-        if (warned := terminal.warnings(runs)) is not None:
-            said.print(warned)
-        if shown is Format.TABLE:
-            said.print(terminal.comparison(runs))
-            said.print()
-        said.print(terminal.verdict(done.summary), soft_wrap=False)
-        if done.summary["requirements"]:
-            said.print()
-            said.print(terminal.requirements(done.summary))
-        if done.flown < done.summary["samples"]:
-            said.print(
-                f"\n{done.summary['samples'] - done.flown:,} samples were stored already, {done.flown:,} flown now"
-            )
-        said.print(f"\nreport: {target / 'report.html'}", markup=False)
-        if check and any(entry["finding"] != "met" for entry in done.summary["requirements"]):
-            raise typer.Exit(NOT_KEPT)
-        if done.summary["failed"]:
+        with open_executor(scheduler, dask, jobs) as (executor, workers, notes), progress.shown(err) as shown:
+            done = run_campaign(content, target, chosen, workers, fresh, shown, max_failures, executor, force)
+        for note in (*notes, *done.notices):
+            err.print(f"note: {note}", markup=False)
+        summary, runs = done.summary, {content.name: done.summary}
+        console = out if form is Format.TABLE else err
+        if form is not Format.TABLE:
+            rows, asked = export.output_rows(runs), requirements.requirement_rows(summary)
+            _export(form, rows, {"runs": export.run_rows(runs), "outputs": rows, "requirements": asked})
+        if (warning := terminal.warnings(runs)) is not None:
+            console.print(warning)
+        if form is Format.TABLE:
+            console.print(terminal.comparison(runs))
+            console.print()
+        console.print(terminal.verdict(summary), soft_wrap=False)
+        if summary["requirements"]:
+            console.print()
+            console.print(terminal.requirements(summary))
+        if done.flown < summary["samples"]:
+            console.print(f"\n{summary['samples'] - done.flown:,} samples were stored, {done.flown:,} simulated now")
+        console.print(f"\nreport: {target / 'report.html'}", markup=False)
+        if check and any(entry["finding"] != "met" for entry in summary["requirements"]):
+            raise typer.Exit(CHECK_FAILED)
+        if summary["failed"]:
             raise typer.Exit(SOME_FAILED)
 
 
 @app.command()
 def report(folders: Folders) -> None:
-    """Analyse finished run folders again and write their reports."""
-    with _errors_told():
+    """Analyse finished runs again and write their reports."""
+    with _reported_errors():
         from mcnav.workflow.analyse import report_run
 
         for folder in folders:
@@ -251,15 +248,15 @@ def report(folders: Folders) -> None:
 @app.command()
 def compare(
     folders: Folders,
-    html: Annotated[Path | None, typer.Option("--html", help="Write the comparison as a page, too.")] = None,
-    shown: AsFormat = Format.TABLE,
+    html: Annotated[Path | None, typer.Option("--html", help="Also write the comparison as an HTML page.")] = None,
+    form: FormatOption = Format.TABLE,
 ) -> None:
-    """Show linear beside Monte Carlo for one or several run folders.
+    """Show linear and Monte Carlo results of one or several runs.
 
-    With several: what was changed in the campaigns since the first, and what has become of each output, with intervals;
-    on common draws where seeds allow.
+    With several runs, show the inputs that differ and the change of each output from the first run, with intervals.
+    Runs with the same seed, design and sources are compared on common draws.
     """
-    with _errors_told():
+    with _reported_errors():
         from mcnav.errors import reading_file
         from mcnav.files import write_whole
         from mcnav.report import export, terminal
@@ -267,134 +264,124 @@ def compare(
         from mcnav.workflow.compare import compare_runs
 
         runs: dict[str, dict[str, Any]] = {str(folder): summary_of(folder) for folder in folders}
-        told = []
+        verdicts = []
         for name, summary in runs.items():
             with reading_file(Path(name) / "summary.json"):
                 terminal.comparison({name: summary})
-                told.append((f"\n{name}: {summary['campaign']}", terminal.verdict(summary)))
+                verdicts.append((f"\n{name}: {summary['campaign']}", terminal.verdict(summary)))
         several = len(folders) > 1
         found = compare_runs(folders) if several or html is not None else None
-        said = out if shown is Format.TABLE else err
-        if (warned := terminal.warnings(runs)) is not None:
-            said.print(warned)
-        if shown is not Format.TABLE:
+        console = out if form is Format.TABLE else err
+        if (warning := terminal.warnings(runs)) is not None:
+            console.print(warning)
+        if form is not Format.TABLE:
             rows = export.output_rows(runs)
-            if found is not None and several:
-                rows = export.with_changes(rows, list(runs), found.rows)
             tables: dict[str, Any] = {"runs": export.run_rows(runs), "outputs": rows}
             if found is not None and several:
+                tables["outputs"] = rows = export.with_changes(rows, list(runs), found.rows)
                 changed = found.inputs.set_axis(list(runs), axis="columns")
                 tables["inputs"] = [{"key": key, **dict(values)} for key, values in changed.iterrows()]
-            _export(shown, rows, tables)
+            _export(form, rows, tables)
         else:
-            said.print(terminal.comparison(runs))
-            for heading, verdict in told:
-                said.print(heading, markup=False, style="bold")
-                said.print(verdict, soft_wrap=False)
+            console.print(terminal.comparison(runs))
+            for heading, verdict in verdicts:
+                console.print(heading, markup=False, style="bold")
+                console.print(verdict, soft_wrap=False)
             if found is not None:
-                said.print()
-                said.print(terminal.inputs(found.inputs))
-                said.print()
-                said.print(terminal.changes(found.titles[0], found.outputs))
+                console.print()
+                console.print(terminal.inputs(found.inputs))
+                console.print()
+                console.print(terminal.changes(found.titles[0], found.outputs))
         if html is not None and found is not None:
             html.parent.mkdir(parents=True, exist_ok=True)
             write_whole(html, found.page.encode())
-            said.print(f"\nwritten: {html}", markup=False)
+            console.print(f"\nwritten: {html}", markup=False)
 
 
 @app.command()
 def replay(
     folder: Annotated[Path, typer.Argument(metavar="RUN", help="Run folder.")],
-    index: Annotated[int, typer.Argument(metavar="INDEX", min=0, help="Of the sample.")],
+    index: Annotated[int, typer.Argument(metavar="INDEX", min=0, help="Sample index.")],
     campaign: Annotated[
-        Path | None, typer.Option(help="The run's campaign file; needed when its scenario is code of your own.")
+        Path | None, typer.Option(help="Campaign file of the run; needed for a scenario in your own code.")
     ] = None,
-    into: Annotated[Path | None, typer.Option("--out", help="Folder [default: the run folder].")] = None,
+    into: Annotated[Path | None, typer.Option("--out", help="Output folder [default: the run folder].")] = None,
 ) -> None:
-    """Fly one sample of a run again, failed or not: its errors, its outcomes, its history as a page and a CSV file.
+    """Simulate one sample of a run again; write its errors, outcome and time history as a page and a CSV file.
 
-    Exit status: 0 as stored, 1 the outcome is another than the one stored, 2 bad input.
+    Exit status: 0 the outcome is as stored, 1 it is different, 2 bad input.
     """
-    with _errors_told():
+    with _reported_errors():
         from mcnav.report.replay import lines
-        from mcnav.workflow.replay import as_stored, write_replay
-        from mcnav.workflow.replay import replay as fly_again
+        from mcnav.workflow import replay as replaying
 
-        found = fly_again(folder, index, campaign)
+        found = replaying.replay(folder, index, campaign)
         for note in found.notes:
             err.print(f"note: {note}", markup=False)
         out.print(lines(found))
         out.print()
-        for written in write_replay(found, into or folder):
-            out.print(f"written: {written}", markup=False)
-        if not as_stored(found):
-            raise _fail(f"sample {index} did not come out again as it is stored", NOT_KEPT)
+        _print_written(replaying.write_replay(found, into or folder))
+        if not replaying.as_stored(found):
+            raise _fail(f"the outcome of sample {index} differs from the stored one", CHECK_FAILED)
 
 
 @app.command()
 def index(
-    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of run folders.")] = Path("reports"),
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder that contains run folders.")] = Path(
+        "reports"
+    ),
 ) -> None:
-    """Write index.html of all runs in a folder and below it: verdict, sigmas, date, identity."""
-    with _errors_told():
+    """Write index.html, a list of all runs in a folder and its subfolders."""
+    with _reported_errors():
         from mcnav.workflow.index import write_index
 
         written, count = write_index(folder)
         out.print(f"{count} runs\n\nwritten: {written}", markup=False)
 
 
-Count = Annotated[int | None, typer.Option("--count", min=2, max=100_000, help="Start times [default: 241].")]
-ChosenAxes = Annotated[Axes | None, typer.Option(help="Reference axes [default: start].")]
-
-
 @app.command()
 def partials(
     campaign: CampaignFile,
-    method: Annotated[Method, typer.Option(help="How they are found.")] = Method.ALL,
+    method: Annotated[Method, typer.Option(help="Method used to compute P.")] = Method.ALL,
     start_times: Annotated[
-        bool, typer.Option("--start-times", help="For every start time of the flight instead, as table and curves.")
+        bool, typer.Option("--start-times", help="Compute P for all start times of the flight, as a table and curves.")
     ] = False,
     count: Count = None,
     axes: ChosenAxes = None,
-    folder: Annotated[
-        Path | None, typer.Option("--out", help="With --start-times [default: reports/ and NAME_start_times].")
-    ] = None,
-    shown: AsFormat = Format.TABLE,
+    folder: OutFolder = None,
+    form: FormatOption = Format.TABLE,
 ) -> None:
-    """Show the partial derivatives of the final errors, and how well three methods agree on them.
+    """Show the partial derivatives P of the final errors, and the differences between three methods.
 
-    With --start-times, write them and the linear dispersion against the start of navigation.
+    With --start-times, write P and the linear dispersion as functions of the start of navigation.
     """
-    with _errors_told(campaign):
+    with _reported_errors(campaign):
         from mcnav.config.read import read_campaign
         from mcnav.lincov.partials_agreement import compare_partials
         from mcnav.report import export, terminal
 
-        if start_times and shown is not Format.TABLE:
-            raise _fail(
-                "--format: not with --start-times, which writes its table as CSV; leave one of them out", BAD_INPUT
-            )
         if start_times:
+            if form is not Format.TABLE:
+                raise _fail("--format: cannot be used with --start-times, which writes CSV; omit one", BAD_INPUT)
             _start_times(campaign, folder, axes, count, checks=False)
             return
-        described = read_campaign(campaign)
-        sources, outputs = described.scenario.sources, described.scenario.outputs
+        scenario = read_campaign(campaign).scenario
         methods = [each for each in Method if each != Method.ALL] if method == Method.ALL else [method]
-        matrix, differences = compare_partials(described.scenario, [each.value for each in methods])
-        if shown is not Format.TABLE:
-            rows = export.partial_rows(sources, outputs, matrix)
+        matrix, differences = compare_partials(scenario, [each.value for each in methods])
+        if form is not Format.TABLE:
+            rows = export.partial_rows(scenario.sources, scenario.outputs, matrix)
             shares = [
                 {"method": name, "output": output.name, "largest_difference": float(values[i])}
                 for name, values in differences.items()
-                for i, output in enumerate(outputs)
+                for i, output in enumerate(scenario.outputs)
             ]
-            _export(shown, rows, {"method": methods[0].value, "partials": rows, "differences": shares})
+            _export(form, rows, {"method": methods[0].value, "partials": rows, "differences": shares})
         else:
-            out.print(terminal.partials(sources, outputs, matrix))
+            out.print(terminal.partials(scenario.sources, scenario.outputs, matrix))
         if differences:
-            said = out if shown is Format.TABLE else err
-            said.print()
-            said.print(terminal.agreement(outputs, differences))
+            console = out if form is Format.TABLE else err
+            console.print()
+            console.print(terminal.agreement(scenario.outputs, differences))
 
 
 @app.command("start-times")
@@ -402,14 +389,14 @@ def start_times(
     campaign: CampaignFile,
     count: Count = None,
     axes: ChosenAxes = None,
-    folder: Annotated[Path | None, typer.Option("--out", help="[default: reports/ and NAME_start_times].")] = None,
+    folder: OutFolder = None,
 ) -> None:
-    """Find when to start navigation: dispersion against start time, linear and checked by Monte Carlo.
+    """Find the best start of navigation: linear dispersion by start time, with Monte Carlo checks.
 
-    The campaign's table [start_times] may say how errors change with the start time, what each output's dispersion is
-    worth, and which start times to check.
+    The campaign's optional table [start_times] sets errors that vary with the start time, weights of the outputs, and
+    the start times to check.
     """
-    with _errors_told(campaign):
+    with _reported_errors(campaign):
         _start_times(campaign, folder, axes, count, checks=True)
 
 
@@ -419,66 +406,64 @@ def _start_times(campaign: Path, folder: Path | None, axes: Axes | None, count: 
     from mcnav.studies.start_times import write_start_times
 
     target = folder or Path("reports") / f"{campaign.stem}_start_times"
-    described = read_campaign(campaign)
-    with progress.shown(err) as told:
-        found, files = write_start_times(described, target, axes.value if axes else None, count, checks, told)
-    out.print(terminal.best_starts(found.study, found.checks, found.own_sigma, described.scenario.outputs))
+    content = read_campaign(campaign)
+    with progress.shown(err) as shown:
+        found, files = write_start_times(content, target, axes.value if axes else None, count, checks, shown)
+    out.print(terminal.best_starts(found.study, found.checks, found.own_sigma, content.scenario.outputs))
     out.print()
-    for written in files:
-        out.print(f"written: {written}", markup=False)
+    _print_written(files)
 
 
 @app.command()
 def linearity(
     campaign: CampaignFile,
     tolerance: Annotated[
-        float | None, typer.Option(min=1e-4, max=1.0, help="Departure that counts, a share [default: the campaign's].")
+        float | None, typer.Option(min=1e-4, max=1.0, help="Allowed relative difference [default: the campaign's].")
     ] = None,
-    samples: Annotated[int, typer.Option(min=200, max=1_000_000, help="Flights at each multiple.")] = 2_000,
+    samples: Annotated[int, typer.Option(min=200, max=1_000_000, help="Samples at each multiple.")] = 2_000,
     largest: Annotated[float, typer.Option(min=0.2, max=1_000.0, help="Largest multiple of all errors.")] = 50.0,
-    folder: Annotated[Path | None, typer.Option("--out", help="[default: reports/ and NAME_linearity].")] = None,
+    folder: OutFolder = None,
 ) -> None:
-    """Find how many times larger the errors could be before linear analysis fails, source by source and together."""
-    with _errors_told(campaign):
+    """Find the multiples of the errors at which linear analysis fails, for each source alone and all together."""
+    with _reported_errors(campaign):
         from mcnav.config.read import read_campaign
         from mcnav.report import progress, terminal
         from mcnav.studies.linearity import write_linearity
 
-        described = read_campaign(campaign)
+        content = read_campaign(campaign)
         target = folder or Path("reports") / f"{campaign.stem}_linearity"
-        with progress.shown(err) as told:
-            study, files = write_linearity(described, target, tolerance, samples, largest, told)
-        out.print(terminal.linearity(described.scenario.outputs, study.together, study.tolerance))
+        with progress.shown(err) as shown:
+            study, files = write_linearity(content, target, tolerance, samples, largest, shown)
+        out.print(terminal.linearity(content.scenario.outputs, study.together, study.tolerance))
         out.print()
-        for written in files:
-            out.print(f"written: {written}", markup=False)
+        _print_written(files)
 
 
 @app.command("check-scenario")
 def check_scenario(campaign: CampaignFile) -> None:
-    """Try out a campaign's scenario: determinism, shapes, units, linearity near zero, partials against differences.
+    """Check a campaign's scenario: determinism, shapes, units, linearity near zero, partials against differences.
 
-    Exit status: 0 all kept, 1 something is not, 2 bad input.
+    Exit status: 0 all checks passed, 1 a check failed, 2 bad input.
     """
-    with _errors_told(campaign):
+    with _reported_errors(campaign):
         from mcnav.report import terminal
-        from mcnav.workflow import run as study
+        from mcnav.workflow.run import check_scenario
 
-        checks = study.check_scenario(campaign)
+        checks = check_scenario(campaign)
         out.print(terminal.checks([(check.name, check.passed, check.told) for check in checks]))
         if not all(check.passed for check in checks):
-            raise typer.Exit(NOT_KEPT)
+            raise typer.Exit(CHECK_FAILED)
 
 
-new = typer.Typer(no_args_is_help=True, help="Write a campaign, or a scenario with its test, that runs as it stands.")
+new = typer.Typer(no_args_is_help=True, help="Write a new campaign, or a new scenario with its test, ready to run.")
 app.add_typer(new, name="new")
 
-Name = Annotated[str, typer.Argument(metavar="NAME", help="Of the files: letters, digits and _.")]
-Into = Annotated[Path, typer.Option("--in", help="Folder.")]
+Name = Annotated[str, typer.Argument(metavar="NAME", help="Name of the files: letters, digits and _.")]
+Into = Annotated[Path, typer.Option("--in", help="Output folder.")]
 
 
 class CampaignTemplate(StrEnum):
-    """What a new campaign flies."""
+    """Scenario of a new campaign."""
 
     REENTRY = "reentry"
     CRUISE = "cruise"
@@ -488,11 +473,11 @@ class CampaignTemplate(StrEnum):
 @new.command("campaign")
 def new_campaign(
     name: Name,
-    kind: Annotated[CampaignTemplate, typer.Option("--type", help="What it flies.")] = CampaignTemplate.REENTRY,
+    kind: Annotated[CampaignTemplate, typer.Option("--type", help="Scenario.")] = CampaignTemplate.REENTRY,
     into: Into = Path(),
 ) -> None:
     """Write a campaign file."""
-    with _errors_told():
+    with _reported_errors():
         from mcnav.config.templates import new_campaign
 
         (written,) = new_campaign(name, into, kind.value)
@@ -501,17 +486,17 @@ def new_campaign(
 
 @new.command("scenario")
 def new_scenario(name: Name, into: Into = Path()) -> None:
-    """Write a scenario of one's own: the class, a campaign that flies it, and its test."""
-    with _errors_told():
+    """Write a scenario class, a campaign that uses it, and its test."""
+    with _reported_errors():
         from mcnav.config.templates import new_scenario
 
         code, campaign, test = new_scenario(name, into)
-        out.print(f"written: {code}\nwritten: {campaign}\nwritten: {test}", markup=False)
+        _print_written((code, campaign, test))
         out.print(f"\nnext: mcnav run {campaign}, then change propagate in {code}", markup=False)
 
 
 class Page(StrEnum):
-    """Pages of the documentation that come with the program."""
+    """Pages of the documentation."""
 
     GUIDE = "guide"
     CAMPAIGNS = "campaigns"
@@ -530,11 +515,11 @@ FILES = {
     Page.TN_D1772: "reproduce/tn_d1772/TN_D1772.md",
     Page.STORY: "reproduce/story_of_84_minutes/STORY_OF_84_MINUTES.md",
 }
-"""Where a page is, if not under its own name."""
+"""Files of pages that are not named like the page."""
 
 
 @app.command()
-def docs(page: Annotated[Page, typer.Argument(metavar="PAGE", help="Which one.")] = Page.GUIDE) -> None:
+def docs(page: Annotated[Page, typer.Argument(metavar="PAGE", help="Page to show.")] = Page.GUIDE) -> None:
     """Show a page of the documentation."""
     from importlib.resources import files
 
@@ -548,8 +533,8 @@ def docs(page: Annotated[Page, typer.Argument(metavar="PAGE", help="Which one.")
         out.print(text, markup=False, soft_wrap=True)
 
 
-class Seed(StrEnum):
-    """What can be reproduced."""
+class Document(StrEnum):
+    """Documents that can be reproduced."""
 
     TN_D1772 = "tn-d1772"
     STORY = "story-of-84-minutes"
@@ -557,69 +542,65 @@ class Seed(StrEnum):
 
 @app.command()
 def reproduce(
-    seed: Annotated[Seed, typer.Argument(metavar="SEED", help="tn-d1772 (NASA TN D-1772) or story-of-84-minutes.")],
-    folder: Annotated[Path | None, typer.Option("--out", help="Folder [default: reports/SEED].")] = None,
+    document: Annotated[
+        Document, typer.Argument(metavar="DOCUMENT", help="tn-d1772 (NASA TN D-1772) or story-of-84-minutes.")
+    ],
+    folder: Annotated[Path | None, typer.Option("--out", help="Output folder [default: reports/DOCUMENT].")] = None,
 ) -> None:
-    """Recompute a seed document, every printed number and figure beside the computed one, as a page and CSV files."""
-    with _errors_told():
+    """Recompute the numbers and figures of a published document; write a page and CSV files."""
+    with _reported_errors():
         from collections import Counter
 
         from mcnav.reproduce.story_of_84_minutes import page as story_page
         from mcnav.reproduce.tn_d1772 import page
 
-        if seed is Seed.STORY:
-            for path in story_page.write(folder or Path("reports") / seed.value):
-                out.print(f"written: {path}", markup=False)
+        target = folder or Path("reports") / document.value
+        if document is Document.STORY:
+            _print_written(story_page.write(target))
             return
-
-        target = folder or Path("reports") / seed.value
         cells, files = page.write_reproduction(target)
         out.print(f"{len(cells)} printed numbers")
         for mark, count in Counter(cell.mark for cell in cells).most_common():
             out.print(f"{count:6} {page.PHRASES[mark]}")
         out.print(f"\nwritten: {files[0]}", markup=False)
-        out.print(f"written: {len(files) - 1} tables beside it (CSV)", markup=False)
+        out.print(f"and {len(files) - 1} CSV files in the same folder", markup=False)
 
 
 @app.command()
 def calibrate(
-    trials: Annotated[int, typer.Option(min=2, help="Campaigns of each kind.")] = 100,
-    jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
-    folder: Annotated[Path, typer.Option("--out", help="Folder.")] = Path("reports/calibration"),
+    trials: Annotated[int, typer.Option(min=2, help="Synthetic campaigns of each kind.")] = 100,
+    jobs: Annotated[int, typer.Option(min=1, help="Parallel processes.")] = 2,
+    folder: Annotated[Path, typer.Option("--out", help="Output folder.")] = Path("reports/calibration"),
 ) -> None:
-    """Measure how often the program's intervals cover, its tests alarm and its verdicts find, as a page and a CSV file.
+    """Validate the statistics: coverage of intervals, false alarms and power; write a page and a CSV file.
 
-    Synthetic campaigns on systems whose truth is known; the binomial error of every rate is beside it.
+    The campaigns are synthetic and their moments known. Every measured rate has its binomial interval.
     """
-    with _errors_told():
+    with _reported_errors():
         from mcnav.calibration import page
         from mcnav.calibration.table import rates
         from mcnav.calibration.trials import run_trials
-        from mcnav.files import write_whole
+        from mcnav.files import write_texts
         from mcnav.sampling.designs import DESIGNS
 
         table = rates(*run_trials(trials, jobs, DESIGNS))
-        folder.mkdir(parents=True, exist_ok=True)
-        written = table.to_csv(index=False, float_format="%.4f")
-        write_whole(folder / "calibration.csv", written.encode())
-        write_whole(folder / "calibration.html", page.render(table, trials).encode())
+        texts = {"calibration.html": page.render(table, trials)}
+        texts["calibration.csv"] = table.to_csv(index=False, float_format="%.4f")
+        files = write_texts(folder, texts)
         for finding, count in table[table["finding"] != ""]["finding"].value_counts().items():
             out.print(f"{count:6} rates {finding}")
-        out.print(f"\nwritten: {folder / 'calibration.html'}\nwritten: {folder / 'calibration.csv'}", markup=False)
+        out.print()
+        _print_written(files)
 
 
 def main() -> None:
-    """Entry point of ``mcnav``.
-
-    A command that a signal has ended leaves nothing to wait for: neither flights on the side nor libraries that a
-    thread is loading.
-    """
+    """Run the command line; after a signal, exit without waiting for threads that still simulate or import."""
     try:
         app(prog_name="mcnav")
     finally:
-        if _asked_to_end:
-            atexit._run_exitfuncs()  # temporary folders and semaphores are removed here, threads joined later
-            with suppress(OSError):  # a reader of the output may have ended before
+        if _signals:
+            atexit._run_exitfuncs()  # removes temporary folders and semaphores; threads are joined later
+            with suppress(OSError):  # the reader of the output may have ended
                 sys.stdout.flush()
                 sys.stderr.flush()
-            os._exit(_status_when_ended())
+            os._exit(_signal_status())

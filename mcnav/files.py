@@ -82,3 +82,11 @@ def parquet_bytes(table: pa.Table, text: Sequence[str] = ()) -> bytes:
         write_page_checksum=True,
     )
     return buffer.getvalue()
+
+
+def write_texts(folder: Path, texts: Mapping[str, str]) -> list[Path]:
+    """Write texts by file name into a folder, which is created if necessary; return their paths."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, text in texts.items():
+        write_whole(folder / name, text.encode())
+    return [folder / name for name in texts]

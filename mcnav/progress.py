@@ -1,4 +1,4 @@
-"""What a long command tells of its progress: its phases, and samples as they become ready."""
+"""Interface through which long commands report their progress."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Final, Protocol
 
 
 class Phase(StrEnum):
-    """A part of a command's work, in the words in which it is shown."""
+    """Phase of a command, as shown."""
 
     PREPARING = "preparing"
     SIMULATING = "simulating"
@@ -16,26 +16,25 @@ class Phase(StrEnum):
 
 
 class Progress(Protocol):
-    """Whoever is told."""
+    """Receiver of progress."""
 
     def phase(self, phase: Phase, samples: int | None = None, note: str = "") -> None:
         """Begin a phase.
 
         Parameters
         ----------
-        phase : Phase
         samples : int, optional
-            How many samples the phase will make ready, where that is known.
+            Number of samples in the phase, where known.
         note : str
-            What this phase does of several alike, such as ``look 2 of at most 7``.
+            Detail that distinguishes similar phases, such as ``look 2 of at most 7``.
         """
 
     def advance(self, samples: int, stored: bool = False) -> None:
-        """Count samples that have become ready: simulated now, or found stored."""
+        """Count samples that are ready: simulated now, or found stored."""
 
 
 class Silent:
-    """Nobody is told."""
+    """Progress that nobody sees."""
 
     def phase(self, phase: Phase, samples: int | None = None, note: str = "") -> None:
         """Ignore a phase."""

@@ -1,4 +1,4 @@
-"""Measured rates of the calibration study, statement by statement, against what is stated."""
+"""Figures of measured and nominal rates."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ FINDINGS: Final = {
 
 
 def measured(table: pd.DataFrame, kind: str, title: str) -> Figure:
-    """Every rate of one kind, a row a statement; beside them, where some are withheld, those that are given."""
+    """Draw all rates of one kind, one row per statement, and separately those that the program reports."""
     own = table[table["kind"] == kind]
     statements = list(dict.fromkeys(own["statement"]))
     found = [finding for finding in FINDINGS if (own["finding"] == finding).any()]
@@ -47,17 +47,17 @@ def measured(table: pd.DataFrame, kind: str, title: str) -> Figure:
 
     plots = [Plot("All rates", partial(draw, shown=own))]
     if "withheld" in found:
-        plots.append(Plot("Those that the program gives", partial(draw, shown=own[own["finding"] != "withheld"])))
+        plots.append(Plot("Reported by the program", partial(draw, shown=own[own["finding"] != "withheld"])))
     return Figure(
         key=kind.replace(" ", "-"),
         title=title,
-        description=f"Measured rates ({kind}) of every statement, system, distribution, design and size, and the "
-        "nominal rate as a line.",
+        description=f"Measured rates ({kind}) for every statement, system, distribution, design and size; the line is "
+        "the nominal rate.",
         plots=plots,
         series=[FINDINGS[finding] for finding in found] if found != [""] else (),
         data=own.drop(columns="kind"),
         size=(HALF[0], 1.0 + 0.34 * len(statements)),
-        caption="A mark is a system, distribution of the sources, design and number of samples, which grows downwards "
-        "within a row.",
+        caption="One mark per system, distribution, design and number of samples, which increases downwards within a "
+        "row.",
         file="calibration.csv",
     )

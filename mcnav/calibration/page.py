@@ -1,4 +1,4 @@
-"""The calibration study as one HTML page."""
+"""Validation of the statistics as an HTML page."""
 
 from __future__ import annotations
 
@@ -11,31 +11,23 @@ if TYPE_CHECKING:
     import pandas as pd
 
 TITLES: Final = {
-    "coverage": "Do intervals cover the truth as often as they say?",
-    "false alarm": "Do tests reject what is true as seldom as they say?",
-    "power": "Is a linear model that is 5 % wrong found out?",
+    "coverage": "Coverage of intervals",
+    "false alarm": "False alarms of tests",
+    "power": "Power against a linear model that is 5 % wrong",
 }
 FINDINGS: Final = {
-    "as stated": ("agrees", "", "the nominal rate lies within the rate's binomial error (99.9 %)"),
-    "safe": ("agrees", "+", "on the careful side of it"),
-    "nearly": ("undecided", "≈", "within a hundredth of it"),
-    "remarked": ("undecided", "*", "further, and the report of such a campaign says so (long tails)"),
-    "off": ("differs", "≠", "further, unsaid"),
-    "withheld": ("", "†", "the program does not give this statement, and the rate shows why"),
+    "as stated": ("agrees", "", "the nominal rate is within the binomial interval (99.9 %)"),
+    "safe": ("agrees", "+", "outside, on the conservative side"),
+    "nearly": ("undecided", "≈", "outside by less than 0.01"),
+    "remarked": ("undecided", "*", "outside by more; the report of such a campaign warns of it (long tails)"),
+    "off": ("differs", "≠", "outside by more, without a warning"),
+    "withheld": ("", "†", "not reported by the program, because the rate is too far off"),
 }
-"""Of each finding its tone, the sign that a rate carries, and what it says."""
+"""Tone, sign and meaning of each finding."""
 
 
 def render(table: pd.DataFrame, trials: int) -> str:
-    """The page.
-
-    Parameters
-    ----------
-    table : DataFrame
-        Of `mcnav.calibration.table.rates`.
-    trials : int
-        Campaigns for each system, distribution, design and size.
-    """
+    """Render the page from a table of `mcnav.calibration.table.rates`, with ``trials`` campaigns of each kind."""
     sizes = sorted(table["samples"].unique())
     sections = [
         {"title": title, "id": kind.replace(" ", "-"), "rows": _rows(table[table["kind"] == kind], sizes),
@@ -50,41 +42,30 @@ def render(table: pd.DataFrame, trials: int) -> str:
         campaigns=f"{_campaigns(table):,}",
         sizes=[f"{size:,}" for size in sizes],
         sections=sections,
-        findings=[(name, int(counted.get(name, 0)), *told) for name, told in FINDINGS.items()],
+        findings=[(name, int(counted.get(name, 0)), *words) for name, words in FINDINGS.items()],
     )
 
 
 def _campaigns(table: pd.DataFrame) -> int:
-    """Synthetic campaigns behind the table."""
+    """Count the synthetic campaigns of a table."""
     cells = table.groupby(["system", "sources", "design", "samples"])["campaigns"].max()
     return int(cells.sum())
 
 
 def _rows(table: pd.DataFrame, sizes: list[int]) -> list[dict[str, Any]]:
-    """One row for each statement, system, distribution and design, with a cell for every size."""
+    """List one row per statement, system, distribution and design, with a cell for every size."""
     rows = []
     for (statement, system, sources, design), group in table.groupby(["statement", "system", "sources", "design"]):
-        at = {int(row["samples"]): row for _, row in group.iterrows()}
-        cells = []
-        for size in sizes:
-            if size not in at:
-                cells.append({"rate": "–", "interval": "", "tone": "", "sign": ""})
-                continue
-            row = at[size]
+        cells = {size: {"rate": "–", "interval": "", "tone": "", "sign": ""} for size in sizes}
+        for row in group.to_dict("records"):
             tone, sign, _ = FINDINGS.get(row["finding"], ("", "", ""))
-            cells.append(
-                {
-                    "rate": f"{100.0 * row['measured']:.1f}",
-                    "interval": f"{100.0 * row['low']:.1f} to {100.0 * row['high']:.1f}",
-                    "tone": tone,
-                    "sign": sign,
-                }
-            )
+            rate, interval = f"{100.0 * row['measured']:.1f}", f"{100.0 * row['low']:.1f} to {100.0 * row['high']:.1f}"
+            cells[row["samples"]] = {"rate": rate, "interval": interval, "tone": tone, "sign": sign}
         nominal = group["nominal"].iloc[0]
         rows.append(
             {
-                "statement": statement, "system": system, "sources": sources, "design": design, "cells": cells,
-                "nominal": "" if nominal != nominal else f"{100.0 * nominal:g}",
+                "statement": statement, "system": system, "sources": sources, "design": design,
+                "cells": list(cells.values()), "nominal": "" if nominal != nominal else f"{100.0 * nominal:g}",
             }
         )  # fmt: skip
     return rows

@@ -1,15 +1,15 @@
 """Synthetic systems with two outputs and three independent sources of unit variance, their moments in closed form.
 
 `linear`
-    Flights are the linear model: everything agrees, and all is sampling noise.
+    The simulation is the linear model: all differences are sampling noise.
 `disguised`
     ``y_1 = a x_1 + c (x_3^2 - 1)`` and ``y_2 = b x_2 + c x_1 x_3``, with a and b such that both variances are exactly
-    one: the flights are nonlinear, yet their mean and covariance are those of the linear model. What the paired
-    estimate must not call a difference.
+    one: the system is nonlinear, with the mean and covariance of the linear model. The paired estimate must not find a
+    difference.
 `quadratic`
-    ``y_1 = x_1 + c x_2^2`` and ``y_2 = x_1 / 2 + x_3 + c x_1 x_2``: what intervals must cover.
+    ``y_1 = x_1 + c x_2^2`` and ``y_2 = x_1 / 2 + x_3 + c x_1 x_2``: tests coverage.
 `corrupted`
-    Linear flights against a linear model whose first column is 5 % too large: what must be found.
+    A linear simulation, compared with a linear model whose first column is 5 % too large: tests power.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ BEND: Final = 0.2
 
 @dataclass(frozen=True)
 class Truth:
-    """Moments of the flights.
+    """Exact moments of the outputs.
 
     Attributes
     ----------
     mean : ndarray, shape (2,)
     covariance : ndarray, shape (2, 2)
     skewness : float or None
-        Of the first output; none when it does not exist or is not looked at.
+        Skewness of the first output; none when it does not exist or is not tested.
     """
 
     mean: Array
@@ -48,18 +48,17 @@ class Truth:
 
 @dataclass(frozen=True)
 class SyntheticSystem:
-    """A system to fly, the linear model that is believed of it, and its truth by the sources' moments.
+    """A simulated system, the linear model to test, and the exact moments.
 
     Attributes
     ----------
-    fly : callable
-        Sources, shape (n, 3), and their fourth moment, to outputs, shape (n, 2).
-    model : Model
+    simulate : callable
+        Function of source values, shape (n, 3), and their fourth moment; returns outputs, shape (n, 2).
     truth : callable
-        Fourth and sixth moments of a source to `Truth`.
+        Function of the fourth and sixth moments of a source.
     """
 
-    fly: Callable[[Array, float], Array]
+    simulate: Callable[[Array, float], Array]
     model: Model
     truth: Callable[[float, float], Truth]
 

@@ -1,4 +1,4 @@
-"""Measured rates beside nominal ones, as a table."""
+"""Measured and nominal rates as a table."""
 
 from __future__ import annotations
 
@@ -15,21 +15,19 @@ if TYPE_CHECKING:
 
 NOMINAL: Final = {"coverage": LEVEL, "false alarm": 1.0 - LEVEL}
 FALSE_ALARM: Final = 1e-3
-"""Probability with which a rate that is right is marked as off, for one row."""
+"""Probability that a correct rate is marked as off, for one row."""
 
 SLACK: Final = 0.01
-"""A rate that is off by less than this beyond its binomial error is called nearly right: intervals from finitely many
-samples are asymptotic."""
+"""Deviation beyond the binomial interval that is tolerated: intervals from finite samples are asymptotic."""
 
 
 def rates(hits: Counter[Cell], made: Counter[Cell]) -> pd.DataFrame:
-    """One row for each cell: measured rate, its exact binomial interval at 95 %, and whether it is as stated.
+    """Tabulate the measured rate of each cell, its exact binomial interval at 95 %, and the finding.
 
-    ``finding``: ``withheld`` where the program does not give the statement, because of tails; ``as stated`` when the
-    nominal rate lies within the binomial interval at 99.9 %; ``safe`` when the rate is on the careful side of that (an
-    interval that covers more often, a test that rejects less often); ``remarked`` where it is not, but the program says
-    of such campaigns that their intervals are only nearly right; ``nearly`` when within a hundredth of it; else
-    ``off``. Powers have no nominal rate, and no finding.
+    ``finding``: ``withheld`` where the program does not report the statement because of heavy tails; ``as stated`` when
+    the nominal rate is within the binomial interval at 99.9 %; ``safe`` when the rate is outside on the conservative
+    side (higher coverage, fewer false alarms); ``remarked`` when it is not, but the program warns of such campaigns;
+    ``nearly`` when outside by less than `SLACK`; else ``off``. Powers have no nominal rate and no finding.
     """
     import pandas as pd
 

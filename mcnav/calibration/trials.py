@@ -1,4 +1,4 @@
-"""Synthetic campaigns, and whether each of the program's statements about them was right."""
+"""Synthetic campaigns, and whether each statement of the program about them is right."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ LEVEL: Final = 0.95
 """Confidence of each single statement."""
 
 CRITERION: Final = Criterion(tolerance=0.01, confidence=1.0 - 3.0 * (1.0 - LEVEL))
-"""The confidence of all together that gives each of the three (two outputs and the matrix) `LEVEL`."""
+"""Joint confidence that gives each of three statements (two outputs and the matrix) `LEVEL`."""
 
 SIZES: Final = (500, 1000, 2000, 5000)
 TAIL: Final = 0.99
-"""Quantile whose upper bound is put to the test."""
+"""Quantile whose upper bound is tested."""
 
 SOURCES: Final[dict[str, tuple[Distribution, float, float]]] = {
     "normal": (Normal(1.0), 3.0, 15.0),
@@ -39,7 +39,7 @@ SOURCES: Final[dict[str, tuple[Distribution, float, float]]] = {
 """Distributions of all sources with their fourth and sixth moments."""
 
 HEAVIEST: Final = "student-t 5"
-"""Flown through the quadratic system only, to show what its tails do."""
+"""Distribution used with the quadratic system only, to show the effect of its tails."""
 
 
 @dataclass(frozen=True)
@@ -48,10 +48,6 @@ class Cell:
 
     Attributes
     ----------
-    system, sources, design : str
-    samples : int
-    statement : str
-        What was said.
     kind : str
         ``coverage`` or ``false alarm``, which have a nominal rate, or ``power``.
     """
@@ -67,21 +63,19 @@ class Cell:
 def run_trials(
     trials: int, jobs: int, designs: Sequence[str], sizes: Sequence[int] = SIZES
 ) -> tuple[Counter[Cell], Counter[Cell]]:
-    """Fly many campaigns and count.
+    """Simulate many campaigns and count.
 
     Parameters
     ----------
     trials : int
         Campaigns for each system, distribution, design and size; seeds are 0, 1, ...
     jobs : int
-        Processes.
-    designs, sizes : sequence
-        Which to fly.
+        Parallel processes.
 
     Returns
     -------
     hits, made : Counter of Cell
-        How often a statement came true (an interval covered, a test rejected), and how often it was made at all.
+        How often a statement was right (an interval covered, a test rejected), and how often it was made.
     """
     stretch = max(1, trials // (4 * jobs))
     pieces = [
@@ -110,11 +104,11 @@ def _piece(design: str, count: int, seeds: Sequence[int]) -> tuple[Counter[Cell]
                 for name, system in SYSTEMS.items():
                     if sources == HEAVIEST and name != "quadratic":
                         continue
-                    flown = system.fly(errors, fourth)
+                    outputs = system.simulate(errors, fourth)
                     normal = sources == "normal"
-                    found = compare(system.model, errors, flown, blocks, CRITERION, FEWEST_BLOCKS[design], normal)
+                    found = compare(system.model, errors, outputs, blocks, CRITERION, FEWEST_BLOCKS[design], normal)
                     truth = system.truth(fourth, sixth)
-                    for statement, kind, hit in _statements(name, system, truth, found, flown, blocks, sources):
+                    for statement, kind, hit in _statements(name, system, truth, found, outputs, blocks, sources):
                         cell = Cell(name, sources, design, count, statement, kind)
                         made[cell] += 1
                         hits[cell] += hit
@@ -129,18 +123,18 @@ def _statements(
     system: SyntheticSystem,
     truth: Truth,
     found: Comparison,
-    flown: Array,
+    outputs: Array,
     blocks: IndexArray,
     sources: str,
 ) -> Iterator[Statement]:
     if name == "corrupted":
-        yield from _found_out(found)
+        yield from _powers(found)
         return
     yield from _covered(name, system, truth, found)
     if name in ("linear", "disguised"):
         yield from _alarms(name, found, sources)
     if name == "linear" and sources == "normal":
-        yield from _tail(system, found, flown, blocks)
+        yield from _tail(system, found, outputs, blocks)
 
 
 def _within(value: float, interval: tuple[float, float] | None) -> bool:
@@ -148,7 +142,7 @@ def _within(value: float, interval: tuple[float, float] | None) -> bool:
 
 
 def _covered(name: str, system: SyntheticSystem, truth: Truth, found: Comparison) -> Iterator[Statement]:
-    """Intervals against the truth; those of differences that are exactly nil have nothing to cover."""
+    """Yield whether intervals cover the truth; differences that are exactly zero have no interval."""
     linear = system.model.outcome_covariance
     ratios = np.sqrt(np.diag(truth.covariance) / np.diag(linear))
     first = found.outputs[0]
@@ -164,20 +158,16 @@ def _covered(name: str, system: SyntheticSystem, truth: Truth, found: Comparison
     yield "bias", "coverage", _within(truth.mean[0], first.bias.interval(LEVEL))
     if joint is not None:
         difference = correlations(truth.covariance)[0, 1] - correlations(linear)[0, 1]
-        yield (
-            "correlation difference",
-            "coverage",
-            _within(difference, joint.correlations[0].difference.interval(LEVEL)),
-        )
+        interval = joint.correlations[0].difference.interval(LEVEL)
+        yield "correlation difference", "coverage", _within(difference, interval)
     if ellipsoid is not None:
         about = truth.covariance + np.outer(truth.mean, truth.mean)
-        yield "mean NEES", "coverage", _within(
-            float(np.trace(np.linalg.solve(linear, about))), ellipsoid.nees_paired.interval(LEVEL)
-        )  # fmt: skip
+        expected = float(np.trace(np.linalg.solve(linear, about)))
+        yield "mean NEES", "coverage", _within(expected, ellipsoid.nees_paired.interval(LEVEL))
 
 
 def _alarms(name: str, found: Comparison, sources: str) -> Iterator[Statement]:
-    """Tests of hypotheses that are true."""
+    """Yield whether tests reject true hypotheses."""
     joint = found.joint
     if joint is None:
         return
@@ -197,25 +187,23 @@ def _alarms(name: str, found: Comparison, sources: str) -> Iterator[Statement]:
             yield statement, "false alarm", test.p_value < 1.0 - LEVEL
 
 
-def _tail(system: SyntheticSystem, found: Comparison, flown: Array, blocks: IndexArray) -> Iterator[Statement]:
-    """Upper bound of a quantile: a limit at the quantile itself is met only when the bound is wrong."""
+def _tail(system: SyntheticSystem, found: Comparison, outputs: Array, blocks: IndexArray) -> Iterator[Statement]:
+    """Yield whether the upper bound of a quantile holds: a limit at the quantile is met only if the bound is wrong."""
     limit = float(special.ndtri(0.5 + 0.5 * TAIL))
     required = Requirement("quantile", (0,), (limit,), TAIL)
-    judged = judge_requirement(required, system.model, flown, blocks, found, LEVEL)
+    judged = judge_requirement(required, system.model, outputs, blocks, found, LEVEL)
     if not judged.remark:
         yield f"|y| at {100.0 * TAIL:g} %, upper bound", "coverage", judged.finding != Finding.MET
 
 
-def _found_out(found: Comparison) -> Iterator[Statement]:
-    """Whether the wrong matrix is noticed, and told to be beyond the tolerance."""
+def _powers(found: Comparison) -> Iterator[Statement]:
+    """Yield whether the wrong matrix is detected."""
     first, joint = found.outputs[0], found.joint
     yield "plain sigma ratio is not one", "power", first.plain.certain
     yield "paired sigma ratio is not one", "power", first.paired.certain
     yield "verdict: differs by more than 1 %", "power", first.paired.verdict.value == "differs"
     if joint is not None:
-        for statement, test in (
-            ("covariance, likelihood ratio", joint.covariance),
-            ("covariance, paired", joint.covariance_paired),
-        ):
+        tests = {"covariance, likelihood ratio": joint.covariance, "covariance, paired": joint.covariance_paired}
+        for statement, test in tests.items():
             if test is not None:
                 yield statement, "power", test.p_value < 1.0 - LEVEL

@@ -1,1 +1,1 @@
-"""A judged run as one self-contained HTML page; nothing is flown or judged here."""
+"""Presentation of a run: HTML pages, tables and sentences for the terminal, and files; nothing is computed here."""

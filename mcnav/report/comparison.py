@@ -1,4 +1,4 @@
-"""Several runs beside each other, as a page and as tables."""
+"""Comparison of several runs, as tables and as a page."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from mcnav.analysis.run_comparison import Change
 from mcnav.report import sentences
 from mcnav.report.figures.figure import HALF, Figure, Plot, Series
-from mcnav.report.format import number, with_error
+from mcnav.report.format import number
 from mcnav.report.model import humanize, labels_of
 from mcnav.report.page import filled
 from mcnav.report.svg import LINEAR, SOURCE_COLOURS
@@ -25,21 +25,19 @@ ABSENT: Final = "–"
 NAN: Final = float("nan")
 NOTHING: Final = Change(NAN, NAN, NAN, (NAN, NAN), Estimate(NAN, NAN, 0.0), False)
 MARKS: Final = ("dot", "square", "triangle", "ring", "box")
-"""Runs are told apart by their marks' shape and colour."""
-TONES: Final = {"larger": "undecided", "smaller": "undecided", "no change seen": "agrees"}
+"""Marker shapes of runs, besides their colours."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """One output of one later run beside the first run.
+    """One output of a later run compared with the first run.
 
     Attributes
     ----------
     run : int
-        Which run, from 1.
-    output, unit, shown_in : str
+        Index of the later run, from 1.
     change : Change or None
-        None where too few flights came through.
+        None when too few samples succeeded.
     """
 
     run: int
@@ -49,8 +47,13 @@ class Row:
     change: Change | None
 
     @property
+    def scale(self) -> float:
+        """Factor from SI to the unit shown."""
+        return conversion(self.unit, self.shown_in)
+
+    @property
     def words(self) -> str:
-        """What came of the comparison."""
+        """Finding in words."""
         if self.change is None or not np.isfinite(self.change.ratio):
             still = self.change is not None and self.change.before == self.change.after == 0.0
             return sentences.NOT_DISTURBED if still else "nothing to compare"
@@ -62,24 +65,23 @@ class Row:
 
 
 def inputs(manifests: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
-    """What goes into the runs and is not the same in all: one row a key of the campaign, one column a run."""
-    described = [
+    """Tabulate the inputs that differ between runs: one row per key of the campaign, one column per run."""
+    flat = [
         _flat(each["identity"]["campaign"])
         | {"engine": str(each["identity"]["engine"])}
         | {f"version of {name}": text for name, text in each["identity"]["versions"].items()}
         | {f"files.{name}": f"SHA-256 {text}" for name, text in each["identity"].get("files", {}).items()}
         for each in manifests
     ]
-    keys = [key for key in dict.fromkeys(key for each in described for key in each) if key != "name"]
-    rows = {key: [each.get(key, ABSENT) for each in described] for key in keys}
-    return pd.DataFrame.from_dict(
-        {key: values for key, values in rows.items() if len(set(values)) > 1}, orient="index",
-        columns=range(len(manifests)),
-    )  # fmt: skip
+    rows = {
+        key: [each.get(key, ABSENT) for each in flat] for key in dict.fromkeys(key for each in flat for key in each)
+    }
+    changed = {key: values for key, values in rows.items() if key != "name" and len(set(values)) > 1}
+    return pd.DataFrame.from_dict(changed, orient="index", columns=range(len(manifests)))
 
 
 def _flat(value: Any, prefix: str = "") -> dict[str, str]:
-    """Nested tables as one: ``errors.altitude``.
+    """Flatten nested tables; keys are joined by dots.
 
     >>> _flat({"errors": {"altitude": "5 km"}, "samples": 20})
     {'errors.altitude': '5 km', 'samples': '20'}
@@ -92,23 +94,22 @@ def _flat(value: Any, prefix: str = "") -> dict[str, str]:
 
 
 def outputs(rows: Sequence[Row], titles: Sequence[str]) -> pd.DataFrame:
-    """What has become of each output, in the units shown: one row an output of a later run."""
+    """Tabulate the change of each output in the units shown: one row per output of a later run."""
     table = []
     for row in rows:
-        scale, found = conversion(row.unit, row.shown_in), row.change
-        known = found if found is not None else NOTHING
+        known = row.change or NOTHING
         table.append(
             {
                 "output": row.output,
                 "unit": row.shown_in,
                 "run": titles[row.run],
-                "sigma before": known.before * scale,
-                "sigma after": known.after * scale,
+                "sigma before": known.before * row.scale,
+                "sigma after": known.after * row.scale,
                 "ratio": known.ratio,
                 "from": known.interval[0],
                 "to": known.interval[1],
-                "mean after less before": known.mean.value * scale,
-                "standard error": known.mean.standard_error * scale,
+                "mean after less before": known.mean.value * row.scale,
+                "standard error": known.mean.standard_error * row.scale,
                 "common draws": known.common,
                 "change": row.words,
             }
@@ -117,41 +118,39 @@ def outputs(rows: Sequence[Row], titles: Sequence[str]) -> pd.DataFrame:
 
 
 def ratios(rows: Sequence[Row], titles: Sequence[str]) -> Figure | None:
-    """Forest plot of the sigma ratios of later runs to the first."""
-    known = [row for row in rows if row.change is not None and np.isfinite(row.change.interval).all()]
+    """Draw the sigma ratios of later runs to the first."""
+    known = [(row, row.change) for row in rows if row.change is not None and np.isfinite(row.change.interval).all()]
     if not known:
         return None
-    later = sorted({row.run for row in known})
+    later = sorted({row.run for row, _ in known})
     series = {
         run: Series(f"run-{run}", titles[run], SOURCE_COLOURS[k % len(SOURCE_COLOURS)], MARKS[k % len(MARKS)])
         for k, run in enumerate(later)
     }
-    names = list(dict.fromkeys(row.output for row in known))
+    names = list(dict.fromkeys(row.output for row, _ in known))
 
-    def draw(axes: Axes, shown: Sequence[Row]) -> None:
+    def draw(axes: Axes, shown: Sequence[tuple[Row, Change]]) -> None:
         axes.axvline(0.0, color=LINEAR, linewidth=1.2)
-        for row in shown:
-            if row.change is None:
-                continue
+        for row, change in shown:
             step = later.index(row.run) - 0.5 * (len(later) - 1)
             place = names.index(row.output) + 0.7 * step / max(len(later), 2)
-            each, ends = series[row.run], [100.0 * (end - 1.0) for end in row.change.interval]
+            each, ends = series[row.run], [100.0 * (end - 1.0) for end in change.interval]
             axes.plot(ends, [place] * 2, color=each.colour, linewidth=2.0, gid=each.gid)
-            each.on(axes, 100.0 * (row.change.ratio - 1.0), place)
+            each.on(axes, 100.0 * (change.ratio - 1.0), place)
         axes.set_yticks(range(len(names)), [humanize(name) for name in names])
         axes.set_ylim(len(names) - 0.5, -0.5)
         axes.grid(axis="y", visible=False)
         axes.locator_params(axis="x", nbins=6)
-        axes.set_xlabel("σ against the first run (%)")
+        axes.set_xlabel("difference of σ from the first run (%)")
 
     return Figure(
         key="changes",
-        title="Sigma of each output against the first run",
-        description="For each output and run the difference of the Monte Carlo sigma from that of the first run, with "
-        "its interval.",
+        title="Sigma of each output relative to the first run",
+        description="Difference of the Monte Carlo sigma of each output and run from that of the first run, with its "
+        "interval.",
         plots=[Plot("", partial(draw, shown=known))],
         series=tuple(series.values()),
-        data=outputs(known, titles),
+        data=outputs([row for row, _ in known], titles),
         size=(HALF[0], 1.0 + 0.25 * len(names) * (1 + len(later))),
     )
 
@@ -163,47 +162,26 @@ def render(
     rows: Sequence[Row],
     confidence: float,
 ) -> str:
-    """The page."""
+    """Render the comparison as an HTML page."""
+    runs = [
+        {"headline": sentences.headline(each), "tone": sentences.tone(each), "standing": sentences.standing(each)}
+        for each in summaries
+    ]
     return filled(
         "between.html",
         titles=titles,
-        runs=[
-            {"title": title, "name": summary["campaign"], "samples": f"{summary['samples']:,}",
-             "failed": f"{summary['failed']:,}", "headline": sentences.headline(summary),
-            "tone": sentences.tone(summary),
-             "standing": sentences.standing(summary)}
-            for title, summary in zip(titles, summaries, strict=True)
-        ],
+        runs=list(zip(titles, summaries, runs, strict=True)),
         inputs=[(str(key), list(values)) for key, values in inputs(manifests).iterrows()],
-        rows=[_cells(row, titles) for row in rows],
+        rows=[{**cells, "name": humanize(cells["output"])} for cells in outputs(rows, titles).to_dict("records")],
         common=any(row.change is not None and row.change.common for row in rows),
         figure=ratios(rows, titles),
         budgets=_budgets(manifests, summaries),
         confidence=f"{100.0 * confidence:g} %",
-    )  # fmt: skip
-
-
-def _cells(row: Row, titles: Sequence[str]) -> dict[str, Any]:
-    scale, found = conversion(row.unit, row.shown_in), row.change
-    told = {
-        "output": humanize(row.output), "unit": row.shown_in, "run": titles[row.run], "words": row.words,
-        "tone": TONES.get(row.words, ""),
-    }  # fmt: skip
-    if found is None:
-        return told | dict.fromkeys(("before", "after", "ratio", "interval", "mean", "common"), ABSENT)
-    sure = np.isfinite(found.interval).all()
-    return told | {
-        "before": number(found.before * scale, 5),
-        "after": number(found.after * scale, 5),
-        "ratio": number(found.ratio, 5),
-        "interval": f"{number(found.interval[0], 5)} to {number(found.interval[1], 5)}" if sure else ABSENT,
-        "mean": with_error(found.mean.value * scale, found.mean.standard_error * scale),
-        "common": "common" if found.common else "separate",
-    }
+    )
 
 
 def _budgets(manifests: Sequence[Mapping[str, Any]], summaries: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """For each output of the first run what one sigma of each source does to it, run by run."""
+    """List for each output of the first run the linear effect of one sigma of each source, run by run."""
     tables = []
     for entry in manifests[0]["model"]["outputs"]:
         scale = conversion(entry["unit"], entry["shown_in"])

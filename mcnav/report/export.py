@@ -1,7 +1,7 @@
 """Results as rows of numbers in full precision, and as CSV and JSON.
 
-Sources and outputs have the names that they have in campaign files. The column ``unit`` holds the unit of every
-dimensional number of its row, which is the one that tables show.
+Sources and outputs are named as in campaign files. The column ``unit`` is the unit of every dimensional number in its
+row, which is the unit shown in tables.
 """
 
 from __future__ import annotations
@@ -17,67 +17,58 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.report import sentences
-from mcnav.report.requirements import shown_units, stated
+from mcnav.report.requirements import shown_units
 from mcnav.scenarios.protocol import Output, Source
 from mcnav.units import conversion
 
 if TYPE_CHECKING:
-    from mcnav.report.comparison import Row as Between
+    from mcnav.report.comparison import Row as RowOfChange
 
 Row = dict[str, Any]
 
 
 def output_rows(runs: Mapping[str, Mapping[str, Any]]) -> list[Row]:
-    """List linear beside Monte Carlo, an output of a run a row; outputs in order, and for each the runs that have it.
-
-    Parameters
-    ----------
-    runs : mapping of str to mapping
-        Summaries by the name of the run.
-    """
+    """List linear and Monte Carlo sigmas, one row per output and run; ``runs`` are summaries by run name."""
     units = {
         (entry["name"], entry["unit"]): shown_units(run)[entry["name"]][1]
         for run in [*runs.values()][::-1]
         for entry in run["outputs"]
     }
-    names = dict.fromkeys((entry["name"], entry["unit"]) for run in runs.values() for entry in run["outputs"])
     rows = []
-    for name, unit in names:
+    for name, unit in dict.fromkeys(
+        (entry["name"], entry["unit"]) for run in runs.values() for entry in run["outputs"]
+    ):
         for title, run in runs.items():
             at = [(entry["name"], entry["unit"]) for entry in run["outputs"]]
             if (name, unit) in at:
                 shown = units[name, unit]
-                about = {"run": title, "output": name, "unit": shown}
-                rows.append(about | _compared(run, at.index((name, unit)), conversion(unit, shown)))
+                scale = conversion(unit, shown)
+                rows.append({"run": title, "output": name, "unit": shown} | _sigmas(run, at.index((name, unit)), scale))
     return rows
 
 
-def _compared(summary: Mapping[str, Any], i: int, scale: float) -> Row:
-    """Numbers of one output; none where there is nothing to compare."""
+def _sigmas(summary: Mapping[str, Any], i: int, scale: float) -> Row:
+    """Return sigmas, ratios and verdict of one output; none where nothing was compared."""
 
-    def at(key: str) -> float | None:
-        values = summary.get(key) or []
-        return values[i] if i < len(values) else None
+    def at(key: str, factor: float = 1.0) -> Any:
+        values = summary.get(key)
+        value = None if values is None or i >= len(values) else values[i]
+        return value if value is None or factor == 1.0 else value * factor
 
-    def scaled(key: str) -> float | None:
-        value = at(key)
-        return None if value is None else value * scale
-
-    found: Row = {"sigma_linear": scaled("sigma_linear")}
+    row: Row = {"sigma_linear": at("sigma_linear", scale)}
     for kind, sigma, ratio in (
-        ("paired", "sigma_paired", "sigma_ratio_paired"),
-        ("plain", "sigma_sample", "sigma_ratio"),
-    ):
-        bounds = (summary.get(f"{ratio}_interval") or [None] * (i + 1))[i] or (None, None)
+        ("paired", "sigma_paired", "sigma_ratio_paired"), ("plain", "sigma_sample", "sigma_ratio"),
+    ):  # fmt: skip
+        bounds = at(f"{ratio}_interval") or (None, None)
         low, high = bounds if None not in bounds else (None, None)
-        found |= {f"sigma_{kind}": scaled(sigma), f"ratio_{kind}": at(ratio)}
-        found |= {f"ratio_{kind}_from": low, f"ratio_{kind}_to": high}
+        row |= {f"sigma_{kind}": at(sigma, scale), f"ratio_{kind}": at(ratio)}
+        row |= {f"ratio_{kind}_from": low, f"ratio_{kind}_to": high}
     verdicts = sentences.verdict_words(summary)
-    return found | {"verdict": verdicts[i] if verdicts else None, "samples": summary["samples"]}
+    return row | {"verdict": verdicts[i] if verdicts else None, "samples": summary["samples"]}
 
 
 def run_rows(runs: Mapping[str, Mapping[str, Any]]) -> list[Row]:
-    """List the verdicts, a run a row."""
+    """List the verdicts, one row per run."""
     same = ("campaign", "samples", "failed", "engine", "seed", "design", "verdict", "verdict_matrix")
     return [
         {"run": title} | {key: run.get(key) for key in same} | {"headline": sentences.headline(run)}
@@ -85,50 +76,26 @@ def run_rows(runs: Mapping[str, Mapping[str, Any]]) -> list[Row]:
     ]
 
 
-def requirement_rows(summary: Mapping[str, Any]) -> list[Row]:
-    """List the requirements in words with what was found, a requirement a row."""
-    units = shown_units(summary)
-    return [
-        {
-            "requirement": stated(entry, units),
-            "finding": entry["finding"],
-            "samples_needed": entry["samples_needed"],
-            "remark": entry["remark"],
-        }
-        for entry in summary["requirements"]
-    ]
-
-
-def with_changes(rows: Sequence[Row], runs: Sequence[str], found: Sequence[Between]) -> list[Row]:
-    """Add to rows of outputs what has become of each since the first run; empty for the first run itself.
-
-    Parameters
-    ----------
-    rows : sequence of dict
-        Of `output_rows`.
-    runs : sequence of str
-        Names of the runs, in order.
-    found : sequence of mcnav.report.comparison.Row
-    """
+def with_changes(rows: Sequence[Row], runs: Sequence[str], changes: Sequence[RowOfChange]) -> list[Row]:
+    """Add to `output_rows` the change of each output from the first run; rows of the first run have none."""
     changed: dict[tuple[str, str], Row] = {}
-    for row in found:
-        told: Row = {"change": row.words}
+    for row in changes:
+        cells: Row = {"change": row.words}
         if row.change is not None:
-            scale = conversion(row.unit, row.shown_in)
-            told |= {
+            cells |= {
                 "change_ratio": row.change.ratio,
                 "change_ratio_from": row.change.interval[0],
                 "change_ratio_to": row.change.interval[1],
-                "change_mean": row.change.mean.value * scale,
-                "change_mean_standard_error": row.change.mean.standard_error * scale,
+                "change_mean": row.change.mean.value * row.scale,
+                "change_mean_standard_error": row.change.mean.standard_error * row.scale,
                 "common_draws": row.change.common,
             }
-        changed[runs[row.run], row.output] = told
+        changed[runs[row.run], row.output] = cells
     return [{**row, **changed.get((row["run"], row["output"]), {})} for row in rows]
 
 
 def partial_rows(sources: Sequence[Source], outputs: Sequence[Output], matrix: Array) -> list[Row]:
-    """List partial derivatives, shape (outputs, sources), SI, one a row, in the unit of its row."""
+    """List partial derivatives, given with shape (outputs, sources) in SI, one per row in the units shown."""
     return [
         {
             "output": output.name,
@@ -144,21 +111,21 @@ def partial_rows(sources: Sequence[Source], outputs: Sequence[Output], matrix: A
 
 
 def as_csv(rows: Sequence[Mapping[str, Any]]) -> str:
-    r"""Write rows as CSV in full precision; what is not known is empty.
+    r"""Write rows as CSV in full precision; unknown values are empty.
 
     >>> as_csv([{"output": "x", "sigma": 0.1}, {"output": "y", "sigma": None}])
     'output,sigma\nx,0.1\ny,\n'
     """
     written = io.StringIO()
-    keys = list(dict.fromkeys(key for row in rows for key in row))
-    writer = csv.DictWriter(written, keys, restval="", lineterminator="\n")
+    keys = dict.fromkeys(key for row in rows for key in row)
+    writer = csv.DictWriter(written, list(keys), restval="", lineterminator="\n")
     writer.writeheader()
     writer.writerows({key: _finite(value) for key, value in row.items()} for row in rows)
     return written.getvalue()
 
 
 def as_json(tables: Mapping[str, Any]) -> str:
-    """Write tables by name as JSON in full precision; what is not known is null.
+    """Write tables by name as JSON in full precision; unknown values are null.
 
     >>> as_json({"outputs": [{"sigma": float("nan")}]}).split()
     ['{', '"outputs":', '[', '{', '"sigma":', 'null', '}', ']', '}']
@@ -167,7 +134,7 @@ def as_json(tables: Mapping[str, Any]) -> str:
 
 
 def _finite(value: Any) -> Any:
-    """A value with numpy's numbers as Python's, and none in place of what is not finite."""
+    """Convert numpy numbers to Python's, and those that are not finite to none."""
     if isinstance(value, Mapping):
         return {key: _finite(entry) for key, entry in value.items()}
     if isinstance(value, (list, tuple)):

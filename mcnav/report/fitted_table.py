@@ -1,8 +1,8 @@
-"""Tables for the terminal that never shorten a number, whatever the width.
+"""Tables for the terminal that show every number in full at any width.
 
-A table takes the first of these forms that fits: as it is; with headings and texts folded between words; without the
-columns that may be left out, which a line below names; with the first columns folded, too; in blocks of columns that
-repeat the first ones; one record below another. Into a pipe or a file the width is unlimited.
+A table uses the first of these forms that fits: as it is; with headings and texts wrapped between words; without spare
+columns, which a line below names; with the first columns wrapped, too; in blocks of columns that repeat the first ones;
+as one record below another. In a pipe or a file the width is unlimited.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ INDENT: Final = 2
 
 
 class OpenConsole(Console):
-    """A console whose width is that of its terminal, and unlimited where it writes into a pipe or a file."""
+    """A console that is as wide as its terminal, and unlimited when it writes to a pipe or a file."""
 
     @property
     def size(self) -> ConsoleDimensions:
@@ -46,16 +46,25 @@ class Column:
 
     Attributes
     ----------
-    heading : str
     text : bool
-        Whether the cells are text, which may be folded between words; else numbers, which stay on one line.
+        Whether the cells are texts, which may be wrapped, or numbers, which stay on one line.
     spare : int
-        Columns above zero may be left out where the width is short, those with the largest number first.
+        Columns above zero may be omitted, those with the largest number first.
     """
 
     heading: str
     text: bool = False
     spare: int = 0
+
+
+def texts(*headings: object) -> list[Column]:
+    """Return columns of texts."""
+    return [Column(str(heading), text=True) for heading in headings]
+
+
+def numbers(*headings: str, spare: bool = False) -> list[Column]:
+    """Return columns of numbers; spare ones are omitted from the right."""
+    return [Column(heading, spare=place if spare else 0) for place, heading in enumerate(headings, start=1)]
 
 
 @dataclass
@@ -64,12 +73,10 @@ class FittedTable:
 
     Attributes
     ----------
-    title : str
-    columns : sequence of Column
     keys : int
-        The first columns, which say what a row is; they are repeated in every block.
+        Number of the first columns that identify a row; every block repeats them.
     elsewhere : str
-        Where columns that are left out can be found.
+        Where omitted columns can be found.
     rows : list of list of Text
         One cell for each column.
     """
@@ -97,14 +104,14 @@ class FittedTable:
             yield from self._block(console, block, width)
         if not blocks:
             yield from self._records(console, kept, width)
-        left_out = [self.columns[at].heading for at in everything if at not in kept]
-        if left_out:
+        omitted = [self.columns[at].heading for at in everything if at not in kept]
+        if omitted:
             where = f"; see {self.elsewhere}" if self.elsewhere else ""
-            told = f"not shown at this width: {', '.join(left_out)}{where}"
-            yield from _wrapped(console, Text(told, style="dim"), width)
+            remark = f"not shown at this width: {', '.join(omitted)}{where}"
+            yield from _wrapped(console, Text(remark, style="dim"), width)
 
     def _layout(self, columns: list[int], width: int) -> tuple[list[int], list[list[int]]]:
-        """Columns that are kept, and the blocks in which they are shown; no block where records are needed."""
+        """Return the columns kept, and the blocks that show them; no block where records are needed."""
         while not self._fits(columns, width, whole_keys=True):
             spare = max(columns, key=lambda at: (self.columns[at].spare, at))
             if not self.columns[spare].spare:
@@ -127,30 +134,25 @@ class FittedTable:
         needed = [self._widest(at) if whole_keys and at < self.keys else self._narrowest(at) for at in columns]
         return sum(needed) + GAP * (len(needed) - 1) <= width
 
-    def _cells(self, at: int) -> list[str]:
-        return [row[at].plain for row in self.rows]
-
     def _narrowest(self, at: int) -> int:
-        """Width below which a number or a word would be broken."""
-        column, cells = self.columns[at], self._cells(at)
+        """Return the width below which a number or a word would be broken."""
+        column, cells = self.columns[at], [row[at].plain for row in self.rows]
         words = [word for text in (column.heading, *(cells if column.text else ())) for word in text.split()]
         return max(map(cell_len, words + ([] if column.text else cells)), default=0)
 
     def _widest(self, at: int) -> int:
-        """Width at which nothing is folded."""
-        return max(map(cell_len, (self.columns[at].heading, *self._cells(at))))
+        """Return the width at which nothing is wrapped."""
+        return max(map(cell_len, (self.columns[at].heading, *(row[at].plain for row in self.rows))))
 
     def _widths(self, columns: Sequence[int], width: int) -> list[int]:
-        """The width of each column: what it needs, the widest ones folded until all fit, the first columns last."""
+        """Return the width of each column; the widest are narrowed until all fit, the first columns last."""
         wanted = [self._widest(at) for at in columns]
         least = [self._narrowest(at) for at in columns]
-        excess = sum(wanted) + GAP * (len(columns) - 1) - width
-        while excess > 0:
-            foldable = [k for k in range(len(columns)) if wanted[k] > least[k]]
-            if not foldable:
+        while sum(wanted) + GAP * (len(columns) - 1) > width:
+            shrinkable = [k for k in range(len(columns)) if wanted[k] > least[k]]
+            if not shrinkable:
                 break
-            wanted[max(foldable, key=lambda k: (columns[k] >= self.keys, wanted[k]))] -= 1
-            excess -= 1
+            wanted[max(shrinkable, key=lambda k: (columns[k] >= self.keys, wanted[k]))] -= 1
         return wanted
 
     def _block(self, console: Console, columns: Sequence[int], width: int) -> Iterable[Text]:
@@ -161,14 +163,14 @@ class FittedTable:
                 cell.wrap(console, max(size, 1), justify="left" if self.columns[at].text else "right", overflow="fold")
                 for at, cell, size in zip(columns, row, widths, strict=True)
             ]
-            for line in range(max(map(len, cells))):
-                told = Text(no_wrap=True, overflow="ignore")
+            for number in range(max(map(len, cells))):
+                line = Text(no_wrap=True, overflow="ignore")
                 for cell, size in zip(cells, widths, strict=True):
-                    part = cell[line] if line < len(cell) else Text()
-                    told.append_text(part)
-                    told.append(" " * (size - part.cell_len + GAP))
-                told.rstrip()
-                yield told
+                    part = cell[number] if number < len(cell) else Text()
+                    line.append_text(part)
+                    line.append(" " * (size - part.cell_len + GAP))
+                line.rstrip()
+                yield line
 
     def _records(self, console: Console, columns: Sequence[int], width: int) -> Iterable[Text]:
         for number, row in enumerate(self.rows):
@@ -176,12 +178,12 @@ class FittedTable:
                 yield Text()
             for place, at in enumerate(columns):
                 heading = self.columns[at].heading
-                told = Text.assemble((f"{heading}: " if heading else "", Style(bold=True)), row[at])
-                yield from _wrapped(console, told, width, INDENT if place else 0)
+                line = Text.assemble((f"{heading}: " if heading else "", Style(bold=True)), row[at])
+                yield from _wrapped(console, line, width, INDENT if place else 0)
 
 
 def _wrapped(console: Console, text: Text, width: int, indent: int = 0) -> Iterable[Text]:
-    """A text in lines of a width; only words that are longer than a line are broken."""
+    """Wrap a text; only words longer than a line are broken."""
     for line in text.wrap(console, max(width - indent, 1), overflow="fold"):
         line.rstrip()
         yield Text.assemble(" " * indent, line, no_wrap=True, overflow="ignore")

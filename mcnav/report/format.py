@@ -1,4 +1,4 @@
-"""Numbers as the report's tables print them."""
+"""Numbers as text for tables and sentences."""
 
 from __future__ import annotations
 
@@ -8,11 +8,14 @@ from typing import Final
 SUPERSCRIPTS: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 LONGEST: Final = 6
-"""Decimals of a value with its error; smaller errors are written with powers of ten."""
+"""Most decimals of a value with its error; smaller errors are written with powers of ten."""
+
+SMALLEST: Final = 1e-4
+"""Smallest p-value that is written out."""
 
 
 def number(value: float | None, digits: int = 4) -> str:
-    """A number with so many significant digits; a dash for one that does not exist.
+    """Format a number with significant digits; a missing or infinite one is a dash.
 
     >>> number(36.3456789), number(-1.6e-8, 2), number(123456.7, 3)
     ('36.35', '−1.6·10⁻⁸', '1.23·10⁵')
@@ -29,7 +32,7 @@ def number(value: float | None, digits: int = 4) -> str:
 
 
 def signed(value: float | None, digits: int = 3) -> str:
-    """A number that always carries its sign.
+    """Format a number with its sign and significant digits.
 
     >>> signed(0.0012345), signed(-2.0)
     ('+0.00123', '−2.00')
@@ -38,17 +41,17 @@ def signed(value: float | None, digits: int = 3) -> str:
     return f"+{shown}" if value is not None and value > 0.0 and math.isfinite(value) else shown
 
 
-def fixed(value: float, decimals: int) -> str:
-    """A number with its sign and so many decimals.
+def fixed(value: float | None, decimals: int) -> str:
+    """Format a number with its sign and a fixed number of decimals; a missing one is a dash.
 
     >>> fixed(-0.25, 3)
     '−0.250'
     """
-    return f"{value:+.{decimals}f}".replace("-", "−")
+    return "–" if value is None else f"{value:+.{decimals}f}".replace("-", "−")
 
 
 def with_error(value: float, error: float, sign: bool = False) -> str:
-    """A value and its error, which has two digits; the value has no more decimals than that.
+    """Format a value with its error to two digits, and as many decimals of the value.
 
     >>> with_error(4.47512, 0.0403), with_error(-7.7e-6, 0.0021), with_error(0.5, 12.3, sign=True)
     ('4.475 ± 0.040', '0.0000 ± 0.0021', '+0 ± 12')
@@ -61,8 +64,18 @@ def with_error(value: float, error: float, sign: bool = False) -> str:
     return f"{mark}{rounded:,.{decimals}f} ± {error:,.{decimals}f}".replace("-", "−")
 
 
+def interval(low: float | None, high: float | None) -> str:
+    """Format an interval of a ratio; an unknown or unbounded one is a dash.
+
+    >>> interval(0.99, 1.01), interval(None, None)
+    ('0.9900 to 1.0100', '–')
+    """
+    known = low is not None and high is not None and math.isfinite(low) and math.isfinite(high)
+    return f"{low:.4f} to {high:.4f}" if known else "–"
+
+
 def share(value: float) -> str:
-    """A share of a variance in per cent.
+    """Format a share of a variance in per cent.
 
     >>> share(0.00001)
     '<0.01'
@@ -70,3 +83,28 @@ def share(value: float) -> str:
     if not math.isfinite(value):
         return "–"
     return "<0.01" if 0.0 < abs(value) < 5e-5 else f"{100.0 * value:.2f}".replace("-", "−")
+
+
+def percent(share: float) -> str:
+    """Format a signed difference in per cent: two significant digits below 0.1 %, two decimals to 10 %, one above.
+
+    >>> percent(0.0312), percent(-0.0000213), percent(3.5341)
+    ('+3.12 %', '−0.0021 %', '+353.4 %')
+    """
+    value = 100.0 * share
+    if not math.isfinite(value):
+        return "–"
+    size = abs(value)
+    decimals = 1 if size >= 10.0 else 2 if size >= 0.1 or size == 0.0 else 1 - math.floor(math.log10(size))
+    return f"{value:+.{decimals}f} %".replace("-", "−")
+
+
+def probability(value: float) -> str:
+    """Format a p-value.
+
+    >>> probability(0.04321), probability(3e-9), probability(1e-4)
+    ('0.043', '<0.0001', '0.0001')
+    """
+    if value < SMALLEST:
+        return f"<{SMALLEST:.4f}"
+    return f"{value:.2g}" if value < 0.995 else "1.0"

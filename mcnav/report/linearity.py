@@ -1,4 +1,4 @@
-"""A study of the range of linearity as one page and as tables."""
+"""Range of linearity as a page and as tables."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from mcnav.analysis.linearity import AloneRange, DispersionRange
 from mcnav.report.figures import linearity as drawn
 from mcnav.report.model import humanize
 from mcnav.report.page import filled
-from mcnav.report.sentences import JOINT, multiple_words
+from mcnav.report.sentences import JOINT, linearity_rows, multiple_words
 from mcnav.scenarios.protocol import Output, Source, source_labels
 
 ALL_AT_ONCE: Final = "all at once"
 
 MINOR: Final = 0.01
-"""A source that moves an output by less than this share of the root sum square of all is minor for it."""
+"""Share of the root sum square of all sources below which a source is minor for an output."""
 
 
 def alone_table(found: AloneRange, sizes: Array, sources: Sequence[Source], outputs: Sequence[Output]) -> pd.DataFrame:
-    """One row for each direction and output: the multiple, its sign, and the error that it makes of a source."""
+    """Tabulate the multiple, its sign and the resulting error of each source and output."""
     rows = []
     for j, name in enumerate([*(humanize(source.name) for source in sources), ALL_AT_ONCE]):
         for i, output in enumerate(outputs):
@@ -37,20 +37,12 @@ def alone_table(found: AloneRange, sizes: Array, sources: Sequence[Source], outp
 
 
 def dispersion_table(found: DispersionRange, outputs: Sequence[Output]) -> pd.DataFrame:
-    """One row for each multiple and output: sigma ratio and its interval."""
-    names = [*(output.name for output in outputs), "joint"]
+    """Tabulate the sigma ratio and its interval for each multiple and output."""
+    names, multiples = [*(output.name for output in outputs), "joint"], found.multiples
+    columns = {"ratio": found.ratios, "interval from": found.lower, "interval to": found.upper}
     return pd.DataFrame(
-        [
-            {
-                "multiple": multiple,
-                "of": name,
-                "ratio": found.ratios[row, column],
-                "interval from": found.lower[row, column],
-                "interval to": found.upper[row, column],
-            }
-            for row, multiple in enumerate(found.multiples)
-            for column, name in enumerate(names)
-        ]
+        {"multiple": np.repeat(multiples, len(names)), "of": np.tile(names, len(multiples))}
+        | {name: values.ravel() for name, values in columns.items()}
     )
 
 
@@ -63,40 +55,28 @@ def render(
     sources: Sequence[Source],
     outputs: Sequence[Output],
 ) -> str:
-    """The page. ``about``: tolerance, confidence, samples; ``contributions``, shape (sources, outputs): linear, SI."""
+    """Render the HTML page.
+
+    Parameters
+    ----------
+    about : (float, float, int)
+        Tolerance, confidence, samples.
+    contributions : ndarray, shape (sources, outputs)
+        Effect of one sigma of each source by the linear model, SI.
+    """
     tolerance, confidence, samples = about
-    reached = float(dispersion.multiples[-1])
     names = [humanize(output.name) for output in outputs]
     directions = [*source_labels([each.name for each in sources], [each.name for each in outputs]), ALL_AT_ONCE]
-    together = [
-        {
-            "name": name,
-            "cells": [
-                multiple_words(values[k], reached)
-                for values in (dispersion.agrees_until, dispersion.departs, dispersion.differs_from)
-            ],
-        }
-        for k, name in enumerate([*names, JOINT])
-    ]
     minor = minor_effects(contributions)
-    alone_rows = [
-        {
-            "name": name,
-            "cells": [
-                {"text": multiple_words(single.multiples[j, i], single.largest), "minor": bool(minor[j, i])}
-                for i in range(len(outputs))
-            ],
-        }
-        for j, name in enumerate(directions)
-    ]
+    words = [[multiple_words(value, single.largest) for value in row] for row in single.multiples]
     return filled(
         "linearity.html",
         campaign=campaign,
         tolerance=f"{100 * tolerance:g} %",
         confidence=f"{100 * confidence:g} %",
         samples=samples,
-        together=together,
-        alone=alone_rows,
+        together=linearity_rows(names, dispersion),
+        alone=[(name, list(zip(words[j], minor[j], strict=True))) for j, name in enumerate(directions)],
         outputs=names,
         ratios=drawn.ratios(dispersion, tolerance, [*names, JOINT]),
         dots=drawn.alone(single, minor, directions, names),
@@ -104,7 +84,6 @@ def render(
 
 
 def minor_effects(contributions: Array) -> NDArray[np.bool_]:
-    """Where a source hardly moves an output, shape (sources + 1, outputs); the last row, for all at once, is never."""
-    total = np.sqrt((contributions**2).sum(axis=0))
-    minor = np.abs(contributions) < MINOR * total
-    return np.vstack([minor, np.zeros(len(total), dtype=bool)])
+    """Mark the minor sources of each output, shape (sources + 1, outputs); the last row, all at once, is not minor."""
+    minor = np.abs(contributions) < MINOR * np.sqrt((contributions**2).sum(axis=0))
+    return np.vstack([minor, np.zeros(contributions.shape[1], dtype=bool)])

@@ -1,4 +1,4 @@
-"""Progress in the terminal: a line for each phase, with a bar where the number of samples is known."""
+"""Progress in the terminal: one line per phase, with a bar where the number of samples is known."""
 
 from __future__ import annotations
 
@@ -18,27 +18,25 @@ from rich.text import Text
 from mcnav.progress import Phase, Progress
 
 QUIET_SECONDS: Final = 1.0
-"""Progress appears when a command takes longer."""
+"""Time after which progress appears."""
 
 BAR_WIDTH: Final = 30
 
 
 @dataclass
 class _Line:
-    """One phase as it is shown.
+    """One phase as shown.
 
     Attributes
     ----------
-    phase : Phase
-    note : str
     total : int or None
-        Samples that it will make ready.
+        Samples to be simulated in the phase, where known.
     began : float
-        Of the clock, s; earlier by as long as the phase went on before.
+        Clock time, s, less the time spent in the phase before.
     ended : float or None
-        None while it goes on.
+        Clock time, s; none while the phase goes on.
     ready, stored : int
-        Samples that are ready, and how many of them were stored already.
+        Samples that are ready, and those among them that were already stored.
     """
 
     phase: Phase
@@ -50,15 +48,14 @@ class _Line:
     stored: int = 0
 
     def cells(self, now: float) -> tuple[RenderableType, ...]:
-        """What is done, a bar, the count, and the pace: time left only while samples are still to come."""
+        """Return phase, bar, count and speed or time."""
         elapsed = (now if self.ended is None else self.ended) - self.began
         words = f"{self.phase.value}, {self.note}" if self.note else self.phase.value
         if self.phase != Phase.SIMULATING:
             return Text(words), Text(), Text(), Text(_seconds(elapsed))
         count = f"{self.ready:,}" if self.total is None else f"{self.ready:,}/{self.total:,}"
         bar = ProgressBar(total=self.total, completed=self.ready, width=BAR_WIDTH, pulse=False)
-        shown = Text() if self.total is None else bar
-        return Text(words), shown, Text(f"{count} samples"), Text(self._pace(elapsed))
+        return Text(words), Text() if self.total is None else bar, Text(f"{count} samples"), Text(self._pace(elapsed))
 
     def _pace(self, elapsed: float) -> str:
         simulated = self.ready - self.stored
@@ -71,7 +68,7 @@ class _Line:
 
 
 def _seconds(value: float) -> str:
-    """A duration in words.
+    """Format a duration.
 
     >>> _seconds(3.4), _seconds(75.0), _seconds(7_260.0)
     ('3 s', '1 min 15 s', '2 h 1 min')
@@ -85,20 +82,14 @@ def _seconds(value: float) -> str:
 
 
 class Lines:
-    """Phases and samples as lines of text; rich renders it anew whenever it likes.
-
-    Parameters
-    ----------
-    clock : callable
-        Gives seconds.
-    """
+    """Phases and samples as lines of text that rich can render at any time; ``clock`` returns seconds."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
         self._lines: list[_Line] = []
 
     def phase(self, phase: Phase, samples: int | None = None, note: str = "") -> None:
-        """Begin a phase, which ends the one before; one that was there already goes on."""
+        """Begin a phase and end the one before; a phase that was shown before continues."""
         now = self._clock()
         if self._lines:
             self._lines[-1].ended = now
@@ -110,13 +101,13 @@ class Lines:
         self._lines.append(line)
 
     def advance(self, samples: int, stored: bool = False) -> None:
-        """Count samples that have become ready."""
+        """Count samples that are ready."""
         if self._lines:
             self._lines[-1].ready += samples
             self._lines[-1].stored += samples if stored else 0
 
     def __rich__(self) -> RenderableType:
-        """Give the lines."""
+        """Return the lines."""
         table = Table.grid(padding=(0, 1))
         now = self._clock()
         for line in list(self._lines):
@@ -126,12 +117,7 @@ class Lines:
 
 @contextmanager
 def shown(console: Console) -> Iterator[Progress]:
-    """Show progress on a terminal once a command has taken a second, and clear it at the end; elsewhere show nothing.
-
-    Parameters
-    ----------
-    console : Console
-    """
+    """Show progress on a terminal after `QUIET_SECONDS` and clear it at the end; elsewhere show nothing."""
     lines = Lines()
     if not console.is_terminal:
         yield lines

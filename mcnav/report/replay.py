@@ -1,4 +1,4 @@
-"""One sample flown again: a page, a table, lines for the terminal."""
+"""One sample simulated again: a page, a table, lines for the terminal."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rich.text import Text
 
 from mcnav._types import Array
 from mcnav.report.figures.flight import flight
-from mcnav.report.fitted_table import Column, FittedTable
+from mcnav.report.fitted_table import FittedTable, numbers, texts
 from mcnav.report.format import number
 from mcnav.report.model import humanize
 from mcnav.report.page import filled
@@ -22,16 +22,16 @@ from mcnav.units import conversion
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of the sample, one time.
+    """Result of one simulation of the sample.
 
     Attributes
     ----------
     label : str
-        When and how: ``stored``, ``again, ensemble``.
+        Origin of the result: ``stored``, ``again, ensemble``.
     values : ndarray, shape (outputs,)
         SI; NaN when it failed.
     status : str
-        ``ok``, or why it failed.
+        ``ok``, or the reason of the failure.
     """
 
     label: str
@@ -41,25 +41,20 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Replay:
-    """One sample of a run, flown again.
+    """One sample of a run, simulated again.
 
     Attributes
     ----------
-    campaign : str
-    index : int
-    sources, outputs
-        Of the scenario.
     errors, sigmas : ndarray, shape (sources,)
-        Of the sample, and one sigma of each, SI.
+        Errors of the sample, and one sigma of each source, SI.
     linear : ndarray, shape (outputs,)
         Final errors by the linear model, SI.
-    outcomes : tuple of Outcome
     traceback : str
-        Of the failure, as stored, or else as raised again; empty when there is none.
+        Traceback of the failure, the stored one if there is one; empty without a failure.
     history : History
-        Of the flight; empty when the scenario shows none.
+        History of the flight; empty when the scenario provides none.
     notes : tuple of str
-        What the user should know of how it was flown again, a line each.
+        Remarks for the user, a line each.
     """
 
     campaign: str
@@ -77,33 +72,25 @@ class Replay:
 
 def _error_rows(replay: Replay) -> list[tuple[str, str, str, str]]:
     labels = source_labels([source.name for source in replay.sources], [output.name for output in replay.outputs])
-    rows = zip(labels, replay.sources, replay.errors, replay.sigmas, strict=True)
-    return [
-        (
-            label,
-            source.shown_in,
-            number(float(error) * conversion(source.unit, source.shown_in), 6),
-            number(float(error / sigma), 4) if sigma > 0.0 else "–",
-        )
-        for label, source, error, sigma in rows
-        if error != 0.0 or sigma > 0.0
-    ]
+    rows = []
+    for label, source, error, sigma in zip(labels, replay.sources, replay.errors, replay.sigmas, strict=True):
+        if error != 0.0 or sigma > 0.0:
+            value = number(float(error) * conversion(source.unit, source.shown_in), 6)
+            rows.append((label, source.shown_in, value, number(float(error / sigma)) if sigma > 0.0 else "–"))
+    return rows
 
 
 def _outcome_rows(replay: Replay) -> list[tuple[str, str, list[str]]]:
     found = [replay.linear, *(outcome.values for outcome in replay.outcomes)]
-    return [
-        (
-            humanize(output.name),
-            output.shown_in,
-            [number(float(values[i]) * conversion(output.unit, output.shown_in), 8) for values in found],
-        )
-        for i, output in enumerate(replay.outputs)
-    ]
+    rows = []
+    for i, output in enumerate(replay.outputs):
+        scale = conversion(output.unit, output.shown_in)
+        rows.append((humanize(output.name), output.shown_in, [number(float(each[i]) * scale, 8) for each in found]))
+    return rows
 
 
 def table(replay: Replay) -> pd.DataFrame:
-    """The history, or where there is none the errors and outcomes, units in the column names."""
+    """Tabulate the history, or without one the errors and outcomes, with units in the column names."""
     if replay.history.columns:
         return pd.DataFrame(dict(replay.history.columns))
     row: dict[str, Any] = {"index": replay.index}
@@ -116,7 +103,7 @@ def table(replay: Replay) -> pd.DataFrame:
 
 
 def page(replay: Replay) -> str:
-    """The page."""
+    """Render the HTML page."""
     return filled(
         "replay.html",
         campaign=replay.campaign,
@@ -130,23 +117,22 @@ def page(replay: Replay) -> str:
 
 
 def lines(replay: Replay) -> RenderableType:
-    """Errors and outcomes for the terminal."""
-    errors = _table(f"{replay.campaign}: sample {replay.index:,}", ["error", "value", "in sigmas"])
+    """Tabulate errors and outcomes for the terminal."""
+    errors = FittedTable(
+        f"{replay.campaign}: sample {replay.index:,}", [*texts("error"), *numbers("value", "in sigmas")]
+    )
     for name, unit, value, sigmas in _error_rows(replay):
         errors.add(f"{name} [{unit}]", value, sigmas)
-    outcomes = _table("Outcome", ["final error", "linear", *(outcome.label for outcome in replay.outcomes)])
+    headings = ("linear", *(outcome.label for outcome in replay.outcomes))
+    outcomes = FittedTable("Outcome", [*texts("final error"), *numbers(*headings)])
     for name, unit, values in _outcome_rows(replay):
         outcomes.add(f"{name} [{unit}]", *values)
-    told = [Text(f"{outcome.label}: {outcome.status}") for outcome in replay.outcomes]
+    status = [Text(f"{outcome.label}: {outcome.status}") for outcome in replay.outcomes]
     trace = [Text(f"\n{replay.traceback.rstrip()}")] if replay.traceback else []
-    return Group(errors, Text(), outcomes, Text(), *told, *trace)
-
-
-def _table(title: str, headings: Sequence[str]) -> FittedTable:
-    return FittedTable(title, [Column(heading, text=not place) for place, heading in enumerate(headings)])
+    return Group(errors, Text(), outcomes, Text(), *status, *trace)
 
 
 def files(replay: Replay) -> Mapping[str, bytes]:
-    """The page and the table, by file name."""
+    """Return the page and the table by file name."""
     name = f"replay_{replay.index}"
     return {f"{name}.html": page(replay).encode(), f"{name}.csv": table(replay).to_csv(index=False).encode()}

@@ -1,11 +1,11 @@
-"""Requirements and what was found of them, in words and as rows of a table."""
+"""Requirements and their results as rows of tables."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
+from functools import partial
 from typing import Any, Final
-
-import numpy as np
 
 from mcnav.report import sentences
 from mcnav.report.format import number
@@ -16,95 +16,80 @@ TONES: Final = {"met": "agrees", "not met": "differs", "undecided": "undecided"}
 
 
 def tone_of(counts: Mapping[str, int]) -> str:
-    """``agrees`` when all requirements are met, ``differs`` when one is not, else ``undecided``."""
+    """Return ``agrees`` when all requirements are met, ``differs`` when one is not met, else ``undecided``."""
     return "differs" if counts["not_met"] else "undecided" if counts["undecided"] else "agrees"
 
 
 def stated(entry: Mapping[str, Any], shown_in: Mapping[str, tuple[float, str]]) -> str:
-    """A requirement of a summary in words.
-
-    Parameters
-    ----------
-    entry : mapping
-        Of the summary's ``requirements``.
-    shown_in : mapping of str to (float, str)
-        For each output what SI values are multiplied by to be shown, and the unit.
-    """
+    """Put one of a summary's ``requirements`` in words; ``shown_in`` is that of `shown_units`."""
     names, limits = entry["outputs"], entry["limits"]
     if entry["kind"] == "sigma_ratio":
         return f"every sigma within ±{100.0 * limits[0]:g} % of the linear one"
-    scale, unit = shown_in[names[0]]
     if entry["kind"] == "cep":
-        pair = f"{humanize(names[0])} and {humanize(names[1])}"
+        scale, unit = shown_in[names[0]]
+        pair = " and ".join(humanize(name) for name in names)
         return f"circular error probable of {pair} below {limits[0] * scale:g} {unit}"
-    chance = f"{100.0 * entry['probability']:g} %"
-    if entry["kind"] == "quantile":
-        return f"|{humanize(names[0])}| below {limits[0] * scale:g} {unit} in {chance} of flights"
-    sides = [
-        f"|{humanize(name)}| below {limit * shown_in[name][0]:g} {shown_in[name][1]}"
-        for name, limit in zip(names, limits, strict=True)
-    ]
-    return f"{' and '.join(sides)} in {chance} of flights"
+    sides = []
+    for name, limit in zip(names, limits, strict=True):
+        scale, unit = shown_in[name]
+        sides.append(f"|{humanize(name)}| below {limit * scale:g} {unit}")
+    return f"{' and '.join(sides)} in {100.0 * entry['probability']:g} % of samples"
 
 
 def shown_units(summary: Mapping[str, Any]) -> dict[str, tuple[float, str]]:
-    """For each output of a summary the factor from SI and the unit that it is shown in."""
+    """Return for each output of a summary the factor from SI and the unit shown."""
     outputs = summary["outputs"]
     shown = summary["shown_in"]["outputs"] if "shown_in" in summary else [entry["unit"] for entry in outputs]
     return {entry["name"]: (conversion(entry["unit"], unit), unit) for entry, unit in zip(outputs, shown, strict=True)}
 
 
-def _cells(entry: Mapping[str, Any], scale: float, unit: str) -> dict[str, str]:
-    """Estimate, bounds and the linear value, in the unit of the requirement."""
-
-    def size(value: float | None) -> str:
-        if entry["kind"] == "box":
-            return "–" if value is None or not np.isfinite(value) else f"{100.0 * value:.3f} %"
-        if entry["kind"] == "sigma_ratio":
-            return number(value, 5)
-        return "∞" if value is None or not np.isfinite(value) else f"{number(value * scale, 4)} {unit}"
-
-    low, high = entry["interval"]
-    estimate = entry["estimate"]
-    flown = "–" if estimate is None or not np.isfinite(estimate) else size(estimate)
-    return {"estimate": flown, "low": size(low), "high": size(high), "linear": size(entry["linear"])}
+def requirement_rows(summary: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """List the requirements with their findings, one per row."""
+    units = shown_units(summary)
+    keys = ("finding", "samples_needed", "remark")
+    return [
+        {"requirement": stated(entry, units), **{key: entry[key] for key in keys}} for entry in summary["requirements"]
+    ]
 
 
-def requirement_rows(content: Content) -> list[dict[str, Any]]:
-    """One row for each requirement."""
-    units = {
-        entry["name"]: (float(scale), entry["shown_in"])
-        for entry, scale in zip(content.manifest["model"]["outputs"], content.output_scale, strict=True)
-    }
-    rows = []
-    for entry in content.summary["requirements"]:
-        scale, unit = units[entry["outputs"][0]]
-        largest = entry["largest_sigmas"]
+def detailed_rows(content: Content) -> list[dict[str, Any]]:
+    """Add to `requirement_rows` the estimates in the units shown, the linear values and the largest source sigmas."""
+    summary, rows = content.summary, []
+    units = shown_units(summary)
+    for row, entry in zip(requirement_rows(summary), summary["requirements"], strict=True):
+        low, high = entry["interval"]
+        shown = partial(_shown, entry["kind"], *units[entry["outputs"][0]])
+        needed = row["samples_needed"]
         rows.append(
-            {
-                "stated": stated(entry, units),
-                "finding": entry["finding"],
-                "tone": TONES[entry["finding"]],
-                **_cells(entry, scale, unit),
-                "gaussian": "–" if entry["kind"] == "sigma_ratio" else ("met" if entry["linear_meets"] else "not met"),
-                "remark": entry["remark"],
-                "needed": (needed := entry["samples_needed"])
-                and sentences.more_samples(needed, content.summary["samples"]),
-                "largest": [] if largest is None else _largest(content, np.array(largest, dtype=float)),
+            row
+            | {"estimate": shown(entry["estimate"], "–"), "low": shown(low), "high": shown(high)}
+            | {
+                "tone": TONES[row["finding"]],
+                "linear": shown(entry["linear"]),
+                "gaussian": "–" if entry["kind"] == "sigma_ratio" else "met" if entry["linear_meets"] else "not met",
+                "needed": needed and sentences.more_samples(needed, summary["samples"]),
+                "largest": [] if entry["largest_sigmas"] is None else _largest(content, entry["largest_sigmas"]),
             }
         )
     return rows
 
 
-def _largest(content: Content, sigmas: Any) -> list[dict[str, str]]:
-    """How large each source's sigma may be, beside what it is."""
-    now = np.sqrt(np.diag(content.model.covariance))
-    return [
-        {
-            "name": content.source_names[j],
-            "now": f"{number(float(now[j] * content.source_scale[j]))} {content.source_units[j]}",
-            "largest": "none" if np.isnan(sigmas[j]) else "any" if np.isinf(sigmas[j])
-            else f"{number(float(sigmas[j] * content.source_scale[j]))} {content.source_units[j]}",
-        }
-        for j in np.flatnonzero(now > 0.0)
-    ]  # fmt: skip
+def _shown(kind: str, scale: float, unit: str, value: float | None, missing: str = "∞") -> str:
+    """Format a value of a requirement: a ratio, a probability, or an error in the unit shown."""
+    if kind == "sigma_ratio":
+        return number(value, 5)
+    if value is None or not math.isfinite(value):
+        return "–" if kind == "box" else missing
+    return f"{100.0 * value:.3f} %" if kind == "box" else f"{number(value * scale, 4)} {unit}"
+
+
+def _largest(content: Content, sigmas: Any) -> list[tuple[str, str, str]]:
+    """List each source with its sigma and the largest one that meets the requirement."""
+    rows = []
+    for j, now in enumerate(content.model.covariance.diagonal() ** 0.5):
+        if now > 0.0:
+            scale, unit, largest = content.source_scale[j], content.source_units[j], float(sigmas[j])
+            words = "none" if math.isnan(largest) else "any" if math.isinf(largest) else ""
+            rows.append((content.source_names[j], f"{number(now * scale)} {unit}",
+                         words or f"{number(largest * scale)} {unit}"))  # fmt: skip
+    return rows

@@ -1,44 +1,33 @@
-"""The verdict in plain sentences, from a summary."""
+"""The verdict in sentences, from a run's summary."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
-from typing import Any, Final
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Final
 
+from mcnav.report.format import percent
 from mcnav.report.model import humanize, labels_of
 from mcnav.statistics.power import sensible_step
 
+if TYPE_CHECKING:
+    from mcnav.analysis.linearity import DispersionRange
+
 LARGE_RATIO: Final = 3.0
-"""A sigma ratio above this is told as a multiple, not in per cent."""
+"""Sigma ratio above which a difference is given as a multiple, not in per cent."""
 
 NEGLIGIBLE: Final = 1e-3
-"""Share of a sigma that failed samples may take off it without being suspected."""
+"""Share of a sigma that failed samples may hide without a warning."""
 
 JOINT: Final = "joint distribution"
-"""What the NEES speaks of."""
-
+"""Name of the NEES test among the outputs."""
 
 NOT_DISTURBED: Final = "not disturbed by any source"
-"""Found of an output without dispersion, linear or flown: there is nothing to agree on."""
-
-
-def percent(share: float) -> str:
-    """A signed difference in per cent: two significant digits below 0.1 %, two decimals to 10 %, one above.
-
-    >>> percent(0.0312), percent(-0.0000213), percent(3.5341)
-    ('+3.12 %', '−0.0021 %', '+353.4 %')
-    """
-    value = 100.0 * share
-    if not math.isfinite(value):
-        return "–"
-    size = abs(value)
-    decimals = 1 if size >= 10.0 else 2 if size >= 0.1 or size == 0.0 else 1 - math.floor(math.log10(size))
-    return f"{value:+.{decimals}f} %".replace("-", "−")
+"""Finding for an output without dispersion, linear or Monte Carlo."""
 
 
 def tone(summary: Mapping[str, Any]) -> str:
-    """``agrees``, ``partly``, ``differs`` or ``undecided``: the verdict on the outputs and on the matrix in a word."""
+    """Combine the verdicts on outputs and covariance matrix: ``agrees``, ``partly``, ``differs`` or ``undecided``."""
     if summary.get("unsettled"):
         return "undecided"
     if summary["verdict"] == "agrees" and summary["verdict_matrix"] not in ("agrees", None):
@@ -47,13 +36,13 @@ def tone(summary: Mapping[str, Any]) -> str:
 
 
 def standing(summary: Mapping[str, Any]) -> str:
-    """The tone with the requirements: what agrees stands only ``partly`` while a requirement is not met."""
+    """Combine the tone with the requirements: an agreeing run is ``partly`` while a requirement is not met."""
     counts, found = met(summary), tone(summary)
     return "partly" if found == "agrees" and counts and counts["met"] < counts["of"] else found
 
 
 def tally(findings: Iterable[str]) -> dict[str, int] | None:
-    """Count requirements by what was found of them; none without requirements.
+    """Count requirements by finding; none without requirements.
 
     >>> tally(["not met", "undecided"])
     {'met': 0, 'not_met': 1, 'undecided': 1, 'of': 2}
@@ -64,24 +53,22 @@ def tally(findings: Iterable[str]) -> dict[str, int] | None:
 
 
 def met(summary: Mapping[str, Any]) -> dict[str, int] | None:
-    """How many requirements are met, not met and undecided; none without requirements."""
+    """Count the requirements of a summary by finding; none without requirements."""
     return tally(entry["finding"] for entry in summary.get("requirements") or ())
 
 
 def verdict_words(summary: Mapping[str, Any]) -> list[str]:
-    """The verdict on each output; empty where nothing was compared.
+    """List the verdict on each output as shown; empty when nothing was compared.
 
-    ``verdicts`` of a summary counts an output that nothing disturbs as one that agrees, so that the verdict on all of
-    them rests on the others.
+    In ``verdicts`` of a summary an output without dispersion counts as agreeing, so that it does not affect the overall
+    verdict.
     """
-    return [
-        output_words(sigma, verdict)
-        for sigma, verdict in zip(summary["sigma_linear"], summary["verdicts"], strict=False)
-    ]
+    pairs = zip(summary["sigma_linear"], summary["verdicts"], strict=False)
+    return [output_words(sigma, verdict) for sigma, verdict in pairs]
 
 
 def output_words(sigma_linear: float, verdict: str) -> str:
-    """The verdict on an output as shown.
+    """Return the verdict on an output as shown.
 
     >>> output_words(1.0, "agrees"), output_words(0.0, "agrees"), output_words(0.0, "differs")
     ('agrees', 'not disturbed by any source', 'differs')
@@ -90,7 +77,7 @@ def output_words(sigma_linear: float, verdict: str) -> str:
 
 
 def more_samples(needed: int, samples: int) -> str:
-    """How many samples would decide, as shown: a sensible step more than there are.
+    """Round the number of samples needed for a decision to a sensible step above the present number.
 
     >>> more_samples(1_001, 1_000), more_samples(15_333, 1_000)
     ('about 1,300 samples', 'about 16,000 samples')
@@ -99,7 +86,7 @@ def more_samples(needed: int, samples: int) -> str:
 
 
 def headline(summary: Mapping[str, Any]) -> str:
-    """The answer in a few words: on linear analysis, and on the requirements where there are some."""
+    """Summarize the verdict on linear analysis and, where there are some, on the requirements."""
     return " ".join(sentence for sentence in (_on_linear(summary), _on_requirements(summary)) if sentence)
 
 
@@ -108,27 +95,27 @@ def _on_requirements(summary: Mapping[str, Any]) -> str:
     if counts is None:
         return ""
     rest = [f"{counts[key]} {word}" for key, word in (("not_met", "failed"), ("undecided", "undecided")) if counts[key]]
-    told = ", ".join([f"{counts['met']} of {counts['of']} met", *rest])
-    return f"Requirements: {told}."
+    found = ", ".join([f"{counts['met']} of {counts['of']} met", *rest])
+    return f"Requirements: {found}."
 
 
 def _on_linear(summary: Mapping[str, Any]) -> str:
     if summary.get("unsettled"):
         return unsettled(summary)
     if tone(summary) == "partly":
-        rest = {"differs": "no for their joint distribution", "undecided": "their joint distribution is not decided"}
+        rest = {"differs": "no for their joint distribution", "undecided": "their joint distribution is undecided"}
         return f"Yes for the dispersion of each output; {rest[summary['verdict_matrix']]}."
     if not any(summary["sigma_linear"]) and summary["verdict"] != "differs":
-        return f"Nothing to compare: {_nothing(summary)}."
+        return f"Nothing to compare: {_no_dispersion(summary)}."
     return {
         "agrees": "Yes: the linear covariance analysis may be trusted here.",
         "differs": "No: the linear covariance analysis does not hold here.",
-        "undecided": "Not decided: this campaign cannot tell whether the linear analysis holds.",
+        "undecided": "Undecided: these samples do not show whether the linear analysis holds.",
     }[summary["verdict"]]
 
 
 def unsettled(summary: Mapping[str, Any]) -> str:
-    """Say that there is no linear model to compare with, and why; empty where there is one.
+    """Explain why there is no valid linear model to compare with; empty where there is one.
 
     >>> found = {"source": "seed", "output": "range", "disagreement": 0.853, "own": False}
     >>> unsettled({"unsettled": found})
@@ -141,182 +128,180 @@ def unsettled(summary: Mapping[str, Any]) -> str:
     size = f"{share:,.0f} %" if share >= 10.0 else f"{share:.2g} %"
     where = f"{humanize(found['output'])} by {humanize(found['source'])}: {size}"
     if found["own"]:
-        return (
-            f"The scenario's own partial derivatives are not those of its flights ({where}): the comparison below has "
-            "no sound linear model."
-        )
-    return f"Partial derivatives are not settled ({where}): the comparison below has no sound linear model."
+        cause = f"The scenario's own partial derivatives disagree with finite differences ({where})"
+    else:
+        cause = f"Partial derivatives are not settled ({where})"
+    return f"{cause}: the comparison below has no sound linear model."
 
 
-def _nothing(summary: Mapping[str, Any]) -> str:
-    """Why no output has a dispersion."""
+def _no_dispersion(summary: Mapping[str, Any]) -> str:
+    """Explain why no output has a dispersion."""
     dispersed = any(row[i] > 0.0 for i, row in enumerate(summary["start_covariance"]))
     return "no output depends on an error" if dispersed else "no error has a dispersion"
 
 
-def _listed(names: list[str]) -> str:
+def _join(names: Sequence[str]) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
 def explanation(summary: Mapping[str, Any]) -> str:
-    """Why, output by output, with numbers."""
-    flown = summary["samples"] - summary["failed"]
+    """Explain the verdict output by output, with numbers."""
+    samples = summary["samples"] - summary["failed"]
     tolerance = f"±{100 * summary['tolerance']:g} %"
     confidence = f"{100 * summary['confidence']:g} % confidence"
     names = [humanize(output["name"]) for output in summary["outputs"]]
     if not summary["verdicts"]:
-        return f"Of {summary['samples']:,} samples {flown:,} could be flown; that is too few to compare anything."
+        return f"Of {summary['samples']:,} samples {samples:,} succeeded, which is too few for a comparison."
     ratios = {
         name: ratio for name, ratio in zip(names, summary["sigma_ratio_paired"], strict=True) if ratio is not None
     }
-    judged = dict(zip(names, summary["verdicts"], strict=True))
-    wrong = [name for name in names if judged[name] == "differs"]
-    unforeseen = [name for name in wrong if name not in ratios]
-    unsure = [name for name in names if judged[name] == "undecided"]
+    verdicts = dict(zip(names, summary["verdicts"], strict=True))
+    wrong = [name for name in names if verdicts[name] == "differs"]
+    only_nonlinear = [name for name in wrong if name not in ratios]
     still = [name for name, words in zip(names, verdict_words(summary), strict=True) if words == NOT_DISTURBED]
-    if unforeseen:
+    undecided = _undecided(summary, [name for name in names if verdicts[name] == "undecided"])
+    rest = f" {undecided}" if undecided else ""
+    if only_nonlinear:
         others = [name for name in wrong if name in ratios]
-        more = f" That of {_listed(others)} differs by more than {tolerance}." if others else ""
-        rest = f" {_not_decided(summary, unsure)}" if unsure else ""
+        more = f" The dispersion of {_join(others)} differs by more than {tolerance}." if others else ""
         return (
-            f"By linear analysis {_listed(unforeseen)} would have no dispersion at all; in {flown:,} nonlinear flights "
-            f"there is some.{more}{rest}"
+            f"Linear analysis predicts no dispersion of {_join(only_nonlinear)}, but the {samples:,} nonlinear samples "
+            f"are dispersed.{more}{rest}"
         )
     if not ratios:
-        return f"Every flight is the same: {_nothing(summary)}."
+        return f"All samples have the same outputs: {_no_dispersion(summary)}."
     farthest = max(wrong or ratios, key=lambda name: abs(ratios.get(name, 1.0) - 1.0))
     largest = f"the largest difference is {percent(ratios.get(farthest, 1.0) - 1.0)}, in {farthest}"
-    rest = f" {_not_decided(summary, unsure)}" if unsure else ""
     if wrong:
         return (
-            f"The dispersion of {_listed(wrong)} in {flown:,} nonlinear flights differs by more than {tolerance} from "
-            f"that of P·S·Pᵀ, with {confidence}; {largest}.{rest}"
+            f"The dispersion of {_join(wrong)} in {samples:,} nonlinear samples differs from P·S·Pᵀ by more than "
+            f"{tolerance} ({confidence}); {largest}.{rest}"
         )
-    if unsure:
-        return f"With {flown:,} flights, {confidence} and a tolerance of {tolerance}: {rest.strip()}"
-    alone = f" {_listed(still)} {'is' if len(still) == 1 else 'are'} {NOT_DISTURBED}." if still else ""
+    if undecided:
+        return f"With {samples:,} samples, {confidence} and a tolerance of {tolerance}: {undecided}"
+    alone = f" {_join(still)} {'is' if len(still) == 1 else 'are'} {NOT_DISTURBED}." if still else ""
     return (
-        f"In every {'other ' if still else ''}output the dispersion of {flown:,} nonlinear flights lies within "
-        f"{tolerance} of that of P·S·Pᵀ, with {confidence}; {largest}.{alone}"
+        f"In every {'other ' if still else ''}output the dispersion of {samples:,} nonlinear samples is within "
+        f"{tolerance} of P·S·Pᵀ ({confidence}); {largest}.{alone}"
     )
 
 
-def _not_decided(summary: Mapping[str, Any], unsure: list[str]) -> str:
-    """Which outputs are open, and what would decide them."""
+def _undecided(summary: Mapping[str, Any], names: Sequence[str]) -> str:
+    """Name the undecided outputs and the samples that would decide; empty without any."""
+    if not names:
+        return ""
     needed = [count for count in summary["samples_needed"] if count]
     if needed:
-        return f"Not decided for {_listed(unsure)}: {more_samples(max(needed), summary['samples'])} would."
-    if summary["heavy_tailed"]:
-        return f"Not decided for {_listed(unsure)}: tails too heavy for an interval."
-    return f"Not decided for {_listed(unsure)}: too few independent samples for an interval."
+        reason = f"{more_samples(max(needed), summary['samples'])} would decide"
+    elif summary["heavy_tailed"]:
+        reason = "tails too heavy for an interval"
+    else:
+        reason = "too few independent samples for an interval"
+    return f"Undecided for {_join(names)}: {reason}."
 
 
 def joint_explanation(summary: Mapping[str, Any]) -> str:
-    """What the whole matrix says, with numbers; empty where there is none to judge."""
+    """Explain the verdict on the covariance matrix, with numbers; empty where there is none."""
     verdict, dimension = summary["verdict_matrix"], summary["nees_dimension"]
     if verdict is None:
         return ""
     mean = summary["nees_mean_paired"]
     if mean is None or mean <= 0.0:
         mean = summary["nees_mean"]
-    nees = f"the mean NEES is {mean:.4g} where linear analysis expects {dimension}"
+    nees = f"the mean NEES is {mean:.4g}, and linear analysis predicts {dimension}"
     if verdict == "agrees":
-        return f"The outputs' joint distribution agrees as well: {nees}."
+        return f"The joint distribution of the outputs agrees as well: {nees}."
     ratio = summary["direction_ratio"]
     if ratio is None or not math.isfinite(ratio):  # no variance is left in the paired estimate
-        return f"The outputs' joint distribution does not follow P·S·Pᵀ: {nees}."
-    size = "larger" if ratio > 1.0 else "smaller"
-    direction = f"in one combination of the outputs the flown sigma is {100 * abs(ratio - 1.0):.3g} % {size}"
+        return f"The joint distribution of the outputs differs from P·S·Pᵀ: {nees}."
+    size = f"{100 * abs(ratio - 1.0):.3g} % {'larger' if ratio > 1.0 else 'smaller'} than"
     if abs(ratio) > LARGE_RATIO:
-        direction = f"in one combination of the outputs the flown sigma is {ratio:,.3g} times the linear one"
+        size = f"{ratio:,.3g} times"
+    direction = f"In one combination of the outputs the Monte Carlo sigma is {size} the linear one"
     if verdict == "differs":
-        return (
-            f"The outputs' joint distribution differs: {nees}, and {direction}, so that P·S·Pᵀ is no error ellipsoid "
-            "to rely on."
-        )
-    return f"The outputs' joint distribution is not decided: {nees}, and {direction}."
+        found, rest = "differs", ": the linear covariance ellipsoid is not reliable"
+    else:
+        found, rest = "is undecided", ""
+    return f"The joint distribution of the outputs {found}: {nees}. {direction}{rest}."
 
 
 def certain_but_small(summary: Mapping[str, Any]) -> str:
-    """A remark on differences that are certain and yet within the tolerance; empty when there are none."""
-    found = []
-    rows = zip(
-        summary["outputs"],
-        summary["sigma_ratio_paired"],
-        summary["sigma_ratio_paired_interval"],
-        summary["verdicts"],
-        strict=False,
-    )
-    for output, ratio, interval, verdict in rows:
-        if verdict == "agrees" and interval is not None and not interval[0] <= 1.0 <= interval[1]:
-            found.append(f"{humanize(output['name'])} ({percent(ratio - 1.0)})")
-    if not found:
-        return ""
-    return f"Statistically certain, yet within the tolerance: {_listed(found)}."
+    """Name the differences that are significant but within the tolerance; empty when there are none."""
+    keys = ("outputs", "sigma_ratio_paired", "sigma_ratio_paired_interval", "verdicts")
+    found = [
+        f"{humanize(output['name'])} ({percent(ratio - 1.0)})"
+        for output, ratio, interval, verdict in zip(*(summary[key] for key in keys), strict=False)
+        if verdict == "agrees" and interval is not None and not interval[0] <= 1.0 <= interval[1]
+    ]
+    return f"Statistically significant, but within the tolerance: {_join(found)}." if found else ""
 
 
 def failures(summary: Mapping[str, Any]) -> str:
-    """What was left out and what that may hide; empty when nothing was."""
+    """State how many samples failed and how that may bias the results; empty when none did."""
     if not summary["failed"]:
         return ""
-    told = f"{summary['failed']:,} of {summary['samples']:,} samples failed and are left out of every figure"
+    found = f"{summary['failed']:,} of {summary['samples']:,} samples failed and are excluded from all results"
     commonest = next(iter(summary["failures"]), "").removeprefix("failed: ")
     if commonest:
-        told += f" ({'' if len(summary['failures']) == 1 else 'most often: '}{commonest})"
-    smallest = [ratio for ratio in (summary.get("excluded") or {}).get("sigma_ratio", ()) if ratio is not None]
-    smallest = [ratio for ratio in smallest if math.isfinite(ratio)]
+        found += f" ({'' if len(summary['failures']) == 1 else 'most often: '}{commonest})"
+    ratios = (summary.get("excluded") or {}).get("sigma_ratio", ())
+    smallest = [ratio for ratio in ratios if ratio is not None and math.isfinite(ratio)]
     if not smallest:
-        return f"{told}. If they are the largest errors, the flown dispersion is larger than it looks."
+        return f"{found}. If they have the largest errors, the dispersion is underestimated."
     hidden = min(smallest) - 1.0
     if hidden > -NEGLIGIBLE:
-        return f"{told}. By the linear model they are no larger errors than the others, so that little is hidden."
+        return f"{found}. By the linear model their errors are no larger than the others', so the bias is small."
     return (
-        f"{told}. By the linear model they are larger errors than the others: leaving them out takes up to "
-        f"{percent(-hidden).removeprefix('+')} off a sigma, and flown to the end they might add more."
+        f"{found}. By the linear model their errors are larger than the others': excluding them reduces a sigma by up "
+        f"to {percent(-hidden).removeprefix('+')}, and by more if their nonlinear errors are larger still."
     )
 
 
 def stopping(summary: Mapping[str, Any]) -> str:
-    """Why there are as many samples as there are; empty for a fixed number."""
+    """State why sampling stopped; empty for a fixed number of samples."""
     rule = summary.get("stopping")
     if not rule:
         return ""
     kind = "paired" if rule["quantity"].endswith("paired") else "plain"
-    wanted = (
-        f"every {kind} sigma ratio to ±{100.0 * rule['precision']:g} % with {100.0 * rule['confidence']:g} % confidence"
-    )
-    held = f"the intervals hold although up to {rule['looks']} looks were taken"
+    goal = f"every {kind} sigma ratio was known to ±{100.0 * rule['precision']:g} % with "
+    goal += f"{100.0 * rule['confidence']:g} % confidence"
+    looks = f"the intervals allow for up to {rule['looks']} interim looks"
     if rule["reached"]:
-        return f"Flown until {wanted}: {summary['samples']:,} samples of at most {rule['at_most']:,}; {held}."
-    return f"Flown to the most that were allowed, {summary['samples']:,} samples, without {wanted}; {held}."
+        return f"Sampled until {goal}: {summary['samples']:,} samples of at most {rule['at_most']:,}; {looks}."
+    return f"Stopped at the maximum of {summary['samples']:,} samples before {goal}; {looks}."
 
 
 def caveat(summary: Mapping[str, Any]) -> str:
-    """A remark on sources whose tails are too heavy for the intervals; empty when there are none."""
+    """Warn of sources whose tails are too heavy for the intervals; empty when there are none."""
     labels = dict(zip((entry["name"] for entry in summary["sources"]), labels_of(summary), strict=True))
     heavy = [labels[name] for name in summary["heavy_tailed"]]
     if heavy:
         return (
-            f"No interval is given and nothing decided, because of heavy tails ({_listed(heavy)}): with errors like "
-            "these and this design, intervals that should cover 95 % were measured to cover far less (mcnav calibrate)."
+            f"No interval and no verdict is given because of heavy tails ({_join(heavy)}): with such errors and this "
+            "design, nominal 95 % intervals cover far less in calibration (mcnav calibrate)."
         )
     long = [labels[name] for name in summary.get("long_tailed", [])]
     if long:
         return (
-            f"The intervals are only nearly right, because of long tails ({_listed(long)}): with errors like these, "
-            "those that should cover 95 % were measured to cover 91 to 95 %, those of skewness down to 83 %."
+            f"The intervals are approximate because of long tails ({_join(long)}): with such errors, nominal 95 % "
+            "intervals cover 91 to 95 % in calibration, those of skewness as little as 83 % (mcnav calibrate)."
         )
     return ""
 
 
 def multiple_words(value: float, largest: float) -> str:
-    """A multiple as shown: none where there is no effect, beyond the largest where it was not reached.
+    """Format a multiple: a dash where there is no effect, a lower bound where it was not reached.
 
     >>> multiple_words(8.2345, 100.0), multiple_words(float("inf"), 100.0)
     ('8.23', '> 100')
     """
     if math.isnan(value):
         return "–"
-    if math.isinf(value):
-        return f"> {largest:g}"
-    return f"{value:.3g}"
+    return f"> {largest:g}" if math.isinf(value) else f"{value:.3g}"
+
+
+def linearity_rows(names: Sequence[str], found: DispersionRange) -> list[tuple[str, list[str]]]:
+    """List for each output and the joint distribution the multiples at which it agrees, leaves and differs."""
+    columns = zip([*names, JOINT], found.agrees_until, found.departs, found.differs_from, strict=True)
+    largest = float(found.multiples[-1])
+    return [(name, [multiple_words(float(value), largest) for value in values]) for name, *values in columns]

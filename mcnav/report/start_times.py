@@ -1,4 +1,4 @@
-"""A study of start times as one page and as tables."""
+"""Start times as a page and as tables."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mcnav._types import Array
 from mcnav.analysis.comparison import Comparison
 from mcnav.lincov.start_times import StartTimeStudy
 from mcnav.report.figures import start_times as drawn
-from mcnav.report.format import number
+from mcnav.report.format import interval
 from mcnav.report.model import humanize
 from mcnav.report.page import filled
 from mcnav.report.sentences import NOT_DISTURBED, output_words
@@ -21,12 +21,12 @@ from mcnav.units import conversion
 
 CONVENTIONS: Final = {
     "start": "The reference axes are aligned at each start.",
-    "trajectory": "The reference axes are those aligned at the first point of the trajectory throughout.",
+    "trajectory": "The reference axes are aligned at the first point of the trajectory.",
 }
 
 
 def table(study: StartTimeStudy, sources: Sequence[Source], outputs: Sequence[Output]) -> pd.DataFrame:
-    """One row a start time: every partial derivative and every sigma, SI units in the column names."""
+    """Tabulate all sigmas and partial derivatives by start time, with SI units in the column names."""
     columns = {"start [s]": study.times}
     for i, output in enumerate(outputs):
         columns[f"sigma {output.name} [{output.unit}]"] = study.sigma[:, i]
@@ -39,7 +39,7 @@ def table(study: StartTimeStudy, sources: Sequence[Source], outputs: Sequence[Ou
 
 
 def check_table(checks: Mapping[float, Comparison], outputs: Sequence[Output]) -> pd.DataFrame:
-    """One row for each output at each start time that Monte Carlo checked, SI."""
+    """Tabulate the Monte Carlo checks by start time and output, SI."""
     rows = []
     for time, comparison in checks.items():
         for output, found in zip(outputs, comparison.outputs, strict=False):
@@ -70,58 +70,44 @@ def render(
     sources: Sequence[Source],
     outputs: Sequence[Output],
 ) -> str:
-    """The page. ``checks`` are Monte Carlo comparisons by start time, s."""
+    """Render the HTML page; ``checks`` are Monte Carlo comparisons by start time, s."""
     scale = np.array([conversion(output.unit, output.shown_in) for output in outputs])
     labels = source_labels([source.name for source in sources], [output.name for output in outputs])
-    curves = [
-        (humanize(output.name), drawn.effects(study, i, float(scale[i]), labels, output))
-        for i, output in enumerate(outputs)
-    ]
+    places = {humanize(output.name): int(study.best[i]) for i, output in enumerate(outputs)}
+    places |= {"all, weighted": study.best_weighted, "(start at the first point)": 0}
     return filled(
         "start_times.html",
         campaign=campaign,
         convention=CONVENTIONS[study.axes],
         dispersion=drawn.dispersion(study, checks, scale, outputs),
-        best=_best_rows(study, scale, outputs),
+        best=[(name, minutes(study.times[k]), study.sigma[k] * scale) for name, k in places.items()],
         outputs=[(humanize(output.name), output.shown_in) for output in outputs],
-        checks=_check_rows(checks, scale),
-        flown=max((comparison.samples for comparison in checks.values()), default=0),
-        partials=curves,
+        checks=[(minutes(time), each.failed, _cells(each, scale)) for time, each in checks.items()],
+        samples=max((comparison.samples for comparison in checks.values()), default=0),
+        partials=[
+            (humanize(output.name), drawn.effects(study, i, float(scale[i]), labels, output))
+            for i, output in enumerate(outputs)
+        ],
     )
 
 
 def minutes(seconds: float) -> str:
-    """A time from the event in minutes, as shown."""
+    """Format a time from the event in minutes."""
     return f"{seconds / 60.0:.1f}".replace("-", "−")
 
 
-def _best_rows(study: StartTimeStudy, scale: Array, outputs: Sequence[Output]) -> list[dict[str, Any]]:
-    """For each output, and for all of them weighted: the best start and the dispersion in each output then."""
-    places = [*((humanize(output.name), int(study.best[i])) for i, output in enumerate(outputs))]
-    places += [("all, weighted", study.best_weighted), ("(start at the first point)", 0)]
-    return [
-        {"name": name, "time": minutes(study.times[place]), "sigma": [number(v) for v in study.sigma[place] * scale]}
-        for name, place in places
-    ]
-
-
-def _bounds(interval: tuple[float, float] | None) -> str:
-    return "" if interval is None or not np.isfinite(interval[1]) else " to ".join(number(end) for end in interval)
-
-
-def _check_rows(checks: Mapping[float, Comparison], scale: Array) -> list[dict[str, Any]]:
-    rows = []
-    for time, comparison in checks.items():
-        cells = [
+def _cells(comparison: Comparison, scale: Array) -> list[dict[str, Any]]:
+    cells = []
+    for found, factor in zip(comparison.outputs, scale, strict=False):
+        words = output_words(found.sigma_linear, found.paired.verdict.value)
+        cells.append(
             {
-                "linear": number(found.sigma_linear * scale[i]),
-                "flown": number(found.sigma_paired * scale[i]),
-                "ratio": number(found.paired.ratio),
-                "interval": _bounds(found.paired.interval),
-                "verdict": (words := output_words(found.sigma_linear, found.paired.verdict.value)),
-                "tone": "" if words == NOT_DISTURBED else found.paired.verdict.value,
+                "linear": found.sigma_linear * factor,
+                "paired": found.sigma_paired * factor,
+                "ratio": found.paired.ratio,
+                "interval": interval(*(found.paired.interval or (None, None))),
+                "verdict": words,
+                "tone": "" if words == NOT_DISTURBED else words,
             }
-            for i, found in enumerate(comparison.outputs)
-        ]
-        rows.append({"time": minutes(time), "failed": comparison.failed, "cells": cells})
-    return rows
+        )
+    return cells

@@ -1,1 +1,1 @@
-"""Studies that fly many small campaigns: over start times, and over multiples of the stated errors."""
+"""Studies of many small campaigns: over start times, and over multiples of the stated errors."""

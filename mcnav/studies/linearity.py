@@ -1,4 +1,4 @@
-"""How far linearity reaches: multiples of a campaign's errors, one source alone and all together."""
+"""Range of linearity: multiples of a campaign's errors at which linear analysis fails, per source and together."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from mcnav._types import Array
 from mcnav.analysis.comparison import Criterion, Model
 from mcnav.analysis.linearity import AloneRange, DispersionRange, alone, together
 from mcnav.config.read import Campaign
-from mcnav.files import write_whole
+from mcnav.files import write_texts
 from mcnav.lincov.partials import Propagate
 from mcnav.progress import SILENT, Phase, Progress
-from mcnav.report import linearity as shown
+from mcnav.report import linearity as tables
 from mcnav.sampling.designs import FEWEST_BLOCKS, block_length
 from mcnav.scenarios.protocol import SimulationResult
 
@@ -28,20 +28,18 @@ PROBES: Final = 64
 
 @dataclass(frozen=True)
 class LinearityStudy:
-    """What was found.
+    """Range of linearity of a campaign.
 
     Attributes
     ----------
-    tolerance, confidence : float
     sizes : ndarray, shape (sources,)
-        One sigma of each source (the value of a fixed one), SI: what the multiples multiply.
+        One sigma of each source (the value of a fixed one), SI, to which the multiples refer.
     contributions : ndarray, shape (sources, outputs)
-        What that does to each output by the linear model, SI.
+        Effect of ``sizes`` on each output by the linear model, SI.
     alone : AloneRange
-        One direction a source, then one for all of them at once, each at plus one sigma.
-    together : DispersionRange
+        One direction per source, then all sources at plus one sigma.
     samples : int
-        Flown at each multiple.
+        Samples at each multiple.
     """
 
     tolerance: float
@@ -64,57 +62,49 @@ def linearity_study(
 
     Parameters
     ----------
-    campaign : Campaign
     tolerance : float, optional
-        Departure that counts, as a share; the campaign's unless given.
+        Relative difference allowed; the campaign's by default.
     samples : int
-        Flights at each multiple of all errors together.
+        Samples at each multiple of all errors together.
     largest : float
         Largest multiple of all errors together.
-    progress : Progress
     """
     progress.phase(Phase.PREPARING)
     scenario, errors = campaign.scenario, campaign.errors
-    allowed = campaign.tolerance if tolerance is None else tolerance
-    engine = scenario.engines[0]
+    criterion = Criterion(campaign.tolerance if tolerance is None else tolerance, campaign.confidence)
     draws = errors.draw(campaign.design, campaign.seed, samples, 0, samples)
     sizes = np.where(errors.standard_deviations > 0.0, errors.standard_deviations, errors.mean)
     directions = np.vstack([np.diag(sizes), sizes])
     linear = scenario.linear_model()
 
-    def by_draws(multiple: float) -> Propagate:
-        return _counted(scenario.engine(engine, multiple * draws[:PROBES]).propagate, progress)
+    def counted(probes: Array) -> Propagate:
+        propagate = scenario.engine(scenario.engines[0], probes).propagate
 
-    def by_directions(multiple: float) -> Propagate:
-        both = multiple * np.vstack([directions, -directions])
-        return _counted(scenario.engine(engine, both).propagate, progress)
+        def propagate_and_count(errors: Array) -> SimulationResult:
+            outcomes = propagate(errors)
+            progress.advance(len(errors))
+            return outcomes
+
+        return propagate_and_count
 
     with threadpool_limits(1):
         progress.phase(Phase.SIMULATING, note="each source alone")
-        single = alone(by_directions, linear, directions, allowed, LARGEST_ALONE)
+        single = alone(
+            lambda multiple: counted(multiple * np.vstack([directions, -directions])),
+            linear, directions, criterion.tolerance, LARGEST_ALONE,
+        )  # fmt: skip
         progress.phase(Phase.SIMULATING, note="all errors together")
         dispersion = together(
-            by_draws,
+            lambda multiple: counted(multiple * draws[:PROBES]),
             Model(linear.partials, linear.nominal, errors.mean, errors.covariance),
             draws,
             np.arange(samples) // block_length(campaign.design, samples),
-            Criterion(allowed, campaign.confidence),
+            criterion,
             FEWEST_BLOCKS[campaign.design],
             largest,
         )
     contributions = (linear.partials * sizes).T
-    return LinearityStudy(allowed, campaign.confidence, sizes, contributions, single, dispersion, samples)
-
-
-def _counted(propagate: Propagate, progress: Progress) -> Propagate:
-    """Propagate, and count what has been."""
-
-    def told(errors: Array) -> SimulationResult:
-        outcomes = propagate(errors)
-        progress.advance(len(errors))
-        return outcomes
-
-    return told
+    return LinearityStudy(criterion.tolerance, criterion.confidence, sizes, contributions, single, dispersion, samples)
 
 
 def write_linearity(
@@ -125,7 +115,7 @@ def write_linearity(
     largest: float = LARGEST_TOGETHER,
     progress: Progress = SILENT,
 ) -> tuple[LinearityStudy, list[Path]]:
-    """Write a study of the range of linearity as tables and a page; parameters as for `linearity_study`.
+    """Write the range of linearity as tables and a page; for the parameters see `linearity_study`.
 
     Returns
     -------
@@ -136,20 +126,11 @@ def write_linearity(
     sources, outputs = campaign.scenario.sources, campaign.scenario.outputs
     study = linearity_study(campaign, tolerance, samples, largest, progress)
     progress.phase(Phase.REPORTING)
-    path.mkdir(parents=True, exist_ok=True)
+    about = (study.tolerance, study.confidence, study.samples)
+    page = tables.render(campaign.name, about, study.alone, study.together, study.contributions, sources, outputs)
     files = {
-        "linearity.csv": shown.alone_table(study.alone, study.sizes, sources, outputs).to_csv(index=False),
-        "linearity_dispersion.csv": shown.dispersion_table(study.together, outputs).to_csv(index=False),
-        "linearity.html": shown.render(
-            campaign.name,
-            (study.tolerance, study.confidence, study.samples),
-            study.alone,
-            study.together,
-            study.contributions,
-            sources,
-            outputs,
-        ),
+        "linearity.csv": tables.alone_table(study.alone, study.sizes, sources, outputs).to_csv(index=False),
+        "linearity_dispersion.csv": tables.dispersion_table(study.together, outputs).to_csv(index=False),
+        "linearity.html": page,
     }
-    for name, text in files.items():
-        write_whole(path / name, text.encode())
-    return study, [path / name for name in files]
+    return study, write_texts(path, files)

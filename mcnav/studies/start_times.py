@@ -1,4 +1,4 @@
-"""When to start navigation: the linear study of start times, checked by Monte Carlo at some of them."""
+"""Start times of navigation: linear dispersion, with Monte Carlo checks at some start times."""
 
 from __future__ import annotations
 
@@ -14,32 +14,31 @@ from mcnav._types import Array
 from mcnav.analysis.comparison import Comparison, Criterion, Model, compare
 from mcnav.config.read import Campaign
 from mcnav.errors import CampaignError, Problem
-from mcnav.files import write_whole
+from mcnav.files import write_texts
 from mcnav.lincov.covariance import propagated_covariance
 from mcnav.lincov.start_times import StartTimeStudy, study_start_times
 from mcnav.progress import SILENT, Phase, Progress
-from mcnav.report import start_times as shown
+from mcnav.report import start_times as tables
 from mcnav.sampling.designs import FEWEST_BLOCKS, block_length
 from mcnav.scenarios.protocol import ScenarioError, VariableStart
 
 EVENLY: Final = 6
-"""Start times that are checked when a campaign names none, besides the best ones: so many up to the event."""
+"""Evenly spaced start times checked by default, besides the best ones."""
 
 PROBES: Final = 64
-"""Samples on which the engine's accuracy is settled at each start time."""
+"""Samples that set the engine's accuracy at each start time."""
 
 
 @dataclass(frozen=True)
 class StartTimesFound:
-    """What came of a study of start times.
+    """Linear study of start times and its Monte Carlo checks.
 
     Attributes
     ----------
-    study : StartTimeStudy
     checks : mapping of float to Comparison
-        Monte Carlo by start time, s.
+        Monte Carlo results by start time, s.
     own_sigma : ndarray, shape (outputs,)
-        Linear dispersion of the campaign as it stands, with its own start and stated errors, SI.
+        Linear dispersion for the campaign's own start and stated errors, SI.
     """
 
     study: StartTimeStudy
@@ -49,35 +48,33 @@ class StartTimesFound:
 
 @dataclass(frozen=True)
 class Check:
-    """Monte Carlo at one start time (s from the scenario's event)."""
+    """Monte Carlo check of one start time (s from the scenario's event)."""
 
     time: float
     comparison: Comparison
 
 
+def _scenario(campaign: Campaign) -> VariableStart:
+    if not isinstance(campaign.scenario, VariableStart):
+        raise CampaignError([Problem(campaign.file, "scenario", "has no start times to choose from")])
+    return campaign.scenario
+
+
 def start_time_study(campaign: Campaign, axes: str | None = None, count: int | None = None) -> StartTimeStudy:
-    """The linear study that a campaign's ``[start_times]`` describes; arguments take the place of its entries.
+    """Run the linear study of a campaign's ``[start_times]``; arguments override its entries.
 
     Raises
     ------
     CampaignError
-        When the scenario has no start times to choose from.
+        When the scenario has a fixed start time.
     """
-    plan = campaign.start_times
-    if not isinstance(campaign.scenario, VariableStart):
-        raise CampaignError([Problem(campaign.file, "scenario", "has no start times to choose from")])
-    return study_start_times(
-        campaign.scenario,
-        campaign.errors.covariance,
-        axes or plan.axes,
-        count or plan.count,
-        plan.schedule,
-        plan.weights,
-    )
+    plan, covariance = campaign.start_times, campaign.errors.covariance
+    axes, count = axes or plan.axes, count or plan.count
+    return study_start_times(_scenario(campaign), covariance, axes, count, plan.schedule, plan.weights)
 
 
 def checked_times(campaign: Campaign, study: StartTimeStudy) -> tuple[float, ...]:
-    """The start times to check: those that the campaign names, else some even ones up to the event and the best."""
+    """Return the start times to check: the campaign's, or else evenly spaced ones up to the event and the best."""
     if campaign.start_times.check:
         return campaign.start_times.check
     even = np.linspace(study.times[0], max(0.0, study.times[0]), EVENLY)
@@ -85,29 +82,27 @@ def checked_times(campaign: Campaign, study: StartTimeStudy) -> tuple[float, ...
 
 
 def check_start_time(campaign: Campaign, time: float, axes: str) -> Check:
-    """Fly a campaign's errors, as large as they are at a start time, from there, and compare with the linear model.
+    """Simulate a campaign from a start time, with the errors of that time, and compare with the linear model.
 
     Raises
     ------
     CampaignError
         When the time is not on the trajectory.
     """
-    plan, errors, scenario = campaign.start_times, campaign.errors, campaign.scenario
-    if not isinstance(scenario, VariableStart):
-        raise CampaignError([Problem(campaign.file, "scenario", "has no start times to choose from")])
+    plan, errors, design = campaign.start_times, campaign.errors, campaign.design
     try:
-        started = scenario.started_at(time, axes)
+        started = _scenario(campaign).started_at(time, axes)
     except ScenarioError as wrong:
         raise CampaignError([Problem(campaign.file, "start_times.check", str(wrong))]) from None
-    multiples = plan.schedule.at(np.array([time]), len(scenario.sources))[0]
-    draws = errors.draw(campaign.design, campaign.seed, plan.samples, 0, plan.samples) * multiples
-    outcomes = started.engine(scenario.engines[0], draws[:PROBES]).propagate(draws).values
+    multiples = plan.schedule.at(np.array([time]), len(campaign.scenario.sources))[0]
+    draws = errors.draw(design, campaign.seed, plan.samples, 0, plan.samples) * multiples
+    outcomes = started.engine(campaign.scenario.engines[0], draws[:PROBES]).propagate(draws).values
     linear = started.linear_model()
     covariance = errors.covariance * np.outer(multiples, multiples)
     model = Model(linear.partials, linear.nominal, errors.mean * multiples, covariance)
-    blocks = np.arange(plan.samples) // block_length(campaign.design, plan.samples)
+    blocks = np.arange(plan.samples) // block_length(design, plan.samples)
     criterion = Criterion(campaign.tolerance, campaign.confidence)
-    return Check(time, compare(model, draws, outcomes, blocks, criterion, FEWEST_BLOCKS[campaign.design]))
+    return Check(time, compare(model, draws, outcomes, blocks, criterion, FEWEST_BLOCKS[design]))
 
 
 def write_start_times(
@@ -118,18 +113,14 @@ def write_start_times(
     checks: bool = True,
     progress: Progress = SILENT,
 ) -> tuple[StartTimesFound, list[Path]]:
-    """Write a study of start times as tables and a page.
+    """Write a study of start times as tables and a page into a folder.
 
     Parameters
     ----------
-    campaign : Campaign
-    path : Path
-        Folder.
     axes, count
-        In place of the campaign's.
+        Override the campaign's.
     checks : bool
-        Whether Monte Carlo checks the linear dispersion.
-    progress : Progress
+        Whether to check the linear dispersion by Monte Carlo.
 
     Returns
     -------
@@ -149,12 +140,9 @@ def write_start_times(
             progress.advance(campaign.start_times.samples)
         own = propagated_covariance(campaign.scenario.linear_model().partials, campaign.errors.covariance)
     progress.phase(Phase.REPORTING)
-    written = {"start_times.csv": shown.table(study, sources, outputs).to_csv(index=False)}
+    files = {"start_times.csv": tables.table(study, sources, outputs).to_csv(index=False)}
     if found:
-        written["start_times_checks.csv"] = shown.check_table(found, outputs).to_csv(index=False)
-    written["start_times.html"] = shown.render(campaign.name, study, found, sources, outputs)
-    path.mkdir(parents=True, exist_ok=True)
-    for name, text in written.items():
-        write_whole(path / name, text.encode())
+        files["start_times_checks.csv"] = tables.check_table(found, outputs).to_csv(index=False)
+    files["start_times.html"] = tables.render(campaign.name, study, found, sources, outputs)
     sigma = np.sqrt(np.maximum(np.diag(own), 0.0))
-    return StartTimesFound(study, found, sigma), [path / name for name in written]
+    return StartTimesFound(study, found, sigma), write_texts(path, files)

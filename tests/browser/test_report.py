@@ -37,7 +37,7 @@ def test_tables_sort_series_toggle_and_data_is_copied(browser: Any, report: Path
     context = browser.new_context(permissions=["clipboard-read", "clipboard-write"])
     page = context.new_page()
     page.goto(report.as_uri())
-    table = page.locator("#budget table", has_text="Error budget:")
+    table = page.locator("#budget table", has_text="Linear error budget:")
     shares = table.locator("tbody tr td:nth-child(4)")
     table.locator("thead th:nth-child(4) button").press("Enter")
     found = [float(text.replace("<", "").replace("–", "nan")) for text in shares.all_inner_texts()]

@@ -160,7 +160,7 @@ class Jagged:
 
 
 def test_linearity_of_what_is_nowhere_linear(workplace: Path) -> None:
-    """Only the least multiple is flown, so that each figure shows one: nothing is written to stderr, not even warnings.
+    """Only the least multiple is simulated, so that each figure shows one: nothing is written to stderr, not even warnings.
 
     A source with the name of an output is an initial one, also in a scenario of one's own.
     """
@@ -203,7 +203,7 @@ def test_a_run_folders_own_campaign_goes_on_there(workplace: Path) -> None:
         (["run", DEMO, "--seed", 3], "seed was 1772, is 3); --fresh replaces them"),
         (["run", DEMO, "--out", "file/inside"], "error: file/inside: cannot be written to"),
         (["run", DEMO, "--out", "x" * 300], "File name too long"),
-        (["run", DEMO, "--check"], "accept: is missing; --check has nothing to check"),
+        (["run", DEMO, "--check"], "accept: is missing; --check needs requirements"),
         (["report", "nowhere"], "error: nowhere: holds no run"),
         (["compare", "nowhere"], "error: nowhere: holds no run (there is no such folder)"),
         (["partials", "nowhere.toml"], "error: nowhere.toml: no such file"),
@@ -246,7 +246,7 @@ def test_check(below: str, status: int, found: str, workplace: Path) -> None:
     finished = mcnav("run", campaign, "--samples", 2000, "--check", cwd=workplace)
     assert finished.returncode == status, finished.stderr
     assert f"{found}" in finished.stdout
-    assert f"|altitude| below {below} in 99.73 % of flights" in finished.stdout
+    assert f"|altitude| below {below} in 99.73 % of samples" in finished.stdout
     assert "Yes for the dispersion of each output" in finished.stdout
     told = {"met": "1 of 1 met", "not met": "0 of 1 met, 1 failed", "undecided": "0 of 1 met, 1 undecided"}[found]
     assert f"Requirements: {told}." in finished.stdout
@@ -254,7 +254,7 @@ def test_check(below: str, status: int, found: str, workplace: Path) -> None:
         assert mcnav("run", campaign, "--samples", 2000, cwd=workplace).returncode == 0
     summary = json.loads((workplace / "reports" / campaign.stem / "summary.json").read_text())
     assert [entry["finding"] for entry in summary["requirements"]] == [found]
-    assert "How large each source may be" in (workplace / "reports" / campaign.stem / "report.html").read_text()
+    assert "Allowed source sigmas" in (workplace / "reports" / campaign.stem / "report.html").read_text()
 
 
 def test_failed_samples_give_status_3(workplace: Path) -> None:
@@ -263,4 +263,4 @@ def test_failed_samples_give_status_3(workplace: Path) -> None:
     (workplace / "failing.toml").write_text(described)
     finished = mcnav("run", "failing.toml", "--samples", 40, cwd=workplace)
     assert finished.returncode == 3
-    assert "samples failed and are left out of every figure" in finished.stdout.replace("\n", " ")
+    assert "samples failed and are excluded from all results" in finished.stdout.replace("\n", " ")

@@ -133,7 +133,7 @@ def test_into_a_pipe_the_width_is_unlimited(nine: Path) -> None:
 
 def test_a_table_of_texts_is_folded_between_words() -> None:
     table = FittedTable("", [Column("found", text=True), Column("requirement", text=True)], keys=2)
-    table.add("undecided", "|altitude| below 12.3456789 km in 99.73 % of flights")
+    table.add("undecided", "|altitude| below 12.3456789 km in 99.73 % of samples")
     for width in WIDTHS:
         assert {"undecided", "12.3456789", "99.73"} <= set(printed(table, width).split())
 
@@ -180,7 +180,7 @@ def test_machine_readable(nine: Path, command: str) -> None:
 def test_partials_of_every_start_time_are_files(nine: Path) -> None:
     done = CliRunner().invoke(app, ["partials", str(nine / "nine.toml"), "--start-times", "--format", "csv"])
     assert done.exit_code == 2
-    assert done.stderr.startswith("error: --format: not with --start-times")
+    assert done.stderr.startswith("error: --format: cannot be used with --start-times")
 
 
 def test_paired_sigma_stands_with_the_paired_ratio(nine: Path) -> None:
@@ -214,7 +214,7 @@ def test_what_nothing_disturbs_does_not_agree(nine: Path) -> None:
     page = (nine / "run" / "report.html").read_text()
     assert page.count(words) == 2  # card and table
     done = CliRunner().invoke(app, ["compare", str(nine / "run"), str(nine / "other")])
-    assert done.stdout.count(words) == 3, done.stdout  # twice beside Monte Carlo, once as a change
+    assert done.stdout.count(words) == 3, done.stdout  # twice as a verdict, once as a change
     agreeing = dict(summary, verdict="agrees", verdicts=["agrees"] * 9)
     assert "In every other output" in sentences.explanation(agreeing)
     assert sentences.explanation(agreeing).endswith(f"still is {words}.")

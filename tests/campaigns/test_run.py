@@ -315,7 +315,10 @@ def test_flown_until_precise_enough(tmp_path: Path) -> None:
     assert summary["confidence_each"] == pytest.approx(1.0 - 0.05 / 5 / 5)
     drawn = pd.read_parquet(folder / "samples").filter(like="error").to_numpy()
     assert np.array_equal(drawn, campaign(4).errors.draw("random", 1772, 10**6, 0, 16_384))
-    assert "Flown until every plain sigma ratio to ±2 % with 90 % confidence" in (folder / "report.html").read_text()
+    assert (
+        "Sampled until every plain sigma ratio was known to ±2 % with 90 % confidence"
+        in (folder / "report.html").read_text()
+    )
     again = run_campaign(read_campaign(folder / "campaign.toml"), folder, "ensemble", 1)
     assert (again.flown, again.summary) == (0, summary)
     assert report_run(folder) == summary
@@ -334,7 +337,7 @@ def test_a_run_until_that_was_broken_off_goes_on(tmp_path: Path) -> None:
 def test_flown_to_the_most_that_is_allowed(tmp_path: Path) -> None:
     summary = run_campaign(_until("sigma_ratio 0.1 %", 500), tmp_path / "run", "ensemble", 1).summary
     assert (summary["samples"], summary["stopping"]["reached"]) == (500, False)
-    assert "Flown to the most that were allowed" in (tmp_path / "run" / "report.html").read_text()
+    assert "Stopped at the maximum of" in (tmp_path / "run" / "report.html").read_text()
 
 
 def test_a_table_goes_with_its_run(tmp_path: Path) -> None:

@@ -286,5 +286,5 @@ def test_nobody_is_left(sign: signal.Signals, status: int, tmp_path: Path) -> No
     assert 0 < len(digests(tmp_path / "run")) < 400
     if sign == signal.SIGINT:
         assert len(said.splitlines()) == 1, said
-        assert said.startswith("error: interrupted; what is stored is kept")
+        assert said.startswith("error: interrupted; stored samples are kept")
     assert list((tmp_path / "scratch").iterdir()) == []

@@ -92,4 +92,4 @@ cli.main()
     done = run_to_end([sys.executable, "-c", code], env=environment())
     assert done.returncode == status
     assert done.stdout == "tidied up\n"
-    assert done.stderr == "error: interrupted; what is stored is kept, and the same command goes on from there\n"
+    assert done.stderr == "error: interrupted; stored samples are kept, and the same command resumes the run\n"

@@ -48,6 +48,6 @@ def test_resume_after_a_signal(sign: signal.Signals, status: int, tmp_path: Path
     assert 0 < len(left) < len(undisturbed)
     assert left.items() <= undisturbed.items()
     if sign != signal.SIGKILL:
-        assert said == "error: interrupted; what is stored is kept, and the same command goes on from there\n"
+        assert said == "error: interrupted; stored samples are kept, and the same command resumes the run\n"
     _run(folder)
     assert _parts(folder) == undisturbed

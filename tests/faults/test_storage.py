@@ -166,7 +166,7 @@ def test_signals_while_a_sample_hangs(sign: signal.Signals, times: int, place: s
         assert left_of(process.pid) == []
     assert process.returncode == {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGKILL: -9}[sign]
     if times == 1 and sign != signal.SIGKILL:
-        assert said == "error: interrupted; what is stored is kept, and the same command goes on from there\n"
+        assert said == "error: interrupted; stored samples are kept, and the same command resumes the run\n"
     assert "Traceback" not in said
 
 

@@ -23,7 +23,7 @@ def test_truths(name: str, sources: str) -> None:
     """Against a million draws, within six standard errors of each moment."""
     distribution, fourth, sixth = SOURCES[sources]
     errors = distribution.transform(np.random.default_rng(5).standard_normal((1_000_000, 3)))
-    flown = SYSTEMS[name].fly(errors, fourth)
+    flown = SYSTEMS[name].simulate(errors, fourth)
     truth = SYSTEMS[name].truth(fourth, sixth)
     centred = flown - truth.mean
     for i in range(2):

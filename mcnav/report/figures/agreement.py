@@ -50,9 +50,9 @@ def sigma_ratios(content: Content) -> Figure:
     return Figure(
         key="ratios",
         title="Monte Carlo sigma over linear sigma",
-        description="For each output the difference of Monte Carlo from linear sigma with its interval, and the "
+        description="Difference between Monte Carlo and linear sigma of each output with its interval, and the "
         "tolerance around zero.",
-        plots=[Plot("Against the tolerance", whole), Plot("The paired estimate, magnified", magnified)],
+        plots=[Plot("Compared with the tolerance", whole), Plot("Paired estimate, magnified", magnified)],
         series=(*RATIOS.values(), TOLERANCE),
         data=data,
         size=(HALF[0], 1.1 + 0.42 * len(names)),
@@ -79,7 +79,7 @@ def _ratios(axes: Axes, data: pd.DataFrame, kinds: tuple[str, ...]) -> None:
     axes.set_ylim(len(data) - 0.5, -0.5)
     axes.grid(axis="y", visible=False)
     axes.locator_params(axis="x", nbins=6)
-    axes.set_xlabel("Monte Carlo σ less linear σ (%)")
+    axes.set_xlabel("Monte Carlo σ relative to linear σ (%)")
 
 
 def running_ratios(content: Content) -> Figure | None:
@@ -101,14 +101,13 @@ def running_ratios(content: Content) -> Figure | None:
     tolerance = content.criterion.tolerance
     return Figure(
         key="convergence",
-        title="Sigma ratios as samples are added",
-        description="For each output the plain and the paired sigma ratio of the first samples, with intervals.",
+        title="Convergence of the sigma ratios",
+        description="Plain and paired sigma ratio of each output against the number of samples, with intervals.",
         plots=[Plot(names[i], partial(_running, found=found, i=i, tolerance=tolerance)) for i in shown],
         series=(*RUNNING.values(), TOLERANCE),
         data=pd.DataFrame(frame),
         size=(HALF[0], 2.3),
-        caption="Sigma ratio from the first samples of the campaign against their number, with the interval of each by "
-        "itself.",
+        caption="Sigma ratio of the first n samples against n, with individual intervals.",
     )
 
 
@@ -156,7 +155,7 @@ def nees(content: Content) -> Figure | None:
         axes.plot(x, density(x), color=LINEAR, linewidth=1.6, gid=theory.gid)
         axes.set(xlabel="NEES against the linear covariance", yticks=[], ylim=(0.0, None))
         if outside:
-            axes.annotate(f"{outside:,} of {len(values):,}\nbeyond the picture", (0.98, 0.9), ha="right", va="top",
+            axes.annotate(f"{outside:,} of {len(values):,}\nbeyond the plot", (0.98, 0.9), ha="right", va="top",
                           xycoords="axes fraction", fontsize=8)  # fmt: skip
 
     def quantiles(axes: Axes) -> None:
@@ -169,14 +168,14 @@ def nees(content: Content) -> Figure | None:
 
     return Figure(
         key="nees",
-        title="NEES of the flown errors",
-        description=f"Normalised error squared with the chi-square density of {dimension} degrees of freedom, as a "
-        "histogram and quantile against quantile.",
-        plots=[Plot("Distribution", histogram), Plot("Quantile against quantile", quantiles)],
-        series=(flown, theory, Series("quantiles", "quantiles of the flights", FLOWN, "dot")),
-        data=pd.DataFrame({"NEES from": edges[:-1], "to": edges[1:], "flights": counts,
+        title="NEES of the Monte Carlo errors",
+        description=f"Histogram and quantile plot of the normalized estimation error squared, with the chi-square "
+        f"distribution of {dimension} degrees of freedom.",
+        plots=[Plot("Distribution", histogram), Plot("Quantiles", quantiles)],
+        series=(flown, theory, Series("quantiles", "sample quantiles", FLOWN, "dot")),
+        data=pd.DataFrame({"NEES from": edges[:-1], "to": edges[1:], "samples": counts,
                            "expected": len(values) * np.diff(edges) * density(centres)}),
-        caption="The chi-square distribution holds for normally distributed errors.",
+        caption="NEES follows the chi-square distribution if the errors are normally distributed.",
     )  # fmt: skip
 
 
@@ -207,9 +206,9 @@ def normal_quantiles(content: Content) -> Figure | None:
     frame = {"normal quantile": expected} | {f"{names[i]} [{units[i]}]": found[i] for i in shown}
     return Figure(
         key="quantiles",
-        title="Quantiles of each output",
-        description="Quantiles of the flown final errors against those of the normal distribution of linear analysis, "
-        "which is the straight line.",
+        title="Normal quantile plots",
+        description="Quantiles of the Monte Carlo final errors against normal quantiles; the straight line is the "
+        "normal distribution of linear analysis.",
         plots=[Plot(names[i], partial(draw, i=i)) for i in shown],
         series=(Series("flown", "Monte Carlo", FLOWN, "dot"), Series("linear", "linear Gaussian", LINEAR)),
         data=pd.DataFrame(frame),

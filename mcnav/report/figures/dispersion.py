@@ -26,10 +26,10 @@ PAIRS: Final = 15
 LABELLED: Final = 3
 """Farthest samples of a pair that carry their index."""
 
-FLIGHTS = Series("flights", "flights", POINT, "dot")
+FLIGHTS = Series("flights", "samples", POINT, "dot")
 ELLIPSES_LINEAR = Series("linear", "linear, 1 and 3 sigma", LINEAR)
 ELLIPSES_FLOWN = Series("flown", "Monte Carlo (plain), 1 and 3 sigma", FLOWN, "dashed")
-FARTHEST = Series("farthest", "farthest flights, with their sample number", INK, "dot")
+FARTHEST = Series("farthest", "largest errors, with sample index", INK, "dot")
 
 
 def scatter(content: Content) -> Figure | None:
@@ -53,15 +53,15 @@ def scatter(content: Content) -> Figure | None:
         plots.append(Plot("", partial(_pair, content=content, points=points, pair=(i, j), marked=marked)))
     return Figure(
         key="scatter",
-        title="Final errors, pair by pair",
-        description=f"{len(points):,} of {len(flown):,} flown samples with linear and Monte Carlo ellipses of one and "
-        "three sigma; the flights farthest out by the linear covariance carry their sample number.",
+        title="Final errors of pairs of outputs",
+        description=f"{len(points):,} of {len(flown):,} samples with linear and Monte Carlo ellipses of one and three "
+        "sigma; the samples farthest from the mean by the linear covariance are labelled.",
         plots=plots,
         series=(FLIGHTS, ELLIPSES_LINEAR, ELLIPSES_FLOWN, FARTHEST),
         data=pd.DataFrame(frame),
         size=THIRD,
-        caption=f"{len(points):,} of {len(flown):,} flights are drawn; ellipses are of all. The table holds the "
-        "farthest flights of each pair.",
+        caption=f"{len(points):,} of {len(flown):,} samples are drawn; ellipses use all. The table lists the samples "
+        "farthest from the mean.",
     )
 
 
@@ -139,17 +139,17 @@ def histograms(content: Content) -> Figure:
         axes.set_ylim(bottom=0.0)
         outside = len(flown) - int(counts.sum())
         if outside:
-            axes.annotate(f"{outside:,} beyond\nthe picture", (0.99, 0.95), ha="right", va="top",
+            axes.annotate(f"{outside:,} beyond\nthe plot", (0.99, 0.95), ha="right", va="top",
                           xycoords="axes fraction", fontsize=8)  # fmt: skip
 
     frame: dict[str, NDArray[Any]] = {}
     for i, (edges, counts) in bins.items():
         frame |= {f"{names[i]} from [{units[i]}]": edges[:-1], f"{names[i]} to [{units[i]}]": edges[1:],
-                  f"{names[i]}, flights": counts}  # fmt: skip
+                  f"{names[i]}, samples": counts}  # fmt: skip
     return Figure(
         key="histograms",
         title="Distribution of each output",
-        description="Histograms of the flown final errors with the normal density of linear analysis.",
+        description="Histograms of the Monte Carlo final errors with the normal density of linear analysis.",
         plots=[Plot(names[i], partial(draw, i=i)) for i in content.moving],
         series=(Series("flown", "Monte Carlo", AREA, "area"), Series("linear", "linear Gaussian", LINEAR)),
         data=pd.DataFrame(frame),

@@ -28,7 +28,7 @@ def envelopes(content: Content) -> Figure | None:
         return None
     names, units, scale = content.output_names, content.output_units, content.output_scale
     low, *_, high = known.percentiles
-    band = Series("percentiles", f"{low} % to {high} % of {known.stored:,} flights", AREA, "area")
+    band = Series("percentiles", f"{low} % to {high} % of {known.stored:,} samples", AREA, "area")
     columns = {known.label: known.times}
     for i in moving:
         for words, values in (
@@ -40,16 +40,16 @@ def envelopes(content: Content) -> Figure | None:
             columns[f"{names[i]}, {words} [{units[i]}]"] = values[:, i] * scale[i]
     return Figure(
         key="envelopes",
-        title="Errors throughout the flight",
-        description="For each output three sigma by linear analysis and of all flights, and percentiles of some.",
+        title="Errors over the flight",
+        description="Three sigma of each output by linear analysis and Monte Carlo, and percentiles of stored samples.",
         plots=[
             Plot(names[i], partial(_envelope, known=known, output=i, scale=float(scale[i]), unit=units[i], band=band))
             for i in moving
         ],
         series=(LINEAR_3, FLOWN_3, band),
         data=pd.DataFrame(columns),
-        caption="Ranges are arc lengths on the earth's surface. Samples that left the fast engine's validity are not "
-        "followed.",
+        caption="Ranges are arc lengths on the earth's surface. Samples outside the fast engine's range of validity "
+        "are not included.",
     )
 
 

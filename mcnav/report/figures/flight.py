@@ -26,8 +26,8 @@ def flight(history: History) -> Figure | None:
     titles = [panel.title for panel in history.panels]
     return Figure(
         key="flight",
-        title="What was flown",
-        description="The nominal flight: " + "; ".join(titles),
+        title="Nominal flight",
+        description="Nominal flight: " + "; ".join(titles),
         plots=[Plot(panel.title, partial(_panel, history=history, panel=panel)) for panel in history.panels],
         series=(),
         data=pd.DataFrame(dict(history.columns)),

@@ -22,14 +22,14 @@ REACH: Final = 4.0
 ALONE: Final = 2.0
 """Factor by which the axis reaches beyond the only multiple that was flown."""
 
-RATIO: Final = Series("flown", "Monte Carlo over linear σ", FLOWN)
-INTERVAL: Final = Series("interval", "its interval", AREA, "area")
+RATIO: Final = Series("flown", "Monte Carlo σ / linear σ", FLOWN)
+INTERVAL: Final = Series("interval", "interval", AREA, "area")
 TOLERANCE: Final = Series("tolerance", "tolerance", BAND, "area")
-LEAVES: Final = Series("leaves", "where it leaves the tolerance", MUTED, "dashed")
+LEAVES: Final = Series("leaves", "exceeds tolerance", MUTED, "dashed")
 
-MATTERS: Final = Series("matters", "the source matters for the output", LINEAR, "dot")
-MINOR: Final = Series("minor", "it hardly matters", MUTED, "ring")
-FARTHER: Final = Series("farther", "larger than was tried", INK, "onward")
+MATTERS: Final = Series("matters", "significant source", LINEAR, "dot")
+MINOR: Final = Series("minor", "minor source", MUTED, "ring")
+FARTHER: Final = Series("farther", "larger than simulated", INK, "onward")
 
 
 def ratios(found: DispersionRange, tolerance: float, names: Sequence[str]) -> Figure:
@@ -40,7 +40,7 @@ def ratios(found: DispersionRange, tolerance: float, names: Sequence[str]) -> Fi
         frame[f"{name}, from"], frame[f"{name}, to"] = found.lower[:, column], found.upper[:, column]
     return Figure(
         key="ratios",
-        title="Sigma ratio against the size of the errors",
+        title="Sigma ratio against the multiple of the errors",
         description="Paired sigma ratio with its interval for each output and the joint distribution, against the "
         "multiple of the stated errors; a dashed line marks where it leaves the tolerance.",
         plots=[
@@ -108,6 +108,6 @@ def alone(single: AloneRange, minor: NDArray[np.bool_], directions: Sequence[str
         series=(MATTERS, MINOR, FARTHER),
         data=pd.DataFrame(frame),
         size=(HALF[0], 1.0 + 0.2 * len(directions)),
-        caption="The line at one: the stated errors themselves.",
+        caption="The line marks the stated errors.",
         file="linearity.csv",
     )

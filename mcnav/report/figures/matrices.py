@@ -60,12 +60,7 @@ def matrices(content: Content) -> Figure:
     each, together = (f"{100.0 * level:.4g} %" for level in (comparison.confidence_each, content.criterion.confidence))
     plots = [
         plot("Covariance, linear", relative[0], np.where(nil[0], 0.0, linear * square), lambda value: number(value, 3)),
-        plot(
-            "Covariance, paired",
-            relative[1],
-            np.where(nil[1], 0.0, flown * square),
-            lambda value: number(value, 3),
-        ),
+        plot("Covariance, paired", relative[1], np.where(nil[1], 0.0, flown * square), lambda value: number(value, 3)),
         plot("Difference, % of σᵢσⱼ", _magnified(change, certain[0]), change, lambda value: number(value, 2)),
         plot("Correlation, linear", both[0], both[0], _coefficient),
         plot("Correlation, paired", both[1], both[1], _coefficient),
@@ -74,15 +69,15 @@ def matrices(content: Content) -> Figure:
     return Figure(
         key="matrices",
         title="Covariances and correlations of the final errors",
-        description="Covariance and correlation matrices of the outputs, by linear analysis, by the paired Monte Carlo "
-        "estimate, and their difference, as numbers on coloured squares.",
+        description="Covariance and correlation matrices of the outputs: linear, paired Monte Carlo estimate, and "
+        "difference, as numbers on coloured squares.",
         plots=plots,
         series=(Series("positive", "positive", FLOWN, "area"), Series("negative", "negative", LINEAR, "area")),
         data=pd.DataFrame(rows),
         size=THIRD,
-        caption="Colours of covariances are in units of the linear sigmas; differences are coloured up to their "
-        f"largest entry, and only where their interval excludes zero (intervals of sigmas at {each} each, those of "
-        f"correlations together at {together}). Covariances below a two-thousandth of σᵢσⱼ are shown as zero.",
+        caption="Colours of covariances are in units of the linear sigmas. Differences are scaled to their largest "
+        f"entry and coloured only if their interval excludes zero (sigmas at {each} each, correlations jointly at "
+        f"{together}). Covariances below 0.0005 σᵢσⱼ are shown as zero.",
     )  # fmt: skip
 
 

@@ -36,12 +36,14 @@ def budget(content: Content) -> Figure:
     flown = _flown_shares(content)
     members = [j for j in range(linear.shape[1]) if (linear[:, j] > 0.0).any()]
     series = {j: numbered(j, content.source_names[j], "area") for j in members}
-    plots = [Plot("By the linear model", lambda axes: _stacked(axes, names, linear, series))]
+    plots = [Plot("Linear", lambda axes: _stacked(axes, names, linear, series))]
     frame: dict[str, list[object]] = {"source": [content.source_names[j] for j in members]}
     frame |= {f"{name}, linear, %": [float(100.0 * linear[i, j]) for j in members] for i, name in enumerate(names)}
     if flown is not None:
-        plots.append(Plot("Flown, each source alone", lambda axes: _stacked(axes, names, flown, series)))
-        frame |= {f"{name}, flown, %": [float(100.0 * flown[i, j]) for j in members] for i, name in enumerate(names)}
+        plots.append(Plot("Monte Carlo, each source alone", lambda axes: _stacked(axes, names, flown, series)))
+        frame |= {
+            f"{name}, Monte Carlo, %": [float(100.0 * flown[i, j]) for j in members] for i, name in enumerate(names)
+        }
     return Figure(
         key="budget",
         title="Error budget",
@@ -113,10 +115,9 @@ def partials_history(content: Content) -> Figure | None:
     return Figure(
         key="development",
         title="Error budget over time",
-        description="Linear one-sigma error of each output over the flight, of all errors together and of each source "
-        "alone.",
+        description="Linear one-sigma error of each output over the flight, for all errors and for each source alone.",
         plots=[Plot(names[i], partial(draw, i=i)) for i in moving],
         series=(together, *series.values()),
         data=pd.DataFrame(frame),
-        caption="By the linear model, at every time of the flight.",
+        caption="Linear model.",
     )

@@ -59,9 +59,9 @@ def dispersion(
     frame = {"start [min from reentry]": starts} | dict(zip(columns, sigma.T, strict=True))
     return Figure(
         key="dispersion",
-        title="Dispersion against the start of navigation",
-        description="Sigma of each final error against the start time, linear and Monte Carlo; a triangle points at "
-        "the best start up to reentry.",
+        title="Dispersion by start of navigation",
+        description="Sigma of each final error against the start time, linear and Monte Carlo; a triangle marks the "
+        "best start up to reentry.",
         plots=[Plot(f"final {name}", partial(draw, i=i)) for i, name in enumerate(names)],
         series=(SIGMA, *([CHECKED] if checks else []), BEST),
         data=pd.DataFrame(frame | {"all, weighted [1]": study.weighted}),

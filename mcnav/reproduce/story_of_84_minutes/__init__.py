@@ -1,1 +1,1 @@
-"""The Story of 84 Minutes recomputed."""
+"""Reproduction of The Story of 84 Minutes (W. Bollay, 1966)."""

@@ -1,8 +1,8 @@
-"""A vertical climb under constant thrust, and what its slaved navigator swings with: the seed's footnote (a).
+"""Period of a slaved navigator during a vertical climb under constant thrust: footnote (a) of the document.
 
 The vehicle rises along one vertical with a constant specific force f, so that its radius obeys r'' = f - mu / r^2. Its
-navigator has the radius from outside and indicates the angle e, starting with an error of it (NASA TN D-1772, eqs. 5
-and 9): ``r e'' = f_xi - 2 r' e'`` with the force f_xi that the platform feels along the indicated horizontal.
+navigator is given the radius and indicates the angle e, with a start error (NASA TN D-1772, eqs. 5 and 9):
+``r e'' = f_xi - 2 r' e'`` with the specific force f_xi along the indicated horizontal.
 """
 
 from __future__ import annotations
@@ -20,22 +20,21 @@ SMALL: Final = 1e-6
 """Start error of the indicated angle, rad."""
 
 HALF: Final = 0.25
-"""Half of the time (s) over which an acceleration is measured."""
+"""Half of the time over which an acceleration is measured, s."""
 
 
 def climb_periods(earth: Earth, force: float, times: Array) -> Array:
-    """The period with which the navigator's error would swing if the climb stayed as it is at each time, s, shape (n,).
+    """Compute the momentary period of the navigator's error during a climb, s, shape (n,).
 
-    Two flights with different start errors show both coefficients of whatever linear equation ``e'' + p e' + q e = 0``
-    they obey at a time; the period is 2 pi / sqrt(q).
+    Two solutions with different start errors determine both coefficients of the linear equation
+    ``e'' + p e' + q e = 0`` at each time; the period is 2 pi / sqrt(q).
 
     Parameters
     ----------
-    earth : Earth
     force : float
-        Specific force upwards, m/s^2.
+        Upward specific force, m/s^2.
     times : ndarray, shape (n,)
-        s from the start at the earth's surface, at rest; at least `HALF`.
+        Time from the start at rest on the surface, s; at least `HALF`.
     """
 
     def rates(time: float, state: Array) -> list[float]:
@@ -47,7 +46,7 @@ def climb_periods(earth: Earth, force: float, times: Array) -> Array:
         up = force - earth.gravitational_parameter / radius**2
         return [climb, up, first_rate, swung[0], second_rate, swung[1]]
 
-    flown = solve_ivp(
+    solution = solve_ivp(
         rates,
         (0.0, float(times[-1]) + HALF),
         [earth.radius, 0.0, SMALL, 0.0, 0.0, SMALL * np.sqrt(force / earth.radius)],
@@ -58,7 +57,9 @@ def climb_periods(earth: Earth, force: float, times: Array) -> Array:
     )
     periods = []
     for time in times:
-        before, now, after = (flown.y[2:, np.argmin(np.abs(flown.t - at))] for at in (time - HALF, time, time + HALF))
+        before, now, after = (
+            solution.y[2:, np.argmin(np.abs(solution.t - at))] for at in (time - HALF, time, time + HALF)
+        )
         turned = (after - before)[[1, 3]] / (2.0 * HALF)
         _, stiffness = np.linalg.solve(np.column_stack([now[[1, 3]], now[[0, 2]]]), -turned)
         periods.append(2.0 * np.pi / np.sqrt(stiffness))

@@ -1,4 +1,4 @@
-"""The plots of "The Story of 84 Minutes" as tables: closed forms and flights over time, periods, hovering."""
+"""Data of the plots: closed forms and simulations over time, periods, hovering."""
 
 from __future__ import annotations
 
@@ -51,11 +51,11 @@ PLOTTED: Final = {
     "azimuth": (Error.AZIMUTH_MISALIGNMENT, CROSS),
     "roll tilt": (Error.ROLL_MISALIGNMENT, CROSS),
 }
-"""The errors of Problems 1 to 3, and what they leave."""
+"""Error source and affected output of each plot of Problems 1 to 3."""
 
 
 def _closed(times: Array) -> dict[str, tuple[Array, Array]]:
-    """Flat and spherical closed forms of every error plotted, m."""
+    """Evaluate the flat and spherical closed forms of all plots, m."""
     bias, flat_bias = RATIO * RATE**2 * RADIUS, RATIO * GRAVITY
     tilt = schuler.tilt_flat(TILT, GRAVITY, times), schuler.tilt_spherical(TILT, RADIUS, RATE, times)
     distance = SPEED * times
@@ -73,8 +73,8 @@ def _closed(times: Array) -> dict[str, tuple[Array, Array]]:
     }  # fmt: skip
 
 
-def _flown(flight: SteadyFlight, times: Array) -> Array:
-    """Navigation errors by every error plotted at times, shape (n, errors), m."""
+def _simulated(flight: SteadyFlight, times: Array) -> Array:
+    """Simulate the navigation errors of all plots, shape (n, errors), m."""
     errors = np.array([with_one_error(source, size_of(source, flight.earth)) for source, _ in PLOTTED.values()])
     outputs = [output for _, output in PLOTTED.values()]
     found = np.zeros((len(times), len(errors)))
@@ -86,7 +86,7 @@ def _flown(flight: SteadyFlight, times: Array) -> Array:
 
 
 def curves() -> pd.DataFrame:
-    """Position errors over two periods: a row for each error and time, ft."""
+    """Tabulate position errors over two periods by error and time, ft."""
     times = np.linspace(0.0, TIME, POINTS)
     closed = _closed(times)
     ways = {
@@ -94,7 +94,7 @@ def curves() -> pd.DataFrame:
         "flown cruising, level platform": cruising(TIME),
         "flown cruising, inertial platform": cruising(TIME, level=False),
     }
-    flights = {name: _flown(flight, times) for name, flight in ways.items()}
+    flights = {name: _simulated(flight, times) for name, flight in ways.items()}
     by_linear = linearize(cruising(TIME), times)
     tables = []
     for column, (name, (source, output)) in enumerate(PLOTTED.items()):
@@ -111,7 +111,7 @@ def curves() -> pd.DataFrame:
 
 
 def periods() -> pd.DataFrame:
-    """Periods measured on flights beside 2 pi sqrt(r / g_eff) along and 2 pi sqrt(r / g) across the track, min."""
+    """Tabulate simulated periods along the track and 2 pi sqrt(r / g_eff) by speed, min."""
     earth = Earth.with_gravity(RADIUS, GRAVITY)
     orbital = float(np.sqrt(GRAVITY * RADIUS))
     rows = []
@@ -132,21 +132,21 @@ def periods() -> pd.DataFrame:
 
 
 def across() -> tuple[float, float]:
-    """The period across the track of the cruising missile, flown, and 2 pi sqrt(r / g), min."""
+    """Return the simulated period across the track of the cruising missile, and 2 pi sqrt(r / g), min."""
     earth = Earth.with_gravity(RADIUS, GRAVITY)
     flight = SteadyFlight(0.0, SPEED, 1.0, slaved=True, level=True, earth=earth)
     return measured_period(flight, CROSS) / MINUTE, schuler.schuler_period(RADIUS, GRAVITY) / MINUTE
 
 
 def climb() -> pd.DataFrame:
-    """The momentary period along a vertical climb with nine times gravity as thrust, min."""
+    """Tabulate the momentary period along a vertical climb at 9 g, min."""
     times = np.concatenate([[0.25], np.arange(10.0, 181.0, 10.0)])
     found = climb_periods(Earth.with_gravity(RADIUS, GRAVITY), 9.0 * GRAVITY, times)
     return pd.DataFrame({"time [s]": times, "period [min]": found / MINUTE})
 
 
 def hover_growth() -> pd.DataFrame:
-    """Height errors of the hovering vehicle over time, for accelerometer errors of both signs, miles."""
+    """Tabulate height errors of the hovering vehicle over time, for accelerometer errors of both signs, miles."""
     gravity = ROUND.gravitational_parameter / RADIUS**2
     times = np.linspace(0.0, PERIOD, 43)
     table = {
@@ -165,7 +165,7 @@ def hover_growth() -> pd.DataFrame:
 
 
 def hover_departure() -> pd.DataFrame:
-    """Flown over linear height after 84 minutes against the size of the accelerometer's error, both signs."""
+    """Tabulate simulated over linear height after 84 minutes by accelerometer error of either sign."""
     gravity = ROUND.gravitational_parameter / RADIUS**2
     ratios = np.logspace(-7.0, -3.4, 19)
     table = {"error [g]": ratios}

@@ -1,4 +1,4 @@
-"""The plots of "The Story of 84 Minutes" drawn from their tables (`mcnav.reproduce.story_of_84_minutes.curves`)."""
+"""Figures, drawn from the tables of `mcnav.reproduce.story_of_84_minutes.curves`."""
 
 from __future__ import annotations
 
@@ -13,36 +13,36 @@ from mcnav.report.format import number
 from mcnav.report.svg import FLOWN, INK, LINEAR, MUTED
 
 TITLES: Final = {
-    "tilt": "A platform 0.01 deg out of level",
-    "launch velocity": "A launch velocity 1 ft/s off",
-    "accelerometer": "An accelerometer 10⁻⁴ g off",
-    "gyro drift": "A gyro that drifts 0.01 deg/h",
-    "azimuth": "A launch 0.01 deg off in azimuth (across the track)",
-    "roll tilt": "A platform 0.01 deg out of level in roll (across the track)",
+    "tilt": "Platform tilt of 0.01 deg",
+    "launch velocity": "Launch velocity error of 1 ft/s",
+    "accelerometer": "Accelerometer error of 10⁻⁴ g",
+    "gyro drift": "Gyro drift of 0.01 deg/h",
+    "azimuth": "Launch azimuth error of 0.01 deg (cross-range)",
+    "roll tilt": "Platform roll tilt of 0.01 deg (cross-range)",
 }
-"""Of each error plotted."""
+"""Titles of the error plots."""
 
 FLAT: Final = Series("flat", "closed form, flat earth", MUTED, "dotted")
 SPHERICAL: Final = Series("spherical", "closed form, spherical earth", LINEAR)
-AT_REST: Final = Series("rest", "flown at rest", INK, "dot")
-CRUISING: Final = Series("cruising", "flown cruising", FLOWN, "dashed")
-INERTIAL: Final = Series("inertial", "flown cruising, inertial platform", FLOWN, "dashdot")
+AT_REST: Final = Series("rest", "simulated at rest", INK, "dot")
+CRUISING: Final = Series("cruising", "simulated cruising", FLOWN, "dashed")
+INERTIAL: Final = Series("inertial", "simulated cruising, inertial platform", FLOWN, "dashdot")
 
 CLOSED: Final = Series("closed", "closed form", LINEAR)
-UP: Final = Series("up", "flown, pushed up", FLOWN, "dashed")
-DOWN: Final = Series("down", "flown, pushed down (sign reversed)", FLOWN, "dashdot")
+UP: Final = Series("up", "simulated, upward", FLOWN, "dashed")
+DOWN: Final = Series("down", "simulated, downward (sign reversed)", FLOWN, "dashdot")
 
 EVERY: Final = 4
-"""Rows from one dot to the next on a curve that flights lie on."""
+"""Rows from one dot to the next."""
 
 
 def error(name: str, curves: pd.DataFrame) -> Figure:
-    """One error: flat against spherical, and the spherical one with what was flown."""
+    """Draw one error: flat and spherical closed forms, and the spherical one with simulations."""
     known = curves[curves["error"] == name]
     time, spherical = known["time [min]"], known["spherical earth [ft]"]
     resting = known["flown at rest [ft]"]
     level, inertial = (known[f"flown cruising, {platform} platform [ft]"] for platform in ("level", "inertial"))
-    at_rest = name != "azimuth"  # a launch in a wrong direction takes a motion
+    at_rest = name != "azimuth"  # a wrong launch direction has no effect at rest
     apart = bool(np.abs(inertial - level).max() > 0.01 * np.abs(level).max())
 
     def closed(axes: Axes) -> None:
@@ -50,7 +50,7 @@ def error(name: str, curves: pd.DataFrame) -> Figure:
         SPHERICAL.on(axes, time, spherical / 1e3)
         axes.set(xlabel="time (min)", ylabel="position error (1000 ft)")
 
-    def flown(axes: Axes) -> None:
+    def simulated(axes: Axes) -> None:
         SPHERICAL.on(axes, time, spherical)
         if at_rest:
             AT_REST.on(axes, time[::EVERY], resting[::EVERY], markersize=3.5)
@@ -62,8 +62,8 @@ def error(name: str, curves: pd.DataFrame) -> Figure:
     return Figure(
         key=f"error-{name}".replace(" ", "-"),
         title=TITLES[name],
-        description="Position error over two periods, by closed forms and flown.",
-        plots=[Plot("Closed forms", closed), Plot("Flown, with no formula put in", flown)],
+        description="Position error over two periods, closed forms and simulations.",
+        plots=[Plot("Closed forms", closed), Plot("Simulation", simulated)],
         series=(FLAT, SPHERICAL, *([AT_REST] if at_rest else []), CRUISING, *([INERTIAL] if apart else [])),
         data=known.drop(columns="error"),
         file="curves.csv",
@@ -71,9 +71,9 @@ def error(name: str, curves: pd.DataFrame) -> Figure:
 
 
 def periods(measured: pd.DataFrame) -> Figure:
-    """The period in level flight against speed."""
+    """Draw the period in level flight by speed."""
     formula = Series("closed", "2π √(r / g_eff)", LINEAR)
-    points = Series("flown", "measured on flights", FLOWN, "dot")
+    points = Series("flown", "simulated", FLOWN, "dot")
     share = np.linspace(0.0, 0.985, 200)
     still = measured["2 pi sqrt(r / g_eff) [min]"][0]
 
@@ -84,20 +84,20 @@ def periods(measured: pd.DataFrame) -> Figure:
 
     return Figure(
         key="periods",
-        title="The period in level flight",
-        description="Measured periods against speed, beside the closed form.",
+        title="Period in level flight",
+        description="Simulated periods and closed form against speed.",
         plots=[Plot("Level flight", draw)],
         series=(formula, points),
         data=measured,
-        caption="Footnote (a). Measured periods are those of 2π √(r / g_eff) to "
-        f"{number(float(measured['difference, share'].abs().max()), 1)} of themselves.",
+        caption="Footnote (b). Simulated periods agree with 2π √(r / g_eff) within a relative difference of "
+        f"{number(float(measured['difference, share'].abs().max()), 1)}.",
         file="periods.csv",
     )
 
 
 def climb(found: pd.DataFrame) -> Figure:
-    """The momentary period along a climb."""
-    momentary = Series("flown", "measured along the climb", FLOWN, "dot")
+    """Draw the momentary period along a climb."""
+    momentary = Series("flown", "simulated", FLOWN, "dot")
 
     def draw(axes: Axes) -> None:
         momentary.on(axes, found["time [s]"], found["period [min]"], linestyle="-")
@@ -105,9 +105,9 @@ def climb(found: pd.DataFrame) -> Figure:
 
     return Figure(
         key="climb",
-        title="The period along a climb with nine times gravity as thrust",
-        description="The momentary period against the time of climb.",
-        plots=[Plot("A climb with nine times gravity as thrust", draw)],
+        title="Period during a climb at 9 g",
+        description="Momentary period against the time of climb.",
+        plots=[Plot("Climb at 9 g", draw)],
         series=(),
         data=found,
         caption="Footnote (b).",
@@ -116,7 +116,7 @@ def climb(found: pd.DataFrame) -> Figure:
 
 
 def hover(growth: pd.DataFrame, departure: pd.DataFrame) -> tuple[Figure, Figure]:
-    """Hovering without an altimeter: height error over time, and how far from linear it ends."""
+    """Draw the height error of hovering without an altimeter, over time and relative to the linear one."""
     at = growth["time [min]"]
 
     def over_time(axes: Axes) -> None:
@@ -131,26 +131,26 @@ def hover(growth: pd.DataFrame, departure: pd.DataFrame) -> tuple[Figure, Figure
         axes.axhline(1.0, color=LINEAR, linewidth=1.0)
         axes.set_xscale("log")
         plainly(axes.xaxis)
-        axes.set(xlabel="accelerometer error (g)", ylabel="flown / linear")
+        axes.set(xlabel="accelerometer error (g)", ylabel="simulated / linear")
 
     return (
         Figure(
             key="hover",
             title="Hovering without an altimeter",
             description="Height error over time, for accelerometer errors of both signs.",
-            plots=[Plot("An accelerometer 10⁻⁴ g off", over_time)],
+            plots=[Plot("Accelerometer error of 10⁻⁴ g", over_time)],
             series=(CLOSED, UP, DOWN),
             data=growth,
-            caption="Upwards gravity falls off, downwards it rises: the linear cosh(√2 ωt) − 1 is left in opposite "
-            "directions.",
+            caption="Gravity decreases upwards and increases downwards, so that the two errors depart from the linear "
+            "cosh(√2 ωt) − 1 in opposite directions.",
             file="hover.csv",
         ),
         Figure(
             key="departure",
-            title="How far from linear the height error ends",
-            description="Flown over linear height error after 84 minutes against the accelerometer's error.",
+            title="Nonlinearity of the height error",
+            description="Simulated over linear height error after 84 minutes against the accelerometer error.",
             plots=[Plot("After 84 minutes", over_size)],
-            series=(UP, Series("down", "flown, pushed down", FLOWN, "dashdot")),
+            series=(UP, Series("down", "simulated, downward", FLOWN, "dashdot")),
             data=departure,
             file="hover_departure.csv",
         ),

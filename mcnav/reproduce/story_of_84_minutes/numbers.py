@@ -1,11 +1,11 @@
-"""Every number of "The Story of 84 Minutes" beside its closed form, its linear analysis and the nonlinear flight.
+"""Printed numbers of "The Story of 84 Minutes" with closed forms, linear analysis and nonlinear simulation.
 
 W. Bollay, "A Critical Meeting on the Development of Inertial Navigation", Stanford Engineering Case Library, 1966.
 
-The linear analysis is `mcnav.physics.steady.linearized`, the flight the reference path of
-`mcnav.physics.steady.navigator`; neither knows of a pendulum. They are made for the seed's model, a navigator at rest,
-and for the missile that it is about, cruising at half a mile a second. A flat earth is one whose radius is ten thousand
-million times larger.
+The linear analysis is `mcnav.physics.steady.linearized`, the simulation is the reference path of
+`mcnav.physics.steady.navigator`; neither contains a pendulum equation. Both are computed for the document's model, a
+navigator at rest, and the simulation also for its missile, which cruises at half a mile per second. The flat earth is
+one with a radius 1e10 times larger.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ HOUR: Final = 3600.0
 RADIUS: Final = 3960.0 * MILE
 GRAVITY: Final = 32.2 * FOOT
 PERIOD: Final = 5060.0
-"""s: what the seed makes of 84.4 minutes. Its radius and gravity give 5063.1 s, 84.385 minutes."""
+"""84.4 minutes as rounded in the document, s; its radius and gravity give 5063.1 s, 84.385 minutes."""
 
 TIME: Final = 2.0 * PERIOD
 DISTANCE: Final = 5060.0 * MILE
@@ -48,21 +48,21 @@ RATIO: Final = 1e-4
 DRIFT: Final = 0.01 * DEGREE / HOUR
 
 FLATTER: Final = 1e10
-"""By so much is the radius of the flat earth larger: (w t)^2 / 12, what is left of its curvature, is then 1e-9."""
+"""Radius of the flat earth over that of the earth; the remaining effect of curvature, (w t)^2 / 12, is 1e-9."""
 
 ROUND: Final = Earth(RADIUS, (2.0 * np.pi / PERIOD) ** 2 * RADIUS**3)
-"""The seed's earth, with the gravity (32.24 ft/s^2) that makes its period 5060 s to the digit."""
+"""Earth of the document, with the gravity (32.24 ft/s^2) that gives a period of exactly 5060 s."""
 
 FLAT: Final = Earth.with_gravity(FLATTER * RADIUS, GRAVITY)
 
 SLIDE_RULE: Final = 5e-3
-"""What a chain of readings on a slide rule may be off by."""
+"""Relative error of a chain of slide rule readings."""
 
 STEPS: Final = 4_000
 
 
 class Standing(StrEnum):
-    """How a computed number stands to the printed one."""
+    """Agreement of a computed number with the printed one."""
 
     DIGITS = "agrees to the printed digits"
     SLIDE_RULE = "agrees to a slide rule's accuracy"
@@ -71,23 +71,22 @@ class Standing(StrEnum):
 
 @dataclass(frozen=True)
 class Number:
-    """A number of the seed.
+    """A printed number; computed values are in the printed unit.
 
     Attributes
     ----------
     place : str
-        Where it stands.
-    quantity, unit, printed : str
+        Place in the document.
     formula : str
-        The seed's own, as it should be.
+        Formula of the document, corrected.
     closed : float
-        That formula evaluated, in the printed unit; so are the others.
+        Value of the formula.
     linear, flown : float, optional
-        Linear analysis and flight of a navigator at rest.
+        Linear analysis and simulation of a navigator at rest.
     cruising : float, optional
-        Flight at half a mile a second.
+        Simulation at half a mile per second.
     remark : str
-        What is wrong with the printed number, or worth knowing of it.
+        Explanation of the printed number.
     wrong : bool
         Whether the remark explains a misprint.
     """
@@ -106,12 +105,12 @@ class Number:
 
     @property
     def value(self) -> float:
-        """The printed number."""
+        """Printed number as a float."""
         return float(self.printed.replace(",", ""))
 
     @property
     def standing(self) -> Standing:
-        """How the closed form stands to the printed number."""
+        """Agreement of the closed form with the printed number."""
         if self.wrong:
             return Standing.MISPRINT
         mantissa, _, exponent = self.printed.replace(",", "").partition("e")
@@ -126,17 +125,17 @@ class Number:
 
 
 def at_rest(duration: float, earth: Earth = ROUND) -> SteadyFlight:
-    """The seed's model: a levelled platform that stands still."""
+    """Return the document's model: a level platform at rest."""
     return SteadyFlight(0.0, 0.0, duration, slaved=True, level=True, earth=earth)
 
 
 def cruising(duration: float, earth: Earth = ROUND, level: bool = True) -> SteadyFlight:
-    """The missile of Problem 3, 2640 ft/s along a great circle."""
+    """Return the missile of Problem 3, 2640 ft/s along a great circle."""
     return SteadyFlight(0.0, SPEED, duration, slaved=True, level=level, earth=earth)
 
 
 def hovering(duration: float) -> SteadyFlight:
-    """The helicopter of Problem 4: no altimeter."""
+    """Return the helicopter of Problem 4, without an altimeter."""
     return SteadyFlight(0.0, 0.0, duration, slaved=False, level=False, earth=ROUND)
 
 
@@ -153,26 +152,26 @@ SIZES: Final = {
     Error.GYRO_DRIFT: -DRIFT,
     Error.ROLL_DRIFT: -DRIFT,
 }
-"""The seed's errors, with the signs that make each position error positive; biases in units of the earth's gravity."""
+"""Errors of the document, signed so that each position error is positive; biases in units of gravity."""
 
 
 def size_of(source: Error, earth: Earth) -> float:
-    """An error of the seed's size on an earth, SI."""
+    """Return the size of an error on an earth, SI."""
     in_gravity = source in (Error.BIAS_X, Error.BIAS_Y)
     return SIZES[source] * (earth.gravitational_parameter / earth.radius**2 if in_gravity else 1.0)
 
 
 def with_one_error(source: Error, size: float) -> Array:
-    """A single error, shape (18,)."""
+    """Return a vector of errors with a single one, shape (18,)."""
     errors = np.zeros(len(Error))
     errors[source] = size
     return errors
 
 
 def simulated(flight: SteadyFlight, source: Error, output: int, size: float | None = None) -> float:
-    """A navigation error (m) left by one error, flown.
+    """Simulate the navigation error due to one error, m.
 
-    A flat earth is flown by its deviations alone: beside its radius they would drown in the coordinates' rounding.
+    On the flat earth only deviations are simulated, because coordinates would lose them to rounding.
     """
     errors = with_one_error(source, size_of(source, flight.earth) if size is None else size)
     if flight.earth is FLAT:
@@ -181,12 +180,12 @@ def simulated(flight: SteadyFlight, source: Error, output: int, size: float | No
 
 
 def linear(flight: SteadyFlight, source: Error, output: int) -> float:
-    """A navigation error (m) left by one error of the seed's size, by the equations of variation."""
+    """Compute the navigation error due to one error of the document's size by the variational equations, m."""
     return float(linearize(flight, np.array([flight.duration]))[0, output, source] * size_of(source, flight.earth))
 
 
 def measured_period(flight: SteadyFlight, output: int = RANGE) -> float:
-    """The period (s) with which an indicated position swings, from where its error comes back to zero, flown."""
+    """Simulate the period of an indicated position: the time after which its error returns to zero, s."""
     expected = schuler.schuler_period(flight.radius, flight.effective_gravity)
     source = Error.RANGE_RATE if output == RANGE else Error.CROSS_RANGE_RATE
 
@@ -200,7 +199,7 @@ Runs = tuple[float | None, float | None, float | None]
 
 
 def _runs(source: Error, duration: float, unit: float, earth: Earth = ROUND, output: int = RANGE) -> Runs:
-    """Linear and flown at rest, and flown cruising."""
+    """Compute an error by linear analysis at rest, simulation at rest, and simulation cruising."""
     rest, moving = at_rest(duration, earth), cruising(duration, earth)
     return (
         linear(rest, source, output) / unit,
@@ -210,7 +209,7 @@ def _runs(source: Error, duration: float, unit: float, earth: Earth = ROUND, out
 
 
 def _cruising_only(source: Error, earth: Earth) -> Runs:
-    """Of an error that does nothing at rest."""
+    """Compute an error that has no effect at rest."""
     return None, None, simulated(cruising(TIME, earth), source, CROSS) / FOOT
 
 
@@ -219,15 +218,15 @@ QUARTER: Final = 0.25 * PERIOD
 
 
 def tilt_numbers() -> list[Number]:
-    """Error (a): a platform out of level."""
+    """List the numbers of error (a), a tilted platform."""
     flat, end = schuler.tilt_flat(TILT, GRAVITY, TIME) / FOOT, (Error.MISALIGNMENT, TIME, FOOT)
     most = 2.0 * RADIUS * TILT
     roll = _runs(Error.ROLL_MISALIGNMENT, TIME, FOOT, FLAT, CROSS)
     half = _runs(Error.MISALIGNMENT, HALF, FOOT)
     quarter = _runs(Error.MISALIGNMENT, QUARTER, FOOT)
     summed = (
-        "the summary calls R dtheta the maximum; 1 - cos wt reaches 2, and the text has 7,300 ft rightly: the factor 2 "
-        "is missing"
+        "the summary calls R dtheta the maximum; 1 - cos wt reaches 2, and the text has the correct 7,300 ft: the "
+        "factor 2 is missing"
     )
     return [
         Number("(a) flat", "misalignment", "1e-4 rad", "1.74", "dtheta", TILT * 1e4, remark="0.01 deg is 1.745e-4 rad"),
@@ -243,7 +242,7 @@ def tilt_numbers() -> list[Number]:
         Number("(a) spherical", "largest range error", "ft", "7,300", "2 R dtheta", most / FOOT, *half),
         Number("(a) spherical", "range error at 10,120 s", "ft", "0", "R dtheta (1 - cos wt)",
                schuler.tilt_spherical(TILT, RADIUS, 2.0 * np.pi / PERIOD, TIME) / FOOT, *_runs(*end),
-               remark="a missile that moves swings 0.5 % slower, and has not quite come back"),
+               remark="the moving missile has a 0.5 % longer period and has not quite returned"),
         Number("(a) spherical", "amplitude of cross-range error", "ft", "3,650", "R dtheta", 0.5 * most / FOOT,
                *_runs(Error.ROLL_MISALIGNMENT, QUARTER, FOOT, ROUND, CROSS)),
         Number("summary, spherical", "largest range error by tilt", "ft", "3,650", "2 R dtheta", most / FOOT, *half,
@@ -252,7 +251,7 @@ def tilt_numbers() -> list[Number]:
 
 
 def azimuth_numbers() -> list[Number]:
-    """Error (a), about the vertical: a launch into a wrong direction."""
+    """List the numbers of error (a) about the vertical, a wrong launch direction."""
     angle = DISTANCE / RADIUS
     flat = schuler.azimuth_flat(TILT, DISTANCE) / FOOT
     curved = schuler.azimuth_spherical(TILT, RADIUS, DISTANCE)
@@ -275,7 +274,7 @@ def azimuth_numbers() -> list[Number]:
 
 
 def velocity_numbers() -> list[Number]:
-    """Error (b): the velocity at launch."""
+    """List the numbers of error (b), the launch velocity."""
     flat, most = schuler.velocity_flat(VELOCITY, TIME) / FOOT, VELOCITY * PERIOD / (2.0 * np.pi) / FOOT
     on_flat = _runs(Error.RANGE_RATE, TIME, FOOT, FLAT)
     quarter = _runs(Error.RANGE_RATE, QUARTER, FOOT)
@@ -294,13 +293,13 @@ def velocity_numbers() -> list[Number]:
 
 
 def bias_numbers() -> list[Number]:
-    """Error (c): the accelerometers."""
+    """List the numbers of error (c), the accelerometers."""
     flat, most = schuler.bias_flat(RATIO * GRAVITY, TIME) / FOOT, 2.0 * RATIO * RADIUS
     whole = RATIO * GRAVITY * TIME**2 / FOOT
     on_flat, half = _runs(Error.BIAS_X, TIME, FOOT, FLAT), _runs(Error.BIAS_X, HALF, FOOT)
     cause = (
-        f"the factor 1/2 is missing: k g t² is {whole:,.0f} ft; the printed number is another 3 % larger than that, "
-        "for which nothing in the text accounts"
+        f"the factor 1/2 is missing: k g t² is {whole:,.0f} ft; the printed number is 3 % larger than that, "
+        "which nothing in the text explains"
     )
     rounded = "0.792 miles are 4,182 ft; 0.79 miles are 4,171"
     end = schuler.bias_spherical(RATIO * GRAVITY, 2.0 * np.pi / PERIOD, TIME) / FOOT
@@ -319,7 +318,7 @@ def bias_numbers() -> list[Number]:
 
 
 def drift_numbers() -> list[Number]:
-    """Error (d): the gyros."""
+    """List the numbers of error (d), the gyros."""
     flat = schuler.drift_flat(DRIFT, GRAVITY, TIME) / FOOT
     end = schuler.drift_spherical(DRIFT, RADIUS, 2.0 * np.pi / PERIOD, TIME)
     on_flat, on_round = _runs(Error.GYRO_DRIFT, TIME, FOOT, FLAT), _runs(Error.GYRO_DRIFT, TIME, FOOT)
@@ -356,19 +355,19 @@ def story_numbers() -> list[Number]:
         Number("briefing", "drift of wartime gyros", "deg/h", "12", "3 deg in 15 min", 3.0 / 0.25),
         Number("briefing", "error for 0.01 deg/h after 84 min", "miles", "1", "R drift t, R = 4000 miles", by_drift),
         Number("briefing", "period of the pendulum", "min", "84.4", "2 pi sqrt(R / g)", period / MINUTE, None, still,
-               moving, remark="moving at half a mile a second it is longer, by V² / (2 g r)"),
+               moving, remark="at half a mile per second it is longer by V² / (2 g r)"),
         Number("Problem 2", "period of the pendulum", "s", "5060", "2 pi sqrt(R / g)", period, None, still * MINUTE,
-               moving * MINUTE, remark="84.4 min are 5,064 s; the seed rounds them to 5,060"),
+               moving * MINUTE, remark="84.4 min are 5,064 s; the document rounds them to 5,060"),
         Number("Problem 3", "flying time", "s", "10,120", "2 T", 2.0 * period, remark="twice 5,060 s"),
         Number("Problem 3", "speed", "miles/s", "0.5", "distance / time", SPEED / MILE),
         Number("footnote a", "period of a climb at 9 g", "min", "28", "T / sqrt(9)",
                schuler.schuler_period(RADIUS, 9.0 * GRAVITY) / MINUTE, None, climb,
-               remark="flown: the period as a climb begins; it lengthens as the vehicle rises"),
+               remark="simulated: the period at the start of the climb; it increases as the vehicle rises"),
     ]  # fmt: skip
 
 
 def hover_numbers() -> list[Number]:
-    """Problem 4."""
+    """List the numbers of Problem 4."""
     rate = 2.0 * np.pi / PERIOD
     bias = RATIO * ROUND.gravitational_parameter / RADIUS**2
     closed = schuler.hover(bias, rate, PERIOD) / MILE
@@ -376,10 +375,10 @@ def hover_numbers() -> list[Number]:
     nonlinear = simulated(hovering(PERIOD), Error.BIAS_Z, HEIGHT, -bias) / MILE
     sinh = 0.5 * RATIO * 3960.0 * np.sinh(np.sqrt(2.0) * 2.0 * np.pi)
     remark = (
-        f"the printed solution has sinh in the place of cosh - 1, so that it does not start at rest; that alone makes "
-        f"{sinh:.1f}. With R = 4,000 miles, as in the briefing, it is {sinh * 4000.0 / 3960.0:.0f}. The equation above "
-        "it has -k g_0 where the text says that the vehicle accelerates upwards. Flown, gravity falls off with the "
-        "square: the vehicle that is pushed up gets less far"
+        f"the printed solution has sinh instead of cosh - 1, so that it does not start at rest; this alone gives "
+        f"{sinh:.1f}, and with R = 4,000 miles, as in the briefing, {sinh * 4000.0 / 3960.0:.0f}. The equation above "
+        "has -k g_0, but the text says that the vehicle accelerates upwards. In the simulation gravity decreases with "
+        "the square of the radius, so that the vehicle rises less"
     )
     return [
         Number("Problem 4", "loss of gravity at a height of 2 miles, 1 part in", "1", "1000", "R / 2 h",
@@ -391,7 +390,7 @@ def hover_numbers() -> list[Number]:
 
 @lru_cache
 def all_numbers() -> tuple[Number, ...]:
-    """Every number of the seed, in the order of its text."""
+    """List all numbers in the order of the document."""
     parts: tuple[Callable[[], list[Number]], ...] = (
         story_numbers, tilt_numbers, azimuth_numbers, velocity_numbers, bias_numbers, drift_numbers, hover_numbers,
     )  # fmt: skip

@@ -1,14 +1,16 @@
-"""The reproduction of "The Story of 84 Minutes" as one HTML page and CSV files."""
+"""Reproduction of "The Story of 84 Minutes" as an HTML page and CSV files."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
 import pandas as pd
 
+from mcnav.files import write_texts
 from mcnav.report.format import number
 from mcnav.report.page import filled
 from mcnav.reproduce.story_of_84_minutes import curves as story_curves
@@ -18,7 +20,7 @@ from mcnav.reproduce.story_of_84_minutes.numbers import Number, Standing, all_nu
 TITLE: Final = "The Story of 84 Minutes"
 
 KINDS: Final = {Standing.DIGITS: "digits", Standing.SLIDE_RULE: "tolerance", Standing.MISPRINT: "inconsistent"}
-"""Classes of the style sheet."""
+"""Classes of the style sheet by agreement."""
 
 PHRASES: Final = {
     Standing.DIGITS: "agree to the printed digits",
@@ -28,29 +30,14 @@ PHRASES: Final = {
 
 
 def table(numbers: Sequence[Number]) -> pd.DataFrame:
-    """One row a printed number."""
-    return pd.DataFrame(
-        [
-            {
-                "place": each.place,
-                "quantity": each.quantity,
-                "unit": each.unit,
-                "printed": each.printed,
-                "formula": each.formula,
-                "closed form": each.closed,
-                "linear": each.linear,
-                "flown at rest": each.flown,
-                "flown cruising": each.cruising,
-                "standing": each.standing.value,
-                "remark": each.remark,
-            }
-            for each in numbers
-        ]
-    )
+    """Tabulate the numbers."""
+    frame = pd.DataFrame([asdict(each) | {"standing": each.standing.value} for each in numbers])
+    frame = frame.rename(columns={"closed": "closed form", "flown": "flown at rest", "cruising": "flown cruising"})
+    return frame[[*frame.columns[:-3], "standing", "remark"]]
 
 
 def _shown(each: Number) -> dict[str, Any]:
-    """A number for the template: one digit more than printed."""
+    """Format a number with one digit more than printed."""
 
     def text(value: float | None) -> str:
         if value is None:
@@ -60,24 +47,17 @@ def _shown(each: Number) -> dict[str, Any]:
         decimals = len(each.printed.partition(".")[2]) + 1
         return f"{value:,.{decimals}f}".replace("-", "−") if abs(value) >= 0.5 * 10.0**-decimals else "0"
 
-    return {
-        "place": each.place,
-        "quantity": each.quantity,
+    return asdict(each) | {
         "unit": "" if each.unit == "1" else each.unit,
         "printed": number(float(each.printed), 3) if "e" in each.printed else each.printed,
-        "formula": each.formula,
-        "closed": text(each.closed),
-        "linear": text(each.linear),
-        "flown": text(each.flown),
-        "cruising": text(each.cruising),
         "kind": KINDS[each.standing],
         "standing": each.standing.value,
-        "remark": each.remark,
+        **{name: text(getattr(each, name)) for name in ("closed", "linear", "flown", "cruising")},
     }
 
 
 def write(folder: Path) -> list[Path]:
-    """Write the page and its tables into a folder; the paths written, the page first."""
+    """Write the page and its tables into a folder; return their paths, the page first."""
     numbers, curves, periods = all_numbers(), story_curves.curves(), story_curves.periods()
     climb, growth = story_curves.climb(), story_curves.hover_growth()
     departure = story_curves.hover_departure()
@@ -108,10 +88,4 @@ def write(folder: Path) -> list[Path]:
         hover=drawn.hover(growth, departure),
         tables=list(tables),
     )
-    folder.mkdir(parents=True, exist_ok=True)
-    written = [folder / "story.html"]
-    written[0].write_text(page, encoding="utf-8")
-    for name, frame in tables.items():
-        frame.to_csv(folder / name, index=False)
-        written.append(folder / name)
-    return written
+    return write_texts(folder, {"story.html": page} | {name: each.to_csv(index=False) for name, each in tables.items()})

@@ -1,0 +1,210 @@
+"""Rows of the report's tables, in the units shown."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+import numpy as np
+
+from mcnav.analysis.variance_breakdown import TERMS, VarianceBreakdown
+from mcnav.report import export, sentences
+from mcnav.report.format import fixed, number, share, signed, with_error
+from mcnav.report.model import Content
+from mcnav.statistics.estimates import Estimate
+from mcnav.statistics.hypothesis_test import HypothesisTest
+
+TERM_NAMES: Final = {
+    "sampled_sigmas": "sampling: sigmas of the draws",
+    "sampled_correlations": "sampling: correlations of the draws",
+    "partials": "partials: finite differences − variational",
+    "second_order": "second order, ½ tr(HSHS)",
+    "third_order": "third order",
+    "rest": "remainder",
+}
+
+FARTHEST: Final = 5
+"""Samples with the largest NEES that are listed."""
+
+INTERACTION: Final = 0.01
+"""Excess of a total over a first-order Sobol index that counts as an interaction."""
+
+
+def outputs(content: Content) -> list[dict[str, Any]]:
+    """List sigmas, ratios, verdict and bias of each output; see `mcnav.report.export.output_rows`."""
+    unscented, higher = content.summary["unscented"].get("covariance"), content.higher_order
+    rows = []
+    for i, row in enumerate(export.output_rows({"": content.summary})):
+        scale, found = content.output_scale[i], content.comparison.outputs[i]
+        bias, error = (100.0 * each / (found.sigma_linear or math.nan)
+                       for each in (found.bias.value, found.bias.standard_error))  # fmt: skip
+        needed = found.paired.samples_needed
+        rows.append(
+            row
+            | {
+                "name": content.output_names[i],
+                "tone": "" if row["verdict"] == sentences.NOT_DISTURBED else row["verdict"],
+                "needed": needed and sentences.more_samples(needed, content.summary["samples"]),
+                "detectable": 100.0 * found.detectable_paired,
+                "bias": with_error(bias, error).split(" ") if found.sigma_linear > 0.0 else [],
+                "sigma_unscented": None if unscented is None else math.sqrt(max(unscented[i][i], 0.0)) * scale,
+                "sigma_higher_order": higher["sigma"][i] * scale if higher else None,
+            }
+        )
+    return rows
+
+
+def sources(content: Content) -> list[dict[str, Any]]:
+    """List sigma and mean of each source, its contribution to each output, and its share of the linear variance."""
+    scale, sigma, mean = content.source_scale, np.sqrt(np.diag(content.model.covariance)), content.model.mean
+    contributions = content.budget.contributions * content.output_scale[:, None]
+    return [
+        {
+            "name": content.source_names[j],
+            "unit": content.source_units[j],
+            "sigma": sigma[j] * scale[j],
+            "mean": mean[j] * scale[j],
+            "cells": list(zip(contributions[:, j], content.budget.shares[:, j], strict=True)),
+        }
+        for j in np.flatnonzero((sigma > 0.0) | (mean != 0.0))
+    ]
+
+
+def ellipsoid(content: Content) -> dict[str, str] | None:
+    """Describe the NEES and the combination of outputs that differs most; none without a covariance matrix."""
+    found, confidence = content.comparison.ellipsoid, content.comparison.confidence_each
+    if found is None:
+        return None
+    weights = zip(found.directions[found.farthest], content.output_names, strict=True)
+    plain, paired = (with_error(each.value, each.reach(confidence)) for each in (found.nees, found.nees_paired))
+    return {
+        "dimension": f"{found.dimension}",
+        "mean": number(found.nees_paired.value),
+        "plain": plain,
+        "paired": paired,
+        "verdict": found.judgement.verdict.value,
+        "ratio": number(float(found.direction_ratios[found.farthest]), 5),
+        "combination": " ".join(f"{fixed(float(w), 3)} {name}" for w, name in weights).removeprefix("+"),
+    }
+
+
+def farthest(content: Content) -> list[dict[str, Any]]:
+    """List the samples with the largest NEES."""
+    found = content.comparison.ellipsoid
+    if found is None:
+        return []
+    rows = np.argsort(-found.values, kind="stable")[:FARTHEST]
+    numbers = content.index[np.isfinite(content.outputs).all(axis=1)]
+    return [{"index": int(numbers[k]), "nees": found.values[k], "outputs": content.flown[k]} for k in rows]
+
+
+def variance_terms(content: Content) -> dict[str, Any] | None:
+    """Split the difference of each output's variance, in per cent of the linear one; none when nothing was compared."""
+    found = content.causes
+    linear = np.diag(content.comparison.covariance_linear)
+    if found is None or not (linear > 0.0).any():
+        return None
+    per_cent = np.divide(100.0, linear, out=np.full_like(linear, np.nan), where=linear > 0.0)
+    rows = {TERM_NAMES[name]: [signed(value) for value in found.terms[name] * per_cent] for name in TERMS}
+    remainder = zip(found.terms["rest"] * per_cent, found.standard_error * per_cent, strict=True)
+    rows[TERM_NAMES["rest"]] = [with_error(value, error, sign=True) for value, error in remainder]
+    return {
+        "rows": rows,
+        "total": found.total * per_cent,
+        "paired": found.paired * per_cent,
+        "unscented": found.unscented * per_cent,
+        "sentence": _largest_difference(content, found, per_cent),
+        "normal_only": not content.manifest.get("normal", True),
+    }
+
+
+def _largest_difference(content: Content, found: VarianceBreakdown, per_cent: Any) -> str:
+    """Explain the largest paired difference."""
+    paired = np.nan_to_num(found.paired * per_cent)
+    at = int(np.argmax(np.abs(paired)))
+    error, remainder = found.standard_error[at] * per_cent[at], found.terms["rest"][at] * per_cent[at]
+    predicted = (found.terms["second_order"] + found.terms["third_order"])[at] * per_cent[at]
+    if not np.isfinite(error) or not np.isfinite(predicted):
+        return ""
+    difference = (
+        f"After removing sampling error, the variance of {content.output_names[at]} differs by {signed(paired[at])} % "
+        f"(± {signed(error, 2)[1:]} %)"
+    )
+    if abs(paired[at]) <= 2.0 * error:
+        return f"{difference}, which is not significant."
+    difference += f"; second- and third-order terms predict {signed(predicted)} %"
+    if abs(remainder) <= 2.0 * error:
+        return f"{difference}, which explains it."
+    return f"{difference}. The remainder is significant and due to higher orders."
+
+
+def multivariate(content: Content) -> list[tuple[str, str, str, HypothesisTest | None]]:
+    """List the tests of all outputs together: name, hypothesis tested, symbol of the statistic, result."""
+    found = content.comparison.joint
+    if found is None:
+        return []
+    normality = found.normality
+    skewness, kurtosis = (normality.skewness_test, normality.kurtosis_test) if normality else (None, None)
+    return [
+        ("Covariance, paired", "cov(y) = cov(P·s)", "F", found.covariance_paired),
+        ("Covariance, likelihood ratio", "cov(y) = P·S·Pᵀ", "χ²", found.covariance),
+        ("Bias, paired T²", "Monte Carlo and linear errors have the same mean", "F", found.bias_paired),
+        ("Bias, Hotelling's T²", "the sample mean is the linear one", "F", found.bias),
+        ("NEES, Kolmogorov-Smirnov", "NEES follows χ²", "D", found.nees),
+        ("Mardia's skewness", "the outputs have the symmetry of a normal distribution", "χ²", skewness),
+        ("Mardia's kurtosis", "the outputs have the tails of a normal distribution", "z", kurtosis),
+    ]
+
+
+def simulated_budget(content: Content) -> dict[str, Any] | None:
+    """List linear and Monte Carlo shares of each source, a table per output; none when it was not simulated."""
+    simulated = content.manifest["model"].get("budget")
+    if not simulated or not content.dispersed:
+        return None
+    alone, sobol = simulated["alone"], simulated["sobol"]
+    if "failed" in alone:
+        return {"failed": alone["failed"]}
+    variances = np.diag(content.comparison.covariance_linear)
+    active = np.flatnonzero(np.diag(content.model.covariance) > 0.0)
+    return {
+        "failed": None,
+        "samples": alone["samples"],
+        "no_sobol": sobol.get("failed"),
+        "interactions": "failed" not in sobol and _interacts(sobol),
+        "tables": {
+            content.output_names[i]: {
+                content.source_names[j]: _shares(content, int(i), int(j), float(variances[i]), alone, sobol)
+                for j in active
+            }
+            for i in np.flatnonzero(variances > 0.0)
+        },
+    }
+
+
+def _interacts(sobol: dict[str, Any]) -> bool:
+    """Return whether some total index exceeds the first-order one significantly."""
+    keys = ("total", "first_order", "total_standard_error", "first_order_standard_error")
+    total, first, *errors = (np.array(sobol[key], dtype=float) for key in keys)
+    return bool(np.any(total - first > INTERACTION + 4.0 * np.hypot(*errors)))
+
+
+def _shares(
+    content: Content, i: int, j: int, variance: float, alone: dict[str, Any], sobol: dict[str, Any]
+) -> list[str]:
+    """Format the share of source j in the variance of output i: alone, without it, and Sobol indices."""
+
+    def shown(estimate: Estimate) -> str:
+        return f"{share(estimate.value)} ± {share(estimate.half_width(content.criterion.confidence))}"
+
+    def simulated(key: str) -> str:
+        error = alone[key]["standard_error"][i][j]
+        value, error = alone[key]["variance"][i][j] / variance, math.inf if error is None else error / variance
+        return shown(Estimate(value, error, alone["degrees_of_freedom"]))
+
+    def index(key: str) -> str:
+        if "failed" in sobol or sobol[key][i][j] is None:
+            return "–"
+        return shown(Estimate(sobol[key][i][j], sobol[f"{key}_standard_error"][i][j], sobol["replicates"] - 1.0))
+
+    linear = share(float(content.budget.shares[i, j])), share(1.0 - float(content.budget.saved[i, j]))
+    return [linear[0], simulated("alone"), linear[1], simulated("without"), index("first_order"), index("total")]
