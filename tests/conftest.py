@@ -19,13 +19,15 @@ from mcnav.progress import Phase
 from mcnav.report.figures import beside
 from mcnav.report.figures.figure import Figure
 from mcnav.scenarios.reentry import SOURCES, Flight, Reentry
-from mcnav.scenarios.table_i import ERRORS, TABLE_I, start_state
+from mcnav.scenarios.table_i import COLUMNS, ERROR_SIZES, ERRORS, TABLE_I, among_all, start_state
 
 settings.register_profile("suite", derandomize=True, deadline=None)
 settings.load_profile("suite")
 
 ROOT = Path(__file__).parent.parent
 TRAJECTORIES = tuple(TABLE_I)
+SIZES = np.array([source.nominal for source in SOURCES])
+"""A usual size of every error of a reentry."""
 
 
 class Told:
@@ -80,8 +82,10 @@ def response(scenario: Reentry) -> Response:
 def tn_errors(multiple: float = 1.0) -> dict[str, Any]:
     """The ``[errors]`` of NASA TN D-1772, some multiple of them."""
     return {
-        source.name: f"{float(size * multiple)!r} {source.unit if source.unit != '1' else ''}".strip()
-        for source, size in zip(SOURCES, ERRORS, strict=True)
+        SOURCES[
+            error
+        ].name: f"{float(size * multiple)!r} {unit if (unit := SOURCES[error].unit) != '1' else ''}".strip()
+        for error, size in ERROR_SIZES.items()
     }
 
 
@@ -108,9 +112,21 @@ def scenario(request: pytest.FixtureRequest) -> Reentry:
 
 @pytest.fixture
 def draws() -> Callable[[int, float], np.ndarray]:
-    """Normal draws at a multiple of the report's one-sigma errors, shape (count, 10)."""
+    """Normal draws at a multiple of the report's ten one-sigma errors, shape (count, sources)."""
 
     def draw(count: int, multiple: float = 1.0) -> np.ndarray:
-        return np.random.default_rng(1963).standard_normal((count, len(ERRORS))) * ERRORS * multiple
+        return among_all(np.random.default_rng(1963).standard_normal((count, len(ERRORS))) * ERRORS * multiple)
+
+    return draw
+
+
+@pytest.fixture
+def all_draws(draws: Callable[[int, float], np.ndarray]) -> Callable[[int, float], np.ndarray]:
+    """The same with normal draws of every other source."""
+
+    def draw(count: int, multiple: float = 1.0) -> np.ndarray:
+        others = np.random.default_rng(1966).standard_normal((count, len(SIZES))) * SIZES * multiple
+        others[:, COLUMNS] = 0.0
+        return np.asarray(draws(count, multiple) + others)
 
     return draw

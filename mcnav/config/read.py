@@ -293,7 +293,8 @@ def parse_campaign(
     model: ErrorModel | None = None
     if not problems:
         try:
-            model = ErrorModel([source.name for source in sources], distributions, correlations, joint)
+            later = [source.name for source in sources if source.later]
+            model = ErrorModel([source.name for source in sources], distributions, correlations, joint, later)
         except CorrelationError as wrong:
             key = "correlations" if wrong.entry is None else f"correlations #{wrong.entry + 1}"
             problems.append(Problem(file, key, str(wrong)))

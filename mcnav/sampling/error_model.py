@@ -67,6 +67,9 @@ class ErrorModel:
     joint : sequence of MultivariateT
         Groups of normal sources that have a multivariate Student-t distribution instead, with the same sigmas and
         correlations.
+    later : sequence of str
+        Sources that the scenario gained after others. They are drawn last, and only where they are present, so that
+        they leave the draws of campaigns without them as they were.
 
     Raises
     ------
@@ -82,8 +85,11 @@ class ErrorModel:
         distributions: Mapping[str, Distribution],
         correlations: Sequence[Correlation] = (),
         joint: Sequence[MultivariateT] = (),
+        later: Sequence[str] = (),
     ) -> None:
         self.names = tuple(names)
+        self._drawn = [i for i, name in enumerate(self.names) if name not in later]
+        self._drawn_last = [i for i, name in enumerate(self.names) if name in later and name in distributions]
         self._joint = tuple(joint)
         self._group = self._groups()
         stated = [distributions.get(name, Fixed(0.0)) for name in names]
@@ -196,12 +202,18 @@ class ErrorModel:
         A sample's errors depend on the campaign and its index alone. Sums run source by source and element by element,
         so that the same sample has the same bits in whatever stretch it is drawn.
         """
-        count = len(self.names)
-        independent = standard_normals(design, seed, samples, begin, end, count + len(self._joint))
+        first, groups = len(self._drawn), len(self._joint)
+        variates = standard_normals(design, seed, samples, begin, end, first + groups + len(self._drawn_last))
+        independent = np.zeros((end - begin, len(self.names)))
+        independent[:, self._drawn], independent[:, self._drawn_last] = (
+            variates[:, :first],
+            variates[:, first + groups :],
+        )
+        of_groups = variates[:, first : first + groups]
         if design == "antithetic":  # a pair shares its scale: mirrored errors are the errors of mirrored normals
-            independent[np.arange(begin, end) % 2 == 1, count:] *= -1.0
-        scales = [group.scale(independent[:, count + number]) for number, group in enumerate(self._joint)]
-        errors = np.empty((end - begin, count))
+            of_groups[np.arange(begin, end) % 2 == 1] *= -1.0
+        scales = [group.scale(of_groups[:, number]) for number, group in enumerate(self._joint)]
+        errors = np.empty_like(independent)
         for i, (distribution, group) in enumerate(zip(self.distributions, self._group, strict=True)):
             normal = np.zeros(end - begin)
             for j in np.flatnonzero(self._factor[i]):

@@ -49,28 +49,21 @@ from mcnav.scenarios.protocol import (
     Source,
 )
 from mcnav.scenarios.sample_loop import SampleResults, simulate_each
-from mcnav.scenarios.table_i import ERRORS
+from mcnav.scenarios.table_i import ERROR_SIZES
 
-SOURCES: Final = tuple(
-    Source(name, unit, shown_in, float(nominal))
-    for (name, unit, shown_in), nominal in zip(
-        [
-            ("altitude", "m", "km"),
-            ("range", "m", "km"),
-            ("altitude_rate", "m/s", "m/s"),
-            ("range_rate", "m/s", "m/s"),
-            ("misalignment", "rad", "arcsec"),
-            ("gyro_drift", "rad/s", "deg/h"),
-            ("bias_x", "m/s^2", "ug"),
-            ("bias_z", "m/s^2", "ug"),
-            ("scale_factor_x", "1", "ppm"),
-            ("scale_factor_z", "1", "ppm"),
-        ],
-        ERRORS,
-        strict=True,
-    )
+SOURCES: Final = (
+    Source("altitude", "m", "km", ERROR_SIZES[Error.ALTITUDE]),
+    Source("range", "m", "km", ERROR_SIZES[Error.RANGE]),
+    Source("altitude_rate", "m/s", "m/s", ERROR_SIZES[Error.ALTITUDE_RATE]),
+    Source("range_rate", "m/s", "m/s", ERROR_SIZES[Error.RANGE_RATE]),
+    Source("misalignment", "rad", "arcsec", ERROR_SIZES[Error.MISALIGNMENT]),
+    Source("gyro_drift", "rad/s", "deg/h", ERROR_SIZES[Error.GYRO_DRIFT]),
+    Source("bias_x", "m/s^2", "ug", ERROR_SIZES[Error.BIAS_X]),
+    Source("bias_z", "m/s^2", "ug", ERROR_SIZES[Error.BIAS_Z]),
+    Source("scale_factor_x", "1", "ppm", ERROR_SIZES[Error.SCALE_FACTOR_X]),
+    Source("scale_factor_z", "1", "ppm", ERROR_SIZES[Error.SCALE_FACTOR_Z]),
 )
-"""Initial-condition and equipment errors, the columns of P."""
+"""Initial-condition and equipment errors in the order of `Error`, the columns of P."""
 
 OUTPUTS: Final = (
     Output("altitude", "m", "km"),
@@ -151,7 +144,7 @@ class Navigation:
     theta_axes: float
 
     def simulate_reference(self, errors: Array, rows: Iterable[int]) -> SampleResults:
-        """Fly some rows of errors, shape (n, 10), on the reference path."""
+        """Fly some rows of errors, shape (n, sources), on the reference path."""
         return simulate_each(
             lambda row: simulate_indicated(self.trajectory, errors[row], self.start, self.theta_axes), rows, Diverged
         )
@@ -167,7 +160,7 @@ class ReferenceEngine:
     accuracy: str = "polar equations of NASA TN D-1772, DOP853 with relative tolerance 1e-12"
 
     def propagate(self, errors: Array) -> SimulationResult:
-        """Fly samples, shape (n, 10)."""
+        """Fly samples, shape (n, sources)."""
         flown = self.navigation.simulate_reference(errors, range(len(errors)))
         return flown.outcomes(np.full((len(errors), len(OUTPUTS)), np.nan))
 
@@ -183,7 +176,7 @@ class EnsembleEngine:
     chunk: int = ENSEMBLE_CHUNK
 
     def propagate(self, errors: Array) -> SimulationResult:
-        """Fly samples, shape (n, 10)."""
+        """Fly samples, shape (n, sources)."""
         values, valid = simulate_ensemble(self.grid, errors)
         beyond = np.flatnonzero(~valid)
         return self.navigation.simulate_reference(errors, (int(row) for row in beyond)).outcomes(values, len(beyond))
@@ -210,13 +203,13 @@ class EnsembleEngine:
         return history_grid(response, nodes, np.clip(times, response.start, response.end))
 
     def histories(self, errors: Array) -> Array:
-        """Errors of samples, shape (n, 10), at every epoch, shape (n, m, 4)."""
+        """Errors of samples, shape (n, sources), at every epoch, shape (n, m, 4)."""
         values, component = simulate_histories(self._followed, errors)
         values[~followed_samples(component)] = np.nan
         return values
 
     def history_sums(self, errors: Array) -> PowerSums:
-        """Power sums of samples' errors, shape (n, 10), at every epoch."""
+        """Power sums of samples' errors, shape (n, sources), at every epoch."""
         return history_sums(self._followed, errors)
 
 
@@ -320,7 +313,7 @@ class Reentry:
         return np.asarray(np.linspace(0.0, trajectory.final_time, count) - trajectory.reentry_time)
 
     def partials_at(self, times: Array, axes: str = "start") -> Array:
-        """Partial derivatives for navigation started at each time (s from reentry), shape (n, 4, 10).
+        """Partial derivatives for navigation started at each time (s from reentry), shape (n, 4, sources).
 
         From one backward sweep of the adjoint. ``axes`` as in `Flight`.
         """
@@ -332,7 +325,7 @@ class Reentry:
 
         Parameters
         ----------
-        errors : ndarray, shape (n, 10)
+        errors : ndarray, shape (n, sources)
         times : ndarray, shape (m,)
             Rising, none before the start of navigation.
 
@@ -346,7 +339,7 @@ class Reentry:
         return *flown, navigation_error(flown[0][:, None], flown[1])
 
     def simulate_one(self, errors: Array) -> History:
-        """One sample, shape (10,), on the reference path: actual and indicated flight, and the navigation errors."""
+        """Simulate one sample, shape (sources,), on the reference path: actual and indicated flight, and the errors."""
         times: list[Array] = []
         states: list[Array] = []
 
@@ -385,13 +378,13 @@ class Reentry:
 
         Parameters
         ----------
-        errors : ndarray, shape (n, 10)
+        errors : ndarray, shape (n, sources)
         times : ndarray, shape (m,)
             Rising, s from reentry, none before the start of navigation.
 
         Returns
         -------
-        sets : ndarray, shape (m, n, 10)
+        sets : ndarray, shape (m, n, sources)
         final : ndarray, shape (n, 4)
         """
         reentry, final_time = self.trajectory.reentry_time, self.trajectory.final_time
@@ -405,7 +398,7 @@ class Reentry:
         return sets, instantaneous[-1]
 
     def engine(self, engine: str, probes: Array) -> Engine:
-        """A flyer for one of `engines`; the ensemble's grid is refined until the probes, shape (n, 10), agree."""
+        """A flyer for one of `engines`; the ensemble's grid is refined until the probes, shape (n, sources), agree."""
         if engine == "reference":
             return ReferenceEngine(self.navigation)
         refined = refined_grid(self.trajectory, self.navigation.start, self.navigation.theta_axes, probes)

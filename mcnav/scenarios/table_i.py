@@ -9,8 +9,9 @@ from typing import Final
 import numpy as np
 from scipy.optimize import brentq
 
-from mcnav._types import Array
+from mcnav._types import Array, IndexArray
 from mcnav.constants import EARTH_RADIUS, EARTH_RATE, TN_GRAVITY
+from mcnav.physics.reentry.instruments import Error
 from mcnav.physics.reentry.truth import NoReentry, Trajectory, fly_truth
 from mcnav.physics.reentry.vehicle import ConstantLift, LiftLaw, VariableLift, Vehicle
 
@@ -23,8 +24,36 @@ START_RANGE_RATE: Final = 732.9312
 START_AIRSPEED: Final = 4_799.92
 """Airspeed at the start of the trajectories that Table I varies in angle, m/s."""
 
-ERRORS: Final = np.array([5e3, 500.0, 0.5, 0.02, 2e-4, 1e-6, 1e-4 * TN_GRAVITY, 1e-4 * TN_GRAVITY, 1e-4, 1e-4])
-"""The report's initial-condition and equipment errors, eqs. (20) and (21), in the order of the columns of P."""
+ERROR_SIZES: Final = {
+    Error.ALTITUDE: 5e3,
+    Error.RANGE: 500.0,
+    Error.ALTITUDE_RATE: 0.5,
+    Error.RANGE_RATE: 0.02,
+    Error.MISALIGNMENT: 2e-4,
+    Error.GYRO_DRIFT: 1e-6,
+    Error.BIAS_X: 1e-4 * TN_GRAVITY,
+    Error.BIAS_Z: 1e-4 * TN_GRAVITY,
+    Error.SCALE_FACTOR_X: 1e-4,
+    Error.SCALE_FACTOR_Z: 1e-4,
+}
+"""The report's ten initial-condition and equipment errors, eqs. (20) and (21), in the order of its runs."""
+
+ERRORS: Final = np.array(list(ERROR_SIZES.values()))
+"""Their sizes, shape (10,)."""
+
+COLUMNS: Final[IndexArray] = np.array([int(error) for error in ERROR_SIZES])
+"""Their places among all errors of a reentry: the columns of P that the report has."""
+
+
+def among_all(errors: Array) -> Array:
+    """Errors of all sources, shape (..., sources), from the report's ten, shape (..., 10); the others are zero."""
+    found = np.zeros((*errors.shape[:-1], len(Error)))
+    found[..., COLUMNS] = errors
+    return found
+
+
+ALL_ERRORS: Final = among_all(ERRORS)
+"""The sizes among those of all sources, shape (sources,); zero for errors that the report does not have."""
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
-"""The adjoint of the linearised navigator: partial derivatives for every start time from one backward sweep.
+"""The adjoint of the linearized navigator: partial derivatives for every start time from one backward sweep.
 
-With ``e' = A e + B d`` the linearised navigator of `mcnav.physics.reentry.linearized` along the truth, the matrix
+With ``e' = A e + B d`` the linearized navigator of `mcnav.physics.reentry.linearized` along the truth, the matrix
 Lambda that carries an error at time t to the end obeys ``Lambda' = -Lambda A``, ``Lambda(t_f) = I``. The effect of
 equipment errors that act from t_s on is an integral of Lambda over the same sweep:
 
@@ -25,13 +25,13 @@ from scipy.integrate import DOP853, OdeSolution, solve_ivp
 from mcnav._types import Array
 from mcnav.constants import EARTH_RADIUS, GRAVITATIONAL_PARAMETER
 from mcnav.physics.jit import compiled
-from mcnav.physics.reentry.instruments import measured_force
+from mcnav.physics.reentry.instruments import Error, measured_force
 from mcnav.physics.reentry.truth import Trajectory, truth_force
 
 RELATIVE_TOLERANCE: Final = 1e-10
 ABSOLUTE_TOLERANCE: Final = 1e-10
 
-_NO_ERRORS: Final = np.zeros(10)
+_NO_ERRORS: Final = np.zeros(len(Error))
 _COLUMNS: Final = 11
 """Lambda (4), then the integrals: constant X, Z; X f_X, X f_Z, Z f_X, Z f_Z; turn times t."""
 
@@ -93,7 +93,7 @@ class Adjoint:
     sweeps: tuple[tuple[float, OdeSolution], ...]
 
     def partials(self, start: float, axes: str = "start") -> Array:
-        """Partial derivatives of the final errors for navigation that starts at a time (s), shape (4, 10).
+        """Partial derivatives of the final errors for navigation that starts at a time (s), shape (4, sources).
 
         ``axes`` is ``start`` for reference axes aligned at that time, ``trajectory`` for those of the sweep. Gyro drift
         counts from the start of navigation in both. Rows and columns as in
@@ -108,12 +108,13 @@ class Adjoint:
         # horizontal and vertical (down) at the new angle: x = X cos + Z sin, z = -X sin + Z cos
         to_new = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
         misalignment = products[:, 0, 1] - products[:, 1, 0]
-        partials = np.empty((4, 10))
+        turned = np.einsum("rij,ai,bj->rab", products, to_new, to_new)  # force errors along a by the force along b
+        partials = np.empty((4, len(Error)))
         partials[:, :4] = carried * [1.0, EARTH_RADIUS / actual[0], 1.0, EARTH_RADIUS / actual[0]]
-        partials[:, 4] = misalignment
-        partials[:, 5] = values[:, 10] - start * misalignment
-        partials[:, 6:8] = constant @ to_new.T
-        partials[:, 8:] = np.einsum("rij,ai,aj->ra", products, to_new, to_new)
+        partials[:, Error.MISALIGNMENT] = misalignment
+        partials[:, Error.GYRO_DRIFT] = values[:, 10] - start * misalignment
+        partials[:, [Error.BIAS_X, Error.BIAS_Z]] = constant @ to_new.T
+        partials[:, Error.SCALE_FACTOR_X], partials[:, Error.SCALE_FACTOR_Z] = turned[:, 0, 0], turned[:, 1, 1]
         return partials
 
 

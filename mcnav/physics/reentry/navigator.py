@@ -86,7 +86,7 @@ def simulate_indicated(
     ----------
     trajectory : Trajectory
         The truth.
-    errors : ndarray, shape (10,)
+    errors : ndarray, shape (sources,)
         In the order of `Error`: m, m/s, rad, rad/s, m/s^2, dimensionless.
     start : float
         Start of navigation, s from the first point of the truth.

@@ -52,7 +52,7 @@ def simulate_together(
     ----------
     trajectory : Trajectory
         The truth.
-    errors : ndarray, shape (n, 10)
+    errors : ndarray, shape (n, sources)
         Of each flight, in the order of `mcnav.physics.reentry.instruments.Error`, SI.
     start, theta_axes : float
         As for `mcnav.physics.reentry.navigator.simulate_indicated`.

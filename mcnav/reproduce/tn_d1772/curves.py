@@ -16,14 +16,25 @@ import pandas as pd
 from mcnav._types import Array
 from mcnav.constants import EARTH_RADIUS, REENTRY_ALTITUDE
 from mcnav.lincov.start_times import study_start_times
+from mcnav.physics.reentry.instruments import Error
 from mcnav.physics.reentry.shared_steps import speed_and_angle_errors
 from mcnav.physics.reentry.truth import airspeed_and_angle
 from mcnav.physics.reentry.vehicle import ConstantLift, VariableLift, Vehicle
 from mcnav.reproduce.tn_d1772.ellipse import Ellipse, ellipse_of, perigee_by_rates, perigee_by_speed_and_angle
 from mcnav.reproduce.tn_d1772.printed import TO_PRINTED, sums, trajectories
-from mcnav.reproduce.tn_d1772.tables import INITIAL_CONDITIONS, table_i_scenario
+from mcnav.reproduce.tn_d1772.tables import INITIAL_CONDITIONS, TN_SOURCES, linear_model, table_i_scenario
 from mcnav.scenarios.reentry import OUTPUTS, SOURCES, Flight, Reentry
-from mcnav.scenarios.table_i import ERRORS, TABLE_I, common_start, range_from_reentry, start_at_angle, start_state
+from mcnav.scenarios.table_i import (
+    ALL_ERRORS,
+    COLUMNS,
+    ERROR_SIZES,
+    ERRORS,
+    TABLE_I,
+    common_start,
+    range_from_reentry,
+    start_at_angle,
+    start_state,
+)
 
 POINTS: Final = 400
 """Points of a curve along a flight."""
@@ -103,7 +114,7 @@ def figure_3() -> pd.DataFrame:
     """Error histories of trajectory 4 with all of the report's errors at once."""
     scenario = table_i_scenario(EXAMPLE)
     times = _times(scenario)
-    actual, indicated, errors = scenario.error_histories(ERRORS[None, :], times)
+    actual, indicated, errors = scenario.error_histories(ALL_ERRORS[None, :], times)
     speed, angle = speed_and_angle_errors(actual, indicated[:, 0])
     return pd.DataFrame(
         {
@@ -136,7 +147,7 @@ def figure_4() -> pd.DataFrame:
 
 def _summed(scenario: Reentry) -> dict[str, object]:
     """Final range, and sums of absolute final altitude and range errors by P, km."""
-    sizes = np.abs(scenario.linear_model().partials[:2] * ERRORS) / 1e3
+    sizes = np.abs(linear_model(scenario).partials[:2] * ERRORS) / 1e3
     found: dict[str, object] = {"final range [km]": range_from_reentry(scenario.trajectory) / 1e3}
     for name, row in zip(("altitude", "range"), sizes, strict=True):
         found[f"{name}, initial conditions [km]"] = float(row[:INITIAL_CONDITIONS].sum())
@@ -160,9 +171,9 @@ def figure_5() -> pd.DataFrame:
     scenario = table_i_scenario(EXAMPLE)
     linear = scenario.linear_model().partials
     parts = []
-    for source in (0, 1):
-        errors = np.zeros((len(MULTIPLES), len(ERRORS)))
-        errors[:, source] = MULTIPLES * ERRORS[source]
+    for source in (Error.ALTITUDE, Error.RANGE):
+        errors = np.zeros((len(MULTIPLES), len(SOURCES)))
+        errors[:, source] = MULTIPLES * ERROR_SIZES[source]
         flown = scenario.engine("ensemble", errors).propagate(errors).values
         parts.append(
             pd.DataFrame(
@@ -179,12 +190,15 @@ def figure_5() -> pd.DataFrame:
 
 @lru_cache
 def _partials() -> tuple[Array, Array, Array]:
-    """Start times (s from reentry) of trajectory 4, and P with axes aligned at each start and at the first one."""
+    """Start times (s from reentry) of trajectory 4, and P with axes aligned at each start and at the first one.
+
+    P has the report's ten columns.
+    """
     scenario = table_i_scenario(EXAMPLE)
     own, fixed = (
-        study_start_times(scenario, np.diag(ERRORS**2), axes, START_TIMES) for axes in ("start", "trajectory")
+        study_start_times(scenario, np.diag(ALL_ERRORS**2), axes, START_TIMES) for axes in ("start", "trajectory")
     )
-    return own.times, own.partials, fixed.partials
+    return own.times, own.partials[..., COLUMNS], fixed.partials[..., COLUMNS]
 
 
 def figures_6_to_9(output: int) -> pd.DataFrame:
@@ -192,7 +206,7 @@ def figures_6_to_9(output: int) -> pd.DataFrame:
     times, own, fixed = _partials()
     columns = {"start [min from reentry]": times / 60.0}
     for axes, partials in (("axes of that start", own), ("axes of the first start", fixed)):
-        for j, source in enumerate(SOURCES):
+        for j, source in enumerate(TN_SOURCES):
             unit = f"{OUTPUTS[output].unit} per {source.unit}"
             columns[f"{source.name}, {axes} [{unit}]"] = partials[:, output, j]
     return pd.DataFrame(columns)
@@ -257,7 +271,7 @@ def figure_12() -> pd.DataFrame:
     frame = pd.DataFrame({"start [min from reentry]": times / 60.0})
     for row, name in enumerate(("altitude", "range")):
         effects = own[:, row] * ERRORS * TO_PRINTED[row]
-        for j, source in enumerate(SOURCES):
+        for j, source in enumerate(TN_SOURCES):
             frame[f"{name} for {source.name} [km]"] = effects[:, j]
         sizes = np.abs(effects)
         frame[f"{name}, sum of |initial conditions| [km]"] = sizes[:, :INITIAL_CONDITIONS].sum(axis=1)
@@ -274,7 +288,7 @@ def switching() -> pd.DataFrame:
     for altitude in SWITCHING_ALTITUDES:
         flight = Flight(first_point, Vehicle(row.lift_law), row.final_altitude, accelerometers_off_above=1e3 * altitude)
         model = Reentry(flight).linear_model()
-        sigma = np.sqrt(((model.partials * ERRORS) ** 2).sum(axis=1))
+        sigma = np.sqrt(((model.partials * ALL_ERRORS) ** 2).sum(axis=1))
         found: dict[str, float] = {"off above [km]": altitude}
         for i, output in enumerate(OUTPUTS):
             scale, unit = TO_PRINTED[i], ("km", "m/s")[i // 2]

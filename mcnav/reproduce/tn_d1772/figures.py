@@ -14,12 +14,12 @@ from mcnav.report.figures.figure import HALF, THIRD, Figure, Plot, Series, axis_
 from mcnav.report.figures.start_times import START
 from mcnav.report.model import humanize
 from mcnav.report.svg import BAND, FLOWN, INK, LINEAR, MUTED
-from mcnav.reproduce.tn_d1772.tables import INITIAL_CONDITIONS
+from mcnav.reproduce.tn_d1772.tables import INITIAL_CONDITIONS, TN_SOURCES
 from mcnav.scenarios.protocol import source_labels
-from mcnav.scenarios.reentry import OUTPUTS, SOURCES
+from mcnav.scenarios.reentry import OUTPUTS
 from mcnav.scenarios.table_i import ERRORS
 
-LABELS: Final = source_labels([source.name for source in SOURCES], [output.name for output in OUTPUTS])
+LABELS: Final = source_labels([source.name for source in TN_SOURCES], [output.name for output in OUTPUTS])
 """Names of the sources for people."""
 
 TIME: Final = "time from reentry (min)"
@@ -188,7 +188,7 @@ def figure_5(frame: pd.DataFrame) -> Figure:
 def figures_6_to_9(frame: pd.DataFrame, output: int) -> Figure:
     """Partial derivatives of an output against start time, each times the report's error; two conventions of axes."""
     shown = OUTPUTS[output]
-    scale, name, count = 1e-3 if shown.shown_in == "km" else 1.0, humanize(shown.name), len(SOURCES)
+    scale, name, count = 1e-3 if shown.shown_in == "km" else 1.0, humanize(shown.name), len(TN_SOURCES)
     start, partials = frame.iloc[:, 0], frame.iloc[:, 1:].to_numpy()
     effects = partials * scale * np.tile(ERRORS, 2)
     series = [numbered(j, label) for j, label in enumerate(LABELS)]
@@ -274,7 +274,7 @@ def figure_12(frame: pd.DataFrame) -> Figure:
     start = frame.iloc[:, 0]
     shown = {
         j: numbered(j, LABELS[j])
-        for j, source in enumerate(SOURCES)
+        for j, source in enumerate(TN_SOURCES)
         if source.name in ("altitude", "gyro_drift", "bias_x", "bias_z")
     }
     together = {
@@ -287,7 +287,7 @@ def figure_12(frame: pd.DataFrame) -> Figure:
     def draw(axes: Axes, name: str) -> None:
         axes.axvspan(-30.0, -20.0, color=BAND, zorder=0, gid=advised.gid)
         for j, series in shown.items():
-            series.on(axes, start, np.abs(frame[f"{name} for {SOURCES[j].name} [km]"]), linewidth=1.2)
+            series.on(axes, start, np.abs(frame[f"{name} for {TN_SOURCES[j].name} [km]"]), linewidth=1.2)
         for words, series in together.items():
             column = frame[f"{name}, {words} [km]"]
             series.on(axes, start, column, linewidth=2.0)

@@ -12,11 +12,16 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.constants import EARTH_RATE, TN_GRAVITY
+from mcnav.lincov.partials import Propagate
 from mcnav.physics.reentry.truth import Trajectory, airspeed_and_angle
 from mcnav.physics.reentry.vehicle import Vehicle
 from mcnav.reproduce.tn_d1772.printed import NAMES, SUMS, TO_PRINTED, UNITS, final_errors, sums, trajectories
-from mcnav.scenarios.reentry import Flight, Reentry
-from mcnav.scenarios.table_i import ERRORS, TABLE_I, range_from_reentry, start_state
+from mcnav.scenarios.protocol import LinearModel
+from mcnav.scenarios.reentry import SOURCES, Flight, Reentry
+from mcnav.scenarios.table_i import COLUMNS, ERRORS, TABLE_I, among_all, range_from_reentry, start_state
+
+TN_SOURCES: Final = tuple(SOURCES[column] for column in COLUMNS)
+"""The report's ten errors."""
 
 INITIAL_CONDITIONS: Final = 4
 RUNS: Final = (
@@ -150,6 +155,18 @@ def table_i_scenario(number: int, **options: Any) -> Reentry:
     return Reentry(Flight(start_state(number), Vehicle(row.lift_law), row.final_altitude, **options))
 
 
+def propagator(scenario: Reentry, engine: str, probes: Array) -> Propagate:
+    """An engine that takes the report's ten errors, shape (n, 10), its accuracy settled on probes of that shape."""
+    ready = scenario.engine(engine, among_all(probes))
+    return lambda errors: ready.propagate(among_all(errors))
+
+
+def linear_model(scenario: Reentry) -> LinearModel:
+    """Partial derivatives by the report's ten errors, shape (4, 10)."""
+    model = scenario.linear_model()
+    return LinearModel(model.partials[:, COLUMNS], model.nominal)
+
+
 def _sums(values: Array) -> dict[str, Array]:
     """The four summary rows of ten runs, shape (10, ...)."""
     sizes = np.abs(values)
@@ -166,13 +183,13 @@ def final_error_cells(case: Case, engine: str = "reference", second: str = "ense
     errors = np.vstack([np.diag(ERRORS), ERRORS]) * case.multiple
     scenario = table_i_scenario(case.trajectory, **dict(case.options))
     computed, other = (
-        scenario.engine(name, errors).propagate(errors).values * np.array(TO_PRINTED) for name in (engine, second)
+        propagator(scenario, name, errors)(errors).values * np.array(TO_PRINTED) for name in (engine, second)
     )
     printed = final_errors(case.table)
     largest = np.abs(np.array(printed, dtype=float)).max(axis=0)
     tolerance = np.maximum(case.share * largest, case.least)
 
-    of_printed = _sums(np.array(printed[:10], dtype=float))
+    of_printed = _sums(np.array(printed[: len(ERRORS)], dtype=float))
 
     def cell(row: str, column: int, text: str, values: Array, allowed: float, total: float = np.nan) -> Cell:
         name = NAMES[column]
@@ -185,8 +202,9 @@ def final_error_cells(case: Case, engine: str = "reference", second: str = "ense
     for run, entries in enumerate(printed):
         for column, text in enumerate(entries):
             yield cell(f"{run + 1}: {RUNS[run]}", column, text, both[run, column], float(tolerance[column]))
-    counts = {"algebraic": 10, "ic": INITIAL_CONDITIONS, "equipment": 10 - INITIAL_CONDITIONS, "all": 10}
-    for name, values in _sums(both[:10]).items():
+    runs = len(ERRORS)
+    counts = {"algebraic": runs, "ic": INITIAL_CONDITIONS, "equipment": runs - INITIAL_CONDITIONS, "all": runs}
+    for name, values in _sums(both[:runs]).items():
         for column, text in enumerate(sums(case.table)[name]):
             allowed = float(tolerance[column] * np.sqrt(counts[name]))
             yield cell(SUM_NAMES[name], column, text, values[column], allowed, float(of_printed[name][column]))

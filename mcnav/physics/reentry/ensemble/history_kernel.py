@@ -28,10 +28,21 @@ from mcnav.physics.reentry.ensemble.grid import (
     stand_ins,
 )
 from mcnav.physics.reentry.ensemble.kernel import (
+    BIAS_X,
+    BIAS_Z,
+    COMPONENT,
+    EAST_1,
+    EAST_2,
+    EAST_3,
+    EAST_4,
     LANES,
     REPORT_ROWS,
     ROWS,
     SMALLEST_COMPONENT,
+    UP_1,
+    UP_2,
+    UP_3,
+    UP_4,
     convert,
     load,
     push_by_force,
@@ -127,14 +138,12 @@ def _read_out(block: Array, response: Array, remembered: Array, report: Array) -
         for i in range(LANES):
             report[row * LANES + i] = (
                 m0 * block[i] + m1 * block[LANES + i] + m2 * block[2 * LANES + i] + m3 * block[3 * LANES + i]
-                + n0 * block[6 * LANES + i] + n1 * block[7 * LANES + i]
-                + e1 * block[11 * LANES + i] + u1 * block[12 * LANES + i]
-                + e2 * block[13 * LANES + i] + u2 * block[14 * LANES + i]
-                + e3 * block[15 * LANES + i] + u3 * block[16 * LANES + i]
-                + e4 * block[17 * LANES + i] + u4 * block[18 * LANES + i]
+                + n0 * block[BIAS_X + i] + n1 * block[BIAS_Z + i]
+                + e1 * block[EAST_1 + i] + u1 * block[UP_1 + i] + e2 * block[EAST_2 + i] + u2 * block[UP_2 + i]
+                + e3 * block[EAST_3 + i] + u3 * block[UP_3 + i] + e4 * block[EAST_4 + i] + u4 * block[UP_4 + i]
             )  # fmt: skip
     for i in range(LANES):
-        report[4 * LANES + i] = block[10 * LANES + i]
+        report[4 * LANES + i] = block[COMPONENT + i]
 
 
 @compiled
@@ -189,9 +198,9 @@ def _fly(errors: Array, grid: HistoryGrid, pivot: Array, stored: Array, sums: Ar
             else:
                 _add_powers(report, end - begin, pivot[epoch], sums[epoch])
             for i in range(LANES):
-                block[10 * LANES + i] = report[4 * LANES + i]
+                block[COMPONENT + i] = report[4 * LANES + i]
         for lane in range(begin, end):
-            component[lane] = block[10 * LANES + lane - begin]
+            component[lane] = block[COMPONENT + lane - begin]
 
 
 def nominal_errors(grid: HistoryGrid) -> Array:
@@ -205,7 +214,7 @@ def simulate_histories(grid: HistoryGrid, errors: Array) -> tuple[Array, Array]:
     Parameters
     ----------
     grid : HistoryGrid
-    errors : ndarray, shape (n, 10)
+    errors : ndarray, shape (n, sources)
         As for `mcnav.physics.reentry.ensemble.kernel.simulate_ensemble`.
 
     Returns
@@ -228,7 +237,7 @@ def history_sums(grid: HistoryGrid, errors: Array) -> PowerSums:
     Parameters
     ----------
     grid : HistoryGrid
-    errors : ndarray, shape (n, 10)
+    errors : ndarray, shape (n, sources)
         A sample that leaves the kernel's validity (`followed`) is left out at every epoch.
     """
     errors = np.ascontiguousarray(errors, dtype=float)

@@ -50,7 +50,7 @@ def refined_grid(
         Start of navigation, s from the first point.
     theta_axes : float
         Range angle of the reference axes, rad.
-    probes : ndarray, shape (n, 10)
+    probes : ndarray, shape (n, sources)
         Samples as the campaign will fly them.
     tolerance : float
         Share of each output's standard deviation over the probes (or of its size, where they do not differ).
