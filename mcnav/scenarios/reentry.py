@@ -62,6 +62,8 @@ SOURCES: Final = (
     Source("bias_z", "m/s^2", "ug", ERROR_SIZES[Error.BIAS_Z]),
     Source("scale_factor_x", "1", "ppm", ERROR_SIZES[Error.SCALE_FACTOR_X]),
     Source("scale_factor_z", "1", "ppm", ERROR_SIZES[Error.SCALE_FACTOR_Z]),
+    Source("cross_axis_x", "1", "ppm", 1e-4, later=True),
+    Source("cross_axis_z", "1", "ppm", 1e-4, later=True),
 )
 """Initial-condition and equipment errors in the order of `Error`, the columns of P."""
 

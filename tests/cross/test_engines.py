@@ -11,6 +11,7 @@ import pytest
 from mcnav.lincov.covariance import propagated_covariance
 from mcnav.physics.reentry.ensemble.kernel import simulate_ensemble
 from mcnav.physics.reentry.ensemble.refinement import refined_grid
+from mcnav.physics.reentry.instruments import Error, measured_force
 from mcnav.scenarios.reentry import Reentry
 from tests.conftest import SIZES, reentry
 
@@ -94,3 +95,23 @@ def test_a_perfect_system_has_no_error(scenario: Reentry) -> None:
     assert np.all(scenario.engine("ensemble", nothing).propagate(nothing).values == 0.0)
     left = np.abs(scenario.engine("reference", nothing).propagate(nothing).values)
     assert np.all(left < [1e-3, 1e-3, 1e-6, 1e-6])
+
+
+def test_cross_axis_sensitivity_reads_the_other_axis() -> None:
+    """With force along one axis alone only the other accelerometer errs, by its share of that force."""
+    errors = np.zeros(len(SIZES))
+    errors[[Error.CROSS_AXIS_X, Error.CROSS_AXIS_Z]] = 0.3, -0.2
+    assert measured_force(0.0, -5.0, 0.0, 0.0, errors) == (0.3 * -5.0, -5.0)
+    assert measured_force(4.0, 0.0, 0.0, 0.0, errors) == (4.0, -0.2 * 4.0)
+
+
+def test_cross_axis_sensitivity_undoes_a_misalignment(scenario: Reentry) -> None:
+    """Outputs with ``1 + S = cos(a)``, ``K_x = -sin(a)``, ``K_z = sin(a)`` are those of a platform not turned by a."""
+    angle = 0.2
+    errors = np.zeros((1, len(SIZES)))
+    errors[0, Error.MISALIGNMENT] = angle
+    errors[0, [Error.SCALE_FACTOR_X, Error.SCALE_FACTOR_Z]] = np.cos(angle) - 1.0
+    errors[0, [Error.CROSS_AXIS_X, Error.CROSS_AXIS_Z]] = -np.sin(angle), np.sin(angle)
+    for engine in ("ensemble", "reference"):
+        left = scenario.engine(engine, errors).propagate(errors).values[0]
+        assert np.all(np.abs(left) < [1e-3, 1e-3, 1e-6, 1e-6]), engine

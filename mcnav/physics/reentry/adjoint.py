@@ -5,8 +5,8 @@ Lambda that carries an error at time t to the end obeys ``Lambda' = -Lambda A``,
 equipment errors that act from t_s on is an integral of Lambda over the same sweep:
 
 - a constant force error along a reference axis: ``int Lambda b_X dt`` and ``int Lambda b_Z dt``;
-- force errors proportional to a force component, from which scale factors and misalignment in *any* axes follow by
-  rotation: ``int Lambda b_i f_j dt`` for i, j in X, Z;
+- force errors proportional to a force component, from which scale factors, cross-axis sensitivities and misalignment
+  in *any* axes follow by rotation: ``int Lambda b_i f_j dt`` for i, j in X, Z;
 - misalignment that grows from t_s: ``int Lambda (b_X f_Z - b_Z f_X) t dt`` less t_s times the same without t.
 
 The sweep is along the truth. Where the accelerometers are switched off above an altitude, a perfect navigator departs
@@ -115,6 +115,7 @@ class Adjoint:
         partials[:, Error.GYRO_DRIFT] = values[:, 10] - start * misalignment
         partials[:, [Error.BIAS_X, Error.BIAS_Z]] = constant @ to_new.T
         partials[:, Error.SCALE_FACTOR_X], partials[:, Error.SCALE_FACTOR_Z] = turned[:, 0, 0], turned[:, 1, 1]
+        partials[:, Error.CROSS_AXIS_X], partials[:, Error.CROSS_AXIS_Z] = turned[:, 0, 1], turned[:, 1, 0]
         return partials
 
 

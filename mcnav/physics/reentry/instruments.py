@@ -27,6 +27,8 @@ class Error(IntEnum):
     BIAS_Z = 7
     SCALE_FACTOR_X = 8
     SCALE_FACTOR_Z = 9
+    CROSS_AXIS_X = 10
+    CROSS_AXIS_Z = 11
 
 
 @compiled
@@ -34,7 +36,8 @@ def measured_force(force_x: float, force_z: float, angle: float, elapsed: float,
     """Outputs of the two accelerometers, m/s^2.
 
     With ``a = -angle + Theta_a0 + Theta_a' elapsed`` the axes feel ``f_xa = f_x cos a + f_z sin a`` and
-    ``f_za = -f_x sin a + f_z cos a``, and the outputs are ``(f_xa + U_x)(1 + S_x)`` and ``(f_za + U_z)(1 + S_z)``.
+    ``f_za = -f_x sin a + f_z cos a``, and the outputs are ``(f_xa + U_x)(1 + S_x)`` and ``(f_za + U_z)(1 + S_z)``. The
+    report has no cross-axis sensitivity; ``K_x f_za`` and ``K_z f_xa`` add to its outputs.
 
     Parameters
     ----------
@@ -53,7 +56,7 @@ def measured_force(force_x: float, force_z: float, angle: float, elapsed: float,
     along_z = -force_x * sine + force_z * cosine
     measured_x = (along_x + errors[Error.BIAS_X]) * (1.0 + errors[Error.SCALE_FACTOR_X])
     measured_z = (along_z + errors[Error.BIAS_Z]) * (1.0 + errors[Error.SCALE_FACTOR_Z])
-    return measured_x, measured_z
+    return measured_x + errors[Error.CROSS_AXIS_X] * along_z, measured_z + errors[Error.CROSS_AXIS_Z] * along_x
 
 
 @compiled
@@ -72,6 +75,7 @@ def measured_force_partials(along_x: float, along_z: float, elapsed: float, part
     partials[0, Error.GYRO_DRIFT], partials[1, Error.GYRO_DRIFT] = along_z * elapsed, -along_x * elapsed
     partials[0, Error.BIAS_X] = partials[1, Error.BIAS_Z] = 1.0
     partials[0, Error.SCALE_FACTOR_X], partials[1, Error.SCALE_FACTOR_Z] = along_x, along_z
+    partials[0, Error.CROSS_AXIS_X], partials[1, Error.CROSS_AXIS_Z] = along_z, along_x
 
 
 @compiled

@@ -52,6 +52,8 @@ BIAS_X: Final = LANES * Error.BIAS_X
 BIAS_Z: Final = LANES * Error.BIAS_Z
 SCALE_FACTOR_X: Final = LANES * Error.SCALE_FACTOR_X
 SCALE_FACTOR_Z: Final = LANES * Error.SCALE_FACTOR_Z
+CROSS_AXIS_X: Final = LANES * Error.CROSS_AXIS_X
+CROSS_AXIS_Z: Final = LANES * Error.CROSS_AXIS_Z
 COMPONENT: Final = LANES * len(Error)
 EAST_1, UP_1, EAST_2, UP_2, EAST_3, UP_3, EAST_4, UP_4 = (COMPONENT + LANES * row for row in range(1, 1 + 2 * MEMORY))
 """First lane of these rows."""
@@ -96,7 +98,8 @@ def push_by_force(block: Array, middle: float, moments: Array) -> None:
     """Add the force error of one interval to c: NASA TN D-1772, eqs. (6)-(8), less the biases.
 
     Along the reference axes X and Z the error is ``f_X A_x + f_Z B_x`` and ``f_Z A_z - f_X B_z`` with the turn ``a`` of
-    the platform in ``A = (1 + S) cos(a) - 1`` and ``B = (1 + S) sin(a)``. Biases, ``U (1 + S)``, are read out.
+    the platform in ``A = (1 + S) cos(a) - 1 -+ K sin(a)`` and ``B = (1 + S) sin(a) +- K cos(a)``, upper signs for x.
+    Biases, ``U (1 + S)``, are read out.
     """
     value, slope, curvature = moments
     (p00, p01, p02, p03), (p10, p11, p12, p13), (p20, p21, p22, p23), (p30, p31, p32, p33) = value
@@ -106,8 +109,11 @@ def push_by_force(block: Array, middle: float, moments: Array) -> None:
         drift, scale_x, scale_z = block[GYRO_DRIFT + i], block[SCALE_FACTOR_X + i], block[SCALE_FACTOR_Z + i]
         sine_half, cosine_half = half_turn(block[MISALIGNMENT + i] + drift * middle)
         sine, versine = 2.0 * sine_half * cosine_half, 2.0 * sine_half * sine_half
-        a, b = scale_x - versine - scale_x * versine, sine + scale_x * sine
-        d, c = scale_z - versine - scale_z * versine, sine + scale_z * sine
+        cosine, cross_x, cross_z = 1.0 - versine, block[CROSS_AXIS_X + i], block[CROSS_AXIS_Z + i]
+        a = scale_x - versine - scale_x * versine - cross_x * sine
+        b = sine + scale_x * sine + cross_x * cosine
+        d = scale_z - versine - scale_z * versine + cross_z * sine
+        c = sine + scale_z * sine - cross_z * cosine
         a1, b1, c1, d1 = -drift * b, drift + drift * a, drift + drift * d, -drift * c
         a2, b2, c2, d2 = -drift * b1, drift * a1, drift * d1, -drift * c1
         block[i] += (
