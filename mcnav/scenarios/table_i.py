@@ -46,7 +46,7 @@ COLUMNS: Final[IndexArray] = np.array([int(error) for error in ERROR_SIZES])
 
 
 def among_all(errors: Array) -> Array:
-    """Errors of all sources, shape (..., sources), from the report's ten, shape (..., 10); the others are zero."""
+    """Place the report's ten errors, shape (..., 10), among those of all sources; the others are zero."""
     found = np.zeros((*errors.shape[:-1], len(Error)))
     found[..., COLUMNS] = errors
     return found
@@ -85,7 +85,7 @@ ANGLE_BRACKET: Final = 0.002
 
 
 def common_start() -> Array:
-    """Polar state of eq. (18), shape (4,): m, rad, m/s, rad/s."""
+    """Compute the polar state of eq. (18), shape (4,): m, rad, m/s, rad/s."""
     return np.array(
         [
             EARTH_RADIUS + START_ALTITUDE,
@@ -97,7 +97,7 @@ def common_start() -> Array:
 
 
 def start_at_angle(angle: float) -> Array:
-    """The common start point with the airspeed of Table I at a flight-path angle (rad), NASA TN D-1772, eq. (4)."""
+    """Compute common start point with the airspeed of Table I at a flight-path angle (rad), NASA TN D-1772, eq. (4)."""
     state = common_start()
     state[2] = START_AIRSPEED * np.sin(angle)
     state[3] = EARTH_RATE + START_AIRSPEED * np.cos(angle) / state[0]
@@ -105,14 +105,14 @@ def start_at_angle(angle: float) -> Array:
 
 
 def range_from_reentry(trajectory: Trajectory) -> float:
-    """r_E (theta_f - theta_R): final range counted from where the altitude falls through 121.92 km, m."""
+    """Compute r_E (theta_f - theta_R): final range from where the altitude falls through 121.92 km, m."""
     final, reentry = trajectory.state(trajectory.final_time), trajectory.state(trajectory.reentry_time)
     return float(EARTH_RADIUS * (final[1] - reentry[1]))
 
 
 @lru_cache
 def start_state(number: int) -> tuple[float, ...]:
-    """Polar start state of a trajectory of Table I: m, rad, m/s, rad/s.
+    """Compute the polar start state of a trajectory of Table I: m, rad, m/s, rad/s.
 
     Trajectories 4 and 6 react so sharply to the start angle (0.002 deg moves the end by thousands of kilometres) that
     the printed angle does not define them. Theirs is solved for the printed final range.

@@ -20,16 +20,16 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.integrate import DOP853, OdeSolution, solve_ivp
+from scipy.integrate import OdeSolution
 
 from mcnav._types import Array
 from mcnav.constants import EARTH_RADIUS, GRAVITATIONAL_PARAMETER
+from mcnav.physics.integration import integrate
 from mcnav.physics.jit import compiled
 from mcnav.physics.reentry.instruments import Error, measured_force
 from mcnav.physics.reentry.truth import Trajectory, truth_force
 
-RELATIVE_TOLERANCE: Final = 1e-10
-ABSOLUTE_TOLERANCE: Final = 1e-10
+TOLERANCES: Final = (1e-10, 1e-10)
 
 _NO_ERRORS: Final = np.zeros(len(Error))
 _COLUMNS: Final = 11
@@ -40,7 +40,7 @@ _COLUMNS: Final = 11
 def adjoint_rates(
     time: float, matrix: Array, actual: Array, coefficients: Array, on: float, theta_axes: float, no_errors: Array
 ) -> Array:
-    """Rates of Lambda and of its integrals, shape (44,), at a time whose truth is given.
+    """Compute the rates of Lambda and of its integrals, shape (44,), at a time whose truth is given.
 
     In scaled states (r_e, r_E theta_e, r_e', r_E theta_e'), so that all of Lambda is of one order.
     """
@@ -81,7 +81,6 @@ class Adjoint:
 
     Attributes
     ----------
-    trajectory : Trajectory
     theta_axes : float
         Range angle of the fixed reference axes of the sweep, rad.
     sweeps : tuple of (float, OdeSolution)
@@ -93,7 +92,7 @@ class Adjoint:
     sweeps: tuple[tuple[float, OdeSolution], ...]
 
     def partials(self, start: float, axes: str = "start") -> Array:
-        """Partial derivatives of the final errors for navigation that starts at a time (s), shape (4, sources).
+        """Compute partial derivatives of the final errors for navigation that starts at a time (s), shape (4, sources).
 
         ``axes`` is ``start`` for reference axes aligned at that time, ``trajectory`` for those of the sweep. Gyro drift
         counts from the start of navigation in both. Rows and columns as in
@@ -124,7 +123,6 @@ def sweep(trajectory: Trajectory, theta_axes: float) -> Adjoint:
 
     Parameters
     ----------
-    trajectory : Trajectory
     theta_axes : float
         Range angle of the fixed reference axes, rad.
     """
@@ -139,18 +137,11 @@ def sweep(trajectory: Trajectory, theta_axes: float) -> Adjoint:
             known, layer, switched = fixed
             return adjoint_rates(time, matrix, known(time), layer, switched, theta_axes, _NO_ERRORS)  # type: ignore
 
-        flown = solve_ivp(
-            rates,
-            (phase.end, phase.start),
-            flat,
-            method=DOP853,
-            rtol=RELATIVE_TOLERANCE,
-            atol=ABSOLUTE_TOLERANCE,
-            dense_output=True,
-            args=(truth, coefficients, on),
+        solution = integrate(
+            rates, (phase.end, phase.start), flat, TOLERANCES, (truth, coefficients, on), dense_output=True
         )
-        if flown.status != 0:
-            raise ArithmeticError(f"the adjoint broke down at {flown.t[-1]:.1f} s: {flown.message}")
-        sweeps.append((phase.start, flown.sol))
-        flat = flown.y[:, -1]
+        if solution.status != 0:
+            raise ArithmeticError(f"the adjoint broke down at {solution.t[-1]:.1f} s: {solution.message}")
+        sweeps.append((phase.start, solution.sol))
+        flat = solution.y[:, -1]
     return Adjoint(trajectory, theta_axes, tuple(reversed(sweeps)))

@@ -33,7 +33,7 @@ class Error(IntEnum):
 
 @compiled
 def measured_force(force_x: float, force_z: float, angle: float, elapsed: float, errors: Array) -> tuple[float, float]:
-    """Outputs of the two accelerometers, m/s^2.
+    """Compute the outputs of the two accelerometers, m/s^2.
 
     With ``a = -angle + Theta_a0 + Theta_a' elapsed`` the axes feel ``f_xa = f_x cos a + f_z sin a`` and
     ``f_za = -f_x sin a + f_z cos a``, and the outputs are ``(f_xa + U_x)(1 + S_x)`` and ``(f_za + U_z)(1 + S_z)``. The
@@ -80,7 +80,7 @@ def measured_force_partials(along_x: float, along_z: float, elapsed: float, part
 
 @compiled
 def indicated_force(measured_x: float, measured_z: float, angle: float) -> tuple[float, float]:
-    """The measured force along the indicated horizontal and vertical (down), m/s^2 (NASA TN D-1772, eq. 9).
+    """Resolve the measured force along the indicated horizontal and vertical (down), m/s^2 (TN D-1772, eq. 9).
 
     ``angle`` is the indicated range angle less that of the reference axes, theta_i - theta_axes, rad.
     """

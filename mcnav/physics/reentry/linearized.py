@@ -10,10 +10,10 @@ from collections.abc import Iterator
 from typing import Any, Final
 
 import numpy as np
-from scipy.integrate import DOP853, solve_ivp
 
 from mcnav._types import Array
 from mcnav.constants import EARTH_RADIUS, GRAVITATIONAL_PARAMETER
+from mcnav.physics.integration import integrate
 from mcnav.physics.jit import compiled
 from mcnav.physics.reentry.instruments import Error, indicated_force, measured_force, measured_force_partials
 from mcnav.physics.reentry.navigator import joint_rates, navigation_error
@@ -21,15 +21,14 @@ from mcnav.physics.reentry.truth import Trajectory, truth_force
 
 SOURCES: Final = len(Error)
 _NO_ERRORS: Final = np.zeros(SOURCES)
-RELATIVE_TOLERANCE: Final = 1e-11
-ABSOLUTE_TOLERANCE: Final = 1e-12
+TOLERANCES: Final = (1e-11, 1e-12)
 
 
 @compiled
 def variational_rates(
     time: float, state: Array, coefficients: Array, on: float, no_errors: Array, start: float, theta_axes: float
 ) -> Array:
-    """Rates of truth (4), zero-error indicated state (4) and sensitivities (4 x sources, by rows).
+    """Compute the rates of truth (4), zero-error indicated state (4) and sensitivities (4 x sources, by rows).
 
     With e = (r_e, theta_e, r_e', theta_e') and (df_x, df_z) the variation of the indicated force,
     ``r_e'' = (theta'^2 + 2 mu / r^3) r_e + 2 r theta' theta_e' - df_z`` and
@@ -70,39 +69,28 @@ SCALE: Final = np.array([1.0, EARTH_RADIUS, 1.0, EARTH_RADIUS])
 def _stretches(
     trajectory: Trajectory, start: float, theta_axes: float, dense: bool
 ) -> Iterator[tuple[float, float, Any]]:
-    """Each phase's begin and end (s), and scipy's solution of `variational_rates` within it."""
+    """Integrate phase by phase: begin, end (s) and scipy's solution of `variational_rates` of each."""
     actual = trajectory.departure(start)
     sensitivity = np.zeros((4, SOURCES))
     sensitivity[:, :4] = np.diag([1.0, 1.0 / actual[0], 1.0, 1.0 / actual[0]])
     state = np.concatenate([actual, actual, sensitivity.ravel()])
     for begin, end, phase in trajectory.navigated(start):
-        flown = solve_ivp(
-            variational_rates,
-            (begin, end),
-            np.concatenate([trajectory.shared(begin, phase, state[:8]), state[8:]]),
-            method=DOP853,
-            rtol=RELATIVE_TOLERANCE,
-            atol=ABSOLUTE_TOLERANCE,
-            dense_output=dense,
-            args=(phase.coefficients, float(phase.accelerometers_on), _NO_ERRORS, start, theta_axes),
-        )
-        if flown.status != 0:
-            raise ArithmeticError(f"the variational equations broke down at {flown.t[-1]:.1f} s: {flown.message}")
-        yield begin, end, flown
-        state = flown.y[:, -1]
+        args = (phase.coefficients, float(phase.accelerometers_on), _NO_ERRORS, start, theta_axes)
+        shared = np.concatenate([trajectory.shared(begin, phase, state[:8]), state[8:]])
+        solution = integrate(variational_rates, (begin, end), shared, TOLERANCES, args, dense_output=dense)
+        if solution.status != 0:
+            raise ArithmeticError(f"the variational equations broke down at {solution.t[-1]:.1f} s: {solution.message}")
+        yield begin, end, solution
+        state = solution.y[:, -1]
 
 
 def linearize(trajectory: Trajectory, start: float, theta_axes: float) -> tuple[Array, Array]:
-    """Partial derivatives of the final errors, and the final errors without any error.
+    """Compute the partial derivatives of the final errors, and the final errors without any error.
 
     Parameters
     ----------
-    trajectory : Trajectory
-        The truth.
-    start : float
-        Start of navigation, s from the first point.
-    theta_axes : float
-        Range angle of the reference axes, rad.
+    start, theta_axes : float
+        Start of navigation, s from the first point of the truth; range angle of the reference axes, rad.
 
     Returns
     -------
@@ -118,7 +106,7 @@ def linearize(trajectory: Trajectory, start: float, theta_axes: float) -> tuple[
 
 
 def linearize_throughout(trajectory: Trajectory, start: float, theta_axes: float, times: Array) -> Array:
-    """Partial derivatives of the errors at some times of the flight (s from the first point), shape (n, 4, sources).
+    """Compute partial derivatives of the errors at times of the flight (s from its first point), shape (n, 4, sources).
 
     Parameters
     ----------
@@ -128,8 +116,8 @@ def linearize_throughout(trajectory: Trajectory, start: float, theta_axes: float
         Between the start of navigation and the end.
     """
     partials = np.empty((len(times), 4, SOURCES))
-    for begin, end, flown in _stretches(trajectory, start, theta_axes, dense=True):
+    for begin, end, solution in _stretches(trajectory, start, theta_axes, dense=True):
         within = (begin <= times) & (times <= end)
         if within.any():
-            partials[within] = flown.sol(times[within])[8:].T.reshape(-1, 4, SOURCES)
+            partials[within] = solution.sol(times[within])[8:].T.reshape(-1, 4, SOURCES)
     return np.asarray(SCALE[:, None] * partials)

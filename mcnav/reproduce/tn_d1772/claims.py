@@ -64,8 +64,6 @@ class Finding:
 
     Attributes
     ----------
-    said : str
-    found : str
     verdict : str
         ``holds``, ``in part``, ``does not hold`` or ``settled`` (for what had to be decided to reproduce anything).
     """
@@ -75,12 +73,12 @@ class Finding:
     verdict: str
 
     def __post_init__(self) -> None:
-        """Numbers below zero get a minus sign, not a hyphen."""
+        """Give numbers below zero a minus sign in place of a hyphen."""
         object.__setattr__(self, "found", re.sub(r"(?<![\w−-])-(?=\d)", "−", self.found))
 
 
 def claims(figures: Mapping[str, pd.DataFrame]) -> list[Finding]:
-    """The report's conclusions. ``figures`` are the tables of `mcnav.reproduce.tn_d1772.curves` by name."""
+    """Examine the report's conclusions; ``figures`` are the tables of `mcnav.reproduce.tn_d1772.curves` by name."""
     return [
         linear_at_stated_errors(),
         linear_at_ten_times(),
@@ -95,13 +93,13 @@ def claims(figures: Mapping[str, pd.DataFrame]) -> list[Finding]:
 
 
 def settled() -> list[Finding]:
-    """What the report leaves open or contradicts, and how it was decided."""
+    """List what the report leaves open or contradicts, and how it was decided."""
     return [earth_radius(), axes(), start_of_table_v(), threshold_of_table_vi(), sensitive_angles(), reentry_values(),
             start_times_agree()]  # fmt: skip
 
 
 def linear_at_stated_errors() -> Finding:
-    """All seven trajectories, random errors of the stated size as one sigma."""
+    """Compare all seven trajectories with random errors of the stated size as one sigma."""
     ratios, nees = {}, {}
     for number in TABLE_I:
         scenario = table_i_scenario(number)
@@ -127,7 +125,7 @@ def linear_at_stated_errors() -> Finding:
 
 
 def linear_at_ten_times() -> Finding:
-    """Each source alone on trajectory 4, and the multiple at which it departs."""
+    """Raise each source alone on trajectory 4 to the multiple at which it departs from linear."""
     scenario = table_i_scenario(4)
     linear = linear_model(scenario)
     directions = np.diag(ERRORS)
@@ -157,7 +155,7 @@ def _minutes(value: float, decimals: int = 1) -> str:
 
 
 def best_start(frame: pd.DataFrame) -> Finding:
-    """When altitude dispersion is least."""
+    """Find when altitude dispersion is least."""
     start = frame.iloc[:, 0]
     advised = (start >= -30.0) & (start <= -20.0)
     words = []
@@ -181,7 +179,7 @@ def best_start(frame: pd.DataFrame) -> Finding:
 
 
 def worst_start(frame: pd.DataFrame) -> Finding:
-    """When an initial altitude error alone does most harm."""
+    """Find when an initial altitude error alone does most harm."""
     worst = {
         name: float(frame.iloc[int(np.abs(frame[f"{name} for altitude [km]"]).argmax()), 0])
         for name in ("altitude", "range")
@@ -197,7 +195,7 @@ def worst_start(frame: pd.DataFrame) -> Finding:
 
 
 def what_predominates(frame: pd.DataFrame) -> Finding:
-    """Which kind of error matters for early and for late starts."""
+    """Find which kind of error matters for early and for late starts."""
     words = []
     for name in ("altitude", "range"):
         conditions, equipment = (
@@ -214,7 +212,7 @@ def what_predominates(frame: pd.DataFrame) -> Finding:
 
 
 def against_range(frame: pd.DataFrame) -> Finding:
-    """Figure 4, with flights between and beyond the seven."""
+    """Examine figure 4, with flights between and beyond the seven."""
     between = frame[frame["source"] == "between"].sort_values("final range [km]")
     constant, variable = (between[between["kind"] == f"{kind} L/D"] for kind in ("constant", "variable"))
     reach, altitude = (constant[column].to_numpy() for column in ("final range [km]", ABSOLUTE_ALTITUDE))
@@ -239,7 +237,7 @@ def against_range(frame: pd.DataFrame) -> Finding:
 
 
 def accelerometers_off(frame: pd.DataFrame) -> Finding:
-    """Table VI and the best switching altitude."""
+    """Examine Table VI and the best switching altitude."""
     on, off = (
         table_i_scenario(4, **options).linear_model().partials * ALL_ERRORS
         for options in ({}, {"accelerometers_off_above": 121_920.0})
@@ -263,7 +261,7 @@ def accelerometers_off(frame: pd.DataFrame) -> Finding:
 
 
 def table_v() -> Finding:
-    """The cause of the discrepancy between the parts of Table V."""
+    """Find the cause of the discrepancy between the parts of Table V."""
     own = table_i_scenario(4, start=-214.8)
     fixed = table_i_scenario(4, start=-214.8, axes="trajectory")
     turn = own.navigation.theta_axes - fixed.navigation.theta_axes
@@ -283,7 +281,7 @@ def table_v() -> Finding:
 
 
 def perigee_analogy(frame: pd.DataFrame) -> Finding:
-    """How far the ellipse explains the curves."""
+    """Measure how far the ellipse explains the curves."""
     time = frame.iloc[:, 0].to_numpy()
     closed, flown, real = (
         frame[f"by r [1], {name}"].to_numpy() for name in ("closed form", "flown without atmosphere", "trajectory 4")
@@ -303,7 +301,7 @@ def perigee_analogy(frame: pd.DataFrame) -> Finding:
 
 
 def earth_radius() -> Finding:
-    """Which of two printed radii the report used."""
+    """Decide which of two printed radii the report used."""
     start = common_start()
     words = []
     for radius in (6_378.14e3, 6_397.14e3):
@@ -324,7 +322,7 @@ def earth_radius() -> Finding:
 
 
 def axes() -> Finding:
-    """Axes of the start against axes of reentry."""
+    """Decide between the axes of the start and those of reentry."""
     scenario = table_i_scenario(1)
     errors = np.where(np.arange(len(Error)) == Error.BIAS_X, ALL_ERRORS, 0.0)
     at_start = scenario.navigation.simulate_reference(errors[None], [0]).values[0][0] / 1e3
@@ -340,7 +338,7 @@ def axes() -> Finding:
 
 
 def _worst_share(table: str, scenario: Reentry, columns: slice = slice(None)) -> float:
-    """Largest difference of ten flights from a printed table, as a share of the column's largest entry."""
+    """Compute the largest difference of ten flights from a printed table, as a share of the column's largest entry."""
     printed = np.array(final_errors(table)[: len(ERRORS)], dtype=float)
     runs = np.diag(ERRORS)
     computed = propagator(scenario, "ensemble", runs)(runs).values * np.array(TO_PRINTED)
@@ -348,7 +346,7 @@ def _worst_share(table: str, scenario: Reentry, columns: slice = slice(None)) ->
 
 
 def start_of_table_v() -> Finding:
-    """Which start time fits part (b) best."""
+    """Find which start time fits part (b) best."""
     flown = table_i_scenario(4)
 
     def misfit(minutes: float) -> float:
@@ -365,7 +363,7 @@ def start_of_table_v() -> Finding:
 
 
 def threshold_of_table_vi() -> Finding:
-    """Which switching altitude Table VI used."""
+    """Find which switching altitude Table VI used."""
     altitudes = (110.0, 121.92, 130.0)
     shares = [
         _worst_share("VI", table_i_scenario(4, accelerometers_off_above=1e3 * altitude), slice(0, 3))
@@ -381,7 +379,7 @@ def threshold_of_table_vi() -> Finding:
 
 
 def sensitive_angles() -> Finding:
-    """Why trajectories 4 and 6 are solved for their range."""
+    """Show why trajectories 4 and 6 are solved for their range."""
     row = TABLE_I[4]
     ranges = []
     for angle in (-77.4071, -77.4070, -77.4069):
@@ -398,7 +396,7 @@ def sensitive_angles() -> Finding:
 
 
 def reentry_values() -> Finding:
-    """Reentry angle and time of Table I and eq. (18)."""
+    """Compare the reentry angle and time of Table I and eq. (18)."""
     first, fourth = (table_i_scenario(number).trajectory for number in (1, 4))
     speed, angle = airspeed_and_angle(first.state(first.reentry_time))
     return Finding(
@@ -411,7 +409,7 @@ def reentry_values() -> Finding:
 
 
 def start_times_agree() -> Finding:
-    """Adjoint, eq. (16) and the axes that it can have."""
+    """Compare the adjoint with eq. (16), in the axes that the latter can have."""
     worst = 0.0
     for number in TABLE_I:
         scenario = table_i_scenario(number)

@@ -66,14 +66,14 @@ SWITCHING_ALTITUDES: Final = (
 
 
 def _times(scenario: Reentry, points: int = POINTS) -> Array:
-    """Times from reentry over a flight, half of them before reentry."""
+    """Compute times from reentry over a flight, half of them before reentry."""
     trajectory = scenario.trajectory
     before = np.linspace(-trajectory.reentry_time, 0.0, points // 2, endpoint=False)
     return np.concatenate([before, np.linspace(0.0, trajectory.final_time - trajectory.reentry_time, points // 2)])
 
 
 def figure_1() -> pd.DataFrame:
-    """Altitude against range of the seven trajectories, km."""
+    """Compute altitude against range of the seven trajectories, km."""
     parts = []
     for number in TABLE_I:
         scenario = table_i_scenario(number)
@@ -87,7 +87,7 @@ def figure_1() -> pd.DataFrame:
 
 
 def figure_2() -> pd.DataFrame:
-    """Histories of trajectory 4: position and rates, speed and angle, force."""
+    """Compute histories of trajectory 4: position and rates, speed and angle, force."""
     scenario = table_i_scenario(EXAMPLE)
     trajectory, times = scenario.trajectory, _times(scenario)
     states = trajectory.states(times + trajectory.reentry_time)
@@ -111,7 +111,7 @@ def figure_2() -> pd.DataFrame:
 
 
 def figure_3() -> pd.DataFrame:
-    """Error histories of trajectory 4 with all of the report's errors at once."""
+    """Compute the error histories of trajectory 4 with all of the report's errors at once."""
     scenario = table_i_scenario(EXAMPLE)
     times = _times(scenario)
     actual, indicated, errors = scenario.error_histories(ALL_ERRORS[None, :], times)
@@ -130,7 +130,7 @@ def figure_3() -> pd.DataFrame:
 
 
 def figure_4() -> pd.DataFrame:
-    """Sums of absolute final errors against final range: the printed points, ours, and flights between them."""
+    """Compute sums of absolute final errors against final range: as printed, ours, and of flights between them."""
     rows: list[dict[str, object]] = []
     for number, row in TABLE_I.items():
         kind = "constant L/D" if isinstance(row.lift_law, ConstantLift) else "variable L/D"
@@ -146,7 +146,7 @@ def figure_4() -> pd.DataFrame:
 
 
 def _summed(scenario: Reentry) -> dict[str, object]:
-    """Final range, and sums of absolute final altitude and range errors by P, km."""
+    """Compute the final range, and sums of absolute final altitude and range errors by P, km."""
     sizes = np.abs(linear_model(scenario).partials[:2] * ERRORS) / 1e3
     found: dict[str, object] = {"final range [km]": range_from_reentry(scenario.trajectory) / 1e3}
     for name, row in zip(("altitude", "range"), sizes, strict=True):
@@ -157,7 +157,7 @@ def _summed(scenario: Reentry) -> dict[str, object]:
 
 
 def _between() -> Iterator[tuple[str, Reentry]]:
-    """Flights with other lift-to-drag ratios and start angles."""
+    """Build the scenarios with other lift-to-drag ratios and start angles."""
     for ratio in LIFT_TO_DRAG:
         vehicle = Vehicle(ConstantLift(ratio))
         yield "constant L/D", Reentry(Flight(tuple(common_start()), vehicle, NOMINAL_FINAL_ALTITUDE))
@@ -167,7 +167,7 @@ def _between() -> Iterator[tuple[str, Reentry]]:
 
 
 def figure_5() -> pd.DataFrame:
-    """Final altitude error of trajectory 4 against initial altitude and range error, flown and linear, km."""
+    """Compute final altitude error of trajectory 4 against initial altitude and range error, flown and linear, km."""
     scenario = table_i_scenario(EXAMPLE)
     linear = scenario.linear_model().partials
     parts = []
@@ -190,7 +190,7 @@ def figure_5() -> pd.DataFrame:
 
 @lru_cache
 def _partials() -> tuple[Array, Array, Array]:
-    """Start times (s from reentry) of trajectory 4, and P with axes aligned at each start and at the first one.
+    """Compute start times (s from reentry) of trajectory 4, and P with axes aligned at each start and at the first.
 
     P has the report's ten columns.
     """
@@ -202,7 +202,7 @@ def _partials() -> tuple[Array, Array, Array]:
 
 
 def figures_6_to_9(output: int) -> pd.DataFrame:
-    """Partial derivatives of one output of trajectory 4 against start time, SI; both conventions of axes."""
+    """Compute partials of one output of trajectory 4 against start time, SI; both conventions of axes."""
     times, own, fixed = _partials()
     columns = {"start [min from reentry]": times / 60.0}
     for axes, partials in (("axes of that start", own), ("axes of the first start", fixed)):
@@ -213,14 +213,14 @@ def figures_6_to_9(output: int) -> pd.DataFrame:
 
 
 def _on_ellipse() -> tuple[Array, Array]:
-    """Radii on the way in from the report's start to 121.92 km, and times from there (min)."""
+    """Compute radii on the way in from the report's start to 121.92 km, and times from there (min)."""
     radii = np.linspace(common_start()[0], EARTH_RADIUS + REENTRY_ALTITUDE, POINTS)
     to_perigee = PRINTED_ELLIPSE.time_to_perigee(radii)
     return radii, (to_perigee[-1] - to_perigee) / 60.0
 
 
 def figure_10() -> pd.DataFrame:
-    """Partial derivatives of the perigee radius in (r, r', theta'): eq. (27) on the ellipse of eq. (17).
+    """Compute the partial derivatives of the perigee radius in (r, r', theta'): eq. (27) on the ellipse of eq. (17).
 
     Beside them those of the final altitude of trajectory 4, and of a flight without atmosphere to its perigee, from
     their equations of variation.
@@ -243,14 +243,14 @@ def figure_10() -> pd.DataFrame:
 
 
 def drag_free() -> Reentry:
-    """The report's start without atmosphere, flown until a millimetre above the perigee of its ellipse."""
+    """Build the report's start without atmosphere, down to a millimetre above the perigee of its ellipse."""
     start = common_start()
     perigee = ellipse_of(float(start[0]), float(start[2]), float(start[3])).perigee_radius
     return Reentry(Flight(tuple(start), Vehicle(ConstantLift(0.0), 0.0), perigee - EARTH_RADIUS + 1e-3))
 
 
 def figure_11() -> pd.DataFrame:
-    """Partial derivatives of the perigee radius in (r, V, gamma): eq. (28) on the ellipse of eq. (17)."""
+    """Compute the partial derivatives of the perigee radius in (r, V, gamma): eq. (28) on the ellipse of eq. (17)."""
     radii, minutes = _on_ellipse()
     speed, angle = PRINTED_ELLIPSE.speed(radii), PRINTED_ELLIPSE.flight_path_angle(radii)
     by_radius, by_speed, by_angle = perigee_by_speed_and_angle(radii, speed, angle)
@@ -266,7 +266,7 @@ def figure_11() -> pd.DataFrame:
 
 
 def figure_12() -> pd.DataFrame:
-    """Final altitude and range errors of trajectory 4 against start time: single errors, absolute sums, and the RSS."""
+    """Compute altitude and range errors of trajectory 4 against start time: single errors, absolute sums, and RSS."""
     times, own, _ = _partials()
     frame = pd.DataFrame({"start [min from reentry]": times / 60.0})
     for row, name in enumerate(("altitude", "range")):
@@ -282,7 +282,7 @@ def figure_12() -> pd.DataFrame:
 
 
 def switching() -> pd.DataFrame:
-    """Trajectory 4 with accelerometers off above an altitude: dispersion, the drag missed, and both together."""
+    """Compute trajectory 4 with accelerometers off above an altitude: dispersion, drag missed, and both together."""
     row, rows = TABLE_I[EXAMPLE], []
     first_point = start_state(EXAMPLE)
     for altitude in SWITCHING_ALTITUDES:

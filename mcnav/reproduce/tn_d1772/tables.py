@@ -46,8 +46,6 @@ class Cell:
 
     Attributes
     ----------
-    table, row, column : str
-    unit : str
     printed : str
         As printed.
     computed : float
@@ -95,8 +93,6 @@ class Case:
 
     Attributes
     ----------
-    table : str
-    trajectory : int
     multiple : float
         Of the report's errors.
     share : float
@@ -150,25 +146,25 @@ SUM_NAMES: Final = dict(
 
 @lru_cache
 def table_i_scenario(number: int, **options: Any) -> Reentry:
-    """A trajectory of Table I, with options of `Flight`."""
+    """Build a trajectory of Table I, with options of `Flight`."""
     row = TABLE_I[number]
     return Reentry(Flight(start_state(number), Vehicle(row.lift_law), row.final_altitude, **options))
 
 
 def propagator(scenario: Reentry, engine: str, probes: Array) -> Propagate:
-    """An engine that takes the report's ten errors, shape (n, 10), its accuracy settled on probes of that shape."""
+    """Prepare an engine for the report's ten errors, shape (n, 10), its accuracy settled on probes of that shape."""
     ready = scenario.engine(engine, among_all(probes))
     return lambda errors: ready.propagate(among_all(errors))
 
 
 def linear_model(scenario: Reentry) -> LinearModel:
-    """Partial derivatives by the report's ten errors, shape (4, 10)."""
+    """Compute partial derivatives by the report's ten errors, shape (4, 10)."""
     model = scenario.linear_model()
     return LinearModel(model.partials[:, COLUMNS], model.nominal)
 
 
 def _sums(values: Array) -> dict[str, Array]:
-    """The four summary rows of ten runs, shape (10, ...)."""
+    """Compute the four summary rows of ten runs, shape (10, ...)."""
     sizes = np.abs(values)
     equipment = sizes[INITIAL_CONDITIONS:].sum(axis=0)
     conditions = sizes[:INITIAL_CONDITIONS].sum(axis=0)
@@ -176,7 +172,7 @@ def _sums(values: Array) -> dict[str, Array]:
 
 
 def final_error_cells(case: Case, engine: str = "reference", second: str = "ensemble") -> Iterator[Cell]:
-    """Every number of a table of final errors and of the sums under it, by two engines; the first is compared.
+    """Compute a table of final errors and the sums under it by two engines; the first is compared.
 
     A sum's tolerance is that of an entry times the square root of the entries summed, their errors being independent.
     """
@@ -211,7 +207,7 @@ def final_error_cells(case: Case, engine: str = "reference", second: str = "ense
 
 
 def table_i_cells() -> Iterator[Cell]:
-    """Table I: ranges and times within 0.2 %, which is what the start point's printed digits leave open.
+    """Compute Table I: ranges and times within 0.2 %, which the start point's printed digits leave open.
 
     The peak deceleration is that of the whole aerodynamic force, within 3 %: the report had it at its print steps only.
     Its reentry angles differ by 0.014 deg from what its own eqs. (18) give.
@@ -239,7 +235,7 @@ def table_i_cells() -> Iterator[Cell]:
 
 
 def _peak_loads(trajectory: Trajectory) -> tuple[float, float]:
-    """Largest aerodynamic force and largest drag after reentry, in the report's g."""
+    """Compute the largest aerodynamic force and largest drag after reentry, in the report's g."""
     times = np.linspace(trajectory.reentry_time, trajectory.final_time, 4_000)
     force_x, force_z = trajectory.forces(times).T
     states = trajectory.states(times)
@@ -249,7 +245,7 @@ def _peak_loads(trajectory: Trajectory) -> tuple[float, float]:
 
 
 def table_iii_cells() -> Iterator[Cell]:
-    """Table III repeats the altitude and range columns of the absolute sums of Table II."""
+    """Compute Table III, which repeats the altitude and range columns of the absolute sums of Table II."""
     for case in CASES[: len(TABLE_I)]:
         for cell in final_error_cells(case):
             if cell.row.startswith("sum of") and cell.column in NAMES[:2]:
@@ -260,7 +256,7 @@ def table_iii_cells() -> Iterator[Cell]:
 
 
 def all_cells() -> list[Cell]:
-    """Every cell of Tables I to VI in their order."""
+    """Compute every cell of Tables I to VI in their order."""
     cells = [*table_i_cells()]
     by_table = {case.table: list(final_error_cells(case)) for case in CASES}
     for table, found in by_table.items():

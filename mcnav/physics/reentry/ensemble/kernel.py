@@ -225,7 +225,7 @@ def _store(report: Array, outcome: Array, component: Array) -> None:
 
 
 @compiled
-def _fly(errors: Array, grid: Grid, outcome: Array, component: Array) -> None:
+def _simulate(errors: Array, grid: Grid, outcome: Array, component: Array) -> None:
     block, report = np.empty(ROWS * LANES), np.empty(REPORT_ROWS * LANES)
     nodes = grid.readout.shape[0]
     for begin in range(0, errors.shape[0], LANES):
@@ -243,7 +243,7 @@ def _fly(errors: Array, grid: Grid, outcome: Array, component: Array) -> None:
 
 
 def simulate_ensemble(grid: Grid, errors: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Final navigation errors of many samples.
+    """Simulate many samples: their final navigation errors.
 
     Parameters
     ----------
@@ -261,5 +261,5 @@ def simulate_ensemble(grid: Grid, errors: Array) -> tuple[Array, NDArray[np.bool
     """
     errors = np.ascontiguousarray(errors, dtype=float)
     outcome, component = np.empty((len(errors), 4)), np.empty(len(errors))
-    _fly(errors, grid, outcome, component)
+    _simulate(errors, grid, outcome, component)
     return outcome, (component >= SMALLEST_COMPONENT) & np.isfinite(outcome).all(axis=1)
