@@ -11,7 +11,7 @@ Units
 
 Order of the error sources of the reentry (columns of P)
     altitude, range, altitude_rate, range_rate, misalignment, gyro_drift, bias_x, bias_z, scale_factor_x,
-    scale_factor_z. Range and range rate are arc lengths at the radius of the start.
+    scale_factor_z, cross_axis_x, cross_axis_z. Range and range rate are arc lengths at the radius of the start.
 
 Order of its outputs (rows of P)
     altitude, range, altitude_rate, range_rate. Range and range rate are arc lengths at the earth's radius.

@@ -20,7 +20,7 @@ from mcnav.progress import Phase, Silent
 from mcnav.report.figures import beside
 from mcnav.report.figures.figure import Figure
 from mcnav.scenarios.reentry import SOURCES, Flight, Reentry
-from mcnav.scenarios.table_i import ERRORS, TABLE_I, start_state
+from mcnav.scenarios.table_i import COLUMNS, ERROR_SIZES, ERRORS, TABLE_I, among_all, start_state
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -35,6 +35,8 @@ settings.load_profile("suite")
 
 ROOT = Path(__file__).parent.parent
 TRAJECTORIES = tuple(TABLE_I)
+SIZES = np.array([source.nominal for source in SOURCES])
+"""A usual size of every error of a reentry."""
 
 
 class RecordedProgress:
@@ -82,8 +84,10 @@ def response(scenario: Reentry) -> Response:
 def tn_errors(multiple: float = 1.0) -> dict[str, Any]:
     """Return ``[errors]`` at a multiple of those of NASA TN D-1772."""
     return {
-        source.name: f"{float(size * multiple)!r} {source.unit}".removesuffix(" 1")
-        for source, size in zip(SOURCES, ERRORS, strict=True)
+        SOURCES[
+            error
+        ].name: f"{float(size * multiple)!r} {unit if (unit := SOURCES[error].unit) != '1' else ''}".strip()
+        for error, size in ERROR_SIZES.items()
     }
 
 
@@ -110,10 +114,22 @@ def scenario(request: pytest.FixtureRequest) -> Reentry:
 
 @pytest.fixture
 def draws() -> Callable[[int, float], np.ndarray]:
-    """Return a function that draws normal errors at a multiple of the TN's sigmas, shape (count, 10)."""
+    """Return a function that draws normal errors at a multiple of the TN's ten sigmas, shape (count, sources)."""
 
     def draw(count: int, multiple: float = 1.0) -> np.ndarray:
-        return np.random.default_rng(1963).standard_normal((count, len(ERRORS))) * ERRORS * multiple
+        return among_all(np.random.default_rng(1963).standard_normal((count, len(ERRORS))) * ERRORS * multiple)
+
+    return draw
+
+
+@pytest.fixture
+def all_draws(draws: Callable[[int, float], np.ndarray]) -> Callable[[int, float], np.ndarray]:
+    """The same with normal draws of every other source."""
+
+    def draw(count: int, multiple: float = 1.0) -> np.ndarray:
+        others = np.random.default_rng(1966).standard_normal((count, len(SIZES))) * SIZES * multiple
+        others[:, COLUMNS] = 0.0
+        return np.asarray(draws(count, multiple) + others)
 
     return draw
 

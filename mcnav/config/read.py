@@ -121,7 +121,8 @@ def parse_campaign(
     model: ErrorModel | None = None
     if not context.problems:
         try:
-            model = ErrorModel([source.name for source in sources], distributions, correlations, joint)
+            later = [source.name for source in sources if source.later]
+            model = ErrorModel([source.name for source in sources], distributions, correlations, joint, later)
         except CorrelationError as wrong:
             context.problem("correlations" + ("" if wrong.entry is None else f" #{wrong.entry + 1}"), str(wrong))
         except JointError as wrong:

@@ -60,6 +60,8 @@ def identity_of(campaign: Campaign, engine: str) -> dict[str, Any]:
     """
     described = {key: entry for key, entry in campaign.resolved.items() if key not in UNUSED}
     identity = {"campaign": to_json(described), "engine": engine, "versions": versions(), "chunks": CHUNKS}
+    if later := [source.name for source in campaign.scenario.sources if source.later]:
+        identity["later_sources"] = later  # chunks of a run made before them do not have their columns
     if campaign.code is not None:
         identity["code"] = {"file": campaign.code.file, "sha256": campaign.code.digest}
         files = identities(campaign.inputs())

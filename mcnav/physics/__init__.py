@@ -1,4 +1,4 @@
-"""What flies: atmosphere, vehicle, truth, instruments, navigator, and the ensemble kernel.
+"""The physics of each scenario: atmosphere, vehicle, truth, instruments, navigator, and the ensemble kernel.
 
 Frames and signs, used by every module of the reentry:
 

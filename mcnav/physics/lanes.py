@@ -13,7 +13,7 @@ TURNS_PER_RADIAN: Final = 0.5 / np.pi
 
 @inlined
 def half_turn(angle: float) -> tuple[float, float]:
-    """Sine and cosine of half an angle (up to a common sign), by Taylor series after reduction: 1e-15 absolute.
+    """Compute sine and cosine of half an angle (up to a common sign), by Taylor series after reduction: 1e-15 absolute.
 
     ``sin(angle) = 2 s c`` and ``1 - cos(angle) = 2 s^2`` follow without cancellation.
     """
@@ -31,7 +31,7 @@ def half_turn(angle: float) -> tuple[float, float]:
 
 @inlined
 def gravity_remainder(east: float, up: float) -> tuple[float, float]:
-    """What the change of gravity has beyond its linear part, east and up, in units of mu / r^2.
+    """Compute the change of gravity beyond its linear part, east and up, in units of mu / r^2.
 
     For a deviation (east, up) as a share of the radius r,
     ``g(r + delta) - g(r) - G delta = (mu / r^2) [(3/2 d - H) up^ + (3/2 q - H) delta / r]`` with ``d = east^2 + up^2``,
@@ -49,7 +49,7 @@ def gravity_remainder(east: float, up: float) -> tuple[float, float]:
 
 @inlined
 def angle_of_half(tangent: float) -> float:
-    """The angle whose half has a tangent of at most 1: 2 arctan(tangent), 4e-16 of it.
+    """Compute the angle whose half has a tangent of at most 1: 2 arctan(tangent), to 4e-16 of it.
 
     Halved once more, ``tan(a / 2) = tan(a) / (1 + sqrt(1 + tan^2(a)))``, the tangent is below 0.42 for the series.
     """

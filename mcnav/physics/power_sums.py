@@ -10,7 +10,7 @@ from mcnav._types import Array
 
 
 def sums_of(outputs: int) -> int:
-    """How many sums an epoch has: of first, second (upper triangle by rows), third and fourth powers.
+    """Count the sums of an epoch: of first, second (upper triangle by rows), third and fourth powers.
 
     >>> sums_of(4)
     22
@@ -24,7 +24,6 @@ class PowerSums:
 
     Attributes
     ----------
-    count : int
     pivot : ndarray, shape (m, k)
         The errors of a perfect system. The mean lies within a sigma or so of it, so that central moments lose no
         more than a digit.
@@ -37,7 +36,7 @@ class PowerSums:
 
     @classmethod
     def of(cls, histories: Array, pivot: Array) -> PowerSums:
-        """The sums of stored histories, shape (n, m, k)."""
+        """Sum the powers of stored histories, shape (n, m, k)."""
         away = histories - pivot
         rows, columns = np.triu_indices(pivot.shape[1])
         square = away * away

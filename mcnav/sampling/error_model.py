@@ -65,6 +65,9 @@ class ErrorModel:
         Distributions by source, SI; an omitted source is zero.
     joint : sequence of MultivariateT
         Groups of normal sources that get a multivariate Student-t distribution with the same sigmas and correlations.
+    later : sequence of str
+        Sources that the scenario gained after others. They are drawn last, and only where they are present, so that
+        they leave the draws of campaigns without them as they were.
 
     Raises
     ------
@@ -80,8 +83,11 @@ class ErrorModel:
         distributions: Mapping[str, Distribution],
         correlations: Sequence[Correlation] = (),
         joint: Sequence[MultivariateT] = (),
+        later: Sequence[str] = (),
     ) -> None:
         self.names = tuple(names)
+        self._drawn = [i for i, name in enumerate(self.names) if name not in later]
+        self._drawn_last = [i for i, name in enumerate(self.names) if name in later and name in distributions]
         self._joint = tuple(joint)
         self._group = self._groups()
         stated = [distributions.get(name, Fixed(0.0)) for name in names]
@@ -192,12 +198,18 @@ class ErrorModel:
         A sample depends on the campaign and its index alone. Sums are elementwise, one source after another, so that a
         sample has the same bits in any range.
         """
-        count = len(self.names)
-        independent = standard_normals(design, seed, samples, begin, end, count + len(self._joint))
-        if design == "antithetic":  # a pair shares its scale, so that mirrored normals give mirrored errors
-            independent[np.arange(begin, end) % 2 == 1, count:] *= -1.0
-        scales = [group.scale(independent[:, count + number]) for number, group in enumerate(self._joint)]
-        errors = np.empty((end - begin, count))
+        first, groups = len(self._drawn), len(self._joint)
+        variates = standard_normals(design, seed, samples, begin, end, first + groups + len(self._drawn_last))
+        independent = np.zeros((end - begin, len(self.names)))
+        independent[:, self._drawn], independent[:, self._drawn_last] = (
+            variates[:, :first],
+            variates[:, first + groups :],
+        )
+        of_groups = variates[:, first : first + groups]
+        if design == "antithetic":  # a pair shares its scale: mirrored errors are the errors of mirrored normals
+            of_groups[np.arange(begin, end) % 2 == 1] *= -1.0
+        scales = [group.scale(of_groups[:, number]) for number, group in enumerate(self._joint)]
+        errors = np.empty_like(independent)
         for i, (distribution, group) in enumerate(zip(self.distributions, self._group, strict=True)):
             normal = np.zeros(end - begin)
             for j in np.flatnonzero(self._factor[i]):

@@ -47,7 +47,6 @@ def check_conformance(scenario: Scenario, sizes: Array) -> list[Check]:
 
     Parameters
     ----------
-    scenario : Scenario
     sizes : ndarray, shape (sources,)
         One sigma of each source, SI; the usual size where it is zero.
     """

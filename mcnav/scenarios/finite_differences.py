@@ -34,7 +34,6 @@ class DifferencedModel:
 
     Attributes
     ----------
-    model : LinearModel
     error : float
         Largest difference between the steps chosen and their neighbours, as a share of the row's largest contribution
         of one source at its sigma.
@@ -81,7 +80,7 @@ class DifferencedModel:
 
 
 def differentiate(propagate: Callable[[Array], SimulationResult], sizes: Array) -> DifferencedModel:
-    """Central differences about no errors at all, each source with the step that its neighbour confirms best.
+    """Differentiate centrally about no errors, each source with the step that its neighbour confirms best.
 
     Parameters
     ----------
@@ -129,7 +128,7 @@ def differentiate(propagate: Callable[[Array], SimulationResult], sizes: Array) 
 
 
 def _of_three(gaps: Array) -> Array:
-    """Largest gap among each pair of steps and the better of its neighbours; the pair's own where it has none.
+    """Find the largest gap of each pair of steps and the better of its neighbours; its own where it has none.
 
     Parameters
     ----------
@@ -142,14 +141,14 @@ def _of_three(gaps: Array) -> Array:
 
 
 def _uneven(nominal: Array, forward: Array, backward: Array) -> Array:
-    """Largest part of a short step's effect that is the same to both sides, shape (sources, outputs)."""
+    """Compute the largest part of a short step's effect that is the same to both sides, shape (sources, outputs)."""
     short = np.array(SHARES) <= SHORT
     both = 0.5 * (forward[short] + backward[short]) - nominal
     return np.asarray(np.nan_to_num(np.abs(both)).max(axis=0))
 
 
 def _moved(nominal: Array, forward: Array, backward: Array) -> Array:
-    """Scale of an output where it has no slope: how far it moved, and rounding as the shortest step magnifies it.
+    """Scale an output where it has no slope: how far it moved, and rounding as the shortest step magnifies it.
 
     A linear function moves by less than one sigma's effect, since all steps are shorter than sigma: then this is no
     scale. A quadratic one has differences of zero to rounding, which must not be measured by rounding.

@@ -13,7 +13,7 @@ from mcnav.units import conversion
 
 
 def check_history(history: History) -> History:
-    """A history whose columns are numbers of one length, and whose panels show nothing that is not there.
+    """Check that a history's columns are numbers of one length, and that its panels show existing columns.
 
     Raises
     ------
@@ -36,7 +36,7 @@ def check_history(history: History) -> History:
 
 
 def with_errors(history: History, errors: Array, outputs: Sequence[Output]) -> History:
-    """A history with the navigation errors of a flight, shape (m, outputs), SI, as columns and diagrams."""
+    """Add the navigation errors of a flight, shape (m, outputs), SI, to a history as columns and diagrams."""
     time = next(iter(history.columns))
     columns, panels = dict(history.columns), list(history.panels)
     for column, output in zip(errors.T, outputs, strict=True):

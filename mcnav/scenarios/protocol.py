@@ -23,12 +23,15 @@ class Source:
         Unit in which tables and reports show it.
     nominal : float
         A usual size, in the SI unit: the scale of the steps that differences take.
+    later : bool
+        Whether the scenario had other sources before this one: see `mcnav.sampling.error_model.ErrorModel`.
     """
 
     name: str
     unit: str
     shown_in: str
     nominal: float
+    later: bool = False
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """Reentry navigation: the system of NASA TN D-1772 as a scenario.
 
-Two engines fly it. ``ensemble`` takes cartesian axes and the variation of constants through a compiled kernel on a
-shared grid; ``reference`` takes the report's polar equations, sample by sample, through scipy's DOP853.
+Two engines simulate it. ``ensemble`` uses cartesian axes and the variation of constants, in a compiled kernel on a
+shared grid; ``reference`` integrates the report's polar equations, sample by sample, with scipy's DOP853.
 """
 
 from __future__ import annotations
@@ -49,28 +49,23 @@ from mcnav.scenarios.protocol import (
     Source,
 )
 from mcnav.scenarios.sample_loop import SampleResults, simulate_each
-from mcnav.scenarios.table_i import ERRORS
+from mcnav.scenarios.table_i import ERROR_SIZES
 
-SOURCES: Final = tuple(
-    Source(name, unit, shown_in, float(nominal))
-    for (name, unit, shown_in), nominal in zip(
-        [
-            ("altitude", "m", "km"),
-            ("range", "m", "km"),
-            ("altitude_rate", "m/s", "m/s"),
-            ("range_rate", "m/s", "m/s"),
-            ("misalignment", "rad", "arcsec"),
-            ("gyro_drift", "rad/s", "deg/h"),
-            ("bias_x", "m/s^2", "ug"),
-            ("bias_z", "m/s^2", "ug"),
-            ("scale_factor_x", "1", "ppm"),
-            ("scale_factor_z", "1", "ppm"),
-        ],
-        ERRORS,
-        strict=True,
-    )
+SOURCES: Final = (
+    Source("altitude", "m", "km", ERROR_SIZES[Error.ALTITUDE]),
+    Source("range", "m", "km", ERROR_SIZES[Error.RANGE]),
+    Source("altitude_rate", "m/s", "m/s", ERROR_SIZES[Error.ALTITUDE_RATE]),
+    Source("range_rate", "m/s", "m/s", ERROR_SIZES[Error.RANGE_RATE]),
+    Source("misalignment", "rad", "arcsec", ERROR_SIZES[Error.MISALIGNMENT]),
+    Source("gyro_drift", "rad/s", "deg/h", ERROR_SIZES[Error.GYRO_DRIFT]),
+    Source("bias_x", "m/s^2", "ug", ERROR_SIZES[Error.BIAS_X]),
+    Source("bias_z", "m/s^2", "ug", ERROR_SIZES[Error.BIAS_Z]),
+    Source("scale_factor_x", "1", "ppm", ERROR_SIZES[Error.SCALE_FACTOR_X]),
+    Source("scale_factor_z", "1", "ppm", ERROR_SIZES[Error.SCALE_FACTOR_Z]),
+    Source("cross_axis_x", "1", "ppm", 1e-4, later=True),
+    Source("cross_axis_z", "1", "ppm", 1e-4, later=True),
 )
-"""Initial-condition and equipment errors, the columns of P."""
+"""Initial-condition and equipment errors in the order of `Error`, the columns of P."""
 
 OUTPUTS: Final = (
     Output("altitude", "m", "km"),
@@ -100,7 +95,7 @@ PANELS: Final = (
     Panel("Speed", "time from reentry [min]", ("airspeed [km/s]",), marks=("start of navigation",)),
     Panel("Aerodynamic force", "time from reentry [min]", ("aerodynamic force [g]",), begin=0.0, from_zero=True),
 )
-"""What a report shows of the flight."""
+"""Diagrams of the flight in a report."""
 
 HAND_OVER_SHARE: Final = 0.01
 """When more of the probes leave the kernel's validity, the reference path will do most of the work, in processes."""
@@ -108,13 +103,12 @@ HAND_OVER_SHARE: Final = 0.01
 
 @dataclass(frozen=True)
 class Flight:
-    """What is to be flown.
+    """A truth, and when navigation starts along it.
 
     Attributes
     ----------
     first_point : tuple of float
         Polar state at which the truth begins: m, rad, m/s, rad/s.
-    vehicle : Vehicle
     final_altitude : float
         m.
     start : float, optional
@@ -135,11 +129,10 @@ class Flight:
 
 @dataclass(frozen=True)
 class Navigation:
-    """A flown truth with the start of navigation and the reference axes settled: what every engine flies along.
+    """An integrated truth with its start of navigation and reference axes, as every engine uses it.
 
     Attributes
     ----------
-    trajectory : Trajectory
     start : float
         Start of navigation, s from the first point of the truth.
     theta_axes : float
@@ -151,7 +144,7 @@ class Navigation:
     theta_axes: float
 
     def simulate_reference(self, errors: Array, rows: Iterable[int]) -> SampleResults:
-        """Fly some rows of errors, shape (n, 10), on the reference path."""
+        """Simulate some rows of errors, shape (n, sources), on the reference path."""
         return simulate_each(
             lambda row: simulate_indicated(self.trajectory, errors[row], self.start, self.theta_axes), rows, Diverged
         )
@@ -167,14 +160,14 @@ class ReferenceEngine:
     accuracy: str = "polar equations of NASA TN D-1772, DOP853 with relative tolerance 1e-12"
 
     def propagate(self, errors: Array) -> SimulationResult:
-        """Fly samples, shape (n, 10)."""
+        """Simulate samples, shape (n, sources)."""
         flown = self.navigation.simulate_reference(errors, range(len(errors)))
         return flown.outcomes(np.full((len(errors), len(OUTPUTS)), np.nan))
 
 
 @dataclass(frozen=True)
 class EnsembleEngine:
-    """Variation of constants on a shared grid; a sample beyond its validity is flown by the reference path instead."""
+    """Variation of constants on a shared grid; samples beyond its validity go to the reference path."""
 
     navigation: Navigation
     grid: Grid
@@ -183,7 +176,7 @@ class EnsembleEngine:
     chunk: int = ENSEMBLE_CHUNK
 
     def propagate(self, errors: Array) -> SimulationResult:
-        """Fly samples, shape (n, 10)."""
+        """Simulate samples, shape (n, sources)."""
         values, valid = simulate_ensemble(self.grid, errors)
         beyond = np.flatnonzero(~valid)
         return self.navigation.simulate_reference(errors, (int(row) for row in beyond)).outcomes(values, len(beyond))
@@ -210,18 +203,18 @@ class EnsembleEngine:
         return history_grid(response, nodes, np.clip(times, response.start, response.end))
 
     def histories(self, errors: Array) -> Array:
-        """Errors of samples, shape (n, 10), at every epoch, shape (n, m, 4)."""
+        """Simulate samples, shape (n, sources): their errors at every epoch, shape (n, m, 4)."""
         values, component = simulate_histories(self._followed, errors)
         values[~followed_samples(component)] = np.nan
         return values
 
     def history_sums(self, errors: Array) -> PowerSums:
-        """Power sums of samples' errors, shape (n, 10), at every epoch."""
+        """Add up power sums of samples' errors, shape (n, sources), at every epoch."""
         return history_sums(self._followed, errors)
 
 
 def events(navigation: Navigation) -> dict[str, float]:
-    """Named instants of a flight, minutes from reentry."""
+    """Name the instants of a flight, minutes from reentry."""
     reentry, final = navigation.trajectory.reentry_time, navigation.trajectory.final_time
     return {
         "reentry": 0.0,
@@ -231,7 +224,7 @@ def events(navigation: Navigation) -> dict[str, float]:
 
 
 def _navigation(trajectory: Trajectory, start: float, axes: str) -> Navigation:
-    """Navigation along a truth from a time on (s from its first point); `ScenarioError` when that is not on it."""
+    """Start navigation along a truth at a time (s from its first point); `ScenarioError` when that is not on it."""
     if not 0.0 <= start < trajectory.final_time:
         earliest, latest = -trajectory.reentry_time, trajectory.final_time - trajectory.reentry_time
         raise ScenarioError(
@@ -244,7 +237,7 @@ def _navigation(trajectory: Trajectory, start: float, axes: str) -> Navigation:
 
 
 class Reentry:
-    """The scenario: a truth flown once, and the ways to fly a navigator along it.
+    """The scenario: a truth integrated once, and the engines that simulate a navigator along it.
 
     Raises
     ------
@@ -282,11 +275,11 @@ class Reentry:
         return LinearModel(*linearize(self.trajectory, self.navigation.start, self.navigation.theta_axes))
 
     def linear_model(self) -> LinearModel:
-        """Partial derivatives by the variational equations along the truth."""
+        """Compute partial derivatives by the variational equations along the truth."""
         return self._model
 
     def partials_history(self, count: int) -> PartialsHistory:
-        """Partial derivatives over the flight; half of the times are after reentry, where errors change fastest."""
+        """Compute partials over the flight; half of the times are after reentry, where errors change fastest."""
         navigation, reentry, final = self.navigation, self.trajectory.reentry_time, self.trajectory.final_time
         before = count // 2 if navigation.start < reentry else 0
         times = np.concatenate(
@@ -303,7 +296,7 @@ class Reentry:
         return sweep(self.trajectory, float(self.trajectory.state(0.0)[1]))
 
     def started_at(self, time: float, axes: str) -> Reentry:
-        """The same flight with navigation from another time on (s from reentry); the truth is shared, not flown again.
+        """Start navigation of the same flight at another time (s from reentry); the truth is shared.
 
         Raises
         ------
@@ -315,12 +308,12 @@ class Reentry:
         return other
 
     def start_times(self, count: int) -> Array:
-        """Start times from the first point of the truth to its end, shape (count,), s from reentry."""
+        """Space start times from the first point of the truth to its end, shape (count,), s from reentry."""
         trajectory = self.trajectory
         return np.asarray(np.linspace(0.0, trajectory.final_time, count) - trajectory.reentry_time)
 
     def partials_at(self, times: Array, axes: str = "start") -> Array:
-        """Partial derivatives for navigation started at each time (s from reentry), shape (n, 4, 10).
+        """Compute the partial derivatives for navigation started at each time (s from reentry), shape (n, 4, sources).
 
         From one backward sweep of the adjoint. ``axes`` as in `Flight`.
         """
@@ -328,11 +321,11 @@ class Reentry:
         return np.array([self._adjoint.partials(float(start), axes) for start in starts])
 
     def error_histories(self, errors: Array, times: Array) -> tuple[Array, Array, Array]:
-        """Actual and indicated states, and navigation errors, of a few samples at chosen times (s from reentry).
+        """Simulate a few samples: actual and indicated states, and errors, at chosen times (s from reentry).
 
         Parameters
         ----------
-        errors : ndarray, shape (n, 10)
+        errors : ndarray, shape (n, sources)
         times : ndarray, shape (m,)
             Rising, none before the start of navigation.
 
@@ -346,7 +339,7 @@ class Reentry:
         return *flown, navigation_error(flown[0][:, None], flown[1])
 
     def simulate_one(self, errors: Array) -> History:
-        """One sample, shape (10,), on the reference path: actual and indicated flight, and the navigation errors."""
+        """Simulate one sample, shape (sources,), on the reference path: actual and indicated flight, and the errors."""
         times: list[Array] = []
         states: list[Array] = []
 
@@ -378,20 +371,20 @@ class Reentry:
         return with_errors(History(columns, {}, tuple(panels)), off, self.outputs)
 
     def error_sets(self, errors: Array, times: Array) -> tuple[Array, Array]:
-        """The errors in force at chosen times of a few flights, as start errors of flights begun there.
+        """Convert errors in force at chosen times of a few flights to start errors of flights begun there.
 
         Initial conditions are the navigation errors at that time, ranges as arc lengths at the radius of that time; the
         platform has drifted on; biases and scale factors keep their axes.
 
         Parameters
         ----------
-        errors : ndarray, shape (n, 10)
+        errors : ndarray, shape (n, sources)
         times : ndarray, shape (m,)
             Rising, s from reentry, none before the start of navigation.
 
         Returns
         -------
-        sets : ndarray, shape (m, n, 10)
+        sets : ndarray, shape (m, n, sources)
         final : ndarray, shape (n, 4)
         """
         reentry, final_time = self.trajectory.reentry_time, self.trajectory.final_time
@@ -405,7 +398,7 @@ class Reentry:
         return sets, instantaneous[-1]
 
     def engine(self, engine: str, probes: Array) -> Engine:
-        """A flyer for one of `engines`; the ensemble's grid is refined until the probes, shape (n, 10), agree."""
+        """Prepare one of `engines`; the ensemble's grid is refined until the probes, shape (n, sources), agree."""
         if engine == "reference":
             return ReferenceEngine(self.navigation)
         refined = refined_grid(self.trajectory, self.navigation.start, self.navigation.theta_axes, probes)
@@ -419,7 +412,7 @@ class Reentry:
         return ready
 
     def history(self) -> History:
-        """Altitude, range, speed, angle and force of the truth against time from reentry."""
+        """Tabulate altitude, range, speed, angle and force of the truth against time from reentry."""
         reentry, final = self.trajectory.reentry_time, self.trajectory.final_time
         share = (final - reentry) / final
         before = np.linspace(0.0, reentry, max(2, round(HISTORY_POINTS * (1.0 - share))), endpoint=False)

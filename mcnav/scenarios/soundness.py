@@ -47,7 +47,6 @@ class Unsettled:
 
     Attributes
     ----------
-    source, output : str
     disagreement : float
         Of neighbouring steps, or of the class's own derivative with differences; a share of the largest contribution
         of one sigma to the output.
@@ -64,7 +63,7 @@ class Unsettled:
     own: bool
 
     def described(self) -> dict[str, Any]:
-        """As the manifest and the summary keep it."""
+        """Convert for the manifest and the summary."""
         return asdict(self)
 
     def __str__(self) -> str:
@@ -86,12 +85,12 @@ class Unsettled:
 
 
 def same(one: SimulationResult, other: SimulationResult) -> bool:
-    """Whether two flights of the same errors came out with the same bits and the same failures."""
+    """Compare two simulations of the same errors: the same bits and the same failures."""
     return np.array_equal(one.values, other.values, equal_nan=True) and one.failures.keys() == other.failures.keys()
 
 
 def apart(one: Array, other: Array) -> float:
-    """Largest difference of outcomes of the same samples, shape (n, outputs), as a share of each output's size.
+    """Compute the largest difference of outcomes of the same samples, (n, outputs), as a share of an output's size.
 
     Infinite when a sample failed in one of them alone.
     """
@@ -103,11 +102,10 @@ def apart(one: Array, other: Array) -> float:
 
 
 def check_repeatable(prepared: Engine, sizes: Array) -> None:
-    """Fly a few small errors twice, and once more in the opposite order.
+    """Simulate a few small errors twice, and once more in the opposite order.
 
     Parameters
     ----------
-    prepared : Engine
     sizes : ndarray, shape (sources,)
         One sigma of each source, SI.
 
@@ -141,7 +139,6 @@ def unsettled(
 
     Parameters
     ----------
-    scenario : UserScenario
     prepared : Engine
         Its engine; flown only where the class gives its own derivatives.
     model : LinearModel
@@ -177,7 +174,7 @@ def unsettled(
 
 
 def _off(own: LinearModel, flown: LinearModel, sizes: Array, varied: NDArray[np.bool_], moved: Array) -> Array:
-    """Difference of two linear models as a share of the largest one-sigma contribution, shape (outputs, sources)."""
+    """Compare two linear models as a share of the largest one-sigma contribution, shape (outputs, sources)."""
     sizes = np.where(varied, sizes, 0.0)
     scale = np.maximum(np.abs(flown.partials * sizes), moved.T * varied).max(axis=1)
     return np.asarray(np.abs((own.partials - flown.partials) * sizes) / np.where(scale > 0.0, scale, 1.0)[:, None])

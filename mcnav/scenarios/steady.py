@@ -4,8 +4,8 @@ A vehicle keeps its height and speed along a great circle of an earth that does 
 navigator of NASA TN D-1772. With its altitude slaved to an outside altimeter the navigator is a Schuler pendulum; with
 an altitude of its own it diverges upwards.
 
-Two engines fly it. ``ensemble`` takes deviations in cartesian axes through a compiled kernel; ``reference`` takes
-spherical coordinates, sample by sample, through scipy's DOP853.
+Two engines simulate it. ``ensemble`` integrates deviations in cartesian axes in a compiled kernel; ``reference``
+integrates spherical coordinates, sample by sample, with scipy's DOP853.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ HAND_OVER_SHARE: Final = 0.01
 """When more of the probes leave the kernel's validity, the reference path will do most of the work, in processes."""
 
 LONGEST: Final = 10.0 * 86_400.0
-"""s; a flight beyond that many days is a slip of the pen."""
+"""Longest flight, s; longer ones are taken for mistakes."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,6 @@ class Navigation:
 
     Attributes
     ----------
-    flight : SteadyFlight
     sources, outputs : tuple of int
         Rows of `SOURCES` and of `OUTPUTS`.
     """
@@ -116,18 +115,18 @@ class Navigation:
     outputs: tuple[int, ...]
 
     def whole(self, errors: Array) -> Array:
-        """Errors as the physics takes them, shape (n, 18)."""
+        """Place errors among those that the physics takes, shape (n, 18)."""
         found = np.zeros((len(errors), len(SOURCES)))
         found[:, self.sources] = errors
         return found
 
     def by_ensemble(self, errors: Array, steps: int) -> tuple[Array, NDArray[np.bool_]]:
-        """Outcomes of the kernel and whether they are valid."""
+        """Simulate by the kernel; outcomes and whether they are valid."""
         values, valid = simulate_ensemble(self.flight, self.whole(errors), steps)
         return values[:, self.outputs], valid
 
     def simulate_reference(self, errors: Array, rows: Iterable[int]) -> SampleResults:
-        """Fly some rows of errors on the reference path."""
+        """Simulate some rows of errors on the reference path."""
         whole, outputs = self.whole(errors), list(self.outputs)
         return simulate_each(lambda row: simulate_indicated(self.flight, whole[row])[outputs], rows, Diverged)
 
@@ -142,7 +141,7 @@ class ReferenceEngine:
     accuracy: str = "spherical coordinates, DOP853 with relative tolerance 1e-12"
 
     def propagate(self, errors: Array) -> SimulationResult:
-        """Fly samples, shape (n, sources)."""
+        """Simulate samples, shape (n, sources)."""
         flown = self.navigation.simulate_reference(errors, range(len(errors)))
         return flown.outcomes(np.full((len(errors), len(self.navigation.outputs)), np.nan))
 
@@ -158,7 +157,7 @@ class EnsembleEngine:
     chunk: int = ENSEMBLE_CHUNK
 
     def propagate(self, errors: Array) -> SimulationResult:
-        """Fly samples, shape (n, sources)."""
+        """Simulate samples, shape (n, sources)."""
         values, valid = self.navigation.by_ensemble(errors, self.steps)
         beyond = np.flatnonzero(~valid)
         return self.navigation.simulate_reference(errors, (int(row) for row in beyond)).outcomes(values, len(beyond))
@@ -173,14 +172,14 @@ class EnsembleEngine:
         return Epochs(HISTORY_TIME, self.navigation.flight.duration / 60.0 * self._stops / self.steps)
 
     def histories(self, errors: Array) -> Array:
-        """Errors of samples, shape (n, sources), at every epoch, shape (n, m, outputs)."""
+        """Simulate samples, shape (n, sources): their errors at every epoch, shape (n, m, outputs)."""
         flight, whole = self.navigation.flight, self.navigation.whole(errors)
         histories, valid = simulate_histories(flight, whole, self.steps, self._stops)
         histories[~valid] = np.nan
         return histories[:, :, self.navigation.outputs]
 
     def history_sums(self, errors: Array) -> PowerSums:
-        """Power sums of samples' errors, shape (n, sources), at every epoch."""
+        """Add up power sums of samples' errors, shape (n, sources), at every epoch."""
         histories = self.histories(errors)
         valid = np.isfinite(histories).all(axis=(1, 2))
         return PowerSums.of(histories[valid], np.zeros(histories.shape[1:]))
@@ -222,16 +221,16 @@ class Cruise:
         return LinearModel(self._partials(np.array([self.flight.duration]))[0], np.zeros(len(self.outputs)))
 
     def linear_model(self) -> LinearModel:
-        """Partial derivatives by the equations of variation."""
+        """Compute the partial derivatives by the equations of variation."""
         return self._model
 
     def partials_history(self, count: int) -> PartialsHistory:
-        """Partial derivatives at evenly spaced times of the flight."""
+        """Compute the partial derivatives at evenly spaced times of the flight."""
         times = np.linspace(0.0, self.flight.duration, count)
         return PartialsHistory(HISTORY_TIME, times / 60.0, self._partials(times))
 
     def engine(self, engine: str, probes: Array) -> Engine:
-        """A flyer for one of `engines`; the ensemble's steps are refined until the probes, (n, sources), agree."""
+        """Prepare one of the engines; the ensemble's steps are refined until the probes, (n, sources), agree."""
         if engine == "reference":
             return ReferenceEngine(self.navigation)
         steps, error = self._refined(probes)
@@ -264,7 +263,7 @@ class Cruise:
             steps = min(max(wanted, steps + 1), MOST_STEPS)
 
     def simulate_one(self, errors: Array) -> History:
-        """One sample, shape (sources,), on the reference path: its navigation errors over the flight."""
+        """Simulate one sample, shape (sources,), on the reference path: its navigation errors over the flight."""
         seen: list[tuple[Array, Array]] = []
         with contextlib.suppress(Diverged):
             simulate_indicated(self.flight, self.navigation.whole(errors[None])[0], lambda *step: seen.append(step))
@@ -280,7 +279,7 @@ class Cruise:
         return with_errors(History({HISTORY_TIME: times / 60.0}), off[:, self.navigation.outputs], self.outputs)
 
     def history(self) -> History:
-        """What the usual size of each error alone does to the indicated position over the flight, flown."""
+        """Simulate the usual size of each error alone: its effect on the indicated position over the flight."""
         flight, names = self.flight, [output.name for output in self.outputs]
         labels = source_labels([source.name for source in self.sources], names)
         sizes = np.array([source.nominal for source in self.sources])

@@ -9,8 +9,9 @@ from typing import Final
 import numpy as np
 from scipy.optimize import brentq
 
-from mcnav._types import Array
+from mcnav._types import Array, IndexArray
 from mcnav.constants import EARTH_RADIUS, EARTH_RATE, TN_GRAVITY
+from mcnav.physics.reentry.instruments import Error
 from mcnav.physics.reentry.truth import NoReentry, Trajectory, fly_truth
 from mcnav.physics.reentry.vehicle import ConstantLift, LiftLaw, VariableLift, Vehicle
 
@@ -23,8 +24,36 @@ START_RANGE_RATE: Final = 732.9312
 START_AIRSPEED: Final = 4_799.92
 """Airspeed at the start of the trajectories that Table I varies in angle, m/s."""
 
-ERRORS: Final = np.array([5e3, 500.0, 0.5, 0.02, 2e-4, 1e-6, 1e-4 * TN_GRAVITY, 1e-4 * TN_GRAVITY, 1e-4, 1e-4])
-"""The report's initial-condition and equipment errors, eqs. (20) and (21), in the order of the columns of P."""
+ERROR_SIZES: Final = {
+    Error.ALTITUDE: 5e3,
+    Error.RANGE: 500.0,
+    Error.ALTITUDE_RATE: 0.5,
+    Error.RANGE_RATE: 0.02,
+    Error.MISALIGNMENT: 2e-4,
+    Error.GYRO_DRIFT: 1e-6,
+    Error.BIAS_X: 1e-4 * TN_GRAVITY,
+    Error.BIAS_Z: 1e-4 * TN_GRAVITY,
+    Error.SCALE_FACTOR_X: 1e-4,
+    Error.SCALE_FACTOR_Z: 1e-4,
+}
+"""The report's ten initial-condition and equipment errors, eqs. (20) and (21), in the order of its runs."""
+
+ERRORS: Final = np.array(list(ERROR_SIZES.values()))
+"""Their sizes, shape (10,)."""
+
+COLUMNS: Final[IndexArray] = np.array([int(error) for error in ERROR_SIZES])
+"""Their places among all errors of a reentry: the columns of P that the report has."""
+
+
+def among_all(errors: Array) -> Array:
+    """Place the report's ten errors, shape (..., 10), among those of all sources; the others are zero."""
+    found = np.zeros((*errors.shape[:-1], len(Error)))
+    found[..., COLUMNS] = errors
+    return found
+
+
+ALL_ERRORS: Final = among_all(ERRORS)
+"""The sizes among those of all sources, shape (sources,); zero for errors that the report does not have."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +85,7 @@ ANGLE_BRACKET: Final = 0.002
 
 
 def common_start() -> Array:
-    """Polar state of eq. (18), shape (4,): m, rad, m/s, rad/s."""
+    """Compute the polar state of eq. (18), shape (4,): m, rad, m/s, rad/s."""
     return np.array(
         [
             EARTH_RADIUS + START_ALTITUDE,
@@ -68,7 +97,7 @@ def common_start() -> Array:
 
 
 def start_at_angle(angle: float) -> Array:
-    """The common start point with the airspeed of Table I at a flight-path angle (rad), NASA TN D-1772, eq. (4)."""
+    """Compute common start point with the airspeed of Table I at a flight-path angle (rad), NASA TN D-1772, eq. (4)."""
     state = common_start()
     state[2] = START_AIRSPEED * np.sin(angle)
     state[3] = EARTH_RATE + START_AIRSPEED * np.cos(angle) / state[0]
@@ -76,14 +105,14 @@ def start_at_angle(angle: float) -> Array:
 
 
 def range_from_reentry(trajectory: Trajectory) -> float:
-    """r_E (theta_f - theta_R): final range counted from where the altitude falls through 121.92 km, m."""
+    """Compute r_E (theta_f - theta_R): final range from where the altitude falls through 121.92 km, m."""
     final, reentry = trajectory.state(trajectory.final_time), trajectory.state(trajectory.reentry_time)
     return float(EARTH_RADIUS * (final[1] - reentry[1]))
 
 
 @lru_cache
 def start_state(number: int) -> tuple[float, ...]:
-    """Polar start state of a trajectory of Table I: m, rad, m/s, rad/s.
+    """Compute the polar start state of a trajectory of Table I: m, rad, m/s, rad/s.
 
     Trajectories 4 and 6 react so sharply to the start angle (0.002 deg moves the end by thousands of kilometres) that
     the printed angle does not define them. Theirs is solved for the printed final range.

@@ -129,7 +129,7 @@ def write_part(
         columns[name] = pa.array(np.ascontiguousarray(values), mask=failed)
     table = pa.table({name: pa.array(column) for name, column in columns.items()})
     samples, lost, handed_over = whole or (count, int(failed.sum()), outcomes.fallback_count)
-    marks = {"mcnav.identity": identity, "mcnav.fallback_count": str(handed_over), **(further or {})}
+    marks = {"mcnav.identity": identity, "mcnav.handed_over": str(handed_over), **(further or {})}
     if whole is not None:
         marks |= {"mcnav.begin": str(begin), "mcnav.samples": str(samples), "mcnav.failed": str(lost)}
     if outcomes.tracebacks:
@@ -194,7 +194,7 @@ def whole_part(place: Path, number: int, identity: str, kept: int | None = None)
         marks = {key.decode(): value.decode() for key, value in (table.schema.metadata or {}).items()}
         whole = parquet_bytes(table, _TEXT) == content
         index, status = table.column("index").to_numpy(), table.column("status").to_pylist()
-        handed_over = int(marks["mcnav.fallback_count"])
+        handed_over = int(marks["mcnav.handed_over"])
         if kept is None:
             begin, count, rows = int(index[0]), len(index), len(index)
             failed = sum(entry != OK for entry in status)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -160,7 +161,7 @@ def _stored(
             raise RunFolderError(f"{path}: is damaged, or of another run; run the campaign again to mend it")
         return None, ""
     table = pq.read_table(path)
-    samples = samples_from(table, layout)
+    samples = samples_from(table, dataclasses.replace(layout, errors=()))  # a run of before knows no later sources
     rows, traceback = np.flatnonzero(samples.index == index), tracebacks_in(table).get(index, "")
     if len(rows) == 0:
         return None, traceback

@@ -13,7 +13,7 @@ from mcnav.physics.reentry.ensemble.refinement import FINEST
 from mcnav.physics.reentry.ensemble.transition import linear_response
 from mcnav.physics.reentry.vehicle import Vehicle
 from mcnav.scenarios.reentry import Flight, Reentry
-from mcnav.scenarios.table_i import ERRORS, TABLE_I, start_state
+from mcnav.scenarios.table_i import ALL_ERRORS, ERRORS, TABLE_I, among_all, start_state
 from tests.benchmarks.case import LENGTH, SPEED, TIME, Case
 from tests.benchmarks.equations import stretch_constants
 
@@ -37,7 +37,7 @@ def case_of(number: int, compared: int = COMPARED) -> Case:
     stretches = navigation.trajectory.navigated(navigation.start)
     states = np.array([navigation.trajectory.state(begin) for begin, _, _ in stretches])
     truths = (states - [0.0, navigation.theta_axes, 0.0, 0.0]) / [LENGTH, 1.0, SPEED, 1.0 / TIME]
-    covariance = propagated_covariance(scenario.linear_model().partials, np.diag(ERRORS**2))
+    covariance = propagated_covariance(scenario.linear_model().partials, np.diag(ALL_ERRORS**2))
     case = Case(
         number,
         states[0],
@@ -49,7 +49,7 @@ def case_of(number: int, compared: int = COMPARED) -> Case:
         np.sqrt(np.diag(covariance)),
         np.empty((compared, 4)),
     )
-    flown = navigation.simulate_reference(case.draws(compared), range(compared))
+    flown = navigation.simulate_reference(among_all(case.draws(compared)), range(compared))
     case.reference[:] = [flown.values[draw] for draw in range(compared)]
     return case
 
@@ -58,5 +58,5 @@ def disagreement(case: Case) -> float:
     """How far the ensemble's finest grid is from the reference, share of sigma: below it nothing can be measured."""
     navigation = scenario_of(case.number).navigation
     response = linear_response(navigation.trajectory, navigation.start, navigation.theta_axes)
-    values, _ = simulate_ensemble(shared_grid(response, FINEST), case.draws(len(case.reference)))
+    values, _ = simulate_ensemble(shared_grid(response, FINEST), among_all(case.draws(len(case.reference))))
     return case.error(values)

@@ -21,8 +21,8 @@ from mcnav.physics.reentry.ensemble.history_kernel import history_grid, history_
 from mcnav.physics.reentry.ensemble.kernel import simulate_ensemble
 from mcnav.physics.reentry.ensemble.refinement import FINEST, refined_grid
 from mcnav.physics.reentry.ensemble.transition import Response, linear_response
-from mcnav.scenarios.reentry import HISTORY_NODES
-from mcnav.scenarios.table_i import TABLE_I
+from mcnav.scenarios.reentry import HISTORY_NODES, OUTPUTS, SOURCES
+from mcnav.scenarios.table_i import TABLE_I, among_all
 from tests.benchmarks.build import case_of, scenario_of
 from tests.benchmarks.case import Case
 from tests.benchmarks.operations import KINDS, of_sample, rates, shortest
@@ -36,7 +36,7 @@ PROBES: Final = 64
 EPOCHS: Final = (60, 200)
 FLOWN: Final = 65_536
 CHUNK: Final = 8_192
-BYTES: Final = 8 * (10 + 4)
+BYTES: Final = 8 * (len(SOURCES) + len(OUTPUTS))
 """Read and written of a sample: everything else stays in the cache."""
 
 
@@ -44,7 +44,7 @@ def measure(case: Case, seconds: float = 0.3) -> dict[str, Any]:
     """Everything about one trajectory."""
     navigation = scenario_of(case.number).navigation
     response = linear_response(navigation.trajectory, navigation.start, navigation.theta_axes)
-    samples = case.draws(FLOWN)
+    samples = among_all(case.draws(FLOWN))
     refined = [
         refined_grid(navigation.trajectory, navigation.start, navigation.theta_axes, samples[:PROBES], tolerance)
         for tolerance in TOLERANCES

@@ -99,7 +99,7 @@ def test_partials_for_every_start_time(workplace: Path) -> None:
         table = pd.read_csv(folder / "start_times.csv")
         assert len(table) == 9
         summary = json.loads((workplace / "reports" / DEMO.stem / "summary.json").read_text())
-        found = table.filter(regex=r"^d ").iloc[0].to_numpy().reshape(4, 10)
+        found = table.filter(regex=r"^d ").iloc[0].to_numpy().reshape(4, -1)
         contributions = np.sqrt(np.diag(summary["start_covariance"]))
         difference = np.abs(found - summary["partials"]) * contributions
         assert (difference.max(axis=1) < 1e-5 * np.array(summary["sigma_linear"])).all()
@@ -160,7 +160,7 @@ class Jagged:
 
 
 def test_linearity_of_what_is_nowhere_linear(workplace: Path) -> None:
-    """Only the least multiple is simulated, so that each figure shows one: nothing is written to stderr, not even warnings.
+    """Only the least multiple is simulated, so that each figure shows one: stderr is empty, without warnings.
 
     A source with the name of an output is an initial one, also in a scenario of one's own.
     """

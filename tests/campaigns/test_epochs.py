@@ -13,7 +13,7 @@ import pytest
 from mcnav.scenarios.protocol import TimeHistoryEngine
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.run import run_campaign
-from tests.conftest import campaign, reentry
+from tests.conftest import SIZES, campaign, reentry
 
 OUTPUTS = ("altitude [m]", "range [m]", "altitude_rate [m/s]", "range_rate [m/s]")
 
@@ -86,9 +86,9 @@ def test_a_map_has_those_of_the_flights_it_was_fitted_to(tmp_path: Path) -> None
 
 def test_samples_that_leave_the_kernel_are_left_out() -> None:
     """Their histories are NaN, the sums are those of the others."""
-    errors = np.zeros((3, 10))
+    errors = np.zeros((3, len(SIZES)))
     errors[1, 0] = 1e9
-    engine = reentry(4).engine("ensemble", np.zeros((2, 10)))
+    engine = reentry(4).engine("ensemble", np.zeros((2, len(SIZES))))
     assert isinstance(engine, TimeHistoryEngine)
     histories = engine.histories(errors)
     assert np.isnan(histories[1]).all()

@@ -17,6 +17,7 @@ import mcnav
 from mcnav.config.read import Campaign, parse_campaign, read_campaign
 from mcnav.errors import RunFolderBusy, RunFolderError
 from mcnav.progress import Phase
+from mcnav.scenarios import reentry
 from mcnav.store.provenance import commit
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.analyse import report_run, summary_of
@@ -25,10 +26,7 @@ from tests.conftest import RecordedProgress, campaign, content
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
-SOURCES = [
-    ("altitude", "m"), ("range", "m"), ("altitude_rate", "m/s"), ("range_rate", "m/s"), ("misalignment", "rad"),
-    ("gyro_drift", "rad/s"), ("bias_x", "m/s^2"), ("bias_z", "m/s^2"), ("scale_factor_x", "1"), ("scale_factor_z", "1"),
-]  # fmt: skip
+SOURCES = [(source.name, source.unit) for source in reentry.SOURCES]
 OUTPUTS = SOURCES[:4]
 
 
@@ -67,7 +65,9 @@ def test_samples(finished: tuple[Path, dict[str, Any]]) -> None:
     assert np.array_equal(samples["index"], np.arange(9_000))
     assert (samples["status"] == "ok").all()
     run = campaign(4, samples=9_000)
-    assert np.array_equal(samples[columns[2:12]].to_numpy(), run.errors.draw("random", 1772, 9_000, 0, 9_000))
+    assert np.array_equal(
+        samples[columns[2 : 2 + len(SOURCES)]].to_numpy(), run.errors.draw("random", 1772, 9_000, 0, 9_000)
+    )
 
 
 def test_summary(finished: tuple[Path, dict[str, Any]]) -> None:

@@ -59,8 +59,8 @@ def test_covariance_against_openturns() -> None:
     sigma = run.errors.standard_deviations
     partials = scenario.linear_model().partials * sigma  # per sigma: OpenTURNS wants a correlation of order one
     correlation = run.errors.covariance / np.outer(sigma, sigma)
-    function = ot.LinearFunction([0.0] * 10, [0.0] * 4, ot.Matrix(partials.tolist()))
-    distribution = ot.Normal([0.0] * 10, [1.0] * 10, ot.CorrelationMatrix(correlation.tolist()))
+    function = ot.LinearFunction([0.0] * len(sigma), [0.0] * 4, ot.Matrix(partials.tolist()))
+    distribution = ot.Normal([0.0] * len(sigma), [1.0] * len(sigma), ot.CorrelationMatrix(correlation.tolist()))
     expansion = ot.TaylorExpansionMoments(ot.CompositeRandomVector(function, ot.RandomVector(distribution)))
     expected = np.array(expansion.getCovariance())
     ours = propagated_covariance(scenario.linear_model().partials, run.errors.covariance)

@@ -15,10 +15,11 @@ from mcnav.lincov.partials import (
     partials_from_runs,
 )
 from mcnav.physics.reentry.adjoint import sweep
+from mcnav.physics.reentry.instruments import Error
 from mcnav.physics.reentry.linearized import linearize
 from mcnav.scenarios.reentry import Reentry
-from mcnav.scenarios.table_i import ERRORS
-from tests.conftest import reentry
+from mcnav.scenarios.table_i import COLUMNS, ERRORS, among_all
+from tests.conftest import SIZES, reentry
 
 AGREEMENT = 1e-5
 """Share of each row's largest one-sigma contribution. The grid of the ensemble is good for 2e-6, the second-order term
@@ -30,16 +31,16 @@ to a thousandfold by a skip."""
 
 
 def _differences(scenario: Reentry) -> dict[str, float]:
-    probes = np.diag(ERRORS)
+    probes = np.diag(SIZES)
     variational = scenario.linear_model().partials
     fast, slow = (scenario.engine(engine, probes).propagate for engine in ("ensemble", "reference"))
     others = {
-        "differences": partials_by_differences(fast, ERRORS),
-        "runs on the ensemble engine": partials_by_independent_sets(fast, ERRORS),
-        "runs on the reference engine": partials_by_independent_sets(slow, ERRORS),
+        "differences": partials_by_differences(fast, SIZES),
+        "runs on the ensemble engine": partials_by_independent_sets(fast, SIZES),
+        "runs on the reference engine": partials_by_independent_sets(slow, SIZES),
     }
-    largest = np.abs(variational * ERRORS).max(axis=1, keepdims=True)
-    return {name: float((np.abs(other - variational) * ERRORS / largest).max()) for name, other in others.items()}
+    largest = np.abs(variational * SIZES).max(axis=1, keepdims=True)
+    return {name: float((np.abs(other - variational) * SIZES / largest).max()) for name, other in others.items()}
 
 
 def test_three_methods_agree(scenario: Reentry) -> None:
@@ -78,8 +79,10 @@ def test_partials_from_runs_refuses_too_few_runs() -> None:
 def test_axes_do_not_matter_without_accelerometer_errors() -> None:
     """Biases and scale factors live in the axes; everything else is the same physics in any axes."""
     here, there = (reentry(4, start=-214.8, axes=axes).linear_model().partials for axes in ("start", "trajectory"))
-    np.testing.assert_allclose(here[:, :6] * ERRORS[:6], there[:, :6] * ERRORS[:6], rtol=1e-7, atol=1e-6)
-    assert np.abs((here - there)[:, 6:] * ERRORS[6:]).max() > 100.0
+    np.testing.assert_allclose(
+        (here * SIZES)[:, : Error.BIAS_X], (there * SIZES)[:, : Error.BIAS_X], rtol=1e-7, atol=1e-6
+    )
+    assert np.abs((here - there) * SIZES)[:, Error.BIAS_X :].max() > 100.0
 
 
 def test_partials_over_time(scenario: Reentry) -> None:
@@ -87,15 +90,15 @@ def test_partials_over_time(scenario: Reentry) -> None:
     trajectory, known = scenario.trajectory, scenario.partials_history(21)
     np.testing.assert_allclose(known.partials[-1], scenario.linear_model().partials, rtol=1e-8, atol=1e-6)
     at_start = np.diag([1.0, EARTH_RADIUS / trajectory.state(0.0)[0]] * 2)
-    np.testing.assert_allclose(known.partials[0], np.hstack([at_start, np.zeros((4, 6))]), atol=1e-12)
+    np.testing.assert_allclose(known.partials[0], np.hstack([at_start, np.zeros((4, len(SIZES) - 4))]), atol=1e-12)
     assert known.label == "time from reentry [min]"
     assert known.times[0] == pytest.approx(-trajectory.reentry_time / 60.0)
     assert known.times[10] == pytest.approx(0.0, abs=1e-9)
-    steps = np.vstack([np.diag(ERRORS), -np.diag(ERRORS)]) * 1e-3
+    steps = np.vstack([np.diag(SIZES), -np.diag(SIZES)]) * 1e-3
     flown = scenario.error_histories(steps, known.times[1:] * 60.0)[2]
-    found = (flown[:, :10] - flown[:, 10:]).swapaxes(1, 2) / (2e-3 * ERRORS)
-    largest = np.abs(found * ERRORS).max(axis=2, keepdims=True)
-    assert (np.abs(found - known.partials[1:]) * ERRORS / largest).max() < AGREEMENT
+    found = (flown[:, : len(SIZES)] - flown[:, len(SIZES) :]).swapaxes(1, 2) / (2e-3 * SIZES)
+    largest = np.abs(found * SIZES).max(axis=2, keepdims=True)
+    assert (np.abs(found - known.partials[1:]) * SIZES / largest).max() < AGREEMENT
 
 
 @pytest.mark.parametrize("axes", ["start", "trajectory"])
@@ -107,16 +110,21 @@ def test_one_adjoint_sweep_gives_every_start_time(scenario: Reentry, axes: str) 
     for start in np.linspace(0.0, 0.999 * trajectory.final_time, 50):
         theta_axes = float(trajectory.state(start)[1]) if axes == "start" else first
         fresh, _ = linearize(trajectory, start, theta_axes)
-        largest = np.abs(fresh * ERRORS).max(axis=1, keepdims=True)
-        assert (np.abs(adjoint.partials(start, axes) - fresh) * ERRORS / largest).max() < SAME_EQUATIONS
+        largest = np.abs(fresh * SIZES).max(axis=1, keepdims=True)
+        assert (np.abs(adjoint.partials(start, axes) - fresh) * SIZES / largest).max() < SAME_EQUATIONS
 
 
 def test_adjoint_and_the_histories_of_ten_runs_agree(scenario: Reentry) -> None:
     """NASA TN D-1772, eq. (16), at 50 start times: the report's own way, in the axes of the first start."""
     trajectory = scenario.trajectory
     times = np.linspace(0.0, 0.999 * trajectory.final_time, 50) - trajectory.reentry_time
-    from_runs = partials_at_later_starts(lambda errors: scenario.error_sets(errors, times), ERRORS)
-    adjoint = scenario.partials_at(times, "trajectory")
+
+    def histories(errors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        sets, final = scenario.error_sets(among_all(errors), times)
+        return sets[..., COLUMNS], final
+
+    from_runs = partials_at_later_starts(histories, ERRORS)
+    adjoint = scenario.partials_at(times, "trajectory")[..., COLUMNS]
     largest = np.abs(adjoint * ERRORS).max(axis=2, keepdims=True)
     assert (np.abs(from_runs - adjoint) * ERRORS / largest).max() < AGREEMENT
 
@@ -127,4 +135,4 @@ def test_adjoint_at_the_end_is_the_identity() -> None:
     partials = sweep(trajectory, 0.0).partials(trajectory.final_time, "trajectory")
     share = 6378140.0 / trajectory.state(trajectory.final_time)[0]
     np.testing.assert_allclose(partials[:, :4], np.diag([1.0, share, 1.0, share]), atol=1e-9)
-    np.testing.assert_allclose(partials[:, 4:] * ERRORS[4:], 0.0, atol=1e-6)
+    np.testing.assert_allclose((partials * SIZES)[:, 4:], 0.0, atol=1e-6)

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mcnav.lincov.partials import partials_throughout
+from mcnav.physics.reentry.instruments import Error as PlanarError
 from mcnav.physics.reentry.instruments import indicated_force, measured_force
 from mcnav.physics.reentry.truth import motion
 from mcnav.physics.steady.ensemble import simulate_ensemble, simulate_histories
@@ -52,9 +53,9 @@ def test_in_the_plane_it_is_the_navigator_of_the_report(seed: int, time: float) 
     flight = SteadyFlight(10e3, SPEED, 1.0, slaved=False)
     whole = np.zeros(len(SIZES))
     common = ["MISALIGNMENT", "GYRO_DRIFT", "BIAS_X", "BIAS_Z", "SCALE_FACTOR_X", "SCALE_FACTOR_Z"]
-    planar = np.zeros(10)
-    for place, name in enumerate(common, start=4):
-        planar[place] = whole[Error[name]] = random.standard_normal() * SIZES[Error[name]] * 100.0
+    planar = np.zeros(len(PlanarError))
+    for name in common:
+        planar[PlanarError[name]] = whole[Error[name]] = random.standard_normal() * SIZES[Error[name]] * 100.0
     r, theta = flight.radius * random.uniform(0.9, 1.1), random.uniform(-3.0, 3.0)
     r_rate, theta_rate = random.uniform(-1e3, 1e3), random.uniform(-1e-3, 1e-3)
     measured = measured_force(0.0, -flight.effective_gravity, flight.rate * time, time, planar)

@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 from mcnav.cli import app
 from mcnav.errors import MOST_NAMES, suggestion
+from mcnav.scenarios.reentry import SOURCES
 from tests.conftest import ROOT
 
 pytestmark = pytest.mark.usefixtures("undrawn")
@@ -27,10 +28,7 @@ class Mine:
         BODY
 """
 OWN = 'samples = 100\n[scenario]\ntype = "mine.py:Mine"\n[errors]\na = "1 m"\n'
-ALL = (
-    "altitude, range, altitude_rate, range_rate, misalignment, gyro_drift, bias_x, bias_z, scale_factor_x, "
-    "scale_factor_z"
-)
+ALL = ", ".join(source.name for source in SOURCES)
 
 CAMPAIGNS = {
     "no TOML": ("samples = = 3", "is not TOML"),

@@ -1,12 +1,12 @@
-"""The adjoint of the linearised navigator: partial derivatives for every start time from one backward sweep.
+"""The adjoint of the linearized navigator: partial derivatives for every start time from one backward sweep.
 
-With ``e' = A e + B d`` the linearised navigator of `mcnav.physics.reentry.linearized` along the truth, the matrix
+With ``e' = A e + B d`` the linearized navigator of `mcnav.physics.reentry.linearized` along the truth, the matrix
 Lambda that carries an error at time t to the end obeys ``Lambda' = -Lambda A``, ``Lambda(t_f) = I``. The effect of
 equipment errors that act from t_s on is an integral of Lambda over the same sweep:
 
 - a constant force error along a reference axis: ``int Lambda b_X dt`` and ``int Lambda b_Z dt``;
-- force errors proportional to a force component, from which scale factors and misalignment in *any* axes follow by
-  rotation: ``int Lambda b_i f_j dt`` for i, j in X, Z;
+- force errors proportional to a force component, from which scale factors, cross-axis sensitivities and misalignment
+  in *any* axes follow by rotation: ``int Lambda b_i f_j dt`` for i, j in X, Z;
 - misalignment that grows from t_s: ``int Lambda (b_X f_Z - b_Z f_X) t dt`` less t_s times the same without t.
 
 The sweep is along the truth. Where the accelerometers are switched off above an altitude, a perfect navigator departs
@@ -20,18 +20,18 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.integrate import DOP853, OdeSolution, solve_ivp
+from scipy.integrate import OdeSolution
 
 from mcnav._types import Array
 from mcnav.constants import EARTH_RADIUS, GRAVITATIONAL_PARAMETER
+from mcnav.physics.integration import integrate
 from mcnav.physics.jit import compiled
-from mcnav.physics.reentry.instruments import measured_force
+from mcnav.physics.reentry.instruments import Error, measured_force
 from mcnav.physics.reentry.truth import Trajectory, truth_force
 
-RELATIVE_TOLERANCE: Final = 1e-10
-ABSOLUTE_TOLERANCE: Final = 1e-10
+TOLERANCES: Final = (1e-10, 1e-10)
 
-_NO_ERRORS: Final = np.zeros(10)
+_NO_ERRORS: Final = np.zeros(len(Error))
 _COLUMNS: Final = 11
 """Lambda (4), then the integrals: constant X, Z; X f_X, X f_Z, Z f_X, Z f_Z; turn times t."""
 
@@ -40,7 +40,7 @@ _COLUMNS: Final = 11
 def adjoint_rates(
     time: float, matrix: Array, actual: Array, coefficients: Array, on: float, theta_axes: float, no_errors: Array
 ) -> Array:
-    """Rates of Lambda and of its integrals, shape (44,), at a time whose truth is given.
+    """Compute the rates of Lambda and of its integrals, shape (44,), at a time whose truth is given.
 
     In scaled states (r_e, r_E theta_e, r_e', r_E theta_e'), so that all of Lambda is of one order.
     """
@@ -81,7 +81,6 @@ class Adjoint:
 
     Attributes
     ----------
-    trajectory : Trajectory
     theta_axes : float
         Range angle of the fixed reference axes of the sweep, rad.
     sweeps : tuple of (float, OdeSolution)
@@ -93,7 +92,7 @@ class Adjoint:
     sweeps: tuple[tuple[float, OdeSolution], ...]
 
     def partials(self, start: float, axes: str = "start") -> Array:
-        """Partial derivatives of the final errors for navigation that starts at a time (s), shape (4, 10).
+        """Compute partial derivatives of the final errors for navigation that starts at a time (s), shape (4, sources).
 
         ``axes`` is ``start`` for reference axes aligned at that time, ``trajectory`` for those of the sweep. Gyro drift
         counts from the start of navigation in both. Rows and columns as in
@@ -108,12 +107,14 @@ class Adjoint:
         # horizontal and vertical (down) at the new angle: x = X cos + Z sin, z = -X sin + Z cos
         to_new = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
         misalignment = products[:, 0, 1] - products[:, 1, 0]
-        partials = np.empty((4, 10))
+        turned = np.einsum("rij,ai,bj->rab", products, to_new, to_new)  # force errors along a by the force along b
+        partials = np.empty((4, len(Error)))
         partials[:, :4] = carried * [1.0, EARTH_RADIUS / actual[0], 1.0, EARTH_RADIUS / actual[0]]
-        partials[:, 4] = misalignment
-        partials[:, 5] = values[:, 10] - start * misalignment
-        partials[:, 6:8] = constant @ to_new.T
-        partials[:, 8:] = np.einsum("rij,ai,aj->ra", products, to_new, to_new)
+        partials[:, Error.MISALIGNMENT] = misalignment
+        partials[:, Error.GYRO_DRIFT] = values[:, 10] - start * misalignment
+        partials[:, [Error.BIAS_X, Error.BIAS_Z]] = constant @ to_new.T
+        partials[:, Error.SCALE_FACTOR_X], partials[:, Error.SCALE_FACTOR_Z] = turned[:, 0, 0], turned[:, 1, 1]
+        partials[:, Error.CROSS_AXIS_X], partials[:, Error.CROSS_AXIS_Z] = turned[:, 0, 1], turned[:, 1, 0]
         return partials
 
 
@@ -122,7 +123,6 @@ def sweep(trajectory: Trajectory, theta_axes: float) -> Adjoint:
 
     Parameters
     ----------
-    trajectory : Trajectory
     theta_axes : float
         Range angle of the fixed reference axes, rad.
     """
@@ -137,18 +137,11 @@ def sweep(trajectory: Trajectory, theta_axes: float) -> Adjoint:
             known, layer, switched = fixed
             return adjoint_rates(time, matrix, known(time), layer, switched, theta_axes, _NO_ERRORS)  # type: ignore
 
-        flown = solve_ivp(
-            rates,
-            (phase.end, phase.start),
-            flat,
-            method=DOP853,
-            rtol=RELATIVE_TOLERANCE,
-            atol=ABSOLUTE_TOLERANCE,
-            dense_output=True,
-            args=(truth, coefficients, on),
+        solution = integrate(
+            rates, (phase.end, phase.start), flat, TOLERANCES, (truth, coefficients, on), dense_output=True
         )
-        if flown.status != 0:
-            raise ArithmeticError(f"the adjoint broke down at {flown.t[-1]:.1f} s: {flown.message}")
-        sweeps.append((phase.start, flown.sol))
-        flat = flown.y[:, -1]
+        if solution.status != 0:
+            raise ArithmeticError(f"the adjoint broke down at {solution.t[-1]:.1f} s: {solution.message}")
+        sweeps.append((phase.start, solution.sol))
+        flat = solution.y[:, -1]
     return Adjoint(trajectory, theta_axes, tuple(reversed(sweeps)))

@@ -87,7 +87,7 @@ continues is below 1e-13 kg/m^3."""
 
 
 def geometric_altitude(geopotential: float) -> float:
-    """Geometric altitude h (m) of a geopotential altitude H (m): h = r0 H / (r0 - H)."""
+    """Convert a geopotential altitude H to a geometric one, m: h = r0 H / (r0 - H)."""
     return GEOPOTENTIAL_RADIUS * geopotential / (GEOPOTENTIAL_RADIUS - geopotential)
 
 
@@ -97,7 +97,7 @@ LAYER_BOUNDARIES: Final = tuple(geometric_altitude(layer.base) for layer in LAYE
 
 @compiled
 def layer_density(altitude: float, base: float, temperature: float, lapse: float, base_density: float) -> float:
-    """Density (kg/m^3) at a geometric altitude (m), by the coefficients of one layer.
+    """Compute the density (kg/m^3) at a geometric altitude (m), by the coefficients of one layer.
 
     ``rho = rho_b (T / T_b)^-(1 + g0 M0 / (R* L))`` where the temperature has a gradient, and
     ``rho = rho_b exp(-g0 M0 (H - H_b) / (R* T_b))`` where it has none.
@@ -110,12 +110,12 @@ def layer_density(altitude: float, base: float, temperature: float, lapse: float
 
 
 def layer_index(altitude: float) -> int:
-    """Index in `LAYERS` of the layer that holds a geometric altitude (m); a boundary belongs to the layer above."""
+    """Find the layer in `LAYERS` that holds a geometric altitude (m); a boundary belongs to the layer above."""
     return int(np.searchsorted(np.array(LAYER_BOUNDARIES), altitude, side="right"))
 
 
 def density(altitude: float) -> float:
-    """Density of the ARDC 1959 atmosphere (kg/m^3) at a geometric altitude (m).
+    """Compute the density of the ARDC 1959 atmosphere (kg/m^3) at a geometric altitude (m).
 
     >>> round(density(0.0), 4)
     1.225

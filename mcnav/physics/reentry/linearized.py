@@ -1,6 +1,6 @@
-"""The linearised navigator: variational equations of NASA TN D-1772, eqs. (5)-(10), along a truth.
+"""The linearized navigator: variational equations of NASA TN D-1772, eqs. (5)-(10), along a truth.
 
-Truth, zero-error indicated motion and the 4 x 10 matrix of sensitivities are integrated together by DOP853, phase by
+Truth, zero-error indicated motion and the sensitivities to every error are integrated together by DOP853, phase by
 phase, in polar coordinates. Where the accelerometers are always on, the zero-error indicated motion is the truth.
 """
 
@@ -10,31 +10,31 @@ from collections.abc import Iterator
 from typing import Any, Final
 
 import numpy as np
-from scipy.integrate import DOP853, solve_ivp
 
 from mcnav._types import Array
 from mcnav.constants import EARTH_RADIUS, GRAVITATIONAL_PARAMETER
+from mcnav.physics.integration import integrate
 from mcnav.physics.jit import compiled
-from mcnav.physics.reentry.instruments import indicated_force, measured_force
+from mcnav.physics.reentry.instruments import Error, indicated_force, measured_force, measured_force_partials
 from mcnav.physics.reentry.navigator import joint_rates, navigation_error
 from mcnav.physics.reentry.truth import Trajectory, truth_force
 
-_NO_ERRORS: Final = np.zeros(10)
-RELATIVE_TOLERANCE: Final = 1e-11
-ABSOLUTE_TOLERANCE: Final = 1e-12
+SOURCES: Final = len(Error)
+_NO_ERRORS: Final = np.zeros(SOURCES)
+TOLERANCES: Final = (1e-11, 1e-12)
 
 
 @compiled
 def variational_rates(
     time: float, state: Array, coefficients: Array, on: float, no_errors: Array, start: float, theta_axes: float
 ) -> Array:
-    """Rates of truth (4), zero-error indicated state (4) and sensitivities (4 x 10, by rows), shape (48,).
+    """Compute the rates of truth (4), zero-error indicated state (4) and sensitivities (4 x sources, by rows).
 
     With e = (r_e, theta_e, r_e', theta_e') and (df_x, df_z) the variation of the indicated force,
     ``r_e'' = (theta'^2 + 2 mu / r^3) r_e + 2 r theta' theta_e' - df_z`` and
     ``r theta_e'' = df_x - theta'' r_e - 2 theta' r_e' - 2 r' theta_e'``.
     """
-    rates = np.empty(48)
+    rates = np.empty(state.size)
     rates[:8] = joint_rates(time, state[:8], coefficients, on, no_errors, start, theta_axes)
     actual, indicated = state[:4], state[4:8]
     elapsed, angle = time - start, indicated[1] - theta_axes
@@ -45,23 +45,12 @@ def variational_rates(
     angle_acceleration = rates[7]
     stiffness = angle_rate * angle_rate + 2.0 * GRAVITATIONAL_PARAMETER / radius**3
 
-    sensitivity, change = state[8:].reshape(4, 10), rates[8:].reshape(4, 10)
-    for source in range(10):
-        along_x, along_z = 0.0, 0.0
-        if source == 4:
-            along_x, along_z = measured_z, -measured_x
-        elif source == 5:
-            along_x, along_z = measured_z * elapsed, -measured_x * elapsed
-        elif source == 6:
-            along_x = 1.0
-        elif source == 7:
-            along_z = 1.0
-        elif source == 8:
-            along_x = measured_x
-        elif source == 9:
-            along_z = measured_z
+    sensitivity, change = state[8:].reshape(4, SOURCES), rates[8:].reshape(4, SOURCES)
+    by_error = np.empty((2, SOURCES))
+    measured_force_partials(measured_x, measured_z, elapsed, by_error)
+    for source in range(SOURCES):
         altitude, shift, altitude_rate, shift_rate = sensitivity[:, source]
-        turned_x, turned_z = indicated_force(on * along_x, on * along_z, angle)
+        turned_x, turned_z = indicated_force(on * by_error[0, source], on * by_error[1, source], angle)
         change_x = turned_x + indicated_z * shift
         change_z = turned_z - indicated_x * shift
         change[0, source] = altitude_rate
@@ -80,43 +69,32 @@ SCALE: Final = np.array([1.0, EARTH_RADIUS, 1.0, EARTH_RADIUS])
 def _stretches(
     trajectory: Trajectory, start: float, theta_axes: float, dense: bool
 ) -> Iterator[tuple[float, float, Any]]:
-    """Each phase's begin and end (s), and scipy's solution of `variational_rates` within it."""
+    """Integrate phase by phase: begin, end (s) and scipy's solution of `variational_rates` of each."""
     actual = trajectory.departure(start)
-    sensitivity = np.zeros((4, 10))
+    sensitivity = np.zeros((4, SOURCES))
     sensitivity[:, :4] = np.diag([1.0, 1.0 / actual[0], 1.0, 1.0 / actual[0]])
     state = np.concatenate([actual, actual, sensitivity.ravel()])
     for begin, end, phase in trajectory.navigated(start):
-        flown = solve_ivp(
-            variational_rates,
-            (begin, end),
-            np.concatenate([trajectory.shared(begin, phase, state[:8]), state[8:]]),
-            method=DOP853,
-            rtol=RELATIVE_TOLERANCE,
-            atol=ABSOLUTE_TOLERANCE,
-            dense_output=dense,
-            args=(phase.coefficients, float(phase.accelerometers_on), _NO_ERRORS, start, theta_axes),
-        )
-        if flown.status != 0:
-            raise ArithmeticError(f"the variational equations broke down at {flown.t[-1]:.1f} s: {flown.message}")
-        yield begin, end, flown
-        state = flown.y[:, -1]
+        args = (phase.coefficients, float(phase.accelerometers_on), _NO_ERRORS, start, theta_axes)
+        shared = np.concatenate([trajectory.shared(begin, phase, state[:8]), state[8:]])
+        solution = integrate(variational_rates, (begin, end), shared, TOLERANCES, args, dense_output=dense)
+        if solution.status != 0:
+            raise ArithmeticError(f"the variational equations broke down at {solution.t[-1]:.1f} s: {solution.message}")
+        yield begin, end, solution
+        state = solution.y[:, -1]
 
 
 def linearize(trajectory: Trajectory, start: float, theta_axes: float) -> tuple[Array, Array]:
-    """Partial derivatives of the final errors, and the final errors without any error.
+    """Compute the partial derivatives of the final errors, and the final errors without any error.
 
     Parameters
     ----------
-    trajectory : Trajectory
-        The truth.
-    start : float
-        Start of navigation, s from the first point.
-    theta_axes : float
-        Range angle of the reference axes, rad.
+    start, theta_axes : float
+        Start of navigation, s from the first point of the truth; range angle of the reference axes, rad.
 
     Returns
     -------
-    partials : ndarray, shape (4, 10)
+    partials : ndarray, shape (4, sources)
         The matrix P of NASA TN D-1772, eq. (13); rows altitude, range, altitude rate, range rate (m, m/s), columns in
         the order of `mcnav.physics.reentry.instruments.Error`.
     nominal : ndarray, shape (4,)
@@ -124,11 +102,11 @@ def linearize(trajectory: Trajectory, start: float, theta_axes: float) -> tuple[
     """
     *_, (_, _, last) = _stretches(trajectory, start, theta_axes, dense=False)
     state = last.y[:, -1]
-    return SCALE[:, None] * state[8:].reshape(4, 10), navigation_error(state[:4], state[4:8])
+    return SCALE[:, None] * state[8:].reshape(4, SOURCES), navigation_error(state[:4], state[4:8])
 
 
 def linearize_throughout(trajectory: Trajectory, start: float, theta_axes: float, times: Array) -> Array:
-    """Partial derivatives of the errors at some times of the flight (s from the first point), shape (n, 4, 10).
+    """Compute partial derivatives of the errors at times of the flight (s from its first point), shape (n, 4, sources).
 
     Parameters
     ----------
@@ -137,9 +115,9 @@ def linearize_throughout(trajectory: Trajectory, start: float, theta_axes: float
     times : ndarray, shape (n,)
         Between the start of navigation and the end.
     """
-    partials = np.empty((len(times), 4, 10))
-    for begin, end, flown in _stretches(trajectory, start, theta_axes, dense=True):
+    partials = np.empty((len(times), 4, SOURCES))
+    for begin, end, solution in _stretches(trajectory, start, theta_axes, dense=True):
         within = (begin <= times) & (times <= end)
         if within.any():
-            partials[within] = flown.sol(times[within])[8:].T.reshape(-1, 4, 10)
+            partials[within] = solution.sol(times[within])[8:].T.reshape(-1, 4, SOURCES)
     return np.asarray(SCALE[:, None] * partials)

@@ -1,4 +1,4 @@
-"""The navigator, flown as the report writes it: NASA TN D-1772, eqs. (5), (9), (10), in polar coordinates.
+"""The navigator in the form of the report: NASA TN D-1772, eqs. (5), (9), (10), in polar coordinates.
 
 This is the reference path. Truth and indicated motion are integrated together, one sample at a time, by scipy's DOP853
 with a restart at every kink of the truth. The ensemble path (`mcnav.physics.reentry.ensemble.kernel`) shares none of
@@ -11,30 +11,29 @@ from collections.abc import Callable
 from typing import Final
 
 import numpy as np
-from scipy.integrate import DOP853, solve_ivp
 
 from mcnav._types import Array
 from mcnav.constants import EARTH_RADIUS
+from mcnav.physics.integration import integrate
 from mcnav.physics.jit import compiled
 from mcnav.physics.reentry.instruments import Error, indicated_force, measured_force
-from mcnav.physics.reentry.truth import Trajectory, motion, truth_force
+from mcnav.physics.reentry.truth import ABSOLUTE_TOLERANCE, RELATIVE_TOLERANCE, Trajectory, motion, truth_force
 
-RELATIVE_TOLERANCE: Final = 1e-12
-ABSOLUTE_TOLERANCE: Final = np.array([1e-5, 1e-12, 1e-8, 1e-15] * 2)
+TOLERANCES: Final = (RELATIVE_TOLERANCE, np.tile(ABSOLUTE_TOLERANCE, 2))
 
 LOWEST_RADIUS: Final = 0.01 * EARTH_RADIUS
-"""An indicated position nearer to the earth's centre than this (m) is no navigation any more."""
+"""An indicated position nearer to the earth's centre than this (m) ends the simulation."""
 
 
 class Diverged(ArithmeticError):
-    """An indicated trajectory that cannot be flown to the end; the message says why."""
+    """An indicated trajectory that cannot be integrated to the end; the message says why."""
 
 
 @compiled
 def joint_rates(
     time: float, state: Array, coefficients: Array, on: float, errors: Array, start: float, theta_axes: float
 ) -> Array:
-    """Rates of the truth (first four) and of the indicated state (last four), NASA TN D-1772, eqs. (1)-(9)."""
+    """Compute rates of the truth (first four) and of the indicated state (last four), NASA TN D-1772, eqs. (1)-(9)."""
     rates = np.empty(8)
     actual, indicated = state[:4], state[4:]
     force_x, force_z = truth_force(actual, coefficients)
@@ -46,7 +45,7 @@ def joint_rates(
 
 
 def indicated_start(actual: Array, errors: Array) -> Array:
-    """Indicated state at the start of navigation, shape (4,) (NASA TN D-1772, eq. 10).
+    """Add the initial errors to the actual state: the indicated start, shape (4,) (NASA TN D-1772, eq. 10).
 
     Range and range-rate errors are arc lengths at the radius of the start.
     """
@@ -61,7 +60,7 @@ def indicated_start(actual: Array, errors: Array) -> Array:
 
 
 def navigation_error(actual: Array, indicated: Array) -> Array:
-    """Indicated less actual, as altitude, range, altitude rate and range rate at the earth's radius: m, m/s."""
+    """Subtract actual from indicated: altitude, range and their rates at the earth's radius, m and m/s."""
     scale = [1.0, EARTH_RADIUS, 1.0, EARTH_RADIUS]
     return np.asarray((indicated - actual) * scale, dtype=float)
 
@@ -80,20 +79,18 @@ def simulate_indicated(
     theta_axes: float,
     watch: Callable[[Array, Array], None] = lambda times, states: None,
 ) -> Array:
-    """Final navigation errors of one sample, flown along a truth from the start of navigation.
+    """Simulate one sample along a truth: its final navigation errors.
 
     Parameters
     ----------
-    trajectory : Trajectory
-        The truth.
-    errors : ndarray, shape (10,)
+    errors : ndarray, shape (sources,)
         In the order of `Error`: m, m/s, rad, rad/s, m/s^2, dimensionless.
     start : float
         Start of navigation, s from the first point of the truth.
     theta_axes : float
         Range angle at which the reference axes are horizontal and vertical, rad.
     watch : callable
-        Shown the integrator's steps as they are flown, also of a flight that diverges: times, shape (m,), s from the
+        Called with the integrator's steps, also of a flight that diverges: times, shape (m,), s from the
         first point of the truth; actual and indicated states, shape (8, m).
 
     Returns
@@ -111,20 +108,13 @@ def simulate_indicated(
     if not np.all(np.isfinite(state)) or state[4] <= LOWEST_RADIUS:
         raise Diverged(f"the indicated radius starts at {state[4]:.6g} m")
     for begin, end, phase in trajectory.navigated(start):
-        flown = solve_ivp(
-            joint_rates,
-            (begin, end),
-            trajectory.shared(begin, phase, state),
-            method=DOP853,
-            rtol=RELATIVE_TOLERANCE,
-            atol=ABSOLUTE_TOLERANCE,
-            events=_too_low,
-            args=(phase.coefficients, float(phase.accelerometers_on), errors, start, theta_axes),
-        )
-        watch(flown.t, flown.y)
-        state = flown.y[:, -1]
-        if flown.status == 1:
+        args = (phase.coefficients, float(phase.accelerometers_on), errors, start, theta_axes)
+        shared = trajectory.shared(begin, phase, state)
+        solution = integrate(joint_rates, (begin, end), shared, TOLERANCES, args, events=_too_low)
+        watch(solution.t, solution.y)
+        state = solution.y[:, -1]
+        if solution.status == 1:
             raise Diverged(f"the indicated position fell to {state[4] / 1e3:.0f} km from the earth's centre")
-        if flown.status < 0 or not np.all(np.isfinite(state)):
-            raise Diverged(f"the integration broke down at {flown.t[-1]:.1f} s: {flown.message}")
+        if solution.status < 0 or not np.all(np.isfinite(state)):
+            raise Diverged(f"the integration broke down at {solution.t[-1]:.1f} s: {solution.message}")
     return navigation_error(state[:4], state[4:])

@@ -1,8 +1,7 @@
-"""Histories of several indicated trajectories flown together along one truth.
+"""Histories of several indicated trajectories along one truth, integrated with the same steps.
 
-All of them share every step of the integrator. The map from the errors at one time to those at a later one is then one
-and the same smooth function for all, so that small differences between the flights keep their meaning to rounding:
-what NASA TN D-1772, eq. (16), needs of its ten runs.
+The map from the errors at one time to those at a later one is then the same smooth function for all, so that small
+differences between the trajectories are accurate to rounding, as NASA TN D-1772, eq. (16), needs of its ten runs.
 """
 
 from __future__ import annotations
@@ -10,26 +9,20 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-from scipy.integrate import DOP853, solve_ivp
 
 from mcnav._types import Array
+from mcnav.physics.integration import integrate
 from mcnav.physics.jit import compiled
 from mcnav.physics.reentry.instruments import indicated_force, measured_force
-from mcnav.physics.reentry.navigator import (
-    ABSOLUTE_TOLERANCE,
-    LOWEST_RADIUS,
-    RELATIVE_TOLERANCE,
-    Diverged,
-    indicated_start,
-)
-from mcnav.physics.reentry.truth import Trajectory, motion, truth_force
+from mcnav.physics.reentry.navigator import LOWEST_RADIUS, Diverged, indicated_start
+from mcnav.physics.reentry.truth import ABSOLUTE_TOLERANCE, RELATIVE_TOLERANCE, Trajectory, motion, truth_force
 
 
 @compiled
 def joint_rates(
     time: float, state: Array, coefficients: Array, on: float, errors: Array, start: float, theta_axes: float
 ) -> Array:
-    """Rates of the truth (first four) and of n indicated states (four each), NASA TN D-1772, eqs. (1)-(9)."""
+    """Compute rates of the truth (first four) and of n indicated states (four each), NASA TN D-1772, eqs. (1)-(9)."""
     rates = np.empty(state.size)
     actual = state[:4]
     force_x, force_z = truth_force(actual, coefficients)
@@ -46,19 +39,17 @@ def joint_rates(
 def simulate_together(
     trajectory: Trajectory, errors: Array, start: float, theta_axes: float, times: Array
 ) -> tuple[Array, Array]:
-    """Actual and indicated states of several flights at chosen times.
+    """Simulate several samples with shared steps: actual and indicated states at chosen times.
 
     Parameters
     ----------
-    trajectory : Trajectory
-        The truth.
-    errors : ndarray, shape (n, 10)
-        Of each flight, in the order of `mcnav.physics.reentry.instruments.Error`, SI.
+    errors : ndarray, shape (n, sources)
+        Errors of each sample, in the order of `mcnav.physics.reentry.instruments.Error`, SI.
     start, theta_axes : float
         As for `mcnav.physics.reentry.navigator.simulate_indicated`.
     times : ndarray, shape (m,)
-        Rising, s from the first point of the truth, none before the start. The integration halts at each, so that
-        nothing is interpolated.
+        Rising, s from the first point of the truth, none before the start. The integration stops at each; nothing is
+        interpolated.
 
     Returns
     -------
@@ -74,23 +65,16 @@ def simulate_together(
     first = trajectory.departure(start)
     state = np.concatenate([first, *(indicated_start(first, row) for row in errors)])
     kept: dict[float, Array] = {start: state}
-    tolerance = np.tile(ABSOLUTE_TOLERANCE[:4], 1 + len(errors))
+    tolerance = np.tile(ABSOLUTE_TOLERANCE, 1 + len(errors))
     for begin, end, phase in trajectory.navigated(start):
         state = trajectory.shared(begin, phase, state)
         halts = [begin, *(float(time) for time in times if begin < time < end), end]
         for since, until in pairwise(halts):
-            flown = solve_ivp(
-                joint_rates,
-                (since, until),
-                state,
-                method=DOP853,
-                rtol=RELATIVE_TOLERANCE,
-                atol=tolerance,
-                args=(phase.coefficients, float(phase.accelerometers_on), errors, start, theta_axes),
-            )
-            state = flown.y[:, -1]
-            if flown.status != 0 or state[4::4].min(initial=np.inf) < LOWEST_RADIUS:
-                raise Diverged(f"a flight of {len(errors)} flown together broke down at {flown.t[-1]:.1f} s")
+            args = (phase.coefficients, float(phase.accelerometers_on), errors, start, theta_axes)
+            solution = integrate(joint_rates, (since, until), state, (RELATIVE_TOLERANCE, tolerance), args)
+            state = solution.y[:, -1]
+            if solution.status != 0 or state[4::4].min(initial=np.inf) < LOWEST_RADIUS:
+                raise Diverged(f"a flight of {len(errors)} flown together broke down at {solution.t[-1]:.1f} s")
             kept[until] = state
     if missing := [float(time) for time in times if float(time) not in kept]:
         raise ValueError(f"histories run from {start:g} s to {trajectory.final_time:g} s; got {missing[0]:g} s")
@@ -99,7 +83,7 @@ def simulate_together(
 
 
 def speed_and_angle_errors(actual: Array, indicated: Array) -> tuple[Array, Array]:
-    """Errors of the inertial speed (m/s) and of its flight-path angle (rad), as NASA TN D-1772, figure 3(b).
+    """Compute errors of the inertial speed (m/s) and of its flight-path angle (rad), as NASA TN D-1772, figure 3(b).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The actual motion of the vehicle: NASA TN D-1772, eqs. (1)-(4), flown phase by phase.
+"""The actual motion of the vehicle: NASA TN D-1772, eqs. (1)-(4), integrated phase by phase.
 
 Within one *phase* the atmosphere has one layer, the lift law one regime and the accelerometers one switch position, so
 that the equations are smooth, and the altitude only rises or only falls. Phases end where the truth crosses a layer
@@ -18,11 +18,12 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from scipy.integrate import DOP853, OdeSolution, solve_ivp
+from scipy.integrate import OdeSolution
 from scipy.optimize import brentq
 
 from mcnav._types import Array
 from mcnav.constants import EARTH_RADIUS, EARTH_RATE, GRAVITATIONAL_PARAMETER, REENTRY_ALTITUDE
+from mcnav.physics.integration import integrate
 from mcnav.physics.jit import compiled
 from mcnav.physics.reentry.atmosphere import LAYER_BOUNDARIES, LAYERS, Layer, layer_density
 from mcnav.physics.reentry.vehicle import ConstantLift, LiftLaw, Vehicle, aerodynamic_force
@@ -32,12 +33,12 @@ ABSOLUTE_TOLERANCE: Final = np.array([1e-5, 1e-12, 1e-8, 1e-15])
 """DOP853's tolerances for (r, theta, r_dot, theta_dot): m, rad, m/s, rad/s."""
 
 LONGEST_FLIGHT: Final = 86_400.0
-"""A truth that has not come down after this time (s) is given up."""
+"""A truth that has not come down after this time (s) is refused."""
 
 ALTITUDE_HYSTERESIS: Final = 1e-6
 RATE_HYSTERESIS: Final = 1e-9
-"""A phase ends this far (m, m/s) beyond its boundary: above rounding, so that the next phase starts inside itself, and
-far below anything that the physics could notice."""
+"""A phase ends this far (m, m/s) beyond its boundary: above rounding, so that the next phase starts inside its own
+bounds, and without effect on the physics."""
 
 
 class NoReentry(ValueError):
@@ -70,7 +71,7 @@ class Phase:
 
 @compiled
 def truth_force(state: Array, coefficients: Array) -> tuple[float, float]:
-    """Horizontal and vertical (down) specific force on the vehicle in one phase, m/s^2."""
+    """Compute the horizontal and vertical (down) specific force on the vehicle in one phase, m/s^2."""
     base, temperature, lapse, base_density, ballistic, lift, lift_per_rate = coefficients
     radius, _, radius_rate, angle_rate = state
     air = layer_density(radius - EARTH_RADIUS, base, temperature, lapse, base_density)
@@ -79,7 +80,7 @@ def truth_force(state: Array, coefficients: Array) -> tuple[float, float]:
 
 @compiled
 def motion(state: Array, force_x: float, force_z: float, rates: Array) -> None:
-    """Rates of a polar state under gravity and a specific force, NASA TN D-1772, eq. (1), written into ``rates``.
+    """Compute rates of a polar state under gravity and a specific force (TN D-1772, eq. 1) into ``rates``.
 
     ``r'' = r theta'^2 - f_z - mu/r^2`` and ``r theta'' = f_x - 2 r' theta'``. The truth obeys it with the actual
     force, the navigator (eq. 5) with the indicated one.
@@ -93,7 +94,7 @@ def motion(state: Array, force_x: float, force_z: float, rates: Array) -> None:
 
 @compiled
 def truth_rates(time: float, state: Array, coefficients: Array) -> Array:
-    """Rates of the truth's polar state in one phase (NASA TN D-1772, eqs. 1-4)."""
+    """Compute the rates of the truth's polar state in one phase (NASA TN D-1772, eqs. 1-4)."""
     rates = np.empty(4)
     force_x, force_z = truth_force(state, coefficients)
     motion(state, force_x, force_z, rates)
@@ -102,7 +103,7 @@ def truth_rates(time: float, state: Array, coefficients: Array) -> Array:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """A flown truth.
+    """An integrated truth.
 
     Attributes
     ----------
@@ -125,15 +126,15 @@ class Trajectory:
         return [phase.end for phase in self.phases]
 
     def phase_at(self, time: float) -> Phase:
-        """The phase that holds a time (s); a boundary belongs to the later one."""
+        """Find the phase that holds a time (s); a boundary belongs to the later one."""
         return self.phases[min(bisect_right(self._ends, time), len(self.phases) - 1)]
 
     def state(self, time: float) -> Array:
-        """Polar state (r, theta, r_dot, theta_dot) at a time: m, rad, m/s, rad/s; shape (4,)."""
+        """Evaluate the polar state (r, theta, r_dot, theta_dot) at a time: m, rad, m/s, rad/s; shape (4,)."""
         return np.asarray(self.phase_at(time).solution(time), dtype=float)
 
     def departure(self, time: float) -> Array:
-        """The state at a time from which something is to be flown, shape (4,).
+        """Integrate the state at a time from which a simulation starts, shape (4,).
 
         Integrated from the last step's beginning, not interpolated: a skip magnifies what the interpolation leaves.
         """
@@ -142,43 +143,41 @@ class Trajectory:
         node = float(known[known <= time].max(initial=phase.start))
         if node == time:
             return self.state(time)
-        flown = solve_ivp(
+        solution = integrate(
             truth_rates,
             (node, time),
             phase.solution(node),
-            method=DOP853,
-            rtol=RELATIVE_TOLERANCE,
-            atol=ABSOLUTE_TOLERANCE,
-            args=(phase.coefficients,),
+            (RELATIVE_TOLERANCE, ABSOLUTE_TOLERANCE),
+            (phase.coefficients,),
         )
-        return np.asarray(flown.y[:, -1])
+        return np.asarray(solution.y[:, -1])
 
     def states(self, times: Array) -> Array:
-        """Polar states at many times, shape (n, 4)."""
+        """Evaluate the polar states at many times, shape (n, 4)."""
         return np.array([self.state(time) for time in times])
 
     def forces(self, times: Array) -> Array:
-        """Specific forces (f_x, f_z) at many times, m/s^2, shape (n, 2); f_z is positive down."""
+        """Compute the specific forces (f_x, f_z) at many times, m/s^2, shape (n, 2); f_z is positive down."""
         return np.array([truth_force(self.state(time), self.phase_at(time).coefficients) for time in times])
 
-    def shared(self, begin: float, phase: Phase, flown: Array) -> Array:
-        """States flown along this truth, shape (4 n,), moved as one so that the first is the truth at a phase's begin.
+    def shared(self, begin: float, phase: Phase, states: Array) -> Array:
+        """Move states integrated along this truth, shape (4 n,), together: the first is the truth where a phase begins.
 
         An integrator of its own leaves the truth by its own error, which a skip magnifies. Differences of states from
         the truth, which are what is wanted, stay as they are.
         """
         if begin != phase.start:
-            return flown
-        drift = np.asarray(phase.solution(begin)) - flown[:4]
-        return np.asarray(flown + np.tile(drift, len(flown) // 4))
+            return states
+        drift = np.asarray(phase.solution(begin)) - states[:4]
+        return np.asarray(states + np.tile(drift, len(states) // 4))
 
     def navigated(self, start: float) -> tuple[tuple[float, float, Phase], ...]:
-        """The stretches (begin, end, phase) that remain when navigation starts at a time (s)."""
+        """List the stretches (begin, end, phase) that remain when navigation starts at a time (s)."""
         return tuple((max(start, phase.start), phase.end, phase) for phase in self.phases if phase.end > start)
 
 
 def airspeed_and_angle(state: Array) -> tuple[float, float]:
-    """Speed relative to the air (m/s) and its flight-path angle (rad, positive up), NASA TN D-1772, eq. (4)."""
+    """Compute speed relative to the air (m/s) and its flight-path angle (rad, positive up), NASA TN D-1772, eq. (4)."""
     radius, _, radius_rate, angle_rate = state
     eastward = radius * (angle_rate - EARTH_RATE)
     return float(np.hypot(radius_rate, eastward)), float(np.arctan2(radius_rate, eastward))
@@ -195,7 +194,7 @@ class _Regime:
 
 
 def _regimes(law: LiftLaw) -> tuple[_Regime, ...]:
-    """The regimes of a lift law in order of rising altitude rate."""
+    """List the regimes of a lift law in order of rising altitude rate."""
     if isinstance(law, ConstantLift):
         return (_Regime(law.lift_to_drag, 0.0, -np.inf, np.inf),)
     corner = law.limiting_rate
@@ -217,7 +216,7 @@ class _Band:
 
 
 def _bands(switching_altitude: float | None) -> tuple[_Band, ...]:
-    """The bands in rising order."""
+    """List the altitude bands in rising order."""
     edges = sorted({*LAYER_BOUNDARIES, *(() if switching_altitude is None else (switching_altitude,))})
     radii = [-np.inf, *(EARTH_RADIUS + edge for edge in edges), np.inf]
     bands = []
@@ -232,7 +231,7 @@ Event = Callable[[float, Array, Array], float]
 
 
 def _crossing(component: int, level: float, direction: int) -> Event:
-    """A terminal event of `solve_ivp`: a component of the state passes a level, rising (+1) or falling (-1)."""
+    """Make a terminal event of `solve_ivp`: a component of the state passes a level, rising (+1) or falling (-1)."""
 
     def event(time: float, state: Array, coefficients: Array) -> float:
         return float(state[component]) - level
@@ -291,32 +290,24 @@ def fly_truth(
         # where the altitude may leave this phase: above when it rises, below (the end included) when it falls
         level = air.top + ALTITUDE_HYSTERESIS if rising else max(air.bottom - ALTITUDE_HYSTERESIS, end)
         direction = 1 if rising else -1
-        flown = solve_ivp(
-            truth_rates,
-            (time, LONGEST_FLIGHT),
-            state,
-            method=DOP853,
-            rtol=relative_tolerance,
-            atol=ABSOLUTE_TOLERANCE,
-            dense_output=True,
-            args=(coefficients,),
-            events=[
-                _crossing(0, level, direction),
-                _crossing(2, -direction * RATE_HYSTERESIS, -direction),
-                _crossing(2, law.slowest - RATE_HYSTERESIS, -1),
-                _crossing(2, law.fastest + RATE_HYSTERESIS, +1),
-            ],
-        )
-        if flown.status != 1:
-            raise NoReentry(_what_it_does_instead(phases, flown.y, final_altitude))
-        crossed, turned, slower, faster = (found.size > 0 for found in flown.t_events)
-        until = float(flown.t[-1])
-        if not crossed and direction * (flown.y[0, -1] - level) > 0.0:
+        events = [
+            _crossing(0, level, direction),
+            _crossing(2, -direction * RATE_HYSTERESIS, -direction),
+            _crossing(2, law.slowest - RATE_HYSTERESIS, -1),
+            _crossing(2, law.fastest + RATE_HYSTERESIS, +1),
+        ]
+        tolerances, span = (relative_tolerance, ABSOLUTE_TOLERANCE), (time, LONGEST_FLIGHT)
+        solution = integrate(truth_rates, span, state, tolerances, (coefficients,), dense_output=True, events=events)
+        if solution.status != 1:
+            raise NoReentry(_what_it_does_instead(phases, solution.y, final_altitude))
+        crossed, turned, slower, faster = (found.size > 0 for found in solution.t_events)
+        until = float(solution.t[-1])
+        if not crossed and direction * (solution.y[0, -1] - level) > 0.0:
             # beyond the level and back within one step, which shows at its turning point alone
-            until = _when(flown.sol, level, float(flown.t[-2]), until)
+            until = _when(solution.sol, level, float(solution.t[-2]), until)
             crossed, turned, slower, faster = True, False, False, False
-        phases.append(Phase(coefficients, air.accelerometers_on, time, until, flown.sol))
-        time, state = until, np.asarray(flown.sol(until))
+        phases.append(Phase(coefficients, air.accelerometers_on, time, until, solution.sol))
+        time, state = until, np.asarray(solution.sol(until))
         if crossed and level == end:
             return Trajectory(tuple(phases), _reentry_time(phases))
         band += direction if crossed else 0
@@ -325,12 +316,12 @@ def fly_truth(
 
 
 def _when(solution: OdeSolution, radius: float, begin: float, end: float) -> float:
-    """When a solution whose radius is monotone on [begin, end] passes a radius there, s."""
+    """Find when a solution whose radius is monotone on [begin, end] passes a radius there, s."""
     return float(brentq(lambda time: float(solution(time)[0]) - radius, begin, end, xtol=1e-12))
 
 
 def _reentry_time(phases: list[Phase]) -> float:
-    """When the altitude first falls through 121.92 km; zero when it starts below."""
+    """Find when the altitude first falls through 121.92 km, s; zero when it starts below."""
     level = EARTH_RADIUS + REENTRY_ALTITUDE
     if phases[0].solution(phases[0].start)[0] <= level:
         return 0.0
@@ -345,7 +336,7 @@ def _kilometres(radius: float) -> str:
 
 
 def _what_it_does_instead(phases: list[Phase], last: Array, final_altitude: float) -> str:
-    """Why a flight was given up, in terms of the altitudes that it did reach."""
+    """Explain why a flight was given up, by the altitudes that it did reach."""
     radii = np.concatenate([*(phase.solution(phase.solution.ts)[0] for phase in phases), last[0]])
     return (
         f"the trajectory never comes down to {final_altitude / 1e3:.2f} km: in {LONGEST_FLIGHT / 3600:.0f} h its "

@@ -67,7 +67,7 @@ class Vehicle:
 def aerodynamic_force(
     radius: float, radius_rate: float, angle_rate: float, air_density: float, ballistic: float, lift_to_drag: float
 ) -> tuple[float, float]:
-    """Horizontal and vertical specific force of the air, m/s^2 (NASA TN D-1772, eqs. 2-4).
+    """Compute the horizontal and vertical specific force of the air, m/s^2 (NASA TN D-1772, eqs. 2-4).
 
     With V_A the speed relative to the rotating air and gamma_A its flight-path angle, D = rho V_A^2 (C_D A/m) / 2,
     ``f_x = -D (cos gamma_A + (L/D) sin gamma_A)`` and ``f_z = D (sin gamma_A - (L/D) cos gamma_A)``, positive down.

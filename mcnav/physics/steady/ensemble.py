@@ -37,7 +37,7 @@ _TINY: Final = 1e-200
 def _turned(
     x: float, y: float, z: float, turn_x: float, turn_y: float, turn_z: float
 ) -> tuple[float, float, float]:  # fmt: skip
-    """Change of a vector along axes turned by a rotation vector: 2 q0 (q x v) + 2 q x (q x v) with the quaternion q."""
+    """Change a vector by turning its axes by a rotation vector: 2 q0 (q x v) + 2 q x (q x v), with the quaternion q."""
     angle = np.sqrt(turn_x * turn_x + turn_y * turn_y + turn_z * turn_z)
     sine, cosine = half_turn(angle)
     share = sine / (angle + _TINY)
@@ -52,14 +52,14 @@ def _turned(
 
 @inlined
 def _local(x: float, y: float, z: float, st: float, ct: float, sc: float, cc: float) -> tuple[float, float, float]:
-    """A vector in the instruments' axes at the start along those at a position: along, across, down."""
+    """Resolve a vector in the instruments' axes at the start along those at a position: along, across, down."""
     flat = ct * z - st * x  # down, but for the angle across
     return x * ct + z * st, y * cc + flat * sc, flat * cc - y * sc
 
 
 @inlined
 def _instrument(force: float, change: float, bias: float, scale: float) -> float:
-    """Output of an accelerometer less the actual force on it."""
+    """Compute the output of an accelerometer less the actual force on it."""
     return change + bias + scale * (force + change + bias)
 
 
@@ -150,7 +150,7 @@ def _advance(block: Array, nodes: Array, first: int, step: float, constants: Arr
 
 
 @compiled
-def _fly(
+def _simulate(
     deviations: Array, equipment: Array, nodes: Array, first: int, step: float, constants: Array, slaved: bool,
     level: bool, component: Array,
 ) -> None:  # fmt: skip
@@ -172,7 +172,7 @@ def _fly(
 
 
 def _start(flight: SteadyFlight, errors: Array) -> Array:
-    """Deviations X, Y, U and their rates at the start, formed without cancellation, shape (n, 6)."""
+    """Compute the deviations X, Y, U and their rates at the start, formed without cancellation, shape (n, 6)."""
     radius, rate = flight.radius, flight.rate
     lifted = 0.0 if flight.slaved else 1.0
     altitude, altitude_rate = lifted * errors[:, Error.ALTITUDE], lifted * errors[:, Error.ALTITUDE_RATE]
@@ -196,7 +196,7 @@ def _start(flight: SteadyFlight, errors: Array) -> Array:
 
 
 def _errors_at(flight: SteadyFlight, time: float, deviations: Array) -> Array:
-    """Navigation errors from deviations at a time, formed without cancellation, shape (n, 6)."""
+    """Compute the navigation errors from deviations at a time, formed without cancellation, shape (n, 6)."""
     radius, rate, arc = flight.radius, flight.rate, flight.earth.radius
     sine, cosine = np.sin(rate * time), np.cos(rate * time)
     x, cross, u, vx, vy, vu = deviations.T
@@ -217,11 +217,10 @@ def _errors_at(flight: SteadyFlight, time: float, deviations: Array) -> Array:
 
 
 def simulate_ensemble(flight: SteadyFlight, errors: Array, steps: int) -> tuple[Array, NDArray[np.bool_]]:
-    """Final navigation errors of many samples.
+    """Simulate many samples: their final navigation errors.
 
     Parameters
     ----------
-    flight : SteadyFlight
     errors : ndarray, shape (n, 18)
         In the order of `mcnav.physics.steady.truth.Error`: m, m/s, rad, rad/s, m/s^2, dimensionless.
     steps : int
@@ -235,18 +234,17 @@ def simulate_ensemble(flight: SteadyFlight, errors: Array, steps: int) -> tuple[
         False for a sample that came within `mcnav.physics.reentry.ensemble.kernel.SMALLEST_COMPONENT` of where the
         shared grid is too coarse and angles could wrap, or that is not finite: fly it on the reference path.
     """
-    flown, valid = simulate_histories(flight, errors, steps, np.array([steps]))
-    return flown[:, 0], valid
+    histories, valid = simulate_histories(flight, errors, steps, np.array([steps]))
+    return histories[:, 0], valid
 
 
 def simulate_histories(
     flight: SteadyFlight, errors: Array, steps: int, stops: IndexArray
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Navigation errors of many samples at some of the steps.
+    """Simulate many samples: their navigation errors at some of the steps.
 
     Parameters
     ----------
-    flight : SteadyFlight
     errors : ndarray, shape (n, 18)
     steps : int
         As for `simulate_ensemble`.
@@ -277,7 +275,7 @@ def simulate_histories(
     histories, reached = np.empty((len(errors), len(stops), 6)), 0
     for number, stop in enumerate(stops):
         ahead = nodes[reached:stop]
-        _fly(deviations, equipment, ahead, reached, step, constants, flight.slaved, flight.level, component)
+        _simulate(deviations, equipment, ahead, reached, step, constants, flight.slaved, flight.level, component)
         histories[:, number] = _errors_at(flight, flight.duration * stop / steps, deviations)
         reached = int(stop)
     return histories, (component >= SMALLEST_COMPONENT) & np.isfinite(histories).all(axis=(1, 2))

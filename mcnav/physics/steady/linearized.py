@@ -1,4 +1,4 @@
-"""The linearised navigator of a steady flight: equations of variation of `mcnav.physics.steady.navigator`.
+"""The linearized navigator of a steady flight: equations of variation of `mcnav.physics.steady.navigator`.
 
 About the truth, with h, x and y the errors of radius, range and cross range (arc lengths at the radius r of the flight)
 and df the error of the measured force along the true local axes,
@@ -15,17 +15,16 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from scipy.integrate import DOP853, solve_ivp
 
 from mcnav._types import Array
+from mcnav.physics.integration import integrate
 from mcnav.physics.steady.truth import Error, SteadyFlight
 
-RELATIVE_TOLERANCE: Final = 1e-11
-ABSOLUTE_TOLERANCE: Final = 1e-12
+TOLERANCES: Final = (1e-11, 1e-12)
 
 
 def force_errors(flight: SteadyFlight, time: float) -> Array:
-    """Error of the measured force along the true local x, y, z per unit of each error, shape (3, 18)."""
+    """Compute the error of the measured force along the true local x, y, z per unit of each error, shape (3, 18)."""
     felt, angle = flight.effective_gravity, flight.rate * time
     sine, cosine = np.sin(angle), np.cos(angle)
     first, later = flight.drifted(np.array(time))
@@ -45,11 +44,10 @@ def force_errors(flight: SteadyFlight, time: float) -> Array:
 
 
 def linearize(flight: SteadyFlight, times: Array) -> Array:
-    """Partial derivatives of the navigation errors at some times, shape (n, 6, 18); SI.
+    """Compute the partial derivatives of the navigation errors at some times, shape (n, 6, 18); SI.
 
     Parameters
     ----------
-    flight : SteadyFlight
     times : ndarray, shape (n,)
         s, rising, within the flight.
     """
@@ -73,15 +71,7 @@ def linearize(flight: SteadyFlight, times: Array) -> Array:
     for row, source in enumerate((Error.ALTITUDE, Error.RANGE, Error.CROSS_RANGE)):
         start[row, source] = start[row + 3, source + 3] = lifted if row == 0 else 1.0
     start[5, Error.AZIMUTH_MISALIGNMENT] = flight.speed
-    flown = solve_ivp(
-        rates,
-        (0.0, float(times[-1])),
-        start.ravel(),
-        method=DOP853,
-        t_eval=times,
-        rtol=RELATIVE_TOLERANCE,
-        atol=ABSOLUTE_TOLERANCE,
-    )
+    solution = integrate(rates, (0.0, float(times[-1])), start.ravel(), TOLERANCES, t_eval=times)
     share = flight.earth.radius / radius  # ranges are told at the earth's radius
     scale = np.array([1.0, share, share, 1.0, share, share])
-    return np.asarray(flown.y.T.reshape(-1, 6, sources) * scale[:, None])
+    return np.asarray(solution.y.T.reshape(-1, 6, sources) * scale[:, None])

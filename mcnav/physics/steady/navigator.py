@@ -16,30 +16,29 @@ from collections.abc import Callable
 from typing import Final
 
 import numpy as np
-from scipy.integrate import DOP853, solve_ivp
 
 from mcnav._types import Array
+from mcnav.physics.integration import integrate
 from mcnav.physics.jit import compiled
 from mcnav.physics.steady.truth import Error, SteadyFlight, navigation_error
 
-RELATIVE_TOLERANCE: Final = 1e-12
-ABSOLUTE_TOLERANCE: Final = np.array([1e-6, 1e-14, 1e-14, 1e-9, 1e-17, 1e-17])
+TOLERANCES: Final = (1e-12, np.array([1e-6, 1e-14, 1e-14, 1e-9, 1e-17, 1e-17]))
 """DOP853's, for r, theta, cross and their rates: m, rad, m/s, rad/s."""
 
 LOWEST_SHARE: Final = 0.01
-"""An indicated position nearer to the earth's centre than this share of the actual radius is no navigation any more."""
+"""An indicated position nearer to the earth's centre than this share of the actual radius ends the simulation."""
 
 STEEPEST: Final = 1.5
 """Across the track (rad) the coordinates end at the pole of the great circle; so far from it they still serve."""
 
 
 class Diverged(ArithmeticError):
-    """An indicated flight that cannot be flown to its end; the message says why."""
+    """An indicated flight that cannot be integrated to its end; the message says why."""
 
 
 @compiled
 def misaligned(force: Array, turn: Array) -> Array:
-    """A vector along axes turned by a rotation vector (rad), shape (3,): Rodrigues' formula."""
+    """Turn the axes of a vector by a rotation vector (rad), shape (3,): Rodrigues' formula."""
     angle = np.sqrt(np.sum(turn * turn))
     if angle == 0.0:
         return force.copy()
@@ -51,7 +50,7 @@ def misaligned(force: Array, turn: Array) -> Array:
 
 @compiled
 def directions(theta: float, cross: float) -> Array:
-    """Rows: along, across (right) and down at a position, in the instruments' axes at the start; shape (3, 3)."""
+    """Form the directions along, across (right) and down at a position, as rows in the instruments' axes; (3, 3)."""
     along, across = np.array([np.cos(theta), 0.0, np.sin(theta)]), np.empty(3)
     down = np.array([-np.cos(cross) * np.sin(theta), -np.sin(cross), np.cos(cross) * np.cos(theta)])
     across[0], across[1], across[2] = -np.sin(cross) * np.sin(theta), np.cos(cross), np.sin(cross) * np.cos(theta)
@@ -65,7 +64,7 @@ def indicated_rates(
     time: float, state: Array, errors: Array, radius: float, rate: float, force: float, mu: float, slaved: bool,
     level: bool,
 ) -> Array:  # fmt: skip
-    """Rates of (r, theta, cross, r', theta', cross') of the indicated motion, shape (6,)."""
+    """Compute the rates of (r, theta, cross, r', theta', cross') of the indicated motion, shape (6,)."""
     angle = rate * time
     felt = np.array([force * np.sin(angle), 0.0, -force * np.cos(angle)])
     local = directions(state[1], state[2])
@@ -99,7 +98,7 @@ def indicated_rates(
 
 
 def indicated_start(flight: SteadyFlight, errors: Array) -> Array:
-    """The indicated state at the start, shape (6,).
+    """Add the initial errors to the actual state: the indicated start, shape (4,) (NASA TN D-1772, eq. 10).
 
     The start's velocity is known along the platform's axes: an azimuth misalignment turns it, as a missile launched
     into the wrong direction (the seed's Problem 1).
@@ -121,15 +120,14 @@ def indicated_start(flight: SteadyFlight, errors: Array) -> Array:
 def simulate_indicated(
     flight: SteadyFlight, errors: Array, watch: Callable[[Array, Array], None] = lambda times, states: None
 ) -> Array:
-    """Final navigation errors of one sample, shape (6,); see `mcnav.physics.steady.truth.navigation_error`.
+    """Simulate one sample along a truth: its final navigation errors.
 
     Parameters
     ----------
-    flight : SteadyFlight
     errors : ndarray, shape (18,)
         In the order of `Error`: m, m/s, rad, rad/s, m/s^2, dimensionless.
     watch : callable
-        Shown the integrator's steps, also of a flight that diverges: times, shape (m,), s; states, shape (6, m).
+        Called with the integrator's steps, also of a flight that diverges: times, shape (m,), s; states, shape (6, m).
 
     Raises
     ------
@@ -149,29 +147,15 @@ def simulate_indicated(
     start = indicated_start(flight, errors)
     if not np.all(np.isfinite(start)) or too_low(0.0, start) <= 0.0 or too_far_across(0.0, start) <= 0.0:
         raise Diverged(f"the indicated flight starts at radius {start[0]:.6g} m, {start[2]:.3g} rad across the track")
-    flown = solve_ivp(
-        indicated_rates,
-        (0.0, flight.duration),
-        start,
-        method=DOP853,
-        rtol=RELATIVE_TOLERANCE,
-        atol=ABSOLUTE_TOLERANCE,
-        events=(too_low, too_far_across),
-        args=(
-            errors,
-            flight.radius,
-            flight.rate,
-            flight.effective_gravity,
-            flight.earth.gravitational_parameter,
-            flight.slaved,
-            flight.level,
-        ),
-    )
-    watch(flown.t, flown.y)
-    if flown.status == 1:
-        low = flown.t_events[0].size > 0
+    earth = flight.earth.gravitational_parameter
+    args = (errors, flight.radius, flight.rate, flight.effective_gravity, earth, flight.slaved, flight.level)
+    events = (too_low, too_far_across)
+    solution = integrate(indicated_rates, (0.0, flight.duration), start, TOLERANCES, args, events=events)
+    watch(solution.t, solution.y)
+    if solution.status == 1:
+        low = solution.t_events[0].size > 0
         where = "the earth's centre" if low else "the pole of the great circle"
-        raise Diverged(f"the indicated position came near {where} at {flown.t[-1]:.0f} s")
-    if flown.status < 0 or not np.all(np.isfinite(flown.y[:, -1])):
-        raise Diverged(f"the integration broke down at {flown.t[-1]:.1f} s: {flown.message}")
-    return navigation_error(flight, flown.y[:, -1])
+        raise Diverged(f"the indicated position came near {where} at {solution.t[-1]:.0f} s")
+    if solution.status < 0 or not np.all(np.isfinite(solution.y[:, -1])):
+        raise Diverged(f"the integration broke down at {solution.t[-1]:.1f} s: {solution.message}")
+    return navigation_error(flight, solution.y[:, -1])

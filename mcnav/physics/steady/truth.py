@@ -69,7 +69,7 @@ class Earth:
 
     @classmethod
     def with_gravity(cls, radius: float, gravity: float) -> Earth:
-        """An earth by its radius (m) and the gravity at its surface (m/s^2)."""
+        """Make an earth from its radius (m) and the gravity at its surface (m/s^2)."""
         return cls(radius, gravity * radius**2)
 
 
@@ -91,7 +91,6 @@ class SteadyFlight:
     level : bool
         Whether the platform is kept level at the indicated position, as the seed has it, so that accelerometers and
         gyros stay along the local axes. Else it keeps the directions it had at the start, as NASA TN D-1772 has it.
-    earth : Earth
     """
 
     altitude: float
@@ -112,7 +111,7 @@ class SteadyFlight:
         return self.speed / self.radius
 
     def drifted(self, times: Array) -> tuple[Array, Array]:
-        """How long gyros along the local axes have drifted about the first ones, and about those a quarter turn on, s.
+        """Compute how long gyros along local axes drift about the first ones and about those a quarter turn on, s.
 
         A level platform's gyros turn with the vertical: the integrals of the cosine and the sine of the range angle.
         Those of an inertial platform do not: the time, and nothing.
@@ -134,13 +133,12 @@ class SteadyFlight:
 
 
 def navigation_error(flight: SteadyFlight, indicated: Array) -> Array:
-    """Indicated less actual at the end of a flight, shape (6,).
+    """Subtract actual from indicated at the end of a flight, shape (6,).
 
     Altitude, range, cross range and their rates, m and m/s; ranges are arc lengths at the earth's radius.
 
     Parameters
     ----------
-    flight : SteadyFlight
     indicated : ndarray, shape (6,)
         r, theta, cross and their rates: m, rad, m/s, rad/s.
     """

@@ -19,15 +19,25 @@ from mcnav.analysis.comparison import Criterion, Model, compare
 from mcnav.analysis.linearity import alone
 from mcnav.constants import GRAVITATIONAL_PARAMETER
 from mcnav.lincov.partials import Propagate, partials_at_later_starts
+from mcnav.physics.reentry.instruments import Error
 from mcnav.physics.reentry.navigator import simulate_indicated
 from mcnav.physics.reentry.truth import airspeed_and_angle
 from mcnav.physics.reentry.vehicle import Vehicle
 from mcnav.report.model import humanize
 from mcnav.reproduce.tn_d1772.printed import TO_PRINTED, final_errors
-from mcnav.reproduce.tn_d1772.tables import table_i_scenario
+from mcnav.reproduce.tn_d1772.tables import TN_SOURCES, linear_model, propagator, table_i_scenario
 from mcnav.scenarios.protocol import source_labels
-from mcnav.scenarios.reentry import OUTPUTS, SOURCES, Flight, Reentry
-from mcnav.scenarios.table_i import ERRORS, TABLE_I, common_start, range_from_reentry, start_at_angle
+from mcnav.scenarios.reentry import OUTPUTS, Flight, Reentry
+from mcnav.scenarios.table_i import (
+    ALL_ERRORS,
+    COLUMNS,
+    ERRORS,
+    TABLE_I,
+    among_all,
+    common_start,
+    range_from_reentry,
+    start_at_angle,
+)
 
 SAMPLES: Final = 4_000
 SEED: Final = 1772
@@ -54,8 +64,6 @@ class Finding:
 
     Attributes
     ----------
-    said : str
-    found : str
     verdict : str
         ``holds``, ``in part``, ``does not hold`` or ``settled`` (for what had to be decided to reproduce anything).
     """
@@ -65,12 +73,12 @@ class Finding:
     verdict: str
 
     def __post_init__(self) -> None:
-        """Numbers below zero get a minus sign, not a hyphen."""
+        """Give numbers below zero a minus sign in place of a hyphen."""
         object.__setattr__(self, "found", re.sub(r"(?<![\w−-])-(?=\d)", "−", self.found))
 
 
 def claims(figures: Mapping[str, pd.DataFrame]) -> list[Finding]:
-    """The report's conclusions. ``figures`` are the tables of `mcnav.reproduce.tn_d1772.curves` by name."""
+    """Examine the report's conclusions; ``figures`` are the tables of `mcnav.reproduce.tn_d1772.curves` by name."""
     return [
         linear_at_stated_errors(),
         linear_at_ten_times(),
@@ -85,19 +93,19 @@ def claims(figures: Mapping[str, pd.DataFrame]) -> list[Finding]:
 
 
 def settled() -> list[Finding]:
-    """What the report leaves open or contradicts, and how it was decided."""
+    """List what the report leaves open or contradicts, and how it was decided."""
     return [earth_radius(), axes(), start_of_table_v(), threshold_of_table_vi(), sensitive_angles(), reentry_values(),
             start_times_agree()]  # fmt: skip
 
 
 def linear_at_stated_errors() -> Finding:
-    """All seven trajectories, random errors of the stated size as one sigma."""
+    """Compare all seven trajectories with random errors of the stated size as one sigma."""
     ratios, nees = {}, {}
     for number in TABLE_I:
         scenario = table_i_scenario(number)
         draws = np.random.default_rng(SEED).standard_normal((SAMPLES, len(ERRORS))) * ERRORS
-        outcomes = scenario.engine("ensemble", draws[:64]).propagate(draws).values
-        linear = scenario.linear_model()
+        outcomes = propagator(scenario, "ensemble", draws[:64])(draws).values
+        linear = linear_model(scenario)
         model = Model(linear.partials, linear.nominal, np.zeros(len(ERRORS)), np.diag(ERRORS**2))
         found = compare(model, draws, outcomes, np.arange(SAMPLES), Criterion(LINEAR_WITHIN))
         ratios[number] = [float(output.paired.ratio or np.nan) for output in found.outputs]
@@ -117,18 +125,18 @@ def linear_at_stated_errors() -> Finding:
 
 
 def linear_at_ten_times() -> Finding:
-    """Each source alone on trajectory 4, and the multiple at which it departs."""
+    """Raise each source alone on trajectory 4 to the multiple at which it departs from linear."""
     scenario = table_i_scenario(4)
-    linear = scenario.linear_model()
+    linear = linear_model(scenario)
     directions = np.diag(ERRORS)
 
     def fly(multiple: float) -> Propagate:
-        return scenario.engine("ensemble", multiple * np.vstack([directions, -directions])).propagate
+        return propagator(scenario, "ensemble", multiple * np.vstack([directions, -directions]))
 
     found = alone(fly, linear, directions, LINEAR_WITHIN, 100.0)
     effects = np.abs(linear.partials * ERRORS)
     matters = (effects >= MATTERS * np.sqrt((effects**2).sum(axis=1, keepdims=True))).T
-    labels = source_labels([source.name for source in SOURCES], [output.name for output in OUTPUTS])
+    labels = source_labels([source.name for source in TN_SOURCES], [output.name for output in OUTPUTS])
     early = [
         f"{labels[j]} in {humanize(OUTPUTS[i].name)} ({found.multiples[j, i]:.2g} times)"
         for j, i in zip(*np.nonzero(matters & (found.multiples < 10.0)), strict=True)
@@ -147,7 +155,7 @@ def _minutes(value: float, decimals: int = 1) -> str:
 
 
 def best_start(frame: pd.DataFrame) -> Finding:
-    """When altitude dispersion is least."""
+    """Find when altitude dispersion is least."""
     start = frame.iloc[:, 0]
     advised = (start >= -30.0) & (start <= -20.0)
     words = []
@@ -171,7 +179,7 @@ def best_start(frame: pd.DataFrame) -> Finding:
 
 
 def worst_start(frame: pd.DataFrame) -> Finding:
-    """When an initial altitude error alone does most harm."""
+    """Find when an initial altitude error alone does most harm."""
     worst = {
         name: float(frame.iloc[int(np.abs(frame[f"{name} for altitude [km]"]).argmax()), 0])
         for name in ("altitude", "range")
@@ -187,7 +195,7 @@ def worst_start(frame: pd.DataFrame) -> Finding:
 
 
 def what_predominates(frame: pd.DataFrame) -> Finding:
-    """Which kind of error matters for early and for late starts."""
+    """Find which kind of error matters for early and for late starts."""
     words = []
     for name in ("altitude", "range"):
         conditions, equipment = (
@@ -204,7 +212,7 @@ def what_predominates(frame: pd.DataFrame) -> Finding:
 
 
 def against_range(frame: pd.DataFrame) -> Finding:
-    """Figure 4, with flights between and beyond the seven."""
+    """Examine figure 4, with flights between and beyond the seven."""
     between = frame[frame["source"] == "between"].sort_values("final range [km]")
     constant, variable = (between[between["kind"] == f"{kind} L/D"] for kind in ("constant", "variable"))
     reach, altitude = (constant[column].to_numpy() for column in ("final range [km]", ABSOLUTE_ALTITUDE))
@@ -229,20 +237,21 @@ def against_range(frame: pd.DataFrame) -> Finding:
 
 
 def accelerometers_off(frame: pd.DataFrame) -> Finding:
-    """Table VI and the best switching altitude."""
+    """Examine Table VI and the best switching altitude."""
     on, off = (
-        table_i_scenario(4, **options).linear_model().partials * ERRORS
+        table_i_scenario(4, **options).linear_model().partials * ALL_ERRORS
         for options in ({}, {"accelerometers_off_above": 121_920.0})
     )
     total_on, total_off = (np.sqrt((effects**2).sum(axis=1))[0] / 1e3 for effects in (on, off))
+    bias_x, bias_z = ([abs(effects[0, error]) / 1e3 for effects in (on, off)] for error in (Error.BIAS_X, Error.BIAS_Z))
     column = frame["altitude, rms [km]"]
     best = int(column.argmin())
     at_report = float(column[frame["off above [km]"] == 121.92].iloc[0])
     early = frame[frame["off above [km]"] == 90.0]
     return Finding(
         "Taking the accelerometers' outputs as zero above the atmosphere greatly reduces the errors due to their bias.",
-        f"Bias x: {abs(on[0, 6]) / 1e3:.2f} km of final altitude become {abs(off[0, 6]) / 1e3:.2f} km, bias z: "
-        f"{abs(on[0, 7]) / 1e3:.2f} km become {abs(off[0, 7]) / 1e3:.2f} km; the dispersion of all falls from "
+        f"Bias x: {bias_x[0]:.2f} km of final altitude become {bias_x[1]:.2f} km, bias z: {bias_z[0]:.2f} km become "
+        f"{bias_z[1]:.2f} km; the dispersion of all falls from "
         f"{total_on:.1f} to {total_off:.1f} km. The best switching altitude, the drag missed above it counted in, is "
         f"{frame.iloc[best, 0]:.0f} km, but it is worth only {100 * (at_report / column[best] - 1):.2f} % over 121.92 "
         f"km. Lower it turns dangerous: off above 90 km, {early['altitude, drag missed [km]'].iloc[0]:.1f} km of final "
@@ -252,12 +261,14 @@ def accelerometers_off(frame: pd.DataFrame) -> Finding:
 
 
 def table_v() -> Finding:
-    """The cause of the discrepancy between the parts of Table V."""
+    """Find the cause of the discrepancy between the parts of Table V."""
     own = table_i_scenario(4, start=-214.8)
     fixed = table_i_scenario(4, start=-214.8, axes="trajectory")
     turn = own.navigation.theta_axes - fixed.navigation.theta_axes
-    here, there = (scenario.linear_model().partials[:, 6] * ERRORS[6] for scenario in (own, fixed))
-    printed_a, printed_b = (float(final_errors(table)[6][0]) for table in ("V(a)", "V(b)"))
+    here, there = (
+        scenario.linear_model().partials[:, Error.BIAS_X] * ALL_ERRORS[Error.BIAS_X] for scenario in (own, fixed)
+    )
+    printed_a, printed_b = (float(final_errors(table)[Error.BIAS_X][0]) for table in ("V(a)", "V(b)"))
     return Finding(
         "Parts (a) and (b) of Table V differ for the accelerometers because partial derivatives that had become small "
         "were determined with insufficient accuracy.",
@@ -270,7 +281,7 @@ def table_v() -> Finding:
 
 
 def perigee_analogy(frame: pd.DataFrame) -> Finding:
-    """How far the ellipse explains the curves."""
+    """Measure how far the ellipse explains the curves."""
     time = frame.iloc[:, 0].to_numpy()
     closed, flown, real = (
         frame[f"by r [1], {name}"].to_numpy() for name in ("closed form", "flown without atmosphere", "trajectory 4")
@@ -290,7 +301,7 @@ def perigee_analogy(frame: pd.DataFrame) -> Finding:
 
 
 def earth_radius() -> Finding:
-    """Which of two printed radii the report used."""
+    """Decide which of two printed radii the report used."""
     start = common_start()
     words = []
     for radius in (6_378.14e3, 6_397.14e3):
@@ -311,9 +322,9 @@ def earth_radius() -> Finding:
 
 
 def axes() -> Finding:
-    """Axes of the start against axes of reentry."""
+    """Decide between the axes of the start and those of reentry."""
     scenario = table_i_scenario(1)
-    errors = np.where(np.arange(10) == 6, ERRORS, 0.0)
+    errors = np.where(np.arange(len(Error)) == Error.BIAS_X, ALL_ERRORS, 0.0)
     at_start = scenario.navigation.simulate_reference(errors[None], [0]).values[0][0] / 1e3
     reentry = float(scenario.trajectory.state(scenario.trajectory.reentry_time)[1])
     at_reentry = simulate_indicated(scenario.trajectory, errors, 0.0, reentry)[0] / 1e3
@@ -321,21 +332,21 @@ def axes() -> Finding:
         "The inertial axes are horizontal and vertical at the start point, yet eqs. (6) to (9) write −Θ, with Θ = 0 at "
         "reentry.",
         f"Final altitude for bias x on trajectory 1: {at_start:.2f} km with the axes of the start, {at_reentry:.2f} km "
-        f"with those of reentry; printed {final_errors('II(a)')[6][0]} km.",
+        f"with those of reentry; printed {final_errors('II(a)')[Error.BIAS_X][0]} km.",
         "settled",
     )
 
 
 def _worst_share(table: str, scenario: Reentry, columns: slice = slice(None)) -> float:
-    """Largest difference of ten flights from a printed table, as a share of the column's largest entry."""
-    printed = np.array(final_errors(table)[:10], dtype=float)
+    """Compute the largest difference of ten flights from a printed table, as a share of the column's largest entry."""
+    printed = np.array(final_errors(table)[: len(ERRORS)], dtype=float)
     runs = np.diag(ERRORS)
-    computed = scenario.engine("ensemble", runs).propagate(runs).values * np.array(TO_PRINTED)
+    computed = propagator(scenario, "ensemble", runs)(runs).values * np.array(TO_PRINTED)
     return float((np.abs(computed - printed) / np.abs(printed).max(axis=0))[:, columns].max())
 
 
 def start_of_table_v() -> Finding:
-    """Which start time fits part (b) best."""
+    """Find which start time fits part (b) best."""
     flown = table_i_scenario(4)
 
     def misfit(minutes: float) -> float:
@@ -352,7 +363,7 @@ def start_of_table_v() -> Finding:
 
 
 def threshold_of_table_vi() -> Finding:
-    """Which switching altitude Table VI used."""
+    """Find which switching altitude Table VI used."""
     altitudes = (110.0, 121.92, 130.0)
     shares = [
         _worst_share("VI", table_i_scenario(4, accelerometers_off_above=1e3 * altitude), slice(0, 3))
@@ -368,7 +379,7 @@ def threshold_of_table_vi() -> Finding:
 
 
 def sensitive_angles() -> Finding:
-    """Why trajectories 4 and 6 are solved for their range."""
+    """Show why trajectories 4 and 6 are solved for their range."""
     row = TABLE_I[4]
     ranges = []
     for angle in (-77.4071, -77.4070, -77.4069):
@@ -385,7 +396,7 @@ def sensitive_angles() -> Finding:
 
 
 def reentry_values() -> Finding:
-    """Reentry angle and time of Table I and eq. (18)."""
+    """Compare the reentry angle and time of Table I and eq. (18)."""
     first, fourth = (table_i_scenario(number).trajectory for number in (1, 4))
     speed, angle = airspeed_and_angle(first.state(first.reentry_time))
     return Finding(
@@ -398,7 +409,7 @@ def reentry_values() -> Finding:
 
 
 def start_times_agree() -> Finding:
-    """Adjoint, eq. (16) and the axes that it can have."""
+    """Compare the adjoint with eq. (16), in the axes that the latter can have."""
     worst = 0.0
     for number in TABLE_I:
         scenario = table_i_scenario(number)
@@ -406,10 +417,11 @@ def start_times_agree() -> Finding:
         times = np.linspace(0.0, 0.999 * trajectory.final_time, STARTS) - trajectory.reentry_time
 
         def histories(errors: Array, own: Reentry = scenario, at: Array = times) -> tuple[Array, Array]:
-            return own.error_sets(errors, at)
+            sets, final = own.error_sets(among_all(errors), at)
+            return sets[..., COLUMNS], final
 
         by_runs = partials_at_later_starts(histories, ERRORS)
-        by_adjoint = scenario.partials_at(times, "trajectory")
+        by_adjoint = scenario.partials_at(times, "trajectory")[..., COLUMNS]
         largest = np.abs(by_adjoint * ERRORS).max(axis=2, keepdims=True)
         worst = max(worst, float((np.abs(by_runs - by_adjoint) * ERRORS / largest).max()))
     return Finding(

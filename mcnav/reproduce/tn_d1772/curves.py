@@ -16,14 +16,25 @@ import pandas as pd
 from mcnav._types import Array
 from mcnav.constants import EARTH_RADIUS, REENTRY_ALTITUDE
 from mcnav.lincov.start_times import study_start_times
+from mcnav.physics.reentry.instruments import Error
 from mcnav.physics.reentry.shared_steps import speed_and_angle_errors
 from mcnav.physics.reentry.truth import airspeed_and_angle
 from mcnav.physics.reentry.vehicle import ConstantLift, VariableLift, Vehicle
 from mcnav.reproduce.tn_d1772.ellipse import Ellipse, ellipse_of, perigee_by_rates, perigee_by_speed_and_angle
 from mcnav.reproduce.tn_d1772.printed import TO_PRINTED, sums, trajectories
-from mcnav.reproduce.tn_d1772.tables import INITIAL_CONDITIONS, table_i_scenario
+from mcnav.reproduce.tn_d1772.tables import INITIAL_CONDITIONS, TN_SOURCES, linear_model, table_i_scenario
 from mcnav.scenarios.reentry import OUTPUTS, SOURCES, Flight, Reentry
-from mcnav.scenarios.table_i import ERRORS, TABLE_I, common_start, range_from_reentry, start_at_angle, start_state
+from mcnav.scenarios.table_i import (
+    ALL_ERRORS,
+    COLUMNS,
+    ERROR_SIZES,
+    ERRORS,
+    TABLE_I,
+    common_start,
+    range_from_reentry,
+    start_at_angle,
+    start_state,
+)
 
 POINTS: Final = 400
 """Points of a curve along a flight."""
@@ -55,14 +66,14 @@ SWITCHING_ALTITUDES: Final = (
 
 
 def _times(scenario: Reentry, points: int = POINTS) -> Array:
-    """Times from reentry over a flight, half of them before reentry."""
+    """Compute times from reentry over a flight, half of them before reentry."""
     trajectory = scenario.trajectory
     before = np.linspace(-trajectory.reentry_time, 0.0, points // 2, endpoint=False)
     return np.concatenate([before, np.linspace(0.0, trajectory.final_time - trajectory.reentry_time, points // 2)])
 
 
 def figure_1() -> pd.DataFrame:
-    """Altitude against range of the seven trajectories, km."""
+    """Compute altitude against range of the seven trajectories, km."""
     parts = []
     for number in TABLE_I:
         scenario = table_i_scenario(number)
@@ -76,7 +87,7 @@ def figure_1() -> pd.DataFrame:
 
 
 def figure_2() -> pd.DataFrame:
-    """Histories of trajectory 4: position and rates, speed and angle, force."""
+    """Compute histories of trajectory 4: position and rates, speed and angle, force."""
     scenario = table_i_scenario(EXAMPLE)
     trajectory, times = scenario.trajectory, _times(scenario)
     states = trajectory.states(times + trajectory.reentry_time)
@@ -100,10 +111,10 @@ def figure_2() -> pd.DataFrame:
 
 
 def figure_3() -> pd.DataFrame:
-    """Error histories of trajectory 4 with all of the report's errors at once."""
+    """Compute the error histories of trajectory 4 with all of the report's errors at once."""
     scenario = table_i_scenario(EXAMPLE)
     times = _times(scenario)
-    actual, indicated, errors = scenario.error_histories(ERRORS[None, :], times)
+    actual, indicated, errors = scenario.error_histories(ALL_ERRORS[None, :], times)
     speed, angle = speed_and_angle_errors(actual, indicated[:, 0])
     return pd.DataFrame(
         {
@@ -119,7 +130,7 @@ def figure_3() -> pd.DataFrame:
 
 
 def figure_4() -> pd.DataFrame:
-    """Sums of absolute final errors against final range: the printed points, ours, and flights between them."""
+    """Compute sums of absolute final errors against final range: as printed, ours, and of flights between them."""
     rows: list[dict[str, object]] = []
     for number, row in TABLE_I.items():
         kind = "constant L/D" if isinstance(row.lift_law, ConstantLift) else "variable L/D"
@@ -135,8 +146,8 @@ def figure_4() -> pd.DataFrame:
 
 
 def _summed(scenario: Reentry) -> dict[str, object]:
-    """Final range, and sums of absolute final altitude and range errors by P, km."""
-    sizes = np.abs(scenario.linear_model().partials[:2] * ERRORS) / 1e3
+    """Compute the final range, and sums of absolute final altitude and range errors by P, km."""
+    sizes = np.abs(linear_model(scenario).partials[:2] * ERRORS) / 1e3
     found: dict[str, object] = {"final range [km]": range_from_reentry(scenario.trajectory) / 1e3}
     for name, row in zip(("altitude", "range"), sizes, strict=True):
         found[f"{name}, initial conditions [km]"] = float(row[:INITIAL_CONDITIONS].sum())
@@ -146,7 +157,7 @@ def _summed(scenario: Reentry) -> dict[str, object]:
 
 
 def _between() -> Iterator[tuple[str, Reentry]]:
-    """Flights with other lift-to-drag ratios and start angles."""
+    """Build the scenarios with other lift-to-drag ratios and start angles."""
     for ratio in LIFT_TO_DRAG:
         vehicle = Vehicle(ConstantLift(ratio))
         yield "constant L/D", Reentry(Flight(tuple(common_start()), vehicle, NOMINAL_FINAL_ALTITUDE))
@@ -156,13 +167,13 @@ def _between() -> Iterator[tuple[str, Reentry]]:
 
 
 def figure_5() -> pd.DataFrame:
-    """Final altitude error of trajectory 4 against initial altitude and range error, flown and linear, km."""
+    """Compute final altitude error of trajectory 4 against initial altitude and range error, flown and linear, km."""
     scenario = table_i_scenario(EXAMPLE)
     linear = scenario.linear_model().partials
     parts = []
-    for source in (0, 1):
-        errors = np.zeros((len(MULTIPLES), len(ERRORS)))
-        errors[:, source] = MULTIPLES * ERRORS[source]
+    for source in (Error.ALTITUDE, Error.RANGE):
+        errors = np.zeros((len(MULTIPLES), len(SOURCES)))
+        errors[:, source] = MULTIPLES * ERROR_SIZES[source]
         flown = scenario.engine("ensemble", errors).propagate(errors).values
         parts.append(
             pd.DataFrame(
@@ -179,34 +190,37 @@ def figure_5() -> pd.DataFrame:
 
 @lru_cache
 def _partials() -> tuple[Array, Array, Array]:
-    """Start times (s from reentry) of trajectory 4, and P with axes aligned at each start and at the first one."""
+    """Compute start times (s from reentry) of trajectory 4, and P with axes aligned at each start and at the first.
+
+    P has the report's ten columns.
+    """
     scenario = table_i_scenario(EXAMPLE)
     own, fixed = (
-        study_start_times(scenario, np.diag(ERRORS**2), axes, START_TIMES) for axes in ("start", "trajectory")
+        study_start_times(scenario, np.diag(ALL_ERRORS**2), axes, START_TIMES) for axes in ("start", "trajectory")
     )
-    return own.times, own.partials, fixed.partials
+    return own.times, own.partials[..., COLUMNS], fixed.partials[..., COLUMNS]
 
 
 def figures_6_to_9(output: int) -> pd.DataFrame:
-    """Partial derivatives of one output of trajectory 4 against start time, SI; both conventions of axes."""
+    """Compute partials of one output of trajectory 4 against start time, SI; both conventions of axes."""
     times, own, fixed = _partials()
     columns = {"start [min from reentry]": times / 60.0}
     for axes, partials in (("axes of that start", own), ("axes of the first start", fixed)):
-        for j, source in enumerate(SOURCES):
+        for j, source in enumerate(TN_SOURCES):
             unit = f"{OUTPUTS[output].unit} per {source.unit}"
             columns[f"{source.name}, {axes} [{unit}]"] = partials[:, output, j]
     return pd.DataFrame(columns)
 
 
 def _on_ellipse() -> tuple[Array, Array]:
-    """Radii on the way in from the report's start to 121.92 km, and times from there (min)."""
+    """Compute radii on the way in from the report's start to 121.92 km, and times from there (min)."""
     radii = np.linspace(common_start()[0], EARTH_RADIUS + REENTRY_ALTITUDE, POINTS)
     to_perigee = PRINTED_ELLIPSE.time_to_perigee(radii)
     return radii, (to_perigee[-1] - to_perigee) / 60.0
 
 
 def figure_10() -> pd.DataFrame:
-    """Partial derivatives of the perigee radius in (r, r', theta'): eq. (27) on the ellipse of eq. (17).
+    """Compute the partial derivatives of the perigee radius in (r, r', theta'): eq. (27) on the ellipse of eq. (17).
 
     Beside them those of the final altitude of trajectory 4, and of a flight without atmosphere to its perigee, from
     their equations of variation.
@@ -229,14 +243,14 @@ def figure_10() -> pd.DataFrame:
 
 
 def drag_free() -> Reentry:
-    """The report's start without atmosphere, flown until a millimetre above the perigee of its ellipse."""
+    """Build the report's start without atmosphere, down to a millimetre above the perigee of its ellipse."""
     start = common_start()
     perigee = ellipse_of(float(start[0]), float(start[2]), float(start[3])).perigee_radius
     return Reentry(Flight(tuple(start), Vehicle(ConstantLift(0.0), 0.0), perigee - EARTH_RADIUS + 1e-3))
 
 
 def figure_11() -> pd.DataFrame:
-    """Partial derivatives of the perigee radius in (r, V, gamma): eq. (28) on the ellipse of eq. (17)."""
+    """Compute the partial derivatives of the perigee radius in (r, V, gamma): eq. (28) on the ellipse of eq. (17)."""
     radii, minutes = _on_ellipse()
     speed, angle = PRINTED_ELLIPSE.speed(radii), PRINTED_ELLIPSE.flight_path_angle(radii)
     by_radius, by_speed, by_angle = perigee_by_speed_and_angle(radii, speed, angle)
@@ -252,12 +266,12 @@ def figure_11() -> pd.DataFrame:
 
 
 def figure_12() -> pd.DataFrame:
-    """Final altitude and range errors of trajectory 4 against start time: single errors, absolute sums, and the RSS."""
+    """Compute altitude and range errors of trajectory 4 against start time: single errors, absolute sums, and RSS."""
     times, own, _ = _partials()
     frame = pd.DataFrame({"start [min from reentry]": times / 60.0})
     for row, name in enumerate(("altitude", "range")):
         effects = own[:, row] * ERRORS * TO_PRINTED[row]
-        for j, source in enumerate(SOURCES):
+        for j, source in enumerate(TN_SOURCES):
             frame[f"{name} for {source.name} [km]"] = effects[:, j]
         sizes = np.abs(effects)
         frame[f"{name}, sum of |initial conditions| [km]"] = sizes[:, :INITIAL_CONDITIONS].sum(axis=1)
@@ -268,13 +282,13 @@ def figure_12() -> pd.DataFrame:
 
 
 def switching() -> pd.DataFrame:
-    """Trajectory 4 with accelerometers off above an altitude: dispersion, the drag missed, and both together."""
+    """Compute trajectory 4 with accelerometers off above an altitude: dispersion, drag missed, and both together."""
     row, rows = TABLE_I[EXAMPLE], []
     first_point = start_state(EXAMPLE)
     for altitude in SWITCHING_ALTITUDES:
         flight = Flight(first_point, Vehicle(row.lift_law), row.final_altitude, accelerometers_off_above=1e3 * altitude)
         model = Reentry(flight).linear_model()
-        sigma = np.sqrt(((model.partials * ERRORS) ** 2).sum(axis=1))
+        sigma = np.sqrt(((model.partials * ALL_ERRORS) ** 2).sum(axis=1))
         found: dict[str, float] = {"off above [km]": altitude}
         for i, output in enumerate(OUTPUTS):
             scale, unit = TO_PRINTED[i], ("km", "m/s")[i // 2]

@@ -30,7 +30,7 @@ class Ellipse:
         return self.semimajor_axis * (1.0 - self.eccentricity)
 
     def time_to_perigee(self, radius: Array) -> Array:
-        """Time from a radius on the way in to the perigee, s: eqs. (29) and (30).
+        """Compute the time from a radius on the way in to the perigee, s: eqs. (29) and (30).
 
         ``t_p sqrt(mu / a^3) = E - e sin E`` with ``cos E = (a - r) / (a e)``.
         """
@@ -39,17 +39,17 @@ class Ellipse:
         return np.asarray((anomaly - self.eccentricity * np.sin(anomaly)) / mean_motion)
 
     def speed(self, radius: Array) -> Array:
-        """V at a radius, m/s: ``V^2 = mu (2 / r - 1 / a)``, eq. (31)."""
+        """Compute V at a radius, m/s: ``V^2 = mu (2 / r - 1 / a)``, eq. (31)."""
         return np.asarray(np.sqrt(GRAVITATIONAL_PARAMETER * (2.0 / radius - 1.0 / self.semimajor_axis)))
 
     def flight_path_angle(self, radius: Array) -> Array:
-        """Flight-path angle at a radius on the way in, rad, negative: ``H = r V cos gamma``, eq. (31)."""
+        """Compute the flight-path angle at a radius on the way in, rad, negative: ``H = r V cos gamma``, eq. (31)."""
         cosine = self.angular_momentum / (radius * self.speed(radius))
         return np.asarray(-np.arccos(np.minimum(cosine, 1.0)))
 
 
 def ellipse_of(radius: float, radius_rate: float, angle_rate: float) -> Ellipse:
-    """The ellipse on which a state lies."""
+    """Find the ellipse on which a state lies."""
     momentum = radius * radius * angle_rate
     energy = 0.5 * (radius_rate**2 + (radius * angle_rate) ** 2) - GRAVITATIONAL_PARAMETER / radius
     axis = -0.5 * GRAVITATIONAL_PARAMETER / energy
@@ -57,7 +57,7 @@ def ellipse_of(radius: float, radius_rate: float, angle_rate: float) -> Ellipse:
 
 
 def perigee_radius(radius: Array, radius_rate: Array, angle_rate: Array) -> Array:
-    """Perigee radius of the orbit through a state, m.
+    """Compute the perigee radius of the orbit through a state, m.
 
     The smaller root of eq. (26), ``r_p^2 (2 mu - r V^2) - 2 mu r r_p + r^5 theta'^2 = 0`` with
     ``V^2 = r'^2 + r^2 theta'^2``, in the form that does not cancel.
@@ -69,7 +69,7 @@ def perigee_radius(radius: Array, radius_rate: Array, angle_rate: Array) -> Arra
 
 
 def perigee_by_rates(radius: Array, radius_rate: Array, angle_rate: Array) -> Array:
-    """Partial derivatives of the perigee radius with respect to r, r' and theta', shape (3, ...): eq. (27)."""
+    """Compute partial derivatives of the perigee radius with respect to r, r' and theta', shape (3, ...): eq. (27)."""
     mu, perigee = GRAVITATIONAL_PARAMETER, perigee_radius(radius, radius_rate, angle_rate)
     common = -mu * radius + perigee * (2.0 * mu - radius * (radius_rate**2 + (radius * angle_rate) ** 2))
     by_radius = (
@@ -83,7 +83,7 @@ def perigee_by_rates(radius: Array, radius_rate: Array, angle_rate: Array) -> Ar
 
 
 def perigee_by_speed_and_angle(radius: Array, speed: Array, angle: Array) -> Array:
-    """Partial derivatives of the perigee radius with respect to r, V and gamma, shape (3, ...): eq. (28)."""
+    """Compute partial derivatives of the perigee radius with respect to r, V and gamma, shape (3, ...): eq. (28)."""
     mu = GRAVITATIONAL_PARAMETER
     across = speed * np.cos(angle)
     perigee = perigee_radius(radius, speed * np.sin(angle), across / radius)

@@ -14,12 +14,12 @@ from mcnav.report.figures.figure import HALF, THIRD, Figure, Plot, Series, axis_
 from mcnav.report.figures.start_times import START
 from mcnav.report.model import humanize
 from mcnav.report.svg import BAND, FLOWN, INK, LINEAR, MUTED
-from mcnav.reproduce.tn_d1772.tables import INITIAL_CONDITIONS
+from mcnav.reproduce.tn_d1772.tables import INITIAL_CONDITIONS, TN_SOURCES
 from mcnav.scenarios.protocol import source_labels
-from mcnav.scenarios.reentry import OUTPUTS, SOURCES
+from mcnav.scenarios.reentry import OUTPUTS
 from mcnav.scenarios.table_i import ERRORS
 
-LABELS: Final = source_labels([source.name for source in SOURCES], [output.name for output in OUTPUTS])
+LABELS: Final = source_labels([source.name for source in TN_SOURCES], [output.name for output in OUTPUTS])
 """Names of the sources for people."""
 
 TIME: Final = "time from reentry (min)"
@@ -36,7 +36,7 @@ LEAST: Final = Series("least", "least", INK, "triangle")
 
 
 def figure_1(frame: pd.DataFrame) -> Figure:
-    """Altitude against range, the whole and the atmosphere."""
+    """Draw altitude against range, the whole and the atmosphere."""
 
     def draw(axes: Axes, air: bool) -> None:
         for number, flight in frame.groupby("trajectory"):
@@ -70,7 +70,7 @@ def figure_1(frame: pd.DataFrame) -> Figure:
 
 
 def _histories(axes: Axes, frame: pd.DataFrame, columns: Mapping[str, Series], label: str) -> None:
-    """Columns against the first one, which is time."""
+    """Draw columns against the first one, which is time."""
     for column, series in columns.items():
         series.on(axes, frame.iloc[:, 0], frame[column])
     axes.set(xlabel=TIME, ylabel=label)
@@ -78,7 +78,7 @@ def _histories(axes: Axes, frame: pd.DataFrame, columns: Mapping[str, Series], l
 
 
 def figure_2(frame: pd.DataFrame) -> Figure:
-    """Position, rates, speed, angle and force."""
+    """Draw position, rates, speed, angle and force."""
     groups: dict[str, dict[str, Series]] = {
         column: {column: INERTIAL}
         for column in ("altitude [km]", "range [km]", "altitude rate [km/s]", "range rate [km/s]")
@@ -106,7 +106,7 @@ def figure_2(frame: pd.DataFrame) -> Figure:
 
 
 def figure_3(frame: pd.DataFrame) -> Figure:
-    """Error histories."""
+    """Draw error histories."""
     return Figure(
         key="tn-3",
         title="Error histories of trajectory 4",
@@ -124,7 +124,7 @@ def figure_3(frame: pd.DataFrame) -> Figure:
 
 
 def figure_4(frame: pd.DataFrame) -> Figure:
-    """Sums of absolute errors against range: range and altitude, and lift laws."""
+    """Draw sums of absolute errors against range: range and altitude, and lift laws."""
     kinds = {
         "initial conditions": Series("initial", "initial conditions", LINEAR, "dashed"),
         "equipment": Series("equipment", "equipment", FLOWN, "dashdot"),
@@ -162,7 +162,7 @@ def figure_4(frame: pd.DataFrame) -> Figure:
 
 
 def figure_5(frame: pd.DataFrame) -> Figure:
-    """Final altitude error against initial altitude and range errors."""
+    """Draw final altitude error against initial altitude and range errors."""
 
     def draw(axes: Axes, source: str) -> None:
         own = frame[frame["initial error in"] == source]
@@ -186,9 +186,9 @@ def figure_5(frame: pd.DataFrame) -> Figure:
 
 
 def figures_6_to_9(frame: pd.DataFrame, output: int) -> Figure:
-    """Partial derivatives of an output against start time, each times the report's error; two conventions of axes."""
+    """Draw partials of an output against start time, times the report's errors; two conventions of axes."""
     shown = OUTPUTS[output]
-    scale, name, count = 1e-3 if shown.shown_in == "km" else 1.0, humanize(shown.name), len(SOURCES)
+    scale, name, count = 1e-3 if shown.shown_in == "km" else 1.0, humanize(shown.name), len(TN_SOURCES)
     start, partials = frame.iloc[:, 0], frame.iloc[:, 1:].to_numpy()
     effects = partials * scale * np.tile(ERRORS, 2)
     series = [numbered(j, label) for j, label in enumerate(LABELS)]
@@ -219,7 +219,7 @@ def figures_6_to_9(frame: pd.DataFrame, output: int) -> Figure:
 
 
 def figure_10(frame: pd.DataFrame) -> Figure:
-    """Perigee partials in (r, r', theta'), closed form, flown without atmosphere, and trajectory 4."""
+    """Draw perigee partials in (r, r', theta'): closed form, flown without atmosphere, and trajectory 4."""
     ways = {
         "closed form": Series("closed", "perigee, eq. (27)", LINEAR),
         "flown without atmosphere": Series("flown", "perigee, flown without atmosphere", INK, "dot"),
@@ -249,7 +249,7 @@ def figure_10(frame: pd.DataFrame) -> Figure:
 
 
 def figure_11(frame: pd.DataFrame) -> Figure:
-    """Perigee partials in (r, V, gamma)."""
+    """Draw perigee partials in (r, V, gamma)."""
 
     def draw(axes: Axes, column: str) -> None:
         ONE.on(axes, frame.iloc[:, 0], frame[column])
@@ -270,11 +270,11 @@ def figure_11(frame: pd.DataFrame) -> Figure:
 
 
 def figure_12(frame: pd.DataFrame) -> Figure:
-    """Final altitude and range errors against start time."""
+    """Draw final altitude and range errors against start time."""
     start = frame.iloc[:, 0]
     shown = {
         j: numbered(j, LABELS[j])
-        for j, source in enumerate(SOURCES)
+        for j, source in enumerate(TN_SOURCES)
         if source.name in ("altitude", "gyro_drift", "bias_x", "bias_z")
     }
     together = {
@@ -287,7 +287,7 @@ def figure_12(frame: pd.DataFrame) -> Figure:
     def draw(axes: Axes, name: str) -> None:
         axes.axvspan(-30.0, -20.0, color=BAND, zorder=0, gid=advised.gid)
         for j, series in shown.items():
-            series.on(axes, start, np.abs(frame[f"{name} for {SOURCES[j].name} [km]"]), linewidth=1.2)
+            series.on(axes, start, np.abs(frame[f"{name} for {TN_SOURCES[j].name} [km]"]), linewidth=1.2)
         for words, series in together.items():
             column = frame[f"{name}, {words} [km]"]
             series.on(axes, start, column, linewidth=2.0)
@@ -312,7 +312,7 @@ def figure_12(frame: pd.DataFrame) -> Figure:
 
 
 def figure_13(frame: pd.DataFrame) -> Figure:
-    """Dispersion and missed drag against the switching altitude."""
+    """Draw dispersion and missed drag against the switching altitude."""
     alone = Series("sigma", "dispersion", LINEAR, "dashed")
     whole = Series("rms", "with the drag that is missed", FLOWN)
     shown = frame[frame["off above [km]"] >= 85.0]

@@ -48,10 +48,7 @@ FIGURES: Final[Mapping[str, tuple[Callable[[], pd.DataFrame], Callable[[pd.DataF
     "4": (computed.figure_4, drawn.figure_4),
     "5": (computed.figure_5, drawn.figure_5),
     **{
-        str(6 + output): (
-            partial(computed.figures_6_to_9, output=output),
-            partial(drawn.figures_6_to_9, output=output),
-        )
+        str(6 + output): (partial(computed.figures_6_to_9, output=output), partial(drawn.figures_6_to_9, output=output))
         for output in range(4)
     },
     "10": (computed.figure_10, drawn.figure_10),
@@ -63,7 +60,7 @@ FIGURES: Final[Mapping[str, tuple[Callable[[], pd.DataFrame], Callable[[pd.DataF
 
 
 def table(cells: Sequence[Cell]) -> pd.DataFrame:
-    """One row a printed number."""
+    """Tabulate the cells, a row for each printed number."""
     return pd.DataFrame(
         [
             {
@@ -85,7 +82,7 @@ def table(cells: Sequence[Cell]) -> pd.DataFrame:
 
 
 def _shown(cell: Cell) -> dict[str, Any]:
-    """A cell for the template: one digit more than printed."""
+    """Format a cell for the template: one digit more than printed."""
     decimals = len(cell.printed.partition(".")[2]) + 1
     return {
         "table": cell.table,
@@ -102,7 +99,7 @@ def _shown(cell: Cell) -> dict[str, Any]:
 
 
 def _between_engines(cells: Sequence[Cell]) -> str:
-    """How far the two engines are apart in a table, as a share of the tolerance; empty where only one computes it."""
+    """Say how far the engines differ in a table, as a share of the tolerance; empty where only one computes it."""
     shares = [abs(cell.second - cell.computed) / cell.tolerance for cell in cells if cell.second == cell.second]
     return f"The two engines differ by at most {number(max(shares), 1)} of the tolerance." if shares else ""
 
@@ -114,7 +111,7 @@ def render(
     said: Sequence[Finding],
     decided: Sequence[Finding],
 ) -> str:
-    """The page; figures by number."""
+    """Render the page; figures by number."""
     tables = []
     for name, members in groupby(cells, key=lambda cell: cell.table):
         own = list(members)

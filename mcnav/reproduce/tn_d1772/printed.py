@@ -23,7 +23,7 @@ def _rows(name: str) -> list[dict[str, str]]:
 
 @lru_cache
 def final_errors(table: str) -> tuple[tuple[str, ...], ...]:
-    """A table of final errors: a row for each run from 1 on, four entries each, as printed."""
+    """Read a table of final errors: a row for each run from 1 on, four entries each, as printed."""
     rows = [row for row in _rows("tn_d1772_final_errors.csv") if row["table"] == table]
     if [int(row["run"]) for row in rows] != list(range(1, len(rows) + 1)):
         raise ValueError(f"table {table} of the transcription has not every run once")
@@ -32,12 +32,12 @@ def final_errors(table: str) -> tuple[tuple[str, ...], ...]:
 
 @lru_cache
 def sums(table: str) -> dict[str, tuple[str, ...]]:
-    """The summary rows under a table: `SUMS` to four entries, as printed."""
+    """Read the summary rows under a table: `SUMS` to four entries, as printed."""
     rows = [row for row in _rows("tn_d1772_printed_sums.csv") if row["table"] == table]
     return {row["sum"]: tuple(row[column] for column in COLUMNS) for row in rows}
 
 
 @lru_cache
 def trajectories() -> dict[int, dict[str, str]]:
-    """Table I and the lift laws by trajectory."""
+    """Read Table I and the lift laws by trajectory."""
     return {int(row["trajectory"]): row for row in _rows("tn_d1772_trajectories.csv")}

@@ -12,11 +12,16 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.constants import EARTH_RATE, TN_GRAVITY
+from mcnav.lincov.partials import Propagate
 from mcnav.physics.reentry.truth import Trajectory, airspeed_and_angle
 from mcnav.physics.reentry.vehicle import Vehicle
 from mcnav.reproduce.tn_d1772.printed import NAMES, SUMS, TO_PRINTED, UNITS, final_errors, sums, trajectories
-from mcnav.scenarios.reentry import Flight, Reentry
-from mcnav.scenarios.table_i import ERRORS, TABLE_I, range_from_reentry, start_state
+from mcnav.scenarios.protocol import LinearModel
+from mcnav.scenarios.reentry import SOURCES, Flight, Reentry
+from mcnav.scenarios.table_i import COLUMNS, ERRORS, TABLE_I, among_all, range_from_reentry, start_state
+
+TN_SOURCES: Final = tuple(SOURCES[column] for column in COLUMNS)
+"""The report's ten errors."""
 
 INITIAL_CONDITIONS: Final = 4
 RUNS: Final = (
@@ -41,8 +46,6 @@ class Cell:
 
     Attributes
     ----------
-    table, row, column : str
-    unit : str
     printed : str
         As printed.
     computed : float
@@ -90,8 +93,6 @@ class Case:
 
     Attributes
     ----------
-    table : str
-    trajectory : int
     multiple : float
         Of the report's errors.
     share : float
@@ -145,13 +146,25 @@ SUM_NAMES: Final = dict(
 
 @lru_cache
 def table_i_scenario(number: int, **options: Any) -> Reentry:
-    """A trajectory of Table I, with options of `Flight`."""
+    """Build a trajectory of Table I, with options of `Flight`."""
     row = TABLE_I[number]
     return Reentry(Flight(start_state(number), Vehicle(row.lift_law), row.final_altitude, **options))
 
 
+def propagator(scenario: Reentry, engine: str, probes: Array) -> Propagate:
+    """Prepare an engine for the report's ten errors, shape (n, 10), its accuracy settled on probes of that shape."""
+    ready = scenario.engine(engine, among_all(probes))
+    return lambda errors: ready.propagate(among_all(errors))
+
+
+def linear_model(scenario: Reentry) -> LinearModel:
+    """Compute partial derivatives by the report's ten errors, shape (4, 10)."""
+    model = scenario.linear_model()
+    return LinearModel(model.partials[:, COLUMNS], model.nominal)
+
+
 def _sums(values: Array) -> dict[str, Array]:
-    """The four summary rows of ten runs, shape (10, ...)."""
+    """Compute the four summary rows of ten runs, shape (10, ...)."""
     sizes = np.abs(values)
     equipment = sizes[INITIAL_CONDITIONS:].sum(axis=0)
     conditions = sizes[:INITIAL_CONDITIONS].sum(axis=0)
@@ -159,20 +172,20 @@ def _sums(values: Array) -> dict[str, Array]:
 
 
 def final_error_cells(case: Case, engine: str = "reference", second: str = "ensemble") -> Iterator[Cell]:
-    """Every number of a table of final errors and of the sums under it, by two engines; the first is compared.
+    """Compute a table of final errors and the sums under it by two engines; the first is compared.
 
     A sum's tolerance is that of an entry times the square root of the entries summed, their errors being independent.
     """
     errors = np.vstack([np.diag(ERRORS), ERRORS]) * case.multiple
     scenario = table_i_scenario(case.trajectory, **dict(case.options))
     computed, other = (
-        scenario.engine(name, errors).propagate(errors).values * np.array(TO_PRINTED) for name in (engine, second)
+        propagator(scenario, name, errors)(errors).values * np.array(TO_PRINTED) for name in (engine, second)
     )
     printed = final_errors(case.table)
     largest = np.abs(np.array(printed, dtype=float)).max(axis=0)
     tolerance = np.maximum(case.share * largest, case.least)
 
-    of_printed = _sums(np.array(printed[:10], dtype=float))
+    of_printed = _sums(np.array(printed[: len(ERRORS)], dtype=float))
 
     def cell(row: str, column: int, text: str, values: Array, allowed: float, total: float = np.nan) -> Cell:
         name = NAMES[column]
@@ -185,15 +198,16 @@ def final_error_cells(case: Case, engine: str = "reference", second: str = "ense
     for run, entries in enumerate(printed):
         for column, text in enumerate(entries):
             yield cell(f"{run + 1}: {RUNS[run]}", column, text, both[run, column], float(tolerance[column]))
-    counts = {"algebraic": 10, "ic": INITIAL_CONDITIONS, "equipment": 10 - INITIAL_CONDITIONS, "all": 10}
-    for name, values in _sums(both[:10]).items():
+    runs = len(ERRORS)
+    counts = {"algebraic": runs, "ic": INITIAL_CONDITIONS, "equipment": runs - INITIAL_CONDITIONS, "all": runs}
+    for name, values in _sums(both[:runs]).items():
         for column, text in enumerate(sums(case.table)[name]):
             allowed = float(tolerance[column] * np.sqrt(counts[name]))
             yield cell(SUM_NAMES[name], column, text, values[column], allowed, float(of_printed[name][column]))
 
 
 def table_i_cells() -> Iterator[Cell]:
-    """Table I: ranges and times within 0.2 %, which is what the start point's printed digits leave open.
+    """Compute Table I: ranges and times within 0.2 %, which the start point's printed digits leave open.
 
     The peak deceleration is that of the whole aerodynamic force, within 3 %: the report had it at its print steps only.
     Its reentry angles differ by 0.014 deg from what its own eqs. (18) give.
@@ -221,7 +235,7 @@ def table_i_cells() -> Iterator[Cell]:
 
 
 def _peak_loads(trajectory: Trajectory) -> tuple[float, float]:
-    """Largest aerodynamic force and largest drag after reentry, in the report's g."""
+    """Compute the largest aerodynamic force and largest drag after reentry, in the report's g."""
     times = np.linspace(trajectory.reentry_time, trajectory.final_time, 4_000)
     force_x, force_z = trajectory.forces(times).T
     states = trajectory.states(times)
@@ -231,7 +245,7 @@ def _peak_loads(trajectory: Trajectory) -> tuple[float, float]:
 
 
 def table_iii_cells() -> Iterator[Cell]:
-    """Table III repeats the altitude and range columns of the absolute sums of Table II."""
+    """Compute Table III, which repeats the altitude and range columns of the absolute sums of Table II."""
     for case in CASES[: len(TABLE_I)]:
         for cell in final_error_cells(case):
             if cell.row.startswith("sum of") and cell.column in NAMES[:2]:
@@ -242,7 +256,7 @@ def table_iii_cells() -> Iterator[Cell]:
 
 
 def all_cells() -> list[Cell]:
-    """Every cell of Tables I to VI in their order."""
+    """Compute every cell of Tables I to VI in their order."""
     cells = [*table_i_cells()]
     by_table = {case.table: list(final_error_cells(case)) for case in CASES}
     for table, found in by_table.items():

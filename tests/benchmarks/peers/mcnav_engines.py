@@ -14,7 +14,7 @@ from mcnav.physics.reentry.ensemble.grid import shared_grid
 from mcnav.physics.reentry.ensemble.transition import linear_response
 from mcnav.physics.reentry.vehicle import Vehicle
 from mcnav.scenarios.reentry import ENSEMBLE_CHUNK, EnsembleEngine, Flight, Navigation, Reentry
-from mcnav.scenarios.table_i import TABLE_I
+from mcnav.scenarios.table_i import ALL_ERRORS, TABLE_I, among_all
 from tests.benchmarks.case import Case
 from tests.benchmarks.peer import Fly, Peer
 
@@ -37,15 +37,17 @@ def _engine(case: Case, nodes: int) -> EnsembleEngine:
 def prepare_ensemble(case: Case, nodes: float, cores: int) -> Fly:
     """Samples flown by the kernel; one beyond its validity by the reference path."""
     engine = _engine(case, int(nodes))
-    return lambda draws: engine.propagate(draws).values
+    return lambda draws: engine.propagate(among_all(draws)).values
 
 
 def prepare_map(case: Case, order: float, cores: int) -> Fly:
     """Samples evaluated by a polynomial; those beyond the fitted ones are flown."""
     exact = _engine(case, MAP_NODES)
-    polynomial = fit(lambda draws: exact.propagate(draws), np.zeros(10), case.one_sigma, int(order))
+    polynomial = fit(
+        lambda draws: exact.propagate(draws), np.zeros(len(ALL_ERRORS)), among_all(case.one_sigma), int(order)
+    )
     engine = PolynomialEngine(polynomial, exact, "")
-    return lambda draws: engine.propagate(draws).values
+    return lambda draws: engine.propagate(among_all(draws)).values
 
 
 ENSEMBLE = Peer(prepare_ensemble, "nodes", (24, 34, 48, 68, 96, 136, 192), ENSEMBLE_CHUNK, "threads")

@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 from mcnav.lincov.polynomial import PolynomialFitError, fit
 from mcnav.lincov.polynomial_engine import TOLERANCE, PolynomialEngine, fit_polynomial_engine
 from mcnav.scenarios.protocol import SimulationResult
-from mcnav.scenarios.table_i import ERRORS
+from mcnav.scenarios.table_i import ALL_ERRORS, COLUMNS, ERRORS, among_all
 from tests.conftest import reentry
 
 Draw = Callable[[int, float], np.ndarray]
@@ -27,8 +27,8 @@ def _one_thread() -> Iterator[None]:
 
 @lru_cache
 def _map(number: int) -> PolynomialEngine:
-    probes = np.random.default_rng(7).standard_normal((64, len(ERRORS))) * ERRORS
-    return fit_polynomial_engine(reentry(number).engine("ensemble", probes), np.zeros(len(ERRORS)), ERRORS)
+    probes = among_all(np.random.default_rng(7).standard_normal((64, len(ERRORS))) * ERRORS)
+    return fit_polynomial_engine(reentry(number).engine("ensemble", probes), np.zeros(len(ALL_ERRORS)), ALL_ERRORS)
 
 
 @pytest.mark.parametrize("number", range(1, 8))
@@ -46,7 +46,7 @@ def test_far_samples_are_flown(draws: Draw) -> None:
     engine, errors = _map(4), draws(50, 1.0)
     errors[[3, 17]] *= 3.0 * engine.polynomial.reach / np.sqrt(len(ERRORS))
     outcomes = engine.propagate(errors)
-    far = np.flatnonzero(((errors / ERRORS) ** 2).sum(axis=1) > engine.polynomial.reach**2)
+    far = np.flatnonzero(((errors[:, COLUMNS] / ERRORS) ** 2).sum(axis=1) > engine.polynomial.reach**2)
     assert {3, 17} <= set(far.tolist())
     assert outcomes.fallback_count == len(far)
     assert np.array_equal(outcomes.values[far], engine.exact.propagate(errors[far]).values)
@@ -59,7 +59,7 @@ def test_refused_where_no_polynomial_holds(multiple: float, last: int, draws: Dr
     with pytest.raises(
         PolynomialFitError, match=rf"no polynomial represents .* within 0\.0001 .* with order {last}; use the"
     ):
-        fit_polynomial_engine(prepared, np.zeros(len(ERRORS)), multiple * ERRORS)
+        fit_polynomial_engine(prepared, np.zeros(len(ALL_ERRORS)), multiple * ALL_ERRORS)
 
 
 def test_bits_do_not_depend_on_chunks(draws: Draw) -> None:

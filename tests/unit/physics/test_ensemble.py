@@ -12,15 +12,15 @@ from mcnav.physics.lanes import angle_of_half, gravity_remainder, half_turn
 from mcnav.physics.reentry.ensemble.grid import shared_grid
 from mcnav.physics.reentry.ensemble.kernel import LANES, simulate_ensemble
 from mcnav.physics.reentry.ensemble.refinement import TOLERANCE, refined_grid
+from mcnav.physics.reentry.instruments import Error
 from mcnav.scenarios.reentry import Reentry
-from mcnav.scenarios.table_i import ERRORS
-from tests.conftest import reentry, response
+from tests.conftest import SIZES, reentry, response
 
 Draw = Callable[[int, float], np.ndarray]
 
 
 def test_no_errors_give_exactly_zero(scenario: Reentry) -> None:
-    outcome, valid = simulate_ensemble(shared_grid(response(scenario), 24), np.zeros((3, 10)))
+    outcome, valid = simulate_ensemble(shared_grid(response(scenario), 24), np.zeros((3, len(SIZES))))
     assert np.all(outcome == 0.0)
     assert valid.all()
 
@@ -114,9 +114,9 @@ def test_probes_that_are_mostly_invalid_ask_for_the_finest_grid(draws: Draw) -> 
 
 
 def test_a_hopeless_sample_is_marked_not_flown_wrong() -> None:
-    into_the_earth = np.eye(10)[0] * -2e7
-    once_round = np.eye(10)[1] * 2.0 * np.pi * reentry(4).trajectory.state(0.0)[0]
-    errors = np.vstack([ERRORS, into_the_earth, np.full(10, np.nan), once_round, ERRORS])
+    into_the_earth = np.eye(len(SIZES))[Error.ALTITUDE] * -2e7
+    once_round = np.eye(len(SIZES))[Error.RANGE] * 2.0 * np.pi * reentry(4).trajectory.state(0.0)[0]
+    errors = np.vstack([SIZES, into_the_earth, np.full(len(SIZES), np.nan), once_round, SIZES])
     outcome, valid = simulate_ensemble(shared_grid(response(reentry(4)), 24), errors)
     assert valid.tolist() == [True, False, False, False, True]
     assert np.array_equal(outcome[0], outcome[4])
@@ -125,13 +125,13 @@ def test_a_hopeless_sample_is_marked_not_flown_wrong() -> None:
 def test_nothing_is_allocated_per_sample() -> None:
     """The compiled code allocates as often for one block as for a hundred."""
     grid = shared_grid(response(reentry(4)), 24)
-    simulate_ensemble(grid, np.zeros((1, 10)))
+    simulate_ensemble(grid, np.zeros((1, len(SIZES))))
     enabled = _nrt_python.memsys_stats_enabled()
     _nrt_python.memsys_enable_stats()
     allocations = []
     for count in (LANES, 100 * LANES):
         before = rtsys.get_allocation_stats().alloc
-        simulate_ensemble(grid, np.zeros((count, 10)))
+        simulate_ensemble(grid, np.zeros((count, len(SIZES))))
         allocations.append(rtsys.get_allocation_stats().alloc - before)
     if not enabled:
         _nrt_python.memsys_disable_stats()

@@ -21,6 +21,7 @@ from mcnav.sampling.distributions import (
     tail_weight,
 )
 from mcnav.sampling.error_model import Correlation, CorrelationError, ErrorModel
+from mcnav.sampling.multivariate_t import MultivariateT
 
 ALL: dict[str, Distribution] = {
     "a": Normal(2.0),
@@ -184,3 +185,17 @@ def test_tails_are_told_apart() -> None:
     assert (model.heavy_tailed("random"), model.long_tailed("random"), model.normal) == (("c",), ("d",), False)
     assert (model.heavy_tailed("sobol"), model.long_tailed("sobol")) == (("c", "d"), ())
     assert ErrorModel(["a", "e"], {"a": Normal(1.0), "e": Fixed(1.0)}).normal
+
+
+@pytest.mark.parametrize("design", DESIGNS)
+def test_a_later_source_leaves_the_draws_of_campaigns_without_it(design: str) -> None:
+    """Bit for bit, with a group that shares its tails; present, it is drawn last."""
+    stated: dict[str, Distribution] = {"a": Normal(1.0), "c": Normal(2.0)}
+    group = [MultivariateT(("a", "c"), 30.0)]
+    before = ErrorModel(["a", "c"], stated, (), group).draw(design, 1, 500, 0, 500)
+    absent = ErrorModel(["a", "b", "c"], stated, (), group, ["b"]).draw(design, 1, 500, 0, 500)
+    present = ErrorModel(["a", "b", "c"], stated | {"b": Normal(1.0)}, (), group, ["b"]).draw(design, 1, 500, 0, 500)
+    assert np.array_equal(absent[:, [0, 2]], before)
+    assert np.all(absent[:, 1] == 0.0)
+    assert abs(present[:, 1].std() - 1.0) < 0.2
+    assert abs(np.corrcoef(present.T)[[0, 2], 1]).max() < 0.2

@@ -45,7 +45,7 @@ _POINTS: Final = 5
 """Gauss points per part of an interval of the nodes and a step of the truth's integrator."""
 
 FORCE_FREE: Final = 1e-10
-"""An interval with no more than this share of the flight's impulse is flown without force."""
+"""An interval with no more than this share of the flight's impulse is integrated without force."""
 
 
 class Grid(NamedTuple):
@@ -131,14 +131,14 @@ class Quadrature(NamedTuple):
 
 
 def product_quadrature(response: Response, instants: Array) -> Quadrature:
-    """Gauss points between the steps of the truth's integrator and some instants (s)."""
+    """Place Gauss points between the steps of the truth's integrator and some instants (s)."""
     times, lengths = _gauss(np.union1d(response.steps, instants))
     tables = response.at(times)
     return Quadrature(times, lengths, tables, tables.push * (_gravity(tables.radius) * lengths)[:, None, None])
 
 
 def node_tables(response: Response, nodes: Array, quadrature: Quadrature) -> tuple[Array, Array, Array]:
-    """`Grid.readout`, `Grid.recent` and `Grid.weights`."""
+    """Tabulate `Grid.readout`, `Grid.recent` and `Grid.weights`."""
     tables = response.at(nodes)
     readout = tables.response / tables.radius[:, None, None]
     pieces = interval_weights(nodes, quadrature)
@@ -151,12 +151,12 @@ def node_tables(response: Response, nodes: Array, quadrature: Quadrature) -> tup
 
 
 def _gravity(radius: Array) -> Array:
-    """Acceleration of gravity, mu / r^2, m/s^2."""
+    """Compute the acceleration of gravity, mu / r^2, m/s^2."""
     return GRAVITATIONAL_PARAMETER / (radius * radius)
 
 
 def orbit_nodes(response: Response, count: int) -> Array:
-    """Times at equal parts of ``r^(-3/2) dt``, shape (count,)."""
+    """Place nodes at equal parts of ``r^(-3/2) dt``: their times, shape (count,), s."""
     rate = response.radii**-1.5
     angle = np.append(0.0, np.cumsum(0.5 * (rate[:-1] + rate[1:]) * np.diff(response.steps)))
     wanted = (MARGIN + np.arange(count)) / (count - 1 + 2.0 * MARGIN) * angle[-1]
@@ -164,14 +164,14 @@ def orbit_nodes(response: Response, count: int) -> Array:
 
 
 def _gauss(edges: Array) -> tuple[Array, Array]:
-    """Gauss's points between successive edges, and their weights, both shape ((len(edges) - 1) * 5,)."""
+    """Place Gauss points between successive edges; points and weights, both of shape ((len(edges) - 1) * 5,)."""
     points, weights = np.polynomial.legendre.leggauss(_POINTS)
     half = 0.5 * np.diff(edges)[:, None]
     return (edges[:-1, None] + half * (1.0 + points)).ravel(), (half * weights).ravel()
 
 
 def _lagrange(times: Array, stencils: Array) -> Array:
-    """Lagrange's polynomials at times, shape (n,), through nodes of their own, shape (n, k): shape (n, k)."""
+    """Evaluate Lagrange polynomials at times, shape (n,), through nodes of their own, shape (n, k): shape (n, k)."""
     values = np.ones_like(stencils)
     for this in range(stencils.shape[1]):
         for other in range(stencils.shape[1]):
@@ -209,7 +209,7 @@ def interval_weights(nodes: Array, quadrature: Quadrature) -> Pieces:
 
 
 def stand_ins(end: float, nodes: Array, instants: Array, quadrature: Quadrature, pieces: Pieces) -> Array:
-    """What holds at each instant until the final weights of the nodes before it are complete, shape (m, 4, 4, 2).
+    """Tabulate the remainders that stand in until the final weights of earlier nodes are complete, (m, 4, 4, 2).
 
     By the last four nodes, the latest first: the integral up to the instant less what the final weights have gathered.
     """
@@ -237,7 +237,7 @@ def stand_ins(end: float, nodes: Array, instants: Array, quadrature: Quadrature,
 
 
 def force_moments(response: Response, ends: Array, quadrature: Quadrature) -> tuple[NDArray[np.bool_], Array, Array]:
-    """`Grid.forced`, `Grid.middles` and `Grid.moments` of the intervals that end at some times, shape (n,), s."""
+    """Tabulate `Grid.forced`, `Grid.middles` and `Grid.moments` of intervals that end at times, shape (n,), s."""
     middles = 0.5 * (np.append(response.start, ends[:-1]) + ends)
     tables, lengths = quadrature.tables, quadrature.lengths
     within = quadrature.times < ends[-1]

@@ -1,11 +1,11 @@
 """Navigation errors against time, for many samples: the ensemble kernel with stops at given epochs.
 
-Between nodes the deviation is read out as at a node: c with the remainders of the last four nodes standing in for what
-the final weights have not gathered yet, times the response at the epoch. Forces are integrated up to each epoch. What a
-sample does at its nodes is not touched by the epochs, so the final errors are those of `simulate_ensemble` but for the
-intervals over which forces are summed. What stands in costs up to 1e-3 of an epoch's sigma with the nodes that a
-campaign's final errors need, in the first intervals and where the flight ends fast, and under 1e-4 with half as many
-again; at nine epochs in ten it is below 1e-5.
+Between nodes the deviation is read out as at a node: c, with the remainders of the last four nodes in place of what the
+final weights have not gathered yet, times the response at the epoch. Forces are integrated up to each epoch. Epochs do
+not change the nodes, so the final errors are those of `simulate_ensemble` but for the intervals over which forces are
+summed. The approximation costs up to 1e-3 of an epoch's sigma with the nodes that a campaign's final errors need (in
+the first intervals, and where the flight ends fast), and under 1e-4 with half as many again; at nine epochs in ten it
+costs less than 1e-5.
 """
 
 from __future__ import annotations
@@ -28,10 +28,21 @@ from mcnav.physics.reentry.ensemble.grid import (
     stand_ins,
 )
 from mcnav.physics.reentry.ensemble.kernel import (
+    BIAS_X,
+    BIAS_Z,
+    COMPONENT,
+    EAST_1,
+    EAST_2,
+    EAST_3,
+    EAST_4,
     LANES,
     REPORT_ROWS,
     ROWS,
     SMALLEST_COMPONENT,
+    UP_1,
+    UP_2,
+    UP_3,
+    UP_4,
     convert,
     load,
     push_by_force,
@@ -127,14 +138,12 @@ def _read_out(block: Array, response: Array, remembered: Array, report: Array) -
         for i in range(LANES):
             report[row * LANES + i] = (
                 m0 * block[i] + m1 * block[LANES + i] + m2 * block[2 * LANES + i] + m3 * block[3 * LANES + i]
-                + n0 * block[6 * LANES + i] + n1 * block[7 * LANES + i]
-                + e1 * block[11 * LANES + i] + u1 * block[12 * LANES + i]
-                + e2 * block[13 * LANES + i] + u2 * block[14 * LANES + i]
-                + e3 * block[15 * LANES + i] + u3 * block[16 * LANES + i]
-                + e4 * block[17 * LANES + i] + u4 * block[18 * LANES + i]
+                + n0 * block[BIAS_X + i] + n1 * block[BIAS_Z + i]
+                + e1 * block[EAST_1 + i] + u1 * block[UP_1 + i] + e2 * block[EAST_2 + i] + u2 * block[UP_2 + i]
+                + e3 * block[EAST_3 + i] + u3 * block[UP_3 + i] + e4 * block[EAST_4 + i] + u4 * block[UP_4 + i]
             )  # fmt: skip
     for i in range(LANES):
-        report[4 * LANES + i] = block[10 * LANES + i]
+        report[4 * LANES + i] = block[COMPONENT + i]
 
 
 @compiled
@@ -167,8 +176,8 @@ def _add_powers(report: Array, count: int, pivot: Array, sums: Array) -> None:
 
 
 @compiled
-def _fly(errors: Array, grid: HistoryGrid, pivot: Array, stored: Array, sums: Array, component: Array) -> None:
-    """Fly samples; write each epoch's errors where there is room for them, and add their powers where there is none."""
+def _simulate(errors: Array, grid: HistoryGrid, pivot: Array, stored: Array, sums: Array, component: Array) -> None:
+    """Simulate samples; store each epoch's errors where there is room, add their powers where there is none."""
     block, report = np.empty(ROWS * LANES), np.empty(REPORT_ROWS * LANES)
     for begin in range(0, errors.shape[0], LANES):
         end = min(begin + LANES, errors.shape[0])
@@ -189,23 +198,22 @@ def _fly(errors: Array, grid: HistoryGrid, pivot: Array, stored: Array, sums: Ar
             else:
                 _add_powers(report, end - begin, pivot[epoch], sums[epoch])
             for i in range(LANES):
-                block[10 * LANES + i] = report[4 * LANES + i]
+                block[COMPONENT + i] = report[4 * LANES + i]
         for lane in range(begin, end):
-            component[lane] = block[10 * LANES + lane - begin]
+            component[lane] = block[COMPONENT + lane - begin]
 
 
 def nominal_errors(grid: HistoryGrid) -> Array:
-    """Navigation errors of a perfect system at the epochs, shape (m, 4), m and m/s."""
+    """Compute the navigation errors of a perfect system at the epochs, shape (m, 4), m and m/s."""
     return np.asarray(grid.nominal * [1.0, EARTH_RADIUS, 1.0, EARTH_RADIUS])
 
 
 def simulate_histories(grid: HistoryGrid, errors: Array) -> tuple[Array, Array]:
-    """Navigation errors of samples at every epoch.
+    """Simulate samples: their navigation errors at every epoch.
 
     Parameters
     ----------
-    grid : HistoryGrid
-    errors : ndarray, shape (n, 10)
+    errors : ndarray, shape (n, sources)
         As for `mcnav.physics.reentry.ensemble.kernel.simulate_ensemble`.
 
     Returns
@@ -218,24 +226,23 @@ def simulate_histories(grid: HistoryGrid, errors: Array) -> tuple[Array, Array]:
     """
     errors = np.ascontiguousarray(errors, dtype=float)
     stored, component = np.empty((len(errors), len(grid.reference), 4)), np.empty(len(errors))
-    _fly(errors, grid, nominal_errors(grid), stored, np.empty((0, SUMS)), component)
+    _simulate(errors, grid, nominal_errors(grid), stored, np.empty((0, SUMS)), component)
     return stored, component
 
 
 def history_sums(grid: HistoryGrid, errors: Array) -> PowerSums:
-    """Power sums of samples' errors at every epoch, of which none is stored.
+    """Add up power sums of samples' errors at every epoch; no sample is stored.
 
     Parameters
     ----------
-    grid : HistoryGrid
-    errors : ndarray, shape (n, 10)
+    errors : ndarray, shape (n, sources)
         A sample that leaves the kernel's validity (`followed`) is left out at every epoch.
     """
     errors = np.ascontiguousarray(errors, dtype=float)
     pivot, none = nominal_errors(grid), np.empty((0, 0, 4))
     while True:
         sums, component = np.zeros((len(grid.reference), SUMS)), np.empty(len(errors))
-        _fly(errors, grid, pivot, none, sums, component)
+        _simulate(errors, grid, pivot, none, sums, component)
         valid = followed_samples(component)
         if valid.all():
             return PowerSums(len(errors), pivot, sums)
@@ -243,5 +250,5 @@ def history_sums(grid: HistoryGrid, errors: Array) -> PowerSums:
 
 
 def followed_samples(component: Array) -> NDArray[np.bool_]:
-    """Which samples stayed within the kernel's validity, from what `simulate_histories` says of each."""
+    """Select the samples that stayed within the kernel's validity, by the component of `simulate_histories`."""
     return np.asarray(component >= SMALLEST_COMPONENT)  # false for NaN

@@ -31,7 +31,8 @@ from mcnav._types import Array
 from mcnav.constants import EARTH_RADIUS
 from mcnav.physics.jit import compiled
 from mcnav.physics.lanes import angle_of_half, gravity_remainder, half_turn
-from mcnav.physics.reentry.ensemble.grid import Grid
+from mcnav.physics.reentry.ensemble.grid import MEMORY, Grid
+from mcnav.physics.reentry.instruments import Error
 
 LANES: Final = 128
 """Samples that go through the kernel side by side."""
@@ -40,10 +41,22 @@ SMALLEST_COMPONENT: Final = 0.3
 """A sample whose indicated position, resolved along the reference, falls below this share of the reference's radius has
 left the kernel's validity: the shared grid is too coarse for its gravity, and its range angle could wrap."""
 
-ROWS: Final = 19
-"""Rows of a block: c (0-3), misalignment and drift (4, 5), biases x and z times 1 + S (6, 7), scale factors x and z
-(8, 9), smallest component of the indicated position so far (10), remainders east and up at the last four nodes, the
-latest first (11-18)."""
+ROWS: Final = len(Error) + 1 + 2 * MEMORY
+"""Rows of a block: the errors in the order of `Error`, with c in place of the initial conditions and the biases times
+1 + S; the smallest component of the indicated position so far; the remainders east and up at the last four nodes, the
+latest first."""
+
+MISALIGNMENT: Final = LANES * Error.MISALIGNMENT
+GYRO_DRIFT: Final = LANES * Error.GYRO_DRIFT
+BIAS_X: Final = LANES * Error.BIAS_X
+BIAS_Z: Final = LANES * Error.BIAS_Z
+SCALE_FACTOR_X: Final = LANES * Error.SCALE_FACTOR_X
+SCALE_FACTOR_Z: Final = LANES * Error.SCALE_FACTOR_Z
+CROSS_AXIS_X: Final = LANES * Error.CROSS_AXIS_X
+CROSS_AXIS_Z: Final = LANES * Error.CROSS_AXIS_Z
+COMPONENT: Final = LANES * len(Error)
+EAST_1, UP_1, EAST_2, UP_2, EAST_3, UP_3, EAST_4, UP_4 = (COMPONENT + LANES * row for row in range(1, 1 + 2 * MEMORY))
+"""First lane of these rows."""
 
 REPORT_ROWS: Final = 5
 """Rows of a report: see `convert`."""
@@ -51,12 +64,12 @@ REPORT_ROWS: Final = 5
 
 @compiled
 def load(block: Array, errors: Array, first: Array) -> None:
-    """Fill a block from errors (n <= LANES, 10) at the first state; lanes beyond n fly without errors."""
+    """Fill a block from errors (n <= LANES, sources) at the first state; lanes beyond n fly without errors."""
     radius, angle, radius_rate, angle_rate = first
     speed, inverse = radius * angle_rate, 1.0 / radius
     east_x, east_y = np.cos(angle), -np.sin(angle)  # up is (-east_y, east_x)
     block[:] = 0.0
-    for source in range(10):
+    for source in range(errors.shape[1]):
         for lane in range(errors.shape[0]):
             block[source * LANES + lane] = errors[lane, source]
     for i in range(LANES):
@@ -74,10 +87,10 @@ def load(block: Array, errors: Array, first: Array) -> None:
         block[LANES + i] = east * east_y + up * east_x
         block[2 * LANES + i] = faster_east * east_x - faster_up * east_y
         block[3 * LANES + i] = faster_east * east_y + faster_up * east_x
-        block[6 * LANES + i] *= 1.0 + block[8 * LANES + i]
-        block[7 * LANES + i] *= 1.0 + block[9 * LANES + i]
+        block[BIAS_X + i] *= 1.0 + block[SCALE_FACTOR_X + i]
+        block[BIAS_Z + i] *= 1.0 + block[SCALE_FACTOR_Z + i]
         # a start farther round than a right angle would come out wrapped
-        block[10 * LANES + i] = (1.0 + altitude * inverse) * (1.0 - versine) if np.abs(shift) < 0.5 * np.pi else -1.0
+        block[COMPONENT + i] = (1.0 + altitude * inverse) * (1.0 - versine) if np.abs(shift) < 0.5 * np.pi else -1.0
 
 
 @compiled
@@ -85,18 +98,22 @@ def push_by_force(block: Array, middle: float, moments: Array) -> None:
     """Add the force error of one interval to c: NASA TN D-1772, eqs. (6)-(8), less the biases.
 
     Along the reference axes X and Z the error is ``f_X A_x + f_Z B_x`` and ``f_Z A_z - f_X B_z`` with the turn ``a`` of
-    the platform in ``A = (1 + S) cos(a) - 1`` and ``B = (1 + S) sin(a)``. Biases, ``U (1 + S)``, are read out.
+    the platform in ``A = (1 + S) cos(a) - 1 -+ K sin(a)`` and ``B = (1 + S) sin(a) +- K cos(a)``, upper signs for x.
+    Biases, ``U (1 + S)``, are read out.
     """
     value, slope, curvature = moments
     (p00, p01, p02, p03), (p10, p11, p12, p13), (p20, p21, p22, p23), (p30, p31, p32, p33) = value
     (q00, q01, q02, q03), (q10, q11, q12, q13), (q20, q21, q22, q23), (q30, q31, q32, q33) = slope
     (r00, r01, r02, r03), (r10, r11, r12, r13), (r20, r21, r22, r23), (r30, r31, r32, r33) = curvature
     for i in range(LANES):
-        drift, scale_x, scale_z = block[5 * LANES + i], block[8 * LANES + i], block[9 * LANES + i]
-        sine_half, cosine_half = half_turn(block[4 * LANES + i] + drift * middle)
+        drift, scale_x, scale_z = block[GYRO_DRIFT + i], block[SCALE_FACTOR_X + i], block[SCALE_FACTOR_Z + i]
+        sine_half, cosine_half = half_turn(block[MISALIGNMENT + i] + drift * middle)
         sine, versine = 2.0 * sine_half * cosine_half, 2.0 * sine_half * sine_half
-        a, b = scale_x - versine - scale_x * versine, sine + scale_x * sine
-        d, c = scale_z - versine - scale_z * versine, sine + scale_z * sine
+        cosine, cross_x, cross_z = 1.0 - versine, block[CROSS_AXIS_X + i], block[CROSS_AXIS_Z + i]
+        a = scale_x - versine - scale_x * versine - cross_x * sine
+        b = sine + scale_x * sine + cross_x * cosine
+        d = scale_z - versine - scale_z * versine + cross_z * sine
+        c = sine + scale_z * sine - cross_z * cosine
         a1, b1, c1, d1 = -drift * b, drift + drift * a, drift + drift * d, -drift * c
         a2, b2, c2, d2 = -drift * b1, drift * a1, drift * d1, -drift * c1
         block[i] += (
@@ -130,9 +147,9 @@ def push_by_gravity(block: Array, readout: Array, recent: Array, weights: Array)
     (we0, wu0), (we1, wu1), (we2, wu2), (we3, wu3) = weights
     for i in range(LANES):
         c0, c1, c2, c3 = block[i], block[LANES + i], block[2 * LANES + i], block[3 * LANES + i]
-        u, w = block[6 * LANES + i], block[7 * LANES + i]
-        e1, v1, e2, v2 = block[11 * LANES + i], block[12 * LANES + i], block[13 * LANES + i], block[14 * LANES + i]
-        e3, v3, e4, v4 = block[15 * LANES + i], block[16 * LANES + i], block[17 * LANES + i], block[18 * LANES + i]
+        u, w = block[BIAS_X + i], block[BIAS_Z + i]
+        e1, v1, e2, v2 = block[EAST_1 + i], block[UP_1 + i], block[EAST_2 + i], block[UP_2 + i]
+        e3, v3, e4, v4 = block[EAST_3 + i], block[UP_3 + i], block[EAST_4 + i], block[UP_4 + i]
         east = (
             m00 * c0 + m01 * c1 + m02 * c2 + m03 * c3 + n00 * u + n01 * w
             + ee1 * e1 + eu1 * v1 + ee2 * e2 + eu2 * v2 + ee3 * e3 + eu3 * v3 + ee4 * e4 + eu4 * v4
@@ -146,9 +163,9 @@ def push_by_gravity(block: Array, readout: Array, recent: Array, weights: Array)
         block[LANES + i] = c1 + we1 * e0 + wu1 * v0
         block[2 * LANES + i] = c2 + we2 * e0 + wu2 * v0
         block[3 * LANES + i] = c3 + we3 * e0 + wu3 * v0
-        block[10 * LANES + i] = min(block[10 * LANES + i], 1.0 + up)
-        block[11 * LANES + i], block[12 * LANES + i], block[13 * LANES + i], block[14 * LANES + i] = e0, v0, e1, v1
-        block[15 * LANES + i], block[16 * LANES + i], block[17 * LANES + i], block[18 * LANES + i] = e2, v2, e3, v3
+        block[COMPONENT + i] = min(block[COMPONENT + i], 1.0 + up)
+        block[EAST_1 + i], block[UP_1 + i], block[EAST_2 + i], block[UP_2 + i] = e0, v0, e1, v1
+        block[EAST_3 + i], block[UP_3 + i], block[EAST_4 + i], block[UP_4 + i] = e2, v2, e3, v3
 
 
 @compiled
@@ -159,10 +176,10 @@ def _arrive(block: Array, final: Array, report: Array) -> None:
         for i in range(LANES):
             report[row * LANES + i] = (
                 m0 * block[i] + m1 * block[LANES + i] + m2 * block[2 * LANES + i] + m3 * block[3 * LANES + i]
-                + n0 * block[6 * LANES + i] + n1 * block[7 * LANES + i]
+                + n0 * block[BIAS_X + i] + n1 * block[BIAS_Z + i]
             )  # fmt: skip
     for i in range(LANES):
-        report[4 * LANES + i] = block[10 * LANES + i]
+        report[4 * LANES + i] = block[COMPONENT + i]
 
 
 @compiled
@@ -208,7 +225,7 @@ def _store(report: Array, outcome: Array, component: Array) -> None:
 
 
 @compiled
-def _fly(errors: Array, grid: Grid, outcome: Array, component: Array) -> None:
+def _simulate(errors: Array, grid: Grid, outcome: Array, component: Array) -> None:
     block, report = np.empty(ROWS * LANES), np.empty(REPORT_ROWS * LANES)
     nodes = grid.readout.shape[0]
     for begin in range(0, errors.shape[0], LANES):
@@ -226,13 +243,13 @@ def _fly(errors: Array, grid: Grid, outcome: Array, component: Array) -> None:
 
 
 def simulate_ensemble(grid: Grid, errors: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Final navigation errors of many samples.
+    """Simulate many samples: their final navigation errors.
 
     Parameters
     ----------
     grid : Grid
         The shared truth.
-    errors : ndarray, shape (n, 10)
+    errors : ndarray, shape (n, sources)
         In the order of `mcnav.physics.reentry.instruments.Error`: m, m/s, rad, rad/s, m/s^2, dimensionless.
 
     Returns
@@ -244,5 +261,5 @@ def simulate_ensemble(grid: Grid, errors: Array) -> tuple[Array, NDArray[np.bool
     """
     errors = np.ascontiguousarray(errors, dtype=float)
     outcome, component = np.empty((len(errors), 4)), np.empty(len(errors))
-    _fly(errors, grid, outcome, component)
+    _simulate(errors, grid, outcome, component)
     return outcome, (component >= SMALLEST_COMPONENT) & np.isfinite(outcome).all(axis=1)

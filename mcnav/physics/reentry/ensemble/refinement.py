@@ -36,7 +36,7 @@ class Refinement:
 def refined_grid(
     trajectory: Trajectory, start: float, theta_axes: float, probes: Array, tolerance: float = TOLERANCE
 ) -> Refinement:
-    """The coarsest grid, to within a fifth, on which the probes meet a tolerance.
+    """Find the coarsest grid, to within a fifth, on which the probes meet a tolerance.
 
     The nodes are doubled until that changes no probe by more than the tolerance: what the finer grid leaves is a small
     part of the change, its error falling with the fifth power or faster. Fewer nodes are then held against the same
@@ -44,40 +44,36 @@ def refined_grid(
 
     Parameters
     ----------
-    trajectory : Trajectory
-        The truth.
-    start : float
-        Start of navigation, s from the first point.
-    theta_axes : float
-        Range angle of the reference axes, rad.
-    probes : ndarray, shape (n, 10)
+    start, theta_axes : float
+        Start of navigation, s from the first point of the truth; range angle of the reference axes, rad.
+    probes : ndarray, shape (n, sources)
         Samples as the campaign will fly them.
     tolerance : float
         Share of each output's standard deviation over the probes (or of its size, where they do not differ).
     """
     response = linear_response(trajectory, start, theta_axes)
 
-    def flown(nodes: int) -> tuple[Grid, Array]:
+    def simulate(nodes: int) -> tuple[Grid, Array]:
         grid = shared_grid(response, nodes)
         values, valid = simulate_ensemble(grid, probes)
         return grid, np.where(valid[:, None], values, np.nan)
 
     def held_against(best: Array, grid: Grid, values: Array) -> tuple[Refinement, bool]:
-        """A grid with its error, and whether it will do: few valid probes say too little of a sample to come."""
+        """Measure a grid's error, and whether it will do: few valid probes say too little of a sample to come."""
         valid = np.isfinite(values).all(axis=1) & np.isfinite(best).all(axis=1)
         error = _largest_share(values[valid], best[valid]) if valid.any() else 0.0
         return Refinement(grid, len(grid.readout), error), error <= tolerance and 2 * valid.sum() >= len(probes)
 
-    grid, values = flown(COARSEST)
+    grid, values = simulate(COARSEST)
     while True:
-        finer, best = flown(2 * len(grid.readout))
+        finer, best = simulate(2 * len(grid.readout))
         found, enough = held_against(best, grid, values)
         if enough or 2 * found.nodes > FINEST:
             break
         grid, values = finer, best
     too_few = found.nodes // 2
     for _ in range(_HALVINGS if enough and found.nodes > COARSEST else 0):
-        between, will_do = held_against(best, *flown(round(float(np.sqrt(too_few * found.nodes)))))
+        between, will_do = held_against(best, *simulate(round(float(np.sqrt(too_few * found.nodes)))))
         if will_do:
             found = between
         else:
@@ -86,7 +82,7 @@ def refined_grid(
 
 
 def _largest_share(values: Array, best: Array) -> float:
-    """Largest difference in any output as a share of its standard deviation, or of its size where that is zero."""
+    """Compute the largest difference as a share of its output's standard deviation, or size where that is zero."""
     scale = best.std(axis=0)
     scale = np.where(scale > 0.0, scale, np.abs(best).max(axis=0))
     return float((np.abs(values - best).max(axis=0)[scale > 0.0] / scale[scale > 0.0]).max(initial=0.0))

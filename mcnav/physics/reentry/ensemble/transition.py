@@ -18,32 +18,29 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.integrate import DOP853, OdeSolution, solve_ivp
+from scipy.integrate import OdeSolution
 
 from mcnav._types import Array
 from mcnav.constants import GRAVITATIONAL_PARAMETER
+from mcnav.physics.integration import integrate
 from mcnav.physics.jit import compiled
 from mcnav.physics.reentry.truth import Phase, Trajectory, motion, truth_force
 
 COLUMNS: Final = 6
 """Start deviation X, Y (m), its rates (m/s); constant accelerometer errors along X, Z (m/s^2)."""
 
-RELATIVE_TOLERANCE: Final = 1e-12
 _OF_COLUMNS: Final = np.array([1.0, 1.0, 1e3, 1e3, 1e6, 1e6])
-ABSOLUTE_TOLERANCE: Final = np.concatenate(
-    [
-        [1e-5, 1e-12, 1e-8, 1e-15],
-        [1e-5, 1e-5, 1e-8, 1e-8],
-        *[1e-10 * _OF_COLUMNS] * 2,
-        *[1e-13 * _OF_COLUMNS] * 2,
-    ]
+_OF_STATES: Final = [1e-5, 1e-12, 1e-8, 1e-15, 1e-5, 1e-5, 1e-8, 1e-8]
+TOLERANCES: Final = (
+    1e-12,
+    np.concatenate([_OF_STATES, *[1e-10 * _OF_COLUMNS] * 2, *[1e-13 * _OF_COLUMNS] * 2]),
 )
 """DOP853's tolerances for truth (polar), reference and response: m, rad, m/s, rad/s, per unit of each column."""
 
 
 @compiled
 def axis_force(state: Array, coefficients: Array, theta_axes: float) -> tuple[float, float]:
-    """Specific force on the vehicle along the reference axes X (east) and Z (down), m/s^2, at a polar state."""
+    """Compute specific force on the vehicle along the reference axes X (east) and Z (down), m/s^2, at a polar state."""
     force_x, force_z = truth_force(state, coefficients)
     sine, cosine = np.sin(state[1] - theta_axes), np.cos(state[1] - theta_axes)
     return force_x * cosine - force_z * sine, force_x * sine + force_z * cosine
@@ -51,7 +48,7 @@ def axis_force(state: Array, coefficients: Array, theta_axes: float) -> tuple[fl
 
 @compiled
 def response_rates(time: float, state: Array, coefficients: Array, on: float, theta_axes: float) -> Array:
-    """Rates of truth (4, polar), reference (X, Y and rates) and response (4 x 6, by rows), shape (32,)."""
+    """Compute the rates of truth (4, polar), reference (X, Y and rates) and response (4 x 6, by rows), shape (32,)."""
     rates = np.empty(8 + 4 * COLUMNS)
     force_x, force_z = truth_force(state[:4], coefficients)
     motion(state[:4], force_x, force_z, rates[:4])
@@ -134,7 +131,7 @@ class Response:
     stretches: tuple[tuple[float, Phase, OdeSolution], ...]
 
     def at(self, times: Array) -> Tables:
-        """Tables at rising times within the flight (s), shape (n,)."""
+        """Evaluate the tables at rising times within the flight (s), shape (n,)."""
         states, forces = self._states(times)
         radius = np.hypot(states[:, 4], states[:, 5])
         to_local = _to_local(np.arctan2(states[:, 4], states[:, 5]))
@@ -144,7 +141,7 @@ class Response:
         return Tables(radius, forces, to_local @ by_axes, push @ to_local.swapaxes(1, 2), push * np.array([1.0, -1.0]))
 
     def deviations(self, times: Array) -> tuple[Array, Array, Array]:
-        """What turns c and biases into navigation errors at rising times (s), shape (n,).
+        """Tabulate what turns c and biases into navigation errors at rising times (s), shape (n,).
 
         Returns
         -------
@@ -164,7 +161,7 @@ class Response:
         return response.reshape(-1, 4, COLUMNS), reference, reference - truth
 
     def _states(self, times: Array) -> tuple[Array, Array]:
-        """States of `response_rates`, shape (n, 32), and forces as in `Tables`, at rising times."""
+        """Evaluate states of `response_rates`, shape (n, 32), and forces as in `Tables`, at rising times."""
         cuts = np.searchsorted(times, [end for end, _, _ in self.stretches])
         cuts[-1] = len(times)
         states, forces = np.empty((len(times), 8 + 4 * COLUMNS)), np.empty((len(times), 2))
@@ -181,7 +178,7 @@ class Response:
 
 
 def _to_local(angle: Array) -> Array:
-    """Matrices that turn components along X and Y into east and up at polar angles, shape (n, 2, 2)."""
+    """Form the matrices that turn components along X and Y into east and up at polar angles, shape (n, 2, 2)."""
     sine, cosine = np.sin(angle), np.cos(angle)
     return np.stack([np.stack([cosine, -sine], axis=-1), np.stack([sine, cosine], axis=-1)], axis=-2)
 
@@ -197,12 +194,8 @@ def linear_response(trajectory: Trajectory, start: float, theta_axes: float) -> 
 
     Parameters
     ----------
-    trajectory : Trajectory
-        The truth.
-    start : float
-        Start of navigation, s from the first point.
-    theta_axes : float
-        Range angle of the reference axes, rad.
+    start, theta_axes : float
+        Start of navigation, s from the first point of the truth; range angle of the reference axes, rad.
     """
     actual = trajectory.departure(start)
     first = actual - [0.0, theta_axes, 0.0, 0.0]
@@ -211,22 +204,14 @@ def linear_response(trajectory: Trajectory, start: float, theta_axes: float) -> 
     for begin, end, phase in trajectory.navigated(start):
         if begin > start:
             state[:4] = phase.solution(begin)
-        flown = solve_ivp(
-            response_rates,
-            (begin, end),
-            state,
-            method=DOP853,
-            rtol=RELATIVE_TOLERANCE,
-            atol=ABSOLUTE_TOLERANCE,
-            dense_output=True,
-            args=(phase.coefficients, float(phase.accelerometers_on), theta_axes),
-        )
-        if flown.status != 0:
-            raise ArithmeticError(f"the linear response broke down at {flown.t[-1]:.1f} s: {flown.message}")
-        state = flown.y[:, -1].copy()
-        stretches.append((end, phase, flown.sol))
-        steps.append(flown.t[1:])
-        radii.append(np.hypot(flown.y[4, 1:], flown.y[5, 1:]))
+        args = (phase.coefficients, float(phase.accelerometers_on), theta_axes)
+        solution = integrate(response_rates, (begin, end), state, TOLERANCES, args, dense_output=True)
+        if solution.status != 0:
+            raise ArithmeticError(f"the linear response broke down at {solution.t[-1]:.1f} s: {solution.message}")
+        state = solution.y[:, -1].copy()
+        stretches.append((end, phase, solution.sol))
+        steps.append(solution.t[1:])
+        radii.append(np.hypot(solution.y[4, 1:], solution.y[5, 1:]))
     truth = trajectory.state(trajectory.final_time) - [0.0, theta_axes, 0.0, 0.0]
     on_truth = all(phase.accelerometers_on for _, phase, _ in stretches)
     last = truth if on_truth else _polar(state[4:8], truth[1])
@@ -246,7 +231,7 @@ def linear_response(trajectory: Trajectory, start: float, theta_axes: float) -> 
 
 
 def _cartesian(polar: Array) -> Array:
-    """X, Y and rates of a polar state whose angle counts from the reference axes."""
+    """Convert a polar state whose angle counts from the reference axes to X, Y and rates."""
     radius, angle, radius_rate, angle_rate = polar
     sine, cosine, across = np.sin(angle), np.cos(angle), radius * angle_rate
     return np.array(
@@ -255,7 +240,7 @@ def _cartesian(polar: Array) -> Array:
 
 
 def _polar(cartesian: Array, near: float) -> Array:
-    """Polar state of X, Y and rates, its angle within half a turn of another one (rad)."""
+    """Convert X, Y and rates to a polar state, its angle within half a turn of another one (rad)."""
     x, y, rate_x, rate_y = cartesian
     radius = np.hypot(x, y)
     angle = np.arctan2(x, y)

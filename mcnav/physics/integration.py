@@ -1,0 +1,26 @@
+"""The integrator of every equation of motion outside the kernels: scipy's DOP853."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from scipy.integrate import DOP853, solve_ivp
+
+from mcnav._types import Array
+
+Tolerances = tuple[float, float | Array]
+"""Relative, and absolute in the units of the state."""
+
+
+def integrate(
+    rates: Callable[..., Array],
+    span: tuple[float, float],
+    state: Array,
+    tolerances: Tolerances,
+    args: Sequence[object] = (),
+    **options: Any,
+) -> Any:
+    """Integrate a state over a span of time (s); scipy's solution, with ``options`` of its `solve_ivp`."""
+    relative, absolute = tolerances
+    return solve_ivp(rates, span, state, method=DOP853, rtol=relative, atol=absolute, args=args, **options)
