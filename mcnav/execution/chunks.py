@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -24,15 +25,26 @@ from mcnav.store.parts import Part, SampleSchema, whole_part, write_part
 from mcnav.store.run_folder import RunFolder
 from mcnav.store.summaries import KEPT, MARK, MOST_REASONS, Summary, summary_chunk
 
+PROBES: Final = 64
+"""Samples on which an engine's accuracy is settled: the first of the campaign itself."""
+
 
 @dataclass(frozen=True)
 class DrawPlan:
-    """Which samples to draw; see `ErrorModel.draw`."""
+    """The samples of a campaign; see `ErrorModel.draw`."""
 
-    model: ErrorModel
+    errors: ErrorModel
     design: str
     seed: int
     samples: int
+
+    def draw(self, begin: int, end: int) -> Array:
+        """Draw samples [begin, end), or fewer at the campaign's end, shape (n, sources)."""
+        return self.errors.draw(self.design, self.seed, self.samples, begin, min(end, self.samples))
+
+    def probes(self) -> Array:
+        """Draw the samples on which an engine's accuracy is settled, shape (n, sources)."""
+        return self.draw(0, PROBES)
 
 
 @dataclass(frozen=True)
@@ -79,12 +91,6 @@ class SampleRange:
     end: int
 
 
-def draw(work: ChunkJob, place: SampleRange) -> Array:
-    """Errors of a chunk's samples, shape (n, sources)."""
-    draws = work.draws
-    return draws.model.draw(draws.design, draws.seed, draws.samples, place.begin, place.end)
-
-
 def simulate_errors(prepared: Engine, timeout: float | None, outputs: int, errors: Array) -> SimulationResult:
     """Outcomes of samples, shape (n, sources); what an engine raises is pinned to the samples that cause it."""
     with time_limit(timeout):
@@ -124,7 +130,7 @@ def draw_pieces(work: ChunkJob, place: SampleRange) -> Iterator[Array]:
     """Errors of a chunk's samples, in pieces of the engine's own chunk."""
     step = work.engine.chunk
     for begin in range(place.begin, place.end, step):
-        yield draw(work, SampleRange(place.number, begin, min(begin + step, place.end)))
+        yield work.draws.draw(begin, min(begin + step, place.end))
 
 
 def store(work: ChunkJob, place: SampleRange, flown: Iterable[tuple[Array, SimulationResult]]) -> Part:

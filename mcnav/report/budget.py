@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 
 from mcnav.report.format import share
-from mcnav.report.model import Content
+from mcnav.report.model import RunAnalysis
 from mcnav.statistics.estimates import Estimate
 
 
-def two_routes(content: Content) -> dict[str, Any] | None:
+def two_routes(content: RunAnalysis) -> dict[str, Any] | None:
     """Linear and flown shares of each source; none where no flights were made for it."""
-    flown = content.manifest["model"].get("budget")
+    flown = content.manifest.model.budget
     if not flown or not content.dispersed:
         return None
     alone, sobol = flown["alone"], flown["sobol"]
@@ -46,7 +46,7 @@ def _interacts(sobol: dict[str, Any]) -> bool:
 
 
 def _row(
-    content: Content, i: int, j: int, variance: float, alone: dict[str, Any], sobol: dict[str, Any]
+    content: RunAnalysis, i: int, j: int, variance: float, alone: dict[str, Any], sobol: dict[str, Any]
 ) -> dict[str, str]:
     confidence = content.criterion.confidence
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from mcnav.analysis.variance_breakdown import TERMS
 from mcnav.report.format import signed, with_error
-from mcnav.report.model import Content
+from mcnav.report.model import RunAnalysis
 
 NAMES: Final = {
     "sampled_sigmas": "sampling: sigmas of the draws",
@@ -20,7 +20,7 @@ NAMES: Final = {
 }
 
 
-def causes(content: Content) -> dict[str, Any] | None:
+def causes(content: RunAnalysis) -> dict[str, Any] | None:
     """Rows of the table, in per cent of each output's linear variance; none where nothing was compared."""
     found = content.causes
     linear = np.diag(content.comparison.covariance_linear)
@@ -36,11 +36,11 @@ def causes(content: Content) -> dict[str, Any] | None:
         "paired": [signed(value) for value in found.paired * per_cent],
         "unscented": [signed(value) for value in found.unscented * per_cent],
         "sentence": _sentence(content, per_cent),
-        "normal_only": not content.manifest.get("normal", True),
+        "normal_only": not content.manifest.normal,
     }
 
 
-def _sentence(content: Content, per_cent: Any) -> str:
+def _sentence(content: RunAnalysis, per_cent: Any) -> str:
     """What explains the largest paired difference."""
     found = content.causes
     if found is None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from mcnav.report.model import Content
+from mcnav.report.model import RunAnalysis
 from mcnav.scenarios.reasons import without_numbers
 
 MOST_REASONS: Final = 20
@@ -44,7 +44,7 @@ def grouped(failures: Failures) -> dict[str, tuple[int, Sequence[int]]]:
     return dict(sorted(found.items(), key=lambda entry: (-entry[1][0], entry[0])))
 
 
-def failure_rows(content: Content) -> list[dict[str, Any]]:
+def failure_rows(content: RunAnalysis) -> list[dict[str, Any]]:
     """The table of the report: reason, number of samples, the first of them."""
     rows: list[dict[str, Any]] = []
     for reason, (count, found) in content.failures.items():

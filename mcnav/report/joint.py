@@ -6,7 +6,7 @@ import math
 from typing import Any, Final
 
 from mcnav.report.format import fixed, number, with_error
-from mcnav.report.model import Content
+from mcnav.report.model import RunAnalysis
 from mcnav.statistics.hypothesis_test import HypothesisTest
 
 SMALLEST: Final = 1e-4
@@ -38,7 +38,7 @@ def _row(name: str, question: str, statistic: str, test: HypothesisTest | None) 
     }  # fmt: skip
 
 
-def _predicted(content: Content, i: int) -> dict[str, str]:
+def _predicted(content: RunAnalysis, i: int) -> dict[str, str]:
     """Mean, skewness and excess kurtosis of an output in closed form, and its flown mean, where they are known."""
     higher, scale = content.higher_order, float(content.output_scale[i])
     if higher is None:
@@ -52,7 +52,7 @@ def _predicted(content: Content, i: int) -> dict[str, str]:
     }
 
 
-def joint(content: Content) -> dict[str, Any] | None:
+def joint(content: RunAnalysis) -> dict[str, Any] | None:
     """Tests, ellipsoids, correlations and shapes; none when nothing has a dispersion."""
     found = content.comparison.joint
     if found is None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import json
 import math
 import re
 import shlex
@@ -24,7 +23,7 @@ from mcnav.report.figures.figure import Figure
 from mcnav.report.figures.flight import flight
 from mcnav.report.format import number, share, with_error
 from mcnav.report.joint import joint
-from mcnav.report.model import Content
+from mcnav.report.model import RunAnalysis
 from mcnav.report.requirements import requirement_rows
 from mcnav.report.tails import tail_rows
 
@@ -56,7 +55,7 @@ def _range(interval: tuple[float, float] | None) -> str:
     return f"{low.removesuffix(' %')} to {high}"
 
 
-def _output_rows(content: Content) -> list[dict[str, Any]]:
+def _output_rows(content: RunAnalysis) -> list[dict[str, Any]]:
     scale, unscented = content.output_scale, content.summary["unscented"]
     higher = content.higher_order
     rows = []
@@ -91,7 +90,7 @@ def _output_rows(content: Content) -> list[dict[str, Any]]:
     return rows
 
 
-def _source_rows(content: Content) -> list[dict[str, Any]]:
+def _source_rows(content: RunAnalysis) -> list[dict[str, Any]]:
     scale, sigma = content.source_scale, np.sqrt(np.diag(content.model.covariance))
     contributions = content.budget.contributions * content.output_scale[:, None]
     return [
@@ -108,7 +107,7 @@ def _source_rows(content: Content) -> list[dict[str, Any]]:
     ]
 
 
-def _ellipsoid(content: Content) -> dict[str, Any] | None:
+def _ellipsoid(content: RunAnalysis) -> dict[str, Any] | None:
     ellipsoid = content.comparison.ellipsoid
     if ellipsoid is None:
         return None
@@ -129,7 +128,7 @@ def _ellipsoid(content: Content) -> dict[str, Any] | None:
     }
 
 
-def _farthest(content: Content) -> list[dict[str, Any]]:
+def _farthest(content: RunAnalysis) -> list[dict[str, Any]]:
     """The flights with the largest NEES, farthest first."""
     ellipsoid = content.comparison.ellipsoid
     if ellipsoid is None:
@@ -148,7 +147,7 @@ def _farthest(content: Content) -> list[dict[str, Any]]:
     ]
 
 
-def figures(content: Content) -> dict[str, Figure]:
+def figures(content: RunAnalysis) -> dict[str, Figure]:
     """Every figure of the report that there is something to show in, by name."""
     drawn: dict[str, Figure | None] = {"flight": flight(content.history)}
     if content.dispersed:
@@ -210,16 +209,16 @@ def _reachable(text: str) -> str:
     )
 
 
-def render(content: Content) -> str:
+def render(content: RunAnalysis) -> str:
     """The report as one HTML page."""
     manifest, summary = content.manifest, content.summary
     drawn = figures(content)
     beside.draw(list(drawn.values()))
-    flown, seconds = manifest["flight"]["samples"], manifest["flight"]["seconds"]
+    flown, seconds = (manifest.flight.samples, manifest.flight.seconds) if manifest.flight else (0, 0.0)
     return filled(
         "campaign.html",
         summary=summary,
-        manifest={"commit": None, **manifest},
+        manifest=manifest,
         headline=sentences.headline(summary),
         explanation=sentences.explanation(summary),
         joint_explanation=sentences.joint_explanation(summary),
@@ -244,7 +243,7 @@ def render(content: Content) -> str:
         cross=[share(value) for value in content.budget.cross_terms],
         correlated=bool(np.nanmax(np.abs(content.budget.cross_terms), initial=0.0) > 1e-12),
         farthest=_farthest(content) if content.dispersed else [],
-        identity=hashlib.sha256(json.dumps(manifest["identity"], sort_keys=True).encode()).hexdigest(),
+        identity=manifest.identity.digest,
         ellipsoid=_ellipsoid(content),
         confidence_each=f"{100.0 * content.comparison.confidence_each:.4g} %",
         speed=f"{flown / max(seconds, 1e-3):,.0f}" if flown == summary["samples"] else None,

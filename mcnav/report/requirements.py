@@ -9,7 +9,7 @@ import numpy as np
 
 from mcnav.report import sentences
 from mcnav.report.format import number
-from mcnav.report.model import Content, humanize
+from mcnav.report.model import RunAnalysis, humanize
 from mcnav.units import conversion
 
 TONES: Final = {"met": "agrees", "not met": "differs", "undecided": "undecided"}
@@ -70,11 +70,11 @@ def _cells(entry: Mapping[str, Any], scale: float, unit: str) -> dict[str, str]:
     return {"estimate": flown, "low": size(low), "high": size(high), "linear": size(entry["linear"])}
 
 
-def requirement_rows(content: Content) -> list[dict[str, Any]]:
+def requirement_rows(content: RunAnalysis) -> list[dict[str, Any]]:
     """One row for each requirement."""
     units = {
-        entry["name"]: (float(scale), entry["shown_in"])
-        for entry, scale in zip(content.manifest["model"]["outputs"], content.output_scale, strict=True)
+        output.name: (float(scale), output.shown_in)
+        for output, scale in zip(content.manifest.model.outputs, content.output_scale, strict=True)
     }
     rows = []
     for entry in content.summary["requirements"]:
@@ -96,7 +96,7 @@ def requirement_rows(content: Content) -> list[dict[str, Any]]:
     return rows
 
 
-def _largest(content: Content, sigmas: Any) -> list[dict[str, str]]:
+def _largest(content: RunAnalysis, sigmas: Any) -> list[dict[str, str]]:
     """How large each source's sigma may be, beside what it is."""
     now = np.sqrt(np.diag(content.model.covariance))
     return [

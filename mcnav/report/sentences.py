@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any, Final
 
 from mcnav.report.model import humanize, labels_of
+from mcnav.report.summary import tally
 from mcnav.statistics.power import sensible_step
 
 LARGE_RATIO: Final = 3.0
@@ -50,17 +51,6 @@ def standing(summary: Mapping[str, Any]) -> str:
     """The tone with the requirements: what agrees stands only ``partly`` while a requirement is not met."""
     counts, found = met(summary), tone(summary)
     return "partly" if found == "agrees" and counts and counts["met"] < counts["of"] else found
-
-
-def tally(findings: Iterable[str]) -> dict[str, int] | None:
-    """Count requirements by what was found of them; none without requirements.
-
-    >>> tally(["not met", "undecided"])
-    {'met': 0, 'not_met': 1, 'undecided': 1, 'of': 2}
-    """
-    found = list(findings)
-    counts = {finding.replace(" ", "_"): found.count(finding) for finding in ("met", "not met", "undecided")}
-    return {**counts, "of": len(found)} if found else None
 
 
 def met(summary: Mapping[str, Any]) -> dict[str, int] | None:

@@ -8,10 +8,10 @@ import numpy as np
 
 from mcnav.analysis.verdict import Verdict
 from mcnav.report.format import number
-from mcnav.report.model import Content
+from mcnav.report.model import RunAnalysis
 
 
-def tail_rows(content: Content) -> list[dict[str, Any]]:
+def tail_rows(content: RunAnalysis) -> list[dict[str, Any]]:
     """One row for each quantile, in the units shown."""
     rows = []
     for entry in content.tails:

@@ -5,16 +5,17 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
+from pydantic import Field
 
 from mcnav._types import Array, IndexArray
 from mcnav.files import parquet_bytes, read_whole, write_whole
@@ -36,17 +37,23 @@ ROOM: Final = 10_000_000
 MOST_TRACEBACKS: Final = 500_000
 """Characters of tracebacks that a part keeps; beyond it a failed sample has its reason, and can be replayed."""
 
+MOST_SAMPLES: Final = 1_000_000_000_000
+
+Words = Annotated[str, Field(max_length=2_000)]
+Digest = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+Count = Annotated[int, Field(ge=0, le=MOST_SAMPLES)]
+
 
 @dataclass(frozen=True)
 class Part:
-    """What the manifest says of one file of samples [begin, end)."""
+    """One file of samples [begin, end), as the manifest lists it; annotations are checked where a manifest is read."""
 
-    file: str
-    begin: int
-    end: int
-    failed: int
-    handed_over: int
-    sha256: str
+    file: Annotated[str, Field(pattern=r"^part-[0-9]{5,9}\.parquet$")]
+    begin: Count
+    end: Count
+    failed: Count
+    handed_over: Count
+    sha256: Digest
 
 
 @dataclass(frozen=True)
@@ -79,7 +86,7 @@ class SampleSchema:
 
     @classmethod
     def of(cls, sources: Sequence[Any], outputs: Sequence[Any]) -> SampleSchema:
-        """The layout for the sources and outputs of a scenario."""
+        """Derive the columns from sources and outputs that have names and units."""
         return cls(
             tuple(f"error {source.name} [{source.unit}]" for source in sources),
             tuple(f"output {output.name} [{output.unit}]" for output in outputs),
@@ -129,7 +136,7 @@ def write_part(
         columns[name] = pa.array(np.ascontiguousarray(values), mask=failed)
     table = pa.table({name: pa.array(column) for name, column in columns.items()})
     samples, lost, handed_over = whole or (count, int(failed.sum()), outcomes.fallback_count)
-    marks = {"mcnav.identity": identity, "mcnav.fallback_count": str(handed_over), **(further or {})}
+    marks = {"mcnav.identity": identity, "mcnav.handed_over": str(handed_over), **(further or {})}
     if whole is not None:
         marks |= {"mcnav.begin": str(begin), "mcnav.samples": str(samples), "mcnav.failed": str(lost)}
     if outcomes.tracebacks:
@@ -194,7 +201,7 @@ def whole_part(place: Path, number: int, identity: str, kept: int | None = None)
         marks = {key.decode(): value.decode() for key, value in (table.schema.metadata or {}).items()}
         whole = parquet_bytes(table, _TEXT) == content
         index, status = table.column("index").to_numpy(), table.column("status").to_pylist()
-        handed_over = int(marks["mcnav.fallback_count"])
+        handed_over = int(marks["mcnav.handed_over"])
         if kept is None:
             begin, count, rows = int(index[0]), len(index), len(index)
             failed = sum(entry != OK for entry in status)
@@ -271,6 +278,6 @@ def _fill(array: NDArray[Any], column: pa.ChunkedArray, row: int) -> None:
         row += len(chunk)
 
 
-def part_records(parts: Sequence[Part]) -> list[dict[str, Any]]:
-    """Parts as the manifest lists them, in the order of their samples."""
-    return [asdict(part) for part in sorted(parts, key=lambda part: part.begin)]
+def sorted_parts(parts: Iterable[Part]) -> tuple[Part, ...]:
+    """Parts in the order of their samples."""
+    return tuple(sorted(parts, key=lambda part: part.begin))

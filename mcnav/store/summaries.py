@@ -9,7 +9,7 @@ from __future__ import annotations
 import base64
 import io
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain, zip_longest
 from pathlib import Path
@@ -142,10 +142,9 @@ def summary_from_bytes(content: bytes) -> Summary:
     return Summary.from_mark((pq.read_schema(io.BytesIO(content)).metadata or {})[MARK.encode()].decode())
 
 
-def collect_summary(folder: Path, parts: list[Mapping[str, Any]] | list[Part]) -> Summary:
-    """The summaries of all parts added up in order of index."""
-    files = [part.file if isinstance(part, Part) else str(part["file"]) for part in parts]
-    found = [summary_from_bytes((folder / file).read_bytes()) for file in files]
+def collect_summary(folder: Path, parts: Sequence[Part]) -> Summary:
+    """Add up the summaries of all parts in order of index."""
+    found = [summary_from_bytes((folder / part.file).read_bytes()) for part in parts]
     while len(found) > 1:  # neighbours first: the blocks are copied a few times, not once for each part
         found = [one if other is None else one + other for one, other in zip_longest(found[::2], found[1::2])]
     return found[0]
