@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from mcnav.report.model import humanize, labels_of
 from mcnav.report.summary import tally
+from mcnav.scenarios.failure import message_of
 from mcnav.statistics.power import sensible_step
 
 LARGE_RATIO: Final = 3.0
@@ -250,7 +251,7 @@ def failures(summary: Mapping[str, Any]) -> str:
     if not summary["failed"]:
         return ""
     told = f"{summary['failed']:,} of {summary['samples']:,} samples failed and are left out of every figure"
-    commonest = next(iter(summary["failures"]), "").removeprefix("failed: ")
+    commonest = message_of(next(iter(summary["failures"]), ""))
     if commonest:
         told += f" ({'' if len(summary['failures']) == 1 else 'most often: '}{commonest})"
     smallest = [ratio for ratio in (summary.get("excluded") or {}).get("sigma_ratio", ()) if ratio is not None]

@@ -40,11 +40,12 @@ from typing import Any, Final, TypeVar
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.scenarios.failure import Failure, Reason
 from mcnav.scenarios.finite_differences import DifferencedModel, differentiate
 from mcnav.scenarios.histories import check_history
 from mcnav.scenarios.inputs import InputFile, inputs_of, named_apart, watched
 from mcnav.scenarios.protocol import Engine, History, LinearModel, Output, ScenarioError, SimulationResult, Source
-from mcnav.scenarios.sample_loop import NOT_FINITE, SampleFailed, format_exception, simulate_each
+from mcnav.scenarios.sample_loop import SampleFailed, format_exception, simulate_each
 from mcnav.scenarios.settings import Value, check_unit, given
 from mcnav.scenarios.timeouts import SampleTimeout, within_limit
 
@@ -286,7 +287,7 @@ class UserEngine:
 
     def _told(self, result: Any, count: int) -> SimulationResult:
         """What ``propagate`` gave back, with a reason in every row that has no finite outcome."""
-        given: Mapping[int, str] = {}
+        given: Mapping[int, Failure] = {}
         handed_over = 0
         if isinstance(result, SimulationResult):
             result, given, handed_over = result.values, result.failures, result.fallback_count
@@ -296,7 +297,7 @@ class UserEngine:
         lost = ~np.isfinite(values).all(axis=1)
         lost[list(given)] = True
         values[lost] = np.nan
-        failures = {int(row): str(given.get(int(row), NOT_FINITE)) for row in np.flatnonzero(lost)}
+        failures = {int(row): Failure.of(given.get(int(row), Reason.NOT_FINITE)) for row in np.flatnonzero(lost)}
         return SimulationResult(values, failures, handed_over)
 
 

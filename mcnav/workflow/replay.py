@@ -19,10 +19,11 @@ from mcnav.files import write_whole
 from mcnav.lincov.polynomial import PolynomialFitError
 from mcnav.lincov.polynomial_engine import prepare_engine
 from mcnav.report.replay import Outcome, Replay, files
+from mcnav.scenarios.failure import OK
 from mcnav.scenarios.protocol import History, Replayable, ScenarioError, SimulationResult
 from mcnav.store.inputs import INPUTS, changed_since
 from mcnav.store.manifest import Manifest
-from mcnav.store.parts import OK, SampleSchema, part_name, samples_from, tracebacks_in, whole_part
+from mcnav.store.parts import SampleSchema, part_name, samples_from, tracebacks_in, whole_part
 from mcnav.store.run_folder import CAMPAIGN, RunFolder
 from mcnav.store.summaries import KEPT, SUMMARY, summary_chunk
 
@@ -70,7 +71,7 @@ def replay(path: Path, index: int, campaign_file: Path | None = None) -> Replay:
             for name, engine in engines.items():
                 again = IsolatedEngine(engine, len(scenario.outputs), campaign.sample_timeout).propagate(sample)
                 outcomes.append(_outcome(f"again, {name}", again))
-                traceback = traceback or again.tracebacks.get(0, "")
+                traceback = traceback or (again.failures[0].traceback if again.failures else "")
         except (ScenarioError, PolynomialFitError) as wrong:
             raise CampaignError([Problem(campaign.file, "scenario", str(wrong))]) from None
         finally:
@@ -163,6 +164,6 @@ def _stored(
     return Outcome(STORED, samples.outputs[row], samples.status[row]), traceback
 
 
-def _outcome(label: str, outcomes: SimulationResult) -> Outcome:
-    reason = outcomes.failures.get(0)
-    return Outcome(label, outcomes.values[0], OK if reason is None else f"failed: {reason}")
+def _outcome(label: str, result: SimulationResult) -> Outcome:
+    failure = result.failures.get(0)
+    return Outcome(label, result.values[0], OK if failure is None else failure.status)

@@ -136,7 +136,10 @@ def test_failures_are_counted_by_reason(tmp_path: Path) -> None:
     ]
     first = store.Summary.of(found, 1_000, {5: "failed: a", 700: "failed: a"})
     failing = first + store.Summary.of(found_after(found), 10, {1_003: "failed: b"})
-    assert failing.failures == {"failed: a": store.Failure(2, (5, 700)), "failed: b": store.Failure(1, (1_003,))}
+    assert failing.failures == {
+        "failed: a": store.FailureCount(2, (5, 700)),
+        "failed: b": store.FailureCount(1, (1_003,)),
+    }
     again = store.Summary.from_mark(failing.as_mark())
     assert np.array_equal(again.sums.blocks, failing.sums.blocks)
     assert (again.samples, again.failures) == (failing.samples, failing.failures)
@@ -162,7 +165,7 @@ def test_reasons_are_bounded() -> None:
     found = reduce_samples(normalization_of(_model(), 10_000, 1), 0, np.zeros((10, 2)), np.zeros((10, 2)))
     many = {index: f"failed: fell to {index} km" for index in range(2_000)}
     assert store.Summary.of(found, 2_000, many).failures == {
-        "failed: fell to … km": store.Failure(2_000, tuple(range(store.FIRST)))
+        "failed: fell to … km": store.FailureCount(2_000, tuple(range(store.FIRST)))
     }
     words = {index: f"failed: {''.join(chr(97 + int(digit)) for digit in str(index))}" for index in range(2_000)}
     known = store.Summary.of(found, 2_000, words).failures
