@@ -23,6 +23,7 @@ from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.compare import compare_runs
 from mcnav.workflow.replay import as_stored, replay
 from mcnav.workflow.run import run_campaign
+from tests.faults.scenarios import OnAdvance
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -303,9 +304,7 @@ def test_a_file_that_changes_while_the_run_goes_on(where: str, engine: str, tmp_
         code = code.replace("def propagate", "def fly")
     (tmp_path / "mine.py").write_text(code)
 
-    def change(samples: int) -> None:
-        (tmp_path / "table.txt").write_text("3\n")
-
+    change = OnAdvance(lambda: (tmp_path / "table.txt").write_text("3\n"))
     with pytest.raises(RunFolderError) as refused:
         run_campaign(read_campaign(campaign), tmp_path / "run", None, 1, progress=change)
     assert str(refused.value) == (
@@ -324,11 +323,10 @@ def test_a_file_that_changes_while_the_run_goes_on(where: str, engine: str, tmp_
 def test_a_file_that_changes_at_the_very_end(tmp_path: Path) -> None:
     """After the last chunk is stored: the run is not complete."""
     campaign = declared(tmp_path, "2\n")
+    table = tmp_path / "table.txt"
+    change = OnAdvance(lambda: table.unlink() or table.write_text("3\n"))
     with pytest.raises(RunFolderError, match="has changed; samples stored in"):
-        run_campaign(
-            read_campaign(campaign), tmp_path / "run", None, 1,
-            progress=lambda samples: (tmp_path / "table.txt").unlink() or (tmp_path / "table.txt").write_text("3\n"),
-        )  # fmt: skip
+        run_campaign(read_campaign(campaign), tmp_path / "run", None, 1, progress=change)
     assert len(list((tmp_path / "run" / "samples").glob("part-*.parquet"))) == 1
 
 

@@ -28,7 +28,7 @@ from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.run import run_campaign
 from tests.conftest import ROOT, campaign
 from tests.faults.kills import digests, left_of
-from tests.faults.scenarios import VECTORISED, command, environment, work_of, written
+from tests.faults.scenarios import VECTORISED, OnAdvance, command, environment, work_of, written
 from tests.faults.test_failures import LIMIT, REASONS
 from tests.processes import LONG, run_to_end, running, wait_for
 
@@ -79,12 +79,16 @@ def test_a_file_that_a_scenario_reads(where: str, cluster: Cluster, tmp_path: Pa
         samples = pd.read_parquet(tmp_path / "there" / "samples")
         np.testing.assert_allclose(samples["output b [m]"], gain * samples["error a [m]"], rtol=1e-15)
 
-    def change(samples: int) -> None:
-        table.write_text("4")
-
     path.write_text(path.read_text().replace("samples = 100", "samples = 30_000"))  # four chunks
     with pytest.raises(RunFolderError, match=r"table\.txt: has changed; samples stored in"):
-        run_campaign(read_campaign(path), tmp_path / "there", None, 2, progress=change, flights=cluster.fly)
+        run_campaign(
+            read_campaign(path),
+            tmp_path / "there",
+            None,
+            2,
+            progress=OnAdvance(lambda: table.write_text("4")),
+            flights=cluster.fly,
+        )
 
 
 @pytest.mark.parametrize(("engine", "store"), [("ensemble", "samples"), ("ensemble", "summary"), ("map", "samples")])
