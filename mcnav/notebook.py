@@ -26,10 +26,10 @@ from threadpoolctl import threadpool_limits
 from mcnav.config.read import Campaign, campaign_from
 from mcnav.report import sentences
 from mcnav.report.figures.figure import Figure
-from mcnav.report.model import Content
+from mcnav.report.model import RunAnalysis
 from mcnav.report.page import figures
 from mcnav.store.run_folder import RunFolder
-from mcnav.workflow.analyse import analyse, content_of, samples_of
+from mcnav.workflow.analyse import analyse, samples_of
 from mcnav.workflow.run import run_campaign
 
 SHOWN = """<div><p><strong>{{ name }}</strong>: {{ headline }}</p><p>{{ explanation }}</p>
@@ -50,7 +50,7 @@ class FlownRun:
     Attributes
     ----------
     path : Path
-    content : Content
+    content : RunAnalysis
         All that its report shows: the linear model, the comparison, the samples.
 
     Raises
@@ -63,7 +63,8 @@ class FlownRun:
         self.path = path
         folder = RunFolder(path)
         with threadpool_limits(1):
-            self.content: Content = content_of(folder, analyse(folder))
+            self.content: RunAnalysis = analyse(folder)
+            _ = self.content.history, self.content.campaign, self.content.envelopes  # refused here when damaged
 
     @property
     def summary(self) -> Mapping[str, Any]:
@@ -153,11 +154,11 @@ class FlownRun:
 
     def _keys(self, which: str) -> list[str]:
         """Names of ``sources`` or ``outputs`` as files have them."""
-        return [str(entry["name"]) for entry in self.content.manifest["model"][which]]
+        return [entry.name for entry in getattr(self.content.manifest.model, which)]
 
     def _units(self, which: str, field: str) -> dict[str, str]:
         """Units of ``sources`` or ``outputs`` by their keys."""
-        return {str(entry["name"]): str(entry[field]) for entry in self.content.manifest["model"][which]}
+        return {entry.name: getattr(entry, field) for entry in getattr(self.content.manifest.model, which)}
 
     @cached_property
     def drawings(self) -> dict[str, Figure]:

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -14,25 +15,37 @@ from mcnav._types import Array
 from mcnav.lincov.block_sums import Normalization
 from mcnav.lincov.sample_reduction import reduce_samples
 from mcnav.sampling.error_model import ErrorModel
+from mcnav.scenarios.failure import Failure, Reason
 from mcnav.scenarios.inputs import InputFile
 from mcnav.scenarios.protocol import Engine, SimulationResult
-from mcnav.scenarios.sample_loop import NOT_FINITE, SampleFailed, simulate_each
+from mcnav.scenarios.sample_loop import SampleFailed, simulate_each
 from mcnav.scenarios.timeouts import SampleTimeout, time_limit
 from mcnav.store import histories
 from mcnav.store.inputs import check_unchanged
-from mcnav.store.parts import Part, SampleSchema, whole_part, write_part
+from mcnav.store.parts import ChunkTotals, Part, SampleSchema, whole_part, write_part
 from mcnav.store.run_folder import RunFolder
 from mcnav.store.summaries import KEPT, MARK, MOST_REASONS, Summary, summary_chunk
+
+PROBES: Final = 64
+"""Samples on which an engine's accuracy is settled: the first of the campaign itself."""
 
 
 @dataclass(frozen=True)
 class DrawPlan:
-    """Which samples to draw; see `ErrorModel.draw`."""
+    """The samples of a campaign; see `ErrorModel.draw`."""
 
-    model: ErrorModel
+    errors: ErrorModel
     design: str
     seed: int
     samples: int
+
+    def draw(self, begin: int, end: int) -> Array:
+        """Draw samples [begin, end), or fewer at the campaign's end, shape (n, sources)."""
+        return self.errors.draw(self.design, self.seed, self.samples, begin, min(end, self.samples))
+
+    def probes(self) -> Array:
+        """Draw the samples on which an engine's accuracy is settled, shape (n, sources)."""
+        return self.draw(0, PROBES)
 
 
 @dataclass(frozen=True)
@@ -79,34 +92,28 @@ class SampleRange:
     end: int
 
 
-def draw(work: ChunkJob, place: SampleRange) -> Array:
-    """Errors of a chunk's samples, shape (n, sources)."""
-    draws = work.draws
-    return draws.model.draw(draws.design, draws.seed, draws.samples, place.begin, place.end)
-
-
-def simulate_errors(prepared: Engine, timeout: float | None, outputs: int, errors: Array) -> SimulationResult:
-    """Outcomes of samples, shape (n, sources); what an engine raises is pinned to the samples that cause it."""
+def simulate_errors(engine: Engine, timeout: float | None, outputs: int, errors: Array) -> SimulationResult:
+    """Simulate samples, shape (n, sources); what an engine raises fails only the samples that cause it."""
     with time_limit(timeout):
         try:
-            outcomes = prepared.propagate(errors)
+            result = engine.propagate(errors)
         except MemoryError:
             raise
         except (Exception, SampleTimeout):
-            each = simulate_each(lambda row: _alone(prepared, errors[row]), range(len(errors)))
-            outcomes = each.outcomes(np.full((len(errors), outputs), np.nan))
-    lost = np.flatnonzero(~np.isfinite(outcomes.values).all(axis=1))
-    failures = {int(row): NOT_FINITE for row in lost} | dict(outcomes.failures)
-    values = outcomes.values.copy()
+            each = simulate_each(lambda row: _simulate_one(engine, errors[row]), range(len(errors)))
+            result = each.outcomes(np.full((len(errors), outputs), np.nan))
+    lost = np.flatnonzero(~np.isfinite(result.values).all(axis=1))
+    failures = {int(row): Failure.of(Reason.NOT_FINITE) for row in lost} | dict(result.failures)
+    values = result.values.copy()
     values[list(failures)] = np.nan
-    return replace(outcomes, values=values, failures=failures)
+    return replace(result, values=values, failures=failures)
 
 
-def _alone(prepared: Engine, errors: Array) -> Array:
-    outcomes = prepared.propagate(errors[None, :])
-    if outcomes.failures:
-        raise SampleFailed(outcomes.failures[0])
-    return np.asarray(outcomes.values[0])
+def _simulate_one(engine: Engine, errors: Array) -> Array:
+    result = engine.propagate(errors[None, :])
+    if result.failures:
+        raise SampleFailed(result.failures[0])
+    return np.asarray(result.values[0])
 
 
 def simulate_chunk(work: ChunkJob, place: SampleRange) -> Part:
@@ -124,41 +131,43 @@ def draw_pieces(work: ChunkJob, place: SampleRange) -> Iterator[Array]:
     """Errors of a chunk's samples, in pieces of the engine's own chunk."""
     step = work.engine.chunk
     for begin in range(place.begin, place.end, step):
-        yield draw(work, SampleRange(place.number, begin, min(begin + step, place.end)))
+        yield work.draws.draw(begin, min(begin + step, place.end))
 
 
-def store(work: ChunkJob, place: SampleRange, flown: Iterable[tuple[Array, SimulationResult]]) -> Part:
-    """Store a chunk that comes in pieces: its samples, or its summary, so that no two pieces need be held at once."""
+def store(work: ChunkJob, place: SampleRange, results: Iterable[tuple[Array, SimulationResult]]) -> Part:
+    """Store a chunk that comes in pieces: its samples, or its summary, for which one piece at a time is in memory."""
     folder, identity, layout = work.folder.parts, work.identity, work.layout
     if work.frame is None:
-        ((errors, outcomes),) = flown
+        ((errors, result),) = results
         marks = histories.history_marks(work.engine, errors)
         check_not_cancelled(work)
-        return write_part(folder, place.number, place.begin, identity, layout, errors, outcomes, marks)
-    begin, handed_over, followed = place.begin, 0, None
+        return write_part(folder, place.number, place.begin, identity, layout, errors, result, marks)
+    begin, fallback_count, power_sums = place.begin, 0, None
     total: Summary | None = None
     rows: list[tuple[Array, SimulationResult]] = []
     tracebacks: dict[int, str] = {}
-    for errors, outcomes in flown:
-        reasons = {begin + row: f"failed: {reason}" for row, reason in sorted(outcomes.failures.items())}
-        found = Summary.of(reduce_samples(work.frame, begin, errors, outcomes.values), len(errors), reasons)
-        total = found if total is None else total + found
-        for row, text in islice(sorted(outcomes.tracebacks.items()), MOST_REASONS - len(tracebacks)):
+    for errors, result in results:
+        failures = dict(sorted(result.failures.items()))
+        status = {begin + row: failure.status for row, failure in failures.items()}
+        summary = Summary.of(reduce_samples(work.frame, begin, errors, result.values), len(errors), status)
+        total = summary if total is None else total + summary
+        raised = ((row, failure.traceback) for row, failure in failures.items() if failure.traceback)
+        for row, text in islice(raised, MOST_REASONS - len(tracebacks)):
             tracebacks[begin - place.begin + row] = text
-        followed = histories.add_power_sums(followed, histories.history_sums(work.engine, errors))
-        handed_over += outcomes.fallback_count
+        power_sums = histories.add_power_sums(power_sums, histories.history_sums(work.engine, errors))
+        fallback_count += result.fallback_count
         kept = min(max(KEPT - begin, 0), len(errors))
-        failures = {row: reason for row, reason in outcomes.failures.items() if row < kept}
-        rows.append((errors[:kept].copy(), SimulationResult(outcomes.values[:kept].copy(), failures)))
+        kept_failures = {row: failure for row, failure in failures.items() if row < kept}
+        rows.append((errors[:kept].copy(), SimulationResult(result.values[:kept].copy(), kept_failures)))
         begin += len(errors)
     if total is None:
         raise ValueError("a chunk has at least one sample")
-    marks = {**histories.history_marks_of(followed), MARK: total.as_mark()}
-    errors, outcomes = _concatenate(rows)
-    outcomes = replace(outcomes, tracebacks=tracebacks)
-    counts = (total.samples, sum(failure.samples for failure in total.failures.values()), handed_over)
+    marks = {**histories.history_marks_of(power_sums), MARK: total.as_mark()}
+    errors, result = _concatenate(rows)
+    failed = sum(count.samples for count in total.failures.values())
+    totals = ChunkTotals(total.samples, failed, fallback_count, tracebacks)
     check_not_cancelled(work)
-    return write_part(folder, place.number, place.begin, identity, layout, errors, outcomes, marks, counts)
+    return write_part(folder, place.number, place.begin, identity, layout, errors, result, marks, totals)
 
 
 def check_not_cancelled(work: ChunkJob) -> None:
@@ -177,12 +186,12 @@ def check_not_cancelled(work: ChunkJob) -> None:
 
 def _concatenate(rows: Sequence[tuple[Array, SimulationResult]]) -> tuple[Array, SimulationResult]:
     """Pieces of a chunk as one."""
-    failures: dict[int, str] = {}
+    failures: dict[int, Failure] = {}
     begin = 0
-    for errors, outcomes in rows:
-        failures |= {begin + row: reason for row, reason in outcomes.failures.items()}
+    for errors, result in rows:
+        failures |= {begin + row: failure for row, failure in result.failures.items()}
         begin += len(errors)
-    values = np.concatenate([outcomes.values for _, outcomes in rows])
+    values = np.concatenate([result.values for _, result in rows])
     return np.concatenate([errors for errors, _ in rows]), SimulationResult(values, failures)
 
 

@@ -6,19 +6,20 @@ the design's blocks and the probes of the engine stay the same. So a run can be 
 
 from __future__ import annotations
 
-import hashlib
-import json
 import platform
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from typing import Any, Final
 
-from mcnav.config.read import Campaign
 from mcnav.errors import RunFolderError
+from mcnav.execution.chunks import PROBES
 from mcnav.files import to_json
 from mcnav.lincov.block_sums import block_size
 from mcnav.sampling.designs import REPLICATES, block_length
-from mcnav.store.inputs import identities
+from mcnav.scenarios.inputs import InputFile
+from mcnav.scenarios.protocol import Source
+from mcnav.scenarios.user_code import SourceFile
+from mcnav.store.manifest import CodeRecord, Identity, json_digest
 from mcnav.store.parts import identities_in
 from mcnav.store.run_folder import MANIFEST, RunFolder
 from mcnav.store.summaries import SLOW, SUMMARY, summary_chunk
@@ -29,9 +30,6 @@ CHUNKS: Final = 2
 
 SHOWN: Final = 3
 """Differences that a refusal names."""
-
-PROBES: Final = 64
-"""Samples on which an engine's accuracy is settled: the first of the campaign itself."""
 
 SAMPLES: Final = "samples"
 UNUSED: Final = ("start_times", "accept", "sample_timeout")
@@ -48,44 +46,31 @@ def versions() -> dict[str, str]:
     }
 
 
-def identity_of(campaign: Campaign, engine: str) -> dict[str, Any]:
-    """The resolved campaign, the engine, the versions, any code of the user's and the files that it reads.
-
-    What the samples do not depend on is left out.
-
-    Raises
-    ------
-    CampaignError
-        When a scenario of the user's own cannot be linearised, which shows the files that it reads.
-    """
-    described = {key: entry for key, entry in campaign.resolved.items() if key not in UNUSED}
-    identity = {"campaign": to_json(described), "engine": engine, "versions": versions(), "chunks": CHUNKS}
-    if later := [source.name for source in campaign.scenario.sources if source.later]:
-        identity["later_sources"] = later  # chunks of a run made before them do not have their columns
-    if campaign.code is not None:
-        identity["code"] = {"file": campaign.code.file, "sha256": campaign.code.digest}
-        files = identities(campaign.inputs())
-        if files:
-            identity["files"] = files
-    return identity
+def identity_of(
+    resolved: Mapping[str, Any],
+    engine: str,
+    code: SourceFile | None,
+    inputs: Sequence[InputFile],
+    sources: Sequence[Source],
+) -> Identity:
+    """Collect what the samples of a resolved campaign depend on; other entries are left out."""
+    optional: dict[str, Any] = {}
+    if later := [source.name for source in sources if source.later]:
+        optional["later_sources"] = later  # chunks of a run made before them do not have their columns
+    if code is not None:
+        optional["code"] = CodeRecord(file=code.file, sha256=code.digest)
+    if inputs:
+        optional["files"] = {file.name: file.digest for file in inputs}
+    entries = to_json({key: entry for key, entry in resolved.items() if key not in UNUSED})
+    return Identity(campaign=entries, engine=engine, versions=versions(), chunks=CHUNKS, **optional)
 
 
-def digest(identity: Mapping[str, Any]) -> str:
-    """SHA-256 of an identity."""
-    return hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()
-
-
-def chunk_digest(identity: Mapping[str, Any], design: str, samples: int) -> str:
-    """Digest of what the samples of a run depend on, whatever their number: every stored chunk carries it."""
-    described = {key: entry for key, entry in identity["campaign"].items() if key != SAMPLES}
-    return digest(
-        {
-            **identity,
-            "campaign": described,
-            "drawn": _draw_layout(design, samples),
-            **_summary_layout(identity, design, samples),
-        }
-    )
+def chunk_digest(identity: Identity, design: str, samples: int) -> str:
+    """Digest what the samples of a run depend on, whatever their number: every stored chunk carries it."""
+    content = identity.to_json()
+    content["campaign"].pop(SAMPLES, None)
+    layout = {"drawn": _draw_layout(design, samples)} | _summary_layout(identity, design, samples)
+    return json_digest(content | layout)
 
 
 def _draw_layout(design: str, samples: int) -> dict[str, int]:
@@ -93,16 +78,16 @@ def _draw_layout(design: str, samples: int) -> dict[str, int]:
     return {"block": block_length(design, samples), "probes": min(PROBES, samples)}
 
 
-def _summary_layout(identity: Mapping[str, Any], design: str, samples: int) -> dict[str, Any]:
+def _summary_layout(identity: Identity, design: str, samples: int) -> dict[str, Any]:
     """What the number of samples decides of the sums that a summary keeps; nothing of stored samples."""
-    if identity["campaign"].get("store") != SUMMARY:
+    if identity.campaign.get("store") != SUMMARY:
         return {}
     return {
         "summed": {"block": block_size(samples, block_length(design, samples)), "chunk": summary_chunk(SLOW, samples)}
     }
 
 
-def check_resumable(folder: RunFolder, identity: Mapping[str, Any], design: str, samples: int) -> list[str]:
+def check_resumable(folder: RunFolder, identity: Identity, design: str, samples: int) -> list[str]:
     """Raise `RunFolderError` when a folder holds another run: its results are neither mixed with nor overwritten.
 
     A damaged manifest is replaced when the chunks beside it are of this very run.
@@ -115,10 +100,10 @@ def check_resumable(folder: RunFolder, identity: Mapping[str, Any], design: str,
     damage: RunFolderError | None = None
     try:
         earlier = folder.manifest()
-    except RunFolderError as found:
-        earlier, damage = None, found
+    except RunFolderError as failure:
+        earlier, damage = None, failure
     if earlier is not None:
-        _refuse_changed(folder, earlier, identity, design, samples)
+        _refuse_changed(folder, earlier.identity, identity, design, samples)
         return []
     stored = identities_in(folder.parts)
     if stored - {chunk_digest(identity, design, samples)}:
@@ -146,11 +131,9 @@ def check_no_foreign_files(folder: RunFolder) -> None:
         )
 
 
-def _refuse_changed(
-    folder: RunFolder, earlier: Mapping[str, Any], identity: Mapping[str, Any], design: str, samples: int
-) -> None:
+def _refuse_changed(folder: RunFolder, earlier: Identity, identity: Identity, design: str, samples: int) -> None:
     """Raise `RunFolderError` when the earlier run is neither this one nor the beginning of it."""
-    before, now = _flat(earlier.get("identity", {})), _flat(to_json(identity))
+    before, now = _flat(earlier.to_json()), _flat(identity.to_json())
     changed = [key for key in sorted(before.keys() | now.keys()) if before.get(key) != now.get(key)]
     if changed == [SAMPLES] and isinstance(before.get(SAMPLES), int) and isinstance(now.get(SAMPLES), int):
         _refuse_other_samples(folder, identity, design, before[SAMPLES], samples)
@@ -161,9 +144,7 @@ def _refuse_changed(
         raise RunFolderError(f"{folder.path}: holds the results of another run ({'; '.join(lines)}{more}); {REMEDY}")
 
 
-def _refuse_other_samples(
-    folder: RunFolder, identity: Mapping[str, Any], design: str, before: int, samples: int
-) -> None:
+def _refuse_other_samples(folder: RunFolder, identity: Identity, design: str, before: int, samples: int) -> None:
     """Raise `RunFolderError` when so many samples do not begin with the earlier ones."""
     if samples < before:
         raise RunFolderError(

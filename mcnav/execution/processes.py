@@ -32,14 +32,13 @@ from mcnav.execution.chunks import (
     simulate_errors,
     store,
 )
+from mcnav.scenarios.failure import Failure, Reason
 from mcnav.scenarios.protocol import Engine, SimulationResult
-from mcnav.scenarios.timeouts import timeout_reason
+from mcnav.scenarios.timeouts import timeout_message
 from mcnav.store.parts import Part
 
 TRIED_WHOLE: Final = 2
 """Pools that may die before chunks are flown one at a time."""
-
-DIED: Final = "the worker process died while flying it"
 
 IDLE: Final = 60.0
 """Seconds after which a process for what is flown apart ends by itself: that of a cluster's worker outlives no run."""
@@ -159,12 +158,14 @@ class IsolatedEngine:
         """Fly samples, shape (n, sources)."""
         _in_one_worker(_ready)  # starting the process takes time that is not the samples'
         began = time.monotonic()
-        outcomes = self.in_one(errors)
-        if outcomes is not None:
-            return outcomes
-        late = self.timeout is not None and time.monotonic() - began > self.timeout
-        reason = timeout_reason(self.timeout or 0.0) if late else DIED
-        return SimulationResult(np.full((len(errors), self.outputs), np.nan), dict.fromkeys(range(len(errors)), reason))
+        result = self.in_one(errors)
+        if result is not None:
+            return result
+        failure = Failure.of(Reason.PROCESS_DIED)
+        if self.timeout is not None and time.monotonic() - began > self.timeout:
+            failure = Failure(Reason.TIMEOUT, timeout_message(self.timeout))
+        values = np.full((len(errors), self.outputs), np.nan)
+        return SimulationResult(values, dict.fromkeys(range(len(errors)), failure))
 
 
 def simulate_isolated(work: ChunkJob, place: SampleRange) -> Part:
@@ -187,7 +188,6 @@ def _apart(guarded: IsolatedEngine, errors: Array, several: bool) -> SimulationR
     each = [guarded.propagate(errors[row : row + 1]) for row in range(len(errors))]
     return SimulationResult(
         np.concatenate([one.values for one in each]),
-        {row: reason for row, one in enumerate(each) for reason in one.failures.values()},
+        {row: failure for row, one in enumerate(each) for failure in one.failures.values()},
         sum(one.fallback_count for one in each),
-        {row: text for row, one in enumerate(each) for text in one.tracebacks.values()},
     )

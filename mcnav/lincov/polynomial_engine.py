@@ -46,10 +46,8 @@ class PolynomialEngine:
             return SimulationResult(values)
         flown = self.exact.propagate(errors[unknown])
         values[unknown] = flown.values
-        failures, tracebacks = (
-            {int(unknown[row]): told for row, told in found.items()} for found in (flown.failures, flown.tracebacks)
-        )
-        return SimulationResult(values, failures, len(unknown), tracebacks)
+        failures = {int(unknown[row]): failure for row, failure in flown.failures.items()}
+        return SimulationResult(values, failures, len(unknown))
 
 
 def fit_polynomial_engine(

@@ -19,6 +19,7 @@ from mcnav.report.model import humanize, labels_of
 from mcnav.report.page import filled
 from mcnav.report.svg import LINEAR, SOURCE_COLOURS
 from mcnav.statistics.estimates import Estimate
+from mcnav.store.manifest import Manifest
 from mcnav.units import conversion
 
 ABSENT: Final = "–"
@@ -64,14 +65,14 @@ class Row:
         return "larger" if self.change.ratio > 1.0 else "smaller"
 
 
-def inputs(manifests: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+def inputs(manifests: Sequence[Manifest]) -> pd.DataFrame:
     """Tabulate the inputs that differ between runs: one row per key of the campaign, one column per run."""
     flat = [
-        _flat(each["identity"]["campaign"])
-        | {"engine": str(each["identity"]["engine"])}
-        | {f"version of {name}": text for name, text in each["identity"]["versions"].items()}
-        | {f"files.{name}": f"SHA-256 {text}" for name, text in each["identity"].get("files", {}).items()}
-        for each in manifests
+        _flat(each.campaign)
+        | {"engine": each.engine}
+        | {f"version of {name}": text for name, text in each.versions.items()}
+        | {f"files.{name}": f"SHA-256 {text}" for name, text in each.files.items()}
+        for each in (manifest.identity for manifest in manifests)
     ]
     rows = {
         key: [each.get(key, ABSENT) for each in flat] for key in dict.fromkeys(key for each in flat for key in each)
@@ -158,7 +159,7 @@ def ratios(rows: Sequence[Row], titles: Sequence[str]) -> Figure | None:
 def render(
     titles: Sequence[str],
     summaries: Sequence[Mapping[str, Any]],
-    manifests: Sequence[Mapping[str, Any]],
+    manifests: Sequence[Manifest],
     rows: Sequence[Row],
     confidence: float,
 ) -> str:
@@ -180,19 +181,19 @@ def render(
     )
 
 
-def _budgets(manifests: Sequence[Mapping[str, Any]], summaries: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+def _budgets(manifests: Sequence[Manifest], summaries: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """List for each output of the first run the linear effect of one sigma of each source, run by run."""
     tables = []
-    for entry in manifests[0]["model"]["outputs"]:
-        scale = conversion(entry["unit"], entry["shown_in"])
+    for output in manifests[0].model.outputs:
+        scale = conversion(output.unit, output.shown_in)
         rows: dict[str, list[str]] = {}
         for at, (manifest, summary) in enumerate(zip(manifests, summaries, strict=True)):
-            names = [each["name"] for each in manifest["model"]["outputs"]]
-            if entry["name"] not in names:
+            names = [each.name for each in manifest.model.outputs]
+            if output.name not in names:
                 continue
-            contributions = summary["budget"]["contributions"][names.index(entry["name"])]
-            for label, value in zip(labels_of(manifest["model"]), contributions, strict=True):
+            contributions = summary["budget"]["contributions"][names.index(output.name)]
+            for label, value in zip(labels_of(summary), contributions, strict=True):
                 rows.setdefault(label, [ABSENT] * len(manifests))[at] = number(value * scale, 4)
         shown = [(label, cells) for label, cells in rows.items() if set(cells) - {"0", ABSENT}]
-        tables.append({"name": humanize(entry["name"]), "unit": entry["shown_in"], "rows": shown})
+        tables.append({"name": humanize(output.name), "unit": output.shown_in, "rows": shown})
     return tables

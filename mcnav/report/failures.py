@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from mcnav.report.model import Content
-from mcnav.scenarios.reasons import without_numbers
+from mcnav.report.model import RunAnalysis
+from mcnav.scenarios.failure import OK, message_of, without_numbers
 
 MOST_REASONS: Final = 20
 """Reasons beyond which those that differ in their numbers alone are told as one."""
@@ -27,7 +27,7 @@ def failures_in(status: Sequence[str], index: Sequence[int]) -> dict[str, tuple[
     """
     found: dict[str, list[int]] = {}
     for number, reason in zip(index, status, strict=True):
-        if reason != "ok":
+        if reason != OK:
             found.setdefault(reason, []).append(int(number))
     return grouped({reason: (len(numbers), numbers[:SHOWN]) for reason, numbers in found.items()})
 
@@ -44,13 +44,13 @@ def grouped(failures: Failures) -> dict[str, tuple[int, Sequence[int]]]:
     return dict(sorted(found.items(), key=lambda entry: (-entry[1][0], entry[0])))
 
 
-def failure_rows(content: Content) -> list[dict[str, Any]]:
+def failure_rows(content: RunAnalysis) -> list[dict[str, Any]]:
     """The table of the report: reason, number of samples, the first of them."""
     rows: list[dict[str, Any]] = []
     for reason, (count, found) in content.failures.items():
         first = ", ".join(str(index) for index in found[:SHOWN])
         more = ", …" if count > SHOWN else ""
-        rows.append({"reason": reason.removeprefix("failed: "), "count": count, "first": first + more})
+        rows.append({"reason": message_of(reason), "count": count, "first": first + more})
     rest = rows[MOST_REASONS:]
     if rest:
         others = {"reason": f"{len(rest):,} other reasons", "count": sum(row["count"] for row in rest), "first": ""}

@@ -1,4 +1,4 @@
-"""All that a report shows."""
+"""An analysed run: all that a report shows."""
 
 from __future__ import annotations
 
@@ -13,23 +13,36 @@ from mcnav._types import Array, IndexArray
 from mcnav.analysis.budget import ErrorBudget
 from mcnav.analysis.comparison import Comparison, Criterion, Model
 from mcnav.analysis.convergence import Convergence
-from mcnav.analysis.envelopes import Envelopes
+from mcnav.analysis.envelopes import Envelopes, envelopes_from
+from mcnav.analysis.failed_samples import FailureBias
 from mcnav.analysis.requirements import RequirementResult
 from mcnav.analysis.tails import Quantile
 from mcnav.analysis.variance_breakdown import VarianceBreakdown
+from mcnav.report.summary import summarise
 from mcnav.scenarios.protocol import History, PartialsHistory, source_labels
+from mcnav.store.manifest import Manifest, Variable
+from mcnav.store.parts import Samples
+from mcnav.store.run_folder import RunFolder
 from mcnav.units import conversion
 
 
 @dataclass(frozen=True)
-class Content:
-    """A judged run with its samples; see `mcnav.workflow.analyse.Analysis` and the manifest for the fields.
+class RunAnalysis:
+    """A run with its samples and all that is concluded from them; what only a report shows is read when it is used.
 
-    ``outputs`` has shape (n, outputs), SI, with NaN in the rows of failed samples.
+    Attributes
+    ----------
+    folder : RunFolder
+    manifest : Manifest
+    samples : Samples
+        Of a run that stores a summary: the first ones.
+    failures : mapping of str to (int, sequence of int)
+        By reason: how many samples failed, and the indices of the first of them.
     """
 
-    summary: Mapping[str, Any]
-    manifest: Mapping[str, Any]
+    folder: RunFolder
+    manifest: Manifest
+    samples: Samples
     model: Model
     criterion: Criterion
     comparison: Comparison
@@ -38,13 +51,56 @@ class Content:
     requirements: tuple[RequirementResult, ...]
     convergence: Convergence | None
     tails: tuple[Quantile, ...]
-    outputs: Array
-    index: IndexArray
+    left_out: FailureBias | None
     failures: Mapping[str, tuple[int, Sequence[int]]]
-    history: History
-    campaign: str
-    development: PartialsHistory | None = None
-    envelopes: Envelopes | None = None
+
+    @cached_property
+    def summary(self) -> Mapping[str, Any]:
+        """The content of ``summary.json``."""
+        return summarise(
+            self.manifest,
+            {reason: count for reason, (count, _) in self.failures.items()},
+            self.model,
+            self.criterion,
+            self.comparison,
+            self.causes,
+            self.budget,
+            self.requirements,
+            self.tails,
+            self.left_out,
+        )
+
+    @cached_property
+    def history(self) -> History:
+        """The truth over time."""
+        return self.folder.history()
+
+    @cached_property
+    def campaign(self) -> str:
+        """The resolved campaign file."""
+        return self.folder.campaign()
+
+    @cached_property
+    def envelopes(self) -> Envelopes | None:
+        """Dispersions at every epoch; none where the engine computes no histories."""
+        epochs = self.folder.epochs()
+        return None if epochs is None else envelopes_from(*epochs, self.manifest.model.to_json()["outputs"])
+
+    @property
+    def development(self) -> PartialsHistory | None:
+        """Partial derivatives over time."""
+        record = self.manifest.model.development
+        return None if record is None else PartialsHistory(record.label, record.times, record.partials)
+
+    @property
+    def outputs(self) -> Array:
+        """Final errors, shape (n, outputs), SI; NaN in the rows of failed samples."""
+        return self.samples.outputs
+
+    @property
+    def index(self) -> IndexArray:
+        """Indices of the samples, shape (n,)."""
+        return self.samples.index
 
     @property
     def higher_order(self) -> Mapping[str, Any] | None:
@@ -68,32 +124,37 @@ class Content:
     @property
     def source_names(self) -> list[str]:
         """Names of the sources for people."""
-        return labels_of(self.manifest["model"])
+        model = self.manifest.model
+        return source_labels([source.name for source in model.sources], self._output_keys)
 
     @property
     def output_names(self) -> list[str]:
         """Names of the outputs for people."""
-        return [humanize(entry["name"]) for entry in self.manifest["model"]["outputs"]]
+        return [humanize(name) for name in self._output_keys]
+
+    @property
+    def _output_keys(self) -> list[str]:
+        return [output.name for output in self.manifest.model.outputs]
 
     @property
     def source_units(self) -> list[str]:
         """Units in which the sources are shown."""
-        return [str(entry["shown_in"]) for entry in self.manifest["model"]["sources"]]
+        return [source.shown_in for source in self.manifest.model.sources]
 
     @property
     def output_units(self) -> list[str]:
         """Units in which the outputs are shown."""
-        return [str(entry["shown_in"]) for entry in self.manifest["model"]["outputs"]]
+        return [output.shown_in for output in self.manifest.model.outputs]
 
     @property
     def source_scale(self) -> Array:
         """What SI values of the sources are multiplied by to be shown."""
-        return _scale(self.manifest["model"]["sources"])
+        return _scale(self.manifest.model.sources)
 
     @property
     def output_scale(self) -> Array:
         """What SI values of the outputs are multiplied by to be shown."""
-        return _scale(self.manifest["model"]["outputs"])
+        return _scale(self.manifest.model.outputs)
 
     @cached_property
     def flown(self) -> Array:
@@ -102,13 +163,13 @@ class Content:
         return np.asfortranarray(self.outputs if known.all() else self.outputs[known]) * self.output_scale
 
 
-def _scale(entries: list[dict[str, str]]) -> Array:
-    return np.array([conversion(entry["unit"], entry["shown_in"]) for entry in entries])
+def _scale(variables: Sequence[Variable]) -> Array:
+    return np.array([conversion(each.unit, each.shown_in) for each in variables])
 
 
-def labels_of(model: Mapping[str, Any]) -> list[str]:
-    """Names for people of the sources in a table with ``sources`` and ``outputs``: a manifest's model, or a summary."""
-    return source_labels(*([entry["name"] for entry in model[key]] for key in ("sources", "outputs")))
+def labels_of(summary: Mapping[str, Any]) -> list[str]:
+    """Return names for people of the sources of a summary."""
+    return source_labels(*([entry["name"] for entry in summary[key]] for key in ("sources", "outputs")))
 
 
 def humanize(name: str) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import json
 import re
 import shlex
 from typing import Any, Final
@@ -20,7 +19,7 @@ from mcnav.report.figures import agreement, beside, dispersion, matrices, source
 from mcnav.report.figures.envelopes import envelopes
 from mcnav.report.figures.figure import Figure
 from mcnav.report.figures.flight import flight
-from mcnav.report.model import Content
+from mcnav.report.model import RunAnalysis
 from mcnav.report.requirements import detailed_rows
 
 FIGURES: Final = (
@@ -36,7 +35,7 @@ CONTENTS: Final = "<!-- contents -->"
 """Placeholder of the table of contents in the base template."""
 
 
-def figures(content: Content) -> dict[str, Figure]:
+def figures(content: RunAnalysis) -> dict[str, Figure]:
     """Return the figures of the report by name, without those that have nothing to show."""
     drawn: dict[str, Figure | None] = {"flight": flight(content.history)}
     if content.dispersed:
@@ -99,18 +98,18 @@ def _focusable(text: str) -> str:
     )
 
 
-def render(content: Content) -> str:
+def render(content: RunAnalysis) -> str:
     """Render the report as one HTML page."""
     manifest, summary = content.manifest, content.summary
     drawn = figures(content)
     beside.draw(list(drawn.values()))
-    simulated, seconds = manifest["flight"]["samples"], manifest["flight"]["seconds"]
+    simulated, seconds = (manifest.flight.samples, manifest.flight.seconds) if manifest.flight else (0, 0.0)
     remarks = (sentences.joint_explanation, sentences.certain_but_small, sentences.stopping)
     return filled(
         "campaign.html",
         content=content,
         summary=summary,
-        manifest={"commit": None, **manifest},
+        manifest=manifest,
         headline=sentences.headline(summary),
         tone=sentences.standing(summary),
         explanation=sentences.explanation(summary),
@@ -127,7 +126,7 @@ def render(content: Content) -> str:
         means=bool(np.any(content.model.mean)),
         correlated=bool(np.nanmax(np.abs(content.budget.cross_terms), initial=0.0) > 1e-12),
         farthest=tables.farthest(content) if content.dispersed else [],
-        identity=hashlib.sha256(json.dumps(manifest["identity"], sort_keys=True).encode()).hexdigest(),
+        identity=manifest.identity.digest,
         together=f"{100.0 * content.criterion.confidence:g} %",
         confidence_each=f"{100.0 * content.comparison.confidence_each:.4g} %",
         tolerance=f"{100.0 * content.criterion.tolerance:g} %",

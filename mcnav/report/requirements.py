@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from mcnav.report import sentences
 from mcnav.report.format import number
-from mcnav.report.model import Content, humanize
+from mcnav.report.model import RunAnalysis, humanize
 from mcnav.units import conversion
 
 TONES: Final = {"met": "agrees", "not met": "differs", "undecided": "undecided"}
@@ -52,7 +52,7 @@ def requirement_rows(summary: Mapping[str, Any]) -> list[dict[str, Any]]:
     ]
 
 
-def detailed_rows(content: Content) -> list[dict[str, Any]]:
+def detailed_rows(content: RunAnalysis) -> list[dict[str, Any]]:
     """Add to `requirement_rows` the estimates in the units shown, the linear values and the largest source sigmas."""
     summary, rows = content.summary, []
     units = shown_units(summary)
@@ -83,7 +83,7 @@ def _shown(kind: str, scale: float, unit: str, value: float | None, missing: str
     return f"{100.0 * value:.3f} %" if kind == "box" else f"{number(value * scale, 4)} {unit}"
 
 
-def _largest(content: Content, sigmas: Any) -> list[tuple[str, str, str]]:
+def _largest(content: RunAnalysis, sigmas: Any) -> list[tuple[str, str, str]]:
     """List each source with its sigma and the largest one that meets the requirement."""
     rows = []
     for j, now in enumerate(content.model.covariance.diagonal() ** 0.5):

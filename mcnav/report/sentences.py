@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 from mcnav.report.format import percent
 from mcnav.report.model import humanize, labels_of
+from mcnav.report.summary import tally
+from mcnav.scenarios.failure import message_of
 from mcnav.statistics.power import sensible_step
 
 if TYPE_CHECKING:
@@ -39,17 +41,6 @@ def standing(summary: Mapping[str, Any]) -> str:
     """Combine the tone with the requirements: an agreeing run is ``partly`` while a requirement is not met."""
     counts, found = met(summary), tone(summary)
     return "partly" if found == "agrees" and counts and counts["met"] < counts["of"] else found
-
-
-def tally(findings: Iterable[str]) -> dict[str, int] | None:
-    """Count requirements by finding; none without requirements.
-
-    >>> tally(["not met", "undecided"])
-    {'met': 0, 'not_met': 1, 'undecided': 1, 'of': 2}
-    """
-    found = list(findings)
-    counts = {finding.replace(" ", "_"): found.count(finding) for finding in ("met", "not met", "undecided")}
-    return {**counts, "of": len(found)} if found else None
 
 
 def met(summary: Mapping[str, Any]) -> dict[str, int] | None:
@@ -241,7 +232,7 @@ def failures(summary: Mapping[str, Any]) -> str:
     if not summary["failed"]:
         return ""
     found = f"{summary['failed']:,} of {summary['samples']:,} samples failed and are excluded from all results"
-    commonest = next(iter(summary["failures"]), "").removeprefix("failed: ")
+    commonest = message_of(next(iter(summary["failures"]), ""))
     if commonest:
         found += f" ({'' if len(summary['failures']) == 1 else 'most often: '}{commonest})"
     ratios = (summary.get("excluded") or {}).get("sigma_ratio", ())

@@ -1,8 +1,8 @@
-"""A judged run in numbers: what ``summary.json`` holds."""
+"""The content of ``summary.json``."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any, Final
 
@@ -15,15 +15,26 @@ from mcnav.analysis.multivariate import MultivariateTests
 from mcnav.analysis.requirements import RequirementResult
 from mcnav.analysis.tails import Quantile
 from mcnav.analysis.variance_breakdown import VarianceBreakdown
-from mcnav.report.sentences import tally
 from mcnav.statistics.hypothesis_test import HypothesisTest
+from mcnav.store.manifest import Manifest
 
 TESTS: Final = ("covariance", "covariance_paired", "bias", "bias_paired", "nees")
 """Tests of the outputs together that `mcnav.analysis.multivariate.MultivariateTests` holds."""
 
 
+def tally(findings: Iterable[str]) -> dict[str, int] | None:
+    """Count requirements by their findings; none without requirements.
+
+    >>> tally(["not met", "undecided"])
+    {'met': 0, 'not_met': 1, 'undecided': 1, 'of': 2}
+    """
+    found = list(findings)
+    counts = {finding.replace(" ", "_"): found.count(finding) for finding in ("met", "not met", "undecided")}
+    return {**counts, "of": len(found)} if found else None
+
+
 def summarise(
-    manifest: Mapping[str, Any],
+    manifest: Manifest,
     failures: Mapping[str, int],
     model: Model,
     criterion: Criterion,
@@ -34,42 +45,34 @@ def summarise(
     tails: Sequence[Quantile],
     left_out: FailureBias | None = None,
 ) -> dict[str, Any]:
-    """The content of ``summary.json``: SI units, rows and columns in the order of outputs and sources.
+    """Collect results in SI units, rows and columns in the order of outputs and sources.
 
-    Parameters
-    ----------
-    manifest : mapping
-        What the run says of itself.
-    failures : mapping of str to int
-        How many samples failed for each reason.
-    model, criterion, comparison, causes, budget, requirements, tails, left_out
-        As judged.
+    ``failures`` counts the samples that failed for each reason.
     """
-    outputs, ellipsoid = comparison.outputs, comparison.ellipsoid
-    named = {
-        key: [{"name": e["name"], "unit": e["unit"]} for e in manifest["model"][key]] for key in ("sources", "outputs")
-    }
+    outputs, ellipsoid, record = comparison.outputs, comparison.ellipsoid, manifest.model
+    variables = {"sources": record.sources, "outputs": record.outputs}
+    named = {key: [{"name": each.name, "unit": each.unit} for each in entries] for key, entries in variables.items()}
     return {
-        "campaign": manifest["campaign"],
-        "verdict": "undecided" if manifest.get("unsettled") else comparison.verdict.value,
-        "unsettled": manifest.get("unsettled"),
-        "samples": manifest["samples"],
+        "campaign": manifest.campaign,
+        "verdict": "undecided" if manifest.unsettled else comparison.verdict.value,
+        "unsettled": manifest.unsettled.to_json() if manifest.unsettled else None,
+        "samples": manifest.samples,
         "failed": comparison.failed,
         "failures": dict(failures),
         "excluded": asdict(left_out) if left_out else None,
-        "engine": manifest["identity"]["engine"],
-        "seed": manifest["seed"],
-        "design": manifest["design"],
-        "store": manifest.get("store", "samples"),
-        "kept": manifest.get("kept"),
+        "engine": manifest.identity.engine,
+        "seed": manifest.seed,
+        "design": manifest.design,
+        "store": manifest.store,
+        "kept": manifest.kept,
         "tolerance": criterion.tolerance,
         "confidence": criterion.confidence,
-        "heavy_tailed": manifest["heavy_tailed"],
-        "stopping": manifest.get("stopping"),
-        "long_tailed": manifest.get("long_tailed", []),
+        "heavy_tailed": list(manifest.heavy_tailed),
+        "stopping": manifest.stopping.to_json() if manifest.stopping else None,
+        "long_tailed": list(manifest.long_tailed),
         "confidence_each": comparison.confidence_each,
         **named,
-        "shown_in": {key: [e["shown_in"] for e in manifest["model"][key]] for key in ("sources", "outputs")},
+        "shown_in": {key: [each.shown_in for each in entries] for key, entries in variables.items()},
         "partials": model.partials,
         "start_mean": model.mean,
         "start_covariance": model.covariance,
@@ -97,7 +100,7 @@ def summarise(
         "direction_ratio": float(ellipsoid.direction_ratios[ellipsoid.farthest]) if ellipsoid else None,
         "direction_weights": ellipsoid.directions[ellipsoid.farthest] if ellipsoid else None,
         "verdict_matrix": ellipsoid.judgement.verdict.value if ellipsoid else None,
-        "unscented": manifest["model"]["unscented"],
+        "unscented": record.unscented,
         "detectable_ratio": [output.detectable_plain for output in outputs],
         "samples_to_see_tolerance": [output.samples_to_see for output in outputs],
         "nees_mean_expected": comparison.joint.nees_expected if comparison.joint else None,
@@ -105,15 +108,15 @@ def summarise(
         "principal_ratios": ellipsoid.direction_ratios if ellipsoid else [],
         "principal_directions": ellipsoid.directions if ellipsoid else [],
         **_joint(comparison.joint, len(model.partials)),
-        "second_order": manifest["model"].get("second_order"),
-        "higher_order": manifest["model"].get("higher_order"),
+        "second_order": record.second_order,
+        "higher_order": record.higher_order,
         "causes": asdict(causes) if causes else None,
         "tails": [
             _named(asdict(quantile), named["outputs"]) | {"verdict": quantile.verdict.value} for quantile in tails
         ],
         "requirements": [_requirement(judged, named["outputs"]) for judged in requirements],
         "requirements_met": tally(judged.finding.value for judged in requirements),
-        "budget": {**asdict(budget), "flown": manifest["model"].get("budget")},
+        "budget": {**asdict(budget), "flown": record.budget},
     }
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from mcnav.analysis.variance_breakdown import TERMS, VarianceBreakdown
 from mcnav.report import export, sentences
 from mcnav.report.format import fixed, number, share, signed, with_error
-from mcnav.report.model import Content
+from mcnav.report.model import RunAnalysis
 from mcnav.statistics.estimates import Estimate
 from mcnav.statistics.hypothesis_test import HypothesisTest
 
@@ -30,7 +30,7 @@ INTERACTION: Final = 0.01
 """Excess of a total over a first-order Sobol index that counts as an interaction."""
 
 
-def outputs(content: Content) -> list[dict[str, Any]]:
+def outputs(content: RunAnalysis) -> list[dict[str, Any]]:
     """List sigmas, ratios, verdict and bias of each output; see `mcnav.report.export.output_rows`."""
     unscented, higher = content.summary["unscented"].get("covariance"), content.higher_order
     rows = []
@@ -54,7 +54,7 @@ def outputs(content: Content) -> list[dict[str, Any]]:
     return rows
 
 
-def sources(content: Content) -> list[dict[str, Any]]:
+def sources(content: RunAnalysis) -> list[dict[str, Any]]:
     """List sigma and mean of each source, its contribution to each output, and its share of the linear variance."""
     scale, sigma, mean = content.source_scale, np.sqrt(np.diag(content.model.covariance)), content.model.mean
     contributions = content.budget.contributions * content.output_scale[:, None]
@@ -70,7 +70,7 @@ def sources(content: Content) -> list[dict[str, Any]]:
     ]
 
 
-def ellipsoid(content: Content) -> dict[str, str] | None:
+def ellipsoid(content: RunAnalysis) -> dict[str, str] | None:
     """Describe the NEES and the combination of outputs that differs most; none without a covariance matrix."""
     found, confidence = content.comparison.ellipsoid, content.comparison.confidence_each
     if found is None:
@@ -88,7 +88,7 @@ def ellipsoid(content: Content) -> dict[str, str] | None:
     }
 
 
-def farthest(content: Content) -> list[dict[str, Any]]:
+def farthest(content: RunAnalysis) -> list[dict[str, Any]]:
     """List the samples with the largest NEES."""
     found = content.comparison.ellipsoid
     if found is None:
@@ -98,7 +98,7 @@ def farthest(content: Content) -> list[dict[str, Any]]:
     return [{"index": int(numbers[k]), "nees": found.values[k], "outputs": content.flown[k]} for k in rows]
 
 
-def variance_terms(content: Content) -> dict[str, Any] | None:
+def variance_terms(content: RunAnalysis) -> dict[str, Any] | None:
     """Split the difference of each output's variance, in per cent of the linear one; none when nothing was compared."""
     found = content.causes
     linear = np.diag(content.comparison.covariance_linear)
@@ -114,11 +114,11 @@ def variance_terms(content: Content) -> dict[str, Any] | None:
         "paired": found.paired * per_cent,
         "unscented": found.unscented * per_cent,
         "sentence": _largest_difference(content, found, per_cent),
-        "normal_only": not content.manifest.get("normal", True),
+        "normal_only": not content.manifest.normal,
     }
 
 
-def _largest_difference(content: Content, found: VarianceBreakdown, per_cent: Any) -> str:
+def _largest_difference(content: RunAnalysis, found: VarianceBreakdown, per_cent: Any) -> str:
     """Explain the largest paired difference."""
     paired = np.nan_to_num(found.paired * per_cent)
     at = int(np.argmax(np.abs(paired)))
@@ -138,7 +138,7 @@ def _largest_difference(content: Content, found: VarianceBreakdown, per_cent: An
     return f"{difference}. The remainder is significant and due to higher orders."
 
 
-def multivariate(content: Content) -> list[tuple[str, str, str, HypothesisTest | None]]:
+def multivariate(content: RunAnalysis) -> list[tuple[str, str, str, HypothesisTest | None]]:
     """List the tests of all outputs together: name, hypothesis tested, symbol of the statistic, result."""
     found = content.comparison.joint
     if found is None:
@@ -156,9 +156,9 @@ def multivariate(content: Content) -> list[tuple[str, str, str, HypothesisTest |
     ]
 
 
-def simulated_budget(content: Content) -> dict[str, Any] | None:
+def simulated_budget(content: RunAnalysis) -> dict[str, Any] | None:
     """List linear and Monte Carlo shares of each source, a table per output; none when it was not simulated."""
-    simulated = content.manifest["model"].get("budget")
+    simulated = content.manifest.model.budget
     if not simulated or not content.dispersed:
         return None
     alone, sobol = simulated["alone"], simulated["sobol"]
@@ -189,7 +189,7 @@ def _interacts(sobol: dict[str, Any]) -> bool:
 
 
 def _shares(
-    content: Content, i: int, j: int, variance: float, alone: dict[str, Any], sobol: dict[str, Any]
+    content: RunAnalysis, i: int, j: int, variance: float, alone: dict[str, Any], sobol: dict[str, Any]
 ) -> list[str]:
     """Format the share of source j in the variance of output i: alone, without it, and Sobol indices."""
 

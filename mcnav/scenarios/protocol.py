@@ -8,6 +8,7 @@ from typing import Protocol, runtime_checkable
 
 from mcnav._types import Array
 from mcnav.physics.power_sums import PowerSums
+from mcnav.scenarios.failure import Failure
 
 
 @dataclass(frozen=True)
@@ -68,24 +69,21 @@ def source_labels(sources: Sequence[str], outputs: Sequence[str]) -> list[str]:
 
 @dataclass(frozen=True)
 class SimulationResult:
-    """What became of a chunk of samples.
+    """Final errors of some samples.
 
     Attributes
     ----------
     values : ndarray, shape (n, outputs)
         SI; a row that failed is NaN throughout.
-    failures : mapping of int to str
-        Row of each failed sample, and why.
+    failures : mapping of int to Failure
+        By row. A scenario of the user's own may give text in place of `Failure`.
     fallback_count : int
-        How many samples left the fast engine's validity and were flown on the reference path instead.
-    tracebacks : mapping of int to str
-        Of failed samples that raised what nobody expected.
+        Samples that left the fast engine's validity and were simulated on the reference path instead.
     """
 
     values: Array
-    failures: Mapping[int, str] = field(default_factory=dict)
+    failures: Mapping[int, Failure] = field(default_factory=dict)
     fallback_count: int = 0
-    tracebacks: Mapping[int, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

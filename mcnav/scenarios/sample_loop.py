@@ -1,4 +1,4 @@
-"""Samples flown one by one: each succeeds, or fails by itself with its reason."""
+"""Samples simulated one by one: each succeeds, or fails by itself."""
 
 from __future__ import annotations
 
@@ -10,85 +10,87 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.scenarios.failure import Failure, Reason
 from mcnav.scenarios.protocol import SimulationResult
 from mcnav.scenarios.timeouts import SampleTimeout, within_limit
 
 LONGEST_REASON: Final = 200
 LONGEST_TRACEBACK: Final = 4_000
 
-NOT_FINITE: Final = "an output is not finite"
-
 
 class SampleFailed(Exception):
-    """A sample's own reason, to be told as it is."""
+    """Raised for one sample, with its `Failure`."""
+
+    def __init__(self, failure: Failure) -> None:
+        super().__init__(str(failure))
+        self.failure = failure
 
 
 @dataclass(frozen=True)
 class SampleResults:
-    """What became of some rows of errors.
+    """Results of some rows of errors.
 
     Attributes
     ----------
     values : mapping of int to ndarray, shape (outputs,)
-        Rows that were flown to the end.
-    failures : mapping of int to str
-        The others, and why.
-    tracebacks : mapping of int to str
-        Of those that raised.
+        Rows that succeeded.
+    failures : mapping of int to Failure
+        The others.
     """
 
     values: Mapping[int, Array] = field(default_factory=dict)
-    failures: Mapping[int, str] = field(default_factory=dict)
-    tracebacks: Mapping[int, str] = field(default_factory=dict)
+    failures: Mapping[int, Failure] = field(default_factory=dict)
 
-    def outcomes(self, values: Array, handed_over: int = 0) -> SimulationResult:
-        """With the rows flown written into values, shape (n, outputs), and failed ones NaN."""
+    def outcomes(self, values: Array, fallback_count: int = 0) -> SimulationResult:
+        """Write the rows into values, shape (n, outputs), failed ones as NaN."""
         for row, value in self.values.items():
             values[row] = value
-        for row in self.failures:
-            values[row] = np.nan
-        return SimulationResult(values, self.failures, handed_over, self.tracebacks)
+        values[list(self.failures)] = np.nan
+        return SimulationResult(values, self.failures, fallback_count)
 
 
 def simulate_each(
-    fly: Callable[[int], Array], rows: Iterable[int], expected: type[Exception] = SampleFailed, file: str = ""
+    simulate: Callable[[int], Array], rows: Iterable[int], diverged: type[Exception] | tuple[()] = (), file: str = ""
 ) -> SampleResults:
-    """Fly rows one by one.
+    """Simulate rows one by one.
 
     Parameters
     ----------
-    fly : callable
-        Row to outputs, shape (outputs,).
+    simulate : callable
+        Row to outputs, shape (outputs,); `SampleFailed` states a failure.
     rows : iterable of int
-    expected : type of Exception
-        A flight's own way to fail: its message is the reason, and no traceback is kept.
+    diverged : type of Exception, optional
+        Raised where a trajectory cannot be continued: its message is the sample's, without a traceback.
     file : str
-        Of the user's code: its line is named beside other exceptions.
+        Of the user's code: its line is named with other exceptions.
     """
     values: dict[int, Array] = {}
-    failures: dict[int, str] = {}
-    tracebacks: dict[int, str] = {}
+    failures: dict[int, Failure] = {}
     for row in rows:
         try:
-            found = within_limit(lambda row=row: fly(row))  # type: ignore[misc]
-        except (expected, SampleTimeout) as reason:
-            failures[row] = str(reason)
+            outputs = within_limit(lambda row=row: simulate(row))  # type: ignore[misc]
+        except SampleFailed as failed:
+            failures[row] = failed.failure
+        except SampleTimeout as late:
+            failures[row] = Failure(Reason.TIMEOUT, str(late))
+        except diverged as reason:
+            failures[row] = Failure(Reason.DIVERGED, str(reason))
         except MemoryError:
             raise
-        except (Exception, SystemExit) as failure:
-            failures[row] = format_exception(failure, file)
-            text = "".join(traceback.format_exception(failure, limit=-12))
-            tracebacks[row] = text if len(text) <= LONGEST_TRACEBACK else "..." + text[-LONGEST_TRACEBACK:]
+        except (Exception, SystemExit) as error:
+            text = "".join(traceback.format_exception(error, limit=-12))
+            text = text if len(text) <= LONGEST_TRACEBACK else "..." + text[-LONGEST_TRACEBACK:]
+            failures[row] = Failure(Reason.RAISED, format_exception(error, file), text)
         else:
-            if np.isfinite(found).all():
-                values[row] = found
+            if np.isfinite(outputs).all():
+                values[row] = outputs
             else:
-                failures[row] = NOT_FINITE
-    return SampleResults(values, failures, tracebacks)
+                failures[row] = Failure.of(Reason.NOT_FINITE)
+    return SampleResults(values, failures)
 
 
 def format_exception(failure: BaseException, file: str) -> str:
-    """An exception in one line, with the line of the user's file where it arose.
+    """Format an exception in one line, with the line of the user's file where it arose.
 
     >>> format_exception(ValueError("no fuel"), "boost.py")
     'ValueError: no fuel'

@@ -1,11 +1,10 @@
 """A limit on the time that one sample may take.
 
-Whoever flies says what the limit is (`time_limit`), whoever calls one sample's code keeps it (`within_limit`). Python
-code, and libraries that call back into it, are stopped by a signal; what does not listen to signals, such as a loop in
-compiled code, is stopped by ending the worker process, which the runner outlives. Signals reach the main thread alone:
-elsewhere there is no limit, and so the runner flies in worker processes when there is to be one.
+`time_limit` sets the limit, `within_limit` applies it to one sample's code. Python code, and libraries that call back
+into it, are stopped by a signal; code that ignores signals, such as a compiled loop, is stopped by ending the worker
+process. Signals reach the main thread only, so the runner uses worker processes when there is a limit.
 
-Flights in a thread beside the run are stopped between two flights (`stopped_by`).
+Simulations in another thread are stopped between two samples (`stopped_by`).
 """
 
 from __future__ import annotations
@@ -29,16 +28,16 @@ _stop = threading.local()
 
 
 class SampleTimeout(BaseException):
-    """A sample that exceeded its time; no ``except Exception`` of a user's keeps it."""
+    """A sample that exceeded its time; a user's ``except Exception`` does not catch it."""
 
 
 class Stopped(BaseException):
-    """Flights whose results are not wanted any more."""
+    """Simulations whose results are not needed any more."""
 
 
 @contextmanager
 def stopped_by(event: threading.Event) -> Iterator[None]:
-    """Raise `Stopped` in this thread at its next flight once the event is set."""
+    """Raise `Stopped` in this thread before its next sample once the event is set."""
     _stop.event = event
     try:
         yield
@@ -53,14 +52,14 @@ def check_stopped() -> None:
         raise Stopped
 
 
-def timeout_reason(seconds: float) -> str:
-    """Why such a sample failed."""
+def timeout_message(seconds: float) -> str:
+    """State how long such a sample took."""
     return f"took longer than {seconds:g} s"
 
 
 @contextmanager
 def time_limit(seconds: float | None) -> Iterator[None]:
-    """Let each call of `within_limit` take so many seconds, in this process; it ends when one does not listen."""
+    """Limit each call of `within_limit` to so many seconds; the process ends when a call ignores signals."""
     if seconds is None:
         yield
         return
@@ -72,14 +71,14 @@ def time_limit(seconds: float | None) -> Iterator[None]:
 
 
 def within_limit(call: Callable[[], Result]) -> Result:
-    """What a call returns, when it does so in time.
+    """Return the result of a call.
 
     Raises
     ------
     SampleTimeout
-        When it does not.
+        When the call exceeds the limit.
     Stopped
-        When it is not wanted any more.
+        When its result is not needed any more.
     """
     check_stopped()
     if not _seconds or threading.current_thread() is not threading.main_thread():
@@ -87,7 +86,7 @@ def within_limit(call: Callable[[], Result]) -> Result:
     seconds = _seconds[-1]
 
     def stop(number: int, frame: object) -> None:
-        raise SampleTimeout(timeout_reason(seconds))
+        raise SampleTimeout(timeout_message(seconds))
 
     if not _silent:
         _silent.append(os.open(os.devnull, os.O_WRONLY))

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.scenarios.failure import Failure, Reason
 from mcnav.scenarios.protocol import SimulationResult
-from mcnav.scenarios.sample_loop import NOT_FINITE, SampleFailed, simulate_each
+from mcnav.scenarios.sample_loop import SampleFailed, simulate_each
 from mcnav.scenarios.timeouts import SampleTimeout, within_limit
 from mcnav.scenarios.user_code import UserScenarioSpec
 
@@ -50,7 +51,7 @@ class UserEngine:
 
     def _result(self, returned: Any, count: int) -> SimulationResult:
         """Check what ``propagate`` returned, and give every row without finite outputs a reason."""
-        reasons: Mapping[int, str] = {}
+        reasons: Mapping[int, Failure] = {}
         fallback_count = 0
         if isinstance(returned, SimulationResult):
             returned, reasons, fallback_count = returned.values, returned.failures, returned.fallback_count
@@ -60,7 +61,7 @@ class UserEngine:
         failed = ~np.isfinite(values).all(axis=1)
         failed[list(reasons)] = True
         values[failed] = np.nan
-        failures = {int(row): str(reasons.get(int(row), NOT_FINITE)) for row in np.flatnonzero(failed)}
+        failures = {int(row): Failure.of(reasons.get(int(row), Reason.NOT_FINITE)) for row in np.flatnonzero(failed)}
         return SimulationResult(values, failures, fallback_count)
 
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 import platform
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from mcnav.errors import RunFolderError
 from mcnav.scenarios.inputs import InputFile
+from mcnav.store.manifest import FileRecord
 
 INPUTS: Final = "inputs"
 """Folder of a run in which the files that its scenario reads are kept."""
@@ -17,23 +18,14 @@ LARGEST_KEPT: Final = 1_000_000
 """Bytes of a file that is kept; of a larger one only its digest is."""
 
 
-def identities(files: Sequence[InputFile]) -> dict[str, str]:
-    """Digests by name, as the identity of a run has them."""
-    return {file.name: file.digest for file in files}
-
-
-def records(files: Sequence[InputFile]) -> list[dict[str, Any]]:
-    """Entries of the manifest."""
-    return [
-        {
-            "name": file.name,
-            "bytes": file.size,
-            "sha256": file.digest,
-            "kept": file.size <= LARGEST_KEPT,
-            "setting": file.setting,
-        }
+def file_records(files: Sequence[InputFile]) -> tuple[FileRecord, ...]:
+    """List files as the manifest does."""
+    return tuple(
+        FileRecord(
+            name=file.name, bytes=file.size, sha256=file.digest, kept=file.size <= LARGEST_KEPT, setting=file.setting
+        )
         for file in files
-    ]
+    )
 
 
 def check_unchanged(files: Sequence[InputFile], folder: Path) -> None:

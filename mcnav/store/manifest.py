@@ -1,132 +1,284 @@
-"""What a manifest must be like before anything in it is used: a run folder may come from anywhere."""
+"""The manifest of a run as typed records: written and read as such, because a run folder may come from anywhere.
+
+Keys that an earlier version wrote and this one does not know are ignored; optional keys have the value that applied
+before they existed. Only fields that were set are written.
+"""
 
 from __future__ import annotations
 
+import hashlib
+import json
+import math
 from collections.abc import Mapping
-from typing import Annotated, Any, Final, Literal
+from dataclasses import dataclass
+from typing import Annotated, Any, Final, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
+import numpy as np
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    ValidationError,
+    model_validator,
+)
+from pydantic_core import CoreSchema, core_schema
 
-from mcnav.sampling.designs import DESIGNS
+from mcnav._types import Array
+from mcnav.files import to_json
+from mcnav.sampling.designs import DESIGNS, FEWEST_BLOCKS, block_length
+from mcnav.store.parts import MOST_SAMPLES, Count, Digest, Part, Words
 
-Words = Annotated[str, StringConstraints(max_length=2_000)]
-Digest = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
-MOST_SAMPLES: Final = 1_000_000_000_000
+FORMAT: Final = 1
+"""Counts the changes after which an earlier program cannot read a manifest."""
 
-Count = Annotated[int, Field(ge=0, le=MOST_SAMPLES)]
-Row = list[float | None]
-
-
-class _Entries(BaseModel):
-    model_config = ConfigDict(extra="allow", strict=True)
+Positive = Annotated[float, Field(ge=0.0)]
+Share = Annotated[float, Field(gt=0.0, lt=1.0)]
+Number = Annotated[float, BeforeValidator(lambda value: math.nan if value is None else value)]
+"""JSON has no value for what is not finite: null is read as NaN."""
 
 
-class _Named(_Entries):
+@dataclass(frozen=True)
+class _Nested:
+    """Reads an array from nested lists of numbers, null being NaN."""
+
+    lists: Any
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        def read(value: Any, lists: core_schema.ValidatorFunctionWrapHandler) -> Array:
+            return value if isinstance(value, np.ndarray) else np.array(lists(value), dtype=float)
+
+        return core_schema.no_info_wrap_validator_function(
+            read,
+            handler.generate_schema(self.lists),
+            serialization=core_schema.plain_serializer_function_ser_schema(to_json),
+        )
+
+
+Vector = Annotated[Array, _Nested(list[float | None])]
+Matrix = Annotated[Array, _Nested(list[list[float | None]])]
+Matrices = Annotated[Array, _Nested(list[list[list[float | None]]])]
+
+
+class ManifestError(ValueError):
+    """RunAnalysis that is no manifest of this program."""
+
+
+class Record(BaseModel):
+    """A table of the manifest."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True, strict=True)
+
+    def to_json(self) -> dict[str, Any]:
+        """The fields that were set, as JSON holds them."""
+        return dict(to_json(self.model_dump(exclude_unset=True)))
+
+
+class Variable(Record):
+    """An error source or an output: its name, SI unit, and the unit in which it is shown."""
+
     name: Words
     unit: Words
     shown_in: Words
 
 
-class _Model(_Entries):
-    sources: Annotated[list[_Named], Field(min_length=1, max_length=1_000)]
-    outputs: Annotated[list[_Named], Field(min_length=1, max_length=1_000)]
-    partials: list[Row]
-    nominal: Row
-    start_mean: Row
-    start_covariance: list[Row]
+class PartialsRecord(Record):
+    """Partial derivatives at many times; see `mcnav.scenarios.protocol.PartialsHistory`."""
+
+    label: Words
+    times: Vector
+    partials: Matrices
 
 
-class _Criterion(_Entries):
-    tolerance: Annotated[float, Field(gt=0.0, lt=1.0)]
-    confidence: Annotated[float, Field(gt=0.0, lt=1.0)]
+class ModelRecord(Record):
+    """The linear model, SI, and what further simulations add to it (`mcnav.lincov.corrections`).
+
+    Attributes
+    ----------
+    partials : ndarray, shape (outputs, sources)
+    nominal : ndarray, shape (outputs,)
+    start_mean : ndarray, shape (sources,)
+    start_covariance : ndarray, shape (sources, sources)
+    """
+
+    sources: Annotated[tuple[Variable, ...], Field(min_length=1, max_length=1_000)]
+    outputs: Annotated[tuple[Variable, ...], Field(min_length=1, max_length=1_000)]
+    partials: Matrix
+    nominal: Vector
+    start_mean: Vector
+    start_covariance: Matrix
+    development: PartialsRecord | None = None
+    unscented: Mapping[str, Any] | None = None
+    partials_differences: Mapping[str, Any] | None = None
+    second_order: Mapping[str, Any] | None = None
+    higher_order: Mapping[str, Any] | None = None
+    budget: Mapping[str, Any] | None = None
+
+    @model_validator(mode="after")
+    def _shapes(self) -> Self:
+        rows, columns = len(self.outputs), len(self.sources)
+        shapes = {
+            "partials": (rows, columns), "nominal": (rows,), "start_mean": (columns,),
+            "start_covariance": (columns, columns),
+        }  # fmt: skip
+        for name, shape in shapes.items():
+            if getattr(self, name).shape != shape:
+                raise ValueError(f"{name}: is not of the shape that {rows} outputs and {columns} sources ask for")
+        return self
 
 
-class _Code(_Entries):
+class CriterionRecord(Record):
+    """See `mcnav.analysis.comparison.Criterion`."""
+
+    tolerance: Share
+    confidence: Share
+    looks: Annotated[int, Field(ge=1)] = 1
+
+
+class RequirementRecord(Record):
+    """See `mcnav.analysis.requirements.Requirement`; outputs by name."""
+
+    kind: Words
+    outputs: tuple[Words, ...]
+    limits: tuple[float, ...]
+    probability: float | None
+
+
+class CodeRecord(Record):
+    """A Python file of the user's."""
+
     file: Words
     sha256: Digest
 
 
-class _File(_Entries):
-    name: Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_+-][A-Za-z0-9_ .+-]{0,199}$")]
+class FileRecord(Record):
+    """A file that the scenario reads; ``kept`` when the run folder has a copy, ``setting`` when a key names it."""
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_+-][A-Za-z0-9_ .+-]{0,199}$")]
     bytes: Annotated[int, Field(ge=0)]
     sha256: Digest
     kept: bool
     setting: Words | None = None
 
 
-class _Identity(_Entries):
+class Identity(Record):
+    """What a run's numbers depend on; see `mcnav.execution.identity`."""
+
+    model_config = ConfigDict(extra="allow", frozen=True, strict=True)
+
     campaign: dict[str, Any]
     engine: Words
     versions: dict[str, Words]
-    code: _Code | None = None
+    chunks: int | None = None
+    code: CodeRecord | None = None
     files: dict[Words, Digest] = {}
 
-
-class _Part(_Entries):
-    file: Annotated[str, StringConstraints(pattern=r"^part-[0-9]{5,9}\.parquet$")]
-    begin: Count
-    end: Count
-    sha256: Digest
+    @property
+    def digest(self) -> str:
+        """SHA-256."""
+        return json_digest(self.to_json())
 
 
-class _Flight(_Entries):
+class ExecutionRecord(Record):
+    """The last execution of a run: workers, seconds, and samples that were simulated then."""
+
     jobs: Count
-    seconds: Annotated[float, Field(ge=0.0)]
+    seconds: Positive
     samples: Count
 
 
-class _Unsettled(_Entries):
+class StoppingRecord(Record):
+    """The stopping rule (`mcnav.config.stopping.StoppingRule`) and the precision found at the last look."""
+
+    quantity: Words
+    precision: float
+    confidence: Share
+    at_most: Count
+    looks: Count
+    found: Number
+    reached: bool
+
+
+class UnsettledRecord(Record):
+    """See `mcnav.scenarios.soundness.Unsettled`."""
+
     source: Words
     output: Words
-    disagreement: float | None
+    disagreement: Number
     limit: float
     own: bool
 
 
-class _Manifest(_Entries):
+class Manifest(Record):
+    """A run: what it was asked for, what it depends on, its linear model and its parts."""
+
+    format: Literal[FORMAT] = FORMAT  # type: ignore[valid-type]
     campaign: Words
     samples: Annotated[int, Field(ge=2, le=MOST_SAMPLES)]
     seed: int
     design: Literal[DESIGNS]  # type: ignore[valid-type]
-    criterion: _Criterion
-    identity: _Identity
+    criterion: CriterionRecord
+    requirements: tuple[RequirementRecord, ...] = ()
+    identity: Identity
     accuracy: Words
+    commit: Words | None = None
     started: Words
-    heavy_tailed: list[Words]
-    long_tailed: list[Words] = []
-    requirements: list[dict[str, Any]] = []
-    model: _Model
-    complete: bool
-    parts: list[_Part]
-    files: list[_File] = []
-    flight: _Flight | None = None
-    unsettled: _Unsettled | None = None
+    heavy_tailed: tuple[Words, ...]
+    long_tailed: tuple[Words, ...] = ()
+    normal: bool = True
+    store: Annotated[str, Field(pattern="^(samples|summary)$")] = "samples"
+    kept: Count | None = None
+    unsettled: UnsettledRecord | None = None
+    model: ModelRecord
+    complete: bool = False
+    parts: tuple[Part, ...] = ()
+    files: tuple[FileRecord, ...] = ()
+    stopping: StoppingRecord | None = None
+    flight: ExecutionRecord | None = None
+
+    @model_validator(mode="after")
+    def _finished(self) -> Self:
+        if not self.complete:
+            return self
+        begins, ends = [part.begin for part in self.parts], [part.end for part in self.parts]
+        in_order = begins == [0, *ends[:-1]] and all(begin < end for begin, end in zip(begins, ends, strict=True))
+        if not in_order or ends[-1:] != [self.samples]:
+            raise ValueError(f"parts: do not hold the samples from 0 to {self.samples - 1} in order")
+        if self.flight is None:
+            raise ValueError("flight: is missing")
+        return self
+
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any]) -> Manifest:
+        """Read the content of ``manifest.json``.
+
+        Raises
+        ------
+        ManifestError
+            Naming the first entry that is not as this program writes it.
+        """
+        if content.get("format", FORMAT) != FORMAT:
+            raise ManifestError(f"format: got {str(content['format'])[:20]!r}; this version reads format {FORMAT}")
+        try:
+            return cls.model_validate_json(json.dumps(content))
+        except ValidationError as invalid:
+            first = invalid.errors(include_url=False, include_input=False, include_context=False)[0]
+            message = str(first["msg"]).removeprefix("Value error, ")
+            place = ".".join(map(str, first["loc"]))
+            raise ManifestError(": ".join(filter(None, (place, message[:1].lower() + message[1:])))) from None
+
+    @property
+    def block_length(self) -> int:
+        """Samples that the design draws together."""
+        return block_length(self.design, self.samples)
+
+    @property
+    def fewest_blocks(self) -> float:
+        """Blocks from which a variance may be estimated; infinite when a source has none."""
+        return math.inf if self.heavy_tailed else FEWEST_BLOCKS[self.design]
 
 
-def find_fault(content: Mapping[str, Any]) -> str | None:
-    """What makes a table no manifest of this program; none when it is one."""
-    try:
-        read = _Manifest.model_validate(content)
-    except ValidationError as invalid:
-        first = invalid.errors(include_url=False, include_input=False)[0]
-        return f"{'.'.join(map(str, first['loc']))}: {str(first['msg']).lower()}"
-    rows, columns = len(read.model.outputs), len(read.model.sources)
-    shapes = (
-        ("partials", [len(row) for row in read.model.partials], [columns] * rows),
-        ("nominal", [len(read.model.nominal)], [rows]),
-        ("start_mean", [len(read.model.start_mean)], [columns]),
-        ("start_covariance", [len(row) for row in read.model.start_covariance], [columns] * columns),
-    )
-    for name, found, expected in shapes:
-        if found != expected:
-            return f"model.{name}: is not of the shape that {rows} outputs and {columns} sources ask for"
-    if not read.complete:
-        return None
-    begins, ends = [part.begin for part in read.parts], [part.end for part in read.parts]
-    if (
-        begins != [0, *ends[:-1]]
-        or ends[-1:] != [read.samples]
-        or any(b >= e for b, e in zip(begins, ends, strict=True))
-    ):
-        return f"parts: do not hold the samples from 0 to {read.samples - 1} in order"
-    return None if read.flight is not None else "flight: is missing"
+def json_digest(content: Mapping[str, Any]) -> str:
+    """SHA-256 of a JSON table."""
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

@@ -5,22 +5,23 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
+from pydantic import Field
 
 from mcnav._types import Array, IndexArray
 from mcnav.files import parquet_bytes, read_whole, write_whole
+from mcnav.scenarios.failure import OK
 from mcnav.scenarios.protocol import SimulationResult
 
-OK: Final = "ok"
 _TEXT: Final = ("status",)
 
 LARGEST_PART: Final = 1_000_000_000
@@ -36,17 +37,23 @@ ROOM: Final = 10_000_000
 MOST_TRACEBACKS: Final = 500_000
 """Characters of tracebacks that a part keeps; beyond it a failed sample has its reason, and can be replayed."""
 
+MOST_SAMPLES: Final = 1_000_000_000_000
+
+Words = Annotated[str, Field(max_length=2_000)]
+Digest = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+Count = Annotated[int, Field(ge=0, le=MOST_SAMPLES)]
+
 
 @dataclass(frozen=True)
 class Part:
-    """What the manifest says of one file of samples [begin, end)."""
+    """One file of samples [begin, end), as the manifest lists it; annotations are checked where a manifest is read."""
 
-    file: str
-    begin: int
-    end: int
-    failed: int
-    handed_over: int
-    sha256: str
+    file: Annotated[str, Field(pattern=r"^part-[0-9]{5,9}\.parquet$")]
+    begin: Count
+    end: Count
+    failed: Count
+    handed_over: Count
+    sha256: Digest
 
 
 @dataclass(frozen=True)
@@ -79,7 +86,7 @@ class SampleSchema:
 
     @classmethod
     def of(cls, sources: Sequence[Any], outputs: Sequence[Any]) -> SampleSchema:
-        """The layout for the sources and outputs of a scenario."""
+        """Derive the columns from sources and outputs that have names and units."""
         return cls(
             tuple(f"error {source.name} [{source.unit}]" for source in sources),
             tuple(f"output {output.name} [{output.unit}]" for output in outputs),
@@ -91,6 +98,16 @@ def part_name(number: int) -> str:
     return f"part-{number:05d}.parquet"
 
 
+@dataclass(frozen=True)
+class ChunkTotals:
+    """All samples of a chunk of which only the first rows are kept; ``tracebacks`` by row."""
+
+    samples: int
+    failed: int
+    fallback_count: int
+    tracebacks: Mapping[int, str]
+
+
 def write_part(
     place: Path,
     number: int,
@@ -99,44 +116,48 @@ def write_part(
     layout: SampleSchema,
     errors: Array,
     outcomes: SimulationResult,
-    further: Mapping[str, str] | None = None,
-    whole: tuple[int, int, int] | None = None,
+    marks: Mapping[str, str] | None = None,
+    totals: ChunkTotals | None = None,
 ) -> Part:
-    """Store one chunk of samples in a folder, whole.
+    """Write one chunk of samples as a file that is either there whole or not there.
 
     Parameters
     ----------
     place : Path
         Folder of the parts.
     number, begin : int
-        Of the part, and of its first sample.
+        Number of the part, index of its first sample.
     identity : str
         Digest of the run.
     layout : SampleSchema
-    errors, outcomes
-        Of the chunk's samples.
-    further : mapping of str to str, optional
-        What else the file is to say of its samples.
-    whole : (int, int, int), optional
-        Samples, failures and samples handed over of a chunk of which only these rows are kept.
+    errors : ndarray, shape (n, sources)
+    outcomes : SimulationResult
+    marks : mapping of str to str, optional
+        Further entries of the file's metadata.
+    totals : ChunkTotals, optional
+        Of a chunk of which only these rows are kept.
     """
-    count = len(errors)
-    status = [f"failed: {outcomes.failures[row]}" if row in outcomes.failures else OK for row in range(count)]
+    count, failures = len(errors), outcomes.failures
+    status = [failures[row].status if row in failures else OK for row in range(count)]
     columns: dict[str, Any] = {"index": np.arange(begin, begin + count), "status": pa.array(status, pa.string())}
     columns.update(zip(layout.errors, errors.T, strict=True))
-    failed = np.array([row in outcomes.failures for row in range(count)], dtype=bool)
+    failed = np.array([row in failures for row in range(count)], dtype=bool)
     for name, values in zip(layout.outputs, outcomes.values.T, strict=True):
         columns[name] = pa.array(np.ascontiguousarray(values), mask=failed)
     table = pa.table({name: pa.array(column) for name, column in columns.items()})
-    samples, lost, handed_over = whole or (count, int(failed.sum()), outcomes.fallback_count)
-    marks = {"mcnav.identity": identity, "mcnav.handed_over": str(handed_over), **(further or {})}
-    if whole is not None:
-        marks |= {"mcnav.begin": str(begin), "mcnav.samples": str(samples), "mcnav.failed": str(lost)}
-    if outcomes.tracebacks:
-        marks["mcnav.tracebacks"] = _packed({begin + row: text for row, text in outcomes.tracebacks.items()})
-    content = parquet_bytes(table.replace_schema_metadata(marks), _TEXT)
+    metadata = {}
+    if totals is not None:
+        keys = {"begin": begin, "samples": totals.samples, "failed": totals.failed}
+        metadata = {f"mcnav.{key}": str(value) for key, value in keys.items()}
+    else:
+        tracebacks = {row: failure.traceback for row, failure in sorted(failures.items()) if failure.traceback}
+        totals = ChunkTotals(count, int(failed.sum()), outcomes.fallback_count, tracebacks)
+    if totals.tracebacks:
+        metadata["mcnav.tracebacks"] = _packed({begin + row: text for row, text in totals.tracebacks.items()})
+    first = {"mcnav.identity": identity, "mcnav.handed_over": str(totals.fallback_count)}
+    content = parquet_bytes(table.replace_schema_metadata({**first, **(marks or {}), **metadata}), _TEXT)
     write_whole(place / part_name(number), content)
-    return _described(number, begin, samples, lost, handed_over, content)
+    return _described(number, begin, totals.samples, totals.failed, totals.fallback_count, content)
 
 
 def _packed(tracebacks: Mapping[int, str]) -> str:
@@ -271,6 +292,6 @@ def _fill(array: NDArray[Any], column: pa.ChunkedArray, row: int) -> None:
         row += len(chunk)
 
 
-def part_records(parts: Sequence[Part]) -> list[dict[str, Any]]:
-    """Parts as the manifest lists them, in the order of their samples."""
-    return [asdict(part) for part in sorted(parts, key=lambda part: part.begin)]
+def sorted_parts(parts: Iterable[Part]) -> tuple[Part, ...]:
+    """Parts in the order of their samples."""
+    return tuple(sorted(parts, key=lambda part: part.begin))

@@ -31,8 +31,8 @@ from mcnav.scenarios.histories import check_history
 from mcnav.scenarios.inputs import InputFile
 from mcnav.scenarios.protocol import History, Panel
 from mcnav.store.inputs import INPUTS, LARGEST_KEPT
-from mcnav.store.manifest import find_fault
-from mcnav.store.parts import LARGEST_PART, MOST_ROWS, Samples, SampleSchema, in_order, put, room_for, table_from
+from mcnav.store.manifest import FileRecord, Manifest, ManifestError, json_digest
+from mcnav.store.parts import LARGEST_PART, MOST_ROWS, Part, Samples, SampleSchema, in_order, put, room_for, table_from
 
 CAMPAIGN, MANIFEST, SUMMARY, REPORT = "campaign.toml", "manifest.json", "summary.json", "report.html"
 HISTORY, SAMPLES, LOCK = "history.parquet", "samples", ".lock"
@@ -51,19 +51,14 @@ READERS: Final = 2
 _REPLAY: Final = re.compile(r"replay_\d+\.(?:html|csv)")
 
 
-def _checksum(content: Mapping[str, Any]) -> str:
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
-
-
 def _as_text(content: Mapping[str, Any]) -> bytes:
-    """How this program writes JSON; nothing else in a file that it wrote."""
+    """Format a JSON file."""
     return (json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
-def _rows_of(part: Mapping[str, Any], kept: int | None) -> int:
-    """How many samples' rows a part has, of those below ``kept`` where only these are."""
-    begin, end = int(part["begin"]), int(part["end"])
-    return end - begin if kept is None else max(min(end, kept) - begin, 0)
+def _rows_of(part: Part, kept: int | None) -> int:
+    """Count the rows of a part, of samples below ``kept`` where only these have rows."""
+    return part.end - part.begin if kept is None else max(min(part.end, kept) - part.begin, 0)
 
 
 class RunFolder:
@@ -106,13 +101,13 @@ class RunFolder:
         finally:
             lock.release()
 
-    def manifest(self) -> dict[str, Any] | None:
-        """What the run says of itself; none when nothing has been run here.
+    def manifest(self) -> Manifest | None:
+        """Read the manifest; none when nothing has been run here.
 
         Raises
         ------
         RunFolderError
-            When the manifest is there but is not as this program wrote it.
+            When the manifest is damaged, or of a format that this version does not read.
         """
         remedy = "run the campaign again to mend it"
         content = self._json(MANIFEST, remedy)
@@ -122,20 +117,45 @@ class RunFolder:
             whole = _as_text(content) == self._read(MANIFEST, remedy)
         except ValueError:
             whole = False
-        if not whole or content.pop("checksum", None) != _checksum(content):
+        if not whole or content.pop("checksum", None) != json_digest(content):
             raise RunFolderError(f"{self.path / MANIFEST}: is damaged or was edited; {remedy}")
-        fault = find_fault(content)
-        if fault is not None:
-            raise RunFolderError(f"{self.path / MANIFEST}: is not as this program writes it ({fault}); {remedy}")
-        return content
+        try:
+            return Manifest.from_json(content)
+        except ManifestError as fault:
+            raise RunFolderError(
+                f"{self.path / MANIFEST}: is not as this program writes it ({fault}); {remedy}"
+            ) from None
 
-    def write_manifest(self, content: Mapping[str, Any]) -> None:
+    def check_exists(self) -> None:
+        """Raise `RunFolderError` where there is no folder."""
+        if not self.path.is_dir():
+            missing = "it is a file" if self.path.exists() else "there is no such folder"
+            raise RunFolderError(f"{self.path}: holds no run ({missing})")
+
+    def existing_manifest(self) -> Manifest:
+        """Read the manifest of a run, finished or not; `RunFolderError` when there is none."""
+        self.check_exists()
+        manifest = self.manifest()
+        if manifest is None:
+            raise RunFolderError(f"{self.path}: holds no run ({MANIFEST} is missing)")
+        return manifest
+
+    def finished_manifest(self) -> Manifest:
+        """Read the manifest of a finished run; `RunFolderError` when there is none."""
+        manifest = self.existing_manifest()
+        if not manifest.complete:
+            raise RunFolderError(
+                f"{self.path}: the run is not finished; run the campaign again, it goes on where it stopped"
+            )
+        return manifest
+
+    def write_manifest(self, manifest: Manifest) -> None:
         """Write the manifest with a checksum of itself."""
-        known = to_json(content)
-        self.write_json(MANIFEST, known | {"checksum": _checksum(known)})
+        content = manifest.to_json()
+        self.write_json(MANIFEST, content | {"checksum": json_digest(content)})
 
     def summary(self) -> dict[str, Any]:
-        """The analysed results.
+        """Read the analysed results.
 
         Raises
         ------
@@ -146,8 +166,8 @@ class RunFolder:
         summary, manifest = self._json(SUMMARY, remedy), self.manifest()
         if summary is None or manifest is None:
             raise RunFolderError(f"{self.path}: holds no finished run; run the campaign first")
-        told = ("campaign", "samples", "seed", "design")
-        if not manifest.get("complete") or any(summary.get(key) != manifest.get(key) for key in told):
+        same = all(summary.get(key) == getattr(manifest, key) for key in ("campaign", "samples", "seed", "design"))
+        if not (manifest.complete and same):
             raise RunFolderError(f"{self.path / SUMMARY}: is not that of the run in this folder; {remedy}")
         return summary
 
@@ -220,14 +240,14 @@ class RunFolder:
                 raise RunFolderError(f"{self.path / INPUTS}: cannot be made: {failure.strerror or failure}") from None
             self.write(f"{INPUTS}/{file.name}", content)
 
-    def kept_input(self, record: Mapping[str, Any]) -> Path | None:
-        """The copy of a file that a manifest lists; none when there is none with that content."""
-        path = self.path / INPUTS / str(record["name"])
+    def kept_input(self, record: FileRecord) -> Path | None:
+        """Return the copy of a file that a manifest lists; none when there is none with that content."""
+        path = self.path / INPUTS / record.name
         try:
             content = read_whole(path, LARGEST_KEPT)
         except OSError:
             return None
-        return path if hashlib.sha256(content).hexdigest() == record["sha256"] else None
+        return path if hashlib.sha256(content).hexdigest() == record.sha256 else None
 
     @property
     def _folders(self) -> tuple[Path, ...]:
@@ -259,20 +279,23 @@ class RunFolder:
     def _clear_code(self) -> None:
         """Delete the copy of the user's own file, if it is still what the run wrote."""
         try:
-            kept = ((self.manifest() or {}).get("identity") or {}).get("code") or {}
-            path = self.path / Path(str(kept["file"])).name
-            if path.suffix == ".py" and hashlib.sha256(path.read_bytes()).hexdigest() == kept["sha256"]:
+            manifest = self.manifest()
+            code = None if manifest is None else manifest.identity.code
+            if code is None:
+                return
+            path = self.path / Path(code.file).name
+            if path.suffix == ".py" and hashlib.sha256(path.read_bytes()).hexdigest() == code.sha256:
                 path.unlink()
-        except (RunFolderError, OSError, KeyError, TypeError, AttributeError):
+        except (RunFolderError, OSError, ValueError):
             return
 
     def _clear_inputs(self, needed: Set[Path]) -> None:
         """Delete the copies of files that the scenario read, if they are still what the run wrote."""
         try:
-            listed = (self.manifest() or {}).get("files", [])
+            manifest = self.manifest()
         except RunFolderError:
             return
-        for record in listed:
+        for record in () if manifest is None else manifest.files:
             path = self.kept_input(record)
             if path is not None and path.resolve() not in needed:
                 path.unlink()
@@ -291,25 +314,17 @@ class RunFolder:
         """Where the sample files are."""
         return self.path / SAMPLES
 
-    def table(self, parts: Sequence[Mapping[str, Any]], alone: bool = True, kept: int | None = None) -> pa.Table:
-        """All samples of the parts that a manifest lists, in order, every part verified.
-
-        Parameters
-        ----------
-        parts : sequence of mapping
-        alone : bool
-            Whether there must be no other parts: while a run goes on, there may be.
-        kept : int, optional
-            Samples of which a summary keeps the rows.
+    def table(self, manifest: Manifest) -> pa.Table:
+        """Read all samples of a finished run in order, every part verified.
 
         Raises
         ------
         RunFolderError
             When a part is missing, or its content is not what the manifest says.
         """
-        self._refuse_strangers(parts if alone else None)
+        self._refuse_strangers(manifest)
         with ThreadPoolExecutor(READERS) as readers:
-            tables = list(readers.map(lambda part: self._verified(part, kept), parts))
+            tables = list(readers.map(lambda part: self._verified(part, manifest.kept), manifest.parts))
         try:
             whole = pa.concat_tables(tables)
             ordered = in_order(whole)
@@ -319,11 +334,12 @@ class RunFolder:
             raise RunFolderError(f"{self.parts}: {NOT_EACH_ONCE}")
         return whole
 
-    def samples(
-        self, parts: Sequence[Mapping[str, Any]], layout: SampleSchema, alone: bool = True, kept: int | None = None
-    ) -> Samples:
-        """As `table`, as arrays; no part is in memory longer than it takes to copy it there."""
-        self._refuse_strangers(parts if alone else None)
+    def samples(self, manifest: Manifest) -> Samples:
+        """As `table`, as arrays, also of a run that goes on; each part is in memory only while it is copied."""
+        if manifest.complete:
+            self._refuse_strangers(manifest)
+        parts, kept = manifest.parts, manifest.kept
+        layout = SampleSchema.of(manifest.model.sources, manifest.model.outputs)
         rows = [_rows_of(part, kept) for part in parts]
         begins = list(accumulate(rows, initial=0))
         sizes = [found.stat().st_size for found in self.parts.iterdir()]
@@ -331,36 +347,36 @@ class RunFolder:
             raise ValueError("it claims to have more samples than there is room for")
         samples = room_for(begins[-1], layout)
 
-        def read(part: Mapping[str, Any], begin: int) -> bool:
+        def read(part: Part, begin: int) -> bool:
             table = self._verified(part, kept)
             try:
                 put(table, layout, samples, begin)
                 return in_order(table, begin)
             except (pa.ArrowException, KeyError, TypeError, ValueError):
-                raise RunFolderError(f"{self.parts / str(part['file'])}: does not have this run's columns") from None
+                raise RunFolderError(f"{self.parts / part.file}: does not have this run's columns") from None
 
         with ThreadPoolExecutor(READERS) as readers:
             if not all(readers.map(read, parts, begins)):
                 raise RunFolderError(f"{self.parts}: {NOT_EACH_ONCE}")
         return samples
 
-    def _refuse_strangers(self, parts: Sequence[Mapping[str, Any]] | None) -> None:
-        """See that no other parts lie beside those listed."""
-        listed = None if parts is None else {str(part["file"]) for part in parts}
+    def _refuse_strangers(self, manifest: Manifest) -> None:
+        """Raise `RunFolderError` when there are parts that the manifest does not list."""
+        listed = {part.file for part in manifest.parts}
         for found in sorted(self.parts.iterdir()):
-            if listed is not None and found.name not in listed and not found.name.startswith("."):
+            if found.name not in listed and not found.name.startswith("."):
                 raise RunFolderError(f"{found}: is not of this run; remove it, or run the campaign again with --fresh")
 
-    def _verified(self, part: Mapping[str, Any], kept: int | None) -> pa.Table:
+    def _verified(self, part: Part, kept: int | None) -> pa.Table:
         """The samples of one part."""
-        path = self.parts / str(part["file"])
+        path = self.parts / part.file
         try:
             content = read_whole(path, LARGEST_PART)
         except OSError as failure:
             raise RunFolderError(
                 f"{path}: cannot be read: {failure.strerror or failure}; run the campaign again"
             ) from None
-        if hashlib.sha256(content).hexdigest() != part["sha256"]:
+        if hashlib.sha256(content).hexdigest() != part.sha256:
             raise RunFolderError(f"{path}: is damaged (its checksum differs); run the campaign again to mend it")
         try:
             return table_from(content, _rows_of(part, kept))

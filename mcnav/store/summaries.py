@@ -9,7 +9,7 @@ from __future__ import annotations
 import base64
 import io
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain, zip_longest
 from pathlib import Path
@@ -19,7 +19,7 @@ import numpy as np
 import pyarrow.parquet as pq
 
 from mcnav.lincov.block_sums import BlockSums
-from mcnav.scenarios.reasons import without_numbers
+from mcnav.scenarios.failure import Failure, Reason, without_numbers
 from mcnav.store.parts import Part
 
 SUMMARY: Final = "summary"
@@ -43,7 +43,7 @@ MOST_REASONS: Final = 1_000
 FIRST: Final = 8
 """Indices that a summary keeps of the samples that failed for a reason."""
 
-OTHERS: Final = "failed: other reasons"
+OTHERS: Final = Failure.of(Reason.OTHERS).status
 
 
 def summary_chunk(engine_chunk: int, samples: int) -> int:
@@ -57,19 +57,19 @@ def summary_chunk(engine_chunk: int, samples: int) -> int:
 
 
 @dataclass(frozen=True)
-class Failure:
-    """Samples that failed for one reason: how many, and the first of them."""
+class FailureCount:
+    """How many samples failed for one reason, and the first of them."""
 
     samples: int
     first: tuple[int, ...]
 
-    def __add__(self, other: Failure) -> Failure:
-        return Failure(self.samples + other.samples, (*self.first, *other.first)[:FIRST])
+    def __add__(self, other: FailureCount) -> FailureCount:
+        return FailureCount(self.samples + other.samples, (*self.first, *other.first)[:FIRST])
 
 
-def _together(found: Iterable[tuple[str, Failure]]) -> dict[str, Failure]:
-    """Failures by reason, no more than `MOST_REASONS`; given in order of index."""
-    known = _added(found)
+def _together(counts: Iterable[tuple[str, FailureCount]]) -> dict[str, FailureCount]:
+    """Add failures of equal status, given in order of index; no more than `MOST_REASONS`."""
+    known = _added(counts)
     if len(known) > MOST_REASONS:
         known = _added((without_numbers(reason), failure) for reason, failure in known.items())
     if len(known) > MOST_REASONS:
@@ -78,40 +78,40 @@ def _together(found: Iterable[tuple[str, Failure]]) -> dict[str, Failure]:
     return known
 
 
-def _added(found: Iterable[tuple[str, Failure]]) -> dict[str, Failure]:
-    known: dict[str, Failure] = {}
-    for reason, failure in found:
+def _added(counts: Iterable[tuple[str, FailureCount]]) -> dict[str, FailureCount]:
+    known: dict[str, FailureCount] = {}
+    for reason, failure in counts:
         known[reason] = known[reason] + failure if reason in known else failure
     return known
 
 
 @dataclass(frozen=True)
 class Summary:
-    """What a chunk says of all its samples.
+    """Sums and failures of all samples of a chunk.
 
     Attributes
     ----------
     sums : BlockSums
     samples : int
-    failures : mapping of str to Failure
-        By reason.
+    failures : mapping of str to FailureCount
+        By status.
     """
 
     sums: BlockSums
     samples: int
-    failures: Mapping[str, Failure]
+    failures: Mapping[str, FailureCount]
 
     @classmethod
-    def of(cls, sums: BlockSums, samples: int, reasons: Mapping[int, str]) -> Summary:
-        """With the reasons of failed samples by their index, rising."""
-        return cls(sums, samples, _together((reason, Failure(1, (index,))) for index, reason in reasons.items()))
+    def of(cls, sums: BlockSums, samples: int, failed: Mapping[int, str]) -> Summary:
+        """Summarize a chunk with the status of its failed samples by index, rising."""
+        return cls(sums, samples, _together((status, FailureCount(1, (index,))) for index, status in failed.items()))
 
     def __add__(self, other: Summary) -> Summary:
         failures = _together(chain(self.failures.items(), other.failures.items()))
         return Summary(self.sums + other.sums, self.samples + other.samples, failures)
 
     def as_mark(self) -> str:
-        """As text for a file."""
+        """Return the summary as text for a file."""
         sums = self.sums
         arrays = (sums.blocks, sums.errors, sums.squares, sums.within, sums.lost, sums.lost_squares)
         numbers = np.concatenate([array.ravel() for array in arrays]).astype("<f8")
@@ -127,25 +127,24 @@ class Summary:
 
     @classmethod
     def from_mark(cls, text: str) -> Summary:
-        """From the text of a file; ValueError or KeyError when it is not that."""
+        """Read the text of a file; ValueError or KeyError when it is not that."""
         known: dict[str, Any] = json.loads(text)
         numbers = np.frombuffer(base64.b64decode(known["numbers"]), dtype="<f8").astype(float)
         shapes = [tuple(shape) for shape in known["shapes"]]
         cuts = np.cumsum([int(np.prod(shape)) for shape in shapes])[:-1]
         arrays = [part.reshape(shape) for part, shape in zip(np.split(numbers, cuts), shapes, strict=True)]
-        failures = {reason: Failure(int(samples), tuple(first)) for reason, samples, first in known["failures"]}
+        failures = {reason: FailureCount(int(samples), tuple(first)) for reason, samples, first in known["failures"]}
         return cls(BlockSums(int(known["first"]), *arrays), int(known["samples"]), failures)
 
 
 def summary_from_bytes(content: bytes) -> Summary:
-    """The summary that the bytes of a part hold; ValueError, KeyError or pyarrow's exceptions when they do not."""
+    """Read the summary in the bytes of a part; ValueError, KeyError or pyarrow's exceptions when they do not."""
     return Summary.from_mark((pq.read_schema(io.BytesIO(content)).metadata or {})[MARK.encode()].decode())
 
 
-def collect_summary(folder: Path, parts: list[Mapping[str, Any]] | list[Part]) -> Summary:
-    """The summaries of all parts added up in order of index."""
-    files = [part.file if isinstance(part, Part) else str(part["file"]) for part in parts]
-    found = [summary_from_bytes((folder / file).read_bytes()) for file in files]
+def collect_summary(folder: Path, parts: Sequence[Part]) -> Summary:
+    """Add up the summaries of all parts in order of index."""
+    found = [summary_from_bytes((folder / part.file).read_bytes()) for part in parts]
     while len(found) > 1:  # neighbours first: the blocks are copied a few times, not once for each part
         found = [one if other is None else one + other for one, other in zip_longest(found[::2], found[1::2])]
     return found[0]

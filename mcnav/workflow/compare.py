@@ -1,8 +1,7 @@
-"""Several run folders beside each other: what was changed, and what has become of it."""
+"""Compare several run folders: the inputs that differ, and the outputs."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,20 +13,22 @@ from threadpoolctl import threadpool_limits
 
 from mcnav.analysis.run_comparison import Change, SampleSet, change
 from mcnav.report.comparison import Row, inputs, outputs, render
-from mcnav.sampling.designs import FEWEST_BLOCKS, block_length
+from mcnav.report.model import RunAnalysis
+from mcnav.store.manifest import Manifest
 from mcnav.store.run_folder import RunFolder
-from mcnav.workflow.analyse import Analysis, analyse, summary_of
+from mcnav.workflow.analyse import analyse, summary_of
 
 
 @dataclass(frozen=True)
 class RunComparison:
-    """Several runs, the first being what the others are compared with.
+    """Several runs, compared with the first.
 
     Attributes
     ----------
     titles : tuple of str
         Of the runs.
-    summaries, manifests : tuple of mapping
+    summaries : tuple of mapping
+    manifests : tuple of Manifest
     rows : tuple of Row
         One for each output that the first run shares with another, for each of these.
     confidence : float
@@ -36,7 +37,7 @@ class RunComparison:
 
     titles: tuple[str, ...]
     summaries: tuple[Mapping[str, Any], ...]
-    manifests: tuple[Mapping[str, Any], ...]
+    manifests: tuple[Manifest, ...]
     rows: tuple[Row, ...]
     confidence: float
 
@@ -77,7 +78,7 @@ def compare_runs(paths: Sequence[str | Path]) -> RunComparison:
     with threadpool_limits(1):
         summaries = tuple(summary_of(Path(path)) for path in paths)
         runs = [analyse(RunFolder(Path(path))) for path in paths]
-        flights = [_flights(run) for run in runs]
+        sample_sets = [_sample_set(run) for run in runs]
     first, confidence = runs[0], runs[0].criterion.confidence
     names = [_outputs(run) for run in runs]
     pairs = [
@@ -87,8 +88,8 @@ def compare_runs(paths: Sequence[str | Path]) -> RunComparison:
     rows = []
     for later, name in pairs:
         at = (names[0].index(name), names[later].index(name))
-        found = _change(flights[0], flights[later], at, same_draws(first, runs[later]), each)
-        shown = first.manifest["model"]["outputs"][at[0]]["shown_in"]
+        found = _change(sample_sets[0], sample_sets[later], at, same_draws(first, runs[later]), each)
+        shown = first.manifest.model.outputs[at[0]].shown_in
         rows.append(Row(later, name[0], name[1], shown, found))
     return RunComparison(
         titles(paths), summaries, tuple(run.manifest for run in runs), tuple(rows), confidence
@@ -101,31 +102,28 @@ def titles(paths: Sequence[str | Path]) -> tuple[str, ...]:
     return short if len(set(short)) == len(short) else tuple(str(path) for path in paths)
 
 
-def same_draws(one: Analysis, other: Analysis) -> bool:
+def same_draws(one: RunAnalysis, other: RunAnalysis) -> bool:
     """Whether samples of one index come from the same random numbers in both runs."""
-    first, second = one.manifest, other.manifest
-    same = all(first[key] == second[key] for key in ("seed", "design"))
-    lengths = [block_length(each["design"], each["samples"]) for each in (first, second)]
-    sources = [[entry["name"] for entry in each["model"]["sources"]] for each in (first, second)]
-    return same and lengths[0] == lengths[1] and sources[0] == sources[1]
-
-
-def _outputs(run: Analysis) -> list[tuple[str, str]]:
-    return [(entry["name"], entry["unit"]) for entry in run.manifest["model"]["outputs"]]
-
-
-def _flights(run: Analysis) -> SampleSet:
-    manifest, samples = run.manifest, run.samples
-    flown = np.isfinite(samples.outputs).all(axis=1)
-    fewest = math.inf if manifest["heavy_tailed"] else FEWEST_BLOCKS[manifest["design"]]
-    blocks = samples.index // block_length(manifest["design"], manifest["samples"])
-    return SampleSet(
-        run.model, samples.index[flown], blocks[flown], samples.errors[flown], samples.outputs[flown], fewest
+    first, second = (
+        (each.seed, each.design, each.block_length, [source.name for source in each.model.sources])
+        for each in (one.manifest, other.manifest)
     )
+    return first == second
+
+
+def _outputs(run: RunAnalysis) -> list[tuple[str, str]]:
+    return [(output.name, output.unit) for output in run.manifest.model.outputs]
+
+
+def _sample_set(run: RunAnalysis) -> SampleSet:
+    samples, manifest = run.samples, run.manifest
+    succeeded = np.isfinite(samples.outputs).all(axis=1)
+    index, errors, outputs = samples.index[succeeded], samples.errors[succeeded], samples.outputs[succeeded]
+    return SampleSet(run.model, index, index // manifest.block_length, errors, outputs, manifest.fewest_blocks)
 
 
 def _change(before: SampleSet, after: SampleSet, at: tuple[int, int], common: bool, confidence: float) -> Change | None:
-    """What has become of an output; none where too few flights came through."""
+    """Compare an output of two runs; none where too few samples succeeded."""
     if min(len(before.index), len(after.index)) < 2:
         return None
     return change(before, after, at, common, confidence)

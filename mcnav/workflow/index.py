@@ -8,7 +8,6 @@ from typing import Any, Final
 from urllib.parse import quote
 
 from mcnav.errors import RunFolderError
-from mcnav.execution.identity import digest
 from mcnav.files import write_whole
 from mcnav.report import sentences
 from mcnav.report.format import number
@@ -68,9 +67,7 @@ def _entry(folder: Path, place: Path) -> dict[str, Any]:
     entry: dict[str, Any] = _link(folder, place / REPORT) | {"folder": place.name, "report": (place / REPORT).exists()}
     try:
         run = RunFolder(place)
-        summary, manifest = run.summary(), run.manifest()
-        if manifest is None:
-            raise RunFolderError("holds no run")
+        summary, manifest = run.summary(), run.existing_manifest()
         units = shown_units(summary)
         counts = sentences.met(summary)
         sigmas = summary["sigma_paired"] or summary["sigma_linear"]
@@ -87,8 +84,8 @@ def _entry(folder: Path, place: Path) -> dict[str, Any]:
                  units[output["name"]][1])
                 for output, sigma in zip(summary["outputs"], sigmas, strict=True)
             ],
-            "date": str(manifest["started"])[:10],
-            "hash": digest(manifest["identity"])[:HASH],
+            "date": manifest.started[:10],
+            "hash": manifest.identity.digest[:HASH],
             "requirements": counts and f"{counts['met']} of {counts['of']} met",
             "requirements_tone": counts and tone_of(counts),
         }  # fmt: skip

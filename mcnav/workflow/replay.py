@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -14,16 +12,19 @@ from threadpoolctl import threadpool_limits
 from mcnav.config.read import Campaign, read_campaign
 from mcnav.config.scenarios import Kept
 from mcnav.errors import CampaignError, Problem, RunFolderError
-from mcnav.execution.identity import PROBES, chunk_digest, identity_of
+from mcnav.execution.chunks import DrawPlan
+from mcnav.execution.identity import chunk_digest, identity_of
 from mcnav.execution.processes import IsolatedEngine, end_workers
-from mcnav.files import to_json, write_whole
+from mcnav.files import write_whole
 from mcnav.lincov.polynomial import PolynomialFitError
 from mcnav.lincov.polynomial_engine import prepare_engine
 from mcnav.report.replay import Outcome, Replay, files
+from mcnav.scenarios.failure import OK
 from mcnav.scenarios.protocol import History, Replayable, ScenarioError, SimulationResult
 from mcnav.store.inputs import INPUTS, changed_since
-from mcnav.store.parts import OK, SampleSchema, part_name, samples_from, tracebacks_in, whole_part
-from mcnav.store.run_folder import CAMPAIGN, MANIFEST, RunFolder
+from mcnav.store.manifest import Manifest
+from mcnav.store.parts import SampleSchema, part_name, samples_from, tracebacks_in, whole_part
+from mcnav.store.run_folder import CAMPAIGN, RunFolder
 from mcnav.store.summaries import KEPT, SUMMARY, summary_chunk
 
 STORED: Final = "stored"
@@ -50,32 +51,27 @@ def replay(path: Path, index: int, campaign_file: Path | None = None) -> Replay:
         When the folder holds no run, another campaign's, or no such sample.
     """
     folder = RunFolder(path)
-    manifest = folder.manifest()
-    if manifest is None:
-        raise RunFolderError(f"{path}: holds no run ({MANIFEST} is missing)")
-    campaign, engine = _campaign_of(folder, manifest, campaign_file)
+    manifest = folder.existing_manifest()
+    campaign, engine_name = _campaign_of(folder, manifest, campaign_file)
     if not 0 <= index < campaign.samples:
         raise RunFolderError(f"{path}: has no sample {index}; they run from 0 to {campaign.samples - 1}")
     scenario, errors = campaign.scenario, campaign.errors
-    layout = SampleSchema.of(scenario.sources, scenario.outputs)
-    design, seed, samples = campaign.design, campaign.seed, campaign.samples
-    sample = errors.draw(design, seed, samples, index, index + 1)
+    draws = DrawPlan(errors, campaign.design, campaign.seed, campaign.samples)
+    sample = draws.draw(index, index + 1)
     with threadpool_limits(1):
         try:
-            probes = errors.draw(design, seed, samples, 0, min(PROBES, samples))
-            engines = dict.fromkeys((engine, "reference" if "reference" in scenario.engines else engine))
-            ready = {
-                name: prepare_engine(scenario, name, probes, errors.mean, errors.standard_deviations)
-                for name in engines
+            names = dict.fromkeys((engine_name, "reference" if "reference" in scenario.engines else engine_name))
+            engines = {
+                name: prepare_engine(scenario, name, draws.probes(), errors.mean, errors.standard_deviations)
+                for name in names
             }
             linear = scenario.linear_model()
-            identity = chunk_digest(manifest["identity"], campaign.design, campaign.samples)
-            stored, traceback = _stored(folder, index, campaign, ready[engine].chunk, identity, layout)
+            stored, traceback = _stored(folder, manifest, draws, index, engines[engine_name].chunk)
             outcomes = [] if stored is None else [stored]
-            for name, prepared in ready.items():
-                again = IsolatedEngine(prepared, len(scenario.outputs), campaign.sample_timeout).propagate(sample)
+            for name, engine in engines.items():
+                again = IsolatedEngine(engine, len(scenario.outputs), campaign.sample_timeout).propagate(sample)
                 outcomes.append(_outcome(f"again, {name}", again))
-                traceback = traceback or again.tracebacks.get(0, "")
+                traceback = traceback or (again.failures[0].traceback if again.failures else "")
         except (ScenarioError, PolynomialFitError) as wrong:
             raise CampaignError([Problem(campaign.file, "scenario", str(wrong))]) from None
         finally:
@@ -116,27 +112,25 @@ def as_stored(found: Replay) -> bool:
     return stored.status == again.status and np.allclose(stored.values, again.values, 1e-9, 0.0, equal_nan=True)
 
 
-def _campaign_of(folder: RunFolder, manifest: Mapping[str, Any], file: Path | None) -> tuple[Campaign, str]:
-    """The campaign of a run and its engine; refused when it is not the one that was flown."""
-    flown = manifest["identity"]["campaign"]
-    given = {key: flown[key] for key in ("samples", "seed")} | {"store": flown.get("store", "samples")}
+def _campaign_of(folder: RunFolder, manifest: Manifest, file: Path | None) -> tuple[Campaign, str]:
+    """Read the campaign of a run and its engine's name; refuse a campaign that is not the run's."""
+    then = manifest.identity
+    given = {key: then.campaign[key] for key in ("samples", "seed")} | {"store": then.campaign.get("store", "samples")}
     path = folder.path / CAMPAIGN if file is None else file
-    listed = manifest.get("files", [])
     kept = {
-        record["setting"]: Kept(record["sha256"], folder.kept_input(record) if record["kept"] else None)
-        for record in listed
-        if record.get("setting") is not None
+        record.setting: Kept(record.sha256, folder.kept_input(record) if record.kept else None)
+        for record in manifest.files
+        if record.setting is not None
     }
     campaign = read_campaign(path, given, execute=file is not None, kept=kept)
-    engine = str(manifest["identity"]["engine"])
     with threadpool_limits(1):
-        now, then = to_json(identity_of(campaign, engine)), manifest["identity"]
-    if any(now.get(key) != then.get(key) for key in ("campaign", "code")):
+        now = identity_of(campaign.resolved, then.engine, campaign.code, campaign.inputs(), campaign.scenario.sources)
+    if (now.campaign, now.code) != (then.campaign, then.code):
         raise RunFolderError(f"{path}: is not the campaign that was flown in {folder.path}")
-    change = changed_since(then.get("files", {}), now.get("files", {}))
+    change = changed_since(then.files, now.files)
     if change is not None:
         raise RunFolderError(f"{path}: reads other files than when {folder.path} was made ({change}); restore the file")
-    return campaign, engine
+    return campaign, then.engine
 
 
 def _notes(folder: RunFolder, campaign: Campaign) -> tuple[str, ...]:
@@ -150,18 +144,19 @@ def _notes(folder: RunFolder, campaign: Campaign) -> tuple[str, ...]:
 
 
 def _stored(
-    folder: RunFolder, index: int, campaign: Campaign, chunk: int, identity: str, layout: SampleSchema
+    folder: RunFolder, manifest: Manifest, draws: DrawPlan, index: int, engine_chunk: int
 ) -> tuple[Outcome | None, str]:
-    """What the run folder says of a sample, and its traceback; no outcome when it was not flown yet, or not kept."""
-    summary = campaign.store == SUMMARY
-    number = index // (summary_chunk(chunk, campaign.samples) if summary else chunk)
+    """Read the outcome of a sample and its traceback; no outcome when it is not stored."""
+    summary = manifest.store == SUMMARY
+    number = index // (summary_chunk(engine_chunk, draws.samples) if summary else engine_chunk)
     path = folder.parts / part_name(number)
+    identity = chunk_digest(manifest.identity, draws.design, draws.samples)
     if whole_part(folder.parts, number, identity, KEPT if summary else None) is None:
         if path.exists():
             raise RunFolderError(f"{path}: is damaged, or of another run; run the campaign again to mend it")
         return None, ""
     table = pq.read_table(path)
-    samples = samples_from(table, dataclasses.replace(layout, errors=()))  # a run of before knows no later sources
+    samples = samples_from(table, SampleSchema.of(manifest.model.sources, manifest.model.outputs))
     rows, traceback = np.flatnonzero(samples.index == index), tracebacks_in(table).get(index, "")
     if len(rows) == 0:
         return None, traceback
@@ -169,6 +164,6 @@ def _stored(
     return Outcome(STORED, samples.outputs[row], samples.status[row]), traceback
 
 
-def _outcome(label: str, outcomes: SimulationResult) -> Outcome:
-    reason = outcomes.failures.get(0)
-    return Outcome(label, outcomes.values[0], OK if reason is None else f"failed: {reason}")
+def _outcome(label: str, result: SimulationResult) -> Outcome:
+    failure = result.failures.get(0)
+    return Outcome(label, result.values[0], OK if failure is None else failure.status)

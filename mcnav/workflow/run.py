@@ -1,4 +1,4 @@
-"""The way of the data on one page: campaign, flights, run folder, analysis, report."""
+"""Run a campaign: prepare its system, simulate its samples into a run folder, analyse them, write the report."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from threading import Event
-from typing import Any, Final
+from typing import Any
 
 from threadpoolctl import threadpool_limits
 
@@ -20,38 +20,43 @@ from mcnav.config.read import Campaign, campaign_from
 from mcnav.config.stopping import StoppingRule
 from mcnav.errors import CampaignError, Problem, RunFolderError
 from mcnav.execution.chunks import ChunkJob, DrawPlan
-from mcnav.execution.identity import PROBES, check_no_foreign_files, check_resumable, chunk_digest, identity_of
+from mcnav.execution.identity import check_no_foreign_files, check_resumable, chunk_digest, identity_of
 from mcnav.execution.processes import end_workers_apart
 from mcnav.execution.runner import ChunkExecutor, run_chunks
-from mcnav.files import to_json
-from mcnav.lincov.block_sums import Normalization
 from mcnav.lincov.polynomial_engine import engine_names
 from mcnav.progress import SILENT, Phase, Progress
-from mcnav.sampling.designs import block_length
 from mcnav.scenarios.conformance import Check, check_conformance
+from mcnav.scenarios.inputs import InputFile
 from mcnav.scenarios.timeouts import stopped_by
 from mcnav.statistics.interim_analyses import interim_sizes
-from mcnav.store.inputs import check_as_read, check_unchanged, records
-from mcnav.store.parts import Part, SampleSchema, part_records
+from mcnav.store.inputs import check_as_read, check_unchanged, file_records
+from mcnav.store.manifest import (
+    FORMAT,
+    CriterionRecord,
+    ExecutionRecord,
+    Identity,
+    Manifest,
+    RequirementRecord,
+    StoppingRecord,
+)
+from mcnav.store.parts import Part, SampleSchema, sorted_parts
 from mcnav.store.provenance import commit
 from mcnav.store.run_folder import CAMPAIGN, RunFolder
 from mcnav.store.summaries import KEPT, SUMMARY
-from mcnav.workflow.analyse import analyse, linear_model, load_drawing, write_results
-from mcnav.workflow.prepare import PreparedCampaign, prepare_campaign, write_epochs
-
-FORMAT: Final = 1
+from mcnav.workflow.analyse import analyse, linear_model, load_report, write_results
+from mcnav.workflow.prepare import PreparedCampaign, prepare_campaign
 
 
 @dataclass(frozen=True)
 class Run:
-    """What came of running a campaign.
+    """The result of `run_campaign`.
 
     Attributes
     ----------
     summary : dict
         The content of ``summary.json``.
     flown : int
-        Samples that were flown now; the others were stored already.
+        Samples that were simulated now; the others were stored already.
     notices : tuple of str
         What was found damaged and mended, a line each.
     """
@@ -72,10 +77,10 @@ def run_campaign(
     flights: ChunkExecutor | None = None,
     force: bool = False,
 ) -> Run:
-    """Fly a campaign into a run folder, analyse it and write its report.
+    """Run a campaign into a run folder, analyse it and write its report.
 
-    A run that was broken off goes on where it stopped, and one of fewer samples is extended; chunks that are stored
-    whole are not flown again.
+    An interrupted run continues where it stopped, and one of fewer samples is extended: chunks that are stored are not
+    simulated again.
 
     Parameters
     ----------
@@ -90,113 +95,139 @@ def run_campaign(
     fresh : bool
         Delete what an earlier run left in the folder.
     progress : Progress
-        Told which phase begins, and how many samples have become ready.
+        Receives each phase as it begins, and how many samples have become ready.
     most_failures : int, optional
-        Samples that may fail before the run is broken off.
+        Samples that may fail before the run is stopped.
     flights : ChunkExecutor, optional
-        Who flies in place of this machine's threads and processes; see `mcnav.execution.dask_cluster`.
+        Used in place of this machine's threads and processes; see `mcnav.execution.dask_cluster`.
     force : bool
-        Go on where partial derivatives are not settled; the summary and the report say so.
-
-    Returns
-    -------
-    Run
+        Go on where partial derivatives are not settled; the summary and the report state it.
 
     Raises
     ------
     CampaignError
-        When the scenario has no such engine, cannot be flown, or there is no linear model to compare with.
+        When the scenario has no such engine, cannot be simulated, or there is no linear model to compare with.
     RunFolderError
         When the folder holds something else, is in use, or cannot be written to.
     TooManyFailures
     """
-    campaign, path = campaign_from(campaign), Path(path)
+    campaign, folder = campaign_from(campaign), RunFolder(Path(path))
     progress.phase(Phase.PREPARING)
-    folder = RunFolder(path)
-    engine = engine or campaign.scenario.engines[0]
-    if engine not in engine_names(campaign.scenario):
-        known = ", ".join(engine_names(campaign.scenario))
-        raise CampaignError([Problem(campaign.file, "engine", f"got {engine!r}; this scenario has {known}")])
+    engine_name = _engine_name(campaign, engine)
     check_no_foreign_files(folder)
     with folder.lock(), threadpool_limits(1):
         folder.remove_partial_files()
-        identity, inputs = identity_of(campaign, engine), campaign.inputs()
+        inputs = campaign.inputs()
+        identity = identity_of(campaign.resolved, engine_name, campaign.code, inputs, campaign.scenario.sources)
         check_as_read(inputs)
-        notices = [] if fresh else check_resumable(folder, identity, campaign.design, campaign.samples)
         draws = DrawPlan(campaign.errors, campaign.design, campaign.seed, campaign.samples)
-        probes = campaign.errors.draw(
-            campaign.design, campaign.seed, campaign.samples, 0, min(PROBES, campaign.samples)
-        )
-        system = prepare_campaign(campaign, engine, probes, force)
+        notices = [] if fresh else check_resumable(folder, identity, draws.design, draws.samples)
+        system = prepare_campaign(campaign, draws, engine_name, force)
         if fresh:
             folder.clear([Path(file.path) for file in inputs])
-        manifest: dict[str, Any] = {
-            "format": FORMAT,
-            "campaign": campaign.name,
-            "samples": campaign.samples,
-            "seed": campaign.seed,
-            "design": campaign.design,
-            "criterion": {"tolerance": campaign.tolerance, "confidence": campaign.confidence},
-            "requirements": campaign.requirements,
-            "identity": identity,
-            "accuracy": system.engine.accuracy,
-            "commit": commit(),
-            "started": datetime.now(UTC).isoformat(timespec="seconds"),
-            "heavy_tailed": campaign.errors.heavy_tailed(campaign.design),
-            "long_tailed": campaign.errors.long_tailed(campaign.design),
-            "normal": campaign.errors.normal,
-            "store": campaign.store,
-            "kept": min(KEPT, campaign.samples) if campaign.store == SUMMARY else None,
-            "unsettled": system.unsettled,
-            "model": system.model,
-            "complete": False,
-            "parts": [],
-            "files": records(inputs),
-        }
-        folder.write_tables(campaign.tables)
-        folder.write(CAMPAIGN, campaign.to_toml().encode())
-        folder.write_history(system.history)
-        folder.write_manifest(manifest)
-        if campaign.code is not None:
-            folder.write(campaign.code.file, campaign.code.text.encode())
-        folder.write_inputs(inputs)
-        layout = SampleSchema.of(campaign.scenario.sources, campaign.scenario.outputs)
-        own = chunk_digest(identity, campaign.design, campaign.samples)
-        frame = _frame(campaign, system.model)
-        work = ChunkJob(draws, system.engine, folder, own, layout, campaign.sample_timeout, frame, inputs=inputs)
-        load_drawing()
-        with _beside(campaign, system) as beyond:
+        manifest = _first_manifest(campaign, system, identity, inputs)
+        _write_beginning(folder, campaign, system, manifest, inputs)
+        job = _chunk_job(system, folder, manifest, inputs)
+        load_report()
+        execution = _Execution(job, jobs, progress, notices.append, most_failures, flights)
+        with _corrections(system, campaign.code is not None) as corrections:
             began = time.perf_counter()
             try:
-                parts, flown = _fly_enough(
-                    campaign, work, manifest, jobs, progress, notices.append, most_failures, flights
-                )
+                manifest, simulated = execution.run(manifest, campaign.until)
             except OSError as failure:
                 raise RunFolderError(
                     f"{path}: cannot be written to: {failure.strerror or failure}; what is stored there is kept"
                 ) from None
             seconds = round(time.perf_counter() - began, 3)
             progress.phase(Phase.ANALYSING)
-            manifest["model"] = system.model | beyond()
-        write_epochs(campaign, system.engine, folder, parts)
-        check_unchanged(inputs, path)
-        manifest |= {"complete": True, "parts": part_records(parts)}
-        manifest["flight"] = {"jobs": jobs, "seconds": seconds, "samples": flown}
-        folder.write_manifest(manifest)
-        judged = analyse(folder)
+            model = system.model.model_copy(update=corrections())
+        system.write_epochs(folder, manifest.parts)
+        check_unchanged(inputs, folder.path)
+        flight = ExecutionRecord(jobs=jobs, seconds=seconds, samples=simulated)
+        folder.write_manifest(manifest.model_copy(update={"model": model, "complete": True, "flight": flight}))
+        analysis = analyse(folder)
         progress.phase(Phase.REPORTING)
-        return Run(write_results(folder, judged), flown, tuple(notices))
+        return Run(write_results(folder, analysis), simulated, tuple(notices))
+
+
+def _engine_name(campaign: Campaign, name: str | None) -> str:
+    """Return the name of the engine, by default the scenario's first; `CampaignError` when it has no such engine."""
+    known = engine_names(campaign.scenario)
+    name = name or campaign.scenario.engines[0]
+    if name not in known:
+        raise CampaignError([Problem(campaign.file, "engine", f"got {name!r}; this scenario has {', '.join(known)}")])
+    return name
+
+
+def _first_manifest(
+    campaign: Campaign, system: PreparedCampaign, identity: Identity, inputs: tuple[InputFile, ...]
+) -> Manifest:
+    """Describe a run that begins."""
+    errors, design = campaign.errors, campaign.design
+    return Manifest(
+        format=FORMAT,
+        campaign=campaign.name,
+        samples=campaign.samples,
+        seed=campaign.seed,
+        design=design,
+        criterion=CriterionRecord(tolerance=campaign.tolerance, confidence=campaign.confidence),
+        requirements=tuple(RequirementRecord.model_validate(entry, strict=False) for entry in campaign.requirements),
+        identity=identity,
+        accuracy=system.engine.accuracy,
+        commit=commit(),
+        started=datetime.now(UTC).isoformat(timespec="seconds"),
+        heavy_tailed=tuple(errors.heavy_tailed(design)),
+        long_tailed=tuple(errors.long_tailed(design)),
+        normal=bool(errors.normal),
+        store=campaign.store,
+        kept=min(KEPT, campaign.samples) if campaign.store == SUMMARY else None,
+        unsettled=system.unsettled,
+        model=system.model,
+        complete=False,
+        parts=(),
+        files=file_records(inputs),
+    )
+
+
+def _write_beginning(
+    folder: RunFolder,
+    campaign: Campaign,
+    system: PreparedCampaign,
+    manifest: Manifest,
+    inputs: tuple[InputFile, ...],
+) -> None:
+    """Store what is known before samples are simulated."""
+    folder.write_tables(campaign.tables)
+    folder.write(CAMPAIGN, campaign.to_toml().encode())
+    folder.write_history(system.history)
+    folder.write_manifest(manifest)
+    if campaign.code is not None:
+        folder.write(campaign.code.file, campaign.code.text.encode())
+    folder.write_inputs(inputs)
+
+
+def _chunk_job(
+    system: PreparedCampaign, folder: RunFolder, manifest: Manifest, inputs: tuple[InputFile, ...]
+) -> ChunkJob:
+    """Collect what workers need; samples are reduced to sums where only a summary is stored."""
+    model, draws = manifest.model, system.draws
+    frame = None
+    if manifest.store == SUMMARY:
+        frame = normalization_of(linear_model(model), manifest.samples, manifest.block_length)
+    digest = chunk_digest(manifest.identity, draws.design, draws.samples)
+    layout = SampleSchema.of(model.sources, model.outputs)
+    return ChunkJob(draws, system.engine, folder, digest, layout, system.timeout, frame, inputs=inputs)
 
 
 @contextmanager
-def _beside(campaign: Campaign, system: PreparedCampaign) -> Iterator[Callable[[], dict[str, Any]]]:
-    """Fly what goes beyond the linear model beside the samples; by a user's own code before them.
+def _corrections(system: PreparedCampaign, users_code: bool) -> Iterator[Callable[[], dict[str, Any]]]:
+    """Compute corrections to the linear model while samples are simulated; with a user's own code before them.
 
-    When the samples are broken off, so are these flights, and nothing waits for them.
+    When the samples are interrupted, so are these simulations, and nothing waits for them.
     """
-    if campaign.code is not None:
+    if users_code:
         try:
-            found = system.beyond()
+            found = system.corrections()
         except BaseException:
             end_workers_apart()
             raise
@@ -204,77 +235,84 @@ def _beside(campaign: Campaign, system: PreparedCampaign) -> Iterator[Callable[[
         return
     unwanted = Event()
 
-    def flown() -> dict[str, Any]:
+    def compute() -> dict[str, Any]:
         with stopped_by(unwanted):
-            return system.beyond()
+            return system.corrections()
 
-    with side_threads(1) as beside:
+    with side_threads(1) as threads:
         try:
-            yield beside.submit(flown).result
+            yield threads.submit(compute).result
         except BaseException:
             unwanted.set()
             raise
 
 
-def _fly_enough(
-    campaign: Campaign,
-    work: ChunkJob,
-    manifest: dict[str, Any],
-    jobs: int,
-    progress: Progress,
-    notice: Callable[[str], None],
-    most_failures: int | None,
-    flights: ChunkExecutor | None,
-) -> tuple[list[Part], int]:
-    """Fly a campaign's samples, or as many as its stopping rule asks for; the manifest is told how many these are."""
-    until = campaign.until
-    if until is None:
-        progress.phase(Phase.SIMULATING, campaign.samples)
-        return run_chunks(work, jobs, progress, notice=notice, most_failures=most_failures, elsewhere=flights)
-    sizes = interim_sizes(work.engine.chunk, until.at_most)
-    manifest["criterion"]["looks"] = len(sizes)
-    parts: list[Part] = []
-    flown, before = 0, 0
-    for look, size in enumerate(sizes, start=1):
-        note = f"look {look} of at most {len(sizes)}"
-        progress.phase(Phase.SIMULATING, note=note)
-        sized = replace(work, draws=replace(work.draws, samples=size))
-        more, now = run_chunks(sized, jobs, progress, before, notice, most_failures, flights)
-        parts, flown, before = parts + more, flown + now, size
-        manifest |= {"samples": size, "parts": part_records(parts)}
-        progress.phase(Phase.ANALYSING, note=note)
-        precision = _precision(work.folder, manifest, until)
-        reached = precision <= until.precision
-        manifest["stopping"] = until.described() | {"looks": len(sizes), "found": precision, "reached": reached}
-        if reached:
-            break
-    return parts, flown
+@dataclass(frozen=True)
+class _Execution:
+    """How the samples of a run are simulated; arguments of `run_chunks`."""
+
+    job: ChunkJob
+    jobs: int
+    progress: Progress
+    notice: Callable[[str], None]
+    most_failures: int | None
+    executor: ChunkExecutor | None
+
+    def run(self, manifest: Manifest, rule: StoppingRule | None) -> tuple[Manifest, int]:
+        """Simulate a campaign's samples, or as many as its stopping rule asks for.
+
+        Returns
+        -------
+        manifest : Manifest
+            With the number of samples, their parts and the outcome of the stopping rule.
+        simulated : int
+            Samples that were not stored already.
+        """
+        if rule is None:
+            self.progress.phase(Phase.SIMULATING, manifest.samples)
+            parts, simulated = self._simulate(manifest.samples)
+            return manifest.model_copy(update={"parts": sorted_parts(parts)}), simulated
+        sizes = interim_sizes(self.job.engine.chunk, rule.at_most)
+        criterion = manifest.criterion.model_copy(update={"looks": len(sizes)})
+        manifest, simulated, before = manifest.model_copy(update={"criterion": criterion}), 0, 0
+        for look, size in enumerate(sizes, start=1):
+            note = f"look {look} of at most {len(sizes)}"
+            self.progress.phase(Phase.SIMULATING, note=note)
+            more, now = self._simulate(size, before)
+            simulated, before = simulated + now, size
+            update = {"samples": size, "parts": (*manifest.parts, *sorted_parts(more))}
+            manifest = manifest.model_copy(update=update)
+            self.progress.phase(Phase.ANALYSING, note=note)
+            precision = _precision(self.job.folder, manifest, rule)
+            reached = precision <= rule.precision
+            stopping = StoppingRecord(**rule.described(), looks=len(sizes), found=precision, reached=reached)
+            manifest = manifest.model_copy(update={"stopping": stopping})
+            if reached:
+                break
+        return manifest, simulated
+
+    def _simulate(self, samples: int, first: int = 0) -> tuple[list[Part], int]:
+        job = replace(self.job, draws=replace(self.job.draws, samples=samples))
+        return run_chunks(job, self.jobs, self.progress, first, self.notice, self.most_failures, self.executor)
 
 
-def _precision(folder: RunFolder, manifest: Mapping[str, Any], until: StoppingRule) -> float:
+def _precision(folder: RunFolder, manifest: Manifest, rule: StoppingRule) -> float:
     """Half the width of the widest interval of an output's sigma ratio, at the confidence of the stopping rule."""
-    asked = {**manifest, "criterion": {**manifest["criterion"], "confidence": until.confidence}}
-    outputs = analyse(folder, to_json(asked)).comparison.outputs
-    judged = [output.paired if until.quantity.endswith("paired") else output.plain for output in outputs]
-    widths = [0.5 * (each.interval[1] - each.interval[0]) for each in judged if each.interval is not None]
+    criterion = manifest.criterion.model_copy(update={"confidence": rule.confidence})
+    outputs = analyse(folder, manifest.model_copy(update={"criterion": criterion})).comparison.outputs
+    ratios = [output.paired if rule.quantity.endswith("paired") else output.plain for output in outputs]
+    widths = [0.5 * (each.interval[1] - each.interval[0]) for each in ratios if each.interval is not None]
     return max(widths, default=math.inf)
 
 
-def _frame(campaign: Campaign, described: Mapping[str, Any]) -> Normalization | None:
-    """How samples are reduced; none when they are stored themselves."""
-    if campaign.store != SUMMARY:
-        return None
-    return normalization_of(linear_model(described), campaign.samples, block_length(campaign.design, campaign.samples))
-
-
 def engine_of(path: Path, campaign: Path) -> str | None:
-    """The engine of the run that a campaign file was stored with; none when it is not a run folder's own file."""
+    """Return the engine of the run that a campaign file was stored with; none when it is not a run folder's own."""
     manifest = RunFolder(path).manifest() if campaign.parent == path and campaign.name == CAMPAIGN else None
-    return None if manifest is None else str(manifest["identity"]["engine"])
+    return None if manifest is None else manifest.identity.engine
 
 
 def check_scenario(described: str | Path | Campaign | Mapping[str, Any]) -> list[Check]:
-    """Try out the scenario of a campaign with its errors; see `mcnav.scenarios.conformance`.
+    """Check the scenario of a campaign with its errors; see `mcnav.scenarios.conformance`.
 
     Parameters
     ----------

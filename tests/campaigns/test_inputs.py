@@ -240,21 +240,19 @@ def test_a_changed_file_is_refused_like_a_changed_campaign(where: str, tmp_path:
 @pytest.mark.parametrize("where", PLACES)
 def test_files_are_listed_and_kept(where: str, tmp_path: Path) -> None:
     run_campaign(read_campaign(campaign_reading(where, tmp_path, "2\n")), tmp_path / "run", None, 1)
-    manifest = RunFolder(tmp_path / "run").manifest()
-    assert manifest is not None
+    content = RunFolder(tmp_path / "run").existing_manifest().to_json()
     digest = hashlib.sha256(b"2\n").hexdigest()
     setting = "table" if where == "declared" else None
     record = {"name": "table.txt", "bytes": 2, "sha256": digest, "kept": True, "setting": setting}
-    assert manifest["files"] == [record]
-    assert manifest["identity"]["files"] == {"table.txt": digest}
+    assert content["files"] == [record]
+    assert content["identity"]["files"] == {"table.txt": digest}
     assert (tmp_path / "run" / "inputs" / "table.txt").read_text() == "2\n"
 
 
 def test_a_scenario_that_reads_nothing_has_the_identity_that_it_had(tmp_path: Path) -> None:
     run_campaign(read_campaign(written(tmp_path)), tmp_path / "run", None, 1)
-    manifest = RunFolder(tmp_path / "run").manifest()
-    assert manifest is not None
-    assert manifest["identity"].keys() == {"campaign", "engine", "versions", "chunks", "code"}
+    content = RunFolder(tmp_path / "run").existing_manifest().to_json()
+    assert content["identity"].keys() == {"campaign", "engine", "versions", "chunks", "code"}
     assert not (tmp_path / "run" / "inputs").exists()
 
 
@@ -332,9 +330,7 @@ def test_a_file_that_changes_while_the_run_goes_on(where: str, engine: str, tmp_
         f"{tmp_path / 'table.txt'}: has changed; samples stored in {tmp_path / 'run'} come from the file as it was: "
         "restore it, or replace them with --fresh"
     )
-    manifest = RunFolder(tmp_path / "run").manifest()
-    assert manifest is not None
-    assert not manifest["complete"]
+    assert not RunFolder(tmp_path / "run").existing_manifest().complete
     with pytest.raises(RunFolderError, match=r"files\.table\.txt was"):
         run_campaign(read_campaign(campaign), tmp_path / "run", None, 1)
     (tmp_path / "table.txt").write_text("2\n")

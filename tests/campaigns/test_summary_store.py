@@ -22,7 +22,7 @@ from mcnav.errors import CampaignError, RunFolderError
 from mcnav.lincov.block_sums import column_count
 from mcnav.lincov.sample_reduction import reduce_samples
 from mcnav.store import summaries as store
-from mcnav.store.manifest import find_fault
+from mcnav.store.manifest import Manifest, ManifestError
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.analyse import summary_of
 from mcnav.workflow.run import run_campaign
@@ -136,7 +136,10 @@ def test_failures_are_counted_by_reason(tmp_path: Path) -> None:
     ]
     first = store.Summary.of(found, 1_000, {5: "failed: a", 700: "failed: a"})
     failing = first + store.Summary.of(found_after(found), 10, {1_003: "failed: b"})
-    assert failing.failures == {"failed: a": store.Failure(2, (5, 700)), "failed: b": store.Failure(1, (1_003,))}
+    assert failing.failures == {
+        "failed: a": store.FailureCount(2, (5, 700)),
+        "failed: b": store.FailureCount(1, (1_003,)),
+    }
     again = store.Summary.from_mark(failing.as_mark())
     assert np.array_equal(again.sums.blocks, failing.sums.blocks)
     assert (again.samples, again.failures) == (failing.samples, failing.failures)
@@ -162,7 +165,7 @@ def test_reasons_are_bounded() -> None:
     found = reduce_samples(normalization_of(_model(), 10_000, 1), 0, np.zeros((10, 2)), np.zeros((10, 2)))
     many = {index: f"failed: fell to {index} km" for index in range(2_000)}
     assert store.Summary.of(found, 2_000, many).failures == {
-        "failed: fell to … km": store.Failure(2_000, tuple(range(store.FIRST)))
+        "failed: fell to … km": store.FailureCount(2_000, tuple(range(store.FIRST)))
     }
     words = {index: f"failed: {''.join(chr(97 + int(digit)) for digit in str(index))}" for index in range(2_000)}
     known = store.Summary.of(found, 2_000, words).failures
@@ -250,8 +253,15 @@ def test_samples_are_as_before_beside_a_summary(tmp_path: Path) -> None:
 def test_a_manifest_of_as_many_samples_as_a_campaign_may_have(tmp_path: Path) -> None:
     """10^12, all that `store = "summary"` allows, can be read again."""
     _run(tmp_path / "run")
-    manifest = RunFolder(tmp_path / "run").manifest()
-    assert manifest is not None
-    last = manifest["parts"][-1] | {"end": 10**12}
-    assert find_fault(manifest | {"samples": 10**12, "parts": [*manifest["parts"][:-1], last]}) is None
-    assert find_fault(manifest | {"samples": 10**12}) is not None
+    content = RunFolder(tmp_path / "run").existing_manifest().to_json() | {"samples": 10**12}
+    last = content["parts"][-1] | {"end": 10**12}
+    assert Manifest.from_json(content | {"parts": [*content["parts"][:-1], last]}).parts[-1].end == 10**12
+    with pytest.raises(ManifestError, match=r"^parts: do not hold the samples from 0 to 999999999999 in order$"):
+        Manifest.from_json(content)
+
+
+def test_a_manifest_of_another_format_is_refused(tmp_path: Path) -> None:
+    _run(tmp_path / "run")
+    content = RunFolder(tmp_path / "run").existing_manifest().to_json() | {"format": 2}
+    with pytest.raises(ManifestError, match=r"^format: got '2'; this version reads format 1$"):
+        Manifest.from_json(content)

@@ -6,6 +6,8 @@ import os
 import subprocess
 import sys
 import textwrap
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 from mcnav.analysis.comparison import Model
@@ -13,6 +15,7 @@ from mcnav.analysis.summed import normalization_of
 from mcnav.config.read import Campaign
 from mcnav.execution.chunks import ChunkJob, DrawPlan
 from mcnav.lincov.polynomial_engine import prepare_engine
+from mcnav.progress import Silent
 from mcnav.sampling.designs import block_length
 from mcnav.store.parts import SampleSchema
 from mcnav.store.run_folder import RunFolder
@@ -77,6 +80,17 @@ def chunk_job(run: Campaign, folder: Path, engine: str | None = None) -> ChunkJo
     layout = SampleSchema.of(scenario.sources, scenario.outputs)
     draws = DrawPlan(errors, run.design, run.seed, run.samples)
     return ChunkJob(draws, prepared, RunFolder(folder), "0" * 64, layout, run.sample_timeout, frame)
+
+
+@dataclass(frozen=True)
+class OnAdvance(Silent):
+    """Progress that calls a function each time samples have become ready."""
+
+    call: Callable[[], object]
+
+    def advance(self, samples: int, stored: bool = False) -> None:
+        """Call it."""
+        self.call()
 
 
 def environment() -> dict[str, str]:

@@ -70,8 +70,8 @@ def test_a_file_that_a_scenario_reads(where: str, cluster: Cluster, tmp_path: Pa
         here, there = (RunFolder(tmp_path / folder).manifest() for folder in ("here", "there"))
         assert here is not None
         assert there is not None
-        assert here["identity"] == there["identity"]
-        assert here["identity"]["files"].keys() == {"table.txt"}
+        assert here.identity == there.identity
+        assert here.identity.files.keys() == {"table.txt"}
         assert digests(tmp_path / "here") == digests(tmp_path / "there")
         samples = pd.read_parquet(tmp_path / "there" / "samples")
         np.testing.assert_allclose(samples["output b [m]"], gain * samples["error a [m]"], rtol=1e-15)

@@ -12,7 +12,7 @@ from scipy import special
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.convergence import Convergence, RunningRatio
 from mcnav.report.figures.figure import HALF, Figure, Plot, Series, dots, plainly
-from mcnav.report.model import Content
+from mcnav.report.model import RunAnalysis
 from mcnav.report.svg import AREA, BAND, FLOWN, LINEAR, MUTED
 
 PAIRED, PLAIN = "Monte Carlo, paired estimate", "Monte Carlo, plain sample"
@@ -23,7 +23,7 @@ QUANTILES = 121
 """Points of a quantile plot."""
 
 
-def sigma_ratios(content: Content) -> Figure:
+def sigma_ratios(content: RunAnalysis) -> Figure:
     """Forest plot of the sigma ratios against the tolerance, and the paired ones magnified."""
     outputs, names = content.comparison.outputs, content.output_names
     kinds = {"paired": [output.paired for output in outputs], "plain": [output.plain for output in outputs]}
@@ -82,7 +82,7 @@ def _ratios(axes: Axes, data: pd.DataFrame, kinds: tuple[str, ...]) -> None:
     axes.set_xlabel("Monte Carlo σ relative to linear σ (%)")
 
 
-def running_ratios(content: Content) -> Figure | None:
+def running_ratios(content: RunAnalysis) -> Figure | None:
     """Plain and paired sigma ratios from the first samples on; none when there is nothing to show."""
     found, names = content.convergence, content.output_names
     if found is None or len(found.sizes) < 2:
@@ -129,7 +129,7 @@ def _band(axes: Axes, sizes: Array, run: RunningRatio, i: int, series: Series) -
     series.on(axes, sizes, run.ratio[:, i])
 
 
-def nees(content: Content) -> Figure | None:
+def nees(content: RunAnalysis) -> Figure | None:
     """NEES against the chi-square distribution that linear analysis expects: histogram and quantiles."""
     ellipsoid = content.comparison.ellipsoid
     if ellipsoid is None:
@@ -186,7 +186,7 @@ def _places(count: int) -> IndexArray:
     return np.unique(np.clip(np.rint(ranks), 0, count - 1).astype(np.int64))
 
 
-def normal_quantiles(content: Content) -> Figure | None:
+def normal_quantiles(content: RunAnalysis) -> Figure | None:
     """Quantiles of each output against those of the linear Gaussian."""
     flown, scale, names, units = content.flown, content.output_scale, content.output_names, content.output_units
     sigma = np.sqrt(np.diag(content.comparison.covariance_linear)) * scale

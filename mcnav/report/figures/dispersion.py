@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.report.figures.figure import HALF, THIRD, Figure, Plot, Series, dots
-from mcnav.report.model import Content
+from mcnav.report.model import RunAnalysis
 from mcnav.report.svg import AREA, FLOWN, INK, LINEAR, POINT
 
 SCATTERED: Final = 3_000
@@ -32,7 +32,7 @@ ELLIPSES_FLOWN = Series("flown", "Monte Carlo (plain), 1 and 3 sigma", FLOWN, "d
 FARTHEST = Series("farthest", "largest errors, with sample index", INK, "dot")
 
 
-def scatter(content: Content) -> Figure | None:
+def scatter(content: RunAnalysis) -> Figure | None:
     """Flown final errors of each pair of outputs with the linear and the sample ellipses; none without a pair."""
     pairs = list(combinations(content.moving, 2))[:PAIRS]
     flown, names, units = content.flown, content.output_names, content.output_units
@@ -65,7 +65,7 @@ def scatter(content: Content) -> Figure | None:
     )
 
 
-def _farthest(content: Content, flown: Array, pair: list[int]) -> list[tuple[int, float]]:
+def _farthest(content: RunAnalysis, flown: Array, pair: list[int]) -> list[tuple[int, float]]:
     """Rows of the flights farthest out in a pair of outputs by the linear covariance, and how far; farthest first."""
     scale = content.output_scale[pair]
     covariance = content.comparison.covariance_linear[np.ix_(pair, pair)] * np.outer(scale, scale)
@@ -77,7 +77,9 @@ def _farthest(content: Content, flown: Array, pair: list[int]) -> list[tuple[int
     return [(int(k), float(distances[k])) for k in rows[np.lexsort((rows, -distances[rows]))]]
 
 
-def _pair(axes: Axes, content: Content, points: Array, pair: tuple[int, int], marked: list[tuple[int, Array]]) -> None:
+def _pair(
+    axes: Axes, content: RunAnalysis, points: Array, pair: tuple[int, int], marked: list[tuple[int, Array]]
+) -> None:
     i, j = pair
     scale, comparison = content.output_scale[[i, j]], content.comparison
     square, pick = np.outer(scale, scale), np.ix_([i, j], [i, j])
@@ -114,7 +116,7 @@ def _ellipses(axes: Axes, centre: Array, covariance: Array, series: Series, styl
         )  # fmt: skip
 
 
-def histograms(content: Content) -> Figure:
+def histograms(content: RunAnalysis) -> Figure:
     """Distribution of each output against the linear Gaussian."""
     names, units, scale = content.output_names, content.output_units, content.output_scale
     flown = content.flown

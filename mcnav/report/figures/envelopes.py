@@ -11,14 +11,14 @@ from matplotlib.axes import Axes
 
 from mcnav.analysis.envelopes import Envelopes
 from mcnav.report.figures.figure import Figure, Plot, Series, axis_label, mark
-from mcnav.report.model import Content
+from mcnav.report.model import RunAnalysis
 from mcnav.report.svg import AREA, FLOWN, LINEAR
 
 LINEAR_3: Final = Series("linear", "linear, mean ± 3σ", LINEAR)
 FLOWN_3: Final = Series("flown", "Monte Carlo, mean ± 3σ", FLOWN, "dashed")
 
 
-def envelopes(content: Content) -> Figure | None:
+def envelopes(content: RunAnalysis) -> Figure | None:
     """Every output that moves; none where errors throughout the flight are not known."""
     known = content.envelopes
     if known is None:

@@ -15,7 +15,7 @@ from mcnav._types import Array
 from mcnav.analysis.comparison import Comparison, correlations
 from mcnav.report.figures.figure import THIRD, Figure, Plot, Series
 from mcnav.report.format import fixed, number
-from mcnav.report.model import Content
+from mcnav.report.model import RunAnalysis
 from mcnav.report.svg import FLOWN, LINEAR
 
 Mask = NDArray[np.bool_]
@@ -30,7 +30,7 @@ DEEPEST = 0.5
 """Opacity of a cell of one: ink must read on it, on light paper and on dark."""
 
 
-def matrices(content: Content) -> Figure:
+def matrices(content: RunAnalysis) -> Figure:
     """Covariances scaled by the linear sigmas, and correlations: linear, Monte Carlo (paired), and their difference."""
     comparison, names = content.comparison, content.output_names
     square = np.outer(content.output_scale, content.output_scale)

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 
 from mcnav._types import Array
 from mcnav.report.figures.figure import HALF, Figure, Plot, Series, axis_label, numbered
-from mcnav.report.model import Content
+from mcnav.report.model import RunAnalysis
 from mcnav.report.svg import INK, PAPER, SOURCE_COLOURS
 
 NUMBERED = 0.08
@@ -30,7 +30,7 @@ def on(colour: str) -> str:
     return "#101418" if 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2] > 0.2 else "#fdfdfd"
 
 
-def budget(content: Content) -> Figure:
+def budget(content: RunAnalysis) -> Figure:
     """Stacked shares of each source in each output's linear variance; beside them, where flown, those by flights."""
     names, linear = content.output_names, np.nan_to_num(content.budget.shares)
     flown = _flown_shares(content)
@@ -55,9 +55,9 @@ def budget(content: Content) -> Figure:
     )
 
 
-def _flown_shares(content: Content) -> Array | None:
+def _flown_shares(content: RunAnalysis) -> Array | None:
     """Variance of each output with one source alone, over the linear variance; none where it was not flown."""
-    flown = content.manifest["model"].get("budget")
+    flown = content.manifest.model.budget
     if not flown or "failed" in flown["alone"]:
         return None
     variances = np.diag(content.comparison.covariance_linear)
@@ -86,7 +86,7 @@ def _stacked(axes: Axes, names: list[str], shares: Array, series: dict[int, Seri
     axes.set_xlabel("share of the linear variance (%)")
 
 
-def partials_history(content: Content) -> Figure | None:
+def partials_history(content: RunAnalysis) -> Figure | None:
     """The linear sigma of each output over the flight, in all and by its largest sources."""
     known = content.development
     if known is None:

@@ -15,6 +15,7 @@ from mcnav.lincov.simulated_budget import simulate_each_source_alone
 from mcnav.lincov.sobol import estimate_sobol_indices
 from mcnav.sampling.distributions import Fixed, Normal, Uniform
 from mcnav.sampling.error_model import Correlation, ErrorModel
+from mcnav.scenarios.failure import Failure
 from mcnav.scenarios.protocol import SimulationResult
 
 NAMES = ["a", "b", "c", "d"]
@@ -101,7 +102,7 @@ def test_sobol_indices_that_do_not_exist(errors: ErrorModel, message: str) -> No
                                    lambda f: estimate_sobol_indices(f, ERRORS, 1)])  # fmt: skip
 def test_a_failed_flight_is_named(study: Callable[[Callable[[np.ndarray], SimulationResult]], object]) -> None:
     with pytest.raises(SimulationFailed, match="too low"):
-        study(lambda errors: SimulationResult(np.full((len(errors), 2), np.nan), {0: "too low"}))
+        study(lambda errors: SimulationResult(np.full((len(errors), 2), np.nan), {0: Failure.of("too low")}))
 
 
 def test_allocation_meets_the_limit_exactly() -> None:

@@ -9,6 +9,7 @@ from mcnav.analysis.comparison import Criterion, Model, compare
 from mcnav.analysis.variance_breakdown import TERMS, Predicted, predicted_from, split_difference
 from mcnav.lincov.higher_order import principal_directions, second_order
 from mcnav.lincov.partials import SimulationFailed
+from mcnav.scenarios.failure import Failure
 from mcnav.scenarios.protocol import SimulationResult
 from tests.conftest import campaign
 
@@ -77,7 +78,7 @@ def test_no_errors_at_all() -> None:
 
 def test_a_failed_flight_is_named() -> None:
     def failing(errors: np.ndarray) -> SimulationResult:
-        return SimulationResult(np.full((len(errors), 1), np.nan), {3: "too low"})
+        return SimulationResult(np.full((len(errors), 1), np.nan), {3: Failure.of("too low")})
 
     with pytest.raises(SimulationFailed, match="flight 4 of 13"):
         second_order(failing, np.zeros(2), np.eye(2))

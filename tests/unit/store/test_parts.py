@@ -8,6 +8,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from mcnav.scenarios.failure import Failure
 from mcnav.scenarios.protocol import SimulationResult
 from mcnav.store.parts import Part, SampleSchema, samples_from, verified_part, write_part
 
@@ -21,7 +22,7 @@ def stored(tmp_path: Path) -> Part:
     values[7] = np.nan
     errors = np.random.default_rng(1).standard_normal((40, 2))
     return write_part(
-        tmp_path, 3, 120, IDENTITY, LAYOUT, errors, SimulationResult(values, {7: "fell"}, fallback_count=2)
+        tmp_path, 3, 120, IDENTITY, LAYOUT, errors, SimulationResult(values, {7: Failure.of("fell")}, fallback_count=2)
     )
 
 
