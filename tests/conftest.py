@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,7 @@ from markupsafe import Markup
 from mcnav.config.read import Campaign, parse_campaign
 from mcnav.physics.reentry.ensemble.transition import Response, linear_response
 from mcnav.physics.reentry.vehicle import Vehicle
-from mcnav.progress import Phase, Silent
+from mcnav.progress import Phase
 from mcnav.report.figures import beside
 from mcnav.report.figures.figure import Figure
 from mcnav.scenarios.reentry import SOURCES, Flight, Reentry
@@ -132,14 +131,3 @@ def all_draws(draws: Callable[[int, float], np.ndarray]) -> Callable[[int, float
         return np.asarray(draws(count, multiple) + others)
 
     return draw
-
-
-@dataclass(frozen=True)
-class Interrupting(Silent):
-    """Progress that does something each time samples have become ready."""
-
-    act: Callable[[], object]
-
-    def advance(self, samples: int, stored: bool = False) -> None:
-        """Act."""
-        self.act()

@@ -21,7 +21,7 @@ from tests.benchmarks.spawn import run
 STAGES: Final = {
     "read the campaign, fly its truth": ("mcnav.config.read:read_campaign",),
     "prepare: partials, grid, first draws": ("mcnav.workflow.run:prepare_campaign",),
-    "draw": ("mcnav.execution.chunks:draw",),
+    "draw": ("mcnav.execution.chunks:DrawPlan.draw",),
     "fly": ("mcnav.execution.chunks:simulate_errors",),
     "errors at 60 epochs": ("mcnav.store.histories:history_sums",),
     "store": (

@@ -27,9 +27,9 @@ from mcnav.execution.runner import run_chunks
 from mcnav.progress import SILENT
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.run import run_campaign
-from tests.conftest import ROOT, Interrupting, campaign
+from tests.conftest import ROOT, campaign
 from tests.faults.kills import digests, left_of
-from tests.faults.scenarios import VECTORISED, chunk_job, command, environment, write_campaign
+from tests.faults.scenarios import VECTORISED, OnAdvance, chunk_job, command, environment, write_campaign
 from tests.faults.test_failures import LIMIT, REASONS
 from tests.processes import LONG, run_to_end, running, wait_for
 
@@ -83,7 +83,7 @@ def test_a_file_that_a_scenario_reads(where: str, cluster: Cluster, tmp_path: Pa
             tmp_path / "there",
             None,
             2,
-            progress=Interrupting(lambda: table.write_text("4")),
+            progress=OnAdvance(lambda: table.write_text("4")),
             flights=cluster.fly,
         )
 
@@ -131,7 +131,7 @@ def test_a_killed_worker(together: int, cluster: Cluster, tmp_path: Path, monkey
         if ready[0] == 3:
             os.kill(min(workers(cluster)), signal.SIGKILL)
 
-    assert run_chunks(there, 2, Interrupting(kill), elsewhere=cluster.fly)[1] == 300
+    assert run_chunks(there, 2, OnAdvance(kill), elsewhere=cluster.fly)[1] == 300
     assert ready[0] == 60
     assert digests(tmp_path / "here") == digests(tmp_path / "there")
     assert workers(cluster) != before
@@ -186,7 +186,7 @@ def test_a_cluster_that_is_lost(cluster: Cluster, tmp_path: Path) -> None:
                 lost.client.close()
 
         with pytest.raises(ClusterError, match=r"the scheduler is gone.*the same command goes on from there"):
-            run_chunks(work, 1, Interrupting(lose), elsewhere=lost.fly)
+            run_chunks(work, 1, OnAdvance(lose), elsewhere=lost.fly)
     assert 0 < len(digests(tmp_path / "run")) < 60
 
 

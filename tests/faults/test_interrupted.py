@@ -13,8 +13,8 @@ from mcnav._subprocess import side_threads
 from mcnav.scenarios.timeouts import Stopped, within_limit
 from mcnav.workflow import run
 from mcnav.workflow.run import run_campaign
-from tests.conftest import Interrupting, campaign
-from tests.faults.scenarios import environment
+from tests.conftest import campaign
+from tests.faults.scenarios import OnAdvance, environment
 from tests.processes import LONG, run_to_end
 
 pytestmark = pytest.mark.usefixtures("undrawn")
@@ -64,7 +64,7 @@ def test_flights_on_the_side_are_stopped(tmp_path: Path, monkeypatch: pytest.Mon
 
     monkeypatch.setattr("mcnav.workflow.prepare._beyond", beyond)
     with pytest.raises(KeyboardInterrupt):
-        run_campaign(campaign(4, samples=100), tmp_path / "run", "ensemble", 1, progress=Interrupting(broken_off))
+        run_campaign(campaign(4, samples=100), tmp_path / "run", "ensemble", 1, progress=OnAdvance(broken_off))
     assert ended.wait(LONG)
     assert len(list((tmp_path / "run" / "samples").glob("part-*.parquet"))) == 1
     monkeypatch.undo()
