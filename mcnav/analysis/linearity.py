@@ -20,6 +20,7 @@ from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import LARGEST_FAILED_SHARE, Criterion, Model, compare
 from mcnav.analysis.verdict import Judgement
 from mcnav.lincov.partials import Propagate
+from mcnav.sampling.designs import SamplingDesign
 from mcnav.scenarios.protocol import LinearModel
 
 Flyer = Callable[[float], Propagate]
@@ -161,13 +162,7 @@ class DispersionRange:
 
 
 def together(
-    fly: Flyer,
-    model: Model,
-    draws: Array,
-    blocks: IndexArray,
-    criterion: Criterion,
-    fewest: int,
-    largest: float,
+    fly: Flyer, model: Model, draws: Array, criterion: Criterion, design: SamplingDesign, largest: float
 ) -> DispersionRange:
     """Find where the dispersions of all errors together leave the linear ones.
 
@@ -180,8 +175,8 @@ def together(
         Of the stated errors.
     draws : ndarray, shape (n, sources)
         Of the stated errors.
-    blocks, criterion, fewest
-        As for `mcnav.analysis.comparison.compare`.
+    criterion, design
+        See `mcnav.analysis.comparison.compare`.
     largest : float
         Largest multiple that is tried.
     """
@@ -196,7 +191,7 @@ def together(
         if not np.isfinite(outcomes).all(axis=1).mean() >= 1.0 - LARGEST_FAILED_SHARE:
             return np.full((count, 3), BEYOND)
         scaled = Model(model.partials, model.nominal, multiple * model.mean, multiple**2 * model.covariance)
-        found = compare(scaled, multiple * draws, outcomes, blocks, criterion, fewest)
+        found = compare(scaled, multiple * draws, outcomes, criterion, design)
         joint = [] if found.ellipsoid is None else [found.ellipsoid.judgement]
         rows = [_ratio_and_interval(judgement) for judgement in [*(o.paired for o in found.outputs), *joint]]
         return np.array([*rows, *[[np.nan] * 3] * (count - len(rows))])

@@ -14,6 +14,7 @@ import numpy as np
 
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import Model
+from mcnav.sampling.designs import SamplingDesign
 from mcnav.statistics.estimates import Estimate, blocked_mean
 
 
@@ -25,19 +26,21 @@ class SampleSet:
     ----------
     model : Model
     index : ndarray of int, shape (n,)
-    blocks : ndarray of int, shape (n,)
     errors : ndarray, shape (n, sources)
     outputs : ndarray, shape (n, outputs)
-    fewest : float
-        Independent blocks below which nothing is claimed.
+    design : SamplingDesign
     """
 
     model: Model
     index: IndexArray
-    blocks: IndexArray
     errors: Array
     outputs: Array
-    fewest: float
+    design: SamplingDesign
+
+    @property
+    def blocks(self) -> IndexArray:
+        """Independent block of each sample."""
+        return self.design.blocks(self.index)
 
 
 @dataclass(frozen=True)
@@ -116,30 +119,27 @@ def _controlled(flights: SampleSet, i: int) -> tuple[Array, Array, float, float]
 def _difference(before: SampleSet, after: SampleSet, values: list[Array], common: bool) -> Estimate:
     """Mean of the later values less that of the earlier ones."""
     value = float(np.mean(values[1]) - np.mean(values[0]))
-    fewest = max(before.fewest, after.fewest)
+    fewest = max(before.design.fewest_blocks, after.design.fewest_blocks)
     if common:
         _, first, second = np.intersect1d(before.index, after.index, assume_unique=True, return_indices=True)
         if len(first) == len(before.index) == len(after.index):
             return blocked_mean(values[1][second] - values[0][first], before.blocks[first], fewest)
         if len(first):
-            return _partly_common(before, after, values, first, second, value, fewest)
+            error = blocked_mean(*_weighted(before, after, values), fewest)
+            return Estimate(value, error.standard_error, min(len(first), len(second)) - 1.0)
     one, two = (blocked_mean(v, f.blocks, fewest) for v, f in zip(values, (before, after), strict=True))
     return _welch(value, [one.standard_error, two.standard_error], [one.degrees_of_freedom, two.degrees_of_freedom])
 
 
-def _partly_common(
-    before: SampleSet, after: SampleSet, values: list[Array], first: IndexArray, second: IndexArray,
-    value: float, fewest: float,
-) -> Estimate:  # fmt: skip
-    """The same where one run has samples that the other has not: each sample weighs what it weighs in its own mean."""
+def _weighted(before: SampleSet, after: SampleSet, values: list[Array]) -> tuple[Array, IndexArray]:
+    """Differences, and their blocks, of runs with partly common samples: each weighs as it does in its own mean."""
     index = np.union1d(before.index, after.index)
     weighted, blocks = np.zeros(len(index)), np.zeros(len(index), dtype=np.int64)
-    for sign, flights, own in ((-1.0, before, values[0]), (1.0, after, values[1])):
-        place = np.searchsorted(index, flights.index)
+    for sign, samples, own in ((-1.0, before, values[0]), (1.0, after, values[1])):
+        place = np.searchsorted(index, samples.index)
         weighted[place] += sign * (own - own.mean()) * len(index) / len(own)
-        blocks[place] = flights.blocks
-    error = blocked_mean(weighted, blocks, fewest)
-    return Estimate(value, error.standard_error, min(len(first), len(second)) - 1.0)
+        blocks[place] = samples.blocks
+    return weighted, blocks
 
 
 def _welch(value: float, errors: list[float], degrees: list[float]) -> Estimate:

@@ -55,31 +55,21 @@ class Quantile:
 
 
 def tails(
-    model: Model,
-    outcomes: Array,
-    blocks: IndexArray,
-    units: Sequence[str],
-    confidence: float,
-    tolerance: float = Criterion.tolerance,
-    looks: int = 1,
+    model: Model, outcomes: Array, blocks: IndexArray, units: Sequence[str], criterion: Criterion
 ) -> tuple[Quantile, ...]:
-    """Quantiles of every output that has a dispersion, and the CEP of every pair in one unit.
+    """Estimate quantiles of every output that has a dispersion, and the CEP of every pair in one unit.
 
     Parameters
     ----------
     model : Model
     outcomes : ndarray, shape (n, outputs)
-        Of all samples; NaN in the row of one that failed.
+        Final errors of all samples; NaN in the row of one that failed.
     blocks : ndarray of int, shape (n,)
     units : sequence of str
-        Of the outputs.
-    confidence : float
-        Of each one-sided bound, and of all verdicts together.
-    tolerance : float
-        Share of the linear quantile within which a quantile agrees.
-    looks : int
-        How often the results may be looked at (`mcnav.statistics.interim_analyses`); widens the intervals of the
-        verdicts.
+        Units of the outputs.
+    criterion : Criterion
+        Its confidence is that of each one-sided bound, and of all verdicts together; interim analyses widen the
+        intervals of the verdicts.
     """
     mean, covariance = model.outcome_mean, model.outcome_covariance
     picked, remark = independent_samples(blocks)
@@ -87,7 +77,7 @@ def tails(
 
     pairs = [(i, j) for i, j in combinations(dispersed, 2) if units[i] == units[j]]
     family = max(len(PROBABILITIES) * len(dispersed) + len(pairs), 1)
-    each = 1.0 - 0.5 * (1.0 - confidence_of_each(confidence, looks)) / family
+    each = 1.0 - 0.5 * (1.0 - confidence_of_each(criterion.confidence, criterion.looks)) / family
 
     def found(outputs: tuple[int, ...], sizes: Array, linear: Mapping[float, float]) -> list[Quantile]:
         ranked = _Ranked.of(sizes)
@@ -100,9 +90,17 @@ def tails(
         for probability, quoted in linear.items():
             estimate, together = ranked.estimate(probability), bounds(probability, each)
             low, high = (bound / quoted for bound in together)
-            verdict = judge(estimate / quoted, (low, high), tolerance, len(sizes)).verdict
+            verdict = judge(estimate / quoted, (low, high), criterion.tolerance, len(sizes)).verdict
             quantiles.append(
-                Quantile(outputs, probability, estimate, *bounds(probability, confidence), quoted, together, verdict)
+                Quantile(
+                    outputs,
+                    probability,
+                    estimate,
+                    *bounds(probability, criterion.confidence),
+                    quoted,
+                    together,
+                    verdict,
+                )
             )
         return quantiles
 

@@ -24,7 +24,6 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.analysis.comparison import Comparison, Model
-from mcnav.statistics.chunked import scatter
 
 TERMS: Final = ("sampled_sigmas", "sampled_correlations", "partials", "second_order", "third_order", "rest")
 """The terms of the split, in the order in which they are told."""
@@ -91,15 +90,15 @@ class VarianceBreakdown:
 
 
 def split_difference(
-    model: Model, errors: Array, comparison: Comparison, predicted: Predicted
+    model: Model, drawn: Array, comparison: Comparison, predicted: Predicted
 ) -> VarianceBreakdown | None:
-    """Split the difference between the flown and the linear variances.
+    """Split the difference between the simulated and the linear variances.
 
     Parameters
     ----------
     model : Model
-    errors : ndarray, shape (n, sources)
-        Start errors of the samples that were compared.
+    drawn : ndarray, shape (sources, sources)
+        Sample covariance of the start errors of the samples that were compared.
     comparison : Comparison
     predicted : Predicted
 
@@ -108,15 +107,6 @@ def split_difference(
     VarianceBreakdown or None
         None when nothing could be compared.
     """
-    if not comparison.outputs:
-        return None
-    return split_by_covariance(model, scatter(errors) / (len(errors) - 1), comparison, predicted)
-
-
-def split_by_covariance(
-    model: Model, drawn: Array, comparison: Comparison, predicted: Predicted
-) -> VarianceBreakdown | None:
-    """As `split_difference`, from the covariance of the errors that were drawn, shape (sources, sources)."""
     if not comparison.outputs:
         return None
     linear = np.diag(comparison.covariance_linear)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -70,13 +69,9 @@ class Containment:
     interval: tuple[float, float]
 
 
-def containment(
-    values: Array, dimension: int, confidence: float, levels: Sequence[float] = LEVELS
-) -> tuple[Containment, ...]:
-    """Shares of independent squared distances, shape (n,), within the chi-square quantiles of some levels."""
-    count = len(values)
-    found = []
-    for level in levels:
-        hits = int(np.count_nonzero(values <= special.chdtri(dimension, 1.0 - level)))
-        found.append(Containment(level, hits / count, probability_interval(hits, count, confidence)))
-    return tuple(found)
+def containment(hits: Array, count: int, confidence: float) -> tuple[Containment, ...]:
+    """Return the shares of independent samples inside the ellipsoids of `LEVELS`, from the numbers inside each."""
+    return tuple(
+        Containment(level, int(inside) / count, probability_interval(int(inside), count, confidence))
+        for level, inside in zip(LEVELS, hits, strict=False)
+    )

@@ -99,7 +99,10 @@ def blocked_mean(values: Array, blocks: IndexArray, fewest: float = 2) -> Estima
     if count == 0:
         return Estimate(float("nan"), float("inf"), 0.0)
     mean = float(np.mean(values))
-    return _estimate(mean, block_sums(values - mean, blocks), count, fewest)
+    deviations, begins = values - mean, block_begins(blocks)
+    if len(begins) < count:
+        deviations = np.add.reduceat(deviations, begins)
+    return _estimate(mean, deviations, count, fewest)
 
 
 def _estimate(mean: float, deviations: Array, count: float, fewest: float) -> Estimate:
@@ -122,20 +125,6 @@ def summed_mean(totals: Array, counts: Array, fewest: float = 2) -> Estimate:
     return _estimate(mean, totals - mean * counts, count, fewest)
 
 
-def block_sums(values: Array, blocks: IndexArray) -> Array:
-    """Sums over independent blocks, shape (blocks, ...).
-
-    Parameters
-    ----------
-    values : ndarray, shape (n, ...)
-        At least one.
-    blocks : ndarray of int, shape (n,)
-        The block of each sample, not decreasing.
-    """
-    begins = block_begins(blocks)
-    return values if len(begins) == len(blocks) else np.asarray(np.add.reduceat(values, begins, axis=0))
-
-
 def block_begins(blocks: IndexArray) -> IndexArray:
-    """The first sample of each block, shape (blocks,)."""
-    return np.flatnonzero(np.diff(blocks, prepend=blocks[0] - 1))
+    """Return the first sample of each block, shape (blocks,)."""
+    return np.flatnonzero(np.diff(blocks, prepend=blocks[:1] - 1))

@@ -1,4 +1,4 @@
-"""Is the mean of a sample a given one? Hotelling's T-squared."""
+"""Hotelling's T-squared: test of a mean."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mcnav.statistics.hypothesis_test import HypothesisTest
 from mcnav.statistics.whitening import RANK_TOLERANCE, Whitening, whitening
 
 ROUNDING: Final = 1e-12
-"""A standard deviation below this share of the mean is that of a constant."""
+"""A standard deviation below this share of the mean counts as zero."""
 
 
 def hotelling(values: Array, mean: Array, within: Whitening | None = None) -> HypothesisTest | None:
@@ -30,21 +30,25 @@ def hotelling(values: Array, mean: Array, within: Whitening | None = None) -> Hy
     values : ndarray, shape (n, k)
     mean : ndarray, shape (k,)
     within : Whitening, optional
-        Of a covariance in whose range the test is made. Left out, it is made in the range of the sample covariance, and
-        a mean outside that has an infinite statistic.
+        Whitening of a covariance in whose range the test is made; by default the range of the sample covariance. A
+        mean outside the range of the sample covariance has an infinite statistic.
 
     Returns
     -------
     HypothesisTest or None
-        Statistic: the F-distributed one. None with fewer observations than dimensions.
+        Its statistic is the F-distributed one; none with fewer observations than dimensions.
     """
     count = len(values)
     if count < 2:
         return None
-    deviation = values.mean(axis=0) - mean
-    covariance = scatter(values) / (count - 1)
+    deviation, covariance = values.mean(axis=0) - mean, scatter(values) / (count - 1)
     if within is not None:
         deviation, covariance = within.matrix.T @ deviation, within.matrix.T @ covariance @ within.matrix
+    return hotelling_of_moments(count, deviation, covariance)
+
+
+def hotelling_of_moments(count: int, deviation: Array, covariance: Array) -> HypothesisTest | None:
+    """Test as `hotelling`, from the deviation of the sample mean, shape (k,), and the sample covariance, (k, k)."""
     if not 0 < len(deviation) < count:
         return None
     constant = np.diag(covariance) <= (ROUNDING * deviation) ** 2

@@ -17,7 +17,7 @@ from mcnav.files import write_whole
 from mcnav.lincov.partials import Propagate
 from mcnav.progress import SILENT, Phase, Progress
 from mcnav.report import linearity as shown
-from mcnav.sampling.designs import FEWEST_BLOCKS, block_length
+from mcnav.sampling.designs import SamplingDesign
 from mcnav.scenarios.protocol import SimulationResult
 
 SAMPLES: Final = 2_000
@@ -97,9 +97,8 @@ def linearity_study(
             by_draws,
             Model(linear.partials, linear.nominal, errors.mean, errors.covariance),
             draws,
-            np.arange(samples) // block_length(campaign.design, samples),
             Criterion(allowed, campaign.confidence),
-            FEWEST_BLOCKS[campaign.design],
+            SamplingDesign.of(campaign.design, samples),
             largest,
         )
     contributions = (linear.partials * sizes).T

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -17,20 +16,27 @@ from threadpoolctl import threadpool_limits
 
 from mcnav._subprocess import side_threads
 from mcnav.analysis.budget import ErrorBudget, error_budget
-from mcnav.analysis.comparison import Comparison, Criterion, Model, compare, successful
+from mcnav.analysis.comparison import (
+    Comparison,
+    Criterion,
+    Model,
+    compare_reduced,
+    normalization_of,
+    reduce_stored,
+    reduce_summary,
+)
 from mcnav.analysis.convergence import Convergence, convergence
 from mcnav.analysis.envelopes import envelopes_from
 from mcnav.analysis.failed_samples import FailureBias, failure_bias
 from mcnav.analysis.requirements import RequirementResult, judge_requirement, requirements_from
-from mcnav.analysis.summed import compare_sums, normalization_of
 from mcnav.analysis.tails import Quantile, tails
-from mcnav.analysis.variance_breakdown import VarianceBreakdown, predicted_from, split_by_covariance, split_difference
+from mcnav.analysis.variance_breakdown import VarianceBreakdown, predicted_from, split_difference
 from mcnav.errors import RunFolderError, reading_file
 from mcnav.files import to_json
 from mcnav.report.failures import failures_in, grouped
 from mcnav.report.model import Content
 from mcnav.report.summary import summarise
-from mcnav.sampling.designs import FEWEST_BLOCKS, block_length
+from mcnav.sampling.designs import SamplingDesign
 from mcnav.scenarios.protocol import PartialsHistory
 from mcnav.store.parts import Samples, SampleSchema
 from mcnav.store.run_folder import MANIFEST, REPORT, RunFolder
@@ -152,32 +158,22 @@ def analyse(folder: RunFolder, unfinished: Mapping[str, Any] | None = None) -> A
         units = [entry["unit"] for entry in described["outputs"]]
         predicted = predicted_from(described, len(model.partials))
         samples = folder.samples(manifest["parts"], layout, unfinished is None, manifest.get("kept"))
-        length, fewest = block_length(manifest["design"], manifest["samples"]), FEWEST_BLOCKS[manifest["design"]]
-        heavy, normal = manifest["heavy_tailed"], manifest.get("normal", True)
+        design = SamplingDesign.of(
+            manifest["design"], manifest["samples"], manifest.get("normal", True), bool(manifest["heavy_tailed"])
+        )
     except (KeyError, TypeError, ValueError) as failure:
         raise RunFolderError(f"{folder.path / MANIFEST}: is damaged ({failure}); run with --fresh") from None
-    blocks = samples.index // length
-    needed = math.inf if heavy else fewest
+    blocks = design.blocks(samples.index)
     with side_threads(1) as beside:
-        in_tails = beside.submit(
-            tails, model, samples.outputs, blocks, units, criterion.confidence, criterion.tolerance, criterion.looks
-        )
-        comparison = compare(model, samples.errors, samples.outputs, blocks, criterion, needed, normal)
-    flown = np.asarray(np.isfinite(samples.outputs).all(axis=1))
-    if manifest.get("store") == SUMMARY:
-        whole = collect_summary(folder.parts, manifest["parts"])
-        frame = normalization_of(model, manifest["samples"], length)
-        single = manifest["design"] == "random"
-        summed = compare_sums(model, frame, whole.sums, whole.samples, comparison, criterion, needed, single, normal)
-        comparison, running, left_out = summed.comparison, summed.convergence, summed.left_out
-        failures = grouped({reason: (each.samples, each.first) for reason, each in whole.failures.items()})
-        causes = split_by_covariance(model, summed.drawn, comparison, predicted)
-    else:
-        errors, outputs = successful(samples.errors, flown), successful(samples.outputs, flown)
+        in_tails = beside.submit(tails, model, samples.outputs, blocks, units, criterion)
+        reduced = reduce_stored(model, samples.errors, samples.outputs, blocks)
         failures = failures_in(samples.status, samples.index.tolist())
-        running = convergence(model, errors, outputs, blocks[flown], comparison, needed)
-        causes = split_difference(model, errors, comparison, predicted)
-        left_out = failure_bias(model, samples.errors, flown)
+        if manifest.get("store") == SUMMARY:
+            whole = collect_summary(folder.parts, manifest["parts"])
+            frame = normalization_of(model, manifest["samples"], design.block_length)
+            reduced = reduce_summary(model, frame, whole.sums, whole.samples, reduced.stored)
+            failures = grouped({reason: (each.samples, each.first) for reason, each in whole.failures.items()})
+        comparison = compare_reduced(model, reduced, criterion, design)
     return Analysis(
         manifest=manifest,
         samples=samples,
@@ -185,10 +181,10 @@ def analyse(folder: RunFolder, unfinished: Mapping[str, Any] | None = None) -> A
         criterion=criterion,
         comparison=comparison,
         budget=error_budget(model.partials, model.covariance),
-        causes=causes,
-        convergence=running,
+        causes=split_difference(model, reduced.successful.covariance, comparison, predicted),
+        convergence=convergence(reduced.moments, comparison, design),
         tails=in_tails.result(),
-        left_out=left_out,
+        left_out=failure_bias(model, reduced),
         requirements=tuple(
             judge_requirement(requirement, model, samples.outputs, blocks, comparison, criterion.confidence)
             for requirement in requirements

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from mcnav.analysis.run_comparison import Change, SampleSet, change
 from mcnav.report.comparison import Row, inputs, outputs, render
-from mcnav.sampling.designs import FEWEST_BLOCKS, block_length
+from mcnav.sampling.designs import SamplingDesign, block_length
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.analyse import Analysis, analyse, summary_of
 
@@ -117,11 +116,8 @@ def _outputs(run: Analysis) -> list[tuple[str, str]]:
 def _flights(run: Analysis) -> SampleSet:
     manifest, samples = run.manifest, run.samples
     flown = np.isfinite(samples.outputs).all(axis=1)
-    fewest = math.inf if manifest["heavy_tailed"] else FEWEST_BLOCKS[manifest["design"]]
-    blocks = samples.index // block_length(manifest["design"], manifest["samples"])
-    return SampleSet(
-        run.model, samples.index[flown], blocks[flown], samples.errors[flown], samples.outputs[flown], fewest
-    )
+    design = SamplingDesign.of(manifest["design"], manifest["samples"], heavy_tailed=bool(manifest["heavy_tailed"]))
+    return SampleSet(run.model, samples.index[flown], samples.errors[flown], samples.outputs[flown], design)
 
 
 def _change(before: SampleSet, after: SampleSet, at: tuple[int, int], common: bool, confidence: float) -> Change | None:

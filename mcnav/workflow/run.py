@@ -15,7 +15,7 @@ from typing import Any, Final
 from threadpoolctl import threadpool_limits
 
 from mcnav._subprocess import side_threads
-from mcnav.analysis.summed import normalization_of
+from mcnav.analysis.comparison import normalization_of
 from mcnav.config.read import Campaign, campaign_from
 from mcnav.config.stopping import StoppingRule
 from mcnav.errors import CampaignError, Problem, RunFolderError

@@ -8,8 +8,7 @@ import sys
 import textwrap
 from pathlib import Path
 
-from mcnav.analysis.comparison import Model
-from mcnav.analysis.summed import normalization_of
+from mcnav.analysis.comparison import Model, normalization_of
 from mcnav.config.read import Campaign
 from mcnav.execution.chunks import ChunkJob, DrawPlan
 from mcnav.lincov.polynomial_engine import prepare_engine
