@@ -183,7 +183,6 @@ class SummaryMoments:
         Samples inside the linear ellipsoids.
     centre : ndarray, shape (outputs,)
         Linear mean.
-    given : Whitening
     """
 
     counts: Array
@@ -288,7 +287,6 @@ class ErrorSums:
 
     Attributes
     ----------
-    samples : int
     total : ndarray, shape (sources,)
     products : ndarray, shape (sources, sources)
     """

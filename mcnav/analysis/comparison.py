@@ -233,8 +233,6 @@ def normalization_of(model: Model, samples: int, block_length: int) -> Normaliza
 
     Parameters
     ----------
-    model : Model
-    samples : int
     block_length : int
         Samples of an independent block of the design.
     """
@@ -252,7 +250,6 @@ def reduce_stored(model: Model, errors: Array, outcomes: Array, blocks: IndexArr
 
     Parameters
     ----------
-    model : Model
     errors : ndarray, shape (n, sources)
         Start errors of every sample.
     outcomes : ndarray, shape (n, outputs)
@@ -279,10 +276,8 @@ def reduce_summary(
 
     Parameters
     ----------
-    model : Model
     frame : Normalization
         Normalization of the sums.
-    sums : BlockSums
     samples : int
         All that were drawn; those not in the sums failed.
     stored : SampleMoments
@@ -295,11 +290,7 @@ def reduce_summary(
 
 
 def compare(
-    model: Model,
-    errors: Array,
-    outcomes: Array,
-    criterion: Criterion,
-    design: SamplingDesign | None = None,
+    model: Model, errors: Array, outcomes: Array, criterion: Criterion, design: SamplingDesign | None = None
 ) -> Comparison:
     """Compare the first samples of a campaign with the linear model; parameters as `reduce_stored`, `compare_reduced`.
 
@@ -315,11 +306,8 @@ def compare_reduced(model: Model, samples: ReducedSamples, criterion: Criterion,
 
     Parameters
     ----------
-    model : Model
-    samples : ReducedSamples
     criterion : Criterion
         Tolerance, and the confidence that holds for all verdicts together (Bonferroni).
-    design : SamplingDesign
     """
     moments, linear = samples.moments, model.outcome_covariance
     count, failed = moments.samples, samples.failed

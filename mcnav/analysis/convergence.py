@@ -58,10 +58,8 @@ def convergence(moments: BlockMoments, comparison: Comparison, design: SamplingD
 
     Parameters
     ----------
-    moments : BlockMoments
     comparison : Comparison
         Comparison of the same samples.
-    design : SamplingDesign
 
     Returns
     -------

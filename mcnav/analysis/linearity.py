@@ -68,8 +68,6 @@ def alone(fly: Flyer, linear: LinearModel, directions: Array, tolerance: float, 
 
     Parameters
     ----------
-    fly : Flyer
-    linear : LinearModel
     directions : ndarray, shape (directions, sources)
         Errors whose multiples are flown, SI: one source alone in each, or several at once.
     tolerance : float
@@ -170,7 +168,6 @@ def together(
 
     Parameters
     ----------
-    fly : Flyer
     model : Model
         Of the stated errors.
     draws : ndarray, shape (n, sources)

@@ -42,8 +42,6 @@ class CorrelationDifference:
     ----------
     between : (int, int)
         Indices of the outputs.
-    linear, paired : float
-    difference : Estimate
     """
 
     between: tuple[int, int]
@@ -105,12 +103,10 @@ def compare_jointly(
 
     Parameters
     ----------
-    samples : ReducedSamples
     linear : ndarray, shape (outputs, outputs)
         P S P^T.
     confidence : float
         Confidence of each interval.
-    design : SamplingDesign
     """
     moments, stored, rank = samples.moments, samples.stored, whitening(linear).rank
     count, blocks, fewest = moments.samples, len(moments.counts), design.fewest_blocks

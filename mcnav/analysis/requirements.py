@@ -51,8 +51,6 @@ class Requirement:
         within their limits together, with a probability.
     outputs : tuple of int
         Their numbers.
-    limits : tuple of float
-    probability : float or None
     """
 
     kind: str
@@ -83,15 +81,12 @@ class RequirementResult:
 
     Attributes
     ----------
-    requirement : Requirement
-    finding : Finding
     estimate : float
         Of the flights: the quantile, the CEP, the probability, or the sigma ratio farthest from one.
     interval : (float, float)
         Its one-sided bounds, each at the confidence asked for; for a sigma ratio its two-sided interval.
     linear : float
         What linear analysis quotes, taking errors for normal; one for a sigma ratio.
-    linear_meets : bool
     samples_needed : int or None
         For an undecided case, about how many samples would decide it.
     largest_sigmas : ndarray, shape (sources,), or None
@@ -123,14 +118,11 @@ def judge_requirement(
 
     Parameters
     ----------
-    requirement : Requirement
-    model : Model
     outcomes : ndarray, shape (n, outputs)
         Of all samples; NaN in the row of one that failed.
     blocks : ndarray of int, shape (n,)
     comparison : Comparison
         Of the same samples.
-    confidence : float
     """
     if requirement.kind == "sigma_ratio":
         return _judge_ratios(requirement, comparison)

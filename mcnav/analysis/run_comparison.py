@@ -24,11 +24,9 @@ class SampleSet:
 
     Attributes
     ----------
-    model : Model
     index : ndarray of int, shape (n,)
     errors : ndarray, shape (n, sources)
     outputs : ndarray, shape (n, outputs)
-    design : SamplingDesign
     """
 
     model: Model
@@ -79,7 +77,6 @@ def change(before: SampleSet, after: SampleSet, outputs: tuple[int, int], common
 
     Parameters
     ----------
-    before, after : Flights
     outputs : tuple of int
         The output's place in each.
     common : bool

@@ -30,7 +30,6 @@ class Quantile:
     ----------
     outputs : tuple of int
         One, or two.
-    probability : float
     estimate : float
         Of the flights, SI.
     lower, upper : float
@@ -61,7 +60,6 @@ def tails(
 
     Parameters
     ----------
-    model : Model
     outcomes : ndarray, shape (n, outputs)
         Final errors of all samples; NaN in the row of one that failed.
     blocks : ndarray of int, shape (n,)

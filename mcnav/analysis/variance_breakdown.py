@@ -96,11 +96,8 @@ def split_difference(
 
     Parameters
     ----------
-    model : Model
     drawn : ndarray, shape (sources, sources)
         Sample covariance of the start errors of the samples that were compared.
-    comparison : Comparison
-    predicted : Predicted
 
     Returns
     -------

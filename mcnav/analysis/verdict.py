@@ -27,7 +27,6 @@ class Judgement:
 
     Attributes
     ----------
-    verdict : Verdict
     ratio : float or None
         Monte Carlo sigma over linear sigma; none when the linear one is zero.
     interval : (float, float) or None

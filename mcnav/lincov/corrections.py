@@ -45,11 +45,7 @@ def simulated_budgets(
 
     Parameters
     ----------
-    scenario : Scenario
-    errors : ErrorModel
     partials : ndarray, shape (outputs, sources)
-    design : str
-    seed : int
     samples : int
         Of the campaign: no more draws than that are flown.
     guard : callable

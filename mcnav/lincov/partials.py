@@ -142,7 +142,6 @@ def partials_throughout(engine: TimeHistoryEngine, nominal_sizes: Array, step: f
 
     Parameters
     ----------
-    engine : TimeHistoryEngine
     nominal_sizes : ndarray, shape (sources,)
         A usual size of each error, SI.
     step : float

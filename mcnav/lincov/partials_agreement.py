@@ -38,7 +38,6 @@ def compare_partials(scenario: Scenario, methods: Sequence[str]) -> tuple[Array,
 
     Parameters
     ----------
-    scenario : Scenario
     methods : sequence of str
         Of `METHODS`.
 

@@ -49,7 +49,6 @@ class PolynomialMap:
 
     Attributes
     ----------
-    order : int
     centre, scale : ndarray, shape (sources,)
         SI; a source without dispersion has scale zero and takes no part.
     exponents : ndarray of int, shape (terms, sources)
@@ -201,7 +200,6 @@ def fit(propagate: Propagate, centre: Array, scale: Array, order: int, tolerance
         Errors, shape (n, sources), to `SimulationResult`.
     centre, scale : ndarray, shape (sources,)
         Means and standard deviations of the sources, SI.
-    order : int
     tolerance : float
         Share of the dispersion; above zero, small terms are left out that are not needed for it.
 

@@ -26,10 +26,8 @@ class PolynomialEngine:
 
     Attributes
     ----------
-    polynomial : PolynomialMap
     exact : Engine
         The engine to which it was fitted, which flies the samples that lie beyond the fitted ones.
-    accuracy : str
     """
 
     polynomial: PolynomialMap
@@ -59,10 +57,8 @@ def fit_polynomial_engine(
 
     Parameters
     ----------
-    exact : Engine
     mean, standard_deviations : ndarray, shape (sources,)
         Of the errors that are to be flown, SI.
-    tolerance : float
 
     Raises
     ------
@@ -90,8 +86,6 @@ def prepare_engine(scenario: Scenario, engine: str, probes: Array, mean: Array, 
 
     Parameters
     ----------
-    scenario : Scenario
-    engine : str
     probes : ndarray, shape (n, sources)
         See `mcnav.scenarios.protocol.Scenario.engine`.
     mean, standard_deviations : ndarray, shape (sources,)

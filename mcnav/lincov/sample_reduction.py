@@ -14,7 +14,6 @@ def reduce_samples(frame: Normalization, begin: int, errors: Array, outcomes: Ar
 
     Parameters
     ----------
-    frame : Frame
     begin : int
         Index of the first sample.
     errors : ndarray, shape (n, sources)

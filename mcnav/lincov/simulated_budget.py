@@ -33,8 +33,6 @@ def simulate_each_source_alone(
     propagate : callable
         Errors, shape (n, sources), to `SimulationResult`.
     partials : ndarray, shape (outputs, sources)
-    errors : ErrorModel
-    design : str
     seed : int
         The campaign's, so that a random or antithetic campaign's own first draws are flown.
     count : int

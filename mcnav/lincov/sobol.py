@@ -40,7 +40,6 @@ def estimate_sobol_indices(propagate: Propagate, errors: ErrorModel, seed: int) 
         Errors, shape (n, sources), to `SimulationResult`.
     errors : ErrorModel
         Of independent sources.
-    seed : int
 
     Returns
     -------

@@ -96,7 +96,6 @@ def study_start_times(
 
     Parameters
     ----------
-    scenario : VariableStart
     start_covariance : ndarray, shape (sources, sources)
         Of the stated errors.
     axes : str

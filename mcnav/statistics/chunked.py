@@ -27,7 +27,6 @@ def stretches_of_blocks(begins: IndexArray, samples: int) -> Iterator[tuple[slic
     ----------
     begins : ndarray of int, shape (blocks,)
         First sample of each block.
-    samples : int
 
     Yields
     ------
@@ -71,7 +70,6 @@ class RunningScatter:
 
     Attributes
     ----------
-    count : int
     mean : ndarray, shape (k,)
     scatter : ndarray, shape (k, k)
         ``sum (x - m)(x - m)^T``.

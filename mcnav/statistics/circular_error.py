@@ -28,7 +28,6 @@ def normal_probability_within(radius: float, mean: Array, covariance: Array) -> 
 
     Parameters
     ----------
-    radius : float
     mean, covariance : ndarray, shapes (2,) and (2, 2)
         The covariance may be singular.
     """

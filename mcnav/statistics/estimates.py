@@ -31,8 +31,6 @@ class Estimate:
 
     Attributes
     ----------
-    value : float
-    standard_error : float
     degrees_of_freedom : float
         Independent blocks less one; with none the standard error is infinite.
     asymmetry : float

@@ -22,7 +22,6 @@ def interim_sizes(chunk: int, at_most: int) -> tuple[int, ...]:
     ----------
     chunk : int
         All but the last size are multiples of it, by powers of two.
-    at_most : int
 
     Examples
     --------

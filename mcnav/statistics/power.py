@@ -28,7 +28,6 @@ def detectable_ratio(error: float, degrees_of_freedom: float, confidence: float,
         Of Student's t.
     confidence : float
         Of the two-sided interval.
-    power : float
     """
     if not math.isfinite(error) or degrees_of_freedom < 1.0:
         return math.inf
