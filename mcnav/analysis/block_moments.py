@@ -44,26 +44,26 @@ class BlockMoments(Protocol):
         """Unbiased sample covariances of y and of z, each of shape (outputs, outputs)."""
 
     def differences(self, i: int) -> Array:
-        """Sums of ``y_i - z_i``, shape (b,)."""
+        """Add up ``y_i - z_i``, shape (b,)."""
 
     def products(self, i: int, j: int) -> tuple[Array, Array]:
-        """Sums of ``y_i y_j`` and of ``y_i y_j - z_i z_j`` about the means of all samples, each of shape (b,)."""
+        """Add up ``y_i y_j``, and ``y_i y_j - z_i z_j``, about the means of all samples, each of shape (b,)."""
 
     def powers(self, i: int) -> Array:
-        """Sums of the first four powers of y_i in some origin and unit, shape (4, b)."""
+        """Add up the first four powers of y_i in some origin and unit, shape (4, b)."""
 
     def nees(self) -> tuple[Array, Array]:
-        """Sums of the NEES of y, and of that less the NEES of z, each of shape (b,)."""
+        """Add up the NEES of y, and that less the NEES of z, each of shape (b,)."""
 
     def whitened(self) -> Iterator[tuple[Array, Array]]:
-        """Sums in whitened coordinates of dimension r, some blocks at a time.
+        """Add up in whitened coordinates of dimension r, some blocks at a time.
 
         The rows are y about the linear mean, ``y - z``, and the distinct elements of ``y y^T - z z^T`` about the means
         of all samples, shape (2 r + r (r + 1) / 2, blocks). With them comes the sum of the squares of each row's terms.
         """
 
     def within(self) -> Array:
-        """Samples inside the linear ellipsoids of probabilities `LEVELS`, shape (levels,)."""
+        """Count the samples inside the linear ellipsoids of probabilities `LEVELS`, shape (levels,)."""
 
 
 @dataclass(frozen=True)
@@ -90,17 +90,14 @@ class SampleMoments:
 
     @property
     def samples(self) -> int:
-        """Number of samples."""
         return len(self.y)
 
     @cached_property
     def counts(self) -> Array:
-        """Samples in each block."""
         return np.diff(self.begins, append=self.samples).astype(float)
 
     @cached_property
     def mean(self) -> Array:
-        """Mean of y."""
         return np.asarray(self.y.mean(axis=0))
 
     @cached_property
@@ -110,7 +107,6 @@ class SampleMoments:
 
     @cached_property
     def covariances(self) -> tuple[Array, Array]:
-        """Sample covariances of y and z."""
         return scatter(self.y) / (self.samples - 1), scatter(self.z) / (self.samples - 1)
 
     @cached_property
@@ -123,11 +119,9 @@ class SampleMoments:
         return values if single else np.asarray(np.add.reduceat(values, self.begins))
 
     def differences(self, i: int) -> Array:
-        """Sums of ``y_i - z_i``."""
         return self._sums(self.y[:, i] - self.z[:, i])
 
     def products(self, i: int, j: int) -> tuple[Array, Array]:
-        """Sums of products about the means."""
         simulated, linear = (
             (values[:, i] - mean[i]) * (values[:, j] - mean[j])
             for values, mean in ((self.y, self.mean), (self.z, self.linear_mean))
@@ -135,17 +129,14 @@ class SampleMoments:
         return self._sums(simulated), self._sums(simulated - linear)
 
     def powers(self, i: int) -> Array:
-        """Sums of the powers of the standardised output."""
         return power_sums(self.y[:, i], self.begins)
 
     def nees(self) -> tuple[Array, Array]:
-        """Sums of the NEES."""
         return self._sums(self.distances), self._sums(
             self.distances - squared_distances(self.z, self.centre, self.given)
         )
 
     def whitened(self) -> Iterator[tuple[Array, Array]]:
-        """Sums in whitened coordinates, a stretch of blocks at a time."""
         matrix = self.given.matrix.T
         elements = list(zip(*np.triu_indices(self.given.rank), strict=True))
         centre, *means = ((matrix @ each)[:, None] for each in (self.centre, self.mean, self.linear_mean))
@@ -161,7 +152,6 @@ class SampleMoments:
             yield sums, squares
 
     def within(self) -> Array:
-        """Samples inside the linear ellipsoids."""
         return np.array([np.count_nonzero(self.distances <= radius) for radius in ellipsoid_radii(self.given)])
 
 
@@ -217,12 +207,10 @@ class SummaryMoments:
 
     @property
     def samples(self) -> int:
-        """Number of samples."""
         return int(self.counts.sum())
 
     @cached_property
     def mean(self) -> Array:
-        """Mean of y."""
         return np.asarray(self.centre + self.y.sum(axis=0) / self.samples)
 
     @cached_property
@@ -237,33 +225,27 @@ class SummaryMoments:
 
     @cached_property
     def covariances(self) -> tuple[Array, Array]:
-        """Sample covariances of y and z."""
         unbiased = self.samples / (self.samples - 1.0)
         yy, zz = ((unbiased * products).sum(axis=0) / self.samples for products in self.centred)
         return yy, zz
 
     def differences(self, i: int) -> Array:
-        """Sums of ``y_i - z_i``."""
         return np.asarray(self.y[:, i] - self.z[:, i])
 
     def products(self, i: int, j: int) -> tuple[Array, Array]:
-        """Sums of products about the means."""
         yy, zz = (each[:, i, j] for each in self.centred)
         return yy, yy - zz
 
     def powers(self, i: int) -> Array:
-        """Sums of the powers of the output in units of its scale."""
         scale = self.scale[i]
         return np.stack([self.y[:, i] / scale, self.yy[:, i, i] / scale**2, self.thirds[:, i], self.fourths[:, i]])
 
     def nees(self) -> tuple[Array, Array]:
-        """Sums of the NEES, a linear function of the products about the linear mean."""
         weights = self.given.matrix @ self.given.matrix.T
         simulated, linear = (np.einsum("bij,ij->b", products, weights) for products in (self.yy, self.zz))
         return simulated, simulated - linear
 
     def whitened(self) -> Iterator[tuple[Array, Array]]:
-        """Sums in whitened coordinates, all blocks at once."""
         matrix = self.given.matrix
         first, second = np.triu_indices(self.given.rank)
         yy, zz = self.centred
@@ -272,12 +254,11 @@ class SummaryMoments:
         yield sums, np.sum(sums**2, axis=1)
 
     def within(self) -> Array:
-        """Samples inside the linear ellipsoids."""
         return self.hits
 
 
 def ellipsoid_radii(given: Whitening) -> Array:
-    """Squared radii of the linear ellipsoids of probabilities `LEVELS`, shape (levels,); empty without dispersion."""
+    """Compute the squared radii of the linear ellipsoids of probabilities `LEVELS`; empty without dispersion."""
     return np.array([special.chdtri(given.rank, 1.0 - level) for level in LEVELS if given.rank])
 
 

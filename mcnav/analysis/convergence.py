@@ -86,7 +86,7 @@ def convergence(moments: BlockMoments, comparison: Comparison, design: SamplingD
 
 
 def _running_means(totals: Array, counts: Array, ends: IndexArray) -> list[Estimate]:
-    """Means over the first blocks, up to each of some ends.
+    """Estimate the means over the first blocks, up to each of some ends.
 
     With T a block's sum and n its size, the ratio estimator's error is ``B / (B - 1) sum_b (T_b - m n_b)^2 / n^2``, and
     the asymmetry follows from the third powers (`mcnav.statistics.estimates`); both need the cumulative sums of T, n,

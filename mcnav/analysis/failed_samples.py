@@ -40,6 +40,6 @@ def failure_bias(model: Model, samples: ReducedSamples) -> FailureBias | None:
 
 
 def _linear_sigma(model: Model, sums: ErrorSums) -> Array:
-    """Sigma of the linear final errors, shape (outputs,)."""
+    """Compute the sigma of the linear final errors, shape (outputs,)."""
     about = np.einsum("ij,jk,ik->i", model.partials, sums.products / sums.samples, model.partials)
     return np.asarray(np.sqrt(np.maximum(about - (model.partials @ (sums.total / sums.samples)) ** 2, 0.0)))

@@ -1,6 +1,6 @@
-"""Range of linearity: the multiple of the stated errors at which the nonlinear result leaves the linear one.
+"""Range of linearity: the multiple of the stated errors at which the nonlinear result departs from the linear one.
 
-Two questions, one answer each. *One error alone*: at which multiple m does the flown final error ``y(m s)`` depart from
+Two questions are answered. *One error alone*: at which multiple m does the final error ``y(m s)`` depart from
 the linear ``y0 + m P s`` by a share of the latter's change (NASA TN D-1772, figure 5)? *All errors together, as
 dispersions*: at which multiple does the sigma ratio of Monte Carlo to P S P^T leave the tolerance?
 """
@@ -24,21 +24,21 @@ from mcnav.sampling.designs import SamplingDesign
 from mcnav.scenarios.protocol import LinearModel
 
 Flyer = Callable[[float], Propagate]
-"""From the largest multiple that is to be flown to a way of flying errors, accurate for errors of about that size."""
+"""Function from the largest multiple to a simulation of errors that is accurate for errors of about that size."""
 
 SMALLEST: Final = 0.1
 PER_DECADE: Final = 8
-"""Multiples at which departures are looked for before roots are found between them."""
+"""Grid of multiples on which departures are bracketed before roots are found."""
 
 BEYOND: Final = 1e6
-"""Departure (share) of a flight that failed."""
+"""Departure (share) assigned to a sample that failed."""
 
 ROOT_TOLERANCE: Final = 1e-3
 """Relative accuracy of the multiples of dispersion."""
 
 
 def ladder(largest: float) -> Array:
-    """Multiples from `SMALLEST` to the largest, evenly spaced on a logarithmic scale, shape (n,)."""
+    """Return multiples from `SMALLEST` to the largest, evenly spaced on a logarithmic scale, shape (n,)."""
     count = int(np.ceil(PER_DECADE * np.log10(largest / SMALLEST))) + 1
     return np.geomspace(SMALLEST, largest, max(count, 2))
 
@@ -69,7 +69,7 @@ def alone(fly: Flyer, linear: LinearModel, directions: Array, tolerance: float, 
     Parameters
     ----------
     directions : ndarray, shape (directions, sources)
-        Errors whose multiples are flown, SI: one source alone in each, or several at once.
+        Errors whose multiples are simulated, SI: one source in each, or several.
     tolerance : float
         Departure from the linear change, as a share of that.
     largest : float
@@ -79,7 +79,7 @@ def alone(fly: Flyer, linear: LinearModel, directions: Array, tolerance: float, 
     changes = directions @ linear.partials.T
 
     def departures(multiples: Array, which: IndexArray, signs: Array) -> Array:
-        """Departure of each output, shape (n, outputs); signed multiples of chosen directions."""
+        """Compute the departure of each output for signed multiples of chosen directions, shape (n, outputs)."""
         signed = signs * multiples
         decade = SMALLEST * 10.0 ** np.ceil(np.log10(multiples / SMALLEST) - 1e-9)
         values = np.empty((len(multiples), len(linear.nominal)))
@@ -118,9 +118,9 @@ def alone(fly: Flyer, linear: LinearModel, directions: Array, tolerance: float, 
 def _first_crossings(
     departures: Callable[..., Array], steps: Array, count: int, sign: float, tolerance: float, shape: tuple[int, ...]
 ) -> IndexArray:
-    """Position on the ladder of the first departure beyond the tolerance, shape (directions, outputs); -1 for none.
+    """Find the ladder's first departure beyond the tolerance, shape (directions, outputs); -1 for none.
 
-    Directions that have departed in every output are not flown farther.
+    Directions that have departed in every output are not simulated further.
     """
     first = np.full(shape, -1)
     for position, multiple in enumerate(steps):
@@ -140,7 +140,7 @@ class DispersionRange:
     Attributes
     ----------
     multiples : ndarray, shape (n,)
-        At which campaigns were compared.
+        Multiples at which the dispersions were compared.
     ratios, lower, upper : ndarray, shape (n, outputs + 1)
         Paired sigma ratio and its interval.
     departs : ndarray, shape (outputs + 1,)
@@ -164,7 +164,7 @@ def together(
 ) -> DispersionRange:
     """Find where the dispersions of all errors together leave the linear ones.
 
-    The same draws are flown at every multiple, so that the ratio is a smooth function of it with a root to be found.
+    The same draws are used at every multiple, so that the ratio is a smooth function of the multiple.
 
     Parameters
     ----------
@@ -182,7 +182,7 @@ def together(
 
     @cache
     def judged(multiple: float) -> Array:
-        """Ratio, lower and upper bound for each output and the joint distribution, shape (count, 3)."""
+        """Compute ratio, lower and upper bound for each output and the joint distribution, shape (count, 3)."""
         top = float(SMALLEST * 10.0 ** np.ceil(np.log10(multiple / SMALLEST) - 1e-9))
         outcomes = engines(top)(multiple * draws).values
         if not np.isfinite(outcomes).all(axis=1).mean() >= 1.0 - LARGEST_FAILED_SHARE:
@@ -196,7 +196,7 @@ def together(
     low, high = 1.0 - criterion.tolerance, 1.0 + criterion.tolerance
 
     def excess(kind: str, row: int, multiple: float) -> float:
-        """Negative inside, positive outside."""
+        """Return the distance from the tolerance: negative inside, positive outside."""
         ratio, lower, upper = np.minimum(judged(multiple)[row], BEYOND)
         bounds = {"departs": (ratio, ratio), "agrees": (lower, upper), "differs": (upper, lower)}
         below, above = bounds[kind]

@@ -143,7 +143,7 @@ def _covariance_testable(blocks: int, samples: int) -> bool:
 
 
 def _hotelling_tests(moments: BlockMoments, rank: int) -> list[HypothesisTest | None]:
-    """T-squared of the mean of y, of y - z, and of the distinct elements of cov(y) - cov(z), in whitened coordinates.
+    """Test the mean of y, that of y - z, and the distinct elements of cov(y) - cov(z), in whitened coordinates.
 
     A difference that is only rounding counts as zero.
     """
@@ -172,7 +172,7 @@ def _shape(i: int, moments: BlockMoments, fewest: float) -> tuple[Estimate, Esti
 def _correlation(
     pair: tuple[int, int], linear: Array, paired: Array, moments: BlockMoments, fewest: float
 ) -> CorrelationDifference:
-    """Difference of one correlation, its error by the influence function of r = C_ij / sqrt(C_ii C_jj).
+    """Estimate the difference of one correlation, its error by the influence function of r = C_ij / sqrt(C_ii C_jj).
 
     With d_ij the contribution of a sample to cov(y) - cov(z), that is ``d_ij / sqrt(C_ii C_jj) - r/2 (d_ii/C_ii +
     d_jj/C_jj)``.

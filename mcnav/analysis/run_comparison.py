@@ -1,9 +1,9 @@
-"""Two campaigns beside each other: what has become of each output's dispersion and mean.
+"""Change of each output's dispersion and mean from one campaign to another.
 
-Of each run the paired estimates are taken, sigma^2 = (P S P^T)_ii + mean(q) with q the square of a flown less that of
-the linear error. With q / sigma^2 of both runs, the logarithm of the sigma ratio has the error of half the difference
-of their means. Where both drew the same samples, by seed and index, that difference is taken sample by sample, and what
-the draws share cancels once more; otherwise the two errors add in squares, with Welch's degrees of freedom.
+The paired estimates are compared, sigma^2 = (P S P^T)_ii + mean(q) with q the square of a simulated less that of the
+linear error. With q / sigma^2 of both runs, the logarithm of the sigma ratio has the error of half the difference
+of their means. Where both runs drew the same samples, by seed and index, the difference is formed sample by sample, and
+common sampling noise cancels again; otherwise the two errors add in squares, with Welch's degrees of freedom.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from mcnav.statistics.estimates import Estimate, blocked_mean
 
 @dataclass(frozen=True)
 class SampleSet:
-    """The samples of one run that did not fail.
+    """Successful samples of one run.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class SampleSet:
 
 @dataclass(frozen=True)
 class Change:
-    """One output in a run and in a later one.
+    """Change of one output from a run to a later one.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class Change:
     mean : Estimate
         Mean after less mean before, SI.
     common : bool
-        Whether it was taken on common draws.
+        Whether both runs used common draws.
     """
 
     before: float
@@ -73,12 +73,12 @@ class Change:
 
 
 def change(before: SampleSet, after: SampleSet, outputs: tuple[int, int], common: bool, confidence: float) -> Change:
-    """What has become of one output.
+    """Estimate the change of one output.
 
     Parameters
     ----------
     outputs : tuple of int
-        The output's place in each.
+        Index of the output in each run.
     common : bool
         Whether samples of one index are common draws.
     confidence : float
@@ -104,7 +104,7 @@ def change(before: SampleSet, after: SampleSet, outputs: tuple[int, int], common
 
 
 def _controlled(flights: SampleSet, i: int) -> tuple[Array, Array, float, float]:
-    """Squares and deviations of flown less linear errors, and the variance and mean that these correct."""
+    """Return squares and deviations of simulated less linear errors, and the variance and mean that they correct."""
     model, flown = flights.model, flights.outputs[:, i]
     linear = model.nominal[i] + flights.errors @ model.partials[i]
     count = len(flown)
@@ -114,7 +114,7 @@ def _controlled(flights: SampleSet, i: int) -> tuple[Array, Array, float, float]
 
 
 def _difference(before: SampleSet, after: SampleSet, values: list[Array], common: bool) -> Estimate:
-    """Mean of the later values less that of the earlier ones."""
+    """Estimate the mean of the later values less that of the earlier ones."""
     value = float(np.mean(values[1]) - np.mean(values[0]))
     fewest = max(before.design.fewest_blocks, after.design.fewest_blocks)
     if common:
@@ -129,7 +129,7 @@ def _difference(before: SampleSet, after: SampleSet, values: list[Array], common
 
 
 def _weighted(before: SampleSet, after: SampleSet, values: list[Array]) -> tuple[Array, IndexArray]:
-    """Differences, and their blocks, of runs with partly common samples: each weighs as it does in its own mean."""
+    """Return differences, and their blocks, of runs with partly common samples, each weighted as in its own mean."""
     index = np.union1d(before.index, after.index)
     weighted, blocks = np.zeros(len(index)), np.zeros(len(index), dtype=np.int64)
     for sign, samples, own in ((-1.0, before, values[0]), (1.0, after, values[1])):
@@ -140,7 +140,7 @@ def _weighted(before: SampleSet, after: SampleSet, values: list[Array]) -> tuple
 
 
 def _welch(value: float, errors: list[float], degrees: list[float]) -> Estimate:
-    """A difference of independent means."""
+    """Estimate a difference of independent means."""
     squares = [error**2 for error in errors]
     if not np.isfinite(sum(squares)):
         return Estimate(value, float("inf"), 0.0)

@@ -1,4 +1,4 @@
-"""The covariance of the final errors by linear analysis."""
+"""Covariance of the final errors by linear analysis."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from mcnav._types import Array
 
 
 def propagated_covariance(partials: Array, start_covariance: Array) -> Array:
-    """P S P^T, symmetric to the last bit, shape (outputs, outputs).
+    """Compute P S P^T, symmetric to the last bit, shape (outputs, outputs).
 
     Parameters
     ----------

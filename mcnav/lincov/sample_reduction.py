@@ -1,4 +1,4 @@
-"""Samples added up to what is kept of them (`mcnav.lincov.block_sums`)."""
+"""Reduction of samples to block sums (`mcnav.lincov.block_sums`)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The error budget by flights: each source alone, and all but one, on the same draws.
+"""Error budget by simulation: each source alone, and all but one, on the same draws.
 
 A source alone has the paired variance ``var(y_j) - var(z_j) + P_ij^2 S_jj`` with z the linear errors of the same draws
 (see `mcnav.analysis.comparison`); so, with the linear variance of the others, have all sources but one. The others are
@@ -20,13 +20,13 @@ from mcnav.sampling.error_model import ErrorModel
 from mcnav.statistics.estimates import Estimate, blocked_mean
 
 DRAWS: Final = 2_000
-"""Draws that are flown for each source, twice."""
+"""Draws that are simulated twice for each source."""
 
 
 def simulate_each_source_alone(
     propagate: Propagate, partials: Array, errors: ErrorModel, design: str, seed: int, count: int
 ) -> dict[str, Any]:
-    """Variance of each output from each source alone and from all others, with standard errors, SI.
+    """Estimate the variance of each output from each source alone and from all others, SI.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def simulate_each_source_alone(
         Errors, shape (n, sources), to `SimulationResult`.
     partials : ndarray, shape (outputs, sources)
     seed : int
-        The campaign's, so that a random or antithetic campaign's own first draws are flown.
+        Seed of the campaign, so that a random or antithetic campaign's own first draws are used.
     count : int
         Draws.
 
@@ -47,7 +47,7 @@ def simulate_each_source_alone(
     Raises
     ------
     SimulationFailed
-        When one of the flights fails.
+        When a sample fails.
     """
     drawn = errors.draw(design, seed, count, 0, count)
     blocks = np.arange(count) // block_length(design, count)

@@ -1,4 +1,4 @@
-"""The unscented transform (filterpy): a covariance from a handful of flights."""
+"""Unscented transform (filterpy): a covariance from a few samples."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from mcnav.lincov.partials import Propagate, SimulationFailed, simulate_or_raise
 
 
 def unscented_covariance(propagate: Propagate, mean: Array, covariance: Array) -> tuple[Array, Array]:
-    """Mean and covariance of the final errors by the scaled unscented transform.
+    """Compute mean and covariance of the final errors by the scaled unscented transform.
 
     Sigma points at ``sqrt(n)`` standard deviations (alpha 1, beta 2, kappa 0) over the sources that have a dispersion,
     in units of their standard deviations. The mean is right to second order. The covariance is exact for a linear
-    system; of quadratic terms it takes up to n/2 times their share, so that it errs to the safe side.
+    system; quadratic terms enter with up to n/2 times their share, a conservative error.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def unscented_covariance(propagate: Propagate, mean: Array, covariance: Array) -
     Raises
     ------
     SimulationFailed
-        When a sigma point cannot be flown.
+        When a sigma point fails.
     """
     from filterpy.kalman import MerweScaledSigmaPoints, unscented_transform
 
@@ -40,7 +40,7 @@ def unscented_covariance(propagate: Propagate, mean: Array, covariance: Array) -
         return value, np.zeros((len(value), len(value)))
     correlation = covariance[np.ix_(active, active)] / np.outer(sigma[active], sigma[active])
     values, vectors = np.linalg.eigh(correlation)
-    kept = values > 1e-12 * values[-1]  # sigma points need a definite matrix: perfectly correlated sources share one
+    kept = values > 1e-12 * values[-1]  # sigma points need a definite matrix
     directions = vectors[:, kept] * np.sqrt(values[kept])
     points = MerweScaledSigmaPoints(int(kept.sum()), alpha=1.0, beta=2.0, kappa=0.0)
     unit = points.sigma_points(np.zeros(int(kept.sum())), np.eye(int(kept.sum())))

@@ -1,4 +1,4 @@
-"""Skewness and kurtosis of one quantity, with errors that hold for the design that drew the samples."""
+"""Skewness and kurtosis of one quantity, with standard errors that hold for the sampling design."""
 
 from __future__ import annotations
 
@@ -8,37 +8,22 @@ import numpy as np
 
 from mcnav._types import Array, IndexArray
 from mcnav.statistics.chunked import stretches
-from mcnav.statistics.estimates import Estimate, block_begins
+from mcnav.statistics.estimates import Estimate
 
 
 def _skewness(m1: Array, m2: Array, m3: Array, m4: Array) -> Array:
-    """Skewness from raw moments."""
+    """Compute the skewness from raw moments."""
     variance = m2 - m1 * m1
     return np.asarray((m3 - 3.0 * m1 * m2 + 2.0 * m1 * m1 * m1) / (variance * np.sqrt(variance)))
 
 
 def _excess_kurtosis(m1: Array, m2: Array, m3: Array, m4: Array) -> Array:
-    """Excess kurtosis from raw moments."""
+    """Compute the excess kurtosis from raw moments."""
     variance = m2 - m1 * m1
     return np.asarray((m4 - 4.0 * m1 * m3 + 3.0 * m1 * m1 * (2.0 * m2 - m1 * m1)) / (variance * variance) - 3.0)
 
 
 _MEASURES: Final = (_skewness, _excess_kurtosis)
-
-
-def skewness_and_kurtosis(values: Array, blocks: IndexArray, fewest: float = 2) -> tuple[Estimate, Estimate]:
-    """Estimate skewness ``mean(z^3)`` and excess kurtosis ``mean(z^4) - 3`` of the standardised values.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-    blocks : ndarray of int, shape (n,)
-        Independent block of each sample, not decreasing.
-    fewest : float
-        Independent blocks below which the standard errors are infinite.
-    """
-    begins = block_begins(blocks)
-    return shape_of_sums(power_sums(values, begins), np.diff(begins, append=len(values)).astype(float), fewest)
 
 
 def power_sums(values: Array, begins: IndexArray) -> Array:
