@@ -68,7 +68,7 @@ class BlockMoments(Protocol):
 
 @dataclass(frozen=True)
 class SampleMoments:
-    """Block sums of stored samples, formed when they are asked for.
+    """Block sums of stored samples, formed on demand.
 
     Attributes
     ----------

@@ -281,7 +281,7 @@ def reduce_summary(
     samples : int
         All that were drawn; those not in the sums failed.
     stored : SampleMoments
-        The samples that are stored beside the summary.
+        The samples that are stored with the summary.
     """
     moments = SummaryMoments.of(frame, sums, whitening(model.outcome_covariance))
     successful = ErrorSums(moments.samples, sums.errors, sums.squares)
@@ -322,13 +322,13 @@ def compare_reduced(model: Model, samples: ReducedSamples, criterion: Criterion,
     paired = sample - predicted + linear
     rule = DecisionRule(count, criterion.tolerance, each, design.fewest_blocks)
     ellipsoid, joint = None, None
-    with side_threads(2) as beside:
+    with side_threads(2) as executor:
         judged = [
-            beside.submit(_compare_output, i, float(linear[i, i]), float(floor), moments, rule)
+            executor.submit(_compare_output, i, float(linear[i, i]), float(floor), moments, rule)
             for i, floor in enumerate(model.rounding**2)
         ]
         if np.any(linear):
-            whole = beside.submit(_compare_ellipsoid, whitening(linear), samples, paired, rule)
+            whole = executor.submit(_compare_ellipsoid, whitening(linear), samples, paired, rule)
             joint = compare_jointly(samples, linear, each, design)
             ellipsoid = whole.result()
     outputs = tuple(output.result() for output in judged)

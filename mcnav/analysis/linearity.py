@@ -23,7 +23,7 @@ from mcnav.lincov.partials import Propagate
 from mcnav.sampling.designs import SamplingDesign
 from mcnav.scenarios.protocol import LinearModel
 
-Flyer = Callable[[float], Propagate]
+Simulator = Callable[[float], Propagate]
 """Function from the largest multiple to a simulation of errors that is accurate for errors of about that size."""
 
 SMALLEST: Final = 0.1
@@ -63,7 +63,7 @@ class AloneRange:
     largest: float
 
 
-def alone(fly: Flyer, linear: LinearModel, directions: Array, tolerance: float, largest: float) -> AloneRange:
+def alone(simulate: Simulator, linear: LinearModel, directions: Array, tolerance: float, largest: float) -> AloneRange:
     """Find the range of linearity of each of several error vectors.
 
     Parameters
@@ -75,7 +75,7 @@ def alone(fly: Flyer, linear: LinearModel, directions: Array, tolerance: float, 
     largest : float
         Largest multiple that is tried.
     """
-    engines = cache(fly)
+    engines = cache(simulate)
     changes = directions @ linear.partials.T
 
     def departures(multiples: Array, which: IndexArray, signs: Array) -> Array:
@@ -160,7 +160,7 @@ class DispersionRange:
 
 
 def together(
-    fly: Flyer, model: Model, draws: Array, criterion: Criterion, design: SamplingDesign, largest: float
+    simulate: Simulator, model: Model, draws: Array, criterion: Criterion, design: SamplingDesign, largest: float
 ) -> DispersionRange:
     """Find where the dispersions of all errors together leave the linear ones.
 
@@ -178,7 +178,7 @@ def together(
         Largest multiple that is tried.
     """
     count = len(model.nominal) + 1
-    engines = cache(fly)
+    engines = cache(simulate)
 
     @cache
     def judged(multiple: float) -> Array:

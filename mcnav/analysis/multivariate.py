@@ -114,9 +114,9 @@ def compare_jointly(
     paired = sample - predicted + linear
     plain = design.independent and blocks >= fewest
     ranked = design.independent and stored.samples >= fewest
-    with side_threads(1) as beside:  # the slowest part
-        tests = beside.submit(_hotelling_tests, moments, rank) if blocks >= fewest else None
-        shapes = [beside.submit(_shape, i, moments, fewest) for i in range(len(linear))]
+    with side_threads(1) as executor:  # the slowest part
+        tests = executor.submit(_hotelling_tests, moments, rank) if blocks >= fewest else None
+        shapes = [executor.submit(_shape, i, moments, fewest) for i in range(len(linear))]
         return MultivariateTests(
             covariance=covariance_likelihood_ratio(sample, count, linear) if plain and design.normal else None,
             nees=distribution_test(stored.distances, rank) if ranked and design.normal else None,

@@ -85,10 +85,10 @@ def change(before: SampleSet, after: SampleSet, outputs: tuple[int, int], common
         Of the interval.
     """
     squares, deviations, sigmas, means = [], [], [], []
-    for flights, i in ((before, outputs[0]), (after, outputs[1])):
-        square, deviation, linear, centre = _controlled(flights, i)
+    for samples, i in ((before, outputs[0]), (after, outputs[1])):
+        square, deviation, linear, centre = _controlled(samples, i)
         variance = linear + float(np.mean(square))
-        variance = variance if variance > flights.model.rounding[i] ** 2 else 0.0
+        variance = variance if variance > samples.model.rounding[i] ** 2 else 0.0
         sigmas.append(float(np.sqrt(variance)) if variance > 0.0 else 0.0)
         squares.append(square / variance if variance > 0.0 else square)
         deviations.append(deviation)
@@ -103,14 +103,14 @@ def change(before: SampleSet, after: SampleSet, outputs: tuple[int, int], common
     return Change(sigmas[0], sigmas[1], ratio, interval, shifted, common)
 
 
-def _controlled(flights: SampleSet, i: int) -> tuple[Array, Array, float, float]:
+def _controlled(samples: SampleSet, i: int) -> tuple[Array, Array, float, float]:
     """Return squares and deviations of simulated less linear errors, and the variance and mean that they correct."""
-    model, flown = flights.model, flights.outputs[:, i]
-    linear = model.nominal[i] + flights.errors @ model.partials[i]
-    count = len(flown)
+    model, simulated = samples.model, samples.outputs[:, i]
+    linear = model.nominal[i] + samples.errors @ model.partials[i]
+    count = len(simulated)
     unbiased = count / max(count - 1.0, 1.0)
-    square = unbiased * ((flown - flown.mean()) ** 2 - (linear - linear.mean()) ** 2)
-    return square, flown - linear, float(model.outcome_covariance[i, i]), float(model.outcome_mean[i])
+    square = unbiased * ((simulated - simulated.mean()) ** 2 - (linear - linear.mean()) ** 2)
+    return square, simulated - linear, float(model.outcome_covariance[i, i]), float(model.outcome_mean[i])
 
 
 def _difference(before: SampleSet, after: SampleSet, values: list[Array], common: bool) -> Estimate:

@@ -124,8 +124,8 @@ class _Ranked:
     def of(cls, sizes: Array) -> _Ranked:
         """Rank sizes that are NaN where a sample failed."""
         ranked = np.sort(sizes)  # which puts them last
-        flown = len(ranked) - int(np.count_nonzero(np.isnan(ranked)))
-        return cls(ranked[:flown], len(ranked) - flown)
+        successful = len(ranked) - int(np.count_nonzero(np.isnan(ranked)))
+        return cls(ranked[:successful], len(ranked) - successful)
 
     def estimate(self, probability: float) -> float:
         """Interpolate between the two sizes next to the probability."""

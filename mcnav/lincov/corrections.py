@@ -33,23 +33,17 @@ ROUGHEST: Final = 0.05
 
 
 def simulated_budgets(
-    scenario: Scenario,
-    errors: ErrorModel,
-    partials: Array,
-    design: str,
-    seed: int,
-    samples: int,
-    guard: Callable[[Engine], Engine] = lambda prepared: prepared,
+    prepare: Callable[[Array], Engine], errors: ErrorModel, partials: Array, design: str, seed: int, samples: int
 ) -> dict[str, Any]:
     """Simulate the error budgets of single sources, of all sources but one, and by Sobol indices.
 
     Parameters
     ----------
+    prepare : callable
+        Function from probes, shape (n, sources), to an engine.
     partials : ndarray, shape (outputs, sources)
     samples : int
         Samples of the campaign, an upper limit of the draws.
-    guard : callable
-        Wrapper that protects against samples that end their process.
 
     Returns
     -------
@@ -59,7 +53,7 @@ def simulated_budgets(
         or the engine is too slow.
     """
     count = min(DRAWS, samples)
-    prepared = guard(scenario.engine(scenario.engines[0], errors.draw(design, seed, count, 0, min(PROBES, count))))
+    prepared = prepare(errors.draw(design, seed, count, 0, min(PROBES, count)))
 
     def guarded(study: Callable[[], dict[str, Any]]) -> dict[str, Any]:
         if prepared.chunk < QUICK:

@@ -110,10 +110,10 @@ def second_order(propagate: Propagate, mean: Array, covariance: Array, step: flo
         points += [unit[a], -unit[a], 2.0 * unit[a], -2.0 * unit[a]]
     for a, b in pairs:
         points += [unit[a] + unit[b], unit[a] - unit[b], unit[b] - unit[a], -unit[a] - unit[b]]
-    flown = simulate_or_raise(propagate, mean + np.array(points) @ directions.T)
-    centre, outputs = flown[0], flown.shape[1]
-    along = flown[1 : 1 + 4 * rank].reshape(rank, 4, outputs) - centre
-    mixed = flown[1 + 4 * rank :].reshape(len(pairs), 4, outputs) - centre
+    simulated = simulate_or_raise(propagate, mean + np.array(points) @ directions.T)
+    centre, outputs = simulated[0], simulated.shape[1]
+    along = simulated[1 : 1 + 4 * rank].reshape(rank, 4, outputs) - centre
+    mixed = simulated[1 + 4 * rank :].reshape(len(pairs), 4, outputs) - centre
     plus, minus, far, farther = along.transpose(1, 0, 2)  # far: two steps up, farther: two steps down
     gradients = (8.0 * (plus - minus) - (far - farther)) / (12.0 * step)
     hessians = np.zeros((rank, rank, outputs))

@@ -82,18 +82,9 @@ class PolynomialMap:
                  distance)  # fmt: skip
         return values, np.asarray(distance <= self.reach**2)
 
-    @property
-    def gradient(self) -> Array:
-        """First partial derivatives at the centre, SI, shape (outputs, sources); zero without dispersion."""
-        found = np.zeros((self.coefficients.shape[1], len(self.scale)))
-        for term in np.flatnonzero(self.exponents.sum(axis=1) == 1):
-            source = int(self.exponents[term].argmax())
-            found[:, source] = self.coefficients[term] / self.scale[source]
-        return found
-
 
 def monomials(sources: Integers, count: int, order: int) -> Integers:
-    """List the exponents of all monomials up to an order in some of ``count`` sources, (terms, count), by rising order."""
+    """List the exponents of all monomials up to an order in some of ``count`` sources, shape (terms, count)."""
     chosen = (combinations_with_replacement(sources.tolist(), degree) for degree in range(order + 1))
     rows = [np.bincount(np.array(row, dtype=int), minlength=count) for row in chain.from_iterable(chosen)]
     return np.array(rows, dtype=np.int64)
@@ -145,7 +136,7 @@ def evaluate(
 
 
 @dataclass(frozen=True)
-class _Flown:
+class _FitSamples:
     """Samples for fitting and checking, in standard deviations of sources and outputs."""
 
     points: Array
@@ -162,7 +153,7 @@ class _Flown:
         return np.asarray(coefficients), float(missed.max())
 
 
-def _flown(propagate: Propagate, centre: Array, scale: Array, terms: int) -> _Flown:
+def _fit_samples(propagate: Propagate, centre: Array, scale: Array, terms: int) -> _FitSamples:
     fitted = max(POINTS_PER_TERM * terms, 64)
     points = np.zeros((fitted + HELD_OUT, len(scale)))
     active = np.flatnonzero(scale > 0.0)
@@ -171,7 +162,7 @@ def _flown(propagate: Propagate, centre: Array, scale: Array, terms: int) -> _Fl
     values = simulate_or_raise(propagate, centre + points * scale)
     spread = values.std(axis=0) / REACH
     spread = np.where(spread > 0.0, spread, np.maximum(np.abs(values).max(axis=0), np.finfo(float).tiny))
-    return _Flown(points, values / spread, spread, fitted)
+    return _FitSamples(points, values / spread, spread, fitted)
 
 
 def fit(propagate: Propagate, centre: Array, scale: Array, order: int, tolerance: float = 0.0) -> PolynomialMap:
@@ -192,17 +183,17 @@ def fit(propagate: Propagate, centre: Array, scale: Array, order: int, tolerance
         When a sample that it needs fails.
     """
     whole = exponents = monomials(np.flatnonzero(scale > 0.0), len(scale), order)
-    flown = _flown(propagate, centre, scale, len(exponents))
-    of_whole, error = flown.solved(exponents)
+    samples = _fit_samples(propagate, centre, scale, len(exponents))
+    of_whole, error = samples.solved(exponents)
     coefficients = of_whole
     if 0.0 < tolerance < HOPELESS and error <= tolerance:
         for share in SPARED:
-            exponents = whole[_needed(flown.points, whole, of_whole, share * tolerance)]
-            coefficients, error = flown.solved(exponents)
+            exponents = whole[_needed(samples.points, whole, of_whole, share * tolerance)]
+            coefficients, error = samples.solved(exponents)
             if error <= tolerance:
                 break
-    reach = float(np.sqrt((flown.points[: flown.fitted] ** 2).sum(axis=1).max()))
-    return PolynomialMap(order, centre, scale, exponents, coefficients * flown.spread, error, flown.fitted, reach)
+    reach = float(np.sqrt((samples.points[: samples.fitted] ** 2).sum(axis=1).max()))
+    return PolynomialMap(order, centre, scale, exponents, coefficients * samples.spread, error, samples.fitted, reach)
 
 
 def _needed(points: Array, exponents: Integers, coefficients: Array, spare: float) -> Integers:
@@ -211,7 +202,7 @@ def _needed(points: Array, exponents: Integers, coefficients: Array, spare: floa
     rising = np.argsort(sizes)
     kept = np.zeros(len(exponents), dtype=bool)
     kept[rising[np.cumsum(sizes[rising]) > spare]] = True
-    kept[exponents.sum(axis=1) <= 2] = True  # few, and derivatives are read from them
+    kept[exponents.sum(axis=1) <= 2] = True  # few
     parents, _ = recipe(exponents)
     for term in range(len(exponents) - 1, 0, -1):
         kept[parents[term]] |= kept[term]

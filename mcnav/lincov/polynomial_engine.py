@@ -42,10 +42,11 @@ class PolynomialEngine:
         unknown = np.flatnonzero(~known)
         if len(unknown) == 0:
             return SimulationResult(values)
-        flown = self.exact.propagate(errors[unknown])
-        values[unknown] = flown.values
+        simulated = self.exact.propagate(errors[unknown])
+        values[unknown] = simulated.values
         failures, tracebacks = (
-            {int(unknown[row]): told for row, told in found.items()} for found in (flown.failures, flown.tracebacks)
+            {int(unknown[row]): entry for row, entry in found.items()}
+            for found in (simulated.failures, simulated.tracebacks)
         )
         return SimulationResult(values, failures, len(unknown), tracebacks)
 

@@ -15,7 +15,7 @@ import numpy as np
 from mcnav._types import Array, IndexArray
 from mcnav.lincov.covariance import propagated_covariance
 from mcnav.lincov.partials import Propagate, simulate_or_raise
-from mcnav.sampling.designs import FEWEST_BLOCKS, block_length
+from mcnav.sampling.designs import SamplingDesign
 from mcnav.sampling.error_model import ErrorModel
 from mcnav.statistics.estimates import Estimate, blocked_mean
 
@@ -50,8 +50,8 @@ def simulate_each_source_alone(
         When a sample fails.
     """
     drawn = errors.draw(design, seed, count, 0, count)
-    blocks = np.arange(count) // block_length(design, count)
-    fewest = FEWEST_BLOCKS[design]
+    laid_out = SamplingDesign.of(design, count)
+    blocks, fewest = laid_out.blocks(np.arange(count)), laid_out.fewest_blocks
     shape = partials.shape
     tables = {key: (np.zeros(shape), np.zeros(shape)) for key in ("alone", "without")}
     linear = np.diag(propagated_covariance(partials, errors.covariance))
@@ -64,9 +64,9 @@ def simulate_each_source_alone(
             some = np.where(kept, drawn, errors.mean)
             covariance = np.where(np.outer(kept, kept), errors.covariance, 0.0)
             expected = np.diag(propagated_covariance(partials, covariance))
-            flown, predicted = simulate_or_raise(propagate, some), some @ partials.T
+            simulated, predicted = simulate_or_raise(propagate, some), some @ partials.T
             for i in range(shape[0]):
-                found = _paired_variance(flown[:, i], predicted[:, i], float(expected[i]), blocks, fewest)
+                found = _paired_variance(simulated[:, i], predicted[:, i], float(expected[i]), blocks, fewest)
                 tables[key][0][i, j], tables[key][1][i, j] = found.value, found.standard_error
                 freedom = found.degrees_of_freedom
     return {
@@ -76,8 +76,10 @@ def simulate_each_source_alone(
     }
 
 
-def _paired_variance(flown: Array, predicted: Array, expected: float, blocks: IndexArray, fewest: int) -> Estimate:
-    unbiased = len(flown) / (len(flown) - 1.0)
-    squares = (flown - flown.mean()) ** 2 - (predicted - predicted.mean()) ** 2
+def _paired_variance(
+    simulated: Array, predicted: Array, expected: float, blocks: IndexArray, fewest: float
+) -> Estimate:
+    unbiased = len(simulated) / (len(simulated) - 1.0)
+    squares = (simulated - simulated.mean()) ** 2 - (predicted - predicted.mean()) ** 2
     difference = blocked_mean(unbiased * squares, blocks, fewest)
     return replace(difference, value=expected + difference.value)

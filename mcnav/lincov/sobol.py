@@ -65,8 +65,8 @@ def estimate_sobol_indices(propagate: Propagate, errors: ErrorModel, seed: int) 
     def outputs(values: Array) -> Array:
         some = np.tile(errors.mean, (values.shape[1], 1))
         some[:, active] = values.T
-        flown = simulate_or_raise(propagate, some).T
-        return np.repeat(flown, 2, axis=0) if count == 1 else flown  # scipy fails for a single constant output
+        simulated = simulate_or_raise(propagate, some).T
+        return np.repeat(simulated, 2, axis=0) if count == 1 else simulated  # scipy fails for a single constant output
 
     quantiles = [_Quantile(errors.distributions[j]) for j in active]
     found: list[list[Array]] = []

@@ -154,10 +154,11 @@ def _beyond(campaign: Campaign, prepared: Engine, model: Mapping[str, Any]) -> d
 
     guard = partial(_guarded, campaign)
     with _told(campaign):
-        flown = simulated_budgets(
-            scenario, errors, model["partials"], campaign.design, campaign.seed, campaign.samples, guard
-        )
-        return nonlinear_corrections(scenario, guard(prepared), errors) | {"budget": flown}
+        budgets = simulated_budgets(
+            lambda probes: guard(scenario.engine(scenario.engines[0], probes)),
+            errors, model["partials"], campaign.design, campaign.seed, campaign.samples,
+        )  # fmt: skip
+        return nonlinear_corrections(scenario, guard(prepared), errors) | {"budget": budgets}
 
 
 def _followed(prepared: Engine) -> TimeHistoryEngine | None:

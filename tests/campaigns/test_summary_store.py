@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import replace
+from dataclasses import astuple, replace
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -29,6 +29,7 @@ from mcnav.errors import CampaignError, RunFolderError
 from mcnav.lincov.block_sums import column_count
 from mcnav.lincov.sample_reduction import reduce_samples
 from mcnav.sampling.designs import SamplingDesign
+from mcnav.statistics.shape import shape_of_sums
 from mcnav.store import summaries as store
 from mcnav.store.manifest import find_fault
 from mcnav.store.run_folder import RunFolder
@@ -205,11 +206,34 @@ def test_with_equal_blocks_everything_agrees_with_the_samples() -> None:
     np.testing.assert_allclose(restored_running.paired.high, running.paired.high, rtol=1e-9)
 
 
-def _both_ways(model: Model, errors: np.ndarray, outcomes: np.ndarray) -> tuple[Any, ReducedSamples, ReducedSamples]:
-    """A thousand samples as the sums of a summary with blocks of one, as stored, and as restored from the sums."""
-    frame = replace(normalization_of(model, len(errors), 1), block=1)
+@pytest.mark.parametrize("block", [1, 4, 128])
+def test_block_sums_are_those_of_the_samples(block: int) -> None:
+    """Every sum that the analysis asks for, whether of stored samples or of a summary, about any mean."""
+    model, generator = replace(_model(), nominal=np.array([3.0, -1.0])), np.random.default_rng(6)
+    errors = generator.standard_normal((1_000, 2))
+    outcomes = model.nominal + errors @ model.partials.T + 0.2 * errors**2
+    outcomes[7] = np.nan
+    _, stored, restored = _both_ways(model, errors, outcomes, block)
+    one, other = stored.moments, restored.moments
+    pairs = [(one.mean, other.mean), (one.counts, other.counts), (one.within(), other.within())]
+    pairs += [*zip(one.covariances, other.covariances, strict=True), *zip(one.nees(), other.nees(), strict=True)]
+    for i in range(2):
+        pairs.append((one.differences(i), other.differences(i)))
+        pairs += [pair for j in range(2) for pair in zip(one.products(i, j), other.products(i, j), strict=True)]
+        shapes = [shape_of_sums(each.powers(i), each.counts) for each in (one, other)]
+        pairs += [(np.array(astuple(mine)), np.array(astuple(its))) for mine, its in zip(*shapes, strict=True)]
+    pairs.append(tuple(np.concatenate([sums for sums, _ in each.whitened()], axis=1) for each in (one, other)))
+    for mine, its in pairs:
+        np.testing.assert_allclose(mine, its, rtol=1e-9, atol=1e-11)
+
+
+def _both_ways(
+    model: Model, errors: np.ndarray, outcomes: np.ndarray, block: int = 1
+) -> tuple[Any, ReducedSamples, ReducedSamples]:
+    """A thousand samples as the sums of a summary, as stored in the same blocks, and as restored from the sums."""
+    frame = replace(normalization_of(model, len(errors), 1), block=block)
     sums = reduce_samples(frame, 0, errors, outcomes)
-    stored = reduce_stored(model, errors, outcomes, np.arange(len(errors)))
+    stored = reduce_stored(model, errors, outcomes, np.arange(len(errors)) // block)
     return sums, stored, reduce_summary(model, frame, sums, len(errors), stored.stored)
 
 
