@@ -229,13 +229,7 @@ def correlations(covariance: Array) -> Array:
 
 
 def normalization_of(model: Model, samples: int, block_length: int) -> Normalization:
-    """Return the normalization with which a campaign's samples are reduced to a summary.
-
-    Parameters
-    ----------
-    block_length : int
-        Samples of an independent block of the design.
-    """
+    """Return the normalization with which a campaign's samples are reduced to a summary."""
     linear = model.outcome_covariance
     sigma = np.sqrt(np.diag(linear))
     scale = np.where(sigma > 0.0, sigma, 1.0)
@@ -276,12 +270,8 @@ def reduce_summary(
 
     Parameters
     ----------
-    frame : Normalization
-        Normalization of the sums.
     samples : int
         All that were drawn; those not in the sums failed.
-    stored : SampleMoments
-        The samples that are stored with the summary.
     """
     moments = SummaryMoments.of(frame, sums, whitening(model.outcome_covariance))
     successful = ErrorSums(moments.samples, sums.errors, sums.squares)

@@ -56,11 +56,6 @@ def convergence(moments: BlockMoments, comparison: Comparison, design: SamplingD
     Products are about the mean of all samples, which takes nothing from the intervals and makes the curves end at the
     comparison's ratios.
 
-    Parameters
-    ----------
-    comparison : Comparison
-        Comparison of the same samples.
-
     Returns
     -------
     Convergence or None

@@ -64,16 +64,12 @@ class AloneRange:
 
 
 def alone(simulate: Simulator, linear: LinearModel, directions: Array, tolerance: float, largest: float) -> AloneRange:
-    """Find the range of linearity of each of several error vectors.
+    """Find the range of linearity of each of several error vectors, for a tolerance as a share of the linear change.
 
     Parameters
     ----------
     directions : ndarray, shape (directions, sources)
         Errors whose multiples are simulated, SI: one source in each, or several.
-    tolerance : float
-        Departure from the linear change, as a share of that.
-    largest : float
-        Largest multiple that is tried.
     """
     engines = cache(simulate)
     changes = directions @ linear.partials.T
@@ -174,8 +170,6 @@ def together(
         Of the stated errors.
     criterion, design
         See `mcnav.analysis.comparison.compare`.
-    largest : float
-        Largest multiple that is tried.
     """
     count = len(model.nominal) + 1
     engines = cache(simulate)

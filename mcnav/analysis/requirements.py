@@ -120,8 +120,6 @@ def judge_requirement(
     outcomes : ndarray, shape (n, outputs)
         Of all samples; NaN in the row of one that failed.
     blocks : ndarray of int, shape (n,)
-    comparison : Comparison
-        Of the same samples.
     """
     if requirement.kind == "sigma_ratio":
         return _judge_ratios(requirement, comparison)

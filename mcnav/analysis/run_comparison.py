@@ -73,16 +73,12 @@ class Change:
 
 
 def change(before: SampleSet, after: SampleSet, outputs: tuple[int, int], common: bool, confidence: float) -> Change:
-    """Estimate the change of one output.
+    """Estimate the change of one output, given by its index in each run.
 
     Parameters
     ----------
-    outputs : tuple of int
-        Index of the output in each run.
     common : bool
         Whether samples of one index are common draws.
-    confidence : float
-        Of the interval.
     """
     squares, deviations, sigmas, means = [], [], [], []
     for samples, i in ((before, outputs[0]), (after, outputs[1])):

@@ -117,8 +117,6 @@ def higher_order(prepared: Engine, errors: ErrorModel) -> dict[str, Any]:
     ----------
     prepared : Engine
         A polynomial engine's own polynomial is used; to any other engine one of order `HIGHER_ORDER` is fitted.
-    errors : ErrorModel
-        Of normal sources.
 
     Returns
     -------

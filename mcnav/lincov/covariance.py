@@ -8,12 +8,7 @@ from mcnav._types import Array
 
 
 def propagated_covariance(partials: Array, start_covariance: Array) -> Array:
-    """Compute P S P^T, symmetric to the last bit, shape (outputs, outputs).
-
-    Parameters
-    ----------
-    partials : ndarray, shape (outputs, sources)
-    start_covariance : ndarray, shape (sources, sources)
+    """Compute P S P^T, symmetric to the last bit, with P of shape (outputs, sources) and S (sources, sources).
 
     Examples
     --------

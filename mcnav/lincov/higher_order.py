@@ -89,8 +89,6 @@ def second_order(propagate: Propagate, mean: Array, covariance: Array, step: flo
 
     Parameters
     ----------
-    propagate : callable
-        Errors, shape (n, sources), to `SimulationResult`.
     mean, covariance : ndarray, shapes (sources,) and (sources, sources)
         Of the start errors, SI.
     step : float

@@ -16,6 +16,7 @@ from mcnav.scenarios.protocol import SimulationResult, TimeHistoryEngine
 from mcnav.scenarios.timeouts import check_stopped
 
 Propagate = Callable[[Array], SimulationResult]
+"""Simulation of errors, shape (n, sources), SI."""
 
 STEP: Final = 1e-3
 """Step of the differences, as a share of each source's nominal size: the third-order term, the error of a central
@@ -46,8 +47,6 @@ def partials_by_differences(propagate: Propagate, nominal_sizes: Array, step: fl
 
     Parameters
     ----------
-    propagate : callable
-        Errors, shape (n, sources), to `SimulationResult`.
     nominal_sizes : ndarray, shape (sources,)
         Typical size of each error, SI.
     step : float

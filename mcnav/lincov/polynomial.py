@@ -170,8 +170,6 @@ def fit(propagate: Propagate, centre: Array, scale: Array, order: int, tolerance
 
     Parameters
     ----------
-    propagate : callable
-        Errors, shape (n, sources), to `SimulationResult`.
     centre, scale : ndarray, shape (sources,)
         Means and standard deviations of the sources, SI.
     tolerance : float

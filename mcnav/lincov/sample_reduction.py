@@ -14,8 +14,6 @@ def reduce_samples(frame: Normalization, begin: int, errors: Array, outcomes: Ar
 
     Parameters
     ----------
-    begin : int
-        Index of the first sample.
     errors : ndarray, shape (n, sources)
     outcomes : ndarray, shape (n, outputs)
         NaN in the row of a sample that failed.

@@ -30,13 +30,9 @@ def simulate_each_source_alone(
 
     Parameters
     ----------
-    propagate : callable
-        Errors, shape (n, sources), to `SimulationResult`.
     partials : ndarray, shape (outputs, sources)
     seed : int
         Seed of the campaign, so that a random or antithetic campaign's own first draws are used.
-    count : int
-        Draws.
 
     Returns
     -------

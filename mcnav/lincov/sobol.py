@@ -36,8 +36,6 @@ def estimate_sobol_indices(propagate: Propagate, errors: ErrorModel, seed: int) 
 
     Parameters
     ----------
-    propagate : callable
-        Errors, shape (n, sources), to `SimulationResult`.
     errors : ErrorModel
         Errors of independent sources.
 

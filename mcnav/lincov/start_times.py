@@ -100,8 +100,6 @@ def study_start_times(
         Of the stated errors.
     axes : str
         ``start``: reference axes aligned at each start time; ``trajectory``: those of the first point throughout.
-    count : int
-        Start times.
     schedule : ErrorSchedule, optional
         Constant by default.
     weights : ndarray, shape (outputs,), optional

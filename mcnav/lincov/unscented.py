@@ -18,8 +18,6 @@ def unscented_covariance(propagate: Propagate, mean: Array, covariance: Array) -
 
     Parameters
     ----------
-    propagate : callable
-        Errors, shape (n, sources), to `SimulationResult`.
     mean, covariance : ndarray, shapes (sources,) and (sources, sources)
         Of the start errors, SI.
 

@@ -24,8 +24,6 @@ def covariance_likelihood_ratio(sample: Array, count: int, covariance: Array) ->
     ----------
     sample : ndarray, shape (k, k)
         Unbiased sample covariance.
-    count : int
-        Samples.
     covariance : ndarray, shape (k, k)
         Covariance of the hypothesis. If it is singular, the test is made in its range; a sample with dispersion outside
         the range has an infinite statistic.

@@ -16,16 +16,7 @@ from mcnav._types import Array
 
 
 def samples_for_upper_bound(quantile: float, confidence: float, exceedances: int = 0) -> int:
-    """Return the smallest sample size at which an order statistic near the top bounds a quantile from above.
-
-    Parameters
-    ----------
-    quantile : float
-        Probability below the quantile.
-    confidence : float
-        One-sided.
-    exceedances : int
-        Samples that may lie above the bound.
+    """Return the smallest sample size whose largest sample but ``exceedances`` bounds a quantile from above.
 
     Examples
     --------

@@ -24,10 +24,6 @@ def detectable_ratio(error: float, degrees_of_freedom: float, confidence: float,
     ----------
     error : float
         Standard error s of the ratio's logarithm.
-    degrees_of_freedom : float
-        Degrees of freedom of Student's t.
-    confidence : float
-        Confidence of the two-sided interval.
     """
     if not math.isfinite(error) or degrees_of_freedom < 1.0:
         return math.inf

@@ -42,7 +42,7 @@ def shape_of_sums(sums: Array, counts: Array, fewest: float = 2) -> tuple[Estima
     """Estimate skewness and excess kurtosis from block sums of powers; zero without dispersion.
 
     The errors are the jackknife's, leaving out one block at a time: at a few hundred samples those of the influence
-    function are too small.
+    function are too small. They are infinite with fewer than ``fewest`` blocks.
 
     Parameters
     ----------
@@ -50,8 +50,6 @@ def shape_of_sums(sums: Array, counts: Array, fewest: float = 2) -> tuple[Estima
         Sums of the first four powers, in any origin and unit.
     counts : ndarray, shape (blocks,)
         Samples in each block.
-    fewest : float
-        Independent blocks below which the standard errors are infinite.
     """
     whole, count, number = sums.sum(axis=1), counts.sum(), sums.shape[1]
     if not whole[1] / count - (whole[0] / count) ** 2 > 0.0:
