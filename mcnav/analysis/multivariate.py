@@ -16,7 +16,7 @@ from mcnav.statistics.chi_square import Containment, containment, distribution_t
 from mcnav.statistics.chunked import RunningScatter
 from mcnav.statistics.covariance_tests import covariance_likelihood_ratio
 from mcnav.statistics.estimates import Estimate, summed_mean
-from mcnav.statistics.hotelling import hotelling_of_moments
+from mcnav.statistics.hotelling import hotelling
 from mcnav.statistics.hypothesis_test import HypothesisTest
 from mcnav.statistics.mardia import Mardia, mardia
 from mcnav.statistics.shape import shape_of_sums
@@ -156,7 +156,7 @@ def _hotelling_tests(moments: BlockMoments, rank: int) -> list[HypothesisTest | 
     held = np.sqrt(squares / moments.samples) > ROUNDING
     held[groups[0]] = True
     return [
-        hotelling_of_moments(
+        hotelling(
             running.count,
             np.where(held[group], running.mean, 0.0),
             np.where(np.outer(held[group], held[group]), running.scatter / (running.count - 1), 0.0),

@@ -46,8 +46,8 @@ def simulate_each_source_alone(
         When a sample fails.
     """
     drawn = errors.draw(design, seed, count, 0, count)
-    laid_out = SamplingDesign.of(design, count)
-    blocks, fewest = laid_out.blocks(np.arange(count)), laid_out.fewest_blocks
+    sampling = SamplingDesign.of(design, count)
+    blocks, fewest = sampling.blocks(np.arange(count)), sampling.fewest_blocks
     shape = partials.shape
     tables = {key: (np.zeros(shape), np.zeros(shape)) for key in ("alone", "without")}
     linear = np.diag(propagated_covariance(partials, errors.covariance))
