@@ -1,1 +1,1 @@
-"""Arrays in, judgements out: comparison of linear and Monte Carlo dispersion, verdicts, error budget."""
+"""Analysis of arrays: comparison of linear and Monte Carlo dispersion, verdicts, error budget."""

@@ -1,4 +1,4 @@
-"""Inverse allocation: how large one source's sigma may be for an output to meet a requirement."""
+"""Inverse allocation: the largest sigma of one source with which an output meets a requirement."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from mcnav._types import Array
 
 
 def largest_sigmas(row: Array, covariance: Array, limit: float) -> Array:
-    """Largest standard deviation of each source for which an output's linear sigma stays within a limit.
+    """Compute the largest sigma of each source with which an output's linear sigma stays within a limit.
 
-    The other sources keep theirs, and correlation coefficients stay as they are. With k what the sigma of source j is
-    multiplied by, the variance is ``k^2 A + k B + C``, A from the source alone, B its cross-terms, C the others.
+    The other sigmas and the correlation coefficients are kept. With the sigma of source j multiplied by k, the variance
+    is ``k^2 A + k B + C``: A from the source alone, B its cross-terms, C the others.
 
     Parameters
     ----------
@@ -25,8 +25,7 @@ def largest_sigmas(row: Array, covariance: Array, limit: float) -> Array:
     Returns
     -------
     ndarray, shape (sources,)
-        Infinite where the output does not depend on the source, NaN where no sigma meets the limit: the others exceed
-        it by themselves.
+        Infinite where the output does not depend on the source, NaN where the other sources exceed the limit.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Error budget: what each source contributes to the variance of each output, by the linear model."""
+"""Error budget: contribution of each source to the variance of each output, by the linear model."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ class ErrorBudget:
     shares : ndarray, shape (outputs, sources)
         ``P_ij^2 S_jj / (P S P^T)_ii``; NaN in the row of an output without dispersion.
     cross_terms : ndarray, shape (outputs,)
-        What correlations between sources add or take away; shares and cross-terms sum to one.
+        Contribution of correlations between sources; shares and cross-terms sum to one.
     contributions : ndarray, shape (outputs, sources)
-        ``P_ij sqrt(S_jj)`` with its sign: the final error of a one-sigma error of that source alone.
+        ``P_ij sqrt(S_jj)`` with its sign: the final error due to a one-sigma error of that source alone.
     saved : ndarray, shape (outputs, sources)
-        Share of the variance that goes when the source goes: its own share and its cross-terms.
+        Share of the variance that vanishes without the source: its own share and its cross-terms.
     """
 
     shares: Array

@@ -1,6 +1,6 @@
-"""Linear beside Monte Carlo: the same draws through the nonlinear flights and through P.
+"""Comparison of linear covariance analysis with Monte Carlo on the same draws.
 
-With s the start errors of a sample, y its flown final errors and ``z = y0 + P s`` the linear ones, the plain sample
+With s the start errors of a sample, y its simulated final errors and ``z = y0 + P s`` the linear ones, the plain sample
 covariance is cov(y). The *paired* estimate ``cov(y) - cov(z) + P S P^T`` has the same mean, but the sampling noise that
 y and z share cancels (z is a control variate whose covariance is known). Its error is that of y's difference from z.
 """
@@ -9,44 +9,49 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final, TypeVar
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mcnav._subprocess import side_threads
 from mcnav._types import Array, IndexArray
+from mcnav.analysis.block_moments import (
+    BlockMoments,
+    ErrorSums,
+    ReducedSamples,
+    SampleMoments,
+    SummaryMoments,
+    ellipsoid_radii,
+)
 from mcnav.analysis.multivariate import MultivariateTests, compare_jointly
 from mcnav.analysis.verdict import Judgement, Verdict, combine_verdicts, judge
+from mcnav.lincov.block_sums import BlockSums, Normalization, block_size
 from mcnav.lincov.covariance import propagated_covariance
-from mcnav.sampling.designs import FEWEST_BLOCKS
-from mcnav.statistics.chunked import scatter, squared_distances
-from mcnav.statistics.estimates import Estimate, blocked_mean
+from mcnav.sampling.designs import SamplingDesign
+from mcnav.statistics.estimates import Estimate, block_begins, summed_mean
 from mcnav.statistics.interim_analyses import confidence_of_each
 from mcnav.statistics.power import detectable_ratio, samples_to_detect
 from mcnav.statistics.whitening import Whitening, whitening
 
-Number = TypeVar("Number", np.float64, np.int64)
-
 LARGEST_FAILED_SHARE: Final = 1e-3
-"""When a larger share of the samples failed, the agreement of those that are left says nothing and is not claimed."""
+"""Largest share of failed samples with which agreement is claimed."""
 
 ROUNDING: Final = 1e-10
-"""A sigma below this share of the terms that make it up is rounding, and counts as zero."""
+"""A sigma below this share of the terms that form it is rounding, and counts as zero."""
 
 LARGEST_EXPONENT: Final = 700.0
-"""The exponential of more is infinite in double precision."""
+"""Largest argument whose exponential is finite in double precision."""
 
 
 @dataclass(frozen=True)
 class Model:
-    """The linear model and the statistics of the start errors, SI.
+    """Linear model and statistics of the start errors, SI.
 
     Attributes
     ----------
     partials : ndarray, shape (outputs, sources)
     nominal : ndarray, shape (outputs,)
-        Final errors without errors.
+        Final errors without start errors.
     mean : ndarray, shape (sources,)
         Mean start errors.
     covariance : ndarray, shape (sources, sources)
@@ -72,17 +77,16 @@ class Model:
 
     @property
     def rounding(self) -> Array:
-        """The sigma that rounding alone may leave in each output, shape (outputs,)."""
+        """Sigma that rounding alone may leave in each output, shape (outputs,)."""
         terms = np.abs(self.partials) * np.sqrt(np.diag(self.covariance))
         return np.asarray(ROUNDING * np.maximum(terms.max(axis=1, initial=0.0), np.abs(self.outcome_mean)))
 
 
 @dataclass(frozen=True)
 class Criterion:
-    """What counts as agreement: a tolerance on sigma ratios, and the confidence of all verdicts together.
+    """Tolerance on sigma ratios, and confidence of all verdicts together.
 
-    ``looks`` is how often the results may be looked at before the samples are enough
-    (`mcnav.statistics.interim_analyses`).
+    ``looks`` is the number of interim analyses (`mcnav.statistics.interim_analyses`).
     """
 
     tolerance: float = 0.05
@@ -92,13 +96,18 @@ class Criterion:
 
 @dataclass(frozen=True)
 class DecisionRule:
-    """How estimates are judged throughout one comparison, of so many samples."""
+    """Rule by which the estimates of one comparison are formed and judged."""
 
     samples: int
     tolerance: float
     confidence: float
+    fewest_blocks: float
 
-    def judged(self, estimate: Estimate, expected: float, floor: float = 0.0) -> Judgement:
+    def mean(self, sums: Array, counts: Array) -> Estimate:
+        """Estimate a mean from block sums."""
+        return summed_mean(sums, counts, self.fewest_blocks)
+
+    def judge(self, estimate: Estimate, expected: float, floor: float = 0.0) -> Judgement:
         """Judge the square root of an estimated variance over the expected one."""
         if expected <= 0.0:
             agrees = estimate.value <= floor
@@ -107,14 +116,14 @@ class DecisionRule:
         return judge(ratio, interval, self.tolerance, self.samples)
 
     def detectable(self, estimate: Estimate, expected: float) -> float:
-        """The smallest departure of the sigma ratio from one that would have been found."""
+        """Return the smallest departure of the sigma ratio from one that would have been found."""
         if expected <= 0.0 or estimate.value <= 0.0:
             return float("nan")
         error = 0.5 * estimate.standard_error / estimate.value
         return detectable_ratio(error, estimate.degrees_of_freedom, self.confidence)
 
     def samples_to_see(self, estimate: Estimate, expected: float) -> float:
-        """Samples with which a departure as large as the tolerance would be found."""
+        """Return the samples with which a departure as large as the tolerance would be found."""
         if expected <= 0.0 or estimate.value <= 0.0 or not np.isfinite(estimate.standard_error):
             return float("nan")
         error = 0.5 * estimate.standard_error / estimate.value
@@ -123,21 +132,21 @@ class DecisionRule:
 
 @dataclass(frozen=True)
 class OutputComparison:
-    """One output, linear beside Monte Carlo.
+    """Comparison of one output's linear and Monte Carlo sigma.
 
     Attributes
     ----------
     sigma_linear, sigma_sample, sigma_paired : float
-        SI; the last is NaN when the paired variance comes out negative.
+        SI; the last is NaN when the paired variance is negative.
     plain, paired : Judgement
-        Of the two Monte Carlo estimates over the linear sigma; the verdict is that of the paired one.
+        Judgements of the two Monte Carlo estimates over the linear sigma; the verdict is that of the paired one.
     paired_variance : Estimate
-        The paired variance, SI.
+        SI.
     bias : Estimate
-        Mean of the flown less the linear final errors, SI.
+        Mean of the simulated less the linear final errors, SI.
     detectable_plain, detectable_paired : float
-        The smallest departure of the sigma ratio from one that so many samples find with a probability of 90 %; NaN
-        where there is no ratio.
+        Smallest departure of the sigma ratio from one that this sample finds with a probability of 90 %; NaN where
+        there is no ratio.
     samples_to_see : float
         Samples with which the paired estimate finds a departure as large as the tolerance, as often.
     """
@@ -153,42 +162,23 @@ class OutputComparison:
     detectable_paired: float
     samples_to_see: float
 
-    @classmethod
-    def judged(
-        cls, variance: float, floor: float, plain: Estimate, difference: Estimate, bias: Estimate, judging: DecisionRule
-    ) -> OutputComparison:
-        """From the linear variance, the flown one, and the difference of flown and predicted ones."""
-        paired = replace(difference, value=variance + difference.value)
-        return cls(
-            sigma_linear=float(np.sqrt(variance)),
-            sigma_sample=float(np.sqrt(plain.value)),
-            sigma_paired=float(np.sqrt(paired.value)) if paired.value >= 0.0 else float("nan"),
-            plain=judging.judged(plain, variance, floor),
-            paired=judging.judged(paired, variance, floor),
-            paired_variance=paired,
-            bias=bias,
-            detectable_plain=judging.detectable(plain, variance),
-            detectable_paired=judging.detectable(paired, variance),
-            samples_to_see=judging.samples_to_see(paired, variance),
-        )
-
 
 @dataclass(frozen=True)
 class Ellipsoid:
-    """The whole matrix: the flown errors measured by the linear covariance.
+    """Comparison of the whole matrix: the simulated errors normalised by the linear covariance.
 
     Attributes
     ----------
     dimension : int
         Rank of the linear covariance: the expected NEES.
     values : ndarray, shape (n,)
-        NEES of each flown sample against the linear mean and covariance.
+        NEES of each stored sample against the linear mean and covariance.
     nees : Estimate
-        Mean normalised estimation error squared of the flown errors.
+        Mean normalised estimation error squared of the simulated errors.
     nees_paired : Estimate
-        The same with the linear errors' NEES, whose mean is the dimension exactly, as control variate.
+        The same mean with the linear errors' NEES, whose mean is the dimension exactly, as control variate.
     judgement : Judgement
-        Of ``sqrt(mean NEES / dimension)``, the sigma ratio averaged over all directions.
+        Judgement of ``sqrt(mean NEES / dimension)``, the sigma ratio averaged over all directions.
     directions : ndarray, shape (dimension, outputs)
         Weights, on outputs in units of their linear sigmas, of the combinations in which the paired covariance differs
         least to most from the linear one; each of unit length.
@@ -204,39 +194,19 @@ class Ellipsoid:
     directions: Array
     direction_ratios: Array
 
-    @classmethod
-    def judged(
-        cls, values: Array, given: Whitening, nees: Estimate, difference: Estimate, paired: Array, judging: DecisionRule
-    ) -> Ellipsoid:
-        """From the mean NEES of the flown errors, and the difference of it and the linear errors' NEES."""
-        dimension = given.rank
-        controlled = replace(difference, value=dimension + difference.value)
-        ratios, rotations = np.linalg.eigh(given.matrix.T @ paired @ given.matrix)
-        directions = given.directions @ rotations
-        directions = directions / np.linalg.norm(directions, axis=0)
-        return cls(
-            dimension,
-            values,
-            nees,
-            controlled,
-            judging.judged(controlled, float(dimension)),
-            directions.T,
-            np.sqrt(np.where(ratios >= 0.0, ratios, np.nan)),
-        )
-
     @property
     def farthest(self) -> int:
-        """The combination whose sigma ratio is farthest from one."""
+        """Combination whose sigma ratio is farthest from one."""
         return int(np.argmax(np.abs(np.nan_to_num(self.direction_ratios, nan=0.0) - 1.0)))
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """The result of a campaign; arrays in the order of the scenario's outputs, SI.
+    """Result of a campaign; arrays in the order of the scenario's outputs, SI.
 
     ``joint`` holds the tests of all outputs together; it is none when there is nothing to test.
-    ``verdict`` is that on the outputs' sigmas. The whole matrix has a judgement of its own (`Ellipsoid`), which is the
-    harder one to pass: the thin directions of the ellipsoid show nonlinearity first.
+    ``verdict`` is that on the outputs' sigmas. The whole matrix has a judgement of its own (`Ellipsoid`), which is
+    stricter: nonlinearity appears first along the ellipsoid's narrowest axes.
     """
 
     samples: int
@@ -253,77 +223,111 @@ class Comparison:
 
 
 def correlations(covariance: Array) -> Array:
-    """Correlation matrix of a covariance; NaN in rows and columns without dispersion."""
+    """Return the correlation matrix of a covariance; NaN in rows and columns without dispersion."""
     sigma = np.sqrt(np.where(np.diag(covariance) > 0.0, np.diag(covariance), np.nan))
     return np.asarray(covariance / np.outer(sigma, sigma))
 
 
-def compare(
-    model: Model,
-    errors: Array,
-    outcomes: Array,
-    blocks: IndexArray,
-    criterion: Criterion,
-    fewest: float = FEWEST_BLOCKS["random"],
-    normal: bool = True,
-) -> Comparison:
-    """Compare the flights of a campaign with the linear model.
+def normalization_of(model: Model, samples: int, block_length: int) -> Normalization:
+    """Return the normalization with which a campaign's samples are reduced to a summary."""
+    linear = model.outcome_covariance
+    sigma = np.sqrt(np.diag(linear))
+    scale = np.where(sigma > 0.0, sigma, 1.0)
+    given = whitening(linear)
+    whitened = np.ascontiguousarray(scale[:, None] * given.matrix)
+    radii, block = ellipsoid_radii(given), block_size(samples, block_length)
+    return Normalization(model.partials, model.mean, model.outcome_mean, scale, whitened, radii, block)
+
+
+def reduce_stored(model: Model, errors: Array, outcomes: Array, blocks: IndexArray) -> ReducedSamples:
+    """Reduce stored samples.
 
     Parameters
     ----------
-    model : Model
     errors : ndarray, shape (n, sources)
         Start errors of every sample.
     outcomes : ndarray, shape (n, outputs)
-        Final errors; NaN in the row of a sample that failed. Failed samples are left out.
+        Final errors; NaN in the row of a sample that failed.
     blocks : ndarray of int, shape (n,)
-        Independent block of each sample (`mcnav.sampling.designs`).
+        Independent block of each sample.
+    """
+    drawn = successful = ErrorSums.of(errors)
+    kept = np.isfinite(outcomes).all(axis=1)
+    if not kept.all():
+        errors, outcomes, blocks = errors[kept], outcomes[kept], blocks[kept]
+        successful = ErrorSums.of(errors)
+    y, z = np.asfortranarray(outcomes), (model.partials @ errors.T).T
+    z += model.nominal
+    given = whitening(model.outcome_covariance)
+    moments = SampleMoments(y, z, block_begins(blocks), model.outcome_mean, given)
+    return ReducedSamples(moments, moments, drawn, successful)
+
+
+def reduce_summary(
+    model: Model, frame: Normalization, sums: BlockSums, samples: int, stored: SampleMoments
+) -> ReducedSamples:
+    """Restore a campaign from its summary.
+
+    Parameters
+    ----------
+    samples : int
+        All that were drawn; those not in the sums failed.
+    """
+    moments = SummaryMoments.of(frame, sums, whitening(model.outcome_covariance))
+    successful = ErrorSums(moments.samples, sums.errors, sums.squares)
+    drawn = ErrorSums(samples, sums.errors + sums.lost, sums.squares + sums.lost_squares)
+    return ReducedSamples(moments, stored, drawn, successful)
+
+
+def compare(
+    model: Model, errors: Array, outcomes: Array, criterion: Criterion, design: SamplingDesign | None = None
+) -> Comparison:
+    """Compare the first samples of a campaign with the linear model; parameters as `reduce_stored`, `compare_reduced`.
+
+    The design is that of independent draws from normal sources unless given.
+    """
+    design = design or SamplingDesign()
+    reduced = reduce_stored(model, errors, outcomes, design.blocks(np.arange(len(errors))))
+    return compare_reduced(model, reduced, criterion, design)
+
+
+def compare_reduced(model: Model, samples: ReducedSamples, criterion: Criterion, design: SamplingDesign) -> Comparison:
+    """Compare a campaign with the linear model.
+
+    Parameters
+    ----------
     criterion : Criterion
         Tolerance, and the confidence that holds for all verdicts together (Bonferroni).
-    fewest : float
-        Independent blocks below which nothing is decided; infinite when no interval can be promised.
-    normal : bool
-        Whether the sources are normal.
     """
-    flown = np.asarray(np.isfinite(outcomes).all(axis=1))
-    errors, blocks = successful(errors, flown), successful(blocks, flown)
-    outcomes = np.asfortranarray(successful(outcomes, flown))  # what follows goes by columns
-    count = len(outcomes)
-    linear = model.outcome_covariance
+    moments, linear = samples.moments, model.outcome_covariance
+    count, failed = moments.samples, samples.failed
     each = 1.0 - (1.0 - confidence_of_each(criterion.confidence, criterion.looks)) / (len(linear) + 1)
-    if count < 2:
+    if min(count, samples.stored.samples) < 2:
         unknown = np.full_like(linear, np.nan)
         return Comparison(
-            count, int((~flown).sum()), each, np.full(len(linear), np.nan), linear, unknown, unknown, (), None,
+            count, failed, each, np.full(len(linear), np.nan), linear, unknown, unknown, (), None,
             None, Verdict.UNDECIDED,
         )  # fmt: skip
-    predicted = (model.partials @ errors.T).T
-    predicted += model.nominal
-    mean = outcomes.mean(axis=0)
-    sample = _covariance(outcomes)
-    paired = sample - _covariance(predicted) + linear
-    blocked = _Blocked(blocks, fewest, DecisionRule(len(blocks), criterion.tolerance, each))
-    with side_threads(2) as beside:
+    sample, predicted = moments.covariances
+    paired = sample - predicted + linear
+    rule = DecisionRule(count, criterion.tolerance, each, design.fewest_blocks)
+    ellipsoid, joint = None, None
+    with side_threads(2) as executor:
         judged = [
-            beside.submit(_compare_output, outcomes[:, i], predicted[:, i], float(linear[i, i]), float(floor), blocked)
+            executor.submit(_compare_output, i, float(linear[i, i]), float(floor), moments, rule)
             for i, floor in enumerate(model.rounding**2)
         ]
-        ellipsoid = beside.submit(_compare_ellipsoid, model, outcomes, predicted, paired, blocked)
-        joint = None
         if np.any(linear):
-            joint = compare_jointly(
-                linear, model.outcome_mean, outcomes, predicted, paired, blocks, fewest, each, normal
-            )
-    outputs = tuple(each.result() for each in judged)
-    failed = int((~flown).sum())
-    return Comparison(
-        count, failed, each, mean, linear, sample, paired, outputs, ellipsoid.result(), joint,
-        overall_verdict(outputs, failed, len(flown)),
-    )  # fmt: skip
+            whole = executor.submit(_compare_ellipsoid, whitening(linear), samples, paired, rule)
+            joint = compare_jointly(samples, linear, each, design)
+            ellipsoid = whole.result()
+    outputs = tuple(output.result() for output in judged)
+    verdict = _overall_verdict(outputs, failed, count + failed)
+    return Comparison(count, failed, each, moments.mean, linear, sample, paired, outputs, ellipsoid, joint, verdict)
 
 
-def overall_verdict(outputs: Sequence[OutputComparison], failed: int, samples: int) -> Verdict:
-    """The verdict on all outputs' sigmas."""
+def _overall_verdict(outputs: Sequence[OutputComparison], failed: int, samples: int) -> Verdict:
+    """Combine the verdicts on all outputs' sigmas."""
     verdict = combine_verdicts([output.paired.verdict for output in outputs])
     nothing_to_compare = all(output.paired.ratio is None for output in outputs) and verdict == Verdict.AGREES
     if nothing_to_compare or (verdict == Verdict.AGREES and failed > LARGEST_FAILED_SHARE * samples):
@@ -331,28 +335,11 @@ def overall_verdict(outputs: Sequence[OutputComparison], failed: int, samples: i
     return verdict
 
 
-def successful(values: NDArray[Number], flown: NDArray[np.bool_]) -> NDArray[Number]:
-    """The rows of the samples that did not fail."""
-    return values if flown.all() else values[flown]
-
-
-@dataclass(frozen=True)
-class _Blocked:
-    """How estimates are formed and judged throughout one comparison."""
-
-    blocks: IndexArray
-    fewest: float
-    judging: DecisionRule
-
-    def mean(self, values: Array) -> Estimate:
-        return blocked_mean(values, self.blocks, self.fewest)
-
-
 def ratio_interval(estimate: Estimate, expected: float, confidence: float) -> tuple[float, tuple[float, float]]:
-    """Square root of an estimated variance over the expected one, and its interval.
+    """Return the square root of an estimated variance over the expected one, and its interval.
 
     The interval is formed on the scale of the logarithm, where a variance's error is nearly symmetric, and reaches
-    further where the skewness of the blocks asks for it (`mcnav.statistics.estimates`).
+    further where the skewness of the blocks requires it (`mcnav.statistics.estimates`).
     """
     share = estimate.value / expected
     half = estimate.half_width(confidence) / expected
@@ -367,36 +354,41 @@ def ratio_interval(estimate: Estimate, expected: float, confidence: float) -> tu
     return ratio, (0.0, max(float(np.sqrt(max(share + half, 0.0))), high))
 
 
-def _covariance(values: Array) -> Array:
-    """Unbiased sample covariance, shape (k, k)."""
-    return scatter(values) / (len(values) - 1)
-
-
 def _compare_output(
-    flown: Array, predicted: Array, variance: float, floor: float, blocked: _Blocked
+    i: int, variance: float, floor: float, moments: BlockMoments, rule: DecisionRule
 ) -> OutputComparison:
-    count = len(flown)
-    unbiased = count / (count - 1.0)
-    flown_squares = unbiased * (flown - flown.mean()) ** 2
-    predicted_squares = unbiased * (predicted - predicted.mean()) ** 2
-    return OutputComparison.judged(
-        variance,
-        floor,
-        blocked.mean(flown_squares),
-        blocked.mean(flown_squares - predicted_squares),
-        blocked.mean(flown - predicted),
-        blocked.judging,
+    """Compare output i, of a linear variance; a variance up to the floor is rounding."""
+    unbiased = moments.samples / (moments.samples - 1.0)
+    plain, difference = (rule.mean(unbiased * sums, moments.counts) for sums in moments.products(i, i))
+    paired = replace(difference, value=variance + difference.value)
+    return OutputComparison(
+        sigma_linear=float(np.sqrt(variance)),
+        sigma_sample=float(np.sqrt(plain.value)),
+        sigma_paired=float(np.sqrt(paired.value)) if paired.value >= 0.0 else float("nan"),
+        plain=rule.judge(plain, variance, floor),
+        paired=rule.judge(paired, variance, floor),
+        paired_variance=paired,
+        bias=rule.mean(moments.differences(i), moments.counts),
+        detectable_plain=rule.detectable(plain, variance),
+        detectable_paired=rule.detectable(paired, variance),
+        samples_to_see=rule.samples_to_see(paired, variance),
     )
 
 
-def _compare_ellipsoid(
-    model: Model, flown: Array, predicted: Array, paired: Array, blocked: _Blocked
-) -> Ellipsoid | None:
-    """NEES against the linear covariance, on the subspace where that has dispersion."""
-    covariance, centre = model.outcome_covariance, model.outcome_mean
-    if not np.any(covariance):
-        return None
-    given = whitening(covariance)
-    flown_nees, predicted_nees = (squared_distances(values, centre, given) for values in (flown, predicted))
-    nees, difference = blocked.mean(flown_nees), blocked.mean(flown_nees - predicted_nees)
-    return Ellipsoid.judged(flown_nees, given, nees, difference, paired, blocked.judging)
+def _compare_ellipsoid(given: Whitening, samples: ReducedSamples, paired: Array, rule: DecisionRule) -> Ellipsoid:
+    """Compare the NEES, and the paired covariance, with the linear covariance in its range."""
+    moments, dimension = samples.moments, given.rank
+    nees, difference = (rule.mean(sums, moments.counts) for sums in moments.nees())
+    controlled = replace(difference, value=dimension + difference.value)
+    ratios, rotations = np.linalg.eigh(given.matrix.T @ paired @ given.matrix)
+    directions = given.directions @ rotations
+    directions = directions / np.linalg.norm(directions, axis=0)
+    return Ellipsoid(
+        dimension,
+        samples.stored.distances,
+        nees,
+        controlled,
+        rule.judge(controlled, float(dimension)),
+        directions.T,
+        np.sqrt(np.where(ratios >= 0.0, ratios, np.nan)),
+    )

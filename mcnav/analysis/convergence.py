@@ -1,24 +1,26 @@
-"""How the sigma ratios settle as samples are added."""
+"""Convergence of the sigma ratios as samples are added."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Final
 
 import numpy as np
 
 from mcnav._types import Array, IndexArray
-from mcnav.analysis.comparison import Comparison, Model, ratio_interval
-from mcnav.statistics.estimates import Estimate, block_begins, block_sums
+from mcnav.analysis.block_moments import BlockMoments
+from mcnav.analysis.comparison import Comparison, ratio_interval
+from mcnav.sampling.designs import SamplingDesign
+from mcnav.statistics.estimates import Estimate
 
 POINTS: Final = 40
-"""Sample sizes looked at, evenly spaced on the scale of their logarithm."""
+"""Sample sizes, evenly spaced on a logarithmic scale."""
 
 
 @dataclass(frozen=True)
 class RunningRatio:
-    """Sigma ratios of one kind from the first so many samples.
+    """Sigma ratios of one kind from growing parts of a campaign.
 
     Attributes
     ----------
@@ -38,9 +40,9 @@ class Convergence:
     Attributes
     ----------
     sizes : ndarray of int, shape (sizes,)
-        Whole blocks each.
+        Numbers of samples, in whole blocks.
     plain, paired : RunningRatio
-        Each interval at the confidence of the final one, by itself: together, over all sizes, they hold at less.
+        Each interval holds by itself at the confidence of the final one; all sizes together hold at less.
     """
 
     sizes: IndexArray
@@ -48,107 +50,53 @@ class Convergence:
     paired: RunningRatio
 
 
-def convergence(
-    model: Model,
-    errors: Array,
-    outcomes: Array,
-    blocks: IndexArray,
-    comparison: Comparison,
-    fewest: float,
-) -> Convergence | None:
-    """Sigma ratios from growing parts of a campaign.
+def convergence(moments: BlockMoments, comparison: Comparison, design: SamplingDesign) -> Convergence | None:
+    """Compute the sigma ratios of growing parts of a campaign.
 
-    The blocks' sums of powers are added up once; squares are about the mean of all samples, which takes nothing from
-    the intervals and makes the curves end where the report's ratios are.
-
-    Parameters
-    ----------
-    model : Model
-    errors : ndarray, shape (n, sources)
-        Of the samples that did not fail.
-    outcomes : ndarray, shape (n, outputs)
-    blocks : ndarray of int, shape (n,)
-    comparison : Comparison
-        Of the same samples.
-    fewest : float
-        Independent blocks below which there is no interval.
+    Products are about the mean of all samples, which takes nothing from the intervals and makes the curves end at the
+    comparison's ratios.
 
     Returns
     -------
     Convergence or None
-        None with too few blocks to show anything.
+        None with too few blocks.
     """
-    if not comparison.outputs:
+    if not comparison.outputs or len(moments.counts) < 2 * design.fewest_blocks:
         return None
-    unbiased = len(outcomes) / (len(outcomes) - 1.0)
-    variance = np.diag(comparison.covariance_linear)
-    sizes = np.diff(block_begins(blocks), append=len(blocks)).astype(float)
-    plain, paired = np.empty((2, len(variance), len(sizes))).swapaxes(1, 2)
-    for i, row in enumerate(model.partials):
-        linear = errors @ row
-        squares, expected = (unbiased * (each - each.mean()) ** 2 for each in (outcomes[:, i], linear))
-        plain[:, i], paired[:, i] = (block_sums(each, blocks) for each in (squares, squares - expected))
-    return _converging(sizes, plain, paired, variance, comparison.confidence_each, fewest)
+    unbiased = moments.samples / (moments.samples - 1.0)
+    ends = np.unique(np.geomspace(design.fewest_blocks, len(moments.counts), POINTS).round().astype(int))
+    sizes = np.cumsum(moments.counts).astype(np.int64)[ends - 1]
+    variances = np.diag(comparison.covariance_linear)
+    running = np.full((2, 3, len(sizes), len(variances)), np.nan)
+    for i in np.flatnonzero(variances > 0.0).tolist():
+        variance = float(variances[i])
+        for kind, (sums, known) in enumerate(zip(moments.products(i, i), (0.0, variance), strict=True)):
+            estimates = _running_means(unbiased * sums, moments.counts, ends)
+            for row, estimate in enumerate(estimates):
+                ratio, interval = ratio_interval(
+                    replace(estimate, value=known + estimate.value), variance, comparison.confidence_each
+                )
+                running[kind, :, row, i] = ratio, *interval
+    return Convergence(sizes, *(RunningRatio(*each) for each in running))
 
 
-def convergence_of_blocks(
-    sizes: Array, flown: Array, predicted: Array, variance: Array, confidence: float, fewest: float
-) -> Convergence | None:
-    """As `convergence`, from sums over blocks of the squares of flown and linear errors, both shape (b, outputs)."""
-    return _converging(sizes, flown, flown - predicted, variance, confidence, fewest)
+def _running_means(totals: Array, counts: Array, ends: IndexArray) -> list[Estimate]:
+    """Estimate the means over the first blocks, up to each of some ends.
 
-
-def _converging(
-    sizes: Array, plain: Array, paired: Array, variance: Array, confidence: float, fewest: float
-) -> Convergence | None:
-    ends = np.cumsum(sizes).astype(np.int64)
-    number = len(ends)
-    if number < 2 * fewest:
-        return None
-    picked = np.unique(np.geomspace(fewest, number, POINTS).round().astype(int)) - 1
-    runs = {}
-    for key, sums, known in (("plain", plain, 0.0), ("paired", paired, variance)):
-        runs[key] = _running(_added(sums, sizes, picked + 1), ends[picked], picked + 1, known, variance, confidence)
-    return Convergence(ends[picked], runs["plain"], runs["paired"])
-
-
-def _added(sums: Array, sizes: Array, ends: IndexArray) -> list[Array]:
-    """Sums of T, T^2, T n, n^2, T^3, T^2 n, T n^2 and n^3 over the first so many blocks, a row each.
-
-    T, shape (b, k), is a block's sum and n, shape (b,), its size.
+    With T a block's sum and n its size, the ratio estimator's error is ``B / (B - 1) sum_b (T_b - m n_b)^2 / n^2``, and
+    the asymmetry follows from the third powers (`mcnav.statistics.estimates`); both need the cumulative sums of T, n,
+    T^2, T n, n^2, T^3, T^2 n, T n^2 and n^3 only.
     """
     rows = []
     for begin, end in pairwise([0, *ends]):
-        total, size = sums[begin:end], sizes[begin:end, None]
-        square, crossed, squared = total * total, total * size, size * size
-        powers = (total, square, crossed, squared, square * total, square * size, crossed * size, squared * size)
-        rows.append([each.sum(axis=0) for each in powers])
-    return [np.cumsum(each, axis=0) for each in zip(*rows, strict=True)]
-
-
-def _running(
-    added: list[Array],
-    sizes: IndexArray,
-    blocks: IndexArray,
-    known: Array | float,
-    variance: Array,
-    confidence: float,
-) -> RunningRatio:
-    """Ratios and intervals from cumulative sums over blocks of T, T^2, T n, n^2, T^3, T^2 n, T n^2 and n^3.
-
-    T is a block's sum and n its size. The ratio estimator's error is ``B / (B - 1) sum_b (T_b - m n_b)^2 / n^2``, and
-    the asymmetry from the third powers (`mcnav.statistics.estimates`).
-    """
-    total, squares, crossed, counts, *third = added
-    mean = total / sizes[:, None]
-    spread = np.maximum(squares - 2.0 * mean * crossed + mean**2 * counts, 0.0)
+        total, count = totals[begin:end], counts[begin:end]
+        square, crossed, squared = total * total, total * count, count * count
+        rows.append([total.sum(), count.sum(), square.sum(), crossed.sum(), squared.sum(), square @ total,
+                     square @ count, crossed @ count, squared @ count])  # fmt: skip
+    total, size, square, crossed, squared, *third = np.cumsum(rows, axis=0).T
+    mean = total / size
+    spread = np.maximum(square - 2.0 * mean * crossed + mean**2 * squared, 0.0)
     cubes = third[0] - 3.0 * mean * third[1] + 3.0 * mean**2 * third[2] - mean**3 * third[3]
     asymmetry = np.divide(cubes, spread**1.5, out=np.zeros_like(cubes), where=spread > 0.0)
-    error = np.sqrt(spread * (blocks / (blocks - 1.0))[:, None]) / sizes[:, None]
-    shape = (len(sizes), len(variance))
-    ratio, low, high = np.full(shape, np.nan), np.full(shape, np.nan), np.full(shape, np.nan)
-    for (row, i), value in np.ndenumerate(known + mean):
-        if variance[i] > 0.0:
-            estimate = Estimate(float(value), float(error[row, i]), float(blocks[row] - 1), float(asymmetry[row, i]))
-            ratio[row, i], (low[row, i], high[row, i]) = ratio_interval(estimate, float(variance[i]), confidence)
-    return RunningRatio(ratio, low, high)
+    error = np.sqrt(spread * ends / (ends - 1.0)) / size
+    return [Estimate(*each) for each in np.stack([mean, error, ends - 1.0, asymmetry], axis=1).tolist()]

@@ -1,4 +1,4 @@
-"""Dispersion throughout the flight: linear, of all samples, and percentiles of some."""
+"""Dispersion over time: linear and simulated sigma, and percentiles of the stored samples."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from mcnav._types import Array
 
 @dataclass(frozen=True)
 class Envelopes:
-    """Errors at m epochs of the flight, SI.
+    """Errors at m epochs, SI.
 
     Attributes
     ----------
     label : str
-        What the times are, as ``name [unit]``.
+        Meaning of the times, as ``name [unit]``.
     times : ndarray, shape (m,)
     events : mapping of str to float
         Named instants, in the unit of the times.
@@ -26,7 +26,7 @@ class Envelopes:
     percentiles : mapping of str to ndarray, shape (m, outputs)
         Keyed by the level in per cent.
     samples, stored : int
-        Of which mean and sigma are, and of which percentiles are.
+        Numbers of samples behind mean and sigma, and behind the percentiles.
     """
 
     label: str
@@ -44,7 +44,7 @@ class Envelopes:
 def envelopes_from(
     columns: Mapping[str, Array], described: Mapping[str, Any], outputs: Sequence[Mapping[str, str]]
 ) -> Envelopes:
-    """Envelopes from the columns of a run folder's ``epochs.parquet`` and what it says of itself.
+    """Build envelopes from the columns of a run folder's ``epochs.parquet`` and its description.
 
     Raises
     ------

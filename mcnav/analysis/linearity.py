@@ -1,6 +1,6 @@
-"""Range of linearity: the multiple of the stated errors at which the nonlinear result leaves the linear one.
+"""Range of linearity: the multiple of the stated errors at which the nonlinear result departs from the linear one.
 
-Two questions, one answer each. *One error alone*: at which multiple m does the flown final error ``y(m s)`` depart from
+Two questions are answered. *One error alone*: at which multiple m does the final error ``y(m s)`` depart from
 the linear ``y0 + m P s`` by a share of the latter's change (NASA TN D-1772, figure 5)? *All errors together, as
 dispersions*: at which multiple does the sigma ratio of Monte Carlo to P S P^T leave the tolerance?
 """
@@ -20,24 +20,25 @@ from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import LARGEST_FAILED_SHARE, Criterion, Model, compare
 from mcnav.analysis.verdict import Judgement
 from mcnav.lincov.partials import Propagate
+from mcnav.sampling.designs import SamplingDesign
 from mcnav.scenarios.protocol import LinearModel
 
-Flyer = Callable[[float], Propagate]
-"""From the largest multiple that is to be flown to a way of flying errors, accurate for errors of about that size."""
+Simulator = Callable[[float], Propagate]
+"""Function from the largest multiple to a simulation of errors that is accurate for errors of about that size."""
 
 SMALLEST: Final = 0.1
 PER_DECADE: Final = 8
-"""Multiples at which departures are looked for before roots are found between them."""
+"""Grid of multiples on which departures are bracketed before roots are found."""
 
 BEYOND: Final = 1e6
-"""Departure (share) of a flight that failed."""
+"""Departure (share) assigned to a sample that failed."""
 
 ROOT_TOLERANCE: Final = 1e-3
 """Relative accuracy of the multiples of dispersion."""
 
 
 def ladder(largest: float) -> Array:
-    """Multiples from `SMALLEST` to the largest, evenly spaced on a logarithmic scale, shape (n,)."""
+    """Return multiples from `SMALLEST` to the largest, evenly spaced on a logarithmic scale, shape (n,)."""
     count = int(np.ceil(PER_DECADE * np.log10(largest / SMALLEST))) + 1
     return np.geomspace(SMALLEST, largest, max(count, 2))
 
@@ -62,25 +63,19 @@ class AloneRange:
     largest: float
 
 
-def alone(fly: Flyer, linear: LinearModel, directions: Array, tolerance: float, largest: float) -> AloneRange:
-    """Find the range of linearity of each of several error vectors.
+def alone(simulate: Simulator, linear: LinearModel, directions: Array, tolerance: float, largest: float) -> AloneRange:
+    """Find the range of linearity of each of several error vectors, for a tolerance as a share of the linear change.
 
     Parameters
     ----------
-    fly : Flyer
-    linear : LinearModel
     directions : ndarray, shape (directions, sources)
-        Errors whose multiples are flown, SI: one source alone in each, or several at once.
-    tolerance : float
-        Departure from the linear change, as a share of that.
-    largest : float
-        Largest multiple that is tried.
+        Errors whose multiples are simulated, SI: one source in each, or several.
     """
-    engines = cache(fly)
+    engines = cache(simulate)
     changes = directions @ linear.partials.T
 
     def departures(multiples: Array, which: IndexArray, signs: Array) -> Array:
-        """Departure of each output, shape (n, outputs); signed multiples of chosen directions."""
+        """Compute the departure of each output for signed multiples of chosen directions, shape (n, outputs)."""
         signed = signs * multiples
         decade = SMALLEST * 10.0 ** np.ceil(np.log10(multiples / SMALLEST) - 1e-9)
         values = np.empty((len(multiples), len(linear.nominal)))
@@ -119,9 +114,9 @@ def alone(fly: Flyer, linear: LinearModel, directions: Array, tolerance: float, 
 def _first_crossings(
     departures: Callable[..., Array], steps: Array, count: int, sign: float, tolerance: float, shape: tuple[int, ...]
 ) -> IndexArray:
-    """Position on the ladder of the first departure beyond the tolerance, shape (directions, outputs); -1 for none.
+    """Find the ladder's first departure beyond the tolerance, shape (directions, outputs); -1 for none.
 
-    Directions that have departed in every output are not flown farther.
+    Directions that have departed in every output are not simulated further.
     """
     first = np.full(shape, -1)
     for position, multiple in enumerate(steps):
@@ -141,7 +136,7 @@ class DispersionRange:
     Attributes
     ----------
     multiples : ndarray, shape (n,)
-        At which campaigns were compared.
+        Multiples at which the dispersions were compared.
     ratios, lower, upper : ndarray, shape (n, outputs + 1)
         Paired sigma ratio and its interval.
     departs : ndarray, shape (outputs + 1,)
@@ -161,42 +156,33 @@ class DispersionRange:
 
 
 def together(
-    fly: Flyer,
-    model: Model,
-    draws: Array,
-    blocks: IndexArray,
-    criterion: Criterion,
-    fewest: int,
-    largest: float,
+    simulate: Simulator, model: Model, draws: Array, criterion: Criterion, design: SamplingDesign, largest: float
 ) -> DispersionRange:
     """Find where the dispersions of all errors together leave the linear ones.
 
-    The same draws are flown at every multiple, so that the ratio is a smooth function of it with a root to be found.
+    The same draws are used at every multiple, so that the ratio is a smooth function of the multiple.
 
     Parameters
     ----------
-    fly : Flyer
     model : Model
         Of the stated errors.
     draws : ndarray, shape (n, sources)
         Of the stated errors.
-    blocks, criterion, fewest
-        As for `mcnav.analysis.comparison.compare`.
-    largest : float
-        Largest multiple that is tried.
+    criterion, design
+        See `mcnav.analysis.comparison.compare`.
     """
     count = len(model.nominal) + 1
-    engines = cache(fly)
+    engines = cache(simulate)
 
     @cache
     def judged(multiple: float) -> Array:
-        """Ratio, lower and upper bound for each output and the joint distribution, shape (count, 3)."""
+        """Compute ratio, lower and upper bound for each output and the joint distribution, shape (count, 3)."""
         top = float(SMALLEST * 10.0 ** np.ceil(np.log10(multiple / SMALLEST) - 1e-9))
         outcomes = engines(top)(multiple * draws).values
         if not np.isfinite(outcomes).all(axis=1).mean() >= 1.0 - LARGEST_FAILED_SHARE:
             return np.full((count, 3), BEYOND)
         scaled = Model(model.partials, model.nominal, multiple * model.mean, multiple**2 * model.covariance)
-        found = compare(scaled, multiple * draws, outcomes, blocks, criterion, fewest)
+        found = compare(scaled, multiple * draws, outcomes, criterion, design)
         joint = [] if found.ellipsoid is None else [found.ellipsoid.judgement]
         rows = [_ratio_and_interval(judgement) for judgement in [*(o.paired for o in found.outputs), *joint]]
         return np.array([*rows, *[[np.nan] * 3] * (count - len(rows))])
@@ -204,7 +190,7 @@ def together(
     low, high = 1.0 - criterion.tolerance, 1.0 + criterion.tolerance
 
     def excess(kind: str, row: int, multiple: float) -> float:
-        """Negative inside, positive outside."""
+        """Return the distance from the tolerance: negative inside, positive outside."""
         ratio, lower, upper = np.minimum(judged(multiple)[row], BEYOND)
         bounds = {"departs": (ratio, ratio), "agrees": (lower, upper), "differs": (upper, lower)}
         below, above = bounds[kind]

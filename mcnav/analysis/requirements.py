@@ -1,13 +1,12 @@
-"""Requirements judged by flights: met, not met, or not decided, each at a stated confidence.
+"""Requirements judged by Monte Carlo: met, not met, or undecided, each at a stated confidence.
 
 A requirement is *met* when its one-sided confidence bound lies on the right side of the limit, *not met* when the bound
-on the other side lies beyond it. That all of several requirements are met may be said at the confidence of each: the
-statement is wrong only if one that is not met was found to be (an intersection-union test; Berger, 1982).
+on the other side lies beyond it. The statement that all of several requirements are met holds at the confidence of
+each: it is wrong only if a requirement that is not met was found to be (an intersection-union test; Berger, 1982).
 
-Bounds of quantiles and probabilities are distribution-free and exact for independent draws. Antithetic campaigns give
-one draw of each pair to them; Latin hypercubes and nets have too few independent replicates for a tail, and are not
-decided.
-Samples that failed count against the requirement when it is to be met, and for it when it is to be refused.
+Bounds of quantiles and probabilities are distribution-free and exact for independent draws. Antithetic campaigns
+contribute one draw of each pair; Latin hypercubes and nets have too few independent replicates and stay undecided.
+Failed samples count against the requirement when it is to be met, and for it when it is to be rejected.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ from mcnav.statistics.circular_error import normal_circular_error_probable
 
 
 class Finding(StrEnum):
-    """What was found of a requirement."""
+    """Finding on a requirement."""
 
     MET = "met"
     NOT_MET = "not met"
@@ -40,7 +39,7 @@ class Finding(StrEnum):
 
 @dataclass(frozen=True)
 class Requirement:
-    """What a system must do, SI.
+    """Requirement on the final errors, SI.
 
     Attributes
     ----------
@@ -51,8 +50,6 @@ class Requirement:
         within their limits together, with a probability.
     outputs : tuple of int
         Their numbers.
-    limits : tuple of float
-    probability : float or None
     """
 
     kind: str
@@ -64,7 +61,7 @@ class Requirement:
 def requirements_from(
     entries: Sequence[Mapping[str, Any]], outputs: Sequence[Mapping[str, Any]]
 ) -> tuple[Requirement, ...]:
-    """Requirements as a manifest holds them, with outputs by name."""
+    """Build requirements from a manifest's entries, which refer to outputs by name."""
     at = {entry["name"]: number for number, entry in enumerate(outputs)}
     return tuple(
         Requirement(
@@ -79,25 +76,22 @@ def requirements_from(
 
 @dataclass(frozen=True)
 class RequirementResult:
-    """A requirement and what was found of it.
+    """Requirement and the finding on it.
 
     Attributes
     ----------
-    requirement : Requirement
-    finding : Finding
     estimate : float
-        Of the flights: the quantile, the CEP, the probability, or the sigma ratio farthest from one.
+        Quantile, CEP, probability, or the sigma ratio farthest from one.
     interval : (float, float)
-        Its one-sided bounds, each at the confidence asked for; for a sigma ratio its two-sided interval.
+        One-sided bounds, each at the stated confidence; for a sigma ratio its two-sided interval.
     linear : float
-        What linear analysis quotes, taking errors for normal; one for a sigma ratio.
-    linear_meets : bool
+        Value by linear analysis, assuming normal errors; one for a sigma ratio.
     samples_needed : int or None
-        For an undecided case, about how many samples would decide it.
+        Approximate number of samples that would decide an undecided case.
     largest_sigmas : ndarray, shape (sources,), or None
-        For a quantile, how large each source's sigma may be by linear analysis, the others at theirs.
+        For a quantile, the largest sigma of each source by linear analysis, the others unchanged.
     remark : str
-        Why nothing could be decided, where it is not for want of samples.
+        Reason why nothing could be decided, other than too few samples.
     """
 
     requirement: Requirement
@@ -123,36 +117,35 @@ def judge_requirement(
 
     Parameters
     ----------
-    requirement : Requirement
-    model : Model
     outcomes : ndarray, shape (n, outputs)
         Of all samples; NaN in the row of one that failed.
     blocks : ndarray of int, shape (n,)
-    comparison : Comparison
-        Of the same samples.
-    confidence : float
     """
     if requirement.kind == "sigma_ratio":
         return _judge_ratios(requirement, comparison)
-    picked = np.array(requirement.outputs)
-    mean, covariance = model.outcome_mean[picked], model.outcome_covariance[np.ix_(picked, picked)]
     independent, remark = independent_samples(blocks)
-    values = outcomes[independent][:, picked]
+    values = outcomes[independent][:, np.array(requirement.outputs)]
     if not np.isfinite(values).any():
         remark = "every sample failed"
     if requirement.kind == "box":
-        return _judge_box(requirement, values, mean, covariance, confidence, remark)
-    return _judge_size(requirement, values, mean, covariance, confidence, remark, model)
+        return _judge_box(requirement, model, values, confidence, remark)
+    return _judge_size(requirement, model, values, confidence, remark)
 
 
 def independent_samples(blocks: IndexArray) -> tuple[NDArray[np.bool_], str]:
-    """Samples that are independent of one another: one of each block, when blocks are single samples or pairs."""
+    """Select samples that are independent of one another: one of each block, if blocks are single samples or pairs."""
     first = np.diff(blocks, prepend=blocks[:1] - 1) > 0
     largest = int(np.max(np.diff(np.append(np.flatnonzero(first), len(blocks))), initial=0))
     if largest <= 2:
         return first, ""
     remark = "the design has too few independent replicates for a distribution-free bound: random or antithetic has not"
     return np.ones(len(blocks), dtype=bool), remark
+
+
+def _linear_moments(requirement: Requirement, model: Model) -> tuple[Array, Array]:
+    """Return the linear mean and covariance of a requirement's outputs."""
+    picked = np.array(requirement.outputs)
+    return model.outcome_mean[picked], model.outcome_covariance[np.ix_(picked, picked)]
 
 
 def _judge_ratios(requirement: Requirement, comparison: Comparison) -> RequirementResult:
@@ -182,21 +175,16 @@ def _judge_ratios(requirement: Requirement, comparison: Comparison) -> Requireme
 
 
 def _judge_size(
-    requirement: Requirement,
-    values: Array,
-    mean: Array,
-    covariance: Array,
-    confidence: float,
-    remark: str,
-    model: Model,
+    requirement: Requirement, model: Model, values: Array, confidence: float, remark: str
 ) -> RequirementResult:
-    """A quantile of an output's absolute value, or of the distance from zero in two outputs."""
+    """Judge a quantile of an output's absolute value, or of the distance from zero in two outputs."""
+    mean, covariance = _linear_moments(requirement, model)
     limit, probability = requirement.limits[0], requirement.probability or 0.5
     size = np.hypot(*values.T) if requirement.kind == "cep" else np.abs(values[:, 0])
     failed = ~np.isfinite(size)
     against, favouring = np.where(failed, np.inf, size), np.where(failed, 0.0, size)
-    flown = size[~failed]
-    estimate = float(np.quantile(flown, probability)) if len(flown) else math.nan
+    successful = size[~failed]
+    estimate = float(np.quantile(successful, probability)) if len(successful) else math.nan
     interval = (0.0, math.inf)
     if not remark:
         interval = (
@@ -222,8 +210,9 @@ def _judge_size(
 
 
 def _judge_box(
-    requirement: Requirement, values: Array, mean: Array, covariance: Array, confidence: float, remark: str
+    requirement: Requirement, model: Model, values: Array, confidence: float, remark: str
 ) -> RequirementResult:
+    """Judge the probability that several outputs lie within their limits together."""
     limits, probability = np.array(requirement.limits), requirement.probability or 0.5
     failed = ~np.isfinite(values).all(axis=1)
     inside = int(np.count_nonzero(np.all(np.abs(values[~failed]) <= limits, axis=1)))
@@ -236,7 +225,7 @@ def _judge_box(
         )
     met = interval[0] >= probability
     finding = Finding.MET if met else Finding.NOT_MET if interval[1] < probability else Finding.UNDECIDED
-    linear = normal_box_probability(mean, covariance, limits)
+    linear = normal_box_probability(*_linear_moments(requirement, model), limits)
     needed = None
     if finding == Finding.UNDECIDED and not remark and count:
         needed = _needed(1.0 - inside / count, 1.0 - probability, confidence, count)
@@ -247,7 +236,7 @@ def _judge_box(
 
 
 def _needed(share: float, allowed: float, confidence: float, count: int) -> int | None:
-    """Samples that would decide, if the share of samples beyond the limit stays as it is."""
+    """Estimate the samples that would decide, if the share of samples beyond the limit stays the same."""
     if share == 0.0:
         return max(count + 1, order_statistics.samples_for_upper_bound(1.0 - allowed, confidence))
     if share == allowed:
@@ -257,7 +246,7 @@ def _needed(share: float, allowed: float, confidence: float, count: int) -> int 
 
 
 def absolute_normal_quantile(mean: float, sigma: float, probability: float) -> float:
-    """Quantile of the absolute value of a normal variable.
+    """Compute a quantile of the absolute value of a normal variable.
 
     >>> round(absolute_normal_quantile(0.0, 1.0, 0.9973), 3)
     3.0
@@ -265,7 +254,7 @@ def absolute_normal_quantile(mean: float, sigma: float, probability: float) -> f
     if sigma <= 0.0:
         return abs(mean)
 
-    from scipy.optimize import brentq  # a fifth of a second, which reports spend beside other work
+    from scipy.optimize import brentq  # slow to import: a fifth of a second
 
     def excess(size: float) -> float:
         return float(special.ndtr((size - mean) / sigma) - special.ndtr((-size - mean) / sigma)) - probability
@@ -274,7 +263,7 @@ def absolute_normal_quantile(mean: float, sigma: float, probability: float) -> f
 
 
 def _largest_sigma(mean: float, limit: float, probability: float) -> float | None:
-    """Largest sigma at which a normal variable's absolute value stays below a limit at a probability."""
+    """Compute the largest sigma at which a normal variable's absolute value stays below a limit at a probability."""
     if abs(mean) >= limit:
         return None
     if mean == 0.0:
@@ -288,7 +277,7 @@ def _largest_sigma(mean: float, limit: float, probability: float) -> float | Non
 
 
 def normal_box_probability(mean: Array, covariance: Array, limits: Array) -> float:
-    """Probability that a normal vector lies within ``+-limits``; its covariance may be singular.
+    """Compute the probability that a normal vector lies within ``+-limits``; its covariance may be singular.
 
     >>> round(normal_box_probability(np.zeros(2), np.diag([1.0, 0.0]), np.array([1.0, 1.0])), 4)
     0.6827
@@ -303,7 +292,7 @@ def normal_box_probability(mean: Array, covariance: Array, limits: Array) -> flo
     centre, half = mean[spread] / sigma[spread], limits[spread] / sigma[spread]
     if len(centre) == 1:
         return float((special.ndtr(half - centre) - special.ndtr(-half - centre))[0])
-    from scipy.stats import multivariate_normal  # half a second, for those who ask for it
+    from scipy.stats import multivariate_normal  # slow to import: half a second
 
     normal = multivariate_normal(centre, correlation, allow_singular=True, seed=1, abseps=1e-7, releps=1e-7)
     return float(normal.cdf(half, lower_limit=-half))

@@ -1,9 +1,9 @@
-"""Two campaigns beside each other: what has become of each output's dispersion and mean.
+"""Change of each output's dispersion and mean from one campaign to another.
 
-Of each run the paired estimates are taken, sigma^2 = (P S P^T)_ii + mean(q) with q the square of a flown less that of
-the linear error. With q / sigma^2 of both runs, the logarithm of the sigma ratio has the error of half the difference
-of their means. Where both drew the same samples, by seed and index, that difference is taken sample by sample, and what
-the draws share cancels once more; otherwise the two errors add in squares, with Welch's degrees of freedom.
+The paired estimates are compared, sigma^2 = (P S P^T)_ii + mean(q) with q the square of a simulated less that of the
+linear error. With q / sigma^2 of both runs, the logarithm of the sigma ratio has the error of half the difference
+of their means. Where both runs drew the same samples, by seed and index, the difference is formed sample by sample, and
+common sampling noise cancels again; otherwise the two errors add in squares, with Welch's degrees of freedom.
 """
 
 from __future__ import annotations
@@ -14,35 +14,36 @@ import numpy as np
 
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import Model
+from mcnav.sampling.designs import SamplingDesign
 from mcnav.statistics.estimates import Estimate, blocked_mean
 
 
 @dataclass(frozen=True)
 class SampleSet:
-    """The samples of one run that did not fail.
+    """Successful samples of one run.
 
     Attributes
     ----------
-    model : Model
     index : ndarray of int, shape (n,)
-    blocks : ndarray of int, shape (n,)
     errors : ndarray, shape (n, sources)
     outputs : ndarray, shape (n, outputs)
-    fewest : float
-        Independent blocks below which nothing is claimed.
     """
 
     model: Model
     index: IndexArray
-    blocks: IndexArray
     errors: Array
     outputs: Array
-    fewest: float
+    design: SamplingDesign
+
+    @property
+    def blocks(self) -> IndexArray:
+        """Independent block of each sample."""
+        return self.design.blocks(self.index)
 
 
 @dataclass(frozen=True)
 class Change:
-    """One output in a run and in a later one.
+    """Change of one output from a run to a later one.
 
     Attributes
     ----------
@@ -55,7 +56,7 @@ class Change:
     mean : Estimate
         Mean after less mean before, SI.
     common : bool
-        Whether it was taken on common draws.
+        Whether both runs used common draws.
     """
 
     before: float
@@ -72,23 +73,18 @@ class Change:
 
 
 def change(before: SampleSet, after: SampleSet, outputs: tuple[int, int], common: bool, confidence: float) -> Change:
-    """What has become of one output.
+    """Estimate the change of one output, given by its index in each run.
 
     Parameters
     ----------
-    before, after : SampleSet
-    outputs : tuple of int
-        The output's place in each.
     common : bool
         Whether samples of one index are common draws.
-    confidence : float
-        Of the interval.
     """
     squares, deviations, sigmas, means = [], [], [], []
-    for flights, i in ((before, outputs[0]), (after, outputs[1])):
-        square, deviation, linear, centre = _controlled(flights, i)
+    for samples, i in ((before, outputs[0]), (after, outputs[1])):
+        square, deviation, linear, centre = _controlled(samples, i)
         variance = linear + float(np.mean(square))
-        variance = variance if variance > flights.model.rounding[i] ** 2 else 0.0
+        variance = variance if variance > samples.model.rounding[i] ** 2 else 0.0
         sigmas.append(float(np.sqrt(variance)) if variance > 0.0 else 0.0)
         squares.append(square / variance if variance > 0.0 else square)
         deviations.append(deviation)
@@ -103,47 +99,44 @@ def change(before: SampleSet, after: SampleSet, outputs: tuple[int, int], common
     return Change(sigmas[0], sigmas[1], ratio, interval, shifted, common)
 
 
-def _controlled(flights: SampleSet, i: int) -> tuple[Array, Array, float, float]:
-    """Squares and deviations of flown less linear errors, and the variance and mean that these correct."""
-    model, flown = flights.model, flights.outputs[:, i]
-    linear = model.nominal[i] + flights.errors @ model.partials[i]
-    count = len(flown)
+def _controlled(samples: SampleSet, i: int) -> tuple[Array, Array, float, float]:
+    """Return squares and deviations of simulated less linear errors, and the variance and mean that they correct."""
+    model, simulated = samples.model, samples.outputs[:, i]
+    linear = model.nominal[i] + samples.errors @ model.partials[i]
+    count = len(simulated)
     unbiased = count / max(count - 1.0, 1.0)
-    square = unbiased * ((flown - flown.mean()) ** 2 - (linear - linear.mean()) ** 2)
-    return square, flown - linear, float(model.outcome_covariance[i, i]), float(model.outcome_mean[i])
+    square = unbiased * ((simulated - simulated.mean()) ** 2 - (linear - linear.mean()) ** 2)
+    return square, simulated - linear, float(model.outcome_covariance[i, i]), float(model.outcome_mean[i])
 
 
 def _difference(before: SampleSet, after: SampleSet, values: list[Array], common: bool) -> Estimate:
-    """Mean of the later values less that of the earlier ones."""
+    """Estimate the mean of the later values less that of the earlier ones."""
     value = float(np.mean(values[1]) - np.mean(values[0]))
-    fewest = max(before.fewest, after.fewest)
+    fewest = max(before.design.fewest_blocks, after.design.fewest_blocks)
     if common:
         _, first, second = np.intersect1d(before.index, after.index, assume_unique=True, return_indices=True)
         if len(first) == len(before.index) == len(after.index):
             return blocked_mean(values[1][second] - values[0][first], before.blocks[first], fewest)
         if len(first):
-            return _partly_common(before, after, values, first, second, value, fewest)
+            error = blocked_mean(*_weighted(before, after, values), fewest)
+            return Estimate(value, error.standard_error, min(len(first), len(second)) - 1.0)
     one, two = (blocked_mean(v, f.blocks, fewest) for v, f in zip(values, (before, after), strict=True))
     return _welch(value, [one.standard_error, two.standard_error], [one.degrees_of_freedom, two.degrees_of_freedom])
 
 
-def _partly_common(
-    before: SampleSet, after: SampleSet, values: list[Array], first: IndexArray, second: IndexArray,
-    value: float, fewest: float,
-) -> Estimate:  # fmt: skip
-    """The same where one run has samples that the other has not: each sample weighs what it weighs in its own mean."""
+def _weighted(before: SampleSet, after: SampleSet, values: list[Array]) -> tuple[Array, IndexArray]:
+    """Return differences, and their blocks, of runs with partly common samples, each weighted as in its own mean."""
     index = np.union1d(before.index, after.index)
     weighted, blocks = np.zeros(len(index)), np.zeros(len(index), dtype=np.int64)
-    for sign, flights, own in ((-1.0, before, values[0]), (1.0, after, values[1])):
-        place = np.searchsorted(index, flights.index)
+    for sign, samples, own in ((-1.0, before, values[0]), (1.0, after, values[1])):
+        place = np.searchsorted(index, samples.index)
         weighted[place] += sign * (own - own.mean()) * len(index) / len(own)
-        blocks[place] = flights.blocks
-    error = blocked_mean(weighted, blocks, fewest)
-    return Estimate(value, error.standard_error, min(len(first), len(second)) - 1.0)
+        blocks[place] = samples.blocks
+    return weighted, blocks
 
 
 def _welch(value: float, errors: list[float], degrees: list[float]) -> Estimate:
-    """A difference of independent means."""
+    """Estimate a difference of independent means."""
     squares = [error**2 for error in errors]
     if not np.isfinite(sum(squares)):
         return Estimate(value, float("inf"), 0.0)

@@ -1,4 +1,4 @@
-"""How far out errors reach: quantiles by order statistics beside those that linear analysis quotes."""
+"""Error quantiles by order statistics, compared with those of linear analysis."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from mcnav.statistics.interim_analyses import confidence_of_each
 from mcnav.statistics.order_statistics import lower_rank, upper_rank
 
 PROBABILITIES: Final = (0.95, 0.99, 0.9973)
-"""At which an output's absolute value is told."""
+"""Probabilities of the quantiles of an output's absolute value."""
 
 
 @dataclass(frozen=True)
@@ -30,14 +30,13 @@ class Quantile:
     ----------
     outputs : tuple of int
         One, or two.
-    probability : float
     estimate : float
-        Of the flights, SI.
+        SI.
     lower, upper : float
-        One-sided bounds, free of any distribution; zero and infinite where the sample is too small or the design has
-        too few independent replicates. Samples that failed count as largest above, and as smallest below.
+        One-sided distribution-free bounds; zero and infinite where the sample is too small or the design has too few
+        independent replicates. Failed samples count as largest above, and as smallest below.
     linear : float
-        Of the normal distribution of linear analysis.
+        Quantile of the normal distribution of linear analysis.
     together : (float, float)
         Two-sided interval, at a confidence such that those of all quantiles hold together (Bonferroni).
     verdict : Verdict
@@ -55,31 +54,20 @@ class Quantile:
 
 
 def tails(
-    model: Model,
-    outcomes: Array,
-    blocks: IndexArray,
-    units: Sequence[str],
-    confidence: float,
-    tolerance: float = Criterion.tolerance,
-    looks: int = 1,
+    model: Model, outcomes: Array, blocks: IndexArray, units: Sequence[str], criterion: Criterion
 ) -> tuple[Quantile, ...]:
-    """Quantiles of every output that has a dispersion, and the CEP of every pair in one unit.
+    """Estimate quantiles of every output that has a dispersion, and the CEP of every pair in one unit.
 
     Parameters
     ----------
-    model : Model
     outcomes : ndarray, shape (n, outputs)
-        Of all samples; NaN in the row of one that failed.
+        Final errors of all samples; NaN in the row of one that failed.
     blocks : ndarray of int, shape (n,)
     units : sequence of str
-        Of the outputs.
-    confidence : float
-        Of each one-sided bound, and of all verdicts together.
-    tolerance : float
-        Share of the linear quantile within which a quantile agrees.
-    looks : int
-        How often the results may be looked at (`mcnav.statistics.interim_analyses`); widens the intervals of the
-        verdicts.
+        Units of the outputs.
+    criterion : Criterion
+        Its confidence is that of each one-sided bound, and of all verdicts together; interim analyses widen the
+        intervals of the verdicts.
     """
     mean, covariance = model.outcome_mean, model.outcome_covariance
     picked, remark = independent_samples(blocks)
@@ -87,7 +75,7 @@ def tails(
 
     pairs = [(i, j) for i, j in combinations(dispersed, 2) if units[i] == units[j]]
     family = max(len(PROBABILITIES) * len(dispersed) + len(pairs), 1)
-    each = 1.0 - 0.5 * (1.0 - confidence_of_each(confidence, looks)) / family
+    each = 1.0 - 0.5 * (1.0 - confidence_of_each(criterion.confidence, criterion.looks)) / family
 
     def found(outputs: tuple[int, ...], sizes: Array, linear: Mapping[float, float]) -> list[Quantile]:
         ranked = _Ranked.of(sizes)
@@ -100,9 +88,17 @@ def tails(
         for probability, quoted in linear.items():
             estimate, together = ranked.estimate(probability), bounds(probability, each)
             low, high = (bound / quoted for bound in together)
-            verdict = judge(estimate / quoted, (low, high), tolerance, len(sizes)).verdict
+            verdict = judge(estimate / quoted, (low, high), criterion.tolerance, len(sizes)).verdict
             quantiles.append(
-                Quantile(outputs, probability, estimate, *bounds(probability, confidence), quoted, together, verdict)
+                Quantile(
+                    outputs,
+                    probability,
+                    estimate,
+                    *bounds(probability, criterion.confidence),
+                    quoted,
+                    together,
+                    verdict,
+                )
             )
         return quantiles
 
@@ -119,20 +115,20 @@ def tails(
 
 @dataclass(frozen=True)
 class _Ranked:
-    """Sizes of the samples that were flown in rising order, and how many failed."""
+    """Sizes of the successful samples in rising order, and the number of failed ones."""
 
     values: Array
     failed: int
 
     @classmethod
     def of(cls, sizes: Array) -> _Ranked:
-        """From sizes that are NaN where a sample failed."""
+        """Rank sizes that are NaN where a sample failed."""
         ranked = np.sort(sizes)  # which puts them last
-        flown = len(ranked) - int(np.count_nonzero(np.isnan(ranked)))
-        return cls(ranked[:flown], len(ranked) - flown)
+        successful = len(ranked) - int(np.count_nonzero(np.isnan(ranked)))
+        return cls(ranked[:successful], len(ranked) - successful)
 
     def estimate(self, probability: float) -> float:
-        """Between the two sizes that the probability falls between."""
+        """Interpolate between the two sizes next to the probability."""
         if not len(self.values):
             return math.nan
         place = (len(self.values) - 1) * probability
@@ -140,11 +136,11 @@ class _Ranked:
         return float(np.quantile(self.values[below : below + 2], place - below))
 
     def lower(self, probability: float, confidence: float) -> float:
-        """Bound from below, where samples that failed count as smallest."""
+        """Bound the quantile from below; failed samples count as smallest."""
         rank = lower_rank(len(self.values) + self.failed, probability, confidence)
         return 0.0 if rank is None or rank <= self.failed else float(self.values[rank - self.failed - 1])
 
     def upper(self, probability: float, confidence: float) -> float:
-        """Bound from above, where samples that failed count as largest."""
+        """Bound the quantile from above; failed samples count as largest."""
         rank = upper_rank(len(self.values) + self.failed, probability, confidence)
         return math.inf if rank is None or rank > len(self.values) else float(self.values[rank - 1])

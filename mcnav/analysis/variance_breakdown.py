@@ -1,17 +1,17 @@
-"""Why flown and linear variances differ: a split whose terms add up to the difference exactly.
+"""Breakdown of the difference between simulated and linear variances into terms that add up exactly.
 
-With y the flown and z = y0 + P s the linear errors of the same draws, P S P^T the linear covariance, S-hat the
+With y the simulated and z = y0 + P s the linear errors of the same draws, P S P^T the linear covariance, S-hat the
 covariance of the draws and P' the partial derivatives by differences,
 
-    cov(y) - P S P^T  =   P (S-hat - S) P^T                       sampling: the draws are not quite those asked for,
+    cov(y) - P S P^T  =   P (S-hat - S) P^T                       sampling: S-hat differs from S,
                         + [cov(y) - cov(z)]                       the paired difference, which is split further:
-                              P' S P'^T - P S P^T                 partials: two ways to the derivatives,
+                              P' S P'^T - P S P^T                 partials: two methods for the derivatives,
                               1/2 tr(H_i S H_j S)                 curvature,
                               the third derivatives' term         of the same order in sigma,
-                              what is left.
+                              the remainder.
 
-The first line is at once what the plain estimate has and the paired one has not (`mcnav.analysis.comparison`). What is
-left holds the higher orders and the sampling error of the paired difference, whose standard error goes with it.
+The first line is also the difference between the plain and the paired estimate (`mcnav.analysis.comparison`). The
+remainder holds the higher orders and the sampling error of the paired difference, whose standard error is given.
 """
 
 from __future__ import annotations
@@ -24,22 +24,21 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.analysis.comparison import Comparison, Model
-from mcnav.statistics.chunked import scatter
 
 TERMS: Final = ("sampled_sigmas", "sampled_correlations", "partials", "second_order", "third_order", "rest")
-"""The terms of the split, in the order in which they are told."""
+"""Terms of the breakdown, in order of presentation."""
 
 
 @dataclass(frozen=True)
 class Predicted:
-    """What was computed beside the linear model when the campaign was flown; NaN where it could not be.
+    """Further predictions computed with the campaign; NaN where they could not be computed.
 
     Attributes
     ----------
     partials : ndarray, shape (outputs, sources)
         P by differences.
     quadratic, third_order : ndarray, shape (outputs, outputs)
-        What second and third derivatives add to the covariance; see `mcnav.lincov.higher_order`.
+        Corrections of the covariance by second and third derivatives; see `mcnav.lincov.higher_order`.
     unscented : ndarray, shape (outputs, outputs)
         Covariance by the unscented transform.
     """
@@ -51,7 +50,7 @@ class Predicted:
 
 
 def predicted_from(model: Mapping[str, Any], outputs: int) -> Predicted:
-    """What a manifest's model says beside its partials; NaN for whatever it does not hold."""
+    """Read the further predictions from a manifest's model; NaN for what it does not hold."""
 
     def table(key: str, entry: str, columns: int) -> Array:
         found = (model.get(key) or {}).get(entry)
@@ -67,7 +66,7 @@ def predicted_from(model: Mapping[str, Any], outputs: int) -> Predicted:
 
 @dataclass(frozen=True)
 class VarianceBreakdown:
-    """The split of each output's variance, SI.
+    """Breakdown of each output's variance difference, SI.
 
     Attributes
     ----------
@@ -78,7 +77,7 @@ class VarianceBreakdown:
     paired : ndarray, shape (outputs,)
         Paired variance less the linear one: the terms from ``partials`` on.
     standard_error : ndarray, shape (outputs,)
-        Of the paired difference, and so of the rest.
+        Standard error of the paired difference, and so of the rest.
     unscented : ndarray, shape (outputs,)
         Unscented variance less the linear one, for comparison.
     """
@@ -91,32 +90,20 @@ class VarianceBreakdown:
 
 
 def split_difference(
-    model: Model, errors: Array, comparison: Comparison, predicted: Predicted
+    model: Model, drawn: Array, comparison: Comparison, predicted: Predicted
 ) -> VarianceBreakdown | None:
-    """Split the difference between the flown and the linear variances.
+    """Split the difference between the simulated and the linear variances.
 
     Parameters
     ----------
-    model : Model
-    errors : ndarray, shape (n, sources)
-        Start errors of the samples that were compared.
-    comparison : Comparison
-    predicted : Predicted
+    drawn : ndarray, shape (sources, sources)
+        Sample covariance of the start errors of the samples that were compared.
 
     Returns
     -------
     VarianceBreakdown or None
         None when nothing could be compared.
     """
-    if not comparison.outputs:
-        return None
-    return split_by_covariance(model, scatter(errors) / (len(errors) - 1), comparison, predicted)
-
-
-def split_by_covariance(
-    model: Model, drawn: Array, comparison: Comparison, predicted: Predicted
-) -> VarianceBreakdown | None:
-    """As `split_difference`, from the covariance of the errors that were drawn, shape (sources, sources)."""
     if not comparison.outputs:
         return None
     linear = np.diag(comparison.covariance_linear)

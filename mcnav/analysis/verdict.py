@@ -9,7 +9,7 @@ from typing import Final
 
 
 class Verdict(StrEnum):
-    """Where the interval of a sigma ratio lies with respect to the tolerance."""
+    """Position of a sigma ratio's interval with respect to the tolerance."""
 
     AGREES = "agrees"
     DIFFERS = "differs"
@@ -17,25 +17,23 @@ class Verdict(StrEnum):
 
 
 HOPELESS: Final = 1e4
-"""An interval this many times wider than its distance from the tolerance would need 1e8 times the samples: no number is
-given then."""
+"""Ratio of half width to distance from the tolerance above which no number of samples is given (1e8 times as many)."""
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """A verdict and what it rests on.
+    """Verdict and its basis.
 
     Attributes
     ----------
-    verdict : Verdict
     ratio : float or None
         Monte Carlo sigma over linear sigma; none when the linear one is zero.
     interval : (float, float) or None
-        Of the ratio, at the confidence asked for.
+        Interval of the ratio, at the stated confidence.
     certain : bool
         Whether the interval excludes 1: a difference can be certain and still lie within the tolerance.
     samples_needed : int or None
-        For an undecided case, about how many samples would decide it.
+        Approximate number of samples that would decide an undecided case.
     """
 
     verdict: Verdict
@@ -69,7 +67,7 @@ def judge(ratio: float, interval: tuple[float, float], tolerance: float, samples
 
 
 def combine_verdicts(verdicts: list[Verdict]) -> Verdict:
-    """The verdict on the whole: one that differs outweighs one undecided, which outweighs agreement."""
+    """Combine verdicts: one that differs outweighs one undecided, which outweighs agreement."""
     for verdict in (Verdict.DIFFERS, Verdict.UNDECIDED):
         if verdict in verdicts:
             return verdict

@@ -17,7 +17,7 @@ from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import Comparison, Criterion, compare, correlations
 from mcnav.analysis.requirements import Finding, Requirement, judge_requirement
 from mcnav.calibration.systems import SYSTEMS, SyntheticSystem, Truth
-from mcnav.sampling.designs import FEWEST_BLOCKS, block_length, standard_normals
+from mcnav.sampling.designs import SamplingDesign, standard_normals
 from mcnav.sampling.distributions import Distribution, Normal, StudentT
 from mcnav.statistics.hypothesis_test import HypothesisTest
 
@@ -95,7 +95,7 @@ def run_trials(
 def _piece(design: str, count: int, seeds: Sequence[int]) -> tuple[Counter[Cell], Counter[Cell]]:
     hits: Counter[Cell] = Counter()
     made: Counter[Cell] = Counter()
-    blocks = np.arange(count) // block_length(design, count)
+    blocks = SamplingDesign.of(design, count).blocks(np.arange(count))
     with threadpool_limits(1):
         for seed in seeds:
             normals = standard_normals(design, seed, count, 0, count, 3)
@@ -106,7 +106,7 @@ def _piece(design: str, count: int, seeds: Sequence[int]) -> tuple[Counter[Cell]
                         continue
                     outputs = system.simulate(errors, fourth)
                     normal = sources == "normal"
-                    found = compare(system.model, errors, outputs, blocks, CRITERION, FEWEST_BLOCKS[design], normal)
+                    found = compare(system.model, errors, outputs, CRITERION, SamplingDesign.of(design, count, normal))
                     truth = system.truth(fourth, sixth)
                     for statement, kind, hit in _statements(name, system, truth, found, outputs, blocks, sources):
                         cell = Cell(name, sources, design, count, statement, kind)

@@ -1,1 +1,1 @@
-"""Linear covariance analysis: partial derivatives three ways, P S P^T, and the unscented transform beside it."""
+"""Linear covariance analysis: partial derivatives by three methods, P S P^T, and corrections to it."""

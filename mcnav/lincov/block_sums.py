@@ -1,8 +1,8 @@
-"""Samples reduced to what comparing them with the linear model needs, so that they need not be kept.
+"""Block sums of samples, which replace the samples in comparisons with the linear model.
 
-Every second-order estimate of a comparison is a mean over samples of products of flown errors y and linear ones z, and
-its standard error is that of block means. Sums of these products over blocks of samples therefore say as much as the
-samples do, whatever the mean turns out to be. Sums add up: blocks that two chunks share, and chunks to a campaign.
+Every second-order estimate of a comparison is a mean over samples of products of simulated errors y and linear ones z,
+and its standard error is that of block means. Sums of these products over blocks of samples are therefore sufficient,
+whatever the mean. Sums are additive: over chunks that share a block, and over the chunks of a campaign.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ import numpy as np
 from mcnav._types import Array
 
 BLOCKS: Final = 2_048
-"""Blocks of a campaign of independent draws, at least, where it has as many samples."""
+"""Smallest number of blocks of a campaign of independent draws, where it has as many samples."""
 
 
 def column_count(outputs: int) -> int:
-    """Sums of a block: count, y, z, products of y and of z (upper triangles by rows), third and fourth powers of y.
+    """Count a block's sums: count, y, z, products of y and z (upper triangles by rows), third and fourth powers of y.
 
     >>> column_count(4)
     37
@@ -28,7 +28,7 @@ def column_count(outputs: int) -> int:
 
 
 def block_size(samples: int, of_design: int) -> int:
-    """Samples of a block: a power of two, and whole blocks of the design.
+    """Return the samples of a block: a power of two, and whole blocks of the design.
 
     >>> block_size(100_000_000, 1), block_size(1_000, 2), block_size(100_000_000, 4_194_304)
     (32768, 2, 4194304)
@@ -38,17 +38,17 @@ def block_size(samples: int, of_design: int) -> int:
 
 @dataclass(frozen=True)
 class Normalization:
-    """How samples are normalised before they are summed.
+    """Normalization of samples before they are summed.
 
     Attributes
     ----------
     partials : ndarray, shape (outputs, sources)
     mean : ndarray, shape (sources,)
-        Of the sources.
+        Mean of the sources.
     centre, scale : ndarray, shape (outputs,)
         Linear mean and sigma of the outputs; a scale of one without dispersion.
     whitening : ndarray, shape (outputs, rank)
-        Turns normalised outputs into independent ones of unit variance, by the linear covariance.
+        Transformation of normalised outputs to independent ones of unit variance, by the linear covariance.
     radii : ndarray, shape (levels,)
         Squared distances, rising, within which samples are counted.
     block : int
@@ -66,14 +66,14 @@ class Normalization:
 
 @dataclass(frozen=True)
 class BlockSums:
-    """Sums over the samples of a stretch; but for the last two, of those that did not fail.
+    """Sums over the samples of a stretch: the last two over the failed samples, the others over the successful ones.
 
     Attributes
     ----------
     first : int
         Number of the first block.
-    blocks : ndarray, shape (blocks, columns_of(outputs))
-        Of normalised outputs.
+    blocks : ndarray, shape (blocks, column_count(outputs))
+        Sums of normalised outputs.
     errors : ndarray, shape (sources,)
         Sum of the sources' errors about their mean, SI.
     squares : ndarray, shape (sources, sources)
@@ -82,7 +82,7 @@ class BlockSums:
         Samples within each radius.
     lost : ndarray, shape (sources,)
     lost_squares : ndarray, shape (sources, sources)
-        As ``errors`` and ``squares``, of the samples that failed.
+        As ``errors`` and ``squares``, for the samples that failed.
     """
 
     first: int
@@ -94,7 +94,7 @@ class BlockSums:
     lost_squares: Array
 
     def __add__(self, other: BlockSums) -> BlockSums:
-        """With the stretch that follows: a block that both have a part of is one."""
+        """Add the stretch that follows, which may share a block."""
         shared = self.first + len(self.blocks) - other.first
         blocks = np.zeros((len(self.blocks) + len(other.blocks) - shared, self.blocks.shape[1]))
         blocks[: len(self.blocks)] = self.blocks

@@ -1,4 +1,4 @@
-"""What a few hundred further flights say of the linear model: flown with a campaign, kept in its manifest."""
+"""Corrections to the linear model from a few hundred further simulations, stored in a campaign's manifest."""
 
 from __future__ import annotations
 
@@ -20,50 +20,40 @@ from mcnav.sampling.error_model import ErrorModel
 from mcnav.scenarios.protocol import Engine, Scenario
 
 PROBES: Final = 64
-"""Draws on which the engine's accuracy is settled."""
+"""Draws from which the engine's accuracy is set."""
 
 QUICK: Final = 1_024
-"""An engine whose chunks are smaller than this is too slow for tens of thousands of flights on the side."""
+"""Smallest chunk of an engine that is fast enough for tens of thousands of further simulations."""
 
 HIGHER_ORDER: Final = 3
-"""Order of the polynomial whose moments stand beside the linear ones."""
+"""Order of the polynomial whose moments are compared with the linear ones."""
 
 ROUGHEST: Final = 0.05
-"""Largest error of that polynomial on flights not fitted, as a share of the dispersion, with which it is shown."""
+"""Largest error of a polynomial that is used, on samples not fitted, as a share of the dispersion."""
 
 
 def simulated_budgets(
-    scenario: Scenario,
-    errors: ErrorModel,
-    partials: Array,
-    design: str,
-    seed: int,
-    samples: int,
-    guard: Callable[[Engine], Engine] = lambda prepared: prepared,
+    prepare: Callable[[Array], Engine], errors: ErrorModel, partials: Array, design: str, seed: int, samples: int
 ) -> dict[str, Any]:
-    """Each source alone and all but one, and Sobol indices, on the scenario's first engine.
+    """Simulate the error budgets of single sources, of all sources but one, and by Sobol indices.
 
     Parameters
     ----------
-    scenario : Scenario
-    errors : ErrorModel
+    prepare : callable
+        Function from probes, shape (n, sources), to an engine.
     partials : ndarray, shape (outputs, sources)
-    design : str
-    seed : int
     samples : int
-        Of the campaign: no more draws than that are flown.
-    guard : callable
-        What is put around the engine, so that a flight may end its process.
+        Samples of the campaign, an upper limit of the draws.
 
     Returns
     -------
     dict
         ``alone`` and ``sobol``: see `mcnav.lincov.simulated_budget.simulate_each_source_alone`,
-        `mcnav.lincov.sobol.estimate_sobol_indices`; a table ``{"failed": reason}`` when a flight that it needs fails,
+        `mcnav.lincov.sobol.estimate_sobol_indices`; a table ``{"failed": reason}`` when a sample that it needs fails,
         or the engine is too slow.
     """
     count = min(DRAWS, samples)
-    prepared = guard(scenario.engine(scenario.engines[0], errors.draw(design, seed, count, 0, min(PROBES, count))))
+    prepared = prepare(errors.draw(design, seed, count, 0, min(PROBES, count)))
 
     def guarded(study: Callable[[], dict[str, Any]]) -> dict[str, Any]:
         if prepared.chunk < QUICK:
@@ -80,13 +70,13 @@ def simulated_budgets(
 
 
 def nonlinear_corrections(scenario: Scenario, prepared: Engine, errors: ErrorModel) -> dict[str, Any]:
-    """Unscented transform, partials by differences, second-order corrections and moments of a polynomial, SI.
+    """Compute the unscented transform, partials by differences, second-order corrections and polynomial moments, SI.
 
     Returns
     -------
     dict
         ``unscented``, ``partials_differences``, ``second_order`` and ``higher_order``, each a table of arrays, or
-        ``{"failed": reason}`` when a flight that it needs fails.
+        ``{"failed": reason}`` when a sample that it needs fails.
     """
     sizes = np.array([source.nominal for source in scenario.sources])
 
@@ -121,14 +111,12 @@ def nonlinear_corrections(scenario: Scenario, prepared: Engine, errors: ErrorMod
 
 
 def higher_order(prepared: Engine, errors: ErrorModel) -> dict[str, Any]:
-    """Moments of the final errors in closed form, from a polynomial fitted to flights: nothing is sampled.
+    """Compute moments of the final errors in closed form, from a polynomial fitted to simulations.
 
     Parameters
     ----------
     prepared : Engine
-        A map's own polynomial serves; to another engine's flights one of order `HIGHER_ORDER` is fitted.
-    errors : ErrorModel
-        Of normal sources.
+        A polynomial engine's own polynomial is used; to any other engine one of order `HIGHER_ORDER` is fitted.
 
     Returns
     -------
@@ -139,7 +127,7 @@ def higher_order(prepared: Engine, errors: ErrorModel) -> dict[str, Any]:
     Raises
     ------
     SimulationFailed
-        When the sources are not normal, the engine is slow, or no such polynomial represents the flights.
+        When the sources are not normal, the engine is slow, or no such polynomial fits.
     """
     if not errors.normal:
         raise SimulationFailed("the sources are not normal: their moments are not those of the closed form")

@@ -1,4 +1,4 @@
-"""The covariance of the final errors by linear analysis."""
+"""Covariance of the final errors by linear analysis."""
 
 from __future__ import annotations
 
@@ -8,12 +8,7 @@ from mcnav._types import Array
 
 
 def propagated_covariance(partials: Array, start_covariance: Array) -> Array:
-    """P S P^T, symmetric to the last bit, shape (outputs, outputs).
-
-    Parameters
-    ----------
-    partials : ndarray, shape (outputs, sources)
-    start_covariance : ndarray, shape (sources, sources)
+    """Compute P S P^T, symmetric to the last bit, with P of shape (outputs, sources) and S (sources, sources).
 
     Examples
     --------

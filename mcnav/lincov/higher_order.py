@@ -1,4 +1,4 @@
-"""Beyond the Jacobian: second and third derivatives of the final errors, and what they do to mean and covariance.
+"""Second and third derivatives of the final errors, and their corrections of mean and covariance.
 
 In independent standard normals u, with ``s = mean + L u`` and ``L L^T = S``, expand each output as
 
@@ -26,7 +26,7 @@ from mcnav._types import Array
 from mcnav.lincov.partials import Propagate, simulate_or_raise
 
 STEP: Final = 0.5
-"""Step of the differences in sigmas: derivatives are wanted as they are over the errors' own range, not at a point."""
+"""Step of the differences in sigmas: derivatives are averaged over the errors' own range."""
 
 
 @dataclass(frozen=True)
@@ -47,17 +47,17 @@ class SecondOrder:
 
     @property
     def mean_shift(self) -> Array:
-        """What curvature adds to the mean, shape (outputs,)."""
+        """Correction of the mean by curvature, shape (outputs,)."""
         return np.asarray(0.5 * np.trace(self.hessians, axis1=1, axis2=2))
 
     @property
     def quadratic(self) -> Array:
-        """What the second derivatives add to the covariance, shape (outputs, outputs)."""
+        """Correction of the covariance by second derivatives, shape (outputs, outputs)."""
         return np.asarray(0.5 * np.einsum("iab,jba->ij", self.hessians, self.hessians))
 
     @property
     def third_order(self) -> Array:
-        """What the third derivatives add to it, shape (outputs, outputs)."""
+        """Correction of the covariance by third derivatives, shape (outputs, outputs)."""
         half = 0.5 * self.gradients @ self.cubic.T
         return np.asarray(half + half.T)
 
@@ -71,12 +71,12 @@ class SecondOrder:
 
 
 def principal_directions(covariance: Array) -> Array:
-    """L with ``L L^T`` equal to a start covariance, a column for each dimension of its range, shape (sources, r)."""
+    """Compute L with ``L L^T`` equal to a start covariance, a column for each dimension of its range, (sources, r)."""
     sigma = np.sqrt(np.diag(covariance))
     active = np.flatnonzero(sigma > 0.0)
     correlation = covariance[np.ix_(active, active)] / np.outer(sigma[active], sigma[active])
     if np.array_equal(correlation, np.eye(len(active))):
-        return np.asarray(np.diag(sigma)[:, active])  # independent sources keep their names
+        return np.asarray(np.diag(sigma)[:, active])  # independent sources are their own directions
     values, vectors = np.linalg.eigh(correlation)
     kept = values > 1e-12 * values[-1]
     directions = np.zeros((len(sigma), int(kept.sum())))
@@ -85,12 +85,10 @@ def principal_directions(covariance: Array) -> Array:
 
 
 def second_order(propagate: Propagate, mean: Array, covariance: Array, step: float = STEP) -> SecondOrder:
-    """Derivatives of the final errors by central differences on one batch of ``2 r^2 + 2 r + 1`` flights.
+    """Compute derivatives of the final errors by central differences in one batch of ``2 r^2 + 2 r + 1`` samples.
 
     Parameters
     ----------
-    propagate : callable
-        Errors, shape (n, sources), to `SimulationResult`.
     mean, covariance : ndarray, shapes (sources,) and (sources, sources)
         Of the start errors, SI.
     step : float
@@ -99,7 +97,7 @@ def second_order(propagate: Propagate, mean: Array, covariance: Array, step: flo
     Raises
     ------
     SimulationFailed
-        When one of the flights fails.
+        When a sample fails.
     """
     directions = principal_directions(covariance)
     rank = directions.shape[1]
@@ -110,10 +108,10 @@ def second_order(propagate: Propagate, mean: Array, covariance: Array, step: flo
         points += [unit[a], -unit[a], 2.0 * unit[a], -2.0 * unit[a]]
     for a, b in pairs:
         points += [unit[a] + unit[b], unit[a] - unit[b], unit[b] - unit[a], -unit[a] - unit[b]]
-    flown = simulate_or_raise(propagate, mean + np.array(points) @ directions.T)
-    centre, outputs = flown[0], flown.shape[1]
-    along = flown[1 : 1 + 4 * rank].reshape(rank, 4, outputs) - centre
-    mixed = flown[1 + 4 * rank :].reshape(len(pairs), 4, outputs) - centre
+    simulated = simulate_or_raise(propagate, mean + np.array(points) @ directions.T)
+    centre, outputs = simulated[0], simulated.shape[1]
+    along = simulated[1 : 1 + 4 * rank].reshape(rank, 4, outputs) - centre
+    mixed = simulated[1 + 4 * rank :].reshape(len(pairs), 4, outputs) - centre
     plus, minus, far, farther = along.transpose(1, 0, 2)  # far: two steps up, farther: two steps down
     gradients = (8.0 * (plus - minus) - (far - farther)) / (12.0 * step)
     hessians = np.zeros((rank, rank, outputs))

@@ -1,7 +1,7 @@
-"""Partial derivatives of the final errors from flights: one error at a time, and from independent error sets.
+"""Partial derivatives of the final errors by simulation: one error at a time, and from independent error sets.
 
-The third way, the variational equations, belongs to a scenario (`Scenario.linear_model`). The three share nothing but
-the physics, and agree.
+The third method, the variational equations, belongs to a scenario (`Scenario.linear_model`). The three methods share
+only the physics.
 """
 
 from __future__ import annotations
@@ -16,20 +16,21 @@ from mcnav.scenarios.protocol import SimulationResult, TimeHistoryEngine
 from mcnav.scenarios.timeouts import check_stopped
 
 Propagate = Callable[[Array], SimulationResult]
+"""Simulation of errors, shape (n, sources), SI."""
 
 STEP: Final = 1e-3
 """Step of the differences, as a share of each source's nominal size: the third-order term, the error of a central
 difference, falls with its square, while the engines resolve errors a million times smaller."""
 
 HISTORY_STEP: Final = 2e-2
-"""The same for histories: their errors are differences of positions, 1e-9 m apart from rounding, which the inverse of S
-magnifies up to a million times where ten runs have become nearly alike. The third-order term is extrapolated away."""
+"""Step for histories: their errors are differences of positions, rounded to 1e-9 m, which the inverse of S amplifies up
+to a million times where the ten runs are nearly alike. The third-order term is eliminated by extrapolation."""
 
 RUNS_SEED: Final = 1963
 
 
 class SimulationFailed(ArithmeticError):
-    """A flight that a derivative needs did not succeed."""
+    """Failure of a sample that a derivative needs."""
 
 
 def simulate_or_raise(propagate: Propagate, errors: Array) -> Array:
@@ -42,21 +43,19 @@ def simulate_or_raise(propagate: Propagate, errors: Array) -> Array:
 
 
 def partials_by_differences(propagate: Propagate, nominal_sizes: Array, step: float = STEP) -> Array:
-    """P by central differences, one error at a time as NASA TN D-1772's ten runs, shape (outputs, sources).
+    """Compute P by central differences, one error at a time as NASA TN D-1772's ten runs, shape (outputs, sources).
 
     Parameters
     ----------
-    propagate : callable
-        Errors, shape (n, sources), to `SimulationResult`.
     nominal_sizes : ndarray, shape (sources,)
-        A usual size of each error, SI.
+        Typical size of each error, SI.
     step : float
-        Share of it by which each error is moved to either side.
+        Share of it by which each error is displaced to either side.
 
     Raises
     ------
     SimulationFailed
-        When one of the flights fails.
+        When a sample fails.
     """
     steps = step * np.asarray(nominal_sizes)
     count = len(steps)
@@ -65,7 +64,7 @@ def partials_by_differences(propagate: Propagate, nominal_sizes: Array, step: fl
 
 
 def partials_from_runs(start_errors: Array, final_errors: Array) -> Array:
-    """P = F S^-1 (NASA TN D-1772, eqs. 14-16), shape (outputs, sources).
+    """Compute P = F S^-1 (NASA TN D-1772, eqs. 14-16), shape (outputs, sources).
 
     Parameters
     ----------
@@ -83,15 +82,15 @@ def partials_from_runs(start_errors: Array, final_errors: Array) -> Array:
 
 
 def partials_by_independent_sets(propagate: Propagate, nominal_sizes: Array, step: float = STEP) -> Array:
-    """P by F S^-1 from independent error sets in which all sources act at once, shape (outputs, sources).
+    """Compute P = F S^-1 from independent error sets in which all sources act at once, shape (outputs, sources).
 
-    The sets are the columns of a random orthogonal matrix, scaled to the nominal sizes. Each is flown with both signs
-    and F is half the difference, so that the second-order term that one-sided runs leave in eq. (16) cancels.
+    The sets are the columns of a random orthogonal matrix, scaled to the nominal sizes. Each is simulated with both
+    signs and F is half the difference, so that the second-order term that one-sided runs leave in eq. (16) cancels.
 
     Raises
     ------
     SimulationFailed
-        When one of the flights fails.
+        When a sample fails.
     """
     sizes = np.asarray(nominal_sizes)
     count = len(sizes)
@@ -104,11 +103,11 @@ def partials_by_independent_sets(propagate: Propagate, nominal_sizes: Array, ste
 def partials_at_later_starts(
     histories: Callable[[Array], tuple[Array, Array]], nominal_sizes: Array, step: float = HISTORY_STEP
 ) -> Array:
-    """P for every later start time from the histories of one set of runs, shape (times, outputs, sources).
+    """Compute P for every later start time from the histories of one set of runs, shape (times, outputs, sources).
 
-    The errors that exist at an instant are the start errors of a flight begun there (NASA TN D-1772, eqs. 14-16). Each
-    set is flown with both signs, as in `partials_by_independent_sets`, and with two step sizes, from which the error of
-    second order in the step is extrapolated away.
+    The errors at an instant are the start errors of navigation begun there (NASA TN D-1772, eqs. 14-16). Each set is
+    simulated with both signs, as in `partials_by_independent_sets`, and with two step sizes, which eliminates the error
+    of second order in the step.
 
     Parameters
     ----------
@@ -133,20 +132,19 @@ def partials_at_later_starts(
 
 
 def _orthogonal(count: int) -> Array:
-    """A random orthogonal matrix, always the same."""
+    """Return a random orthogonal matrix, always the same."""
     return np.asarray(np.linalg.qr(np.random.default_rng(RUNS_SEED).standard_normal((count, count)))[0])
 
 
 def partials_throughout(engine: TimeHistoryEngine, nominal_sizes: Array, step: float = STEP) -> tuple[Array, Array]:
-    """P at every epoch by central differences of histories, and the errors of a system without any.
+    """Compute P at every epoch by central differences of histories, and the nominal errors.
 
     Parameters
     ----------
-    engine : TimeHistoryEngine
     nominal_sizes : ndarray, shape (sources,)
-        A usual size of each error, SI.
+        Typical size of each error, SI.
     step : float
-        As for `partials_by_differences`.
+        See `partials_by_differences`.
 
     Returns
     -------
@@ -155,6 +153,6 @@ def partials_throughout(engine: TimeHistoryEngine, nominal_sizes: Array, step: f
     """
     steps = step * np.asarray(nominal_sizes)
     moved = np.concatenate([np.diag(steps), -np.diag(steps), np.zeros((1, len(steps)))])
-    flown = engine.histories(moved)
-    up, down, nominal = flown[: len(steps)], flown[len(steps) : -1], flown[-1]
+    errors = engine.histories(moved)
+    up, down, nominal = errors[: len(steps)], errors[len(steps) : -1], errors[-1]
     return np.asarray(((up - down) / (2.0 * steps[:, None, None])).transpose(1, 2, 0)), nominal

@@ -1,4 +1,4 @@
-"""The three ways to the partial derivatives, side by side."""
+"""Agreement of the three methods for the partial derivatives."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ sets on the reference engine."""
 
 
 def partials_by(scenario: Scenario, method: str) -> Array:
-    """Partial derivatives by one of `METHODS`, shape (outputs, sources), SI.
+    """Compute partial derivatives by one of `METHODS`, shape (outputs, sources), SI.
 
     Raises
     ------
     SimulationFailed
-        When a flight that they need fails.
+        When a sample that they need fails.
     """
     if method == "variational":
         return scenario.linear_model().partials
@@ -34,13 +34,12 @@ def partials_by(scenario: Scenario, method: str) -> Array:
 
 
 def compare_partials(scenario: Scenario, methods: Sequence[str]) -> tuple[Array, dict[str, Array]]:
-    """Partial derivatives by the first of some methods, and how far the others are from them.
+    """Compute partial derivatives by the first of some methods, and the differences of the others from them.
 
     Parameters
     ----------
-    scenario : Scenario
     methods : sequence of str
-        Of `METHODS`.
+        Elements of `METHODS`.
 
     Returns
     -------
@@ -53,7 +52,7 @@ def compare_partials(scenario: Scenario, methods: Sequence[str]) -> tuple[Array,
     Raises
     ------
     SimulationFailed
-        When a flight that they need fails.
+        When a sample that they need fails.
     """
     sizes = np.array([source.nominal for source in scenario.sources])
     first = partials_by(scenario, methods[0])

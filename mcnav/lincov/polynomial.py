@@ -1,8 +1,8 @@
-"""The final errors as a polynomial of the errors going in: a map fitted to flights, and its moments in closed form.
+"""Final errors as a polynomial of the start errors, fitted to simulations.
 
 With x the errors in units of their standard deviations about their means, ``y(x) = sum_k c_k x^e_k`` over monomials up
 to an order. Since truth and final time do not depend on the sample, y is a smooth function of the errors alone, and a
-few thousand flights determine it.
+few thousand samples determine it.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ LANES: Final = 16
 
 POINTS_PER_TERM: Final = 3
 REACH: Final = 1.4
-"""Points, fitted and held out, are normal with this many of the sources' standard deviations: the tails of a large
-campaign lie among them."""
+"""Standard deviation of the points, fitted and held out, in those of the sources: the points cover the tails of a large
+campaign."""
 
 HELD_OUT: Final = 512
 SPARED: Final = (0.9, 0.5, 0.2)
-"""Shares of the tolerance that may be spent on leaving out terms: the first that the flights held out allow."""
+"""Shares of the tolerance allowed for leaving out terms; the first that passes on the points held out is used."""
 SEED: Final = 1963
 
 ORDERS: Final = (2, 3, 4)
 HOPELESS: Final = 1.0
-"""With an error of the dispersion's own size no higher order is tried: flights this far out are slow, too."""
+"""Error, as a share of the dispersion, above which no higher order is tried."""
 
 
 class PolynomialFitError(ArithmeticError):
-    """No polynomial of the orders tried represents the flights; the message says how near they came."""
+    """Failure of all polynomial orders to meet the tolerance; the message lists their errors."""
 
 
 @dataclass(frozen=True)
@@ -49,19 +49,18 @@ class PolynomialMap:
 
     Attributes
     ----------
-    order : int
     centre, scale : ndarray, shape (sources,)
-        SI; a source without dispersion has scale zero and takes no part.
+        SI; a source without dispersion has scale zero and is left out.
     exponents : ndarray of int, shape (terms, sources)
         The first is that of the constant.
     coefficients : ndarray, shape (terms, outputs)
         SI units of the outputs.
     error : float
-        Largest difference from flights that were not fitted, as a share of the output's dispersion among them.
+        Largest difference from samples that were not fitted, as a share of the output's dispersion.
     flights : int
-        Flights that were fitted.
+        Samples that were fitted.
     reach : float
-        Largest distance from the centre of a fitted point, in standard deviations: beyond it nothing is known.
+        Largest distance of a fitted point from the centre, in standard deviations: the limit of validity.
     """
 
     order: int
@@ -73,13 +72,8 @@ class PolynomialMap:
     flights: int
     reach: float
 
-    def normalised(self, errors: Array) -> Array:
-        """Errors (SI) in standard deviations about the centre, shape (n, sources); zero for sources without any."""
-        inverse = np.divide(1.0, self.scale, out=np.zeros_like(self.scale), where=self.scale > 0.0)
-        return np.asarray((errors - self.centre) * inverse)
-
     def __call__(self, errors: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """Final errors of samples, shape (n, outputs), and which of them lie among the fitted points, shape (n,)."""
+        """Evaluate the final errors, shape (n, outputs), and whether samples are within reach, shape (n,)."""
         errors = np.ascontiguousarray(errors, dtype=float)
         inverse = np.divide(1.0, self.scale, out=np.zeros_like(self.scale), where=self.scale > 0.0)
         values, distance = np.empty((len(errors), self.coefficients.shape[1])), np.empty(len(errors))
@@ -88,41 +82,20 @@ class PolynomialMap:
                  distance)  # fmt: skip
         return values, np.asarray(distance <= self.reach**2)
 
-    @property
-    def gradient(self) -> Array:
-        """First partial derivatives at the centre, SI, shape (outputs, sources); zero without dispersion."""
-        found = np.zeros((self.coefficients.shape[1], len(self.scale)))
-        for term in np.flatnonzero(self.exponents.sum(axis=1) == 1):
-            source = int(self.exponents[term].argmax())
-            found[:, source] = self.coefficients[term] / self.scale[source]
-        return found
-
-    @property
-    def hessians(self) -> Array:
-        """Second partial derivatives at the centre, SI, shape (outputs, sources, sources)."""
-        count = len(self.scale)
-        found = np.zeros((self.coefficients.shape[1], count, count))
-        for term in np.flatnonzero(self.exponents.sum(axis=1) == 2):
-            sources = np.repeat(np.arange(count), self.exponents[term])
-            i, j = (int(source) for source in sources)
-            value = self.coefficients[term] * (2.0 if i == j else 1.0) / (self.scale[i] * self.scale[j])
-            found[:, i, j] = found[:, j, i] = value
-        return found
-
 
 def monomials(sources: Integers, count: int, order: int) -> Integers:
-    """Exponents of all monomials up to an order in some of ``count`` sources, shape (terms, count), by rising order."""
+    """List the exponents of all monomials up to an order in some of ``count`` sources, shape (terms, count)."""
     chosen = (combinations_with_replacement(sources.tolist(), degree) for degree in range(order + 1))
     rows = [np.bincount(np.array(row, dtype=int), minlength=count) for row in chain.from_iterable(chosen)]
     return np.array(rows, dtype=np.int64)
 
 
 def recipe(exponents: Integers) -> tuple[Integers, Integers]:
-    """How each monomial follows from an earlier one: its parent's position and the source that multiplies it."""
+    """Return each monomial's parent, an earlier monomial, and the source that multiplies it."""
     places = {tuple(row): place for place, row in enumerate(exponents.tolist())}
     parents, factors = np.zeros(len(exponents), dtype=np.int64), np.zeros(len(exponents), dtype=np.int64)
     for place, row in enumerate(exponents.tolist()[1:], start=1):
-        factor = next(source for source, power in enumerate(row) if power)  # the first: parents are then sparse too
+        factor = next(source for source, power in enumerate(row) if power)  # the first, so that parents are sparse too
         row[factor] -= 1
         parents[place], factors[place] = places[tuple(row)], factor
     return parents, factors
@@ -163,8 +136,8 @@ def evaluate(
 
 
 @dataclass(frozen=True)
-class _Flown:
-    """Flights to fit to and to check with, in standard deviations of sources and outputs."""
+class _FitSamples:
+    """Samples for fitting and checking, in standard deviations of sources and outputs."""
 
     points: Array
     values: Array
@@ -172,7 +145,7 @@ class _Flown:
     fitted: int
 
     def solved(self, exponents: Integers) -> tuple[Array, float]:
-        """Coefficients by least squares, and the largest error on the flights held out."""
+        """Compute coefficients by least squares, and the largest error on the points held out."""
         table = products(self.points, exponents)
         orthogonal, triangle = qr(table[: self.fitted], mode="economic", check_finite=False)
         coefficients = solve_triangular(triangle, orthogonal.T @ self.values[: self.fitted], check_finite=False)
@@ -180,7 +153,7 @@ class _Flown:
         return np.asarray(coefficients), float(missed.max())
 
 
-def _flown(propagate: Propagate, centre: Array, scale: Array, terms: int) -> _Flown:
+def _fit_samples(propagate: Propagate, centre: Array, scale: Array, terms: int) -> _FitSamples:
     fitted = max(POINTS_PER_TERM * terms, 64)
     points = np.zeros((fitted + HELD_OUT, len(scale)))
     active = np.flatnonzero(scale > 0.0)
@@ -189,48 +162,45 @@ def _flown(propagate: Propagate, centre: Array, scale: Array, terms: int) -> _Fl
     values = simulate_or_raise(propagate, centre + points * scale)
     spread = values.std(axis=0) / REACH
     spread = np.where(spread > 0.0, spread, np.maximum(np.abs(values).max(axis=0), np.finfo(float).tiny))
-    return _Flown(points, values / spread, spread, fitted)
+    return _FitSamples(points, values / spread, spread, fitted)
 
 
 def fit(propagate: Propagate, centre: Array, scale: Array, order: int, tolerance: float = 0.0) -> PolynomialMap:
-    """Fit a polynomial of an order to flights, and measure its error on others.
+    """Fit a polynomial of an order to simulations, and measure its error on others.
 
     Parameters
     ----------
-    propagate : callable
-        Errors, shape (n, sources), to `SimulationResult`.
     centre, scale : ndarray, shape (sources,)
         Means and standard deviations of the sources, SI.
-    order : int
     tolerance : float
-        Share of the dispersion; above zero, small terms are left out that are not needed for it.
+        Share of the dispersion; if positive, terms that are not needed for it are left out.
 
     Raises
     ------
     SimulationFailed
-        When a flight that it needs fails.
+        When a sample that it needs fails.
     """
     whole = exponents = monomials(np.flatnonzero(scale > 0.0), len(scale), order)
-    flown = _flown(propagate, centre, scale, len(exponents))
-    of_whole, error = flown.solved(exponents)
+    samples = _fit_samples(propagate, centre, scale, len(exponents))
+    of_whole, error = samples.solved(exponents)
     coefficients = of_whole
     if 0.0 < tolerance < HOPELESS and error <= tolerance:
         for share in SPARED:
-            exponents = whole[_needed(flown.points, whole, of_whole, share * tolerance)]
-            coefficients, error = flown.solved(exponents)
+            exponents = whole[_needed(samples.points, whole, of_whole, share * tolerance)]
+            coefficients, error = samples.solved(exponents)
             if error <= tolerance:
                 break
-    reach = float(np.sqrt((flown.points[: flown.fitted] ** 2).sum(axis=1).max()))
-    return PolynomialMap(order, centre, scale, exponents, coefficients * flown.spread, error, flown.fitted, reach)
+    reach = float(np.sqrt((samples.points[: samples.fitted] ** 2).sum(axis=1).max()))
+    return PolynomialMap(order, centre, scale, exponents, coefficients * samples.spread, error, samples.fitted, reach)
 
 
 def _needed(points: Array, exponents: Integers, coefficients: Array, spare: float) -> Integers:
-    """Positions of the terms to keep: the largest, and for each of them those from which it is computed."""
+    """Select the largest terms, and those from which they are computed."""
     sizes = (np.abs(coefficients) * np.sqrt((products(points, exponents) ** 2).mean(axis=0))[:, None]).max(axis=1)
     rising = np.argsort(sizes)
     kept = np.zeros(len(exponents), dtype=bool)
     kept[rising[np.cumsum(sizes[rising]) > spare]] = True
-    kept[exponents.sum(axis=1) <= 2] = True  # few, and derivatives are read from them
+    kept[exponents.sum(axis=1) <= 2] = True  # few
     parents, _ = recipe(exponents)
     for term in range(len(exponents) - 1, 0, -1):
         kept[parents[term]] |= kept[term]
@@ -238,7 +208,7 @@ def _needed(points: Array, exponents: Integers, coefficients: Array, spare: floa
 
 
 def products(points: Array, exponents: Integers) -> Array:
-    """Every monomial at every point, shape (n, terms)."""
+    """Evaluate every monomial at every point, shape (n, terms)."""
     parents, factors = recipe(exponents)
     found = np.ones((len(points), len(exponents)))
     for term in range(1, len(exponents)):
@@ -247,14 +217,14 @@ def products(points: Array, exponents: Integers) -> Array:
 
 
 def fitted_map(propagate: Propagate, centre: Array, scale: Array, tolerance: float) -> PolynomialMap:
-    """The polynomial of lowest order that meets a tolerance on flights that were not fitted.
+    """Fit the polynomial of lowest order that meets a tolerance on samples that were not fitted.
 
     Raises
     ------
     PolynomialFitError
         When none of `ORDERS` does.
     SimulationFailed
-        When a flight that it needs fails.
+        When a sample that it needs fails.
     """
     tried = []
     for order in ORDERS:

@@ -1,4 +1,4 @@
-"""The polynomial map as an engine: samples are evaluated, not flown; those it does not know are flown after all."""
+"""Polynomial engine: samples are evaluated by a fitted polynomial, those beyond its reach by the exact engine."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mcnav.lincov.polynomial import PolynomialMap, fitted_map
 from mcnav.scenarios.protocol import Engine, Scenario, SimulationResult
 
 TOLERANCE: Final = 1e-4
-"""Largest error of the map on flights that were not fitted, as a share of each output's dispersion."""
+"""Largest error of the polynomial on samples that were not fitted, as a share of each output's dispersion."""
 
 CHUNK: Final = 65_536
 
@@ -22,14 +22,12 @@ MAP: Final = "map"
 
 @dataclass(frozen=True)
 class PolynomialEngine:
-    """A map in place of flights.
+    """Engine that evaluates a polynomial.
 
     Attributes
     ----------
-    polynomial : PolynomialMap
     exact : Engine
-        The engine to which it was fitted, which flies the samples that lie beyond the fitted ones.
-    accuracy : str
+        Engine to which it was fitted, which simulates the samples beyond the fitted ones.
     """
 
     polynomial: PolynomialMap
@@ -39,35 +37,33 @@ class PolynomialEngine:
     chunk: int = CHUNK
 
     def propagate(self, errors: Array) -> SimulationResult:
-        """Final errors of samples, shape (n, sources)."""
+        """Simulate samples with errors of shape (n, sources)."""
         values, known = self.polynomial(errors)
         unknown = np.flatnonzero(~known)
         if len(unknown) == 0:
             return SimulationResult(values)
-        flown = self.exact.propagate(errors[unknown])
-        values[unknown] = flown.values
-        failures = {int(unknown[row]): failure for row, failure in flown.failures.items()}
+        simulated = self.exact.propagate(errors[unknown])
+        values[unknown] = simulated.values
+        failures = {int(unknown[row]): failure for row, failure in simulated.failures.items()}
         return SimulationResult(values, failures, len(unknown))
 
 
 def fit_polynomial_engine(
     exact: Engine, mean: Array, standard_deviations: Array, tolerance: float = TOLERANCE
 ) -> PolynomialEngine:
-    """Fit a map to an engine's flights.
+    """Fit a polynomial engine to an exact engine.
 
     Parameters
     ----------
-    exact : Engine
     mean, standard_deviations : ndarray, shape (sources,)
-        Of the errors that are to be flown, SI.
-    tolerance : float
+        Those of the errors to be simulated, SI.
 
     Raises
     ------
     PolynomialFitError
-        When no map meets the tolerance.
+        When no polynomial meets the tolerance.
     SimulationFailed
-        When a flight that the fit needs fails.
+        When a sample that the fit needs fails.
     """
     polynomial = fitted_map(exact.propagate, mean, standard_deviations, tolerance)
     accuracy = (
@@ -79,17 +75,15 @@ def fit_polynomial_engine(
 
 
 def engine_names(scenario: Scenario) -> tuple[str, ...]:
-    """Every engine that a scenario can be flown by, the default first."""
+    """List the names of a scenario's engines, the default first."""
     return (*scenario.engines, MAP)
 
 
 def prepare_engine(scenario: Scenario, engine: str, probes: Array, mean: Array, standard_deviations: Array) -> Engine:
-    """Prepare one of `engine_names` for errors of given mean and standard deviations, shape (sources,), SI.
+    """Prepare one of `engine_names` for errors of given means and standard deviations, shape (sources,), SI.
 
     Parameters
     ----------
-    scenario : Scenario
-    engine : str
     probes : ndarray, shape (n, sources)
         See `mcnav.scenarios.protocol.Scenario.engine`.
     mean, standard_deviations : ndarray, shape (sources,)
@@ -97,9 +91,9 @@ def prepare_engine(scenario: Scenario, engine: str, probes: Array, mean: Array, 
     Raises
     ------
     PolynomialFitError
-        When no map represents the flights.
+        When no polynomial fits.
     SimulationFailed
-        When a flight to which a map is to be fitted fails.
+        When a sample for the fit fails.
     """
     if engine != MAP:
         return scenario.engine(engine, probes)

@@ -1,4 +1,4 @@
-"""Moments of a polynomial of normal variables, in closed form: nothing is sampled.
+"""Moments of a polynomial of normal variables in closed form.
 
 For independent standard normal u the expectation of a monomial ``prod u_j^e_j`` is ``prod (e_j - 1)!!`` when every e_j
 is even, and zero otherwise. Powers of a polynomial are polynomials again, so that mean, covariance, skewness and
@@ -50,12 +50,12 @@ class Moments:
 
 
 def moments(polynomial: PolynomialMap, covariance: Array) -> Moments:
-    """Mean, covariance, skewness and kurtosis of the outputs of a polynomial map for normal sources.
+    """Compute mean, covariance, skewness and kurtosis of a polynomial's outputs for normal sources.
 
     Parameters
     ----------
     polynomial : PolynomialMap
-        Its centre is the sources' mean.
+        Its centre is the mean of the sources.
     covariance : ndarray, shape (sources, sources)
         Of the sources, SI.
 
@@ -87,7 +87,7 @@ def moments(polynomial: PolynomialMap, covariance: Array) -> Moments:
 
 
 def _in_independent(polynomial: PolynomialMap, covariance: Array) -> tuple[Integers, Array]:
-    """Exponents and coefficients of the polynomial in independent standard normal variables.
+    """Transform the polynomial to independent standard normal variables.
 
     A polynomial stays one of its order under a linear change of variables: values at a few points determine the new
     coefficients to rounding.
@@ -117,7 +117,7 @@ def _expected(exponents: Integers, coefficients: Array) -> float:
 
 
 def _squared(exponents: Integers, coefficients: Array) -> tuple[Integers, Array]:
-    """The square of a polynomial, equal monomials gathered."""
+    """Square a polynomial and collect equal monomials."""
     base = 2 * int(exponents.max(initial=0)) + 1
     if float(base) ** exponents.shape[1] < np.iinfo(np.int64).max:
         keys = exponents @ base ** np.arange(exponents.shape[1], dtype=np.int64)
@@ -131,7 +131,7 @@ def _squared(exponents: Integers, coefficients: Array) -> tuple[Integers, Array]
 
 
 def _expected_product(exponents: Integers, coefficients: Array, others: Integers, their: Array) -> float:
-    """E[p q] of two polynomials given by their monomials."""
+    """Compute E[p q] of two polynomials given by their monomials."""
     weights = 1 << np.arange(exponents.shape[1], dtype=np.int64)
     parity, other_parity = (exponents % 2) @ weights, (others % 2) @ weights
     total = 0.0

@@ -1,4 +1,4 @@
-"""Samples added up to what is kept of them (`mcnav.lincov.block_sums`)."""
+"""Reduction of samples to block sums (`mcnav.lincov.block_sums`)."""
 
 from __future__ import annotations
 
@@ -14,31 +14,32 @@ def reduce_samples(frame: Normalization, begin: int, errors: Array, outcomes: Ar
 
     Parameters
     ----------
-    frame : Normalization
-    begin : int
-        Index of the first sample.
     errors : ndarray, shape (n, sources)
     outcomes : ndarray, shape (n, outputs)
         NaN in the row of a sample that failed.
     """
-    flown = np.isfinite(outcomes).all(axis=1)
-    away = errors[flown] - frame.mean
-    y = (outcomes[flown] - frame.centre) / frame.scale
-    z = np.einsum("nj,ij->ni", away, frame.partials) / frame.scale
+    successful = np.isfinite(outcomes).all(axis=1)
+    deviations = errors[successful] - frame.mean
+    y = (outcomes[successful] - frame.centre) / frame.scale
+    z = np.einsum("nj,ij->ni", deviations, frame.partials) / frame.scale
     first, last = begin // frame.block, (begin + len(errors) - 1) // frame.block
-    places = (begin + np.flatnonzero(flown)) // frame.block - first
+    positions = (begin + np.flatnonzero(successful)) // frame.block - first
     blocks = np.zeros((last - first + 1, column_count(len(frame.centre))))
     within = np.zeros(len(frame.radii))
-    _add(np.ascontiguousarray(y), z, places, frame.whitening, frame.radii, blocks, within)
-    lost = errors[~flown] - frame.mean
-    return BlockSums(first, blocks, away.sum(axis=0), away.T @ away, within, lost.sum(axis=0), lost.T @ lost)
+    _add(np.ascontiguousarray(y), z, positions, frame.whitening, frame.radii, blocks, within)
+    lost = errors[~successful] - frame.mean
+    return BlockSums(
+        first, blocks, deviations.sum(axis=0), deviations.T @ deviations, within, lost.sum(axis=0), lost.T @ lost
+    )
 
 
 @compiled
-def _add(y: Array, z: Array, places: IndexArray, whitening: Array, radii: Array, blocks: Array, within: Array) -> None:
+def _add(
+    y: Array, z: Array, positions: IndexArray, whitening: Array, radii: Array, blocks: Array, within: Array
+) -> None:
     outputs = y.shape[1]
     for row in range(y.shape[0]):
-        sums = blocks[places[row]]
+        sums = blocks[positions[row]]
         sums[0] += 1.0
         column = 1
         for i in range(outputs):

@@ -1,4 +1,4 @@
-"""The error budget by flights: each source alone, and all but one, on the same draws.
+"""Error budget by simulation: each source alone, and all but one, on the same draws.
 
 A source alone has the paired variance ``var(y_j) - var(z_j) + P_ij^2 S_jj`` with z the linear errors of the same draws
 (see `mcnav.analysis.comparison`); so, with the linear variance of the others, have all sources but one. The others are
@@ -15,30 +15,24 @@ import numpy as np
 from mcnav._types import Array, IndexArray
 from mcnav.lincov.covariance import propagated_covariance
 from mcnav.lincov.partials import Propagate, simulate_or_raise
-from mcnav.sampling.designs import FEWEST_BLOCKS, block_length
+from mcnav.sampling.designs import SamplingDesign
 from mcnav.sampling.error_model import ErrorModel
 from mcnav.statistics.estimates import Estimate, blocked_mean
 
 DRAWS: Final = 2_000
-"""Draws that are flown for each source, twice."""
+"""Draws that are simulated twice for each source."""
 
 
 def simulate_each_source_alone(
     propagate: Propagate, partials: Array, errors: ErrorModel, design: str, seed: int, count: int
 ) -> dict[str, Any]:
-    """Variance of each output from each source alone and from all others, with standard errors, SI.
+    """Estimate the variance of each output from each source alone and from all others, SI.
 
     Parameters
     ----------
-    propagate : callable
-        Errors, shape (n, sources), to `SimulationResult`.
     partials : ndarray, shape (outputs, sources)
-    errors : ErrorModel
-    design : str
     seed : int
-        The campaign's, so that a random or antithetic campaign's own first draws are flown.
-    count : int
-        Draws.
+        Seed of the campaign, so that a random or antithetic campaign's own first draws are used.
 
     Returns
     -------
@@ -49,11 +43,11 @@ def simulate_each_source_alone(
     Raises
     ------
     SimulationFailed
-        When one of the flights fails.
+        When a sample fails.
     """
     drawn = errors.draw(design, seed, count, 0, count)
-    blocks = np.arange(count) // block_length(design, count)
-    fewest = FEWEST_BLOCKS[design]
+    sampling = SamplingDesign.of(design, count)
+    blocks, fewest = sampling.blocks(np.arange(count)), sampling.fewest_blocks
     shape = partials.shape
     tables = {key: (np.zeros(shape), np.zeros(shape)) for key in ("alone", "without")}
     linear = np.diag(propagated_covariance(partials, errors.covariance))
@@ -66,9 +60,9 @@ def simulate_each_source_alone(
             some = np.where(kept, drawn, errors.mean)
             covariance = np.where(np.outer(kept, kept), errors.covariance, 0.0)
             expected = np.diag(propagated_covariance(partials, covariance))
-            flown, predicted = simulate_or_raise(propagate, some), some @ partials.T
+            simulated, predicted = simulate_or_raise(propagate, some), some @ partials.T
             for i in range(shape[0]):
-                found = _paired_variance(flown[:, i], predicted[:, i], float(expected[i]), blocks, fewest)
+                found = _paired_variance(simulated[:, i], predicted[:, i], float(expected[i]), blocks, fewest)
                 tables[key][0][i, j], tables[key][1][i, j] = found.value, found.standard_error
                 freedom = found.degrees_of_freedom
     return {
@@ -78,8 +72,10 @@ def simulate_each_source_alone(
     }
 
 
-def _paired_variance(flown: Array, predicted: Array, expected: float, blocks: IndexArray, fewest: int) -> Estimate:
-    unbiased = len(flown) / (len(flown) - 1.0)
-    squares = (flown - flown.mean()) ** 2 - (predicted - predicted.mean()) ** 2
+def _paired_variance(
+    simulated: Array, predicted: Array, expected: float, blocks: IndexArray, fewest: float
+) -> Estimate:
+    unbiased = len(simulated) / (len(simulated) - 1.0)
+    squares = (simulated - simulated.mean()) ** 2 - (predicted - predicted.mean()) ** 2
     difference = blocked_mean(unbiased * squares, blocks, fewest)
     return replace(difference, value=expected + difference.value)

@@ -1,4 +1,4 @@
-"""Sobol indices: shares of the flown variance that each source has alone, and with all its interactions."""
+"""Sobol indices: each source's share of the simulated variance, alone and with all its interactions."""
 
 from __future__ import annotations
 
@@ -17,30 +17,27 @@ REPLICATES: Final = 8
 """Independent scrambled nets: their spread gives the indices' errors."""
 
 POINTS: Final = 512
-"""Of each net; a power of two."""
+"""Points of each net; a power of two."""
 
 
 @dataclass(frozen=True)
 class _Quantile:
-    """A distribution as `scipy.stats.sobol_indices` asks for it."""
+    """Distribution in the form that `scipy.stats.sobol_indices` requires."""
 
     distribution: Distribution
 
     def ppf(self, probability: Array) -> Array:
-        """Values at some probabilities."""
+        """Return the quantiles of some probabilities."""
         return self.distribution.transform(ndtri(np.clip(probability, 2.0**-54, 1.0 - 2.0**-53)))
 
 
 def estimate_sobol_indices(propagate: Propagate, errors: ErrorModel, seed: int) -> dict[str, Any]:
-    """First-order and total Sobol indices of every output (Saltelli et al., 2010; Jansen's total index).
+    """Estimate first-order and total Sobol indices of every output (Saltelli et al., 2010; Jansen's total index).
 
     Parameters
     ----------
-    propagate : callable
-        Errors, shape (n, sources), to `SimulationResult`.
     errors : ErrorModel
-        Of independent sources.
-    seed : int
+        Errors of independent sources.
 
     Returns
     -------
@@ -51,9 +48,9 @@ def estimate_sobol_indices(propagate: Propagate, errors: ErrorModel, seed: int) 
     Raises
     ------
     SimulationFailed
-        When the sources are correlated, so that variance cannot be shared out, or a flight fails.
+        When the sources are correlated, so that the shares are undefined, or a sample fails.
     """
-    from scipy.stats import sobol_indices  # half a second, for those who ask for it
+    from scipy.stats import sobol_indices  # slow to import: half a second
 
     active = np.flatnonzero(errors.standard_deviations > 0.0)
     if not errors.independent:
@@ -66,8 +63,8 @@ def estimate_sobol_indices(propagate: Propagate, errors: ErrorModel, seed: int) 
     def outputs(values: Array) -> Array:
         some = np.tile(errors.mean, (values.shape[1], 1))
         some[:, active] = values.T
-        flown = simulate_or_raise(propagate, some).T
-        return np.repeat(flown, 2, axis=0) if count == 1 else flown  # scipy stumbles over a single constant one
+        simulated = simulate_or_raise(propagate, some).T
+        return np.repeat(simulated, 2, axis=0) if count == 1 else simulated  # scipy fails for a single constant output
 
     quantiles = [_Quantile(errors.distributions[j]) for j in active]
     found: list[list[Array]] = []

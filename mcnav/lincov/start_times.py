@@ -14,19 +14,19 @@ from mcnav.scenarios.protocol import VariableStart
 
 @dataclass(frozen=True)
 class ErrorSchedule:
-    """How the start errors change with the time at which navigation starts.
+    """Start errors as a function of the time at which navigation starts.
 
     Attributes
     ----------
     multiples : mapping of int to (ndarray, ndarray)
-        By source: times (rising, s from the scenario's event) and what multiple of its stated errors it has then.
-        Between the times the multiple is linear, beyond them constant. A source left out keeps its errors.
+        By source: times (rising, s from the scenario's event), and the multiples of its stated errors at these times,
+        linear between the times and constant beyond them. Other sources keep their stated errors.
     """
 
     multiples: Mapping[int, tuple[Array, Array]] = field(default_factory=dict)
 
     def at(self, times: Array, sources: int) -> Array:
-        """Multiple of every source's errors at each time, shape (n, sources)."""
+        """Interpolate the multiple of every source's errors at each time, shape (n, sources)."""
         found = np.ones((len(times), sources))
         for source, (known, values) in self.multiples.items():
             found[:, source] = np.interp(times, known, values)
@@ -35,7 +35,7 @@ class ErrorSchedule:
 
 @dataclass(frozen=True)
 class StartTimeStudy:
-    """What a start time does to the final errors, by the linear model.
+    """Effect of the start time on the final errors, by the linear model.
 
     Attributes
     ----------
@@ -46,11 +46,11 @@ class StartTimeStudy:
     partials : ndarray, shape (n, outputs, sources)
         SI.
     effects : ndarray, shape (n, outputs, sources)
-        What one sigma of each source, as large as it is at that start time, does to each output, SI.
+        Final error of each output due to one sigma of each source at that start time, SI.
     sigma : ndarray, shape (n, outputs)
         Dispersion, SI.
     weights : ndarray, shape (outputs,)
-        An output's sigma is worth this much, per SI unit, in the weighted dispersion.
+        Weight of an output's sigma, per SI unit, in the weighted dispersion.
     """
 
     axes: str
@@ -67,9 +67,9 @@ class StartTimeStudy:
 
     @property
     def before_event(self) -> int:
-        """How many of the start times are not later than the event.
+        """Number of start times that are not later than the event.
 
-        Only these compete for the best: at the very end only the start errors themselves remain.
+        Only these are candidates for the best: at the very end only the start errors remain.
         """
         return max(1, int(np.searchsorted(self.times, 0.0, side="right")))
 
@@ -92,19 +92,16 @@ def study_start_times(
     schedule: ErrorSchedule | None = None,
     weights: Array | None = None,
 ) -> StartTimeStudy:
-    """Partial derivatives and dispersion for evenly spaced start times.
+    """Compute partial derivatives and dispersion for evenly spaced start times.
 
     Parameters
     ----------
-    scenario : VariableStart
     start_covariance : ndarray, shape (sources, sources)
         Of the stated errors.
     axes : str
         ``start``: reference axes aligned at each start time; ``trajectory``: those of the first point throughout.
-    count : int
-        Start times.
     schedule : ErrorSchedule, optional
-        How the errors change with the start time; constant unless given.
+        Constant by default.
     weights : ndarray, shape (outputs,), optional
         See `StartTimeStudy`; by default each output counts by its sigma for a start at the first point.
     """

@@ -1,24 +1,23 @@
-"""The unscented transform (filterpy): a covariance from a handful of flights."""
+"""Unscented transform (filterpy): a covariance from a few samples."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.lincov.higher_order import principal_directions
 from mcnav.lincov.partials import Propagate, SimulationFailed, simulate_or_raise
 
 
 def unscented_covariance(propagate: Propagate, mean: Array, covariance: Array) -> tuple[Array, Array]:
-    """Mean and covariance of the final errors by the scaled unscented transform.
+    """Compute mean and covariance of the final errors by the scaled unscented transform.
 
     Sigma points at ``sqrt(n)`` standard deviations (alpha 1, beta 2, kappa 0) over the sources that have a dispersion,
     in units of their standard deviations. The mean is right to second order. The covariance is exact for a linear
-    system; of quadratic terms it takes up to n/2 times their share, so that it errs to the safe side.
+    system; quadratic terms enter with up to n/2 times their share, a conservative error.
 
     Parameters
     ----------
-    propagate : callable
-        Errors, shape (n, sources), to `SimulationResult`.
     mean, covariance : ndarray, shapes (sources,) and (sources, sources)
         Of the start errors, SI.
 
@@ -29,23 +28,17 @@ def unscented_covariance(propagate: Propagate, mean: Array, covariance: Array) -
     Raises
     ------
     SimulationFailed
-        When a sigma point cannot be flown.
+        When a sigma point fails.
     """
     from filterpy.kalman import MerweScaledSigmaPoints, unscented_transform
 
-    sigma = np.sqrt(np.diag(covariance))
-    active = np.flatnonzero(sigma > 0.0)
-    if active.size == 0:
+    directions = principal_directions(covariance)  # of the range: sigma points need a definite matrix
+    rank = directions.shape[1]
+    if rank == 0:
         value = simulate_or_raise(propagate, mean[None, :])[0]
         return value, np.zeros((len(value), len(value)))
-    correlation = covariance[np.ix_(active, active)] / np.outer(sigma[active], sigma[active])
-    values, vectors = np.linalg.eigh(correlation)
-    kept = values > 1e-12 * values[-1]  # sigma points need a definite matrix: perfectly correlated sources share one
-    directions = vectors[:, kept] * np.sqrt(values[kept])
-    points = MerweScaledSigmaPoints(int(kept.sum()), alpha=1.0, beta=2.0, kappa=0.0)
-    unit = points.sigma_points(np.zeros(int(kept.sum())), np.eye(int(kept.sum())))
-    errors = np.tile(mean, (len(unit), 1))
-    errors[:, active] += unit @ directions.T * sigma[active]
+    points = MerweScaledSigmaPoints(rank, alpha=1.0, beta=2.0, kappa=0.0)
+    errors = mean + points.sigma_points(np.zeros(rank), np.eye(rank)) @ directions.T
     try:
         outcome_mean, outcome_covariance = unscented_transform(
             simulate_or_raise(propagate, errors), points.Wm, points.Wc

@@ -10,12 +10,14 @@ block length; never on chunks or workers.
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from scipy.special import ndtri
 
-from mcnav._types import Array
+from mcnav._types import Array, IndexArray
 
 DESIGNS: Final = ("random", "antithetic", "latin-hypercube", "sobol")
 REPLICATES: Final = 16
@@ -47,6 +49,39 @@ def block_length(design: str, samples: int) -> int:
         return 2
     length = 1 << (max(1, samples // REPLICATES).bit_length() - 1)
     return min(length, LARGEST_HYPERCUBE) if design == "latin-hypercube" else length
+
+
+@dataclass(frozen=True)
+class SamplingDesign:
+    """Dependence between the samples of a campaign, and what its statistics may rely on.
+
+    Attributes
+    ----------
+    block_length : int
+        Samples in one independent block.
+    fewest_blocks : float
+        Independent blocks below which no interval is given; infinite when the sources' tails are too heavy for any.
+    normal : bool
+        Whether the sources are normal.
+    """
+
+    block_length: int = 1
+    fewest_blocks: float = FEWEST_BLOCKS["random"]
+    normal: bool = True
+
+    @classmethod
+    def of(cls, name: str, samples: int, normal: bool = True, heavy_tailed: bool = False) -> SamplingDesign:
+        """Build the design of a campaign of so many samples from its name, one of `DESIGNS`."""
+        return cls(block_length(name, samples), math.inf if heavy_tailed else FEWEST_BLOCKS[name], normal)
+
+    @property
+    def independent(self) -> bool:
+        """Whether each sample is independent of all others."""
+        return self.block_length == 1
+
+    def blocks(self, index: IndexArray) -> IndexArray:
+        """Independent block of each sample index."""
+        return np.asarray(index // self.block_length)
 
 
 def _key(seed: int, block: int | None = None) -> np.random.SeedSequence:

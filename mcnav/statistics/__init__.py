@@ -1,1 +1,1 @@
-"""Moments, intervals and tests on plain arrays; nothing here knows of navigation."""
+"""Moments, intervals and tests on plain arrays."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -17,7 +16,7 @@ LEVELS: Final = (0.5, 0.9, 0.95, 0.99, 0.9973)
 
 
 def mean_interval(count: int, dimension: int, confidence: float) -> tuple[float, float]:
-    """Where the mean of n squared distances lies with a probability, if they are chi-square of a dimension.
+    """Return the interval of the mean of n squared distances that are chi-square of a dimension.
 
     Their sum is chi-square of n times the dimension (Bar-Shalom, Li and Kirubarajan, 2001, section 5.4.2).
 
@@ -30,7 +29,7 @@ def mean_interval(count: int, dimension: int, confidence: float) -> tuple[float,
 
 
 def distribution_test(values: Array, dimension: int) -> HypothesisTest | None:
-    """Kolmogorov-Smirnov test of independent squared distances, shape (n,), against chi-square of a dimension."""
+    """Test independent squared distances, shape (n,), against chi-square of a dimension (Kolmogorov-Smirnov)."""
     if len(values) == 0 or dimension < 1:
         return None
     count = len(values)
@@ -42,10 +41,10 @@ def distribution_test(values: Array, dimension: int) -> HypothesisTest | None:
 
 
 def kolmogorov_p_value(distance: float, count: int) -> float:
-    """Probability that so many samples differ by more than a distance D from their own distribution.
+    """Compute the probability of a Kolmogorov-Smirnov distance larger than D.
 
     With ``x = sqrt(n) D`` it is the limiting distribution's at ``x + 1 / (6 sqrt(n)) + (x - 1) / (4 n)`` (Vrbik,
-    *Pioneer Journal of Theoretical and Applied Statistics* 15, 2018): down to 0.01 within 1 / n of itself.
+    *Pioneer Journal of Theoretical and Applied Statistics* 15, 2018), with a relative error below 1 / n down to 0.01.
     """
     x, root = np.sqrt(count) * distance, np.sqrt(count)
     return float(special.kolmogorov(x + 1.0 / (6.0 * root) + (x - 1.0) / (4.0 * count)))
@@ -53,14 +52,14 @@ def kolmogorov_p_value(distance: float, count: int) -> float:
 
 @dataclass(frozen=True)
 class Containment:
-    """Share of samples within an ellipsoid that should hold a given one.
+    """Share of samples inside an ellipsoid of a given probability.
 
     Attributes
     ----------
     level : float
-        Probability that the ellipsoid holds if the samples are normal with the covariance it was drawn from.
+        Probability of the ellipsoid if the samples are normal with the given covariance.
     share : float
-        Of the samples.
+        Share of the samples.
     interval : (float, float)
         Exact interval of the probability (Clopper and Pearson).
     """
@@ -70,13 +69,9 @@ class Containment:
     interval: tuple[float, float]
 
 
-def containment(
-    values: Array, dimension: int, confidence: float, levels: Sequence[float] = LEVELS
-) -> tuple[Containment, ...]:
-    """Shares of independent squared distances, shape (n,), within the chi-square quantiles of some levels."""
-    count = len(values)
-    found = []
-    for level in levels:
-        hits = int(np.count_nonzero(values <= special.chdtri(dimension, 1.0 - level)))
-        found.append(Containment(level, hits / count, probability_interval(hits, count, confidence)))
-    return tuple(found)
+def containment(hits: Array, count: int, confidence: float) -> tuple[Containment, ...]:
+    """Return the shares of independent samples inside the ellipsoids of `LEVELS`, from the numbers inside each."""
+    return tuple(
+        Containment(level, int(inside) / count, probability_interval(int(inside), count, confidence))
+        for level, inside in zip(LEVELS, hits, strict=False)
+    )

@@ -1,8 +1,9 @@
-"""Sums over many samples, a stretch at a time: what is formed on the way stays in the processor's cache."""
+"""Sums over many samples, a stretch at a time: intermediate arrays stay in the processor's cache."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -11,22 +12,26 @@ from mcnav._types import Array, IndexArray
 from mcnav.statistics.whitening import Whitening
 
 STRETCH: Final = 32_768
-"""Samples; of ten columns they take 2.6 MB."""
+"""Samples of a stretch; ten columns take 2.6 MB."""
 
 
 def stretches(samples: int) -> Iterator[slice]:
-    """Slices of `STRETCH` samples, in order."""
+    """Slice samples into stretches of `STRETCH`, in order."""
     return (slice(begin, begin + STRETCH) for begin in range(0, samples, STRETCH))
 
 
 def stretches_of_blocks(begins: IndexArray, samples: int) -> Iterator[tuple[slice, slice]]:
-    """Slices of samples, and of the blocks that these are, in order: whole blocks, of about `STRETCH` samples together.
+    """Slice samples into stretches of whole blocks, of about `STRETCH` samples each, in order.
 
     Parameters
     ----------
     begins : ndarray of int, shape (blocks,)
-        The first sample of each block.
-    samples : int
+        First sample of each block.
+
+    Yields
+    ------
+    rows, own : slice
+        Samples of the stretch, and its blocks.
 
     Examples
     --------
@@ -42,7 +47,7 @@ def stretches_of_blocks(begins: IndexArray, samples: int) -> Iterator[tuple[slic
 
 
 def scatter(values: Array) -> Array:
-    """Sum of the products about the mean, ``sum (x - m)(x - m)^T``, shape (k, k), of samples of shape (n, k)."""
+    """Sum the products about the mean, ``sum (x - m)(x - m)^T``, shape (k, k), of samples of shape (n, k)."""
     mean = values.mean(axis=0)
     total = np.zeros((values.shape[1], values.shape[1]))
     for part in stretches(len(values)):
@@ -52,8 +57,33 @@ def scatter(values: Array) -> Array:
 
 
 def squared_distances(values: Array, centre: Array, given: Whitening) -> Array:
-    """Squared lengths of deviations from a centre in whitened coordinates, shape (n,), of samples of shape (n, k)."""
+    """Compute squared distances from a centre in whitened coordinates, shape (n,), of samples of shape (n, k)."""
     found = np.empty(len(values))
     for part in stretches(len(values)):
         found[part] = np.sum((given.matrix.T @ (values[part] - centre).T) ** 2, axis=0)
     return found
+
+
+@dataclass
+class RunningScatter:
+    """Number, mean and scatter of observations that are added in parts (Chan, Golub and LeVeque, 1983).
+
+    Attributes
+    ----------
+    mean : ndarray, shape (k,)
+    scatter : ndarray, shape (k, k)
+        ``sum (x - m)(x - m)^T``.
+    """
+
+    count: int = 0
+    mean: Array = field(default_factory=lambda: np.zeros(1))
+    scatter: Array = field(default_factory=lambda: np.zeros((1, 1)))
+
+    def add(self, values: Array) -> None:
+        """Add observations, shape (k, n)."""
+        number, mean = values.shape[1], values.mean(axis=1)
+        centred = values - mean[:, None]
+        away, whole = mean - self.mean, self.count + number
+        self.scatter = self.scatter + centred @ centred.T + np.outer(away, away) * (self.count * number / whole)
+        self.mean = self.mean + away * (number / whole)
+        self.count = whole

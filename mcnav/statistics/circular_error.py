@@ -21,14 +21,13 @@ def _gauss_legendre() -> tuple[Array, Array]:
 
 
 def normal_probability_within(radius: float, mean: Array, covariance: Array) -> float:
-    """Probability that a bivariate normal variable lies within a circle about zero.
+    """Compute the probability that a bivariate normal variable lies within a circle about zero.
 
     In principal axes the integral over the lesser one is a difference of normal distributions; that over the greater is
     done by Gauss-Legendre in ``x = R sin(t)``.
 
     Parameters
     ----------
-    radius : float
     mean, covariance : ndarray, shapes (2,) and (2, 2)
         The covariance may be singular.
     """
@@ -38,7 +37,7 @@ def normal_probability_within(radius: float, mean: Array, covariance: Array) -> 
     if greater <= 0.0:
         return float(np.hypot(*mean) <= radius)
     nodes, weights = _gauss_legendre()
-    # no further than 9 sigma: the nodes would miss a narrow peak in a wide circle
+    # within 9 sigma: the nodes would miss a narrow peak in a wide circle
     low, high = np.clip((centre_greater + np.array([-9.0, 9.0]) * greater) / radius, -1.0, 1.0)
     angle_low, angle_high = np.arcsin(low), np.arcsin(high)
     angle = 0.5 * (angle_low + angle_high) + 0.5 * (angle_high - angle_low) * nodes
@@ -52,12 +51,12 @@ def normal_probability_within(radius: float, mean: Array, covariance: Array) -> 
 
 
 def normal_circular_error_probable(mean: Array, covariance: Array) -> float:
-    """CEP of a bivariate normal distribution; parameters as those of `normal_probability_within`.
+    """Compute the CEP of a bivariate normal distribution; parameters as for `normal_probability_within`.
 
     >>> round(normal_circular_error_probable(np.zeros(2), np.eye(2)), 6)  # sqrt(2 ln 2)
     1.17741
     """
-    from scipy.optimize import brentq  # a fifth of a second, which reports spend beside other work
+    from scipy.optimize import brentq  # slow to import: a fifth of a second
 
     scale = float(np.sqrt(max(np.trace(covariance), 0.0)) + np.hypot(*mean))
     if scale == 0.0 or not np.isfinite(scale):

@@ -1,4 +1,4 @@
-"""Is a sample covariance that of a given one? Wilks' likelihood ratio with Bartlett's correction."""
+"""Test of a sample covariance: Wilks' likelihood ratio with Bartlett's correction."""
 
 from __future__ import annotations
 
@@ -24,16 +24,14 @@ def covariance_likelihood_ratio(sample: Array, count: int, covariance: Array) ->
     ----------
     sample : ndarray, shape (k, k)
         Unbiased sample covariance.
-    count : int
-        Samples.
     covariance : ndarray, shape (k, k)
-        The given one. When it is singular the test is made in its range; a sample with dispersion outside that has an
-        infinite statistic.
+        Covariance of the hypothesis. If it is singular, the test is made in its range; a sample with dispersion outside
+        the range has an infinite statistic.
 
     Returns
     -------
     HypothesisTest or None
-        None when there is nothing to test, or there are too few samples for a determinant.
+        None without dispersion, or with too few samples for a determinant.
     """
     given = whitening(covariance)
     degrees, rank = count - 1, given.rank

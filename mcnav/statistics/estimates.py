@@ -1,4 +1,4 @@
-"""Estimates with their errors, for samples that come in independent blocks.
+"""Estimates and their standard errors, for samples in independent blocks.
 
 A design of draws (`mcnav.sampling.designs`) guarantees independence between blocks, not within them. The mean of a
 quantity therefore takes its standard error from the spread of its block means, and its interval from Student's t with
@@ -9,9 +9,9 @@ and ``a = gamma / sqrt(B)``, the quantity
 
     g(T) = T + a T^2 / 3 + a^2 T^3 / 27 + a / 6
 
-is free of the first effect of skewness, and rises with T (Hall, 1992). The interval here reaches as far to each side as
-the farther of Student's and Hall's: the skewness of a sample is mostly too small, and is believed where it widens the
-interval, not where it narrows it.
+is free of the first effect of skewness, and rises with T (Hall, 1992). The interval here extends on
+each side to the farther of Student's and Hall's: sample skewness is mostly too small, and is used only where it widens
+the interval.
 """
 
 from __future__ import annotations
@@ -31,8 +31,6 @@ class Estimate:
 
     Attributes
     ----------
-    value : float
-    standard_error : float
     degrees_of_freedom : float
         Independent blocks less one; with none the standard error is infinite.
     asymmetry : float
@@ -45,21 +43,21 @@ class Estimate:
     asymmetry: float = 0.0
 
     def half_width(self, confidence: float) -> float:
-        """Half the width of Student's two-sided interval ``value +- t s.e.`` of a confidence."""
+        """Return half the width of Student's two-sided interval ``value +- t s.e.``."""
         return self._quantile(confidence) * self.standard_error if self.degrees_of_freedom >= 1.0 else float("inf")
 
     def interval(self, confidence: float) -> tuple[float, float]:
-        """Two-sided interval of a confidence."""
+        """Return the two-sided interval of a confidence."""
         half = self.half_width(confidence)
         low, high = self.reach_of_skewness(confidence)
         return self.value - max(half, low), self.value + max(half, high)
 
     def reach(self, confidence: float) -> float:
-        """How far the interval reaches from the value, to the side on which it reaches farther."""
+        """Return the larger distance of the interval's ends from the value."""
         return max(self.half_width(confidence), *self.reach_of_skewness(confidence))
 
     def reach_of_skewness(self, confidence: float) -> tuple[float, float]:
-        """How far Hall's interval reaches down and up."""
+        """Return the distances of the lower and upper end of Hall's interval from the value."""
         if self.degrees_of_freedom < 1.0:
             return float("inf"), float("inf")
         quantile = self._quantile(confidence)
@@ -74,7 +72,7 @@ NEARLY_SYMMETRIC: Final = 1e-6
 
 
 def _unskewed(quantile: float, asymmetry: float) -> float:
-    """T of a value of g(T)."""
+    """Invert g(T)."""
     if abs(asymmetry) < NEARLY_SYMMETRIC:
         return quantile
     root = np.cbrt(1.0 + asymmetry * (quantile - asymmetry / 6.0))
@@ -82,7 +80,7 @@ def _unskewed(quantile: float, asymmetry: float) -> float:
 
 
 def blocked_mean(values: Array, blocks: IndexArray, fewest: float = 2) -> Estimate:
-    """Mean of one quantity over samples that belong to independent blocks.
+    """Estimate the mean of one quantity over samples in independent blocks.
 
     With m_b the mean and n_b the size of block b, ``s.e.^2 = B / (B - 1) sum_b n_b^2 (m_b - m)^2 / n^2``: the ratio
     estimator's error, which for blocks of one is the textbook s / sqrt(n).
@@ -91,19 +89,22 @@ def blocked_mean(values: Array, blocks: IndexArray, fewest: float = 2) -> Estima
     ----------
     values : ndarray, shape (n,)
     blocks : ndarray of int, shape (n,)
-        The block of each sample, not decreasing.
+        Block of each sample, not decreasing.
     fewest : float
-        With fewer blocks than this the standard error is infinite: nothing is claimed from so little.
+        Blocks below which the standard error is infinite.
     """
     count = len(values)
     if count == 0:
         return Estimate(float("nan"), float("inf"), 0.0)
     mean = float(np.mean(values))
-    return _estimate(mean, block_sums(values - mean, blocks), count, fewest)
+    deviations, begins = values - mean, block_begins(blocks)
+    if len(begins) < count:
+        deviations = np.add.reduceat(deviations, begins)
+    return _estimate(mean, deviations, count, fewest)
 
 
 def _estimate(mean: float, deviations: Array, count: float, fewest: float) -> Estimate:
-    """From the blocks' sums of deviations from the mean."""
+    """Form an estimate from the block sums of deviations from the mean."""
     number = len(deviations)
     if number < max(2, fewest):
         return Estimate(mean, float("inf"), 0.0)
@@ -114,7 +115,7 @@ def _estimate(mean: float, deviations: Array, count: float, fewest: float) -> Es
 
 
 def summed_mean(totals: Array, counts: Array, fewest: float = 2) -> Estimate:
-    """As `blocked_mean`, from the sums of each block, shape (blocks,), and the numbers of its samples."""
+    """Estimate the mean as `blocked_mean`, from the sums and sample counts of blocks, shape (blocks,)."""
     count = float(np.sum(counts))
     if count == 0.0:
         return Estimate(float("nan"), float("inf"), 0.0)
@@ -122,20 +123,6 @@ def summed_mean(totals: Array, counts: Array, fewest: float = 2) -> Estimate:
     return _estimate(mean, totals - mean * counts, count, fewest)
 
 
-def block_sums(values: Array, blocks: IndexArray) -> Array:
-    """Sums over independent blocks, shape (blocks, ...).
-
-    Parameters
-    ----------
-    values : ndarray, shape (n, ...)
-        At least one.
-    blocks : ndarray of int, shape (n,)
-        The block of each sample, not decreasing.
-    """
-    begins = block_begins(blocks)
-    return values if len(begins) == len(blocks) else np.asarray(np.add.reduceat(values, begins, axis=0))
-
-
 def block_begins(blocks: IndexArray) -> IndexArray:
-    """The first sample of each block, shape (blocks,)."""
-    return np.flatnonzero(np.diff(blocks, prepend=blocks[0] - 1))
+    """Return the first sample of each block, shape (blocks,)."""
+    return np.flatnonzero(np.diff(blocks, prepend=blocks[:1] - 1))

@@ -1,4 +1,4 @@
-"""Is the mean of a sample a given one? Hotelling's T-squared."""
+"""Hotelling's T-squared: test of a mean."""
 
 from __future__ import annotations
 
@@ -8,43 +8,37 @@ import numpy as np
 from scipy import special
 
 from mcnav._types import Array
-from mcnav.statistics.chunked import scatter
 from mcnav.statistics.hypothesis_test import HypothesisTest
-from mcnav.statistics.whitening import RANK_TOLERANCE, Whitening, whitening
+from mcnav.statistics.whitening import RANK_TOLERANCE, whitening
 
 ROUNDING: Final = 1e-12
-"""A standard deviation below this share of the mean is that of a constant."""
+"""A standard deviation below this share of the mean counts as zero."""
 
 
-def hotelling(values: Array, mean: Array, within: Whitening | None = None) -> HypothesisTest | None:
+def hotelling(count: int, deviation: Array, covariance: Array) -> HypothesisTest | None:
     """Test that independent, nearly normal observations have a given mean.
 
     With m the sample mean less the given one and C the sample covariance, of dimension p,
 
         T^2 = n m^T C^-1 m,        T^2 (n - p) / (p (n - 1))  is  F(p, n - p)
 
-    (Anderson, *An Introduction to Multivariate Statistical Analysis*, 2003, section 5.2).
+    (Anderson, *An Introduction to Multivariate Statistical Analysis*, 2003, section 5.2). The test is made in the range
+    of C; a mean outside it has an infinite statistic.
 
     Parameters
     ----------
-    values : ndarray, shape (n, k)
-    mean : ndarray, shape (k,)
-    within : Whitening, optional
-        Of a covariance in whose range the test is made. Left out, it is made in the range of the sample covariance, and
-        a mean outside that has an infinite statistic.
+    count : int
+        Observations n.
+    deviation : ndarray, shape (k,)
+        m.
+    covariance : ndarray, shape (k, k)
+        C.
 
     Returns
     -------
     HypothesisTest or None
-        Statistic: the F-distributed one. None with fewer observations than dimensions.
+        Its statistic is the F-distributed one; none with fewer observations than dimensions.
     """
-    count = len(values)
-    if count < 2:
-        return None
-    deviation = values.mean(axis=0) - mean
-    covariance = scatter(values) / (count - 1)
-    if within is not None:
-        deviation, covariance = within.matrix.T @ deviation, within.matrix.T @ covariance @ within.matrix
     if not 0 < len(deviation) < count:
         return None
     constant = np.diag(covariance) <= (ROUNDING * deviation) ** 2

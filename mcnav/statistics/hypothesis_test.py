@@ -1,4 +1,4 @@
-"""What every test of a hypothesis returns."""
+"""Result of a hypothesis test."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class HypothesisTest:
-    """A test statistic beside its distribution under the hypothesis.
+    """Test statistic and its distribution under the hypothesis.
 
     Attributes
     ----------
     statistic : float
-        Infinite when the sample does what the hypothesis excludes.
+        Infinite when the sample contradicts the hypothesis with certainty.
     degrees_of_freedom : tuple of float
-        Of the chi-square or F distribution that the statistic follows; empty for a standard normal one.
+        Degrees of freedom of the statistic's chi-square or F distribution; empty for a standard normal one.
     p_value : float
-        Probability of a statistic at least as far out, if the hypothesis holds.
+        Probability of a statistic at least as extreme under the hypothesis.
     rank : int
-        Dimension of the space in which was tested.
+        Dimension of the space of the test.
     """
 
     statistic: float

@@ -1,10 +1,10 @@
-"""When to stop adding samples, without spoiling the intervals by looking at them.
+"""Interim analyses: stopping rules that keep the coverage of intervals.
 
-Whoever adds samples until an interval is narrow enough, looks at many intervals, and stops at one that may be narrow by
-chance. Here the looks are laid down beforehand: at a first size, at its doubles, and at the largest size allowed. With
-K of them each interval is formed at ``1 - (1 - confidence) / K``, so that with the stated confidence not one of the K
-misses (Bonferroni), and so not the one at which was stopped, whatever made one stop there. Doubling keeps K small: from
-8192 samples to a million there are eight looks, which widen the intervals by a quarter.
+Adding samples until an interval is narrow enough selects an interval that may be narrow by chance. Interim looks are
+therefore fixed in advance: at a first size, at its doubles, and at the largest size. With K looks each interval is
+formed at ``1 - (1 - confidence) / K``, so that with the stated confidence all K hold (Bonferroni), including the last
+one, whatever the reason to stop. Doubling keeps K small: from 8192 samples to a million there are eight looks, which
+widen the intervals by a quarter.
 """
 
 from __future__ import annotations
@@ -12,17 +12,16 @@ from __future__ import annotations
 from typing import Final
 
 FEWEST: Final = 256
-"""Samples before which is not looked."""
+"""Smallest size of an interim look."""
 
 
 def interim_sizes(chunk: int, at_most: int) -> tuple[int, ...]:
-    """Sample sizes at which is looked, rising; the last is the largest allowed.
+    """List the sample sizes of the interim looks, rising; the last is the largest allowed.
 
     Parameters
     ----------
     chunk : int
-        All but the last size are multiples of it, by powers of two.
-    at_most : int
+        Size of which all but the last are multiples by powers of two.
 
     Examples
     --------
@@ -40,7 +39,7 @@ def interim_sizes(chunk: int, at_most: int) -> tuple[int, ...]:
 
 
 def confidence_of_each(confidence: float, number: int) -> float:
-    """Confidence at which each of so many looks must hold, for all of them to hold together at the one stated.
+    """Return the confidence of each look with which all looks together hold at the stated confidence.
 
     >>> confidence_of_each(0.95, 5)
     0.99

@@ -1,4 +1,4 @@
-"""Are samples jointly normal? Mardia's multivariate skewness and kurtosis."""
+"""Test of joint normality: Mardia's multivariate skewness and kurtosis."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Mardia:
 
 
 def mardia(values: Array) -> Mardia | None:
-    """Mardia's measures and their tests for independent samples.
+    """Compute Mardia's measures and their tests for independent samples.
 
     With z the samples whitened by their own covariance (divisor n), in its range of dimension p,
 

@@ -1,4 +1,4 @@
-"""Bounds of a quantile from order statistics: true for every continuous distribution, at every sample size.
+"""Bounds of a quantile from order statistics: exact for every continuous distribution and sample size.
 
 The number of n independent samples below the quantile x_q is binomial (n, q), so that the k-th smallest of them lies at
 or above x_q with probability ``P(Bin(n, q) <= k - 1)`` (Wilks, 1941; David and Nagaraja, *Order Statistics*, 2003,
@@ -16,16 +16,7 @@ from mcnav._types import Array
 
 
 def samples_for_upper_bound(quantile: float, confidence: float, exceedances: int = 0) -> int:
-    """Fewest samples of which the largest but so many bounds a quantile from above.
-
-    Parameters
-    ----------
-    quantile : float
-        Probability below the quantile.
-    confidence : float
-        One-sided.
-    exceedances : int
-        Samples that may lie above the bound.
+    """Return the smallest sample size whose largest sample but ``exceedances`` bounds a quantile from above.
 
     Examples
     --------
@@ -47,7 +38,7 @@ def samples_for_upper_bound(quantile: float, confidence: float, exceedances: int
 
 
 def upper_rank(count: int, quantile: float, confidence: float) -> int | None:
-    """Rank of the smallest order statistic that bounds a quantile from above; none when there are too few samples.
+    """Return the rank of the smallest order statistic that bounds a quantile from above; none with too few samples.
 
     >>> upper_rank(229, 0.99, 0.90), upper_rank(230, 0.99, 0.90), upper_rank(10_000, 0.99, 0.90)
     (None, 230, 9914)
@@ -66,7 +57,7 @@ def upper_rank(count: int, quantile: float, confidence: float) -> int | None:
 
 
 def lower_rank(count: int, quantile: float, confidence: float) -> int | None:
-    """Rank of the largest order statistic that bounds a quantile from below; none when there are too few samples.
+    """Return the rank of the largest order statistic that bounds a quantile from below; none with too few samples.
 
     The mirror image of `upper_rank`: the k-th smallest is the (n + 1 - k)-th largest.
     """
@@ -75,21 +66,15 @@ def lower_rank(count: int, quantile: float, confidence: float) -> int | None:
 
 
 def upper_bound(values: Array, quantile: float, confidence: float) -> float:
-    """One-sided upper confidence bound of a quantile of independent samples, shape (n,); infinite with too few."""
+    """Bound a quantile of independent samples, shape (n,), from above; infinite with too few samples."""
     rank = upper_rank(len(values), quantile, confidence)
     return float("inf") if rank is None else float(np.partition(values, rank - 1)[rank - 1])
 
 
 def lower_bound(values: Array, quantile: float, confidence: float) -> float:
-    """One-sided lower confidence bound of a quantile, as `upper_bound`; minus infinity with too few samples."""
+    """Bound a quantile from below, as `upper_bound`; minus infinity with too few samples."""
     rank = lower_rank(len(values), quantile, confidence)
     return float("-inf") if rank is None else float(np.partition(values, rank - 1)[rank - 1])
-
-
-def quantile_interval(values: Array, quantile: float, confidence: float) -> tuple[float, float]:
-    """Two-sided interval of a quantile, both tails alike; an end that the sample cannot give is infinite."""
-    each = 0.5 + 0.5 * confidence
-    return lower_bound(values, quantile, each), upper_bound(values, quantile, each)
 
 
 def _check(quantile: float, confidence: float) -> None:

@@ -6,7 +6,7 @@ from scipy import special
 
 
 def lower_probability(hits: int, count: int, confidence: float) -> float:
-    """One-sided lower confidence bound of a probability, from hits among so many independent trials.
+    """Bound a probability from below, one-sided, from hits among ``count`` independent trials.
 
     >>> round(lower_probability(59, 59, 0.95), 4)
     0.9505
@@ -16,13 +16,13 @@ def lower_probability(hits: int, count: int, confidence: float) -> float:
 
 
 def upper_probability(hits: int, count: int, confidence: float) -> float:
-    """One-sided upper confidence bound of a probability; parameters as those of `lower_probability`."""
+    """Bound a probability from above, as `lower_probability`."""
     _check(hits, count)
     return 1.0 if hits == count else float(special.betaincinv(hits + 1, count - hits, confidence))
 
 
 def probability_interval(hits: int, count: int, confidence: float) -> tuple[float, float]:
-    """Two-sided interval of a probability, both tails alike."""
+    """Return the two-sided interval of a probability, with equal tails."""
     each = 0.5 + 0.5 * confidence
     return lower_probability(hits, count, each), upper_probability(hits, count, each)
 

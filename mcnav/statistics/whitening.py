@@ -1,4 +1,4 @@
-"""The range of a covariance, which may be singular, and coordinates in which it is the identity."""
+"""Whitening: the range of a possibly singular covariance, and coordinates in which it is the identity."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Whitening:
 
 
 def whitening(covariance: Array) -> Whitening:
-    """Whitening of a covariance by its eigenvectors, in units of the standard deviations.
+    """Whiten a covariance by its eigenvectors, in units of the standard deviations.
 
     Parameters
     ----------
@@ -62,12 +62,12 @@ def whitening(covariance: Array) -> Whitening:
 
 
 def leaves_range(of: Whitening, covariance: Array, sample: Array) -> bool:
-    """Whether a sample covariance has dispersion where another covariance has none.
+    """Return whether a sample covariance has dispersion where another covariance has none.
 
     Parameters
     ----------
     of : Whitening
-        That of ``covariance``.
+        Whitening of ``covariance``.
     covariance, sample : ndarray, shape (k, k)
     """
     if of.complement.shape[1] == 0:

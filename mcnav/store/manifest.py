@@ -27,7 +27,7 @@ from pydantic_core import CoreSchema, core_schema
 
 from mcnav._types import Array
 from mcnav.files import to_json
-from mcnav.sampling.designs import DESIGNS, FEWEST_BLOCKS, block_length
+from mcnav.sampling.designs import DESIGNS, SamplingDesign
 from mcnav.store.parts import MOST_SAMPLES, Count, Digest, Part, Words
 
 FORMAT: Final = 1
@@ -269,14 +269,9 @@ class Manifest(Record):
             raise ManifestError(": ".join(filter(None, (place, message[:1].lower() + message[1:])))) from None
 
     @property
-    def block_length(self) -> int:
-        """Samples that the design draws together."""
-        return block_length(self.design, self.samples)
-
-    @property
-    def fewest_blocks(self) -> float:
-        """Blocks from which a variance may be estimated; infinite when a source has none."""
-        return math.inf if self.heavy_tailed else FEWEST_BLOCKS[self.design]
+    def sampling_design(self) -> SamplingDesign:
+        """Dependence between the samples, and what their statistics may rely on."""
+        return SamplingDesign.of(self.design, self.samples, self.normal, bool(self.heavy_tailed))
 
 
 def json_digest(content: Mapping[str, Any]) -> str:

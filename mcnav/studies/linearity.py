@@ -17,7 +17,7 @@ from mcnav.files import write_texts
 from mcnav.lincov.partials import Propagate
 from mcnav.progress import SILENT, Phase, Progress
 from mcnav.report import linearity as tables
-from mcnav.sampling.designs import FEWEST_BLOCKS, block_length
+from mcnav.sampling.designs import SamplingDesign
 from mcnav.scenarios.protocol import SimulationResult
 
 SAMPLES: Final = 2_000
@@ -98,9 +98,8 @@ def linearity_study(
             lambda multiple: counted(multiple * draws[:PROBES]),
             Model(linear.partials, linear.nominal, errors.mean, errors.covariance),
             draws,
-            np.arange(samples) // block_length(campaign.design, samples),
             criterion,
-            FEWEST_BLOCKS[campaign.design],
+            SamplingDesign.of(campaign.design, samples),
             largest,
         )
     contributions = (linear.partials * sizes).T

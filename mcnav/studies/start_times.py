@@ -19,7 +19,7 @@ from mcnav.lincov.covariance import propagated_covariance
 from mcnav.lincov.start_times import StartTimeStudy, study_start_times
 from mcnav.progress import SILENT, Phase, Progress
 from mcnav.report import start_times as tables
-from mcnav.sampling.designs import FEWEST_BLOCKS, block_length
+from mcnav.sampling.designs import SamplingDesign
 from mcnav.scenarios.protocol import ScenarioError, VariableStart
 
 EVENLY: Final = 6
@@ -100,9 +100,9 @@ def check_start_time(campaign: Campaign, time: float, axes: str) -> Check:
     linear = started.linear_model()
     covariance = errors.covariance * np.outer(multiples, multiples)
     model = Model(linear.partials, linear.nominal, errors.mean * multiples, covariance)
-    blocks = np.arange(plan.samples) // block_length(design, plan.samples)
+    sampling = SamplingDesign.of(campaign.design, plan.samples)
     criterion = Criterion(campaign.tolerance, campaign.confidence)
-    return Check(time, compare(model, draws, outcomes, blocks, criterion, FEWEST_BLOCKS[design]))
+    return Check(time, compare(model, draws, outcomes, criterion, sampling))
 
 
 def write_start_times(

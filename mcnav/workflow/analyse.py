@@ -8,18 +8,23 @@ from pathlib import Path
 from threading import Thread
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from threadpoolctl import threadpool_limits
 
 from mcnav._subprocess import side_threads
 from mcnav.analysis.budget import error_budget
-from mcnav.analysis.comparison import Criterion, Model, compare, successful
+from mcnav.analysis.comparison import (
+    Criterion,
+    Model,
+    compare_reduced,
+    normalization_of,
+    reduce_stored,
+    reduce_summary,
+)
 from mcnav.analysis.convergence import convergence
 from mcnav.analysis.failed_samples import failure_bias
 from mcnav.analysis.requirements import judge_requirement, requirements_from
-from mcnav.analysis.summed import compare_sums, normalization_of
 from mcnav.analysis.tails import tails
-from mcnav.analysis.variance_breakdown import predicted_from, split_by_covariance, split_difference
+from mcnav.analysis.variance_breakdown import predicted_from, split_difference
 from mcnav.errors import RunFolderError, reading_file
 from mcnav.files import to_json
 from mcnav.report.failures import failures_in, grouped
@@ -107,28 +112,18 @@ def analyse(folder: RunFolder, unfinished: Manifest | None = None) -> RunAnalysi
         samples = folder.samples(manifest)
     except (KeyError, TypeError, ValueError) as failure:
         raise RunFolderError(f"{folder.path / MANIFEST}: is damaged ({failure}); run with --fresh") from None
-    length, needed, normal = manifest.block_length, manifest.fewest_blocks, manifest.normal
-    blocks = samples.index // length
+    design = manifest.sampling_design
+    blocks = design.blocks(samples.index)
     with side_threads(1) as beside:
-        in_tails = beside.submit(
-            tails, model, samples.outputs, blocks, units, criterion.confidence, criterion.tolerance, criterion.looks
-        )
-        comparison = compare(model, samples.errors, samples.outputs, blocks, criterion, needed, normal)
-    flown = np.asarray(np.isfinite(samples.outputs).all(axis=1))
-    if manifest.store == SUMMARY:
-        whole = collect_summary(folder.parts, manifest.parts)
-        frame = normalization_of(model, manifest.samples, length)
-        single = manifest.design == "random"
-        summed = compare_sums(model, frame, whole.sums, whole.samples, comparison, criterion, needed, single, normal)
-        comparison, running, left_out = summed.comparison, summed.convergence, summed.left_out
-        failures = grouped({reason: (each.samples, each.first) for reason, each in whole.failures.items()})
-        causes = split_by_covariance(model, summed.drawn, comparison, predicted)
-    else:
-        errors, outputs = successful(samples.errors, flown), successful(samples.outputs, flown)
+        in_tails = beside.submit(tails, model, samples.outputs, blocks, units, criterion)
+        reduced = reduce_stored(model, samples.errors, samples.outputs, blocks)
         failures = failures_in(samples.status, samples.index.tolist())
-        running = convergence(model, errors, outputs, blocks[flown], comparison, needed)
-        causes = split_difference(model, errors, comparison, predicted)
-        left_out = failure_bias(model, samples.errors, flown)
+        if manifest.store == SUMMARY:
+            whole = collect_summary(folder.parts, manifest.parts)
+            frame = normalization_of(model, manifest.samples, design.block_length)
+            reduced = reduce_summary(model, frame, whole.sums, whole.samples, reduced.stored)
+            failures = grouped({reason: (each.samples, each.first) for reason, each in whole.failures.items()})
+        comparison = compare_reduced(model, reduced, criterion, design)
     return RunAnalysis(
         folder=folder,
         manifest=manifest,
@@ -137,10 +132,10 @@ def analyse(folder: RunFolder, unfinished: Manifest | None = None) -> RunAnalysi
         criterion=criterion,
         comparison=comparison,
         budget=error_budget(model.partials, model.covariance),
-        causes=causes,
-        convergence=running,
+        causes=split_difference(model, reduced.successful.covariance, comparison, predicted),
+        convergence=convergence(reduced.moments, comparison, design),
         tails=in_tails.result(),
-        left_out=left_out,
+        left_out=failure_bias(model, reduced),
         requirements=tuple(
             judge_requirement(requirement, model, samples.outputs, blocks, comparison, criterion.confidence)
             for requirement in requirements

@@ -105,7 +105,7 @@ def titles(paths: Sequence[str | Path]) -> tuple[str, ...]:
 def same_draws(one: RunAnalysis, other: RunAnalysis) -> bool:
     """Whether samples of one index come from the same random numbers in both runs."""
     first, second = (
-        (each.seed, each.design, each.block_length, [source.name for source in each.model.sources])
+        (each.seed, each.design, each.sampling_design.block_length, [source.name for source in each.model.sources])
         for each in (one.manifest, other.manifest)
     )
     return first == second
@@ -116,10 +116,10 @@ def _outputs(run: RunAnalysis) -> list[tuple[str, str]]:
 
 
 def _sample_set(run: RunAnalysis) -> SampleSet:
-    samples, manifest = run.samples, run.manifest
+    samples = run.samples
     succeeded = np.isfinite(samples.outputs).all(axis=1)
     index, errors, outputs = samples.index[succeeded], samples.errors[succeeded], samples.outputs[succeeded]
-    return SampleSet(run.model, index, index // manifest.block_length, errors, outputs, manifest.fewest_blocks)
+    return SampleSet(run.model, index, errors, outputs, run.manifest.sampling_design)
 
 
 def _change(before: SampleSet, after: SampleSet, at: tuple[int, int], common: bool, confidence: float) -> Change | None:

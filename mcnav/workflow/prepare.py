@@ -88,8 +88,9 @@ class PreparedCampaign:
 
         with _scenario_errors(self.file):
             budget = simulated_budgets(
-                self.scenario, draws.errors, self.model.partials, draws.design, draws.seed, draws.samples, guard
-            )
+                lambda probes: guard(self.scenario.engine(self.scenario.engines[0], probes)),
+                draws.errors, self.model.partials, draws.design, draws.seed, draws.samples,
+            )  # fmt: skip
             return nonlinear_corrections(self.scenario, guard(self.engine), draws.errors) | {"budget": budget}
 
     def write_epochs(self, folder: RunFolder, parts: Sequence[Part]) -> None:

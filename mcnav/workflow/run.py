@@ -15,7 +15,7 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from mcnav._subprocess import side_threads
-from mcnav.analysis.summed import normalization_of
+from mcnav.analysis.comparison import normalization_of
 from mcnav.config.read import Campaign, campaign_from
 from mcnav.config.stopping import StoppingRule
 from mcnav.errors import CampaignError, Problem, RunFolderError
@@ -213,7 +213,7 @@ def _chunk_job(
     model, draws = manifest.model, system.draws
     frame = None
     if manifest.store == SUMMARY:
-        frame = normalization_of(linear_model(model), manifest.samples, manifest.block_length)
+        frame = normalization_of(linear_model(model), manifest.samples, manifest.sampling_design.block_length)
     digest = chunk_digest(manifest.identity, draws.design, draws.samples)
     layout = SampleSchema.of(model.sources, model.outputs)
     return ChunkJob(draws, system.engine, folder, digest, layout, system.timeout, frame, inputs=inputs)

@@ -248,7 +248,7 @@ def test_colour_is_not_sampling_error() -> None:
     for seed in range(RUNS):
         outcomes = np.random.default_rng(seed).standard_normal((SAMPLES, 3)) @ partials.T
         for tolerance in red:
-            found = tails(model, outcomes, np.arange(SAMPLES), ["m"] * 4, 0.95, tolerance)
+            found = tails(model, outcomes, np.arange(SAMPLES), ["m"] * 4, Criterion(tolerance, 0.95))
             red[tolerance] += any(entry.verdict == Verdict.DIFFERS for entry in found)
     assert max(red.values()) <= most
 
@@ -261,7 +261,7 @@ def test_coloured_differences_are_certain() -> None:
     for seed in range(RUNS):
         draws = np.random.default_rng(seed).standard_normal((2, SAMPLES, 2))
         outcomes = (0.8 * draws[0] + 0.6 * draws[1]) @ partials.T  # the same covariance, other draws
-        found = compare(model, draws[0], outcomes, np.arange(SAMPLES), Criterion())
+        found = compare(model, draws[0], outcomes, Criterion())
         covariance, correlation = certain_differences(found, 0.95)
         coloured += bool(correlation.any())
         assert not np.diag(correlation).any()
@@ -273,7 +273,7 @@ def test_a_percentile_far_off_is_red() -> None:
     """Twice the linear dispersion differs in every row, and a sample too small for bounds is not judged."""
     model = Model(np.eye(2), np.zeros(2), np.zeros(2), np.eye(2))
     outcomes = 2.0 * np.random.default_rng(3).standard_normal((20_000, 2))
-    found = tails(model, outcomes, np.arange(20_000), ["m", "m"], 0.95, 0.05)
+    found = tails(model, outcomes, np.arange(20_000), ["m", "m"], Criterion())
     assert {entry.verdict for entry in found} == {Verdict.DIFFERS}
-    few = tails(model, 0.5 * outcomes[:30], np.arange(30), ["m", "m"], 0.95, 0.05)
+    few = tails(model, 0.5 * outcomes[:30], np.arange(30), ["m", "m"], Criterion())
     assert {entry.verdict for entry in few} == {Verdict.UNDECIDED}

@@ -11,6 +11,7 @@ from mcnav.analysis.comparison import Criterion, Model
 from mcnav.analysis.linearity import alone, together
 from mcnav.errors import CampaignError
 from mcnav.lincov.partials import Propagate
+from mcnav.sampling.designs import SamplingDesign
 from mcnav.scenarios.protocol import LinearModel, SimulationResult
 from mcnav.studies.linearity import linearity_study
 from mcnav.studies.start_times import check_start_time, checked_times, start_time_study
@@ -49,7 +50,7 @@ def test_range_of_dispersion_of_a_known_system() -> None:
     """
     draws = np.random.default_rng(3).standard_normal((4000, 1))
     model = Model(np.eye(1), np.zeros(1), np.zeros(1), np.eye(1))
-    found = together(_quadratic, model, draws, np.arange(4000), Criterion(0.05, 0.95), 100, 100.0)
+    found = together(_quadratic, model, draws, Criterion(0.05, 0.95), SamplingDesign(), 100.0)
     exact = np.sqrt(1.05**2 - 1.0) / (QUADRATIC * np.sqrt(2.0))
     assert found.agrees_until[0] < exact < found.differs_from[0]
     assert found.agrees_until[0] < found.departs[0] < found.differs_from[0]

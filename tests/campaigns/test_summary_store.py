@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import replace
+from dataclasses import astuple, replace
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -13,14 +13,23 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from mcnav.analysis.comparison import Criterion, Model, compare
+from mcnav.analysis.block_moments import ReducedSamples
+from mcnav.analysis.comparison import (
+    Criterion,
+    Model,
+    compare_reduced,
+    normalization_of,
+    reduce_stored,
+    reduce_summary,
+)
 from mcnav.analysis.convergence import convergence
 from mcnav.analysis.failed_samples import failure_bias
-from mcnav.analysis.summed import compare_sums, normalization_of
 from mcnav.config.read import parse_campaign
 from mcnav.errors import CampaignError, RunFolderError
 from mcnav.lincov.block_sums import column_count
 from mcnav.lincov.sample_reduction import reduce_samples
+from mcnav.sampling.designs import SamplingDesign
+from mcnav.statistics.shape import shape_of_sums
 from mcnav.store import summaries as store
 from mcnav.store.manifest import Manifest, ManifestError
 from mcnav.store.run_folder import RunFolder
@@ -30,6 +39,7 @@ from tests.conftest import campaign, content
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
+DESIGN = SamplingDesign()
 SAMPLES, KEPT, CHUNK = 60_000, 10_000, 1 << 14
 
 
@@ -124,16 +134,12 @@ def test_failures_are_counted_by_reason(tmp_path: Path) -> None:
     errors = np.random.default_rng(3).standard_normal((1_000, 2))
     outcomes = errors @ model.partials.T
     outcomes[[5, 700]] = np.nan
-    frame = normalization_of(model, 1_000, 1)
-    found = reduce_samples(frame, 0, errors, outcomes)
+    found, stored, restored = _both_ways(model, errors, outcomes)
     assert found.blocks[:, 0].sum() == 998
-    kept = compare(model, errors, outcomes, np.arange(1_000), Criterion())
-    summed = compare_sums(model, frame, found, 1_000, kept, Criterion(), 100, True, True)
-    assert (summed.comparison.samples, summed.comparison.failed) == (998, 2)
-    np.testing.assert_allclose(summed.comparison.covariance_sample, kept.covariance_sample, rtol=1e-12)
-    assert [output.paired.verdict for output in summed.comparison.outputs] == [
-        output.paired.verdict for output in kept.outputs
-    ]
+    kept, summed = (compare_reduced(model, each, Criterion(), DESIGN) for each in (stored, restored))
+    assert (summed.samples, summed.failed) == (998, 2)
+    np.testing.assert_allclose(summed.covariance_sample, kept.covariance_sample, rtol=1e-12)
+    assert [output.paired.verdict for output in summed.outputs] == [output.paired.verdict for output in kept.outputs]
     first = store.Summary.of(found, 1_000, {5: "failed: a", 700: "failed: a"})
     failing = first + store.Summary.of(found_after(found), 10, {1_003: "failed: b"})
     assert failing.failures == {
@@ -150,14 +156,14 @@ def test_what_failed_samples_hide_is_told_from_sums() -> None:
     errors = np.random.default_rng(4).standard_normal((1_000, 2))
     outcomes = errors @ model.partials.T
     outcomes[errors[:, 0] > 1.5] = np.nan
-    found = reduce_samples(normalization_of(model, 1_000, 1), 0, errors, outcomes)
-    kept = compare(model, errors, outcomes, np.arange(1_000), Criterion())
-    summed = compare_sums(model, normalization_of(model, 1_000, 1), found, 1_000, kept, Criterion(), 100, True, True)
-    known = failure_bias(model, errors, np.isfinite(outcomes).all(axis=1))
-    assert known is not None
-    assert summed.left_out is not None
-    assert summed.left_out.samples == known.samples
-    np.testing.assert_allclose(summed.left_out.sigma_ratio, known.sigma_ratio, rtol=1e-10)
+    _, stored, restored = _both_ways(model, errors, outcomes)
+    linear = errors @ model.partials.T
+    ratio = linear[np.isfinite(outcomes).all(axis=1)].std(axis=0) / linear.std(axis=0)
+    for reduced in (stored, restored):
+        found = failure_bias(model, reduced)
+        assert found is not None
+        assert found.samples == np.count_nonzero(errors[:, 0] > 1.5)
+        np.testing.assert_allclose(found.sigma_ratio, ratio, rtol=1e-10)
 
 
 def test_reasons_are_bounded() -> None:
@@ -178,31 +184,60 @@ def test_with_equal_blocks_everything_agrees_with_the_samples() -> None:
     model, generator = _model(), np.random.default_rng(5)
     errors = generator.standard_normal((1_000, 2))
     outcomes = errors @ model.partials.T + 0.2 * errors**2
-    frame = replace(normalization_of(model, 1_000, 1), block=1)
-    found = reduce_samples(frame, 0, errors, outcomes)
-    kept = compare(model, errors, outcomes, np.arange(1_000), Criterion())
-    summed = compare_sums(model, frame, found, 1_000, kept, Criterion(), 100, True, True)
+    _, stored, restored = _both_ways(model, errors, outcomes)
+    kept, summed = (compare_reduced(model, each, Criterion(), DESIGN) for each in (stored, restored))
     assert kept.joint is not None
     assert kept.ellipsoid is not None
-    assert summed.comparison.joint is not None
-    assert summed.comparison.ellipsoid is not None
-    pairs = [(summed.comparison.ellipsoid.nees_paired, kept.ellipsoid.nees_paired)]
-    for one, other in zip(summed.comparison.outputs, kept.outputs, strict=True):
+    assert summed.joint is not None
+    assert summed.ellipsoid is not None
+    pairs = [(summed.ellipsoid.nees_paired, kept.ellipsoid.nees_paired)]
+    for one, other in zip(summed.outputs, kept.outputs, strict=True):
         pairs += [(one.paired_variance, other.paired_variance), (one.bias, other.bias)]
         assert one.paired.interval == pytest.approx(other.paired.interval, rel=1e-10)
         assert one.plain.interval == pytest.approx(other.plain.interval, rel=1e-10)
         assert one.samples_to_see == other.samples_to_see
-    for one, other in zip(summed.comparison.joint.correlations, kept.joint.correlations, strict=True):
+    for one, other in zip(summed.joint.correlations, kept.joint.correlations, strict=True):
         pairs.append((one.difference, other.difference))
     for one, other in pairs:
         assert abs(other.asymmetry) > 1e-3
         assert one.interval(0.99) == pytest.approx(other.interval(0.99), rel=1e-9)
-    assert summed.comparison.joint.nees_expected == kept.joint.nees_expected
-    running = convergence(model, errors, outcomes, np.arange(1_000), kept, 100)
+    assert summed.joint.nees_expected == kept.joint.nees_expected
+    running, restored_running = (convergence(each.moments, kept, DESIGN) for each in (stored, restored))
     assert running is not None
-    assert summed.convergence is not None
-    np.testing.assert_allclose(summed.convergence.paired.low, running.paired.low, rtol=1e-9)
-    np.testing.assert_allclose(summed.convergence.paired.high, running.paired.high, rtol=1e-9)
+    assert restored_running is not None
+    np.testing.assert_allclose(restored_running.paired.low, running.paired.low, rtol=1e-9)
+    np.testing.assert_allclose(restored_running.paired.high, running.paired.high, rtol=1e-9)
+
+
+@pytest.mark.parametrize("block", [1, 4, 128])
+def test_block_sums_are_those_of_the_samples(block: int) -> None:
+    """Every sum that the analysis asks for, whether of stored samples or of a summary, about any mean."""
+    model, generator = replace(_model(), nominal=np.array([3.0, -1.0])), np.random.default_rng(6)
+    errors = generator.standard_normal((1_000, 2))
+    outcomes = model.nominal + errors @ model.partials.T + 0.2 * errors**2
+    outcomes[7] = np.nan
+    _, stored, restored = _both_ways(model, errors, outcomes, block)
+    one, other = stored.moments, restored.moments
+    pairs = [(one.mean, other.mean), (one.counts, other.counts), (one.within(), other.within())]
+    pairs += [*zip(one.covariances, other.covariances, strict=True), *zip(one.nees(), other.nees(), strict=True)]
+    for i in range(2):
+        pairs.append((one.differences(i), other.differences(i)))
+        pairs += [pair for j in range(2) for pair in zip(one.products(i, j), other.products(i, j), strict=True)]
+        shapes = [shape_of_sums(each.powers(i), each.counts) for each in (one, other)]
+        pairs += [(np.array(astuple(mine)), np.array(astuple(its))) for mine, its in zip(*shapes, strict=True)]
+    pairs.append(tuple(np.concatenate([sums for sums, _ in each.whitened()], axis=1) for each in (one, other)))
+    for mine, its in pairs:
+        np.testing.assert_allclose(mine, its, rtol=1e-9, atol=1e-11)
+
+
+def _both_ways(
+    model: Model, errors: np.ndarray, outcomes: np.ndarray, block: int = 1
+) -> tuple[Any, ReducedSamples, ReducedSamples]:
+    """A thousand samples as the sums of a summary, as stored in the same blocks, and as restored from the sums."""
+    frame = replace(normalization_of(model, len(errors), 1), block=block)
+    sums = reduce_samples(frame, 0, errors, outcomes)
+    stored = reduce_stored(model, errors, outcomes, np.arange(len(errors)) // block)
+    return sums, stored, reduce_summary(model, frame, sums, len(errors), stored.stored)
 
 
 def found_after(found: Any) -> Any:

@@ -42,7 +42,7 @@ def test_nees_against_filterpy() -> None:
     outcomes = run.scenario.engine("ensemble", errors[:64]).propagate(errors).values
     linear = run.scenario.linear_model()
     model = Model(linear.partials, linear.nominal, run.errors.mean, run.errors.covariance)
-    found = compare(model, errors, outcomes, np.arange(400), Criterion()).ellipsoid
+    found = compare(model, errors, outcomes, Criterion()).ellipsoid
     assert found is not None
     scale = 1.0 / np.sqrt(np.diag(model.outcome_covariance))
     scaled = model.outcome_covariance * np.outer(scale, scale)

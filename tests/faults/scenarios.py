@@ -10,8 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from mcnav.analysis.comparison import Model
-from mcnav.analysis.summed import normalization_of
+from mcnav.analysis.comparison import Model, normalization_of
 from mcnav.config.read import Campaign
 from mcnav.execution.chunks import ChunkJob, DrawPlan
 from mcnav.lincov.polynomial_engine import prepare_engine

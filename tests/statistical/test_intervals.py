@@ -13,7 +13,7 @@ import pytest
 from scipy import stats
 
 from mcnav.analysis.comparison import Criterion, Model, compare
-from mcnav.sampling.designs import DESIGNS, FEWEST_BLOCKS, block_length, standard_normals
+from mcnav.sampling.designs import DESIGNS, SamplingDesign, standard_normals
 
 CURVATURE = 0.2
 TRUE_RATIO = np.sqrt(1.0 + 2.0 * CURVATURE**2)
@@ -30,13 +30,13 @@ LINEAR = Model(np.array([[1.0, 0.0]]), np.zeros(1), np.zeros(2), np.eye(2))
 def test_coverage_where_verdicts_begin(design: str) -> None:
     """At 90 % for both statements together (one output and the matrix) each interval holds at 95 %."""
     count = SMALLEST[design]
-    blocks = np.arange(count) // block_length(design, count)
-    assert blocks[-1] + 1 == FEWEST_BLOCKS[design]
+    laid = SamplingDesign.of(design, count)
+    assert laid.blocks(np.arange(count))[-1] + 1 == laid.fewest_blocks
     missed = {"paired": 0, "plain": 0}
     for trial in range(TRIALS):
         errors = standard_normals(design, trial, count, 0, count, 2)
         outcomes = errors[:, :1] + CURVATURE * (errors[:, 1:] ** 2 - 1.0)
-        output = compare(LINEAR, errors, outcomes, blocks, Criterion(0.05, 0.90), FEWEST_BLOCKS[design]).outputs[0]
+        output = compare(LINEAR, errors, outcomes, Criterion(0.05, 0.90), laid).outputs[0]
         for name, judged in (("paired", output.paired), ("plain", output.plain)):
             low, high = judged.interval or (0.0, 0.0)
             missed[name] += not low <= TRUE_RATIO <= high
@@ -54,7 +54,7 @@ def test_the_paired_estimate_is_far_sharper_on_trajectory_4() -> None:
     outcomes = run.scenario.engine("ensemble", errors[:64]).propagate(errors).values
     linear = run.scenario.linear_model()
     model = Model(linear.partials, linear.nominal, run.errors.mean, run.errors.covariance)
-    for output in compare(model, errors, outcomes, np.arange(1000), Criterion()).outputs:
+    for output in compare(model, errors, outcomes, Criterion()).outputs:
         assert output.paired.interval is not None
         assert output.plain.interval is not None
         assert np.ptp(output.paired.interval) < 0.1 * np.ptp(output.plain.interval)
@@ -71,7 +71,7 @@ def test_nees_of_trajectory_1(multiple: float, expected: float) -> None:
     outcomes = run.scenario.engine("ensemble", errors[:64]).propagate(errors).values
     linear = run.scenario.linear_model()
     model = Model(linear.partials, linear.nominal, run.errors.mean, run.errors.covariance)
-    found = compare(model, errors, outcomes, np.arange(count), Criterion()).ellipsoid
+    found = compare(model, errors, outcomes, Criterion()).ellipsoid
     assert found is not None
     assert found.nees_paired.value == pytest.approx(expected, abs=3.0 * found.nees_paired.standard_error + 0.005)
 
@@ -86,7 +86,7 @@ def test_skewness_of_trajectory_7() -> None:
     outcomes = run.scenario.engine("ensemble", errors[:64]).propagate(errors).values
     linear = run.scenario.linear_model()
     model = Model(linear.partials, linear.nominal, run.errors.mean, run.errors.covariance)
-    found = compare(model, errors, outcomes, np.arange(count), Criterion()).joint
+    found = compare(model, errors, outcomes, Criterion()).joint
     assert found is not None
     assert found.skewness[3].value == pytest.approx(1.57, abs=5.0 * found.skewness[3].standard_error + 0.005)
     assert found.normality is not None

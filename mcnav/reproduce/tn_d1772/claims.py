@@ -107,7 +107,7 @@ def linear_at_stated_errors() -> Finding:
         outcomes = propagator(scenario, "ensemble", draws[:64])(draws).values
         linear = linear_model(scenario)
         model = Model(linear.partials, linear.nominal, np.zeros(len(ERRORS)), np.diag(ERRORS**2))
-        found = compare(model, draws, outcomes, np.arange(SAMPLES), Criterion(LINEAR_WITHIN))
+        found = compare(model, draws, outcomes, Criterion(LINEAR_WITHIN))
         ratios[number] = [float(output.paired.ratio or np.nan) for output in found.outputs]
         nees[number] = found.ellipsoid.nees_paired.value if found.ellipsoid else np.nan
     rates = np.array([row[3] for row in ratios.values()])

@@ -24,7 +24,7 @@ def _errors(count: int, sigma: np.ndarray = SIGMA) -> np.ndarray:
 
 
 def _compared(model: Model, errors: np.ndarray, outcomes: np.ndarray) -> Comparison:
-    return compare(model, errors, outcomes, np.arange(len(errors)), Criterion())
+    return compare(model, errors, outcomes, Criterion())
 
 
 def test_a_linear_system_agrees_exactly() -> None:

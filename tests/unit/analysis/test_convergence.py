@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mcnav.analysis.comparison import Criterion, Model, compare
+from mcnav.analysis.comparison import Criterion, Model, compare_reduced, reduce_stored
 from mcnav.analysis.convergence import convergence
+from mcnav.sampling.designs import SamplingDesign
 
 MODEL = Model(np.array([[1.0, 2.0], [0.0, 0.0]]), np.zeros(2), np.zeros(2), np.eye(2))
 
@@ -17,9 +18,10 @@ def test_it_ends_at_the_comparison(length: int, fewest: int) -> None:
     errors = np.random.default_rng(4).standard_normal((count, 2))
     outcomes = errors @ MODEL.partials.T + 0.1 * errors**2
     outcomes[:, 1] = 0.0
-    blocks = np.arange(count) // length
-    comparison = compare(MODEL, errors, outcomes, blocks, Criterion(), fewest)
-    found = convergence(MODEL, errors, outcomes, blocks, comparison, fewest)
+    design = SamplingDesign(length, fewest)
+    samples = reduce_stored(MODEL, errors, outcomes, design.blocks(np.arange(count)))
+    comparison = compare_reduced(MODEL, samples, Criterion(), design)
+    found = convergence(samples.moments, comparison, design)
     assert found is not None
     assert found.sizes[-1] == count
     assert found.sizes[0] >= fewest
@@ -37,6 +39,7 @@ def test_too_little_to_show() -> None:
     errors = np.random.default_rng(4).standard_normal((150, 2))
     outcomes = errors @ MODEL.partials.T
     for count, fewest in ((150, 100.0), (150, np.inf), (1, 1.0)):
-        part = np.arange(count)
-        comparison = compare(MODEL, errors[:count], outcomes[:count], part, Criterion(), fewest)
-        assert convergence(MODEL, errors[:count], outcomes[:count], part, comparison, fewest) is None
+        design = SamplingDesign(1, fewest)
+        samples = reduce_stored(MODEL, errors[:count], outcomes[:count], np.arange(count))
+        comparison = compare_reduced(MODEL, samples, Criterion(), design)
+        assert convergence(samples.moments, comparison, design) is None

@@ -7,6 +7,7 @@ import pytest
 
 from mcnav.analysis.comparison import Criterion, Model, compare
 from mcnav.analysis.multivariate import FEWEST_PAIRS, MultivariateTests
+from mcnav.sampling.designs import SamplingDesign
 
 PARTIALS = np.array([[1.0, 2.0, 0.0], [0.5, -1.0, 3.0]])
 SIGMA = np.array([1.0, 0.5, 2.0])
@@ -17,11 +18,8 @@ def _errors(count: int, seed: int = 8) -> np.ndarray:
     return np.random.default_rng(seed).standard_normal((count, 3)) * SIGMA
 
 
-def _joint(
-    errors: np.ndarray, outcomes: np.ndarray, blocks: np.ndarray | None = None, fewest: int = 100
-) -> MultivariateTests:
-    at = np.arange(len(errors)) if blocks is None else blocks
-    found = compare(MODEL, errors, outcomes, at, Criterion(), fewest).joint
+def _joint(errors: np.ndarray, outcomes: np.ndarray, design: SamplingDesign | None = None) -> MultivariateTests:
+    found = compare(MODEL, errors, outcomes, Criterion(), design).joint
     assert found is not None
     return found
 
@@ -67,7 +65,7 @@ def test_correlation_difference_of_a_known_system() -> None:
 def test_designs_in_blocks_have_paired_tests_only() -> None:
     errors = _errors(2000)
     outcomes = errors @ PARTIALS.T + 0.01 * errors[:, :1] ** 2
-    found = _joint(errors, outcomes, np.arange(2000) // 100, fewest=16)
+    found = _joint(errors, outcomes, SamplingDesign(100, 16))
     assert (found.covariance, found.bias, found.nees, found.normality, found.contained) == (None, None, None, None, ())
     assert found.bias_paired is not None
     assert found.bias_paired.degrees_of_freedom == (1.0, 19.0)  # both outputs move alike
@@ -83,7 +81,7 @@ def test_too_few_samples_claim_nothing() -> None:
 def test_a_constant_output() -> None:
     model = Model(np.array([[1.0, 2.0, 0.0], [0.0, 0.0, 0.0]]), np.zeros(2), np.zeros(3), MODEL.covariance)
     errors = _errors(500)
-    joint = compare(model, errors, errors @ model.partials.T, np.arange(500), Criterion()).joint
+    joint = compare(model, errors, errors @ model.partials.T, Criterion()).joint
     assert joint is not None
     assert joint.correlations == ()
     assert joint.covariance is not None
@@ -96,7 +94,7 @@ def test_detectable_ratio_falls_with_the_root_of_the_samples() -> None:
     for count in (1000, 16_000):
         errors = _errors(count)
         outcomes = errors @ PARTIALS.T
-        found.append(compare(MODEL, errors, outcomes, np.arange(count), Criterion()).outputs[0].detectable_plain)
+        found.append(compare(MODEL, errors, outcomes, Criterion()).outputs[0].detectable_plain)
     assert found[0] / found[1] == pytest.approx(4.0, rel=0.15)
     assert found[0] > 0.05
 
@@ -105,8 +103,8 @@ def test_few_pairs_do_not_test_the_covariance() -> None:
     errors = _errors(FEWEST_PAIRS)
     paired = np.concatenate([np.stack([each, -each]) for each in errors])
     outcomes = paired @ PARTIALS.T + 0.01 * paired[:, :1] ** 2
-    pairs = np.arange(len(paired)) // 2
-    assert _joint(paired, outcomes, pairs, fewest=1_000).covariance_paired is not None
-    fewer = _joint(paired[:-2], outcomes[:-2], pairs[:-2], fewest=1_000)
+    pairs = SamplingDesign(2, 1_000)
+    assert _joint(paired, outcomes, pairs).covariance_paired is not None
+    fewer = _joint(paired[:-2], outcomes[:-2], pairs)
     assert fewer.covariance_paired is None
     assert fewer.bias_paired is not None

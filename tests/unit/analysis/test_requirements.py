@@ -34,7 +34,7 @@ def _judged(
     outcomes = factor * errors @ model.partials.T
     outcomes[:failed] = np.nan
     at = np.arange(count) if blocks is None else blocks
-    comparison = compare(model, errors, outcomes, at, Criterion())
+    comparison = compare(model, errors, outcomes, Criterion())
     return judge_requirement(requirement, model, outcomes, at, comparison, 0.95)
 
 
@@ -113,7 +113,7 @@ def test_nothing_to_compare() -> None:
     model = Model(np.zeros((2, 2)), np.array([0.5, 0.0]), np.zeros(2), np.zeros((2, 2)))
     outcomes = np.tile(model.nominal, (2000, 1))
     at = np.arange(2000)
-    comparison = compare(model, np.zeros((2000, 2)), outcomes, at, Criterion())
+    comparison = compare(model, np.zeros((2000, 2)), outcomes, Criterion())
     found = [
         judge_requirement(requirement, model, outcomes, at, comparison, 0.95).finding
         for requirement in (

@@ -9,6 +9,7 @@ from scipy import stats
 from mcnav.analysis.comparison import Model
 from mcnav.analysis.run_comparison import SampleSet, change
 from mcnav.report.comparison import inputs
+from mcnav.sampling.designs import SamplingDesign
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.analyse import analyse
 from mcnav.workflow.compare import compare_runs, same_draws
@@ -24,7 +25,7 @@ def _flights(seed: int, count: int, curvature: float, sigma: float = 1.0, begin:
     outputs = draws @ PARTIALS.T + curvature * draws[:, :1] ** 2
     index = np.arange(begin, begin + count)
     model = Model(PARTIALS, np.zeros(1), np.zeros(2), np.diag([sigma**2] * 2))
-    return SampleSet(model, index, index, draws, outputs, 100)
+    return SampleSet(model, index, draws, outputs, SamplingDesign())
 
 
 def _variance(curvature: float, sigma: float = 1.0) -> float:

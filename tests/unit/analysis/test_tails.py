@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mcnav.analysis.comparison import Model
+from mcnav.analysis.comparison import Criterion, Model
 from mcnav.analysis.tails import PROBABILITIES, tails
 
 MODEL = Model(np.diag([1.0, 2.0, 0.0]), np.zeros(3), np.zeros(3), np.eye(3))
@@ -16,7 +16,7 @@ UNITS = ["m", "m", "m"]
 def test_normal_errors() -> None:
     """Bounds at one in a million hold the known quantiles; an output without dispersion has none."""
     errors = np.random.default_rng(1).standard_normal((20_000, 3))
-    found = tails(MODEL, errors @ MODEL.partials.T, np.arange(20_000), UNITS, 1.0 - 1e-6)
+    found = tails(MODEL, errors @ MODEL.partials.T, np.arange(20_000), UNITS, Criterion(confidence=1.0 - 1e-6))
     assert [entry.outputs for entry in found] == [(0,)] * 3 + [(1,)] * 3 + [(0, 1)]
     for entry, probability in zip(found, PROBABILITIES, strict=False):
         expected = stats.norm.ppf(0.5 + 0.5 * probability)
@@ -30,12 +30,12 @@ def test_normal_errors() -> None:
 def test_failures_and_few_samples() -> None:
     outcomes = np.random.default_rng(1).standard_normal((1000, 3))
     outcomes[:5] = np.nan
-    whole = tails(MODEL, outcomes, np.arange(1000), UNITS, 0.9)
+    whole = tails(MODEL, outcomes, np.arange(1000), UNITS, Criterion(confidence=0.9))
     assert whole[0].upper < np.inf
     assert whole[2].upper == np.inf  # five failures of a thousand leave P99.73 open above
     assert np.isfinite(whole[2].estimate)
-    nets = tails(MODEL, outcomes, np.arange(1000) // 62, UNITS, 0.9)
+    nets = tails(MODEL, outcomes, np.arange(1000) // 62, UNITS, Criterion(confidence=0.9))
     assert {(entry.lower, entry.upper) for entry in nets} == {(0.0, np.inf)}
-    none = tails(MODEL, np.full((10, 3), np.nan), np.arange(10), ["m", "s", "m"], 0.9)
+    none = tails(MODEL, np.full((10, 3), np.nan), np.arange(10), ["m", "s", "m"], Criterion(confidence=0.9))
     assert len(none) == 6
     assert all(np.isnan(entry.estimate) and entry.lower == 0.0 for entry in none)

@@ -94,7 +94,7 @@ def test_it_predicts_what_is_flown(trajectory: int, multiple: float) -> None:
     linear = run.scenario.linear_model()
     model = Model(linear.partials, linear.nominal, run.errors.mean, run.errors.covariance)
     found = second_order(prepared.propagate, run.errors.mean, run.errors.covariance)
-    comparison = compare(model, errors, prepared.propagate(errors).values, np.arange(count), Criterion())
+    comparison = compare(model, errors, prepared.propagate(errors).values, Criterion())
     correction = np.diag(found.quadratic + found.third_order)
     for i, output in enumerate(comparison.outputs):
         difference = output.paired_variance.value - output.sigma_linear**2
@@ -109,10 +109,10 @@ def test_the_split_adds_up() -> None:
     """Exactly, whatever the terms; and the sampling terms are what the paired estimate leaves out of the plain one."""
     model = Model(np.array([[1.0, -3.0, 7.0], [1.0, 0.0, 0.0]]), np.zeros(2), np.zeros(3), np.diag([4.0, 0.25, 0.0]))
     errors = np.random.default_rng(2).standard_normal((500, 3)) * SIGMA
-    comparison = compare(model, errors, _quadratic(errors).values, np.arange(500), Criterion())
+    comparison = compare(model, errors, _quadratic(errors).values, Criterion())
     corrections = second_order(_quadratic, np.zeros(3), model.covariance)
     predicted = Predicted(1.001 * model.partials, corrections.quadratic, corrections.third_order, np.full((2, 2), 9.0))
-    found = split_difference(model, errors, comparison, predicted)
+    found = split_difference(model, np.cov(errors.T), comparison, predicted)
     assert found is not None
     np.testing.assert_allclose(sum(found.terms[name] for name in TERMS), found.total, rtol=1e-12, atol=1e-12)
     plain = np.diag(comparison.covariance_sample) - np.diag(comparison.covariance_paired)
@@ -128,8 +128,8 @@ def test_what_was_not_computed_is_part_of_the_rest() -> None:
     described = {"sources": [0, 1, 2], "unscented": {"failed": "no"}}
     model = Model(np.array([[1.0, 0.0, 0.0]]), np.zeros(1), np.zeros(3), np.diag(SIGMA**2))
     errors = np.random.default_rng(2).standard_normal((200, 3)) * SIGMA
-    comparison = compare(model, errors, 1.1 * errors[:, :1], np.arange(200), Criterion())
-    found = split_difference(model, errors, comparison, predicted_from(described, 1))
+    comparison = compare(model, errors, 1.1 * errors[:, :1], Criterion())
+    found = split_difference(model, np.cov(errors.T), comparison, predicted_from(described, 1))
     assert found is not None
     assert np.isnan([found.terms["second_order"][0], found.terms["partials"][0], found.unscented[0]]).all()
     assert found.terms["rest"][0] == pytest.approx(found.paired[0], rel=1e-9)
@@ -137,5 +137,5 @@ def test_what_was_not_computed_is_part_of_the_rest() -> None:
 
 def test_nothing_compared_has_no_causes() -> None:
     model = Model(np.ones((1, 1)), np.zeros(1), np.zeros(1), np.eye(1))
-    comparison = compare(model, np.zeros((1, 1)), np.zeros((1, 1)), np.arange(1), Criterion())
+    comparison = compare(model, np.zeros((1, 1)), np.zeros((1, 1)), Criterion())
     assert split_difference(model, np.zeros((1, 1)), comparison, predicted_from({"sources": [0]}, 1)) is None

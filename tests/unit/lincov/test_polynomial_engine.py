@@ -78,6 +78,13 @@ def test_derivatives_are_those_of_a_known_system() -> None:
         return SimulationResult((s @ gradient + 0.5 * np.einsum("ni,ij,nj->n", s, hessian, s))[:, None])
 
     found = fit(quadratic, np.zeros(3), np.array([2.0, 0.5, 0.0]), 3)
-    np.testing.assert_allclose(found.gradient[0], [*gradient, 0.0], atol=1e-10)
-    np.testing.assert_allclose(found.hessians[0, :2, :2], hessian, atol=1e-10)
+    derivatives = {
+        tuple(row): value for row, value in zip(found.exponents.tolist(), found.coefficients[:, 0], strict=True)
+    }
+    scale = found.scale
+    for i, first in enumerate(np.eye(3, dtype=int)[:2]):
+        assert derivatives[tuple(first)] / scale[i] == pytest.approx(gradient[i], abs=1e-10)
+        for j, second in enumerate(np.eye(3, dtype=int)[: i + 1]):
+            value = derivatives[tuple(first + second)] / (scale[i] * scale[j])
+            assert value * (2.0 if i == j else 1.0) == pytest.approx(hessian[i, j], abs=1e-10)
     assert found.error < 1e-10

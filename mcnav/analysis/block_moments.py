@@ -1,0 +1,317 @@
+"""Sums over independent blocks of samples: all that a comparison needs, apart from rank statistics.
+
+Let y be the simulated and z the linear final errors of the same draws, SI. Every second-order estimate is a mean of
+products of y and z, and its standard error follows from the sums over independent blocks. The sums come from stored
+samples (`SampleMoments`) or from a summary (`SummaryMoments`); the analysis does not distinguish the two.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import chain
+from typing import Protocol
+
+import numpy as np
+from scipy import special
+
+from mcnav._types import Array, IndexArray
+from mcnav.lincov.block_sums import BlockSums, Normalization
+from mcnav.statistics.chi_square import LEVELS
+from mcnav.statistics.chunked import scatter, squared_distances, stretches_of_blocks
+from mcnav.statistics.shape import power_sums
+from mcnav.statistics.whitening import Whitening
+
+
+class BlockMoments(Protocol):
+    """Block sums of the successful samples; b blocks."""
+
+    @property
+    def counts(self) -> Array:
+        """Samples in each block, shape (b,)."""
+
+    @property
+    def samples(self) -> int:
+        """Number of samples."""
+
+    @property
+    def mean(self) -> Array:
+        """Mean of y, shape (outputs,)."""
+
+    @property
+    def covariances(self) -> tuple[Array, Array]:
+        """Unbiased sample covariances of y and of z, each of shape (outputs, outputs)."""
+
+    def differences(self, i: int) -> Array:
+        """Add up ``y_i - z_i``, shape (b,)."""
+
+    def products(self, i: int, j: int) -> tuple[Array, Array]:
+        """Add up ``y_i y_j``, and ``y_i y_j - z_i z_j``, about the means of all samples, each of shape (b,)."""
+
+    def powers(self, i: int) -> Array:
+        """Add up the first four powers of y_i in some origin and unit, shape (4, b)."""
+
+    def nees(self) -> tuple[Array, Array]:
+        """Add up the NEES of y, and that less the NEES of z, each of shape (b,)."""
+
+    def whitened(self) -> Iterator[tuple[Array, Array]]:
+        """Add up in whitened coordinates of dimension r, some blocks at a time.
+
+        The rows are y about the linear mean, ``y - z``, and the distinct elements of ``y y^T - z z^T`` about the means
+        of all samples, shape (2 r + r (r + 1) / 2, blocks). With them comes the sum of the squares of each row's terms.
+        """
+
+    def within(self) -> Array:
+        """Count the samples inside the linear ellipsoids of probabilities `LEVELS`, shape (levels,)."""
+
+
+@dataclass(frozen=True)
+class SampleMoments:
+    """Block sums of stored samples, formed on demand.
+
+    Attributes
+    ----------
+    y, z : ndarray, shape (n, outputs)
+        Contiguous by columns.
+    begins : ndarray of int, shape (b,)
+        First sample of each block.
+    centre : ndarray, shape (outputs,)
+        Linear mean.
+    given : Whitening
+        Whitening by the linear covariance.
+    """
+
+    y: Array
+    z: Array
+    begins: IndexArray
+    centre: Array
+    given: Whitening
+
+    @property
+    def samples(self) -> int:
+        return len(self.y)
+
+    @cached_property
+    def counts(self) -> Array:
+        return np.diff(self.begins, append=self.samples).astype(float)
+
+    @cached_property
+    def mean(self) -> Array:
+        return np.asarray(self.y.mean(axis=0))
+
+    @cached_property
+    def linear_mean(self) -> Array:
+        """Mean of z."""
+        return np.asarray(self.z.mean(axis=0))
+
+    @cached_property
+    def covariances(self) -> tuple[Array, Array]:
+        return scatter(self.y) / (self.samples - 1), scatter(self.z) / (self.samples - 1)
+
+    @cached_property
+    def distances(self) -> Array:
+        """NEES of each sample of y, shape (n,)."""
+        return squared_distances(self.y, self.centre, self.given)
+
+    def _sums(self, values: Array) -> Array:
+        single = len(self.begins) == len(values)
+        return values if single else np.asarray(np.add.reduceat(values, self.begins))
+
+    def differences(self, i: int) -> Array:
+        return self._sums(self.y[:, i] - self.z[:, i])
+
+    def products(self, i: int, j: int) -> tuple[Array, Array]:
+        simulated, linear = (
+            (values[:, i] - mean[i]) * (values[:, j] - mean[j])
+            for values, mean in ((self.y, self.mean), (self.z, self.linear_mean))
+        )
+        return self._sums(simulated), self._sums(simulated - linear)
+
+    def powers(self, i: int) -> Array:
+        return power_sums(self.y[:, i], self.begins)
+
+    def nees(self) -> tuple[Array, Array]:
+        return self._sums(self.distances), self._sums(
+            self.distances - squared_distances(self.z, self.centre, self.given)
+        )
+
+    def whitened(self) -> Iterator[tuple[Array, Array]]:
+        matrix = self.given.matrix.T
+        elements = list(zip(*np.triu_indices(self.given.rank), strict=True))
+        centre, *means = ((matrix @ each)[:, None] for each in (self.centre, self.mean, self.linear_mean))
+        for rows, own in stretches_of_blocks(self.begins, self.samples):
+            u, v = matrix @ self.y[rows].T, matrix @ self.z[rows].T
+            y, z = u - means[0], v - means[1]
+            sums = np.empty((2 * len(u) + len(elements), own.stop - own.start))
+            squares = np.zeros(len(sums))
+            starts = self.begins[own] - rows.start
+            for k, values in enumerate(chain(u - centre, u - v, (y[a] * y[b] - z[a] * z[b] for a, b in elements))):
+                squares[k] = values @ values
+                sums[k] = values if len(starts) == len(values) else np.add.reduceat(values, starts)
+            yield sums, squares
+
+    def within(self) -> Array:
+        return np.array([np.count_nonzero(self.distances <= radius) for radius in ellipsoid_radii(self.given)])
+
+
+@dataclass(frozen=True)
+class SummaryMoments:
+    """Block sums of a campaign that stores a summary.
+
+    Attributes
+    ----------
+    counts : ndarray, shape (b,)
+    y, z : ndarray, shape (b, outputs)
+        About the linear mean.
+    yy, zz : ndarray, shape (b, outputs, outputs)
+        Products.
+    thirds, fourths : ndarray, shape (b, outputs)
+        Powers of y in units of ``scale``.
+    scale : ndarray, shape (outputs,)
+    hits : ndarray, shape (levels,)
+        Samples inside the linear ellipsoids.
+    centre : ndarray, shape (outputs,)
+        Linear mean.
+    """
+
+    counts: Array
+    y: Array
+    z: Array
+    yy: Array
+    zz: Array
+    thirds: Array
+    fourths: Array
+    scale: Array
+    hits: Array
+    centre: Array
+    given: Whitening
+
+    @classmethod
+    def of(cls, frame: Normalization, sums: BlockSums, given: Whitening) -> SummaryMoments:
+        """Restore units, and the full matrices of products."""
+        filled, outputs = sums.blocks[sums.blocks[:, 0] > 0.0], len(frame.scale)
+        elements = outputs * (outputs + 1) // 2
+        cuts = np.cumsum([1, outputs, outputs, elements, elements, outputs])
+        counts, y, z, yy, zz, thirds, fourths = np.split(filled, cuts, axis=1)
+        rows, columns = np.triu_indices(outputs)
+
+        def matrix(flat: Array) -> Array:
+            full = np.empty((len(flat), outputs, outputs))
+            full[:, rows, columns] = full[:, columns, rows] = flat
+            return full * np.outer(frame.scale, frame.scale)
+
+        y, z = y * frame.scale, z * frame.scale
+        yy, zz = matrix(yy), matrix(zz)
+        return cls(counts[:, 0], y, z, yy, zz, thirds, fourths, frame.scale, sums.within, frame.centre, given)
+
+    @property
+    def samples(self) -> int:
+        return int(self.counts.sum())
+
+    @cached_property
+    def mean(self) -> Array:
+        return np.asarray(self.centre + self.y.sum(axis=0) / self.samples)
+
+    @cached_property
+    def centred(self) -> tuple[Array, Array]:
+        """Sums of the products of y and of z about their means, each of shape (b, outputs, outputs)."""
+        found = []
+        for first, second in ((self.y, self.yy), (self.z, self.zz)):
+            mean = first.sum(axis=0) / self.samples
+            crossed = first[:, :, None] * mean
+            found.append(second - crossed - crossed.swapaxes(1, 2) + self.counts[:, None, None] * np.outer(mean, mean))
+        return found[0], found[1]
+
+    @cached_property
+    def covariances(self) -> tuple[Array, Array]:
+        unbiased = self.samples / (self.samples - 1.0)
+        yy, zz = ((unbiased * products).sum(axis=0) / self.samples for products in self.centred)
+        return yy, zz
+
+    def differences(self, i: int) -> Array:
+        return np.asarray(self.y[:, i] - self.z[:, i])
+
+    def products(self, i: int, j: int) -> tuple[Array, Array]:
+        yy, zz = (each[:, i, j] for each in self.centred)
+        return yy, yy - zz
+
+    def powers(self, i: int) -> Array:
+        scale = self.scale[i]
+        return np.stack([self.y[:, i] / scale, self.yy[:, i, i] / scale**2, self.thirds[:, i], self.fourths[:, i]])
+
+    def nees(self) -> tuple[Array, Array]:
+        weights = self.given.matrix @ self.given.matrix.T
+        simulated, linear = (np.einsum("bij,ij->b", products, weights) for products in (self.yy, self.zz))
+        return simulated, simulated - linear
+
+    def whitened(self) -> Iterator[tuple[Array, Array]]:
+        matrix = self.given.matrix
+        first, second = np.triu_indices(self.given.rank)
+        yy, zz = self.centred
+        products = (matrix.T @ (yy - zz) @ matrix)[:, first, second]
+        sums = np.concatenate([self.y @ matrix, (self.y - self.z) @ matrix, products], axis=1).T
+        yield sums, np.sum(sums**2, axis=1)
+
+    def within(self) -> Array:
+        return self.hits
+
+
+def ellipsoid_radii(given: Whitening) -> Array:
+    """Compute the squared radii of the linear ellipsoids of probabilities `LEVELS`; empty without dispersion."""
+    return np.array([special.chdtri(given.rank, 1.0 - level) for level in LEVELS if given.rank])
+
+
+@dataclass(frozen=True)
+class ErrorSums:
+    """Sums of the start errors of some samples about an origin, SI.
+
+    Attributes
+    ----------
+    total : ndarray, shape (sources,)
+    products : ndarray, shape (sources, sources)
+    """
+
+    samples: int
+    total: Array
+    products: Array
+
+    @classmethod
+    def of(cls, errors: Array) -> ErrorSums:
+        """Add up errors of shape (n, sources) about their mean."""
+        sources = errors.shape[1]
+        products = scatter(errors) if len(errors) else np.zeros((sources, sources))
+        return cls(len(errors), np.zeros(sources), products)
+
+    @property
+    def covariance(self) -> Array:
+        """Unbiased sample covariance, shape (sources, sources); NaN from fewer than two samples."""
+        if self.samples < 2:
+            return np.full_like(self.products, np.nan)
+        about = self.products - np.outer(self.total, self.total) / self.samples
+        return np.asarray(about / (self.samples - 1))
+
+
+@dataclass(frozen=True)
+class ReducedSamples:
+    """Samples of a campaign, reduced to what its analysis needs.
+
+    Attributes
+    ----------
+    moments : BlockMoments
+        Sums of the successful samples.
+    stored : SampleMoments
+        Successful samples that are stored; those of ``moments`` unless the run stores a summary.
+    drawn, successful : ErrorSums
+        Start errors of all samples, and of the successful ones.
+    """
+
+    moments: BlockMoments
+    stored: SampleMoments
+    drawn: ErrorSums
+    successful: ErrorSums
+
+    @property
+    def failed(self) -> int:
+        """Samples that failed."""
+        return self.drawn.samples - self.successful.samples
