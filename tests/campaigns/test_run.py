@@ -315,7 +315,10 @@ def test_flown_until_precise_enough(tmp_path: Path) -> None:
     assert summary["confidence_each"] == pytest.approx(1.0 - 0.05 / 5 / 5)
     drawn = pd.read_parquet(folder / "samples").filter(like="error").to_numpy()
     assert np.array_equal(drawn, campaign(4).errors.draw("random", 1772, 10**6, 0, 16_384))
-    assert "Sampled until every plain sigma ratio was known to ±2 % with 90 % confidence" in (folder / "report.html").read_text()
+    assert (
+        "Sampled until every plain sigma ratio was known to ±2 % with 90 % confidence"
+        in (folder / "report.html").read_text()
+    )
     again = run_campaign(read_campaign(folder / "campaign.toml"), folder, "ensemble", 1)
     assert (again.flown, again.summary) == (0, summary)
     assert report_run(folder) == summary
