@@ -160,7 +160,7 @@ class Jagged:
 
 
 def test_linearity_of_what_is_nowhere_linear(workplace: Path) -> None:
-    """Only the least multiple is simulated, so that each figure shows one: nothing is written to stderr, not even warnings.
+    """Only the least multiple is simulated, so that each figure shows one; stderr stays empty, without warnings.
 
     A source with the name of an output is an initial one, also in a scenario of one's own.
     """
