@@ -9,7 +9,7 @@ import numpy as np
 
 from mcnav.analysis.variance_breakdown import TERMS, VarianceBreakdown
 from mcnav.report import export, sentences
-from mcnav.report.format import fixed, number, share, signed, with_error
+from mcnav.report.format import number, share, signed, with_error
 from mcnav.report.model import RunAnalysis
 from mcnav.statistics.estimates import Estimate
 from mcnav.statistics.hypothesis_test import HypothesisTest
@@ -84,7 +84,9 @@ def ellipsoid(content: RunAnalysis) -> dict[str, str] | None:
         "paired": paired,
         "verdict": found.judgement.verdict.value,
         "ratio": number(float(found.direction_ratios[found.farthest]), 5),
-        "combination": " ".join(f"{fixed(float(w), 3)} {name}" for w, name in weights).removeprefix("+"),
+        "combination": " ".join(f"{'−' if w < 0.0 else '+'} {abs(w):.3f} {name}" for w, name in weights).removeprefix(
+            "+ "
+        ),
     }
 
 
