@@ -1,4 +1,4 @@
-"""What a run's numbers depend on: two runs with one identity have the same samples, bit for bit.
+"""The identity of a run: two runs with the same identity have the same samples, bit for bit.
 
 The number of samples is part of a run's identity, but not of a chunk's: a sample depends on its index alone, as long as
 the design's blocks and the probes of the engine stay the same. So a run can be extended.

@@ -21,13 +21,13 @@ from tests.benchmarks.spawn import run
 STAGES: Final = {
     "read the campaign, fly its truth": ("mcnav.config.read:read_campaign",),
     "prepare: partials, grid, first draws": ("mcnav.workflow.run:prepare_campaign",),
-    "draw": ("mcnav.execution.chunks:draw",),
+    "draw": ("mcnav.sampling.error_model:ErrorModel.draw",),
     "fly": ("mcnav.execution.chunks:simulate_errors",),
     "errors at 60 epochs": ("mcnav.store.histories:history_sums",),
     "store": (
         "mcnav.execution.chunks:write_part",
         "mcnav.execution.chunks:reduce_samples",
-        "mcnav.workflow.run:write_epochs",
+        "mcnav.workflow.prepare:PreparedCampaign.write_epochs",
     ),
     "analyse": ("mcnav.workflow.run:analyse",),
     "write the report": ("mcnav.workflow.run:write_results",),
