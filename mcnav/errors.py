@@ -1,4 +1,4 @@
-"""What is wrong with a file, said in lines that name the file, the key, what came and what would do."""
+"""Errors whose messages name the file, the key, the value and the remedy."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Problem:
 
 
 class CampaignError(Exception):
-    """A campaign that cannot be run as it stands; its mistakes together, one a line, as many as anybody reads."""
+    """A campaign that cannot be run, with its mistakes, one a line."""
 
     def __init__(self, problems: Sequence[Problem]) -> None:
         lines = [str(problem) for problem in problems[:MOST_PROBLEMS]]
@@ -46,11 +46,11 @@ class CampaignError(Exception):
 
 
 class RunFolderError(Exception):
-    """A run folder that cannot be used; the message names it and says what would do."""
+    """A run folder that cannot be used; the message names it and the remedy."""
 
 
 class ClusterError(Exception):
-    """A cluster that cannot be used, or has been lost; the message names it and says what would do."""
+    """A cluster that cannot be used, or has been lost; the message names it and the remedy."""
 
 
 class RunFolderBusy(RunFolderError):
@@ -71,12 +71,12 @@ class TooManyFailures(Exception):
 
 @contextmanager
 def reading_file(path: Path) -> Iterator[None]:
-    """Let a file of a run folder that is not as this program writes it be told so, whatever is the matter with it.
+    """Convert parsing errors into `RunFolderError` naming the file.
 
     Raises
     ------
     RunFolderError
-        In place of what code raises that is given numbers, names or shapes that it has never seen.
+        In place of errors raised for unexpected numbers, names or shapes.
     """
     try:
         yield
@@ -86,7 +86,7 @@ def reading_file(path: Path) -> Iterator[None]:
 
 
 def suggestion(name: str, known: list[str]) -> str:
-    """What an unknown name may have meant, and what is known, as the end of a message.
+    """Suggest what an unknown name may have meant, and list known names, as the end of a message.
 
     >>> suggestion("altitud", ["altitude", "range"])
     "; did you mean 'altitude'? It is one of altitude, range"

@@ -1,4 +1,4 @@
-"""Files that are either there whole or not there, and whose bytes depend on their content alone."""
+"""Files written atomically, whose bytes depend on their content only."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ import pyarrow.parquet as pq
 
 
 def to_json(value: Any) -> Any:
-    """A value as JSON can hold it: arrays as lists, what is not finite as null."""
+    """Convert a value to JSON: arrays to lists, numbers that are not finite to null."""
     if isinstance(value, np.ndarray):
         return to_json(value.tolist())
     if isinstance(value, Mapping):
@@ -53,7 +53,7 @@ def write_whole(path: Path, content: bytes) -> None:
 
 
 def read_whole(path: Path, most: int) -> bytes:
-    """The content of a file, when it is a file and no longer than so many bytes.
+    """Read a regular file of at most so many bytes.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def read_whole(path: Path, most: int) -> bytes:
 
 
 def parquet_bytes(table: pa.Table, text: Sequence[str] = ()) -> bytes:
-    """A parquet file with page checksums; the same table gives the same bytes."""
+    """Encode a parquet file with page checksums; the same table gives the same bytes."""
     numbers = [name for name in table.column_names if name not in text]
     buffer = io.BytesIO()
     pq.write_table(

@@ -125,7 +125,7 @@ class FlownRun:
         return table
 
     def covariance(self, kind: str = "paired", units: str = "SI") -> pd.DataFrame:
-        """Final covariance: the unit of a row times that of a column.
+        """Return the final covariance: the unit of a row times that of a column.
 
         Parameters
         ----------
@@ -178,7 +178,7 @@ class FlownRun:
         return self.drawings[name].figure()
 
     def _repr_html_(self) -> str:
-        """The verdict, and linear beside Monte Carlo."""
+        """Show the verdict, and linear and Monte Carlo sigmas."""
         return (
             Environment(autoescape=True)
             .from_string(SHOWN)

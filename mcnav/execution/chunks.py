@@ -1,4 +1,4 @@
-"""One chunk of a run: drawn, flown and stored by whoever is given it."""
+"""One chunk of a run: drawn, simulated and stored by one worker."""
 
 from __future__ import annotations
 
@@ -50,12 +50,20 @@ class DrawPlan:
 
 @dataclass(frozen=True)
 class ChunkJob:
-    """What a worker needs to fly any chunk of a run; with a frame it keeps a summary in place of samples.
+    """All that a worker needs for any chunk of a run.
 
-    ``inputs`` are files that the scenario reads: a chunk is stored only when they stayed as they were.
-
-    ``timeout`` is the time that a sample may take, s. ``wanted`` is a file that is there for as long as the run wants
-    its chunks: a worker that nobody can end must not write into a folder that by then may be another run's.
+    Attributes
+    ----------
+    identity : str
+        Digest of the run.
+    timeout : float or None
+        Time that one sample may take, s.
+    frame : Normalization or None
+        How samples are reduced to sums, where only a summary is stored.
+    wanted : Path or None
+        A file that exists as long as the run lasts: later no worker may write into the folder.
+    inputs : tuple of InputFile
+        Files that the scenario reads: a chunk is stored only when they have not changed.
     """
 
     draws: DrawPlan
@@ -70,7 +78,7 @@ class ChunkJob:
 
     @property
     def in_processes(self) -> bool:
-        """Whether chunks need processes of their own: signals, which keep time, reach main threads alone."""
+        """Whether chunks need worker processes: time limits use signals, which reach main threads only."""
         return self.engine.parallel == "processes" or self.timeout is not None
 
     @property
@@ -80,7 +88,7 @@ class ChunkJob:
 
 
 class RunCancelled(Exception):
-    """A run that has ended, or was broken off, wants no more chunks."""
+    """Raised in a worker when the run has ended or was interrupted."""
 
 
 @dataclass(frozen=True)
@@ -117,18 +125,17 @@ def _simulate_one(engine: Engine, errors: Array) -> Array:
 
 
 def simulate_chunk(work: ChunkJob, place: SampleRange) -> Part:
-    """Draw, fly and store one chunk."""
+    """Draw, simulate and store one chunk."""
     check_unchanged(work.inputs, work.folder.path)
     with threadpool_limits(1):
-        return store(work, place, ((errors, _flown(work, errors)) for errors in draw_pieces(work, place)))
-
-
-def _flown(work: ChunkJob, errors: Array) -> SimulationResult:
-    return simulate_errors(work.engine, work.timeout, len(work.layout.outputs), errors)
+        outputs, pieces = len(work.layout.outputs), draw_pieces(work, place)
+        return store(
+            work, place, ((errors, simulate_errors(work.engine, work.timeout, outputs, errors)) for errors in pieces)
+        )
 
 
 def draw_pieces(work: ChunkJob, place: SampleRange) -> Iterator[Array]:
-    """Errors of a chunk's samples, in pieces of the engine's own chunk."""
+    """Draw the errors of a chunk's samples, in pieces of the engine's own chunk."""
     step = work.engine.chunk
     for begin in range(place.begin, place.end, step):
         yield work.draws.draw(begin, min(begin + step, place.end))
@@ -171,21 +178,18 @@ def store(work: ChunkJob, place: SampleRange, results: Iterable[tuple[Array, Sim
 
 
 def check_not_cancelled(work: ChunkJob) -> None:
-    """Raise `RunCancelled` when the run is over, `RunFolderError` when a file that the scenario reads has changed.
-
-    On a shared file system reading asks anew, looking may not.
-    """
+    """Raise `RunCancelled` when the run is over, `RunFolderError` when a file that the scenario reads has changed."""
     check_unchanged(work.inputs, work.folder.path)
     if work.wanted is None:
         return
     try:
-        work.wanted.read_bytes()
+        work.wanted.read_bytes()  # on a shared file system a look at the folder may be out of date
     except OSError:
         raise RunCancelled(f"{work.folder.path}: no run wants this chunk any more") from None
 
 
 def _concatenate(rows: Sequence[tuple[Array, SimulationResult]]) -> tuple[Array, SimulationResult]:
-    """Pieces of a chunk as one."""
+    """Join pieces of a chunk."""
     failures: dict[int, Failure] = {}
     begin = 0
     for errors, result in rows:
@@ -196,11 +200,11 @@ def _concatenate(rows: Sequence[tuple[Array, SimulationResult]]) -> tuple[Array,
 
 
 def find_part(work: ChunkJob, number: int) -> Part | None:
-    """The part of a number that is there already, whole and of this very run."""
+    """Return the part of a number, if it is stored undamaged by this run."""
     return whole_part(work.folder.parts, number, work.identity, None if work.frame is None else KEPT)
 
 
 def find_range(work: ChunkJob, place: SampleRange) -> Part | None:
-    """The part of a chunk that is there already, whole and of this very run."""
-    found = find_part(work, place.number)
-    return found if found is not None and (found.begin, found.end) == (place.begin, place.end) else None
+    """Return the part of a chunk, if it is stored undamaged by this run."""
+    part = find_part(work, place.number)
+    return part if part is not None and (part.begin, part.end) == (place.begin, place.end) else None

@@ -179,7 +179,7 @@ class Cluster:
                 raise ClusterError(f"worker {worker} {fault}")
 
     def _asked(self, question: Any, *arguments: Any) -> dict[str, Any]:
-        """What each worker answers to a question, or what it raises."""
+        """Return each worker's answer to a question, or the exception it raised."""
         try:
             return dict(self.client.run(question, *arguments, on_error="return"))
         except (OSError, TimeoutError):
@@ -232,7 +232,7 @@ def _wait_until_seen(work: ChunkJob, places: Sequence[SampleRange]) -> None:
 
 @contextmanager
 def connect(scheduler: str | None = None, workers: int = JOBS) -> Iterator[tuple[Cluster, list[str]]]:
-    """A cluster, and what the user should know of it.
+    """Connect to a cluster, or start one; yield it with notices for the user.
 
     Parameters
     ----------
@@ -271,7 +271,7 @@ def _end_flights(client: Any) -> None:
 
 
 def _distributed() -> ModuleType:
-    """The library, which is an extra; importing it takes a second, and only runs on clusters need it."""
+    """Import `distributed`, an extra; it takes a second, and only runs on clusters need it."""
     try:
         import distributed
     except ImportError:
@@ -309,7 +309,7 @@ def _made(distributed: ModuleType, workers: int) -> Iterator[str]:
 
 @contextmanager
 def _scratch() -> Iterator[str]:
-    """A folder that is removed even when this process is killed: joblib's tracker sees to it."""
+    """Create a folder that joblib's tracker removes even when this process is killed."""
     from joblib.externals.loky.backend import resource_tracker
 
     folder = tempfile.mkdtemp(prefix="mcnav-")

@@ -27,7 +27,7 @@ from mcnav.store.parts import Part
 
 
 def processor() -> str:
-    """What compiled code is made for here; the same versions give the same bits on the same processors."""
+    """Return the processor that code is compiled for; the same versions give the same bits on the same processors."""
     from llvmlite.binding import get_host_cpu_name
 
     return str(get_host_cpu_name())

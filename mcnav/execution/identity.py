@@ -1,4 +1,4 @@
-"""What a run's numbers depend on: two runs with one identity have the same samples, bit for bit.
+"""The identity of a run: two runs with the same identity have the same samples, bit for bit.
 
 The number of samples is part of a run's identity, but not of a chunk's: a sample depends on its index alone, as long as
 the design's blocks and the probes of the engine stay the same. So a run can be extended.
@@ -38,7 +38,7 @@ REMEDY: Final = "--fresh replaces them, --out writes elsewhere"
 
 
 def versions() -> dict[str, str]:
-    """The program, the interpreter and the libraries that results depend on."""
+    """Return the versions of the program, the interpreter and the libraries that results depend on."""
     return {
         "mcnav": version("mcnav"),
         "python": platform.python_version(),
@@ -74,12 +74,12 @@ def chunk_digest(identity: Identity, design: str, samples: int) -> str:
 
 
 def _draw_layout(design: str, samples: int) -> dict[str, int]:
-    """What the number of samples decides of each of them."""
+    """Return what the number of samples decides of each sample."""
     return {"block": block_length(design, samples), "probes": min(PROBES, samples)}
 
 
 def _summary_layout(identity: Identity, design: str, samples: int) -> dict[str, Any]:
-    """What the number of samples decides of the sums that a summary keeps; nothing of stored samples."""
+    """Return what the number of samples decides of a summary's sums; nothing of stored samples."""
     if identity.campaign.get("store") != SUMMARY:
         return {}
     return {

@@ -1,9 +1,8 @@
-"""Chunks flown in worker processes, also when workers die under them.
+"""Chunks simulated in worker processes that may die.
 
-A worker that is killed, or that its own code ends, takes the pool with it. What the others had stored by then is kept.
-The first time everything that is left is given to a new pool: someone may have killed a worker. When that one dies as
-well, the chunks that were next in turn are flown one at a time, and one that ends its worker even then is flown sample
-by sample, so that only the sample at fault fails.
+A worker that dies ends its pool; stored chunks are kept. The first time, all remaining chunks go to a new pool. When
+that dies as well, the next chunks are simulated one at a time, and a chunk that ends its worker again sample by sample:
+only the sample at fault fails.
 """
 
 from __future__ import annotations
@@ -38,22 +37,21 @@ from mcnav.scenarios.timeouts import timeout_message
 from mcnav.store.parts import Part
 
 TRIED_WHOLE: Final = 2
-"""Pools that may die before chunks are flown one at a time."""
+"""Pools that may die before chunks are simulated one at a time."""
 
 IDLE: Final = 60.0
-"""Seconds after which a process for what is flown apart ends by itself: that of a cluster's worker outlives no run."""
+"""Seconds after which an unused isolated process ends."""
+
+_isolated_executors: dict[int, ProcessPoolExecutor] = {}
+"""One isolated process for each thread; joblib keeps its own pool."""
 
 
-_alone_executors: dict[int, ProcessPoolExecutor] = {}
-"""One worker for what each thread flies apart; joblib keeps its own."""
-
-
-def _alone_worker() -> ProcessPoolExecutor:
+def _isolated_worker() -> ProcessPoolExecutor:
     thread = threading.get_ident()
-    if thread not in _alone_executors:
+    if thread not in _isolated_executors:
         executor = ProcessPoolExecutor(1, timeout=IDLE, initializer=end_with_parent, initargs=(os.getpid(),))
-        _alone_executors[thread] = executor
-    return _alone_executors[thread]
+        _isolated_executors[thread] = executor
+    return _isolated_executors[thread]
 
 
 def end_workers() -> None:
@@ -63,16 +61,16 @@ def end_workers() -> None:
 
 
 def end_workers_apart() -> None:
-    """End the processes for what is flown apart."""
-    while _alone_executors:
-        _alone_executors.popitem()[1].shutdown(wait=True, kill_workers=True)
+    """End the isolated processes."""
+    while _isolated_executors:
+        _isolated_executors.popitem()[1].shutdown(wait=True, kill_workers=True)
 
 
-def _flights(work: ChunkJob, places: Sequence[SampleRange], jobs: int) -> Iterator[tuple[int, Part]]:
-    """Numbers and parts of some chunks, from worker processes also when there is only one; `BrokenProcessPool`."""
+def _run_pool(work: ChunkJob, places: Sequence[SampleRange], jobs: int) -> Iterator[tuple[int, Part]]:
+    """Simulate chunks in worker processes; yield numbers and parts. Raises `BrokenProcessPool`."""
     workers = min(jobs, len(places))
-    if workers == 1:  # for which joblib would take this process
-        yield from (_alone_worker().submit(_numbered, work, place).result() for place in places)
+    if workers == 1:  # joblib would use this process
+        yield from (_isolated_worker().submit(_numbered, work, place).result() for place in places)
         return
     yield from Parallel(
         n_jobs=workers,
@@ -84,22 +82,22 @@ def _flights(work: ChunkJob, places: Sequence[SampleRange], jobs: int) -> Iterat
 
 
 def run_in_processes(work: ChunkJob, missing: Sequence[SampleRange], jobs: int) -> Generator[Part, None, None]:
-    """Parts of the missing chunks, as they become ready."""
+    """Simulate the missing chunks; yield parts as they become ready."""
     left = {place.number: place for place in missing}
     broken = 0
     while left:
         try:
-            for number, part in _flights(work, tuple(left.values()), jobs):
+            for number, part in _run_pool(work, tuple(left.values()), jobs):
                 del left[number]
                 yield part
         except BrokenProcessPool:
             broken += 1
             end_workers()
             for place in list(left.values()):
-                known = find_range(work, place)
-                if known is not None:
+                stored = find_range(work, place)
+                if stored is not None:
                     del left[place.number]
-                    yield known
+                    yield stored
             if broken >= TRIED_WHOLE:
                 for place in list(left.values())[: 2 * jobs]:
                     del left[place.number]
@@ -116,11 +114,11 @@ def _ready() -> None:
 
 
 def _in_one_worker(task: Callable[..., Any], *arguments: Any) -> Any:
-    """A task in a process of its own; none when the process dies."""
+    """Run a task in an isolated process; none when the process dies."""
     try:
-        return _alone_worker().submit(task, *arguments).result()
+        return _isolated_worker().submit(task, *arguments).result()
     except BrokenProcessPool:
-        executor = _alone_executors.pop(threading.get_ident(), None)
+        executor = _isolated_executors.pop(threading.get_ident(), None)
         if executor is not None:
             executor.shutdown(wait=True, kill_workers=True)
         return None
@@ -128,7 +126,7 @@ def _in_one_worker(task: Callable[..., Any], *arguments: Any) -> Any:
 
 @dataclass(frozen=True)
 class IsolatedEngine:
-    """An engine whose flights go to a process of their own: when that dies, they have failed, and nothing else."""
+    """An engine in a process of its own: when that dies, its samples have failed."""
 
     engine: Engine
     outputs: int
@@ -150,12 +148,12 @@ class IsolatedEngine:
         return self.engine.accuracy
 
     def in_one(self, errors: Array) -> SimulationResult | None:
-        """Outcomes of samples, shape (n, sources); none when the process dies."""
+        """Simulate samples, shape (n, sources); none when the process dies."""
         outcomes = _in_one_worker(simulate_errors, self.engine, self.timeout, self.outputs, errors)
         return outcomes if isinstance(outcomes, SimulationResult) else None
 
     def propagate(self, errors: Array) -> SimulationResult:
-        """Fly samples, shape (n, sources)."""
+        """Simulate samples, shape (n, sources)."""
         _in_one_worker(_ready)  # starting the process takes time that is not the samples'
         began = time.monotonic()
         result = self.in_one(errors)
@@ -169,23 +167,27 @@ class IsolatedEngine:
 
 
 def simulate_isolated(work: ChunkJob, place: SampleRange) -> Part:
-    """One chunk in a process of its own; if that dies, each of its samples."""
+    """Simulate one chunk in an isolated process; if that dies, each of its samples."""
     part = _in_one_worker(simulate_chunk, work, place)
     if isinstance(part, Part):
         return part
     check_not_cancelled(work)
-    guarded = IsolatedEngine(work.engine, len(work.layout.outputs), work.timeout)
+    isolated = IsolatedEngine(work.engine, len(work.layout.outputs), work.timeout)
     several = place.end - place.begin > work.engine.chunk
-    return store(work, place, ((errors, _apart(guarded, errors, several)) for errors in draw_pieces(work, place)))
+    return store(
+        work,
+        place,
+        ((errors, _simulate_piece(isolated, errors, several)) for errors in draw_pieces(work, place)),
+    )
 
 
-def _apart(guarded: IsolatedEngine, errors: Array, several: bool) -> SimulationResult:
-    """One piece of a chunk: whole, when there are several of which another may be at fault, else sample by sample."""
+def _simulate_piece(isolated: IsolatedEngine, errors: Array, several: bool) -> SimulationResult:
+    """Simulate one piece of a chunk: at once, when another may be at fault, else sample by sample."""
     if several:
-        outcomes = guarded.in_one(errors)
+        outcomes = isolated.in_one(errors)
         if outcomes is not None:
             return outcomes
-    each = [guarded.propagate(errors[row : row + 1]) for row in range(len(errors))]
+    each = [isolated.propagate(errors[row : row + 1]) for row in range(len(errors))]
     return SimulationResult(
         np.concatenate([one.values for one in each]),
         {row: failure for row, one in enumerate(each) for failure in one.failures.values()},

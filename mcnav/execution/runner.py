@@ -1,8 +1,7 @@
-"""The runner: chunks of samples over the cores, each stored by the worker that flew it.
+"""The runner: distributes chunks of samples over the cores; each worker stores its own.
 
-The chunk belongs to the engine, a sample's errors to the campaign and its index. Neither knows of workers, so that the
-files come out the same, bit for bit, however many there are. Numerical libraries are held to one thread everywhere:
-their sums would depend on it.
+The chunk size depends on the engine, a sample's errors on the campaign and its index, neither on workers: files are the
+same, bit for bit, for any number of workers. Numerical libraries use one thread, on which their sums would depend.
 """
 
 from __future__ import annotations
@@ -20,13 +19,13 @@ from mcnav.progress import Progress
 from mcnav.store.parts import Part, part_name
 
 ChunkExecutor = Callable[[ChunkJob, Sequence[SampleRange], int], Generator[Part, None, None]]
-"""Flies chunks by so many workers and gives their parts as they become ready; closed, it flies no more."""
+"""Simulates chunks by so many workers and yields their parts as they become ready, until it is closed."""
 
 
-def _fly_in_threads(work: ChunkJob, missing: Sequence[SampleRange], jobs: int) -> Generator[Part, None, None]:
+def _run_in_threads(work: ChunkJob, missing: Sequence[SampleRange], jobs: int) -> Generator[Part, None, None]:
     workers = min(jobs, max(1, len(missing)))
-    flights = Parallel(n_jobs=workers, return_as="generator_unordered", backend="threading")
-    yield from flights(delayed(simulate_chunk)(work, place) for place in missing)
+    parallel = Parallel(n_jobs=workers, return_as="generator_unordered", backend="threading")
+    yield from parallel(delayed(simulate_chunk)(work, place) for place in missing)
 
 
 def _refuse_failures(folder: Path, parts: Sequence[Part], most: int | None) -> None:
@@ -46,29 +45,26 @@ def run_chunks(
     most_failures: int | None = None,
     elsewhere: ChunkExecutor | None = None,
 ) -> tuple[list[Part], int]:
-    """Fly every chunk that is not already stored whole.
+    """Simulate every chunk that is not stored undamaged.
 
     Parameters
     ----------
-    work : ChunkJob
     jobs : int
         Workers: threads for an engine that runs free of the interpreter lock, else processes.
-    progress : Progress
-        Told how many samples have become ready, each time some do, and first how many are stored already.
     first : int
         Sample to begin with, the first of a chunk.
     notice : callable
-        Told, in a line, of each stored chunk that turned out damaged.
+        Receives a line for each stored chunk that is damaged.
     most_failures : int, optional
         Samples that may fail.
     elsewhere : ChunkExecutor, optional
-        Who flies in place of this machine's threads and processes.
+        Used in place of this machine's threads and processes.
 
     Returns
     -------
     parts : list of Part
         All parts from there on, in the order in which they became ready.
-    flown : int
+    simulated : int
         Samples that were not stored already.
 
     Raises
@@ -80,19 +76,19 @@ def run_chunks(
     parts, missing = [], []
     for number, begin in enumerate(range(first, samples, chunk), start=first // chunk):
         place = SampleRange(number, begin, min(begin + chunk, samples))
-        known = find_part(work, number)
-        if known is not None and (known.begin, known.end) == (begin, place.end):
-            parts.append(known)
+        part = find_part(work, number)
+        if part is not None and (part.begin, part.end) == (begin, place.end):
+            parts.append(part)
             progress.advance(place.end - begin, stored=True)
             continue
         missing.append(place)
         path = work.folder.parts / part_name(number)
-        if path.exists() and (known is None or known.begin != begin):
+        if path.exists() and (part is None or part.begin != begin):
             notice(f"{path}: is damaged; its samples are flown again")
-    flights = elsewhere or (run_in_processes if work.in_processes else _fly_in_threads)
+    executor = elsewhere or (run_in_processes if work.in_processes else _run_in_threads)
     try:
         _refuse_failures(work.folder.path, parts, most_failures)
-        with closing(flights(work, missing, jobs)) as ready:
+        with closing(executor(work, missing, jobs)) as ready:
             for part in ready:
                 parts.append(part)
                 progress.advance(part.end - part.begin)

@@ -1,4 +1,4 @@
-"""Samples that failed: why, how many, which."""
+"""Failed samples by reason: how many, and which."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Failures = Mapping[str, tuple[int, Sequence[int]]]
 
 
 def failures_in(status: Sequence[str], index: Sequence[int]) -> dict[str, tuple[int, Sequence[int]]]:
-    """The failed ones of some samples with their indices, grouped.
+    """Group the failed samples by status, with their indices.
 
     >>> failures_in(["ok", "failed: fell to 3 km", "ok", "failed: fell to 3 km"], [10, 11, 12, 13])
     {'failed: fell to 3 km': (2, [11, 13])}
@@ -33,7 +33,7 @@ def failures_in(status: Sequence[str], index: Sequence[int]) -> dict[str, tuple[
 
 
 def grouped(failures: Failures) -> dict[str, tuple[int, Sequence[int]]]:
-    """The most frequent first; when there are many, those that differ in their numbers alone as one."""
+    """Sort by frequency; where there are many, join those that differ only in numbers."""
     found = dict(failures)
     if len(found) > MOST_REASONS:
         alike: dict[str, tuple[int, Sequence[int]]] = {}
@@ -45,7 +45,7 @@ def grouped(failures: Failures) -> dict[str, tuple[int, Sequence[int]]]:
 
 
 def failure_rows(content: RunAnalysis) -> list[dict[str, Any]]:
-    """The table of the report: reason, number of samples, the first of them."""
+    """Tabulate reason, number of samples, and the first of them."""
     rows: list[dict[str, Any]] = []
     for reason, (count, found) in content.failures.items():
         first = ", ".join(str(index) for index in found[:SHOWN])

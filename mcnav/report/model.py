@@ -173,7 +173,7 @@ def labels_of(summary: Mapping[str, Any]) -> list[str]:
 
 
 def humanize(name: str) -> str:
-    """A name from a file as people write it.
+    """Replace the underscores of a key by spaces.
 
     >>> humanize("gyro_drift")
     'gyro drift'

@@ -133,7 +133,7 @@ def _requirement(judged: RequirementResult, outputs: Sequence[Mapping[str, str]]
 
 
 def _joint(joint: MultivariateTests | None, outputs: int) -> dict[str, Any]:
-    """Tests of all outputs together; each a table of its attributes, or null where it cannot be made."""
+    """List the tests of all outputs together; each a table of its attributes, or null where it is not made."""
     tests: dict[str, HypothesisTest | None] = dict.fromkeys((*TESTS, "skewness", "kurtosis"))
     if joint is not None:
         tests |= {name: getattr(joint, name) for name in TESTS}

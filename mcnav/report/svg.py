@@ -60,7 +60,7 @@ HASHED: Final = r'(?<=["#])[a-z]+[0-9a-f]{10}(?=[")])'
 
 
 def variable(colour: str) -> str:
-    """A colour as the style sheet names it; others stay as they are.
+    """Return a colour as a variable of the style sheet; other colours stay as they are.
 
     >>> variable("#0b5fa5"), variable("#123456")
     ('var(--linear)', '#123456')
@@ -69,7 +69,7 @@ def variable(colour: str) -> str:
 
 
 def svg(figure: MplFigure, key: str, title: str, description: str) -> str:
-    """A figure as SVG for one place of a page: no date, no prologue, ids of its own, a title and a description.
+    """Render a figure as SVG for one place of a page: no date, no prologue, ids of its own, a title and a description.
 
     The group of an artist whose gid is ``series-NAME`` gets that as its class; with a gid ``tip-TEXT`` it gets the text
     as its title, which browsers show when a pointer rests on it.
@@ -112,7 +112,7 @@ def _rounded(attribute: str) -> str:
 def new(
     width: float, height: float, rows: int = 1, columns: int = 1, **keywords: Any
 ) -> tuple[MplFigure, NDArray[Any]]:
-    """A figure of a size in inches with an array of axes, shape (rows, columns)."""
+    """Create a figure of a size in inches with an array of axes, shape (rows, columns)."""
     figure = MplFigure(figsize=(width, height), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False, **keywords)
     return figure, axes

@@ -210,13 +210,13 @@ class Scenario(Protocol):
         """Names of the ways to fly, the default first."""
 
     def engine(self, engine: str, probes: Array) -> Engine:
-        """A flyer for one engine, its accuracy settled on probe samples, shape (n, sources)."""
+        """Prepare one engine; its accuracy is settled on probe samples, shape (n, sources)."""
 
     def linear_model(self) -> LinearModel:
         """Partial derivatives by the scenario's best method."""
 
     def history(self) -> History:
-        """The truth over time."""
+        """Return the truth over time."""
 
 
 @runtime_checkable
@@ -224,7 +224,7 @@ class VariableStart(Scenario, Protocol):
     """A scenario whose navigation may start at any time of its flight."""
 
     def started_at(self, time: float, axes: str) -> Scenario:
-        """The same flight with navigation from another time on; `ScenarioError` when that is not on it."""
+        """Return the same scenario with navigation started at another time; `ScenarioError` when it is not on the trajectory."""
 
     def start_times(self, count: int) -> Array:
         """Evenly spaced start times from the first possible one on, shape (count,), s from the scenario's own event."""

@@ -1,7 +1,7 @@
-"""Errors throughout the flight: moments that chunks carry with them, their sum in order of index, and the tables.
+"""Errors throughout the flight: power sums in the chunks' files, their total, and the tables made of them.
 
-The power sums of a chunk's samples are a mark in the chunk's own file, under the file's checksum. Added up in order of
-index they are the same, bit for bit, however many workers there were and however often a run was broken off.
+The power sums of a chunk's samples are metadata of its file, under the file's checksum. Added up in order of index they
+are the same, bit for bit, for any number of workers and interruptions.
 """
 
 from __future__ import annotations
@@ -29,46 +29,46 @@ STORED: Final = 2_000
 """Samples whose histories are stored in full: the first of the campaign."""
 
 
-def history_sums(prepared: Engine, errors: Array) -> PowerSums | None:
-    """Power sums of samples, shape (n, sources), throughout the flight; none where the engine does not know them."""
-    return prepared.history_sums(errors) if isinstance(prepared, TimeHistoryEngine) else None
+def history_sums(engine: Engine, errors: Array) -> PowerSums | None:
+    """Compute power sums of samples, shape (n, sources), at every epoch; none where the engine has no histories."""
+    return engine.history_sums(errors) if isinstance(engine, TimeHistoryEngine) else None
 
 
 def add_power_sums(one: PowerSums | None, other: PowerSums | None) -> PowerSums | None:
-    """Two stretches of samples together."""
+    """Add the power sums of two sets of samples."""
     return one + other if one is not None and other is not None else one or other
 
 
-def history_marks_of(found: PowerSums | None) -> dict[str, str]:
-    """What a chunk's file is to say of its samples throughout the flight."""
-    if found is None:
+def history_marks_of(power_sums: PowerSums | None) -> dict[str, str]:
+    """Encode power sums as metadata of a chunk's file."""
+    if power_sums is None:
         return {}
-    numbers = np.append(found.sums.ravel(), float(found.count)).astype("<f8")
+    numbers = np.append(power_sums.sums.ravel(), float(power_sums.count)).astype("<f8")
     return {MARK: base64.b64encode(numbers.tobytes()).decode()}
 
 
-def history_marks(prepared: Engine, errors: Array) -> dict[str, str]:
-    """`marked` sums of a chunk's samples, shape (n, sources)."""
-    return history_marks_of(history_sums(prepared, errors))
+def history_marks(engine: Engine, errors: Array) -> dict[str, str]:
+    """Encode the power sums of a chunk's samples, shape (n, sources)."""
+    return history_marks_of(history_sums(engine, errors))
 
 
-def read_power_sums(prepared: Engine, folder: Path, parts: Sequence[Part]) -> PowerSums | None:
-    """Power sums of all samples, from the marks of the parts in order of index; none where nothing was followed."""
-    if not isinstance(prepared, TimeHistoryEngine):
+def read_power_sums(engine: Engine, folder: Path, parts: Sequence[Part]) -> PowerSums | None:
+    """Read the power sums of all samples in order of index; none where the engine has no histories."""
+    if not isinstance(engine, TimeHistoryEngine):
         return None
-    pivot = prepared.history_sums(np.zeros((0, 1))).pivot
+    pivot = engine.history_sums(np.zeros((0, 1))).pivot
     total = None
     for part in sorted(parts, key=lambda part: part.begin):
         text = (pq.read_schema(folder / part.file).metadata or {}).get(MARK.encode())
         if text is not None:
             numbers = np.frombuffer(base64.b64decode(text), dtype="<f8")
-            found = PowerSums(int(numbers[-1]), pivot, numbers[:-1].reshape(len(pivot), -1).astype(float))
-            total = found if total is None else total + found
+            sums = PowerSums(int(numbers[-1]), pivot, numbers[:-1].reshape(len(pivot), -1).astype(float))
+            total = sums if total is None else total + sums
     return total
 
 
 def histories_table(epochs: Epochs, outputs: Sequence[Output], histories: Array) -> pa.Table:
-    """Histories of samples, shape (n, m, outputs): a row for each sample and epoch, NaN where not followed."""
+    """Tabulate histories of samples, shape (n, m, outputs): a row for each sample and epoch, NaN where unknown."""
     count, instants, _ = histories.shape
     columns: dict[str, Any] = {
         "index": np.repeat(np.arange(count), instants),
@@ -80,31 +80,30 @@ def histories_table(epochs: Epochs, outputs: Sequence[Output], histories: Array)
 
 
 def epochs_table(
-    epochs: Epochs, outputs: Sequence[Output], found: PowerSums, linear: tuple[Array, Array], histories: Array
+    epochs: Epochs, outputs: Sequence[Output], sums: PowerSums, linear: tuple[Array, Array], histories: Array
 ) -> pa.Table:
-    """What is known at every epoch: moments of all samples, linear ones, percentiles of the stored histories.
+    """Tabulate moments of all samples, linear moments and percentiles of the stored histories at every epoch.
 
     Columns, for each output: ``mean``, ``sigma``, ``third``, ``fourth`` (central moments), ``linear mean``, ``linear
     sigma`` and percentiles; for each pair ``covariance``. Units are in the names.
 
     Parameters
     ----------
-    epochs : Epochs
-    outputs : sequence of Output
-    found : PowerSums
     linear : (ndarray, ndarray), shapes (m, outputs) and (m, outputs, outputs)
         Linear mean and covariance.
     histories : ndarray, shape (n, m, outputs)
     """
-    covariance, third, fourth = found.covariance, found.third, found.fourth
-    known = histories[np.isfinite(histories).all(axis=(1, 2))]
+    covariance, third, fourth = sums.covariance, sums.third, sums.fourth
+    complete = histories[np.isfinite(histories).all(axis=(1, 2))]
     ranked = (
-        np.percentile(known, PERCENTILES, axis=0) if len(known) else np.full((len(PERCENTILES), *third.shape), np.nan)
+        np.percentile(complete, PERCENTILES, axis=0)
+        if len(complete)
+        else np.full((len(PERCENTILES), *third.shape), np.nan)
     )
     columns: dict[str, Any] = {epochs.label: epochs.times}
     for i, output in enumerate(outputs):
         name, unit = output.name, output.unit
-        columns[f"mean {name} [{unit}]"] = found.mean[:, i]
+        columns[f"mean {name} [{unit}]"] = sums.mean[:, i]
         columns[f"sigma {name} [{unit}]"] = np.sqrt(np.maximum(covariance[:, i, i], 0.0))
         columns[f"third {name} [({unit})^3]"] = third[:, i]
         columns[f"fourth {name} [({unit})^4]"] = fourth[:, i]
@@ -116,7 +115,7 @@ def epochs_table(
         for j, other in enumerate(outputs[:i]):
             unit = f"({other.unit})({one.unit})"
             columns[f"covariance {other.name}, {one.name} [{unit}]"] = covariance[:, i, j]
-    described = {"events": dict(epochs.events), "samples": found.count, "stored": len(known)}
+    described = {"events": dict(epochs.events), "samples": sums.count, "stored": len(complete)}
     return pa.table({name: np.ascontiguousarray(column) for name, column in columns.items()}).replace_schema_metadata(
         {"mcnav.epochs": json.dumps(described)}
     )

@@ -71,7 +71,7 @@ class Record(BaseModel):
     model_config = ConfigDict(extra="ignore", frozen=True, strict=True)
 
     def to_json(self) -> dict[str, Any]:
-        """The fields that were set, as JSON holds them."""
+        """Return the fields that were set, as JSON holds them."""
         return dict(to_json(self.model_dump(exclude_unset=True)))
 
 

@@ -183,7 +183,7 @@ def tracebacks_in(table: pa.Table) -> dict[int, str]:
 
 
 def table_from(content: bytes, rows: int | None = None) -> pa.Table:
-    """The table in a parquet file, its checksums verified, unless it claims to be much larger than it is.
+    """Read a parquet file with its checksums verified, unless it claims to be much larger than it is.
 
     Raises
     ------
@@ -201,7 +201,7 @@ def table_from(content: bytes, rows: int | None = None) -> pa.Table:
 
 
 def whole_part(place: Path, number: int, identity: str, kept: int | None = None) -> Part | None:
-    """The part of a number, when a whole one of this very run is there.
+    """Return a part by its number, when it is complete and of this run.
 
     Of a summary the file has the rows of samples below ``kept`` and says itself which samples it is of, and how many
     of them failed.
@@ -233,13 +233,13 @@ def whole_part(place: Path, number: int, identity: str, kept: int | None = None)
 def verified_part(
     place: Path, number: int, begin: int, end: int, identity: str, kept: int | None = None
 ) -> Part | None:
-    """The part for samples [begin, end), when a whole one of this very run is there; see `whole_part`."""
+    """Return the part for samples [begin, end), when it is complete and of this run; see `whole_part`."""
     found = whole_part(place, number, identity, kept)
     return found if found is not None and (found.begin, found.end) == (begin, end) else None
 
 
 def identities_in(place: Path) -> set[str]:
-    """The identities that the parts in a folder carry, as far as these can be read."""
+    """Collect the identities of the parts in a folder that can be read."""
     found = set()
     for path in sorted(place.glob("part-*.parquet")):
         try:
@@ -262,7 +262,7 @@ def in_order(table: pa.Table, begin: int = 0) -> bool:
 
 
 def samples_from(table: pa.Table, layout: SampleSchema) -> Samples:
-    """The samples of a table as arrays."""
+    """Convert a table to arrays of samples."""
     samples = room_for(len(table), layout)
     put(table, layout, samples, 0)
     return samples

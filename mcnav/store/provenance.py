@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 def commit(package: Path | None = None) -> str | None:
-    """The commit that the program's own checkout is at; none when it is not run from one.
+    """Return the commit of the program's own checkout; none when it is not run from one.
 
     Git's files are read, not git: there need not be one. A package that was installed into some other project's
     folder is not of that project's commit.

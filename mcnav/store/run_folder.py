@@ -172,7 +172,7 @@ class RunFolder:
         return summary
 
     def _read(self, name: str, remedy: str) -> bytes | None:
-        """A file of this folder; none when it is not there."""
+        """Read a file of this folder; none when it is not there."""
         try:
             return read_whole(self.path / name, LARGEST_JSON)
         except (FileNotFoundError, NotADirectoryError):
@@ -368,7 +368,7 @@ class RunFolder:
                 raise RunFolderError(f"{found}: is not of this run; remove it, or run the campaign again with --fresh")
 
     def _verified(self, part: Part, kept: int | None) -> pa.Table:
-        """The samples of one part."""
+        """Read the samples of one part."""
         path = self.parts / part.file
         try:
             content = read_whole(path, LARGEST_PART)
@@ -384,7 +384,7 @@ class RunFolder:
             raise RunFolderError(f"{path}: is no chunk of this program ({failure})") from None
 
     def campaign(self) -> str:
-        """The resolved campaign file.
+        """Read the resolved campaign file.
 
         Raises
         ------
@@ -404,7 +404,7 @@ class RunFolder:
         self.write(HISTORY, parquet_bytes(table.replace_schema_metadata(marks)))
 
     def history(self) -> History:
-        """What was flown.
+        """Read the history of the truth.
 
         Raises
         ------

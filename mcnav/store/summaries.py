@@ -47,7 +47,7 @@ OTHERS: Final = Failure.of(Reason.OTHERS).status
 
 
 def summary_chunk(engine_chunk: int, samples: int) -> int:
-    """Samples of a summary's chunk: whole chunks of the engine.
+    """Return the samples of a summary's chunk: whole chunks of the engine.
 
     >>> summary_chunk(8_192, 1_000_000) // 8_192, summary_chunk(32, 1_000_000), summary_chunk(8_192, 10**12)
     (32, 1024, 268435456)

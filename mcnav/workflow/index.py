@@ -49,7 +49,7 @@ def write_index(folder: Path) -> tuple[Path, int]:
 
 
 def _below(folder: Path, depth: int) -> list[Path]:
-    """A folder and those in it, in order of their names; what is in a run folder is its own affair."""
+    """Walk a folder and those in it in order of their names, but not into run folders."""
     found = [folder]
     if depth and not (folder / MANIFEST).exists():
         inside = sorted(entry for entry in folder.iterdir() if entry.is_dir() and not entry.name.startswith("."))
@@ -63,7 +63,7 @@ def _link(folder: Path, page: Path) -> dict[str, str]:
 
 
 def _entry(folder: Path, place: Path) -> dict[str, Any]:
-    """A run's row; one that cannot be read says why."""
+    """Build a run's row; a run that cannot be read has the reason."""
     entry: dict[str, Any] = _link(folder, place / REPORT) | {"folder": place.name, "report": (place / REPORT).exists()}
     try:
         run = RunFolder(place)

@@ -11,6 +11,7 @@ import sys
 import time
 from collections import defaultdict
 from collections.abc import Callable
+from functools import reduce
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
@@ -21,18 +22,25 @@ from tests.benchmarks.spawn import run
 STAGES: Final = {
     "read the campaign, fly its truth": ("mcnav.config.read:read_campaign",),
     "prepare: partials, grid, first draws": ("mcnav.workflow.run:prepare_campaign",),
-    "draw": ("mcnav.execution.chunks:DrawPlan.draw",),
+    "draw": ("mcnav.sampling.error_model:ErrorModel.draw",),
     "fly": ("mcnav.execution.chunks:simulate_errors",),
     "errors at 60 epochs": ("mcnav.store.histories:history_sums",),
     "store": (
         "mcnav.execution.chunks:write_part",
         "mcnav.execution.chunks:reduce_samples",
-        "mcnav.workflow.run:write_epochs",
+        "mcnav.workflow.prepare:PreparedCampaign.write_epochs",
     ),
     "analyse": ("mcnav.workflow.run:analyse",),
     "write the report": ("mcnav.workflow.run:write_results",),
 }
 REST: Final = "start, imports and the rest"
+
+
+def holder_of(place: str) -> tuple[Any, str]:
+    """Return the module or class that holds a function, and the function's name; ``module:Class.name``."""
+    module, path = place.split(":")
+    *classes, name = path.split(".")
+    return reduce(getattr, classes, importlib.import_module(module)), name
 
 
 def watched(spent: dict[str, float]) -> None:
@@ -50,8 +58,7 @@ def watched(spent: dict[str, float]) -> None:
 
     for stage, places in STAGES.items():
         for place in places:
-            module, name = place.split(":")
-            home = importlib.import_module(module)
+            home, name = holder_of(place)
             setattr(home, name, keeper(stage, getattr(home, name)))
 
 

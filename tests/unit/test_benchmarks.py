@@ -198,5 +198,4 @@ def test_stages_are_where_they_are_watched() -> None:
     assert growth.CAMPAIGN.exists()
     for places in stages.STAGES.values():
         for place in places:
-            module, name = place.split(":")
-            assert callable(getattr(__import__(module, fromlist=[name]), name))
+            assert callable(getattr(*stages.holder_of(place)))

@@ -62,7 +62,7 @@ class _Copy:
             self._process.join()
 
     def result(self) -> Any:
-        """What came of it; none when nothing did."""
+        """Return the result; none when there is none."""
         with suppress(EOFError, OSError):
             if self._connection.poll(PATIENCE):
                 return self._connection.recv()

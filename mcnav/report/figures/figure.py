@@ -240,7 +240,7 @@ def dots(axes: Axes, points: NDArray[np.float64], colour: str, size: float, gid:
 
 
 def mark(axes: Axes, place: float, label: str) -> None:
-    """A vertical line at an event with its name beside it, in the corner where it hides least of the curves.
+    """Draw a vertical line at an event, with its name in the corner where it hides least of the curves.
 
     To be called when everything else is drawn.
     """
@@ -310,7 +310,7 @@ def _plain(value: object) -> str:
 
 
 def axis_label(column: str) -> str:
-    """A column's name as an axis has it.
+    """Turn a column's name into an axis label.
 
     >>> axis_label("altitude [km]")
     'altitude (km)'

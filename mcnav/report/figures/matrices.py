@@ -108,7 +108,7 @@ def certain_differences(comparison: Comparison, confidence: float) -> tuple[Mask
 
 
 def _magnified(matrix: Array, certain: Mask) -> Array:
-    """A matrix over its largest entry, zero where it may be chance."""
+    """Scale a matrix by its largest entry, zero where it is not significant."""
     largest = float(np.nanmax(np.abs(matrix), initial=0.0, where=certain))
     return np.where(certain, matrix / largest if largest > 0.0 else matrix, 0.0)
 

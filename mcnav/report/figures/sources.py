@@ -87,7 +87,7 @@ def _stacked(axes: Axes, names: list[str], shares: Array, series: dict[int, Seri
 
 
 def partials_history(content: RunAnalysis) -> Figure | None:
-    """The linear sigma of each output over the flight, in all and by its largest sources."""
+    """Draw the linear sigma of each output over time, in total and by its largest sources."""
     known = content.development
     if known is None:
         return None

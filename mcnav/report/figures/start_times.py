@@ -70,7 +70,7 @@ def dispersion(
 
 
 def effects(study: StartTimeStudy, i: int, scale: float, labels: Sequence[str], output: Output) -> Figure:
-    """What one sigma of each source does to one output, against the start: initial conditions, and equipment.
+    """Draw the effect of one sigma of each source on one output against the start time.
 
     ``labels`` name the sources.
     """
