@@ -1,13 +1,36 @@
-"""One way of compiling: cached on disk, free of the interpreter lock, contracted but never reassociated."""
+"""One way of compiling: cached on disk, free of the interpreter lock, contracted but never reassociated.
+
+numba notices changes of the file that holds a compiled function, but not of constants and inlined functions that
+it takes from other files. The cache is therefore valid for one content of all files of this package.
+"""
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
+from functools import cache
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
 
 Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+@cache
+def sources_digest() -> str:
+    """Digest the files whose constants and functions compiled code may contain."""
+    here = Path(__file__).parent
+    files = [here.parent / "constants.py", *sorted(here.rglob("*.py"))]
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
+
+
+def _compile(function: Function, **options: Any) -> Function:
+    dispatcher = numba.njit(cache=True, error_model="numpy", nogil=True, **options)(function)
+    stored = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
+    if stored is not None:
+        stored._source_stamp = (*stored._source_stamp, sources_digest())
+    return cast(Function, dispatcher)
 
 
 def compiled(function: Function) -> Function:
@@ -16,17 +39,14 @@ def compiled(function: Function) -> Function:
     ``contract`` lets the compiler fuse multiply and add. Nothing that would change the order of a sum is allowed, so
     a function gives the same bits for a sample wherever in a chunk it stands.
     """
-    decorate = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-    return cast(Function, decorate(function))
+    return _compile(function, fastmath={"contract"})
 
 
 def reduced_math(function: Function) -> Function:
     """Compile a sum over lanes, which may be taken in any order: the same one for the same lanes on one machine."""
-    decorate = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
-    return cast(Function, decorate(function))
+    return _compile(function, fastmath={"contract", "reassoc"})
 
 
 def inlined(function: Function) -> Function:
     """Compile a function so that its body stands wherever it is called: a call would break a vector loop."""
-    decorate = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
-    return cast(Function, decorate(function))
+    return _compile(function, fastmath={"contract"}, inline="always")

@@ -224,7 +224,7 @@ class VariableStart(Scenario, Protocol):
     """A scenario whose navigation may start at any time of its flight."""
 
     def started_at(self, time: float, axes: str) -> Scenario:
-        """Return the same scenario with navigation started at another time; `ScenarioError` when it is not on the trajectory."""
+        """Return the same scenario with navigation started at another time, or raise `ScenarioError`."""
 
     def start_times(self, count: int) -> Array:
         """Evenly spaced start times from the first possible one on, shape (count,), s from the scenario's own event."""
