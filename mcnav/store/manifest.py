@@ -62,7 +62,7 @@ Matrices = Annotated[Array, _Nested(list[list[list[float | None]]])]
 
 
 class ManifestError(ValueError):
-    """RunAnalysis that is no manifest of this program."""
+    """Content that is no manifest of this program."""
 
 
 class Record(BaseModel):

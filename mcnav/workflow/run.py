@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from threading import Event
@@ -17,18 +16,16 @@ from threadpoolctl import threadpool_limits
 from mcnav._subprocess import side_threads
 from mcnav.analysis.comparison import normalization_of
 from mcnav.config.read import Campaign, campaign_from
-from mcnav.config.stopping import StoppingRule
 from mcnav.errors import CampaignError, Problem, RunFolderError
 from mcnav.execution.chunks import ChunkJob, DrawPlan
 from mcnav.execution.identity import check_no_foreign_files, check_resumable, chunk_digest, identity_of
 from mcnav.execution.processes import end_workers_apart
-from mcnav.execution.runner import ChunkExecutor, run_chunks
+from mcnav.execution.runner import ChunkExecutor
 from mcnav.lincov.polynomial_engine import engine_names
 from mcnav.progress import SILENT, Phase, Progress
 from mcnav.scenarios.conformance import Check, check_conformance
 from mcnav.scenarios.inputs import InputFile
 from mcnav.scenarios.timeouts import stopped_by
-from mcnav.statistics.interim_analyses import interim_sizes
 from mcnav.store.inputs import check_as_read, check_unchanged, file_records
 from mcnav.store.manifest import (
     FORMAT,
@@ -37,14 +34,14 @@ from mcnav.store.manifest import (
     Identity,
     Manifest,
     RequirementRecord,
-    StoppingRecord,
 )
-from mcnav.store.parts import Part, SampleSchema, sorted_parts
+from mcnav.store.parts import SampleSchema
 from mcnav.store.provenance import commit
 from mcnav.store.run_folder import CAMPAIGN, RunFolder
 from mcnav.store.summaries import KEPT, SUMMARY
 from mcnav.workflow.analyse import analyse, linear_model, load_report, write_results
 from mcnav.workflow.prepare import PreparedCampaign, prepare_campaign
+from mcnav.workflow.stopping import Execution
 
 
 @dataclass(frozen=True)
@@ -129,7 +126,7 @@ def run_campaign(
         _write_beginning(folder, campaign, system, manifest, inputs)
         job = _chunk_job(system, folder, manifest, inputs)
         load_report()
-        execution = _Execution(job, jobs, progress, notices.append, most_failures, flights)
+        execution = Execution(job, jobs, progress, notices.append, most_failures, flights)
         with _corrections(system, campaign.code is not None) as corrections:
             began = time.perf_counter()
             try:
@@ -245,64 +242,6 @@ def _corrections(system: PreparedCampaign, users_code: bool) -> Iterator[Callabl
         except BaseException:
             unwanted.set()
             raise
-
-
-@dataclass(frozen=True)
-class _Execution:
-    """How the samples of a run are simulated; arguments of `run_chunks`."""
-
-    job: ChunkJob
-    jobs: int
-    progress: Progress
-    notice: Callable[[str], None]
-    most_failures: int | None
-    executor: ChunkExecutor | None
-
-    def run(self, manifest: Manifest, rule: StoppingRule | None) -> tuple[Manifest, int]:
-        """Simulate a campaign's samples, or as many as its stopping rule asks for.
-
-        Returns
-        -------
-        manifest : Manifest
-            With the number of samples, their parts and the outcome of the stopping rule.
-        simulated : int
-            Samples that were not stored already.
-        """
-        if rule is None:
-            self.progress.phase(Phase.SIMULATING, manifest.samples)
-            parts, simulated = self._simulate(manifest.samples)
-            return manifest.model_copy(update={"parts": sorted_parts(parts)}), simulated
-        sizes = interim_sizes(self.job.engine.chunk, rule.at_most)
-        criterion = manifest.criterion.model_copy(update={"looks": len(sizes)})
-        manifest, simulated, before = manifest.model_copy(update={"criterion": criterion}), 0, 0
-        for look, size in enumerate(sizes, start=1):
-            note = f"look {look} of at most {len(sizes)}"
-            self.progress.phase(Phase.SIMULATING, note=note)
-            more, now = self._simulate(size, before)
-            simulated, before = simulated + now, size
-            update = {"samples": size, "parts": (*manifest.parts, *sorted_parts(more))}
-            manifest = manifest.model_copy(update=update)
-            self.progress.phase(Phase.ANALYSING, note=note)
-            precision = _precision(self.job.folder, manifest, rule)
-            reached = precision <= rule.precision
-            stopping = StoppingRecord(**rule.described(), looks=len(sizes), found=precision, reached=reached)
-            manifest = manifest.model_copy(update={"stopping": stopping})
-            if reached:
-                break
-        return manifest, simulated
-
-    def _simulate(self, samples: int, first: int = 0) -> tuple[list[Part], int]:
-        job = replace(self.job, draws=replace(self.job.draws, samples=samples))
-        return run_chunks(job, self.jobs, self.progress, first, self.notice, self.most_failures, self.executor)
-
-
-def _precision(folder: RunFolder, manifest: Manifest, rule: StoppingRule) -> float:
-    """Half the width of the widest interval of an output's sigma ratio, at the confidence of the stopping rule."""
-    criterion = manifest.criterion.model_copy(update={"confidence": rule.confidence})
-    outputs = analyse(folder, manifest.model_copy(update={"criterion": criterion})).comparison.outputs
-    ratios = [output.paired if rule.quantity.endswith("paired") else output.plain for output in outputs]
-    widths = [0.5 * (each.interval[1] - each.interval[0]) for each in ratios if each.interval is not None]
-    return max(widths, default=math.inf)
 
 
 def engine_of(path: Path, campaign: Path) -> str | None:

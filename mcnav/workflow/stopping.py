@@ -1,0 +1,75 @@
+"""Samples of a run, simulated until there are enough: all of them, or as many as the stopping rule asks for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from mcnav.config.stopping import StoppingRule
+from mcnav.execution.chunks import ChunkJob
+from mcnav.execution.runner import ChunkExecutor, run_chunks
+from mcnav.progress import Phase, Progress
+from mcnav.statistics.interim_analyses import interim_sizes
+from mcnav.store.manifest import Manifest, StoppingRecord
+from mcnav.store.parts import Part, sorted_parts
+from mcnav.store.run_folder import RunFolder
+from mcnav.workflow.analyse import analyse
+
+
+@dataclass(frozen=True)
+class Execution:
+    """How the samples of a run are simulated; arguments of `run_chunks`."""
+
+    job: ChunkJob
+    jobs: int
+    progress: Progress
+    notice: Callable[[str], None]
+    most_failures: int | None
+    executor: ChunkExecutor | None
+
+    def run(self, manifest: Manifest, rule: StoppingRule | None) -> tuple[Manifest, int]:
+        """Simulate a campaign's samples, or as many as its stopping rule asks for.
+
+        Returns
+        -------
+        manifest : Manifest
+            With the number of samples, their parts and the outcome of the stopping rule.
+        simulated : int
+            Samples that were not stored already.
+        """
+        if rule is None:
+            self.progress.phase(Phase.SIMULATING, manifest.samples)
+            parts, simulated = self._simulate(manifest.samples)
+            return manifest.model_copy(update={"parts": sorted_parts(parts)}), simulated
+        sizes = interim_sizes(self.job.engine.chunk, rule.at_most)
+        criterion = manifest.criterion.model_copy(update={"looks": len(sizes)})
+        manifest, simulated, before = manifest.model_copy(update={"criterion": criterion}), 0, 0
+        for look, size in enumerate(sizes, start=1):
+            note = f"look {look} of at most {len(sizes)}"
+            self.progress.phase(Phase.SIMULATING, note=note)
+            more, now = self._simulate(size, before)
+            simulated, before = simulated + now, size
+            update = {"samples": size, "parts": (*manifest.parts, *sorted_parts(more))}
+            manifest = manifest.model_copy(update=update)
+            self.progress.phase(Phase.ANALYSING, note=note)
+            precision = _precision(self.job.folder, manifest, rule)
+            reached = precision <= rule.precision
+            stopping = StoppingRecord(**rule.described(), looks=len(sizes), found=precision, reached=reached)
+            manifest = manifest.model_copy(update={"stopping": stopping})
+            if reached:
+                break
+        return manifest, simulated
+
+    def _simulate(self, samples: int, first: int = 0) -> tuple[list[Part], int]:
+        job = replace(self.job, draws=replace(self.job.draws, samples=samples))
+        return run_chunks(job, self.jobs, self.progress, first, self.notice, self.most_failures, self.executor)
+
+
+def _precision(folder: RunFolder, manifest: Manifest, rule: StoppingRule) -> float:
+    """Half the width of the widest interval of an output's sigma ratio, at the confidence of the stopping rule."""
+    criterion = manifest.criterion.model_copy(update={"confidence": rule.confidence})
+    outputs = analyse(folder, manifest.model_copy(update={"criterion": criterion})).comparison.outputs
+    ratios = [output.paired if rule.quantity.endswith("paired") else output.plain for output in outputs]
+    widths = [0.5 * (each.interval[1] - each.interval[0]) for each in ratios if each.interval is not None]
+    return max(widths, default=math.inf)
