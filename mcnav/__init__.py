@@ -25,11 +25,10 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from mcnav.config.read import Campaign, read_campaign
     from mcnav.errors import CampaignError, RunFolderError
-    from mcnav.notebook import FlownRun, fly, open_run
+    from mcnav.notebook import FlownRun, check_scenario, fly, open_run, run_campaign
     from mcnav.scenarios.protocol import History, Output, Panel, SimulationResult, Source
     from mcnav.workflow.analyse import report_run, samples_of, summary_of
     from mcnav.workflow.compare import RunComparison, compare_runs
-    from mcnav.workflow.run import check_scenario, run_campaign
 
 _HOMES = {
     "RunComparison": "mcnav.workflow.compare",
@@ -42,13 +41,13 @@ _HOMES = {
     "Panel": "mcnav.scenarios.protocol",
     "RunFolderError": "mcnav.errors",
     "Source": "mcnav.scenarios.protocol",
-    "check_scenario": "mcnav.workflow.run",
+    "check_scenario": "mcnav.notebook",
     "compare_runs": "mcnav.workflow.compare",
     "fly": "mcnav.notebook",
     "open_run": "mcnav.notebook",
     "read_campaign": "mcnav.config.read",
     "report_run": "mcnav.workflow.analyse",
-    "run_campaign": "mcnav.workflow.run",
+    "run_campaign": "mcnav.notebook",
     "samples_of": "mcnav.workflow.analyse",
     "summary_of": "mcnav.workflow.analyse",
 }

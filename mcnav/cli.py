@@ -446,10 +446,11 @@ def check_scenario(campaign: CampaignFile) -> None:
     Exit status: 0 all checks passed, 1 a check failed, 2 bad input.
     """
     with _reported_errors(campaign):
+        from mcnav.config.read import read_campaign
         from mcnav.report import terminal
         from mcnav.workflow.run import check_scenario
 
-        checks = check_scenario(campaign)
+        checks = check_scenario(read_campaign(campaign))
         out.print(terminal.checks([(check.name, check.passed, check.told) for check in checks]))
         if not all(check.passed for check in checks):
             raise typer.Exit(CHECK_FAILED)

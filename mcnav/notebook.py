@@ -28,9 +28,10 @@ from mcnav.report import sentences
 from mcnav.report.figures.figure import Figure
 from mcnav.report.model import RunAnalysis
 from mcnav.report.page import figures
+from mcnav.scenarios.conformance import Check
 from mcnav.store.run_folder import RunFolder
+from mcnav.workflow import run as workflow
 from mcnav.workflow.analyse import analyse, samples_of
-from mcnav.workflow.run import run_campaign
 
 SHOWN = """<div><p><strong>{{ name }}</strong>: {{ headline }}</p><p>{{ explanation }}</p>
 <table><thead><tr><th></th>{% for column in table.columns %}<th>{{ column }}</th>{% endfor %}</tr></thead>
@@ -215,7 +216,7 @@ def fly(
     force: bool = False,
     **instead: int,
 ) -> FlownRun:
-    """Fly a campaign into a run folder and write its report there; what is stored is not flown again.
+    """Run a campaign into a run folder and write its report there; stored samples are not simulated again.
 
     Parameters
     ----------
@@ -229,7 +230,7 @@ def fly(
     fresh : bool
         Replace an earlier run in the folder.
     force : bool
-        Go on where partial derivatives are not settled; the run says so.
+        Go on where partial derivatives are not settled; the report states it.
     **instead
         ``samples`` and ``seed`` in place of the campaign's.
 
@@ -238,5 +239,23 @@ def fly(
     CampaignError, RunFolderError
         As `mcnav.workflow.run.run_campaign`.
     """
-    run_campaign(campaign_from(campaign, instead), folder, engine, jobs, fresh, force=force)
+    workflow.run_campaign(campaign_from(campaign, instead), Path(folder), engine, jobs, fresh, force=force)
     return FlownRun(Path(folder))
+
+
+def run_campaign(
+    campaign: str | Path | Campaign | Mapping[str, Any], path: str | Path, engine: str | None, jobs: int, **options: Any
+) -> workflow.Run:
+    """Run a campaign in any of the forms that `fly` takes, with the options of `mcnav.workflow.run.run_campaign`."""
+    return workflow.run_campaign(campaign_from(campaign), Path(path), engine, jobs, **options)
+
+
+def check_scenario(campaign: str | Path | Campaign | Mapping[str, Any]) -> list[Check]:
+    """Check the scenario of a campaign in any of the forms that `fly` takes; see `mcnav.scenarios.conformance`.
+
+    Raises
+    ------
+    CampaignError
+        When the campaign cannot be read.
+    """
+    return workflow.check_scenario(campaign_from(campaign))

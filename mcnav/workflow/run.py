@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 
 from mcnav._subprocess import side_threads
 from mcnav.analysis.comparison import normalization_of
-from mcnav.config.read import Campaign, campaign_from
+from mcnav.config.read import Campaign
 from mcnav.errors import CampaignError, Problem, RunFolderError
 from mcnav.execution.chunks import ChunkJob, DrawPlan
 from mcnav.execution.identity import check_no_foreign_files, check_resumable, chunk_digest, identity_of
@@ -64,8 +64,8 @@ class Run:
 
 
 def run_campaign(
-    campaign: str | Path | Campaign | Mapping[str, Any],
-    path: str | Path,
+    campaign: Campaign,
+    path: Path,
     engine: str | None,
     jobs: int,
     fresh: bool = False,
@@ -81,9 +81,7 @@ def run_campaign(
 
     Parameters
     ----------
-    campaign : str, Path, Campaign or mapping
-        See `mcnav.config.read.campaign_from`.
-    path : str or Path
+    path : Path
         Run folder.
     engine : str, optional
         One of `mcnav.lincov.polynomial_engine.engine_names` the scenario; by default the first.
@@ -108,7 +106,7 @@ def run_campaign(
         When the folder holds something else, is in use, or cannot be written to.
     TooManyFailures
     """
-    campaign, folder = campaign_from(campaign), RunFolder(Path(path))
+    folder = RunFolder(path)
     progress.phase(Phase.PREPARING)
     engine_name = _engine_name(campaign, engine)
     check_no_foreign_files(folder)
@@ -250,19 +248,7 @@ def engine_of(path: Path, campaign: Path) -> str | None:
     return None if manifest is None else manifest.identity.engine
 
 
-def check_scenario(described: str | Path | Campaign | Mapping[str, Any]) -> list[Check]:
-    """Check the scenario of a campaign with its errors; see `mcnav.scenarios.conformance`.
-
-    Parameters
-    ----------
-    described : str, Path, Campaign or mapping
-        See `mcnav.config.read.campaign_from`.
-
-    Raises
-    ------
-    CampaignError
-        When the campaign cannot be read.
-    """
-    campaign = campaign_from(described)
+def check_scenario(campaign: Campaign) -> list[Check]:
+    """Check the scenario of a campaign with its errors; see `mcnav.scenarios.conformance`."""
     with threadpool_limits(1):
         return check_conformance(campaign.scenario, campaign.errors.standard_deviations)
