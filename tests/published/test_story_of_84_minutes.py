@@ -127,7 +127,7 @@ def test_page_and_tables(tmp_path: Path) -> None:
 
 def test_the_documentation_counts_right(numbers: tuple[Number, ...]) -> None:
     wrong = sum(each.standing is Standing.MISPRINT for each in numbers)
-    said = f"the {len(numbers)} printed numbers and the plots of the second seed"
+    said = f"the {len(numbers)} printed numbers and the plots of *The Story of 84 Minutes*"
     text = (ROOT / "mcnav" / "COMMANDS.md").read_text(encoding="utf-8")
     assert said in text
     assert f"{len(numbers) - wrong} agree, {wrong} are misprinted or miscalculated" in text
