@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from mcnav.scenarios.reentry import SOURCES
 from tests.conftest import ROOT
 from tests.processes import run_to_end
 
@@ -141,7 +142,7 @@ def test_linearity(workplace: Path) -> None:
     finished = mcnav("linearity", DEMO, "--samples", 500, "--largest", 12, "--out", folder, cwd=workplace)
     assert finished.returncode == 0, finished.stderr
     assert "joint distribution" in finished.stdout
-    assert len(pd.read_csv(folder / "linearity.csv")) == 44
+    assert len(pd.read_csv(folder / "linearity.csv")) == 4 * (len(SOURCES) + 1)
     assert (folder / "linearity.html").read_text().count("<figure") == 2
 
 

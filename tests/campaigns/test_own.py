@@ -394,11 +394,11 @@ def test_commands(tmp_path: Path) -> None:
     checked = mcnav_says("check-scenario", "mine.toml")
     assert checked.returncode == 0, checked.stderr
     assert checked.stdout.count(" passed ") == 8
-    (tmp_path / "mine.py").write_text(
-        (tmp_path / "mine.py").read_text().replace("np.sin(2.0", "np.abs(errors[:, 1]) + np.sin(2.0")
-    )
-    code = (tmp_path / "mine.py").read_text().replace("_flown(speed, angle))", "_flown(speed, angle)) + np.abs(errors)")
-    (tmp_path / "mine.py").write_text(code.replace("np.abs(errors[:, 1]) + ", ""))
+    code = (tmp_path / "mine.py").read_text()
+    plain = "np.column_stack(self._trajectory(speed, angle))"
+    kinked = code.replace(plain, f"np.abs(errors) + {plain}")
+    assert kinked != code
+    (tmp_path / "mine.py").write_text(kinked)
     refused = mcnav_says("check-scenario", "mine.toml")
     assert refused.returncode == 1
     assert " failed " in refused.stdout

@@ -185,7 +185,7 @@ def test_partials_of_its_own_that_are_not_those_of_the_flights(tmp_path: Path) -
     assert "the class's own partial derivative of output 'x' to source 'a' is 10 % of" in str(refused.value)
     summary = run_campaign(read_campaign(path), tmp_path / "run", None, 1, force=True).summary
     assert summary["unsettled"]["own"]
-    assert "own partial derivatives are not those of its flights (x by a: 10 %)" in repr(
+    assert "own partial derivatives disagree with finite differences (x by a: 10 %)" in repr(
         mcnav.open_run(tmp_path / "run")
     )
 

@@ -91,7 +91,7 @@ def test_rows_of_the_first_samples_are_kept_and_no_others(tmp_path: Path) -> Non
     _run(tmp_path / "summed")
     rows = pd.read_parquet(tmp_path / "summed" / "samples")
     assert np.array_equal(rows["index"], np.arange(KEPT))
-    assert "of the first 10,000" in (tmp_path / "summed" / "report.html").read_text()
+    assert "use the first 10,000." in (tmp_path / "summed" / "report.html").read_text()
 
 
 def test_bits_do_not_depend_on_jobs_or_on_breaks(tmp_path: Path) -> None:

@@ -56,9 +56,10 @@ def test_covariance_against_openturns() -> None:
     """OpenTURNS' Taylor expansion of a linear function is P S P^T."""
     run = campaign(4, correlations=[{"between": ["altitude", "altitude_rate"], "coefficient": -0.6}])
     scenario = reentry(4)
-    sigma = run.errors.standard_deviations
-    partials = scenario.linear_model().partials * sigma  # per sigma: OpenTURNS wants a correlation of order one
-    correlation = run.errors.covariance / np.outer(sigma, sigma)
+    present = np.flatnonzero(run.errors.standard_deviations)
+    sigma = run.errors.standard_deviations[present]
+    partials = scenario.linear_model().partials[:, present] * sigma  # OpenTURNS wants a correlation of order one
+    correlation = run.errors.covariance[np.ix_(present, present)] / np.outer(sigma, sigma)
     function = ot.LinearFunction([0.0] * len(sigma), [0.0] * 4, ot.Matrix(partials.tolist()))
     distribution = ot.Normal([0.0] * len(sigma), [1.0] * len(sigma), ot.CorrelationMatrix(correlation.tolist()))
     expansion = ot.TaylorExpansionMoments(ot.CompositeRandomVector(function, ot.RandomVector(distribution)))

@@ -49,7 +49,7 @@ def test_flights_on_the_side_are_stopped(tmp_path: Path, monkeypatch: pytest.Mon
     ended = threading.Event()
     under_way = threading.Event()
 
-    def beyond(*_: object) -> dict[str, Any]:
+    def corrections(_: object) -> dict[str, Any]:
         try:
             while not ended.wait(0.001):
                 within_limit(under_way.set)
@@ -62,7 +62,7 @@ def test_flights_on_the_side_are_stopped(tmp_path: Path, monkeypatch: pytest.Mon
         assert under_way.wait(LONG)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("mcnav.workflow.prepare._beyond", beyond)
+    monkeypatch.setattr("mcnav.workflow.prepare.PreparedCampaign.corrections", corrections)
     with pytest.raises(KeyboardInterrupt):
         run_campaign(campaign(4, samples=100), tmp_path / "run", "ensemble", 1, progress=OnAdvance(broken_off))
     assert ended.wait(LONG)
@@ -80,7 +80,7 @@ from mcnav import cli
 
 @cli.app.command()
 def busy():
-    with cli._errors_told():
+    with cli._reported_errors():
         threading.Thread(target=time.sleep, args=(100_000,)).start()
         atexit.register(print, "tidied up")
         os.kill(os.getpid(), signal.{name})
