@@ -78,8 +78,8 @@ class Unsettled:
                 "correct partials(), omit it, or use --force"
             )
         return (
-            f"the partial derivative {where} does not converge, so there is no linear model to compare with: differences "
-            f"at neighbouring steps, or to either side, disagree by {off} {most}; remove noise and jumps, "
+            f"the partial derivative {where} does not converge, so there is no linear model to compare with: "
+            f"differences at neighbouring steps, or to either side, disagree by {off} {most}; remove noise and jumps, "
             "integrate more precisely, or use --force"
         )
 
