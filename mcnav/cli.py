@@ -179,7 +179,7 @@ def run(
     ] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Replace an earlier run in the folder.")] = False,
     force: Annotated[
-        bool, typer.Option("--force", help="Run even if partial derivatives are not settled; the results warn of it.")
+        bool, typer.Option("--force", help="Run even if partial derivatives do not converge; results show a warning.")
     ] = False,
     check: Annotated[
         bool, typer.Option("--check", help="Exit with status 1 unless every requirement of [accept] is met.")

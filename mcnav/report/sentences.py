@@ -38,7 +38,7 @@ def tone(summary: Mapping[str, Any]) -> str:
 
 
 def standing(summary: Mapping[str, Any]) -> str:
-    """Combine the tone with the requirements: an agreeing run is ``partly`` while a requirement is not met."""
+    """Combine the tone with the requirements: an agreeing run is ``partly`` unless all requirements are met."""
     counts, found = met(summary), tone(summary)
     return "partly" if found == "agrees" and counts and counts["met"] < counts["of"] else found
 
@@ -85,7 +85,8 @@ def _on_requirements(summary: Mapping[str, Any]) -> str:
     counts = met(summary)
     if counts is None:
         return ""
-    rest = [f"{counts[key]} {word}" for key, word in (("not_met", "failed"), ("undecided", "undecided")) if counts[key]]
+    others = (("not_met", "not met"), ("undecided", "undecided"))
+    rest = [f"{counts[key]} {words}" for key, words in others if counts[key]]
     found = ", ".join([f"{counts['met']} of {counts['of']} met", *rest])
     return f"Requirements: {found}."
 
@@ -99,9 +100,9 @@ def _on_linear(summary: Mapping[str, Any]) -> str:
     if not any(summary["sigma_linear"]) and summary["verdict"] != "differs":
         return f"Nothing to compare: {_no_dispersion(summary)}."
     return {
-        "agrees": "Yes: the linear covariance analysis may be trusted here.",
+        "agrees": "Yes: the linear covariance analysis can be trusted here.",
         "differs": "No: the linear covariance analysis does not hold here.",
-        "undecided": "Undecided: these samples do not show whether the linear analysis holds.",
+        "undecided": "Undecided: the samples do not show whether the linear covariance analysis holds.",
     }[summary["verdict"]]
 
 
@@ -110,7 +111,7 @@ def unsettled(summary: Mapping[str, Any]) -> str:
 
     >>> found = {"source": "seed", "output": "range", "disagreement": 0.853, "own": False}
     >>> unsettled({"unsettled": found})
-    'Partial derivatives are not settled (range by seed: 85 %): the comparison below has no sound linear model.'
+    'Partial derivatives do not converge (range by seed: 85 %): the comparison below has no valid linear model.'
     """
     found = summary.get("unsettled")
     if not found:
@@ -121,8 +122,8 @@ def unsettled(summary: Mapping[str, Any]) -> str:
     if found["own"]:
         cause = f"The scenario's own partial derivatives disagree with finite differences ({where})"
     else:
-        cause = f"Partial derivatives are not settled ({where})"
-    return f"{cause}: the comparison below has no sound linear model."
+        cause = f"Partial derivatives do not converge ({where})"
+    return f"{cause}: the comparison below has no valid linear model."
 
 
 def _no_dispersion(summary: Mapping[str, Any]) -> str:
@@ -138,11 +139,11 @@ def _join(names: Sequence[str]) -> str:
 def explanation(summary: Mapping[str, Any]) -> str:
     """Explain the verdict output by output, with numbers."""
     samples = summary["samples"] - summary["failed"]
-    tolerance = f"±{100 * summary['tolerance']:g} %"
+    limit = f"{100 * summary['tolerance']:g} %"
     confidence = f"{100 * summary['confidence']:g} % confidence"
     names = [humanize(output["name"]) for output in summary["outputs"]]
     if not summary["verdicts"]:
-        return f"Of {summary['samples']:,} samples {samples:,} succeeded, which is too few for a comparison."
+        return f"{samples:,} of {summary['samples']:,} samples succeeded, which is too few for a comparison."
     ratios = {
         name: ratio for name, ratio in zip(names, summary["sigma_ratio_paired"], strict=True) if ratio is not None
     }
@@ -154,9 +155,9 @@ def explanation(summary: Mapping[str, Any]) -> str:
     rest = f" {undecided}" if undecided else ""
     if only_nonlinear:
         others = [name for name in wrong if name in ratios]
-        more = f" The dispersion of {_join(others)} differs by more than {tolerance}." if others else ""
+        more = f" The sigma of {_join(others)} differs by more than {limit}." if others else ""
         return (
-            f"Linear analysis predicts no dispersion of {_join(only_nonlinear)}, but the {samples:,} nonlinear samples "
+            f"Linear analysis predicts no dispersion of {_join(only_nonlinear)}, but the {samples:,} simulated samples "
             f"are dispersed.{more}{rest}"
         )
     if not ratios:
@@ -165,15 +166,15 @@ def explanation(summary: Mapping[str, Any]) -> str:
     largest = f"the largest difference is {percent(ratios.get(farthest, 1.0) - 1.0)}, in {farthest}"
     if wrong:
         return (
-            f"The dispersion of {_join(wrong)} in {samples:,} nonlinear samples differs from P·S·Pᵀ by more than "
-            f"{tolerance} ({confidence}); {largest}.{rest}"
+            f"The Monte Carlo sigma of {_join(wrong)} from {samples:,} samples differs from the linear sigma by more "
+            f"than {limit} ({confidence}); {largest}.{rest}"
         )
     if undecided:
-        return f"With {samples:,} samples, {confidence} and a tolerance of {tolerance}: {undecided}"
+        return f"With {samples:,} samples, {confidence} and a tolerance of ±{limit}: {undecided}"
     alone = f" {_join(still)} {'is' if len(still) == 1 else 'are'} {NOT_DISTURBED}." if still else ""
     return (
-        f"In every {'other ' if still else ''}output the dispersion of {samples:,} nonlinear samples is within "
-        f"{tolerance} of P·S·Pᵀ ({confidence}); {largest}.{alone}"
+        f"In every {'other ' if still else ''}output the Monte Carlo sigma from {samples:,} samples is within "
+        f"±{limit} of the linear sigma ({confidence}); {largest}.{alone}"
     )
 
 
@@ -292,7 +293,7 @@ def multiple_words(value: float, largest: float) -> str:
 
 
 def linearity_rows(names: Sequence[str], found: DispersionRange) -> list[tuple[str, list[str]]]:
-    """List for each output and the joint distribution the multiples at which it agrees, leaves and differs."""
+    """List the multiples up to which each output and the joint distribution agrees, departs, and differs."""
     columns = zip([*names, JOINT], found.agrees_until, found.departs, found.differs_from, strict=True)
     largest = float(found.multiples[-1])
     return [(name, [multiple_words(float(value), largest) for value in values]) for name, *values in columns]

@@ -15,8 +15,8 @@ from mcnav.statistics.estimates import Estimate
 from mcnav.statistics.hypothesis_test import HypothesisTest
 
 TERM_NAMES: Final = {
-    "sampled_sigmas": "sampling: sigmas of the draws",
-    "sampled_correlations": "sampling: correlations of the draws",
+    "sampled_sigmas": "sampling: sigmas of the errors",
+    "sampled_correlations": "sampling: correlations of the errors",
     "partials": "partials: finite differences − variational",
     "second_order": "second order, ½ tr(HSHS)",
     "third_order": "third order",

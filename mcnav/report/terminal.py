@@ -96,7 +96,7 @@ def changes(first: str, found: pd.DataFrame) -> RenderableType:
     """Tabulate the change of each output from the first run; see `mcnav.report.comparison.outputs`."""
     columns = [
         *texts("final error, 1σ", "run"), *numbers("paired σ before", "after", "ratio", "interval"),
-        *texts("draws", "change"),
+        *texts("random numbers", "change"),
     ]  # fmt: skip
     table = FittedTable(f"Change from {first}", columns, keys=2)
     for row in found.to_dict("records"):

@@ -71,16 +71,16 @@ class Unsettled:
         off = f"{share:,.0f}" if share >= 10.0 else f"{share:.2g}"
         off += " % of the output's largest one-sigma contribution"
         where = f"of output {self.output!r} to source {self.source!r}"
-        most = f"(at most {100.0 * self.limit:g} % would do)"
+        most = f"(limit {100.0 * self.limit:g} %)"
         if self.own:
             return (
-                f"the class's own partial derivative {where} is {off} away from that of its flights {most}: mend "
-                "partials(), leave it out, or use --force to judge it as it is"
+                f"the class's own partial derivative {where} is {off} away from the finite difference {most}: "
+                "correct partials(), omit it, or use --force"
             )
         return (
-            f"the partial derivative {where} is not settled, so there is no linear model to compare with: differences "
-            f"at neighbouring steps, or to either side, disagree by {off} {most}; take out what is random or jumps, "
-            "integrate more precisely, or go on with --force"
+            f"the partial derivative {where} does not converge, so there is no linear model to compare with: "
+            f"differences at neighbouring steps, or to either side, disagree by {off} {most}; remove noise and jumps, "
+            "integrate more precisely, or use --force"
         )
 
 

@@ -180,7 +180,7 @@ class UserScenario:
             derivatives = "partial derivatives are the class's own"
         else:
             error = self.differences.error
-            trust = "" if error <= SETTLED else ": not settled, so that linear results are doubtful"
+            trust = "" if error <= SETTLED else ": not converged, so that linear results are not reliable"
             derivatives = f"partial derivatives by central differences, steps agree to {error:.1e}{trust}"
         accuracy = f"{self._engine.accuracy}; {derivatives}"
         return replace(self._engine, spec=self.spec.pinned(self._object), accuracy=accuracy)

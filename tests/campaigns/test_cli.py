@@ -249,7 +249,7 @@ def test_check(below: str, status: int, found: str, workplace: Path) -> None:
     assert f"{found}" in finished.stdout
     assert f"|altitude| below {below} in 99.73 % of samples" in finished.stdout
     assert "Yes for the dispersion of each output" in finished.stdout
-    told = {"met": "1 of 1 met", "not met": "0 of 1 met, 1 failed", "undecided": "0 of 1 met, 1 undecided"}[found]
+    told = {"met": "1 of 1 met", "not met": "0 of 1 met, 1 not met", "undecided": "0 of 1 met, 1 undecided"}[found]
     assert f"Requirements: {told}." in finished.stdout
     if found == "not met":
         assert mcnav("run", campaign, "--samples", 2000, cwd=workplace).returncode == 0

@@ -93,8 +93,8 @@ CASES = {
     "fewer samples than outputs": ("Wide", 3, TWO, "", 0, "too few independent samples"),
     "a single pair": ("Wide", 2, TWO, 'design="antithetic"', 0, "too few independent samples"),
     "a net of three": ("Wide", 3, TWO, 'design="sobol"', 0, "too few independent samples"),
-    "all failed": ("Toy limit=0.001", 50, SIGMAS, ACCEPT, 3, "Of 50 samples 0 succeeded"),
-    "one left": ("Toy limit=0.6225", 50, SIGMAS, ACCEPT, 3, "Of 50 samples 1 succeeded"),
+    "all failed": ("Toy limit=0.001", 50, SIGMAS, ACCEPT, 3, "0 of 50 samples succeeded"),
+    "one left": ("Toy limit=0.6225", 50, SIGMAS, ACCEPT, 3, "1 of 50 samples succeeded"),
     "shared tails": (
         "Toy", 300, SIGMAS, '[[joint]]\nsources = ["a", "c"]\ndistribution = "student-t"\ndegrees_of_freedom = 4\n',
         0, "because of heavy tails (a and c)",

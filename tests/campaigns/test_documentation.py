@@ -232,7 +232,7 @@ def test_requirements_in_report_index_summary_and_notebook(tmp_path: Path) -> No
     done = run_campaign(campaign(1, samples=2_000, accept=asked), tmp_path / "run", "ensemble", 1)
     assert done.summary["verdict"] == "agrees"
     assert done.summary["requirements_met"] == {"met": 0, "not_met": 1, "undecided": 1, "of": 2}
-    told = "Yes: the linear covariance analysis may be trusted here. Requirements: 0 of 2 met, 1 failed, 1 undecided."
+    told = "Yes: the linear covariance analysis can be trusted here. Requirements: 0 of 2 met, 1 not met, 1 undecided."
     report = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
     assert f'<div class="verdict partly">\n<p class="headline">{told}</p>' in report
     index = write_index(tmp_path)[0].read_text(encoding="utf-8")

@@ -91,8 +91,8 @@ def test_unsettled_derivatives_are_refused_before_anything_is_simulated(case: st
     (line,) = str(refused.value).splitlines()
     assert line.startswith(f"{path}: scenario: the partial derivative of output {output!r} to source ")
     assert source is None or f"to source {source!r}" in line
-    assert "% of the output's largest one-sigma contribution (at most 1 % would do)" in line
-    assert line.endswith("or go on with --force")
+    assert "% of the output's largest one-sigma contribution (limit 1 %)" in line
+    assert line.endswith("or use --force")
     assert not list((tmp_path / "run").rglob("*.parquet"))
     assert not (tmp_path / "run" / "manifest.json").exists()
 
@@ -172,7 +172,7 @@ def test_a_tight_tolerance_asks_for_settled_derivatives(tolerance: str, refused:
     path.write_text(f'tolerance = "{tolerance}"\n' + path.read_text())
     run = read_campaign(path)
     if refused:
-        with pytest.raises(CampaignError, match=r"at most 0\.1 % would do"):
+        with pytest.raises(CampaignError, match=r"limit 0\.1 %"):
             run_campaign(run, tmp_path / "run", None, 1)
     else:
         assert run_campaign(run, tmp_path / "run", None, 1).summary["unsettled"] is None
@@ -193,8 +193,8 @@ def test_partials_of_its_own_that_are_not_those_of_the_flights(tmp_path: Path) -
 def test_forced_it_is_said_on_top_of_everything(tmp_path: Path) -> None:
     """Terminal, summary, report, index, compare, notebook; after a new analysis as well."""
     path, folder = _written(tmp_path, SEEDED), tmp_path / "runs" / "run"
-    words = "Partial derivatives are not settled (x by noise seed: "
-    end = "the comparison below has no sound linear model."
+    words = "Partial derivatives do not converge (x by noise seed: "
+    end = "the comparison below has no valid linear model."
     command = ["run", str(path), "--out", str(folder), "--jobs", "1"]
     refused = CliRunner().invoke(app, command)
     assert (refused.exit_code, refused.output.count("\n")) == (2, 1)

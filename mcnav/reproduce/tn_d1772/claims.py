@@ -115,11 +115,11 @@ def linear_at_stated_errors() -> Finding:
     worst = max(nees, key=lambda number: nees[number])
     return Finding(
         "For realistic errors and reentry conditions a linear error analysis will usually be valid.",
-        f"As dispersions of single outputs it is: over the seven trajectories and {SAMPLES:,} flights each, the sigma "
-        f"of altitude, range and altitude rate is within {100 * np.abs(others - 1).max():.2f} % of the linear one, "
-        f"that of range rate within {100 * np.abs(rates - 1).max():.2f} %. The joint distribution is another matter: "
-        f"the mean NEES, 4 if linear analysis held, is {nees[1]:.2f} on trajectory 1 and {nees[worst]:.1f} on "
-        f"trajectory {worst}: the thin directions of the ellipsoid bend first.",
+        f"True for the dispersion of single outputs: on the seven trajectories, with {SAMPLES:,} samples each, the "
+        f"sigma of altitude, range and altitude rate is within {100 * np.abs(others - 1).max():.2f} % of the linear "
+        f"one, that of range rate within {100 * np.abs(rates - 1).max():.2f} %. Not true for the joint distribution: "
+        f"the mean NEES, for which linear analysis predicts 4, is {nees[1]:.2f} on trajectory 1 and {nees[worst]:.1f} "
+        f"on trajectory {worst}. Nonlinearity appears first along the ellipsoid's narrowest axes.",
         "in part",
     )
 
@@ -144,8 +144,9 @@ def linear_at_ten_times() -> Finding:
     rest = np.where(matters & (found.multiples >= 10.0), found.multiples, np.inf).min()
     return Finding(
         "The range of linearity for all of the errors extends beyond ten times their stated values.",
-        f"On trajectory 4, by a departure of {100 * LINEAR_WITHIN:.0f} % of the linear effect: it does for every "
-        f"effect that matters but {len(early)}: {', '.join(early)}. The next to depart does so at {rest:.3g} times.",
+        f"On trajectory 4, with a limit of {100 * LINEAR_WITHIN:.0f} % of the linear effect, it does for every "
+        f"significant effect except {len(early)}: {', '.join(early)}. The next effect exceeds the limit at {rest:.3g} "
+        "times.",
         "in part",
     )
 
@@ -171,9 +172,9 @@ def best_start(frame: pd.DataFrame) -> Finding:
         )
     return Finding(
         "For altitude, navigation is best started between 20 and 30 minutes before reentry.",
-        f"Final altitude by {words[0]}. By {words[1]}. So the span holds for the report's measure, save that a start "
-        "at reentry itself, past the peak of the altitude error's effect, does no worse; as dispersion, which is what "
-        "a covariance analysis speaks of, the best start is somewhat earlier.",
+        f"Final altitude by {words[0]}. By {words[1]}. The span is therefore right for the report's measure, but a "
+        "start at reentry itself, after the peak of the altitude error's effect, is no worse. By dispersion, the "
+        "measure of a covariance analysis, the best start is somewhat earlier.",
         "in part",
     )
 
@@ -228,10 +229,10 @@ def against_range(frame: pd.DataFrame) -> Finding:
         "slightly beyond the longest shown; constant L/D gives somewhat larger errors than variable L/D.",
         f"With constant L/D range errors {'grow' if grows else 'do not always grow'}, and the altitude sum has its "
         f"maximum, {altitude[bend]:.0f} km, at {reach[bend] / 1e3:.1f} thousand km and its minimum, "
-        f"{altitude[low]:.0f} km, at {reach[low] / 1e3:.1f} thousand km (trajectory 7, the longest shown, flies "
-        f"27.8), as said. With variable L/D range errors grow to {falls / 1e3:.0f} thousand km only and then fall, "
-        "which the report's three points could not show; and in altitude constant L/D is the worse one only beyond "
-        f"{larger_from / 1e3:.0f} thousand km.",
+        f"{altitude[low]:.0f} km, at {reach[low] / 1e3:.1f} thousand km (trajectory 7, the longest shown, has "
+        f"27.8), as claimed. With variable L/D range errors grow only up to {falls / 1e3:.0f} thousand km and then "
+        "decrease, which the report's three points could not show. Altitude errors are larger with constant L/D only "
+        f"beyond {larger_from / 1e3:.0f} thousand km.",
         "in part",
     )
 
@@ -252,10 +253,10 @@ def accelerometers_off(frame: pd.DataFrame) -> Finding:
         "Taking the accelerometers' outputs as zero above the atmosphere greatly reduces the errors due to their bias.",
         f"Bias x: {bias_x[0]:.2f} km of final altitude become {bias_x[1]:.2f} km, bias z: {bias_z[0]:.2f} km become "
         f"{bias_z[1]:.2f} km; the dispersion of all falls from "
-        f"{total_on:.1f} to {total_off:.1f} km. The best switching altitude, the drag missed above it counted in, is "
-        f"{frame.iloc[best, 0]:.0f} km, but it is worth only {100 * (at_report / column[best] - 1):.2f} % over 121.92 "
-        f"km. Lower it turns dangerous: off above 90 km, {early['altitude, drag missed [km]'].iloc[0]:.1f} km of final "
-        "altitude are lost to drag that nobody measured.",
+        f"{total_on:.1f} to {total_off:.1f} km. The best switching altitude, including the effect of unmeasured drag, "
+        f"is {frame.iloc[best, 0]:.0f} km, only {100 * (at_report / column[best] - 1):.2f} % better than 121.92 km. "
+        "Lower altitudes are dangerous: with switching at 90 km, unmeasured drag causes an error of "
+        f"{early['altitude, drag missed [km]'].iloc[0]:.1f} km in final altitude.",
         "holds",
     )
 
@@ -272,10 +273,10 @@ def table_v() -> Finding:
     return Finding(
         "Parts (a) and (b) of Table V differ for the accelerometers because partial derivatives that had become small "
         "were determined with insufficient accuracy.",
-        f"They differ because part (a) keeps the axes of the first start, while part (b) alines them at the new one, "
-        f"{np.degrees(turn):.1f} degrees on, so that x and z nearly change places. Final altitude for bias x: printed "
-        f"{printed_a:.2f} km in (a) and {printed_b:.2f} km in (b); computed {there[0] / 1e3:.2f} km in the first axes "
-        f"and {here[0] / 1e3:.2f} km in the new ones, the partial derivatives being accurate to a millionth.",
+        f"They differ because part (a) uses the axes of the first start, while part (b) aligns them at the new one, "
+        f"{np.degrees(turn):.1f} degrees farther, so that x and z are nearly exchanged. Final altitude for bias x: "
+        f"printed {printed_a:.2f} km in (a) and {printed_b:.2f} km in (b); computed {there[0] / 1e3:.2f} km in the "
+        f"first axes and {here[0] / 1e3:.2f} km in the new ones; the partial derivatives are accurate to 1e-6.",
         "does not hold",
     )
 
@@ -290,11 +291,11 @@ def perigee_analogy(frame: pd.DataFrame) -> Finding:
     off = float(np.abs(flown / closed - 1.0).max())
     return Finding(
         "The curves of final altitude are explained in part by those of the perigee radius of an ellipse.",
-        f"The closed forms are right: a flight without atmosphere has these partial derivatives (within "
-        f"{100 * off:.2f} %, the rounding of the printed a and e). The shape in r is shared: the closed form peaks at "
+        f"The closed forms are correct: a trajectory without atmosphere has these partial derivatives (within "
+        f"{100 * off:.2f} %, the rounding of the printed a and e). The shape in r is similar: the closed form peaks at "
         f"{_minutes(float(time[closed.argmax()]))} min with {closed.max():.2f}, trajectory 4 at "
-        f"{_minutes(float(time[real.argmax()]))} min with {real.max():.2f}. The size is not, and for an early "
-        f"altitude-rate error neither is the sign ({by_rate[0]:.0f} s against "
+        f"{_minutes(float(time[real.argmax()]))} min with {real.max():.2f}. The size differs, and for an early "
+        f"altitude-rate error so does the sign ({by_rate[0]:.0f} s against "
         f"{frame.iloc[0, 3]:+.0f} s at the first start).",
         "in part",
     )
@@ -316,7 +317,7 @@ def earth_radius() -> Finding:
         )
     return Finding(
         "The earth's radius is 6378.14 km in the notation and 6,397.14 km in the procedure.",
-        f"{words[0]}; {words[1]}. Printed: 9.798597 m/s², 4.79992 km/s, −77.4414°. The first it is.",
+        f"{words[0]}; {words[1]}. Printed: 9.798597 m/s², 4.79992 km/s, −77.4414°. The first radius was used.",
         "settled",
     )
 
@@ -355,9 +356,9 @@ def start_of_table_v() -> Finding:
     best = minimize_scalar(misfit, bounds=(-4.4, -3.3), method="bounded", options={"xatol": 1e-3})
     return Finding(
         "Table V starts navigation 3.58 minutes before reentry.",
-        f"Part (b) is met within {100 * misfit(-3.58):.1f} % of each column's largest entry with a start then, within "
-        f"{100 * best.fun:.1f} % with one at {_minutes(best.x, 2)} min: the printed time is counted to another instant "
-        "than that of 121.92 km.",
+        f"Part (b) is reproduced within {100 * misfit(-3.58):.1f} % of each column's largest entry with this start, "
+        f"and within {100 * best.fun:.1f} % with a start at {_minutes(best.x, 2)} min. The printed time is therefore "
+        "not relative to the passage of 121.92 km.",
         "settled",
     )
 
@@ -371,9 +372,9 @@ def threshold_of_table_vi() -> Finding:
     ]
     return Finding(
         "Table VI has the accelerometers off “above the atmosphere”.",
-        f"Off above {altitudes[0]:g}, {altitudes[1]:g} and {altitudes[2]:g} km, its altitudes, ranges and altitude "
-        f"rates are met within {', '.join(f'{100 * share:.2f}' for share in shares)} % of each column's largest "
-        "entry. The range rates of runs 1 and 6 contradict run 11 and are met by none.",
+        f"Off above {altitudes[0]:g}, {altitudes[1]:g} and {altitudes[2]:g} km, altitudes, ranges and altitude rates "
+        f"are reproduced within {', '.join(f'{100 * share:.2f}' for share in shares)} % of each column's largest "
+        "entry. The range rates of runs 1 and 6 contradict run 11 and are reproduced by none of them.",
         "settled",
     )
 
@@ -388,9 +389,9 @@ def sensitive_angles() -> Finding:
     solved = np.degrees(airspeed_and_angle(table_i_scenario(4).trajectory.state(0.0))[1])
     return Finding(
         "Trajectory 4 starts at a flight-path angle of −77.4070°.",
-        f"One unit of the last printed digit moves its end by some {(ranges[2] - ranges[0]) / 2e3:,.0f} km, so that "
-        f"the printed angle does not define it. Solved for the printed range of 9,780 km the angle is {solved:.5f}°; "
-        "trajectory 6 likewise.",
+        f"One unit of the last printed digit moves the end point by about {(ranges[2] - ranges[0]) / 2e3:,.0f} km, so "
+        f"that the printed angle does not define it. Solved for the printed range of 9,780 km the angle is "
+        f"{solved:.5f}°; trajectory 6 likewise.",
         "settled",
     )
 
@@ -402,8 +403,8 @@ def reentry_values() -> Finding:
     return Finding(
         "From the start of eq. (18) reentry comes after 63.51 min, at 10.51436 km/s and −6.4795°.",
         f"Computed: after {first.reentry_time / 60:.2f} min, at {speed / 1e3:.5f} km/s and {np.degrees(angle):.3f}° "
-        f"(trajectory 4: {fourth.reentry_time / 60:.2f} min). Speed agrees, time and angle do not: they seem to be "
-        "those of a start angle a little shallower than the one printed.",
+        f"(trajectory 4: {fourth.reentry_time / 60:.2f} min). Speed agrees; time and angle do not, and seem "
+        "to belong to a start angle slightly shallower than the printed one.",
         "settled",
     )
 
@@ -428,7 +429,7 @@ def start_times_agree() -> Finding:
         "The histories of ten runs give the partial derivatives for every start time, eq. (16).",
         f"They do, in the axes of the first start: at {STARTS} start times on each of the seven trajectories they "
         f"agree with one backward sweep of the adjoint to {worst:.0e} of each row's largest effect. For axes aligned "
-        "at the new start they cannot: a scale-factor error in the old axes is none in the new ones. "
+        "at the new start they cannot: a scale-factor error in the old axes is not one in the new axes. "
         "The adjoint gives both.",
         "holds",
     )

@@ -164,14 +164,14 @@ AGREES = {"verdict": "agrees", "verdict_matrix": "agrees", "sigma_linear": [1.0]
     [
         ([], "", "agrees"),
         (["met", "met"], " Requirements: 2 of 2 met.", "agrees"),
-        (["not met", "undecided"], " Requirements: 0 of 2 met, 1 failed, 1 undecided.", "partly"),
+        (["not met", "undecided"], " Requirements: 0 of 2 met, 1 not met, 1 undecided.", "partly"),
         (["met", "undecided"], " Requirements: 1 of 2 met, 1 undecided.", "partly"),
     ],
 )
 def test_requirements_have_a_say_beside_the_verdict(findings: list[str], sentence: str, standing: str) -> None:
     """The headline tells both; it is green only when linear analysis agrees and every requirement is met."""
     summary = AGREES | {"requirements": [{"finding": finding} for finding in findings]}
-    assert sentences.headline(summary) == f"Yes: the linear covariance analysis may be trusted here.{sentence}"
+    assert sentences.headline(summary) == f"Yes: the linear covariance analysis can be trusted here.{sentence}"
     assert sentences.standing(summary) == standing
     assert sentences.tone(summary) == "agrees"
     differs = summary | {"verdict": "differs"}
