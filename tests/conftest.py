@@ -10,14 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 from hypothesis import settings
-from markupsafe import Markup
 
 from mcnav.config.read import Campaign, parse_campaign
 from mcnav.physics.reentry.ensemble.transition import Response, linear_response
 from mcnav.physics.reentry.vehicle import Vehicle
 from mcnav.progress import Phase
-from mcnav.report.figures import beside
-from mcnav.report.figures.figure import Figure
 from mcnav.scenarios.reentry import SOURCES, Flight, Reentry
 from mcnav.scenarios.table_i import ERRORS, TABLE_I, start_state
 
@@ -48,19 +45,6 @@ class Told:
     def advance(self, samples: int, stored: bool = False) -> None:
         self.samples += samples
         self.stored += samples if stored else 0
-
-
-@pytest.fixture
-def undrawn(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Reports whole but for what matplotlib draws, which takes longer than most flights; not in tests marked drawn."""
-    if request.node.get_closest_marker("drawn"):
-        return
-
-    def svg(drawing: Figure, number: int) -> Markup:
-        return Markup(f'<svg><title id="{drawing.key}-{number}-t"></title></svg>')
-
-    monkeypatch.setattr(Figure, "svg", svg)
-    monkeypatch.setattr(beside, "draw", lambda drawings: None)
 
 
 @lru_cache

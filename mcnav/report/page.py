@@ -18,7 +18,7 @@ from mcnav.report import sentences
 from mcnav.report.budget import two_routes
 from mcnav.report.causes import causes
 from mcnav.report.failures import failure_rows
-from mcnav.report.figures import agreement, beside, dispersion, matrices, sources
+from mcnav.report.figures import agreement, dispersion, matrices, sources
 from mcnav.report.figures.envelopes import envelopes
 from mcnav.report.figures.figure import Figure
 from mcnav.report.figures.flight import flight
@@ -178,6 +178,7 @@ def filled(template: str, **values: Any) -> str:
         lstrip_blocks=True,
     )  # fmt: skip
     style, script = (_source(environment, name) for name in ("style.css", "script.js"))
+    script = re.sub(r"(?m)^\s*(//.*)?\n?", "", script)
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     text = environment.get_template(template).render(
         style=Markup(style), script=Markup(script), script_hash=Markup(f"sha256-{digest}"), **values
@@ -214,7 +215,6 @@ def render(content: Content) -> str:
     """The report as one HTML page."""
     manifest, summary = content.manifest, content.summary
     drawn = figures(content)
-    beside.draw(list(drawn.values()))
     flown, seconds = manifest["flight"]["samples"], manifest["flight"]["seconds"]
     return filled(
         "campaign.html",

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
-from threading import Thread
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
@@ -36,7 +33,6 @@ from mcnav.store.parts import Samples, SampleSchema
 from mcnav.store.run_folder import MANIFEST, REPORT, RunFolder
 from mcnav.store.run_folder import SUMMARY as SUMMARY_FILE
 from mcnav.store.summaries import SUMMARY, collect_summary
-from mcnav.units import conversion
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -91,7 +87,6 @@ def report_run(path: str | Path) -> dict[str, Any]:
     _manifest(folder)
     with folder.lock(), threadpool_limits(1), reading_file(folder.path):
         _finished(folder)
-        load_drawing()
         return write_results(folder, analyse(folder))
 
 
@@ -247,17 +242,6 @@ def write_results(folder: RunFolder, analysis: Analysis) -> dict[str, Any]:
 
     folder.write(REPORT, render(content).encode())
     return dict(to_json(content.summary))
-
-
-def load_drawing() -> None:
-    """Load what draws the report while others work: it takes as long as analysing a hundred thousand samples."""
-
-    def load() -> None:
-        with suppress(Exception):  # at the end of a program that was refused nothing can be loaded any more
-            import_module("mcnav.report.page")
-            conversion("km", "m")
-
-    Thread(target=load).start()
 
 
 def linear_model(described: Mapping[str, Any]) -> Model:

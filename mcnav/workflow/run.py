@@ -36,7 +36,7 @@ from mcnav.store.parts import Part, SampleSchema, part_records
 from mcnav.store.provenance import commit
 from mcnav.store.run_folder import CAMPAIGN, RunFolder
 from mcnav.store.summaries import KEPT, SUMMARY
-from mcnav.workflow.analyse import analyse, linear_model, load_drawing, write_results
+from mcnav.workflow.analyse import analyse, linear_model, write_results
 from mcnav.workflow.prepare import PreparedCampaign, prepare_campaign, write_epochs
 
 FORMAT: Final = 1
@@ -164,7 +164,6 @@ def run_campaign(
         own = chunk_digest(identity, campaign.design, campaign.samples)
         frame = _frame(campaign, system.model)
         work = ChunkJob(draws, system.engine, folder, own, layout, campaign.sample_timeout, frame, inputs=inputs)
-        load_drawing()
         with _beside(campaign, system) as beyond:
             began = time.perf_counter()
             try:

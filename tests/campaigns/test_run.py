@@ -23,8 +23,6 @@ from mcnav.workflow.analyse import report_run, summary_of
 from mcnav.workflow.run import run_campaign
 from tests.conftest import Told, campaign, content
 
-pytestmark = pytest.mark.usefixtures("undrawn")
-
 SOURCES = [
     ("altitude", "m"), ("range", "m"), ("altitude_rate", "m/s"), ("range_rate", "m/s"), ("misalignment", "rad"),
     ("gyro_drift", "rad/s"), ("bias_x", "m/s^2"), ("bias_z", "m/s^2"), ("scale_factor_x", "1"), ("scale_factor_z", "1"),
@@ -125,7 +123,6 @@ def test_the_resolved_campaign_runs_again(finished: tuple[Path, dict[str, Any]],
     pd.testing.assert_frame_equal(first, again, check_exact=True)
 
 
-@pytest.mark.drawn
 def test_report_from_stored_samples(finished: tuple[Path, dict[str, Any]]) -> None:
     """The same bytes, from what is stored alone."""
     folder, _ = finished

@@ -32,8 +32,6 @@ from tests.faults.scenarios import VECTORISED, command, environment, work_of, wr
 from tests.faults.test_failures import LIMIT, REASONS
 from tests.processes import LONG, run_to_end, running, wait_for
 
-pytestmark = pytest.mark.usefixtures("undrawn")
-
 POISON = ("os._exit(9)", "time.sleep(60)")
 
 
