@@ -86,7 +86,7 @@ def test_figures_say_the_values_under_the_pointer(browser: Any, report: Path) ->
     tip = page.locator(".tip")
     for key, wanted in {
         "flight": r"range [−\d.,]+ km\naltitude: [\d.,]+ km",
-        "nees": r"NEES against the linear covariance [\d.]+\nMonte Carlo, .* to .*\nchi-square, 4 degrees: ",
+        "nees": r"NEES against the linear covariance [\d.]+\nMonte Carlo, .* to .*\nchi-square, 4 degrees: [\d.]+",
         "histograms": r"altitude [−\d.,]+ km\nMonte Carlo, .* km to .* km: [\d.,]+\nlinear Gaussian: [\d.,]+",
         "scatter": r"(flights|linear, 1 and 3 sigma|Monte Carlo .*)\naltitude [−\d.,]+ km\nrange [−\d.,]+ km",
         "convergence": r"samples [\d,.]+\n(.*\n)*Monte Carlo, paired estimate: [\d.]+",
