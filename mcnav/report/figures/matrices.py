@@ -63,6 +63,9 @@ def matrices(content: Content) -> Figure:
         axis = Axis(names=names)
         return Panel(title, axis, axis, [Cells(POSITIVE, NEGATIVE, colours, texts, DEEPEST)])
 
+    def coefficient(value: float) -> str:
+        return "0" if abs(value) < NIL else fixed(value, 3 if len(names) <= FEW else 2)
+
     each, together = (f"{100.0 * level:.4g} %" for level in (comparison.confidence_each, content.criterion.confidence))
     panels = [
         panel(
@@ -75,8 +78,8 @@ def matrices(content: Content) -> Figure:
             lambda value: number(value, 3),
         ),
         panel("Difference, % of σᵢσⱼ", _magnified(change, certain[0]), change, lambda value: number(value, 2)),
-        panel("Correlation, linear", both[0], both[0], _coefficient),
-        panel("Correlation, paired", both[1], both[1], _coefficient),
+        panel("Correlation, linear", both[0], both[0], coefficient),
+        panel("Correlation, paired", both[1], both[1], coefficient),
         panel("Difference, thousandths", _magnified(apart, certain[1]), apart, lambda value: number(value, 2)),
     ]
     return Figure(
@@ -92,10 +95,6 @@ def matrices(content: Content) -> Figure:
         f"largest entry, and only where their interval excludes zero (intervals of sigmas at {each} each, those of "
         f"correlations together at {together}). Covariances below a two-thousandth of σᵢσⱼ are shown as zero.",
     )  # fmt: skip
-
-
-def _coefficient(value: float) -> str:
-    return "0" if abs(value) < NIL else fixed(value, 3)
 
 
 def certain_differences(comparison: Comparison, confidence: float) -> tuple[Mask, Mask]:
