@@ -1,15 +1,14 @@
-"""Figures of measured and nominal rates."""
+"""Measured rates of the calibration study, statement by statement, against what is stated."""
 
 from __future__ import annotations
 
-from functools import partial
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from matplotlib.axes import Axes
 
-from mcnav.report.figures.figure import HALF, Figure, Plot, Series
-from mcnav.report.svg import FLOWN, INK, LINEAR, MUTED
+from mcnav.report.figures.figure import HALF, Figure
+from mcnav.report.figures.marks import Axis, Mark, Panel, Points, Rule, Series
+from mcnav.report.figures.palette import FLOWN, INK, LINEAR, MUTED
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -26,38 +25,34 @@ FINDINGS: Final = {
 
 
 def measured(table: pd.DataFrame, kind: str, title: str) -> Figure:
-    """Draw all rates of one kind, one row per statement, and separately those that the program reports."""
+    """Every rate of one kind, a row a statement; beside them, where some are withheld, those that are given."""
     own = table[table["kind"] == kind]
     statements = list(dict.fromkeys(own["statement"]))
     found = [finding for finding in FINDINGS if (own["finding"] == finding).any()]
     sizes = sorted(own["samples"].unique())
 
-    def draw(axes: Axes, shown: pd.DataFrame) -> None:
+    def panel(name: str, shown: pd.DataFrame) -> Panel:
+        marks: list[Mark] = [Rule(100.0 * nominal, colour=INK) for nominal in shown["nominal"].dropna().unique()]
         for finding in found:
             rates = shown[shown["finding"] == finding]
             rows = np.array([statements.index(statement) for statement in rates["statement"]])
             shifts = np.searchsorted(sizes, rates["samples"]) - 0.5 * (len(sizes) - 1)
-            FINDINGS[finding].on(axes, 100.0 * rates["measured"], rows + 0.16 * shifts, markersize=4.0)
-        for nominal in shown["nominal"].dropna().unique():
-            axes.axvline(100.0 * nominal, color=INK, linewidth=1.0, zorder=0)
-        axes.set_yticks(range(len(statements)), statements)
-        axes.set_ylim(len(statements) - 0.5, -0.5)
-        axes.grid(axis="y", visible=False)
-        axes.set_xlabel("campaigns (%)")
+            marks.append(Points(FINDINGS[finding], 100.0 * rates["measured"], rows + 0.16 * shifts, 5.3))
+        return Panel(name, Axis("campaigns", "%"), Axis(names=statements), marks)
 
-    plots = [Plot("All rates", partial(draw, shown=own))]
+    panels = [panel("All rates", own)]
     if "withheld" in found:
-        plots.append(Plot("Reported by the program", partial(draw, shown=own[own["finding"] != "withheld"])))
+        panels.append(panel("Those that the program gives", own[own["finding"] != "withheld"]))
     return Figure(
-        key=kind.replace(" ", "-"),
+        name=kind.replace(" ", "-"),
         title=title,
-        description=f"Measured rates ({kind}) for every statement, system, distribution, design and size; the line is "
-        "the nominal rate.",
-        plots=plots,
-        series=[FINDINGS[finding] for finding in found] if found != [""] else (),
-        data=own.drop(columns="kind"),
-        size=(HALF[0], 1.0 + 0.34 * len(statements)),
-        caption="One mark per system, distribution, design and number of samples, which increases downwards within a "
-        "row.",
+        description=f"Measured rates ({kind}) of every statement, system, distribution, design and size, and the "
+        "nominal rate as a line.",
+        panels=panels,
+        key=[FINDINGS[finding] for finding in found] if found != [""] else (),
+        columns=dict(own.drop(columns="kind").items()),
+        size=(HALF[0], 82.0 + 33.0 * len(statements)),
+        caption="A mark is a system, distribution of the sources, design and number of samples, which grows downwards "
+        "within a row.",
         file="calibration.csv",
     )
