@@ -169,7 +169,7 @@ class FlownRun:
         return figures(self.content)
 
     def figure(self, name: str) -> MplFigure:
-        """One of the report's figures, drawn by matplotlib; its ``axes`` are free to be changed.
+        """Draw one of the report's figures by matplotlib; its ``axes`` are free to be changed.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Measured rates of the calibration study, statement by statement, against what is stated."""
+"""Figures of measured and nominal rates."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ FINDINGS: Final = {
 
 
 def measured(table: pd.DataFrame, kind: str, title: str) -> Figure:
-    """Every rate of one kind, a row a statement; beside them, where some are withheld, those that are given."""
+    """Draw all rates of one kind, one row per statement, and separately those that the program reports."""
     own = table[table["kind"] == kind]
     statements = list(dict.fromkeys(own["statement"]))
     found = [finding for finding in FINDINGS if (own["finding"] == finding).any()]
@@ -42,17 +42,17 @@ def measured(table: pd.DataFrame, kind: str, title: str) -> Figure:
 
     panels = [panel("All rates", own)]
     if "withheld" in found:
-        panels.append(panel("Those that the program gives", own[own["finding"] != "withheld"]))
+        panels.append(panel("Reported by the program", own[own["finding"] != "withheld"]))
     return Figure(
         name=kind.replace(" ", "-"),
         title=title,
-        description=f"Measured rates ({kind}) of every statement, system, distribution, design and size, and the "
-        "nominal rate as a line.",
+        description=f"Measured rates ({kind}) for every statement, system, distribution, design and size; the line is "
+        "the nominal rate.",
         panels=panels,
         key=[FINDINGS[finding] for finding in found] if found != [""] else (),
         columns=dict(own.drop(columns="kind").items()),
         size=(HALF[0], 82.0 + 33.0 * len(statements)),
-        caption="A mark is a system, distribution of the sources, design and number of samples, which grows downwards "
-        "within a row.",
+        caption="One mark per system, distribution, design and number of samples, which increases downwards within a "
+        "row.",
         file="calibration.csv",
     )

@@ -63,7 +63,7 @@ def _n(pixels: float) -> int:
 
 
 def _coordinates(x: Array, y: Array) -> list[tuple[Array, Array]]:
-    """Whole coordinates of the runs of finite points."""
+    """Split points into runs of finite ones, in whole coordinates."""
     known = np.isfinite(x) & np.isfinite(y)
     if known.all():
         return [(np.rint(x * UNIT).astype(np.int64), np.rint(y * UNIT).astype(np.int64))] if len(x) else []
@@ -189,13 +189,13 @@ class _Plot:
         self.drawn = [np.empty((0, 2))]
 
     def _below(self) -> float:
-        """Height of what is written below the x axis."""
+        """Return the height of the text below the x axis."""
         if not self.panel.x.names:
             return 18.0
         return 8.0 + 0.5 * max(text_width(name, TICK) for name in self.panel.x.names) + 0.87 * TICK
 
     def axes(self) -> str:
-        """Grid, ticks, labels and the panel's title."""
+        """Write the grid, ticks, labels and the panel's title."""
         panel = self.panel
         left, right, top, bottom = self.left, self.right, self.top, self.bottom
         parts = ['<g class="x">']
@@ -233,7 +233,7 @@ class _Plot:
         return "".join(parts)
 
     def marks(self) -> str:
-        """All marks, cut at the axes."""
+        """Write all marks, cut at the axes."""
         return "".join(self._mark(mark) for mark in self.panel.marks)
 
     def labels(self) -> str:
@@ -420,7 +420,7 @@ def _fill(path: str, series: m.Series, opacity: float, read_as: str) -> str:
 
 
 def _points(mark: m.Points, x: Array, y: Array) -> str:
-    """Points as zero-length strokes, whose caps are their shape; triangles as outlines; with texts one by one."""
+    """Write points as zero-length strokes, whose caps are their shape; triangles as outlines; with texts one by one."""
     kind, size, colour = mark.series.kind, mark.size, mark.series.variable
     named = f'class="points series-{mark.series.name}"'
     faint = f' stroke-opacity="{mark.opacity:g}"' if mark.opacity != 1.0 else ""

@@ -74,7 +74,7 @@ def test_stored_histories(runs: tuple[Path, Path]) -> None:
 def test_the_report_shows_envelopes(runs: tuple[Path, Path]) -> None:
     page = (runs[0] / "report.html").read_text()
     assert 'id="throughout"' in page
-    assert re.search(r"1 % to 99 % of 2,000 flights", page)
+    assert re.search(r"1 % to 99 % of 2,000 samples", page)
 
 
 def test_a_map_has_those_of_the_flights_it_was_fitted_to(tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ BINS: Final = 60
 
 
 def sigma_ratios(content: RunAnalysis) -> Figure:
-    """Forest plot of the sigma ratios against the tolerance, and the paired ones magnified."""
+    """Draw a forest plot of the sigma ratios against the tolerance, and the paired ones magnified."""
     outputs, names = content.comparison.outputs, content.output_names
     kinds = {"paired": [output.paired for output in outputs], "plain": [output.plain for output in outputs]}
     columns: dict[str, list[object]] = {"output": list(names)}
@@ -40,7 +40,7 @@ def sigma_ratios(content: RunAnalysis) -> Figure:
         (abs(end) for mark in paired if isinstance(mark, Interval) for end in (mark.low, mark.high)), default=0.0
     )
     rows = Axis(names=names)
-    across = Axis("Monte Carlo σ less linear σ", "%")
+    across = Axis("Monte Carlo σ relative to linear σ", "%")
     span = Span(TOLERANCE, -tolerance, tolerance)
     wide = [
         -1.2 * tolerance,
@@ -53,11 +53,11 @@ def sigma_ratios(content: RunAnalysis) -> Figure:
     return Figure(
         name="ratios",
         title="Monte Carlo sigma over linear sigma",
-        description="For each output the difference of Monte Carlo from linear sigma with its interval, and the "
+        description="Difference between Monte Carlo and linear sigma of each output with its interval, and the "
         "tolerance around zero.",
         panels=[
-            Panel("Against the tolerance", whole, rows, [span, *both]),
-            Panel("The paired estimate, magnified", across, rows, [*([span] if tolerance < reach else []), *paired]),
+            Panel("Compared with the tolerance", whole, rows, [span, *both]),
+            Panel("Paired estimate, magnified", across, rows, [*([span] if tolerance < reach else []), *paired]),
         ],
         key=(*RATIOS.values(), TOLERANCE),
         columns=columns,
@@ -88,7 +88,7 @@ def _ratios(columns: dict[str, list[object]], kinds: tuple[str, ...]) -> list[Ma
 
 
 def running_ratios(content: RunAnalysis) -> Figure | None:
-    """Plain and paired sigma ratios from the first samples on; none when there is nothing to show."""
+    """Draw plain and paired sigma ratios against the number of samples; none when there is nothing to show."""
     found, names = content.convergence, content.output_names
     if found is None or len(found.sizes) < 2:
         return None
@@ -105,14 +105,13 @@ def running_ratios(content: RunAnalysis) -> Figure | None:
             }
     return Figure(
         name="convergence",
-        title="Sigma ratios as samples are added",
-        description="For each output the plain and the paired sigma ratio of the first samples, with intervals.",
+        title="Convergence of the sigma ratios",
+        description="Plain and paired sigma ratio of each output against the number of samples, with intervals.",
         panels=[_running(names[i], found, i, content.criterion.tolerance) for i in shown],
         key=(*RUNNING.values(), TOLERANCE),
         columns=columns,
         size=(HALF[0], 225.0),
-        caption="Sigma ratio from the first samples of the campaign against their number, with the interval of each by "
-        "itself.",
+        caption="Sigma ratio of the first n samples against n, with individual intervals.",
     )
 
 
@@ -138,9 +137,9 @@ def _band(sizes: Array, run: RunningRatio, i: int, series: Series) -> tuple[Mark
 
 
 def nees(content: RunAnalysis) -> Figure | None:
-    """NEES against the chi-square distribution that linear analysis expects: histogram and quantiles.
+    """Draw NEES against the chi-square distribution of linear analysis: histogram and quantiles.
 
-    The histogram is logarithmic where the bulk of the flights lies beyond what linear analysis expects.
+    The histogram is logarithmic where the median exceeds what linear analysis expects.
     """
     ellipsoid = content.comparison.ellipsoid
     if ellipsoid is None:
@@ -160,37 +159,37 @@ def nees(content: RunAnalysis) -> Figure | None:
     theory = Series("linear", f"chi-square, {dimension} degrees", LINEAR)
     by_theory = len(values) * np.diff(special.chdtr(dimension, edges))
     centres = np.sqrt(edges[1:] * edges[:-1]) if log else 0.5 * (edges[1:] + edges[:-1])
-    left_out = [Text(f"{outside:,} of {len(values):,}\nbeyond the picture", corner=True)] if outside else []
+    left_out = [Text(f"{outside:,} of {len(values):,}\nbeyond the plot", corner=True)] if outside else []
     places = _places(len(values))
     x, y = special.chdtri(dimension, 1.0 - (places + 0.5) / len(values)), values[places]
-    quantiles = Series("quantiles", "quantiles of the flights", FLOWN, "dot")
+    quantiles = Series("quantiles", "sample quantiles", FLOWN, "dot")
     return Figure(
         name="nees",
-        title="NEES of the flown errors",
-        description=f"Normalised error squared with the chi-square density of {dimension} degrees of freedom, as a "
-        "histogram and quantile against quantile.",
+        title="NEES of the Monte Carlo errors",
+        description="Histogram and quantile plot of the normalized estimation error squared, with the chi-square "
+        f"distribution of {dimension} degrees of freedom.",
         panels=[
             Panel("Distribution", Axis("NEES against the linear covariance", log=log, margin=0.0),
-                  Axis("flights", low=0.0),
+                  Axis("samples", low=0.0),
                   [Steps(flown, edges, counts), Line(theory, centres, by_theory, 2.1), *left_out]),
-            Panel("Quantile against quantile", Axis(f"quantile of chi-square, {dimension} degrees"), Axis("NEES"),
+            Panel("Quantiles", Axis(f"quantile of chi-square, {dimension} degrees"), Axis("NEES"),
                   [Line(theory, [0.0, x[-1]], [0.0, x[-1]], 1.6), Points(quantiles, x, y, 3.5)]),
         ],
         key=(flown, theory, quantiles),
-        columns={"NEES from": edges[:-1], "to": edges[1:], "flights": counts, "expected": by_theory},
-        caption="The chi-square distribution holds for normally distributed errors.",
+        columns={"NEES from": edges[:-1], "to": edges[1:], "samples": counts, "expected": by_theory},
+        caption="NEES follows the chi-square distribution if the errors are normally distributed.",
     )  # fmt: skip
 
 
 def _places(count: int) -> IndexArray:
-    """Ranks shown of so many sorted values: evenly spaced on the scale of a normal quantile, and both ends."""
+    """Return the ranks shown of ``count`` sorted values: evenly spaced normal quantiles, and both ends."""
     reach = float(special.ndtri((count - 0.5) / count)) if count > 1 else 0.0
     ranks = special.ndtr(np.linspace(-reach, reach, QUANTILES)) * count - 0.5
     return np.unique(np.clip(np.rint(ranks), 0, count - 1).astype(np.int64))
 
 
 def normal_quantiles(content: RunAnalysis) -> Figure | None:
-    """Quantiles of each output against those of the linear Gaussian."""
+    """Draw quantiles of each output against those of the linear Gaussian."""
     flown, scale, names, units = content.flown, content.output_scale, content.output_names, content.output_units
     sigma = np.sqrt(np.diag(content.comparison.covariance_linear)) * scale
     centre = content.model.outcome_mean * scale
@@ -203,9 +202,9 @@ def normal_quantiles(content: RunAnalysis) -> Figure | None:
     dots, straight = Series("flown", "Monte Carlo", FLOWN, "dot"), Series("linear", "linear Gaussian", LINEAR)
     return Figure(
         name="quantiles",
-        title="Quantiles of each output",
-        description="Quantiles of the flown final errors against those of the normal distribution of linear analysis, "
-        "which is the straight line.",
+        title="Normal quantile plots",
+        description="Quantiles of the Monte Carlo final errors against normal quantiles; the straight line is the "
+        "normal distribution of linear analysis.",
         panels=[
             Panel(names[i], Axis("quantile of a normal distribution", "σ"), Axis(names[i], units[i]),
                   [Line(straight, expected, centre[i] + sigma[i] * expected, 1.6),

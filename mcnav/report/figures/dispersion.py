@@ -28,10 +28,10 @@ LABELLED: Final = 3
 BINS: Final = 63
 """Bins of a histogram."""
 
-FLIGHTS: Final = Series("flights", "flights", POINT, "dot")
+FLIGHTS: Final = Series("flights", "samples", POINT, "dot")
 ELLIPSES_LINEAR: Final = Series("linear", "linear, 1 and 3 sigma", LINEAR)
 ELLIPSES_FLOWN: Final = Series("flown", "Monte Carlo (plain), 1 and 3 sigma", FLOWN, "dashed")
-FARTHEST: Final = Series("farthest", "farthest flights, with their sample number", INK, "dot")
+FARTHEST: Final = Series("farthest", "largest errors, with sample index", INK, "dot")
 
 
 def chosen_pairs(content: RunAnalysis) -> list[tuple[int, int]]:
@@ -52,7 +52,7 @@ def chosen_pairs(content: RunAnalysis) -> list[tuple[int, int]]:
 
 
 def scatter(content: RunAnalysis) -> Figure | None:
-    """Flown final errors of pairs of outputs with the linear and the sample ellipses; none without a pair."""
+    """Draw final errors of pairs of outputs with the linear and the sample ellipses; none without a pair."""
     pairs, drawn = list(combinations(content.moving, 2)), chosen_pairs(content)
     flown, names, units = content.flown, content.output_names, content.output_units
     if not pairs or len(flown) < 2:
@@ -83,20 +83,20 @@ def scatter(content: RunAnalysis) -> Figure | None:
     )  # fmt: skip
     return Figure(
         name="scatter",
-        title="Final errors, pair by pair",
-        description=f"{len(points):,} of {len(flown):,} flown samples with linear and Monte Carlo ellipses of one and "
-        "three sigma; the flights farthest out by the linear covariance carry their sample number.",
+        title="Final errors of pairs of outputs",
+        description=f"{len(points):,} of {len(flown):,} samples with linear and Monte Carlo ellipses of one and three "
+        "sigma; the samples farthest from the mean by the linear covariance are labelled.",
         panels=panels,
         key=(FLIGHTS, ELLIPSES_LINEAR, ELLIPSES_FLOWN, FARTHEST),
         columns=dict(zip(headings, zip(*rows, strict=True), strict=True)),
         size=THIRD,
-        caption=f"{len(points):,} of {len(flown):,} flights are drawn; ellipses are of all. The table holds the "
-        f"farthest flights of each pair.{chosen}",
+        caption=f"{len(points):,} of {len(flown):,} samples are drawn; ellipses use all. The table lists the samples "
+        f"farthest from the mean.{chosen}",
     )
 
 
 def _farthest(content: RunAnalysis, flown: Array, pair: list[int]) -> list[tuple[int, float]]:
-    """Rows of the flights farthest out in a pair of outputs by the linear covariance, and how far; farthest first."""
+    """Find the samples farthest from the mean in a pair of outputs, as rows and distances in linear sigmas."""
     scale = content.output_scale[pair]
     covariance = content.comparison.covariance_linear[np.ix_(pair, pair)] * np.outer(scale, scale)
     deviations = flown[:, pair] - content.model.outcome_mean[pair] * scale
@@ -138,7 +138,7 @@ def ellipses(series: Series, centre: Array, covariance: Array) -> list[Mark]:
 
 
 def histograms(content: RunAnalysis) -> Figure:
-    """Distribution of each output against the linear Gaussian, in flights per bin."""
+    """Draw the distribution of each output against the linear Gaussian, in samples per bin."""
     names, units, scale = content.output_names, content.output_units, content.output_scale
     flown = content.flown
     sigma = np.sqrt(np.diag(content.comparison.covariance_linear)) * scale
@@ -151,19 +151,19 @@ def histograms(content: RunAnalysis) -> Figure:
         edges = np.linspace(centre[i] - reach, centre[i] + reach, BINS + 1)
         counts, _ = np.histogram(flown[:, i], edges)
         columns |= {f"{names[i]} from [{units[i]}]": edges[:-1], f"{names[i]} to [{units[i]}]": edges[1:],
-                    f"{names[i]}, flights": counts}  # fmt: skip
+                    f"{names[i]}, samples": counts}  # fmt: skip
         marks: list[Mark] = [Steps(counted, edges, counts)]
         if sigma[i] > 0.0:
             expected = len(flown) * np.diff(special.ndtr((edges - centre[i]) / sigma[i]))
             marks.append(Line(normal, 0.5 * (edges[1:] + edges[:-1]), expected, 2.1))
         outside = len(flown) - int(counts.sum())
         if outside:
-            marks.append(Text(f"{outside:,} beyond\nthe picture", corner=True))
-        panels.append(Panel(names[i], Axis(names[i], units[i]), Axis("flights", low=0.0), marks))
+            marks.append(Text(f"{outside:,} beyond\nthe plot", corner=True))
+        panels.append(Panel(names[i], Axis(names[i], units[i]), Axis("samples", low=0.0), marks))
     return Figure(
         name="histograms",
         title="Distribution of each output",
-        description="Histograms of the flown final errors with the normal density of linear analysis.",
+        description="Histograms of the Monte Carlo final errors with the normal density of linear analysis.",
         panels=panels,
         key=(counted, normal),
         columns=columns,

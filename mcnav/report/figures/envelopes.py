@@ -1,4 +1,4 @@
-"""Errors throughout the flight: the middle 98 % by linear analysis, of the flights' mean and sigma, and percentiles."""
+"""Errors over the flight: linear and Monte Carlo, as mean and multiples of sigma, and percentiles of samples."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from mcnav.report.model import RunAnalysis
 
 
 def envelopes(content: RunAnalysis) -> Figure | None:
-    """Every output that moves; none where errors throughout the flight are not known.
+    """Draw every output that moves; none where errors throughout the flight are not known.
 
     Lines and band stand for the same probability: the lines are where a normal distribution of that mean and sigma has
     the percentiles of the band.
@@ -32,7 +32,7 @@ def envelopes(content: RunAnalysis) -> Figure | None:
     series = {
         "linear": Series("linear", f"linear, mean ± {reach:.2f}σ", LINEAR),
         "flown": Series("flown", f"Monte Carlo, mean ± {reach:.2f}σ", FLOWN, "dashed"),
-        "band": Series("percentiles", f"{low} % to {high} % of {known.stored:,} flights", AREA, "area"),
+        "band": Series("percentiles", f"{low} % to {high} % of {known.stored:,} samples", AREA, "area"),
     }
     columns = {known.label: known.times}
     for i in moving:
@@ -45,14 +45,14 @@ def envelopes(content: RunAnalysis) -> Figure | None:
             columns[f"{names[i]}, {words} [{units[i]}]"] = values[:, i] * scale[i]
     return Figure(
         name="envelopes",
-        title="Errors throughout the flight",
-        description=f"For each output the range from {low} % to {high} % by linear analysis, by mean and sigma of all "
-        "flights, and as percentiles of some.",
+        title="Errors over the flight",
+        description=f"Range from {low} % to {high} % of each output by linear analysis and Monte Carlo, and "
+        "percentiles of stored samples.",
         panels=[_envelope(names[i], known, i, float(scale[i]), units[i], series, reach) for i in moving],
         key=tuple(series.values()),
         columns=columns,
-        caption="Ranges are arc lengths on the earth's surface. Samples that left the fast engine's validity are not "
-        f"followed. Lines at ± {reach:.2f}σ: {low} % and {high} % of a normal distribution.",
+        caption="Ranges are arc lengths on the earth's surface. Samples outside the fast engine's range of validity "
+        f"are not included. Lines at ± {reach:.2f}σ: {low} % and {high} % of a normal distribution.",
     )
 
 

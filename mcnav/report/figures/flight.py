@@ -1,4 +1,4 @@
-"""What was flown: the diagrams that the scenario asks for."""
+"""Nominal flight: the diagrams that the scenario asks for."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ ONLY: Final = Series("flown", "flown", LINEAR)
 
 
 def flight(history: History) -> Figure | None:
-    """Every panel of the history; none where it has none."""
+    """Draw every panel of the history; none where it has none."""
     if not history.panels:
         return None
     titles = [panel.title for panel in history.panels]
     return Figure(
         name="flight",
-        title="What was flown",
-        description="The nominal flight: " + "; ".join(titles),
+        title="Nominal flight",
+        description="Nominal flight: " + "; ".join(titles),
         panels=[_panel(number, history, panel) for number, panel in enumerate(history.panels)],
         key=(),
         columns=history.columns,
@@ -52,6 +52,6 @@ def _panel(place: int, history: History, panel: Panel) -> Diagram:
 
 
 def _numbered(place: int, number: int, label: str) -> Series:
-    """One of several curves of a panel, apart from those of other panels."""
+    """Return the series of one curve of a panel, with a name of its own in the figure."""
     series = numbered(number, label)
     return Series(f"panel-{place}-{number}", label, series.colour, series.kind)

@@ -18,27 +18,27 @@ REACH: Final = 4.0
 """Tolerances above and below one that are shown."""
 
 ALONE: Final = 2.0
-"""Factor by which the axis reaches beyond the only multiple that was flown."""
+"""Factor by which the axis reaches beyond the only multiple simulated."""
 
-RATIO: Final = Series("flown", "Monte Carlo over linear σ", FLOWN)
-INTERVAL: Final = Series("interval", "its interval", AREA, "area")
+RATIO: Final = Series("flown", "Monte Carlo σ / linear σ", FLOWN)
+INTERVAL: Final = Series("interval", "interval", AREA, "area")
 TOLERANCE: Final = Series("tolerance", "tolerance", BAND, "area")
-LEAVES: Final = Series("leaves", "where it leaves the tolerance", MUTED, "dashed")
+LEAVES: Final = Series("leaves", "exceeds tolerance", MUTED, "dashed")
 
-MATTERS: Final = Series("matters", "the source matters for the output", LINEAR, "dot")
-MINOR: Final = Series("minor", "it hardly matters", MUTED, "ring")
-FARTHER: Final = Series("farther", "larger than was tried", INK, "onward")
+MATTERS: Final = Series("matters", "significant source", LINEAR, "dot")
+MINOR: Final = Series("minor", "minor source", MUTED, "ring")
+FARTHER: Final = Series("farther", "larger than simulated", INK, "onward")
 
 
 def ratios(found: DispersionRange, tolerance: float, names: Sequence[str]) -> Figure:
-    """Sigma ratio against the multiple of all errors, a plot for each of ``names``, the joint distribution last."""
+    """Draw sigma ratios against the multiple of all errors: a panel for each of ``names``, the joint one last."""
     columns: dict[str, Array] = {"multiple": found.multiples}
     for column, name in enumerate(names):
         columns[f"{name}, ratio"] = found.ratios[:, column]
         columns[f"{name}, from"], columns[f"{name}, to"] = found.lower[:, column], found.upper[:, column]
     return Figure(
         name="ratios",
-        title="Sigma ratio against the size of the errors",
+        title="Sigma ratio against the multiple of the errors",
         description="Paired sigma ratio with its interval for each output and the joint distribution, against the "
         "multiple of the stated errors; a dashed line marks where it leaves the tolerance.",
         panels=[_ratio(name, found, tolerance, column) for column, name in enumerate(names)],
@@ -70,7 +70,7 @@ def _ratio(name: str, found: DispersionRange, tolerance: float, column: int) -> 
 
 
 def alone(single: AloneRange, minor: NDArray[np.bool_], directions: Sequence[str], names: Sequence[str]) -> Figure:
-    """Multiple of each source alone at which the flown final error leaves the linear one: a plot for each output.
+    """Draw the multiple of each source alone at which the final error leaves the linear one: a plot for each output.
 
     ``minor``, shape (directions, outputs): where a source hardly moves an output.
     """
@@ -101,6 +101,6 @@ def alone(single: AloneRange, minor: NDArray[np.bool_], directions: Sequence[str
         key=(MATTERS, MINOR, FARTHER),
         columns={"source": np.array(directions)} | {name: single.multiples[:, i] for i, name in enumerate(names)},
         size=(HALF[0], 82.0 + 20.0 * len(directions)),
-        caption="The line at one: the stated errors themselves.",
+        caption="The line marks the stated errors.",
         file="linearity.csv",
     )

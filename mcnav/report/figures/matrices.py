@@ -23,7 +23,7 @@ FEW: Final = 5
 """Outputs whose matrices are three side by side; larger ones are two, so that their numbers can be read."""
 
 NIL: Final = 5e-4
-"""Covariances below this share of their sigmas' product are told as being nearly zero; the table has them."""
+"""Covariances below this share of their sigmas' product are shown as zero; the table has their values."""
 
 DEEPEST: Final = 0.5
 """Opacity of a cell of one: ink must read on it, on light paper and on dark."""
@@ -33,7 +33,7 @@ NEGATIVE: Final = Series("negative", "negative", LINEAR, "area")
 
 
 def matrices(content: RunAnalysis) -> Figure:
-    """Covariances scaled by the linear sigmas, and correlations: linear, Monte Carlo (paired), and their difference."""
+    """Draw covariances over the linear sigmas and correlations: linear, Monte Carlo (paired), and difference."""
     comparison, names = content.comparison, content.output_names
     square = np.outer(content.output_scale, content.output_scale)
     linear, flown = comparison.covariance_linear, comparison.covariance_paired
@@ -85,15 +85,15 @@ def matrices(content: RunAnalysis) -> Figure:
     return Figure(
         name="matrices",
         title="Covariances and correlations of the final errors",
-        description="Covariance and correlation matrices of the outputs, by linear analysis, by the paired Monte Carlo "
-        "estimate, and their difference, as numbers on coloured squares.",
+        description="Covariance and correlation matrices of the outputs: linear, paired Monte Carlo estimate, and "
+        "difference, as numbers on coloured squares.",
         panels=panels,
         key=(POSITIVE, NEGATIVE),
         columns=columns,
         size=THIRD if len(names) <= FEW else (HALF[0], 60.0 + 36.0 * len(names)),
-        caption="Colours of covariances are in units of the linear sigmas; differences are coloured up to their "
-        f"largest entry, and only where their interval excludes zero (intervals of sigmas at {each} each, those of "
-        f"correlations together at {together}). Covariances below a two-thousandth of σᵢσⱼ are shown as zero.",
+        caption="Colours of covariances are in units of the linear sigmas. Differences are scaled to their largest "
+        f"entry and coloured only if their interval excludes zero (sigmas at {each} each, correlations jointly at "
+        f"{together}). Covariances below 0.0005 σᵢσⱼ are shown as zero.",
     )  # fmt: skip
 
 

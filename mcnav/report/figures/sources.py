@@ -1,4 +1,4 @@
-"""Which source matters: shares of the variance, linear beside flown, and the error budget over time."""
+"""Which source matters: shares of the variance, linear and Monte Carlo, and the error budget over time."""
 
 from __future__ import annotations
 
@@ -41,15 +41,15 @@ def series_of(content: RunAnalysis, kind: str = "") -> dict[int, Series]:
 
 
 def budget(content: RunAnalysis) -> Figure:
-    """Stacked shares of each source in each output's linear variance; beside them, where flown, those by flights."""
+    """Draw shares of each source in each output's linear variance, by the linear model and by Monte Carlo if known."""
     names, linear = content.output_names, np.nan_to_num(content.budget.shares)
     flown = _flown_shares(content)
     members = [j for j in range(linear.shape[1]) if (linear[:, j] > 0.0).any()]
     series = {j: each for j, each in series_of(content, "area").items() if j in members}
     rest = [j for j in members if j not in series]
     other = Series("others", f"{len(rest)} others", OTHER, "area")
-    routes = {"linear": ("By the linear model", linear)} | (
-        {} if flown is None else {"flown": ("Flown, each source alone", flown)}
+    routes = {"linear": ("Linear", linear)} | (
+        {} if flown is None else {"Monte Carlo": ("Monte Carlo, each source alone", flown)}
     )
     columns: dict[str, list[object]] = {"source": [content.source_names[j] for j in members]}
     panels = []
@@ -71,7 +71,7 @@ def budget(content: RunAnalysis) -> Figure:
 
 
 def _flown_shares(content: RunAnalysis) -> Array | None:
-    """Variance of each output with one source alone, over the linear variance; none where it was not flown."""
+    """Return the variance of each output with one source alone over the linear one; none where it is not known."""
     flown = content.manifest.model.budget
     if not flown or "failed" in flown["alone"]:
         return None
@@ -115,8 +115,7 @@ def partials_history(content: RunAnalysis) -> Figure | None:
     return Figure(
         name="development",
         title="Error budget over time",
-        description="Linear one-sigma error of each output over the flight, of all errors together and of each source "
-        "alone.",
+        description="Linear one-sigma error of each output over the flight, for all errors and for each source alone.",
         panels=[
             Panel(names[i], axis(known.label, margin=0.0, link=True), Axis("1σ", units[i], low=0.0),
                   [Line(together, known.times, whole[:, i], 2.7),
@@ -125,5 +124,5 @@ def partials_history(content: RunAnalysis) -> Figure | None:
         ],
         key=(together, *series.values()),
         columns=columns,
-        caption="By the linear model, at every time of the flight.",
+        caption="Linear model.",
     )  # fmt: skip

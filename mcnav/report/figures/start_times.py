@@ -29,7 +29,7 @@ CHECKED: Final = Series("flown", "Monte Carlo", FLOWN, "ring")
 def dispersion(
     study: StartTimeStudy, checks: Mapping[float, Comparison], scale: Array, outputs: Sequence[Output]
 ) -> Figure:
-    """Sigma of each output against the start, linear and where Monte Carlo checked it.
+    """Draw sigma of each output against the start, linear and Monte Carlo.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def dispersion(
         if known:
             at, found = np.array(known).T
             marks.append(Points(CHECKED, at, found, 7.5))
-        # above the curve, where it hides no flown value
+        # above the curve, where it hides no Monte Carlo value
         marks.append(Points(BEST, [starts[study.best[i]]], [sigma[study.best[i], i] + 0.02 * sigma[:, i].max()], 9.0))
         return Panel(f"final {name}", START, Axis("1σ", outputs[i].shown_in, low=0.0), [*marks, REENTRY])
 
@@ -57,9 +57,9 @@ def dispersion(
     table = {"start [min from reentry]": starts} | dict(zip(columns, sigma.T, strict=True))
     return Figure(
         name="dispersion",
-        title="Dispersion against the start of navigation",
-        description="Sigma of each final error against the start time, linear and Monte Carlo; a triangle points at "
-        "the best start up to reentry.",
+        title="Dispersion by start of navigation",
+        description="Sigma of each final error against the start time, linear and Monte Carlo; a triangle marks the "
+        "best start up to reentry.",
         panels=[panel(name, i) for i, name in enumerate(names)],
         key=(SIGMA, *([CHECKED] if checks else []), BEST),
         columns=table | {"all, weighted [1]": study.weighted},

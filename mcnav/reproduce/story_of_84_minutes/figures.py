@@ -1,4 +1,4 @@
-"""The plots of "The Story of 84 Minutes" drawn from their tables (`mcnav.reproduce.story_of_84_minutes.curves`)."""
+"""Figures, drawn from the tables of `mcnav.reproduce.story_of_84_minutes.curves`."""
 
 from __future__ import annotations
 
@@ -13,54 +13,54 @@ from mcnav.report.figures.palette import FLOWN, INK, LINEAR, MUTED
 from mcnav.report.format import number
 
 TITLES: Final = {
-    "tilt": "A platform 0.01 deg out of level",
-    "launch velocity": "A launch velocity 1 ft/s off",
-    "accelerometer": "An accelerometer 10⁻⁴ g off",
-    "gyro drift": "A gyro that drifts 0.01 deg/h",
-    "azimuth": "A launch 0.01 deg off in azimuth (across the track)",
-    "roll tilt": "A platform 0.01 deg out of level in roll (across the track)",
+    "tilt": "Platform tilt of 0.01 deg",
+    "launch velocity": "Launch velocity error of 1 ft/s",
+    "accelerometer": "Accelerometer error of 10⁻⁴ g",
+    "gyro drift": "Gyro drift of 0.01 deg/h",
+    "azimuth": "Launch azimuth error of 0.01 deg (cross-range)",
+    "roll tilt": "Platform roll tilt of 0.01 deg (cross-range)",
 }
-"""Of each error plotted."""
+"""Titles of the error plots."""
 
 FLAT: Final = Series("flat", "closed form, flat earth", MUTED, "dotted")
 SPHERICAL: Final = Series("spherical", "closed form, spherical earth", LINEAR)
-AT_REST: Final = Series("rest", "flown at rest", INK, "dot")
-CRUISING: Final = Series("cruising", "flown cruising", FLOWN, "dashed")
-INERTIAL: Final = Series("inertial", "flown cruising, inertial platform", FLOWN, "dashdot")
+AT_REST: Final = Series("rest", "simulated at rest", INK, "dot")
+CRUISING: Final = Series("cruising", "simulated cruising", FLOWN, "dashed")
+INERTIAL: Final = Series("inertial", "simulated cruising, inertial platform", FLOWN, "dashdot")
 
 CLOSED: Final = Series("closed", "closed form", LINEAR)
-UP: Final = Series("up", "flown, pushed up", FLOWN, "dashed")
-DOWN: Final = Series("down", "flown, pushed down (sign reversed)", FLOWN, "dashdot")
+UP: Final = Series("up", "simulated, upward", FLOWN, "dashed")
+DOWN: Final = Series("down", "simulated, downward (sign reversed)", FLOWN, "dashdot")
 
 TIME: Final = Axis("time", "min", margin=0.02, link="time")
 
 EVERY: Final = 4
-"""Rows from one dot to the next on a curve that flights lie on."""
+"""Rows from one dot to the next."""
 
 
 def error(name: str, curves: pd.DataFrame) -> Figure:
-    """One error: flat against spherical, and the spherical one with what was flown."""
+    """Draw one error: flat and spherical closed forms, and the spherical one with simulations."""
     known = curves[curves["error"] == name]
     time, spherical = known["time [min]"], known["spherical earth [ft]"]
     resting = known["flown at rest [ft]"]
     level, inertial = (known[f"flown cruising, {platform} platform [ft]"] for platform in ("level", "inertial"))
-    at_rest = name != "azimuth"  # a launch in a wrong direction takes a motion
+    at_rest = name != "azimuth"  # a wrong launch direction has no effect at rest
     apart = bool(np.abs(inertial - level).max() > 0.01 * np.abs(level).max())
 
     closed: list[Mark] = [Line(FLAT, time, known["flat earth [ft]"] / 1e3, 2.4), Line(SPHERICAL, time, spherical / 1e3)]
-    flown: list[Mark] = [Line(SPHERICAL, time, spherical)]
+    simulated: list[Mark] = [Line(SPHERICAL, time, spherical)]
     if at_rest:
-        flown.append(Points(AT_REST, time[::EVERY], resting[::EVERY], 4.7))
-    flown.append(Line(CRUISING, time, level))
+        simulated.append(Points(AT_REST, time[::EVERY], resting[::EVERY], 4.7))
+    simulated.append(Line(CRUISING, time, level))
     if apart:
-        flown.append(Line(INERTIAL, time, inertial))
+        simulated.append(Line(INERTIAL, time, inertial))
     return Figure(
         name=f"error-{name}".replace(" ", "-"),
         title=TITLES[name],
-        description="Position error over two periods, by closed forms and flown.",
+        description="Position error over two periods, closed forms and simulations.",
         panels=[
             Panel("Closed forms", TIME, Axis("position error", "1000 ft"), closed),
-            Panel("Flown, with no formula put in", TIME, Axis("position error", "ft"), flown),
+            Panel("Simulation", TIME, Axis("position error", "ft"), simulated),
         ],
         key=(FLAT, SPHERICAL, *([AT_REST] if at_rest else []), CRUISING, *([INERTIAL] if apart else [])),
         columns=dict(known.drop(columns="error").items()),
@@ -69,9 +69,9 @@ def error(name: str, curves: pd.DataFrame) -> Figure:
 
 
 def periods(measured: pd.DataFrame) -> Figure:
-    """Draw the period in level flight against speed."""
+    """Draw the period in level flight by speed."""
     formula = Series("closed", "2π √(r / g_eff)", LINEAR)
-    points = Series("flown", "measured on flights", FLOWN, "dot")
+    points = Series("flown", "simulated", FLOWN, "dot")
     share = np.linspace(0.0, 0.985, 200)
     still = measured["2 pi sqrt(r / g_eff) [min]"][0]
 
@@ -81,29 +81,29 @@ def periods(measured: pd.DataFrame) -> Figure:
     ]
     return Figure(
         name="periods",
-        title="The period in level flight",
-        description="Measured periods against speed, beside the closed form.",
+        title="Period in level flight",
+        description="Simulated periods and closed form against speed.",
         panels=[Panel("Level flight", Axis("speed / orbital speed"), Axis("period", "min", low=0.0), marks)],
         key=(formula, points),
         columns=dict(measured.items()),
-        caption="Footnote (a). Measured periods are those of 2π √(r / g_eff) to "
-        f"{number(float(measured['difference, share'].abs().max()), 1)} of themselves.",
+        caption="Footnote (b). Simulated periods agree with 2π √(r / g_eff) within a relative difference of "
+        f"{number(float(measured['difference, share'].abs().max()), 1)}.",
         file="periods.csv",
     )
 
 
 def climb(found: pd.DataFrame) -> Figure:
     """Draw the momentary period along a climb."""
-    momentary = Series("flown", "measured along the climb", FLOWN, "dot")
+    momentary = Series("flown", "simulated", FLOWN, "dot")
     at, period = found["time [s]"], found["period [min]"]
     marks: list[Mark] = [Line(momentary, at, period, kind="line"), Points(momentary, at, period)]
     return Figure(
         name="climb",
-        title="The period along a climb with nine times gravity as thrust",
-        description="The momentary period against the time of climb.",
+        title="Period during a climb at 9 g",
+        description="Momentary period against the time of climb.",
         panels=[
             Panel(
-                "A climb with nine times gravity as thrust",
+                "Climb at 9 g",
                 Axis("time of climb", "s"),
                 Axis("period", "min", low=0.0),
                 marks,
@@ -111,13 +111,13 @@ def climb(found: pd.DataFrame) -> Figure:
         ],
         key=(),
         columns=dict(found.items()),
-        caption="Footnote (b).",
+        caption="Footnote (a).",
         file="climb.csv",
     )
 
 
 def hover(growth: pd.DataFrame, departure: pd.DataFrame) -> tuple[Figure, Figure]:
-    """Hovering without an altimeter: height error over time, and how far from linear it ends."""
+    """Draw the height error of hovering without an altimeter, over time and relative to the linear one."""
     at = growth["time [min]"]
 
     over_time = [
@@ -137,21 +137,26 @@ def hover(growth: pd.DataFrame, departure: pd.DataFrame) -> tuple[Figure, Figure
             name="hover",
             title="Hovering without an altimeter",
             description="Height error over time, for accelerometer errors of both signs.",
-            panels=[Panel("An accelerometer 10⁻⁴ g off", TIME, Axis("height error", "miles"), over_time)],
+            panels=[Panel("Accelerometer error of 10⁻⁴ g", TIME, Axis("height error", "miles"), over_time)],
             key=(CLOSED, UP, DOWN),
             columns=dict(growth.items()),
-            caption="Upwards gravity falls off, downwards it rises: the linear cosh(√2 ωt) − 1 is left in opposite "
-            "directions.",
+            caption="Gravity decreases upwards and increases downwards, so that the two errors depart from the linear "
+            "cosh(√2 ωt) − 1 in opposite directions.",
             file="hover.csv",
         ),
         Figure(
             name="departure",
-            title="How far from linear the height error ends",
-            description="Flown over linear height error after 84 minutes against the accelerometer's error.",
+            title="Nonlinearity of the height error",
+            description="Simulated over linear height error after 84 minutes against the accelerometer error.",
             panels=[
-                Panel("After 84 minutes", Axis("accelerometer error", "g", log=True), Axis("flown / linear"), over_size)
+                Panel(
+                    "After 84 minutes",
+                    Axis("accelerometer error", "g", log=True),
+                    Axis("simulated / linear"),
+                    over_size,
+                )
             ],
-            key=(UP, Series("down", "flown, pushed down", FLOWN, "dashdot")),
+            key=(UP, Series("down", "simulated, downward", FLOWN, "dashdot")),
             columns=dict(departure.items()),
             file="hover_departure.csv",
         ),

@@ -13,12 +13,12 @@ from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Points, Rule, Se
 from mcnav.report.figures.palette import BAND, FLOWN, INK, LINEAR, MUTED
 from mcnav.report.figures.start_times import REENTRY, START
 from mcnav.report.model import humanize
-from mcnav.reproduce.tn_d1772.tables import INITIAL_CONDITIONS
+from mcnav.reproduce.tn_d1772.tables import INITIAL_CONDITIONS, TN_SOURCES
 from mcnav.scenarios.protocol import source_labels
-from mcnav.scenarios.reentry import OUTPUTS, SOURCES
+from mcnav.scenarios.reentry import OUTPUTS
 from mcnav.scenarios.table_i import ERRORS
 
-LABELS: Final = source_labels([source.name for source in SOURCES], [output.name for output in OUTPUTS])
+LABELS: Final = source_labels([source.name for source in TN_SOURCES], [output.name for output in OUTPUTS])
 """Names of the sources for people."""
 
 TIME: Final = axis("time from reentry [min]", margin=0.02, link=True)
@@ -35,7 +35,7 @@ LEAST: Final = Series("least", "least", INK, "triangle")
 
 
 def figure_1(frame: pd.DataFrame) -> Figure:
-    """Altitude against range, the whole and the atmosphere."""
+    """Draw altitude against range, the whole and the atmosphere."""
     flights = [
         (ODD if int(str(number)) % 2 else EVEN, str(number), flight) for number, flight in frame.groupby("trajectory")
     ]
@@ -66,13 +66,13 @@ def figure_1(frame: pd.DataFrame) -> Figure:
 
 
 def _histories(frame: pd.DataFrame, columns: Mapping[str, Series], label: str) -> Panel:
-    """Columns against the first one, which is time."""
+    """Draw columns against the first one, which is time."""
     lines = [Line(series, frame.iloc[:, 0], frame[column]) for column, series in columns.items()]
     return Panel("", TIME, axis(label), [*lines, REENTRY])
 
 
 def figure_2(frame: pd.DataFrame) -> Figure:
-    """Position, rates, speed, angle and force."""
+    """Draw position, rates, speed, angle and force."""
     groups: dict[str, dict[str, Series]] = {
         column: {column: INERTIAL}
         for column in ("altitude [km]", "range [km]", "altitude rate [km/s]", "range rate [km/s]")
@@ -97,7 +97,7 @@ def figure_2(frame: pd.DataFrame) -> Figure:
 
 
 def figure_3(frame: pd.DataFrame) -> Figure:
-    """Error histories."""
+    """Draw error histories."""
     return Figure(
         name="tn-3",
         title="Error histories of trajectory 4",
@@ -175,9 +175,9 @@ def figure_5(frame: pd.DataFrame) -> Figure:
 
 
 def figures_6_to_9(frame: pd.DataFrame, output: int) -> Figure:
-    """Partial derivatives of an output against start time, each times the report's error; two conventions of axes."""
+    """Draw partials of an output against start time, times the report's errors; two conventions of axes."""
     shown = OUTPUTS[output]
-    scale, name, count = 1e-3 if shown.shown_in == "km" else 1.0, humanize(shown.name), len(SOURCES)
+    scale, name, count = 1e-3 if shown.shown_in == "km" else 1.0, humanize(shown.name), len(TN_SOURCES)
     start, partials = frame.iloc[:, 0], frame.iloc[:, 1:].to_numpy()
     effects = partials * scale * np.tile(ERRORS, 2)
     series = [numbered(j, label) for j, label in enumerate(LABELS)]
@@ -206,7 +206,7 @@ def figures_6_to_9(frame: pd.DataFrame, output: int) -> Figure:
 
 
 def figure_10(frame: pd.DataFrame) -> Figure:
-    """Perigee partials in (r, r', theta'), closed form, flown without atmosphere, and trajectory 4."""
+    """Draw perigee partials in (r, r', theta'): closed form, flown without atmosphere, and trajectory 4."""
     ways = {
         "closed form": Series("closed", "perigee, eq. (27)", LINEAR),
         "flown without atmosphere": Series("flown", "perigee, flown without atmosphere", INK, "dot"),
@@ -238,7 +238,7 @@ def figure_10(frame: pd.DataFrame) -> Figure:
 
 
 def figure_11(frame: pd.DataFrame) -> Figure:
-    """Perigee partials in (r, V, gamma)."""
+    """Draw perigee partials in (r, V, gamma)."""
     columns = {"by r [1]": "by r (1)", "by V [s]": "by V (s)", "by gamma [km/rad]": "by γ (km/rad)"}
     return Figure(
         name="tn-11",
@@ -261,7 +261,7 @@ def figure_12(frame: pd.DataFrame) -> Figure:
     start = frame.iloc[:, 0]
     shown = {
         j: numbered(j, LABELS[j])
-        for j, source in enumerate(SOURCES)
+        for j, source in enumerate(TN_SOURCES)
         if source.name in ("altitude", "gyro_drift", "bias_x", "bias_z")
     }
     together = {
@@ -274,7 +274,8 @@ def figure_12(frame: pd.DataFrame) -> Figure:
     def panel(name: str) -> Panel:
         marks: list[Mark] = [Span(advised, -30.0, -20.0)]
         marks += [
-            Line(series, start, np.abs(frame[f"{name} for {SOURCES[j].name} [km]"]), 1.6) for j, series in shown.items()
+            Line(series, start, np.abs(frame[f"{name} for {TN_SOURCES[j].name} [km]"]), 1.6)
+            for j, series in shown.items()
         ]
         for words, series in together.items():
             column = frame[f"{name}, {words} [km]"]
@@ -301,7 +302,7 @@ def figure_12(frame: pd.DataFrame) -> Figure:
 
 
 def figure_13(frame: pd.DataFrame) -> Figure:
-    """Dispersion and missed drag against the switching altitude."""
+    """Draw dispersion and missed drag against the switching altitude."""
     alone = Series("sigma", "dispersion", LINEAR, "dashed")
     whole = Series("rms", "with the drag that is missed", FLOWN)
     shown = frame[frame["off above [km]"] >= 85.0]
