@@ -246,6 +246,27 @@ def report(folders: Folders) -> None:
 
 
 @app.command()
+def figure(
+    folder: Annotated[Path, typer.Argument(metavar="RUN", help="Run folder.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="A figure of the report, such as scatter or budget.")],
+    into: Annotated[Path, typer.Option("--out", help="File to write: .pdf, .svg or .png.")],
+    width: Annotated[float | None, typer.Option(min=2.0, max=100.0, help="Width, cm [default: the page's].")] = None,
+    font_scale: Annotated[float, typer.Option(min=0.2, max=5.0, help="Size of text over the page's.")] = 1.0,
+) -> None:
+    """Draw a figure of a run's report by itself, for a paper."""
+    with _reported_errors():
+        from mcnav.notebook import open_run
+
+        if into.suffix.lower() not in (".pdf", ".svg", ".png"):
+            raise _fail(f"{into}: must end in .pdf, .svg or .png", BAD_INPUT)
+        figures = open_run(folder).drawings
+        if name not in figures:
+            raise _fail(f"NAME: must be one of {', '.join(figures)}; got {name}", BAD_INPUT)
+        figures[name].save(into, width, font_scale)
+        out.print(f"written: {into}", markup=False)
+
+
+@app.command()
 def compare(
     folders: Folders,
     html: Annotated[Path | None, typer.Option("--html", help="Also write the comparison as an HTML page.")] = None,

@@ -15,12 +15,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 from jinja2 import Environment
-from matplotlib.figure import Figure as MplFigure
 from threadpoolctl import threadpool_limits
 
 from mcnav.config.read import Campaign, campaign_from
@@ -32,6 +31,9 @@ from mcnav.scenarios.conformance import Check
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow import run as workflow
 from mcnav.workflow.analyse import analyse, samples_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as MplFigure
 
 SHOWN = """<div><p><strong>{{ name }}</strong>: {{ headline }}</p><p>{{ explanation }}</p>
 <table><thead><tr><th></th>{% for column in table.columns %}<th>{{ column }}</th>{% endfor %}</tr></thead>
@@ -167,7 +169,7 @@ class FlownRun:
         return figures(self.content)
 
     def figure(self, name: str) -> MplFigure:
-        """One of the report's figures, drawn by matplotlib; its ``axes`` are free to be changed.
+        """Draw one of the report's figures by matplotlib; its ``axes`` are free to be changed.
 
         Parameters
         ----------

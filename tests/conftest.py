@@ -10,14 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 from hypothesis import settings
-from markupsafe import Markup
 
 from mcnav.config.read import Campaign, parse_campaign
 from mcnav.physics.reentry.ensemble.transition import Response, linear_response
 from mcnav.physics.reentry.vehicle import Vehicle
 from mcnav.progress import Phase
-from mcnav.report.figures import beside
-from mcnav.report.figures.figure import Figure
 from mcnav.scenarios.reentry import SOURCES, Flight, Reentry
 from mcnav.scenarios.table_i import COLUMNS, ERROR_SIZES, ERRORS, TABLE_I, among_all, start_state
 
@@ -51,19 +48,6 @@ class RecordedProgress:
     def advance(self, samples: int, stored: bool = False) -> None:
         self.samples += samples
         self.stored += samples if stored else 0
-
-
-@pytest.fixture
-def undrawn(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Replace the figures of reports, which take longer than most runs, by empty ones; not in tests marked drawn."""
-    if request.node.get_closest_marker("drawn"):
-        return
-
-    def svg(figure: Figure, number: int) -> Markup:
-        return Markup(f'<svg><title id="{figure.key}-{number}-t"></title></svg>')
-
-    monkeypatch.setattr(Figure, "svg", svg)
-    monkeypatch.setattr(beside, "draw", lambda figures: None)
 
 
 @lru_cache

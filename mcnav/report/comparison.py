@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, Final
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 
 from mcnav.analysis.run_comparison import Change
 from mcnav.report import sentences
-from mcnav.report.figures.figure import HALF, Figure, Plot, Series
+from mcnav.report.figures.figure import HALF, Figure
+from mcnav.report.figures.marks import Axis, Interval, Mark, Panel, Points, Rule, Series
+from mcnav.report.figures.palette import LINEAR, SOURCE_COLOURS
 from mcnav.report.format import number
 from mcnav.report.model import humanize, labels_of
 from mcnav.report.page import filled
-from mcnav.report.svg import LINEAR, SOURCE_COLOURS
 from mcnav.statistics.estimates import Estimate
 from mcnav.store.manifest import Manifest
 from mcnav.units import conversion
@@ -130,29 +129,24 @@ def ratios(rows: Sequence[Row], titles: Sequence[str]) -> Figure | None:
     }
     names = list(dict.fromkeys(row.output for row, _ in known))
 
-    def draw(axes: Axes, shown: Sequence[tuple[Row, Change]]) -> None:
-        axes.axvline(0.0, color=LINEAR, linewidth=1.2)
-        for row, change in shown:
-            step = later.index(row.run) - 0.5 * (len(later) - 1)
-            place = names.index(row.output) + 0.7 * step / max(len(later), 2)
-            each, ends = series[row.run], [100.0 * (end - 1.0) for end in change.interval]
-            axes.plot(ends, [place] * 2, color=each.colour, linewidth=2.0, gid=each.gid)
-            each.on(axes, 100.0 * (change.ratio - 1.0), place)
-        axes.set_yticks(range(len(names)), [humanize(name) for name in names])
-        axes.set_ylim(len(names) - 0.5, -0.5)
-        axes.grid(axis="y", visible=False)
-        axes.locator_params(axis="x", nbins=6)
-        axes.set_xlabel("difference of σ from the first run (%)")
-
+    marks: list[Mark] = [Rule(0.0, colour=LINEAR, width=1.6)]
+    for row, change in known:
+        step = later.index(row.run) - 0.5 * (len(later) - 1)
+        place = names.index(row.output) + 0.7 * step / max(len(later), 2)
+        each, (low, high) = series[row.run], (100.0 * (end - 1.0) for end in change.interval)
+        ratio = 100.0 * (change.ratio - 1.0)
+        text = f"{humanize(row.output)}, {each.label}: {ratio:+.3g} %, {low:+.3g} to {high:+.3g} %".replace("-", "−")
+        marks += [Interval(each, place, low, high, text), Points(each, [ratio], [place], 7.0)]
+    rows_axis = Axis(names=[humanize(name) for name in names])
     return Figure(
-        key="changes",
+        name="changes",
         title="Sigma of each output relative to the first run",
         description="Difference of the Monte Carlo sigma of each output and run from that of the first run, with its "
         "interval.",
-        plots=[Plot("", partial(draw, shown=known))],
-        series=tuple(series.values()),
-        data=outputs([row for row, _ in known], titles),
-        size=(HALF[0], 1.0 + 0.25 * len(names) * (1 + len(later))),
+        panels=[Panel("", Axis("difference of σ from the first run", "%"), rows_axis, marks)],
+        key=tuple(series.values()),
+        columns=dict(outputs([row for row, _ in known], titles).items()),
+        size=(HALF[0], 82.0 + 24.0 * len(names) * (1 + len(later))),
     )
 
 

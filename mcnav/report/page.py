@@ -15,7 +15,7 @@ from markupsafe import Markup
 from mcnav.report import format as formats
 from mcnav.report import sentences, tables
 from mcnav.report.failures import failure_rows
-from mcnav.report.figures import agreement, beside, dispersion, matrices, sources
+from mcnav.report.figures import agreement, dispersion, matrices, sources
 from mcnav.report.figures.envelopes import envelopes
 from mcnav.report.figures.figure import Figure
 from mcnav.report.figures.flight import flight
@@ -66,6 +66,7 @@ def filled(template: str, **values: Any) -> str:
     )  # fmt: skip
     environment.filters |= {name: getattr(formats, name) for name in FILTERS}
     style, script = (_source(environment, name) for name in ("style.css", "script.js"))
+    script = re.sub(r"(?m)^\s*(//.*)?\n?", "", script)
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     text = environment.get_template(template).render(
         style=Markup(style), script=Markup(script), script_hash=Markup(f"sha256-{digest}"), **values
@@ -102,7 +103,6 @@ def render(content: RunAnalysis) -> str:
     """Render the report as one HTML page."""
     manifest, summary = content.manifest, content.summary
     drawn = figures(content)
-    beside.draw(list(drawn.values()))
     simulated, seconds = (manifest.flight.samples, manifest.flight.seconds) if manifest.flight else (0, 0.0)
     remarks = (sentences.joint_explanation, sentences.certain_but_small, sentences.stopping)
     return filled(

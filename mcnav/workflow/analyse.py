@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
-from importlib import import_module
 from pathlib import Path
-from threading import Thread
 from typing import TYPE_CHECKING, Any
 
 from threadpoolctl import threadpool_limits
@@ -33,7 +30,6 @@ from mcnav.store.manifest import Manifest, ModelRecord
 from mcnav.store.run_folder import MANIFEST, REPORT, RunFolder
 from mcnav.store.run_folder import SUMMARY as SUMMARY_FILE
 from mcnav.store.summaries import SUMMARY, collect_summary
-from mcnav.units import conversion
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -51,7 +47,6 @@ def report_run(path: str | Path) -> dict[str, Any]:
     folder.existing_manifest()
     with folder.lock(), threadpool_limits(1), reading_file(folder.path):
         folder.finished_manifest()
-        load_report()
         return write_results(folder, analyse(folder))
 
 
@@ -152,17 +147,6 @@ def write_results(folder: RunFolder, analysis: RunAnalysis) -> dict[str, Any]:
     folder.write_json(SUMMARY_FILE, analysis.summary)
     folder.write(REPORT, page)
     return dict(to_json(analysis.summary))
-
-
-def load_report() -> None:
-    """Import what renders the report in a thread: it takes as long as analysing a hundred thousand samples."""
-
-    def load() -> None:
-        with suppress(Exception):  # at the end of a program that was refused nothing can be loaded any more
-            import_module("mcnav.report.page")
-            conversion("km", "m")
-
-    Thread(target=load).start()
 
 
 def linear_model(record: ModelRecord) -> Model:

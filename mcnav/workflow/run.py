@@ -39,7 +39,7 @@ from mcnav.store.parts import SampleSchema
 from mcnav.store.provenance import commit
 from mcnav.store.run_folder import CAMPAIGN, RunFolder
 from mcnav.store.summaries import KEPT, SUMMARY
-from mcnav.workflow.analyse import analyse, linear_model, load_report, write_results
+from mcnav.workflow.analyse import analyse, linear_model, write_results
 from mcnav.workflow.prepare import PreparedCampaign, prepare_campaign
 from mcnav.workflow.stopping import Execution
 
@@ -123,7 +123,6 @@ def run_campaign(
         manifest = _first_manifest(campaign, system, identity, inputs)
         _write_beginning(folder, campaign, system, manifest, inputs)
         job = _chunk_job(system, folder, manifest, inputs)
-        load_report()
         execution = Execution(job, jobs, progress, notices.append, most_failures, flights)
         with _corrections(system, campaign.code is not None) as corrections:
             began = time.perf_counter()

@@ -21,13 +21,13 @@ TEXTS = """() => {
   const wrong = [];
   document.querySelectorAll("figure svg").forEach((svg) => {
     const box = svg.getBoundingClientRect();
-    const name = svg.querySelector("title").textContent;
+    const name = svg.getAttribute("aria-label");
     svg.querySelectorAll("text").forEach((text) => {
       const own = text.getBoundingClientRect();
       const out = Math.max(box.left - own.left, own.right - box.right, box.top - own.top, own.bottom - box.bottom);
       if (out > 1.5) wrong.push(["cut", name, text.textContent]);
     });
-    svg.querySelectorAll('g[id*="matplotlib.axis"]').forEach((axis) => {
+    svg.querySelectorAll("g.x, g.y, g.labels").forEach((axis) => {
       const level = (each) => !/rotate\\(-30/.test(each.getAttribute("transform") || "");
       const boxes = Array.from(axis.querySelectorAll("text")).filter(level)
         .map((each) => [each.textContent, each.getBoundingClientRect()]);
@@ -40,7 +40,7 @@ TEXTS = """() => {
   });
   return wrong;
 }"""
-"""Labels of axes that overlap, and any text that reaches beyond its figure."""
+"""Labels of axes and in plots that overlap, and any text that reaches beyond its figure."""
 
 REPRESENTATIVE = {"exclude": [["tbody tr:nth-child(n + 6)"], ["details.data tbody tr:nth-child(n + 3)"], ["svg > g"]]}
 """What axe looks at: of long tables the first rows, which the others are like, and of figures their names and roles."""

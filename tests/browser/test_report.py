@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -27,7 +28,7 @@ def test_every_figure_has_its_plots(browser: Any, report: Path) -> None:
     page.goto(report.as_uri())
     for key, plots in FIGURES.items():
         assert page.locator(f"#figure-{key} svg").count() == plots
-        assert page.locator(f"#{key}-0-t").count() == 1
+        assert page.locator(f"#{key}-0-c").count() == 1
     assert page.locator("h1").inner_text() == NAME
     assert page.locator(".verdict .headline").inner_text().startswith("Yes for the dispersion of each output")
     page.close()
@@ -79,7 +80,84 @@ def test_outliers_carry_their_sample_number(browser: Any, report: Path) -> None:
     farthest = page.locator("#dispersion table", has_text="largest NEES").locator("tbody tr").first
     index = farthest.locator("th").inner_text()
     assert f"mcnav replay . {index}" in farthest.inner_text()
-    tips = page.locator("#figure-scatter g > title").all_text_contents()
+    tips = page.locator("#figure-scatter g.points title").all_text_contents()
     assert len(tips) == 3 * FIGURES["scatter"]
     assert all(tip.startswith("sample ") for tip in tips)
+    page.close()
+
+
+def _middle(page: Any, plot: Any, across: float = 0.5, down: float = 0.5) -> tuple[float, float]:
+    plot.scroll_into_view_if_needed()
+    box = plot.bounding_box()
+    return box["x"] + across * box["width"], box["y"] + down * box["height"]
+
+
+def test_figures_say_the_values_under_the_pointer(browser: Any, report: Path) -> None:
+    """Curves at one time with their units, single points, what carries a text of its own; by keyboard as well."""
+    page = browser.new_page(viewport={"width": 1280, "height": 900})
+    page.goto(report.as_uri())
+    tip = page.locator(".tip")
+    for key, wanted in {
+        "flight": r"range [−\d.,]+ km\naltitude: [\d.,]+ km",
+        "nees": r"NEES against the linear covariance [\d.]+\nMonte Carlo, .* to .*\nchi-square, 4 degrees: [\d.]+",
+        "histograms": r"altitude [−\d.,]+ km\nMonte Carlo, .* km to .* km: [\d.,]+\nlinear Gaussian: [\d.,]+",
+        "scatter": r"(flights|linear, 1 and 3 sigma|Monte Carlo .*)\naltitude [−\d.,]+ km\nrange [−\d.,]+ km",
+        "convergence": r"samples [\d,.]+\n(.*\n)*Monte Carlo, paired estimate: [\d.]+",
+    }.items():
+        page.mouse.move(*_middle(page, page.locator(f"#figure-{key} svg").first))
+        page.wait_for_function("!document.querySelector('.tip').hidden")
+        assert re.fullmatch(wanted, tip.inner_text().strip()), tip.inner_text()
+        page.mouse.move(1, 1)
+        page.wait_for_function("document.querySelector('.tip').hidden")
+    for key, wanted in {
+        "budget": r"altitude, initial altitude: [\d.]+ %",
+        "scatter": r"flights\naltitude .* km\nrange .* km",
+    }.items():
+        page.locator(f"#figure-{key} .plot").first.focus()
+        page.keyboard.press("ArrowRight")
+        assert re.fullmatch(wanted, tip.inner_text().strip()), tip.inner_text()
+    page.close()
+
+
+def test_a_known_value_lies_under_the_pointer(browser: Any, report: Path) -> None:
+    """The table's last point of a curve is what the keyboard says of it, to a two-thousandth of the axis."""
+    page = browser.new_page(viewport={"width": 1280, "height": 900})
+    page.goto(report.as_uri())
+    rows = page.locator("#figure-convergence details.data tbody tr")
+    last = rows.nth(rows.count() - 1).locator("td").all_text_contents()
+    page.locator("#figure-convergence .plot").first.focus()
+    for _ in range(rows.count()):
+        page.keyboard.press("ArrowRight")
+    told = page.locator(".tip").inner_text().split()
+    assert float(told[-1]) == pytest.approx(float(last[1]), abs=1e-3)
+    page.close()
+
+
+def test_time_histories_zoom_together(browser: Any, report: Path) -> None:
+    """A frame drawn with the pointer, ticks within it, one button for all; the page is as before after it."""
+    page = browser.new_page(viewport={"width": 1280, "height": 900})
+    page.goto(report.as_uri())
+    figure = page.locator("#figure-convergence")
+    before = figure.locator("svg").evaluate_all("all => all.map(each => each.querySelector('g.x').textContent)")
+    paths = figure.locator("path.line").evaluate_all("all => all.map(each => each.getAttribute('d'))")
+    plot = figure.locator("svg").first
+    page.mouse.move(*_middle(page, plot, 0.5, 0.4))
+    page.mouse.down()
+    page.mouse.move(*_middle(page, plot, 0.75, 0.42), steps=3)
+    page.mouse.up()
+    assert figure.get_by_role("button", name="Whole range").count() == FIGURES["convergence"]
+    after = figure.locator("svg").evaluate_all("all => all.map(each => each.querySelector('g.x').textContent)")
+    assert len(set(after)) == 1
+    assert after != before
+    assert figure.locator("path.line").evaluate_all("all => all.map(each => each.getAttribute('d'))") != paths
+    figure.get_by_role("button", name="Whole range").last.click()
+    assert figure.get_by_role("button", name="Whole range").count() == 0
+    assert figure.locator("svg").evaluate_all("all => all.map(each => each.querySelector('g.x').textContent)") == before
+    assert figure.locator("path.line").evaluate_all("all => all.map(each => each.getAttribute('d'))") == paths
+    scatter = page.locator("#figure-scatter .plot").first
+    scatter.focus()
+    page.keyboard.press("+")
+    assert scatter.get_by_role("button", name="Whole range").count() == 1
+    page.keyboard.press("0")
+    assert scatter.get_by_role("button", name="Whole range").count() == 0
     page.close()

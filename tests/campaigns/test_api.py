@@ -14,8 +14,6 @@ import mcnav
 from mcnav.notebook import FlownRun
 from mcnav.store.run_folder import RunFolder
 
-pytestmark = pytest.mark.usefixtures("undrawn")
-
 OUTPUTS = ["altitude", "range", "altitude_rate", "range_rate"]
 SOURCES = ["altitude", "misalignment", "gyro_drift"]
 

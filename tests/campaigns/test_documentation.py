@@ -162,11 +162,12 @@ def test_a_run_in_a_notebook(place: Path) -> None:
     np.testing.assert_allclose(np.sqrt(np.diag(run.covariance("linear"))), run.summary["sigma_linear"])
     for name, drawing in run.drawings.items():
         figure = run.figure(name)
-        assert len(figure.axes) == len(drawing.plots)
+        assert len(figure.axes) == len(drawing.panels)
         assert all(
-            axes.get_title(loc="left") == plot.title for axes, plot in zip(figure.axes, drawing.plots, strict=True)
+            axes.get_title(loc="left") == panel.title for axes, panel in zip(figure.axes, drawing.panels, strict=True)
         )
-        assert drawing._repr_svg_().count("</svg>") == 1
+        assert drawing._repr_svg_().count("</svg>") == 1 + len(drawing.panels)
+        assert "var(--" not in drawing._repr_svg_()
     for wrong in (lambda: run.figure("none"), lambda: run.covariance("none")):
         with pytest.raises(ValueError, match="must be one of"):
             wrong()

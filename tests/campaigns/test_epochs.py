@@ -77,7 +77,6 @@ def test_the_report_shows_envelopes(runs: tuple[Path, Path]) -> None:
     assert re.search(r"1 % to 99 % of 2,000 samples", page)
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_a_map_has_those_of_the_flights_it_was_fitted_to(tmp_path: Path) -> None:
     run_campaign(campaign(1, samples=3_000), tmp_path / "run", "map", 1)
     _, described = RunFolder(tmp_path / "run").epochs() or ({}, {})

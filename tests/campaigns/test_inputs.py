@@ -33,8 +33,6 @@ from mcnav.workflow.compare import compare_runs
 from mcnav.workflow.replay import as_stored, replay
 from mcnav.workflow.run import run_campaign
 
-pytestmark = pytest.mark.usefixtures("undrawn")
-
 CLASS = """
 from pathlib import Path
 import os, threading

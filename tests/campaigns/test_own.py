@@ -27,8 +27,6 @@ from mcnav.workflow.run import run_campaign
 from tests.conftest import ROOT
 from tests.processes import LONG, run_to_end, running, wait_for
 
-pytestmark = pytest.mark.usefixtures("undrawn")
-
 BOOST, POLAR = ROOT / "campaigns" / "13_boost.toml", ROOT / "campaigns" / "14_polar.toml"
 
 
@@ -77,8 +75,8 @@ def test_the_reports_are_complete(tmp_path: Path) -> None:
         run_campaign(read_campaign(campaign, {"samples": 300}), folder, None, 2)
         page = (folder / "report.html").read_text(encoding="utf-8")
         for figure in shown:
-            assert f'id="{figure}-0-t"' in page
-        assert ('id="flight-0-t"' in page) == ("flight" in shown)
+            assert f'id="{figure}-0-c"' in page
+        assert ('id="flight-0-c"' in page) == ("flight" in shown)
         assert "partial derivatives by central differences, steps agree to" in page
 
 

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import re
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -22,9 +25,7 @@ from mcnav.store.provenance import commit
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.analyse import report_run, summary_of
 from mcnav.workflow.run import run_campaign
-from tests.conftest import RecordedProgress, campaign, content
-
-pytestmark = pytest.mark.usefixtures("undrawn")
+from tests.conftest import ROOT, RecordedProgress, campaign, content
 
 SOURCES = [(source.name, source.unit) for source in reentry.SOURCES]
 OUTPUTS = SOURCES[:4]
@@ -125,7 +126,6 @@ def test_the_resolved_campaign_runs_again(finished: tuple[Path, dict[str, Any]],
     pd.testing.assert_frame_equal(first, again, check_exact=True)
 
 
-@pytest.mark.drawn
 def test_report_from_stored_samples(finished: tuple[Path, dict[str, Any]]) -> None:
     """The same bytes, from what is stored alone."""
     folder, _ = finished
@@ -431,3 +431,23 @@ def test_the_commit_is_that_of_the_programs_own_checkout(tmp_path: Path) -> None
     assert commit(other) == "b" * 40
     (git / "HEAD").write_text("c" * 40 + "\n")
     assert commit(package) == "c" * 40
+
+
+def test_a_run_and_its_report_do_without_matplotlib(tmp_path: Path) -> None:
+    """Only a figure that is asked for by itself imports it."""
+    program = """
+import sys
+from typer.testing import CliRunner
+from mcnav.cli import app
+for arguments in (["run", sys.argv[1], "--samples", "300", "--out", "run"], ["report", "run"]):
+    assert CliRunner().invoke(app, arguments).exit_code == 0
+    assert "matplotlib" not in sys.modules
+for file, status in (("figure.pdf", 0), ("figure.doc", 2)):
+    assert CliRunner().invoke(app, ["figure", "run", "scatter", "--out", file, "--width", "8"]).exit_code == status
+assert CliRunner().invoke(app, ["figure", "run", "none", "--out", "figure.pdf"]).exit_code == 2
+"""
+    arguments = [sys.executable, "-c", program, str(ROOT / "campaigns" / "14_polar.toml")]
+    assert (
+        subprocess.run(arguments, cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(ROOT)}, check=False).returncode == 0
+    )
+    assert (tmp_path / "figure.pdf").read_bytes().startswith(b"%PDF")

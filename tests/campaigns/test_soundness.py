@@ -21,8 +21,6 @@ from mcnav.workflow.analyse import report_run
 from mcnav.workflow.run import run_campaign
 from tests.conftest import ROOT
 
-pytestmark = pytest.mark.usefixtures("undrawn")
-
 CODE = """
 import itertools
 import numpy as np

@@ -37,8 +37,6 @@ from mcnav.workflow.analyse import summary_of
 from mcnav.workflow.run import run_campaign
 from tests.conftest import campaign, content
 
-pytestmark = pytest.mark.usefixtures("undrawn")
-
 DESIGN = SamplingDesign()
 SAMPLES, KEPT, CHUNK = 60_000, 10_000, 1 << 14
 

@@ -102,11 +102,6 @@ def command(*arguments: object) -> list[str]:
     return [sys.executable, "-m", "mcnav", *map(str, arguments)]
 
 
-def undrawn_command(*arguments: object) -> list[str]:
-    """Return the command line of the program without report pages."""
-    return [sys.executable, "-m", "tests.undrawn", *map(str, arguments)]
-
-
 def mcnav(*arguments: object) -> subprocess.CompletedProcess[str]:
     """Run the program to its end."""
     return run_to_end(command(*arguments), env=environment())

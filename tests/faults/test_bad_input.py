@@ -13,8 +13,6 @@ from mcnav.errors import MOST_NAMES, suggestion
 from mcnav.scenarios.reentry import SOURCES
 from tests.conftest import ROOT
 
-pytestmark = pytest.mark.usefixtures("undrawn")
-
 REENTRY = 'samples = 100\n[scenario]\ntype = "reentry"\ntrajectory = 4\n[errors]\naltitude = "1 km"\n'
 MINE = """
 import numpy as np

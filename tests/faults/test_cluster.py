@@ -33,8 +33,6 @@ from tests.faults.scenarios import VECTORISED, OnAdvance, chunk_job, command, en
 from tests.faults.test_failures import LIMIT, REASONS
 from tests.processes import LONG, run_to_end, running, wait_for
 
-pytestmark = pytest.mark.usefixtures("undrawn")
-
 POISON = ("os._exit(9)", "time.sleep(60)")
 
 

@@ -20,8 +20,6 @@ from mcnav.workflow.run import run_campaign
 from tests.conftest import campaign
 from tests.faults.scenarios import VECTORISED, write_campaign
 
-pytestmark = pytest.mark.usefixtures("undrawn")
-
 LIMIT = 'sample_timeout = "3 s"'  # flying a sample that is well takes microseconds, whatever else the machine does
 
 REASONS = {

@@ -34,8 +34,6 @@ from tests.conftest import campaign, content
 from tests.faults.scenarios import VECTORISED, mcnav, write_campaign
 from tests.processes import LONG
 
-pytestmark = pytest.mark.usefixtures("undrawn")
-
 
 @pytest.fixture(scope="module")
 def stored(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -362,7 +360,6 @@ def test_a_run_folder_that_names_code_does_not_execute_it(folder: Path, tmp_path
     assert not mark.exists()
 
 
-@pytest.mark.drawn
 def test_panels_from_elsewhere_stay_text(folder: Path) -> None:
     """Titles, columns and events of a stored history: HTML and mathematics are text in the page."""
     table = pq.read_table(folder / "history.parquet")
@@ -436,7 +433,7 @@ def _damaged(folder: Path) -> None:
 
 @pytest.mark.parametrize("spoil", [_unfinished, _damaged])
 def test_a_process_that_refuses_says_one_line(folder: Path, spoil: Callable[[Path], None]) -> None:
-    """Also when it ends while it is still loading what would have drawn the report."""
+    """Nothing but the reason is written to stderr."""
     spoil(folder)
     finished = mcnav("report", folder)
     assert finished.returncode == 2

@@ -17,8 +17,6 @@ from tests.conftest import campaign
 from tests.faults.scenarios import OnAdvance, environment
 from tests.processes import LONG, run_to_end
 
-pytestmark = pytest.mark.usefixtures("undrawn")
-
 
 def test_an_exception_does_not_wait_for_threads() -> None:
     release = threading.Event()

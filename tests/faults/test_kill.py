@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import ROOT
-from tests.faults.scenarios import command, environment, undrawn_command
+from tests.faults.scenarios import command, environment
 from tests.processes import LONG, run_to_end, running, wait_for
 
 CAMPAIGN = ROOT / "campaigns" / "02_tn_d1772_trajectory_1.toml"
@@ -20,7 +20,7 @@ def _arguments(folder: Path) -> list[object]:
 
 
 def _run(folder: Path) -> None:
-    done = run_to_end(undrawn_command(*_arguments(folder)), env=environment())
+    done = run_to_end(command(*_arguments(folder)), env=environment())
     assert done.returncode == 0, done.stderr
 
 

@@ -30,10 +30,8 @@ from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.analyse import report_run
 from mcnav.workflow.run import run_campaign
 from tests.faults.kills import left_of
-from tests.faults.scenarios import SINGLE, VECTORISED, command, environment, undrawn_command, write_campaign
+from tests.faults.scenarios import SINGLE, VECTORISED, command, environment, write_campaign
 from tests.processes import LONG, run_to_end, running, wait_for
-
-pytestmark = pytest.mark.usefixtures("undrawn")
 
 POSITIONS = 2_000
 
@@ -132,7 +130,7 @@ def test_a_full_disk_and_little_memory(kind: int, most: int, tmp_path: Path) -> 
     if kind == resource.RLIMIT_AS:
         return
     for place in ("run", "other"):
-        done = run_to_end(undrawn_command(*arguments, tmp_path / place), env=environment())
+        done = run_to_end(command(*arguments, tmp_path / place), env=environment())
         assert done.returncode == 0, done.stderr
     assert digests(tmp_path / "run") == digests(tmp_path / "other")
 
@@ -218,7 +216,7 @@ def test_two_processes_on_one_folder(tmp_path: Path) -> None:
     first_drawn = float(calm.errors.draw("random", 1, 300, 0, 1)[0, 0])
     body = f"while {HANGS['samples']} and not os.path.exists({str(go)!r}): time.sleep(0.01)"
     path = write_campaign(tmp_path, body.replace("FIRST", repr(first_drawn)), samples=300)
-    with running(undrawn_command("run", path, "--out", tmp_path / "run"), env=environment()) as first:
+    with running(command("run", path, "--out", tmp_path / "run"), env=environment()) as first:
         wait_for((tmp_path / "run" / "manifest.json").exists, first)
         second = run_to_end(command("run", path, "--out", tmp_path / "run"), env=environment())
         go.touch()
@@ -226,7 +224,7 @@ def test_two_processes_on_one_folder(tmp_path: Path) -> None:
     assert first.returncode == 0, said
     assert second.returncode == 4
     assert "another mcnav is writing here" in second.stderr
-    assert run_to_end(undrawn_command("run", path, "--out", tmp_path / "calm"), env=environment()).returncode == 0
+    assert run_to_end(command("run", path, "--out", tmp_path / "calm"), env=environment()).returncode == 0
     assert digests(tmp_path / "run") == digests(tmp_path / "calm")
 
 

@@ -1,25 +1,25 @@
-"""Errors throughout the flight: three sigma of linear analysis and of the flights, and percentiles."""
+"""Errors over the flight: linear and Monte Carlo, as mean and multiples of sigma, and percentiles of samples."""
 
 from __future__ import annotations
 
-from functools import partial
-from typing import Final
+from collections.abc import Mapping
 
 import numpy as np
-import pandas as pd
-from matplotlib.axes import Axes
+from scipy import special
 
 from mcnav.analysis.envelopes import Envelopes
-from mcnav.report.figures.figure import Figure, Plot, Series, axis_label, mark
+from mcnav.report.figures.figure import Figure
+from mcnav.report.figures.marks import Axis, Band, Line, Panel, Rule, Series, axis
+from mcnav.report.figures.palette import AREA, FLOWN, LINEAR
 from mcnav.report.model import RunAnalysis
-from mcnav.report.svg import AREA, FLOWN, LINEAR
-
-LINEAR_3: Final = Series("linear", "linear, mean ± 3σ", LINEAR)
-FLOWN_3: Final = Series("flown", "Monte Carlo, mean ± 3σ", FLOWN, "dashed")
 
 
 def envelopes(content: RunAnalysis) -> Figure | None:
-    """Every output that moves; none where errors throughout the flight are not known."""
+    """Draw every output that moves; none where errors throughout the flight are not known.
+
+    Lines and band stand for the same probability: the lines are where a normal distribution of that mean and sigma has
+    the percentiles of the band.
+    """
     known = content.envelopes
     if known is None:
         return None
@@ -28,7 +28,12 @@ def envelopes(content: RunAnalysis) -> Figure | None:
         return None
     names, units, scale = content.output_names, content.output_units, content.output_scale
     low, *_, high = known.percentiles
-    band = Series("percentiles", f"{low} % to {high} % of {known.stored:,} samples", AREA, "area")
+    reach = float(special.ndtri(float(high) / 100.0))
+    series = {
+        "linear": Series("linear", f"linear, mean ± {reach:.2f}σ", LINEAR),
+        "flown": Series("flown", f"Monte Carlo, mean ± {reach:.2f}σ", FLOWN, "dashed"),
+        "band": Series("percentiles", f"{low} % to {high} % of {known.stored:,} samples", AREA, "area"),
+    }
     columns = {known.label: known.times}
     for i in moving:
         for words, values in (
@@ -39,31 +44,34 @@ def envelopes(content: RunAnalysis) -> Figure | None:
         ):
             columns[f"{names[i]}, {words} [{units[i]}]"] = values[:, i] * scale[i]
     return Figure(
-        key="envelopes",
+        name="envelopes",
         title="Errors over the flight",
-        description="Three sigma of each output by linear analysis and Monte Carlo, and percentiles of stored samples.",
-        plots=[
-            Plot(names[i], partial(_envelope, known=known, output=i, scale=float(scale[i]), unit=units[i], band=band))
-            for i in moving
-        ],
-        series=(LINEAR_3, FLOWN_3, band),
-        data=pd.DataFrame(columns),
+        description=f"Range from {low} % to {high} % of each output by linear analysis and Monte Carlo, and "
+        "percentiles of stored samples.",
+        panels=[_envelope(names[i], known, i, float(scale[i]), units[i], series, reach) for i in moving],
+        key=tuple(series.values()),
+        columns=columns,
         caption="Ranges are arc lengths on the earth's surface. Samples outside the fast engine's range of validity "
-        "are not included.",
+        f"are not included. Lines at ± {reach:.2f}σ: {low} % and {high} % of a normal distribution.",
     )
 
 
-def _envelope(axes: Axes, known: Envelopes, output: int, scale: float, unit: str, band: Series) -> None:
+def _envelope(
+    name: str, known: Envelopes, output: int, scale: float, unit: str, series: Mapping[str, Series], reach: float
+) -> Panel:
     low, *_, high = (values[:, output] * scale for values in known.percentiles.values())
-    band.band(axes, known.times, low, high)
-    for sign in (-3.0, 3.0):
-        linear = (known.linear_mean + sign * known.linear_sigma)[:, output] * scale
-        flown = (known.mean + sign * known.sigma)[:, output] * scale
-        LINEAR_3.on(axes, known.times, linear, linewidth=1.8)
-        FLOWN_3.on(axes, known.times, flown)
-    FLOWN_3.on(axes, known.times, known.mean[:, output] * scale, linestyle="-", linewidth=0.8)
-    axes.set(xlabel=axis_label(known.label), ylabel=f"error ({unit})")
-    axes.margins(x=0.0)
-    for event, place in known.events.items():
-        if known.times[0] < place < known.times[-1]:
-            mark(axes, place, event)
+    linear = [(known.linear_mean + sign * reach * known.linear_sigma)[:, output] * scale for sign in (-1.0, 1.0)]
+    flown = [(known.mean + sign * reach * known.sigma)[:, output] * scale for sign in (-1.0, 1.0)]
+    inside = [(place, event) for event, place in known.events.items() if known.times[0] < place < known.times[-1]]
+    return Panel(
+        name,
+        axis(known.label, margin=0.0, link=True),
+        Axis("error", unit),
+        [
+            Band(series["band"], known.times, low, high),
+            *(Line(series["linear"], known.times, each, 2.3) for each in linear),
+            *(Line(series["flown"], known.times, each) for each in flown),
+            Line(series["flown"], known.times, known.mean[:, output] * scale, 1.1, "line"),
+            *(Rule(place, kind="dotted", name=event) for place, event in inside),
+        ],
+    )

@@ -1,6 +1,6 @@
 "use strict";
-// Everything on the page is there without this script. With it, tables sort, series toggle, tables copy as CSV, and
-// the contents show where the reader is.
+// Everything on the page is there without this script. With it, tables sort, series toggle, figures say their values and
+// zoom, tables copy as CSV, and the contents show where the reader is.
 (() => {
   const all = (selector, root = document) => Array.from(root.querySelectorAll(selector));
   const button = (label, action) => {
@@ -62,6 +62,287 @@
     toggled.title = "hide or show";
     toggled.append(...entry.childNodes);
     entry.append(toggled);
+  });
+
+  // Figures. Scales are in data-x and data-y: limits, their coordinates, whether logarithmic. Paths know M, m, l, h0, z.
+  const PAIR = /([Mml])(-?\d+) ?(-?\d+)/g;
+  const { abs, ceil, floor, hypot, log10, max, min } = Math;
+  const AREA = /band|steps/;
+  // Coordinates, of which 20 are a pixel, from the pointer to what it points at.
+  const GRAB = 480;
+  const tip = document.createElement("div");
+  tip.className = "tip";
+  tip.hidden = true;
+  tip.setAttribute("role", "status");
+  document.body.append(tip);
+  const box = (element) => element.getBoundingClientRect();
+  const get = (element, name) => element.getAttribute(name);
+  const set = (element, pairs) => { Object.entries(pairs).forEach(([name, each]) => element.setAttribute(name, each)); return element; };
+  // What is pointed at and framed lies above the plot in a picture of its own: the plot is not painted again.
+  const made = (name) => document.createElementNS("http://www.w3.org/2000/svg", name);
+  const over = set(made("svg"), { class: "over", "aria-hidden": true });
+  const [ring, frame] = ["pointed", "frame"].map((name) => set(made("path"), { class: name }));
+  over.append(ring, frame);
+  document.body.append(over);
+  let keys = false;
+  const order = (pair) => pair.sort((p, q) => p - q);
+  const within = (v, ends) => { const [low, high] = order([...ends]); return min(high, max(low, v)); };
+  const shown = (v, step) => {
+    const size = abs(v);
+    if (size && (size >= 1e7 || step < 1e-5)) {
+      const [digits, power] = v.toExponential(3).split("e");
+      return `${+digits}·10${String(+power).replace(/./g, (c) => (c === "-" ? "⁻" : superscripts[c]))}`.replace("-", "−");
+    }
+    const decimals = min(8, max(0, ceil(-log10(step) - 1e-6)));
+    return v.toLocaleString("en", { minimumFractionDigits: decimals, maximumFractionDigits: decimals }).replace("-", "−");
+  };
+  const ticksOf = (low, high, log, most) => {
+    const found = [];
+    if (log && high / low > 30) {
+      for (let v = 10 ** ceil(log10(low)); v <= high; v *= 10) found.push([v, v]);
+      return found;
+    }
+    const power = 10 ** floor(log10((high - low) / most));
+    const factor = [1, 2, 2.5, 5, 10].find((each) => high - low <= most * each * power * 1.000001);
+    const step = factor * power;
+    for (let k = ceil(low / step - 1e-6); k * step <= high + 1e-6 * step; k += 1) found.push([k * step, factor === 2.5 ? power / 2 : step]);
+    return found;
+  };
+  const axisOf = (svg, name) => {
+    const [low, high, from, to, log] = get(svg, `data-${name}`).split(" ").map(Number);
+    const [bent, straight] = log ? [log10, (v) => 10 ** v] : [(v) => v, (v) => v];
+    const [a, b] = [bent(low), bent(high)];
+    const group = svg.querySelector(`g.${name}`);
+    return { from, to, log, group, before: group.innerHTML, whole: [from, to], window: [from, to],
+      named: svg.hasAttribute(`data-${name}-names`), label: get(svg, `data-${name}-label`),
+      value: (at) => straight(a + (b - a) * (at - from) / (to - from)), at: (v) => from + (to - from) * (bent(v) - a) / (b - a),
+      get scale() { return (to - from) / (this.window[1] - this.window[0]); },
+      get all() { return this.window.every((end, n) => end === this.whole[n]); },
+      place(at) { return from + (at - this.window[0]) * this.scale; },
+      origin(place) { return this.window[0] + (place - from) / this.scale; },
+      text(at) {
+        const off = (each) => abs(get(each, "y") - at);
+        if (this.named) return all("text", group).sort((p, q) => off(p) - off(q))[0].textContent;
+        const [first, last] = this.window.map(this.value);
+        const v = this.value(at);
+        return `${shown(v, 10 ** floor(log10((log ? v : abs(last - first)) / 500)))} ${get(svg, `data-${name}-unit`)}`.trim();
+      } };
+  };
+  const plots = all("figure .plot").map((plot) => {
+    const svg = plot.querySelector("svg");
+    const axes = [axisOf(svg, "x"), axisOf(svg, "y")];
+    const [x, y] = axes;
+    const size = svg.viewBox.baseVal;
+    const cover = () => {
+      const own = box(svg);
+      set(over, { viewBox: get(svg, "viewBox"), style: `left:${own.left + scrollX}px;top:${own.top + scrollY}px;width:${own.width}px` });
+      return own;
+    };
+    const key = (path) => {
+      const name = /series-(.+)/.exec(get(path.closest("[class*=series-]") || path, "class"));
+      return name && plot.closest("figure").querySelector(`[data-series="${name[1]}"]`);
+    };
+    // What there is to point at, once somebody points.
+    let read = null;
+    const marks = () => {
+      if (!read) {
+        all(".marks title", svg).forEach((title) => { title.parentNode.dataset.tip = title.textContent; title.remove(); });
+        read = all(".marks path:is(.line, .points, .band, .steps)", svg).map((path) => {
+          let [px, py] = [0, 0];
+          const points = [];
+          for (const [, command, a, b] of get(path, "d").matchAll(PAIR)) {
+            [px, py] = command === "M" ? [+a, +b] : [px + +a, py + +b];
+            if (command === "M" || !("fixed" in path.dataset)) points.push([px, py]);
+          }
+          const kind = path.classList[0];
+          const along = AREA.test(kind) || (kind === "line" && points.every(([at], k) => !k || at >= points[k - 1][0]));
+          return { path, points, kind, along };
+        });
+      }
+      return read.filter(({ path }) => path.getClientRects().length);
+    };
+    const nearest = (mark, at) => {
+      const { points, kind, along } = mark;
+      if (AREA.test(kind)) {
+        const k = points.findIndex(([px]) => px > at[0]) - 1;
+        return k < 0 ? null : { mark, point: points[k], other: points[kind === "band" ? points.length - 1 - k : k + 1] };
+      }
+      let [best, least] = [null, GRAB];
+      points.forEach((p) => {
+        const far = hypot((p[0] - at[0]) * x.scale, along ? 0 : (p[1] - at[1]) * y.scale);
+        if (far < least) [best, least] = [p, far];
+      });
+      return best && { mark, point: best, least };
+    };
+    const row = (text, path) => {
+      const line = document.createElement("div");
+      const entry = path && key(path);
+      if (entry) line.append(entry.querySelector(".swatch").cloneNode());
+      line.append(text);
+      return line;
+    };
+    const say = (rows, places) => {
+      tip.replaceChildren(...rows);
+      tip.hidden = !rows.length;
+      const shownAt = (places || []).map(([a, b]) => [x.place(a), y.place(b)]);
+      set(ring, { d: shownAt.map(([a, b]) => `M${a - 80} ${b}a80 80 0 1 0 160 0a80 80 0 1 0-160 0`).join("") });
+      if (!rows.length) return;
+      const own = cover();
+      const left = own.left + (shownAt[0][0] / size.width) * own.width + 14;
+      const top = own.top + (shownAt[0][1] / size.height) * own.height - tip.offsetHeight - 10;
+      const wide = tip.offsetWidth;
+      tip.style.left = `${max(4, left + wide + 4 > document.documentElement.clientWidth ? left - wide - 28 : left)}px`;
+      tip.style.top = `${scrollY + max(4, top)}px`;
+    };
+    const named = ({ path }) => key(path)?.textContent || y.label;
+    const told = ({ mark, point, other }) => {
+      const bin = mark.kind === "steps" ? `, ${x.text(point[0])} to ${x.text(other[0])}` : "";
+      return row(`${named(mark)}${bin}: ${y.text(point[1])}${other && !bin ? ` to ${y.text(other[1])}` : ""}`, mark.path);
+    };
+    const one = (mark, [a, b]) => say([row(named(mark), mark.path), row(`${x.label} ${x.text(a)}`), row(`${y.label} ${y.text(b)}`)], [[a, b]]);
+    const point = (at, target) => {
+      const text = target.closest("[data-tip]")?.dataset.tip;
+      const found = marks().map((mark) => nearest(mark, at)).filter(Boolean);
+      const dot = found.filter(({ mark }) => !mark.along).sort((p, q) => p.least - q.least)[0];
+      const curves = found.filter(({ mark }) => mark.along);
+      const exact = curves.filter(({ least }) => least !== undefined).map((each) => each.point);
+      if (text) say([row(text, target)], [at]);
+      else if (dot && (!curves.length || dot.least < GRAB / 2)) one(dot.mark, dot.point);
+      else if (curves.length) say([row(`${x.label} ${x.text((exact[0] || at)[0])}`), ...curves.map(told)], exact.length ? exact : [at]);
+      else say([]);
+    };
+
+    // Zoom: a part of each axis, of linked x axes the same one.
+    const again = button("Whole range", () => reset());
+    const ticks = (axis) => {
+      const { group } = axis;
+      const [grid, like] = [group.querySelector(".grid"), group.querySelector("text")];
+      if (axis.named || !grid || !like) return;
+      if (axis.all) { group.innerHTML = axis.before; return; }
+      const up = axis === y;
+      const found = ticksOf(...axis.window.map(axis.value), axis.log, max(2, floor(abs(axis.to - axis.from) / (up ? 680 : 1100))));
+      const places = found.map(([v]) => axis.place(axis.at(v)));
+      set(grid, { d: places.map((p) => (up ? `M${x.from} ${p}H${x.to}` : `M${p} ${y.from}V${y.to}`)).join("") });
+      group.replaceChildren(grid, ...found.map(([v, step], k) => {
+        const text = set(like.cloneNode(), { [up ? "y" : "x"]: places[k] + (up ? 80 : 0) });
+        text.textContent = shown(v, step);
+        return text;
+      }));
+    };
+    const redraw = () => {
+      marks();
+      const same = x.all && y.all;
+      const n = (v) => +v.toFixed(2);
+      all(".marks path, .marks text, .labels text", svg).forEach((each) => {
+        const { dataset, tagName } = each;
+        if (tagName === "text") {
+          dataset.at ||= `${get(each, "x")} ${get(each, "y")}`;
+          const [a, b] = dataset.at.split(" ").map(Number);
+          set(each, { x: n(x.place(a)), y: n(y.place(b)) });
+          each.style.visibility = x.place(a) < x.from - 40 || x.place(a) > x.to + 40 ? "hidden" : "";
+        } else {
+          const d = dataset.d ||= get(each, "d");
+          const fixed = "fixed" in dataset;
+          set(each, { d: same ? d : d.replace(PAIR, (pair, c, a, b) => (c === "M" ? `M${n(x.place(+a))} ${n(y.place(+b))}`
+            : fixed ? pair : `${c}${n(a * x.scale)} ${n(b * y.scale)}`)) });
+        }
+      });
+      axes.forEach(ticks);
+      if (same) again.remove(); else plot.append(again);
+    };
+    const self = { link: svg.dataset.link,
+      window(limits) {
+        const found = limits ? limits.map((v) => within(x.at(v), x.whole)) : x.whole;
+        if (found[1] - found[0] > 1) x.window = found;
+        if (!limits) y.window = y.whole;
+        redraw();
+      } };
+    const together = (limits) => plots.filter((each) => each === self || (self.link && each.link === self.link)).forEach((each) => each.window(limits));
+    const show = (across, upward) => {
+      if (x.named) return;
+      const enough = (axis, [a, b]) => abs(b - a) > abs(axis.to - axis.from) / 2000;
+      if (!y.named && enough(y, upward)) y.window = upward;
+      if (enough(x, across)) together(across.map(x.value));
+    };
+    const reset = () => { say([]); together(null); };
+    const closer = (at, factor) => show(...axes.map((axis, n) => axis.window.map((end) => within(at[n] + (end - at[n]) / factor, axis.whole))));
+
+    // Pointer: values under it, a frame drawn with it, closer and farther by the wheel with the control key.
+    const under = ({ clientX, clientY }) => {
+      const own = box(svg);
+      return [((clientX - own.left) / own.width) * size.width, ((clientY - own.top) / own.height) * size.height];
+    };
+    const origin = (at) => axes.map((axis, n) => axis.origin(at[n]));
+    let [begun, waiting] = [null, 0];
+    const framed = (end) => axes.map((axis, n) => order(n && (y.named || abs(end[1] - begun[1]) < 300) ? [...y.whole]
+      : [begun[n], end[n]].map((v) => within(v, axis.whole))));
+    const on = (name, action, options) => svg.addEventListener(name, action, options);
+    const stop = () => { begun = null; set(frame, { d: "" }); };
+    on("pointermove", (event) => {
+      if (!event.movementX && !event.movementY) return;
+      keys = false;
+      cancelAnimationFrame(waiting);
+      waiting = requestAnimationFrame(() => {
+        if (!begun) { point(origin(under(event)), event.target); return; }
+        const [[a, c], [b, d]] = framed(under(event));
+        set(frame, { d: `M${a} ${b}H${c}V${d}H${a}z` });
+      });
+    });
+    on("pointerleave", () => {
+      cancelAnimationFrame(waiting);
+      if (!keys && !begun) say([]);
+    });
+    on("pointerdown", (event) => {
+      const at = under(event);
+      if (event.pointerType !== "mouse") point(origin(at), event.target);
+      else if (!event.button && !x.named && at[0] === within(at[0], x.whole)) {
+        say([]);
+        begun = at;
+        cover();
+        svg.setPointerCapture(event.pointerId);
+      }
+    });
+    on("pointerup", (event) => {
+      if (!begun) return;
+      const [across, upward] = framed(under(event));
+      stop();
+      if (across[1] - across[0] > 120) show(across.map((v) => x.origin(v)), (y.from > y.to ? upward.reverse() : upward).map((v) => y.origin(v)));
+    });
+    on("dblclick", reset);
+    on("wheel", (event) => {
+      if (!event.ctrlKey) return;
+      event.preventDefault();
+      closer(origin(under(event)), event.deltaY < 0 ? 1.25 : 0.8);
+    }, { passive: false });
+    if (!x.named) svg.classList.add("zoomable");
+
+    // Keyboard: from value to value, from series to series, closer and farther.
+    let [series, k] = [0, -1];
+    set(plot, { tabindex: 0, role: "group", "aria-label": `${get(svg, "aria-label")}. Arrow keys: values; plus, minus, 0: zoom` });
+    plot.addEventListener("keydown", (event) => {
+      if (event.target !== plot || event.altKey || event.ctrlKey) return;
+      const turn = { ArrowRight: [1, 0], ArrowLeft: [-1, 0], ArrowDown: [0, 1], ArrowUp: [0, -1] }[event.key];
+      const factor = { "+": 1.5, "=": 1.5, "-": 1 / 1.5 }[event.key];
+      keys = true;
+      if (turn) {
+        const curves = marks().filter(({ kind, points }) => points.length && !AREA.test(kind));
+        const texts = all("[data-tip]", svg).filter((each) => each.getClientRects().length);
+        series = (series + turn[1] + curves.length) % (curves.length || 1);
+        const from = curves.length ? curves[series].points : texts;
+        if (!from.length) return;
+        k = within(k + turn[0] * (event.shiftKey ? 10 : 1), [0, from.length - 1]);
+        if (curves.length) one(curves[series], from[k]);
+        else {
+          const own = from[k].getBBox();
+          say([row(from[k].dataset.tip, from[k])], [origin([own.x + own.width / 2, own.y])]);
+        }
+      } else if (factor) closer(axes.map(({ window: [a, b] }) => (a + b) / 2), factor);
+      else if (event.key === "0" || event.key === "Escape") reset();
+      else return;
+      event.preventDefault();
+    });
+    plot.addEventListener("blur", () => say([]));
+    return self;
   });
 
   // The table behind a figure as CSV.

@@ -6,11 +6,11 @@ from typing import Final
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 
-from mcnav.report.figures.figure import Figure, Plot, Series, plainly
+from mcnav.report.figures.figure import Figure
+from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Points, Rule, Series
+from mcnav.report.figures.palette import FLOWN, INK, LINEAR, MUTED
 from mcnav.report.format import number
-from mcnav.report.svg import FLOWN, INK, LINEAR, MUTED
 
 TITLES: Final = {
     "tilt": "Platform tilt of 0.01 deg",
@@ -32,6 +32,8 @@ CLOSED: Final = Series("closed", "closed form", LINEAR)
 UP: Final = Series("up", "simulated, upward", FLOWN, "dashed")
 DOWN: Final = Series("down", "simulated, downward (sign reversed)", FLOWN, "dashdot")
 
+TIME: Final = Axis("time", "min", margin=0.02, link="time")
+
 EVERY: Final = 4
 """Rows from one dot to the next."""
 
@@ -45,27 +47,23 @@ def error(name: str, curves: pd.DataFrame) -> Figure:
     at_rest = name != "azimuth"  # a wrong launch direction has no effect at rest
     apart = bool(np.abs(inertial - level).max() > 0.01 * np.abs(level).max())
 
-    def closed(axes: Axes) -> None:
-        FLAT.on(axes, time, known["flat earth [ft]"] / 1e3, linewidth=1.8)
-        SPHERICAL.on(axes, time, spherical / 1e3)
-        axes.set(xlabel="time (min)", ylabel="position error (1000 ft)")
-
-    def simulated(axes: Axes) -> None:
-        SPHERICAL.on(axes, time, spherical)
-        if at_rest:
-            AT_REST.on(axes, time[::EVERY], resting[::EVERY], markersize=3.5)
-        CRUISING.on(axes, time, level)
-        if apart:
-            INERTIAL.on(axes, time, inertial)
-        axes.set(xlabel="time (min)", ylabel="position error (ft)")
-
+    closed: list[Mark] = [Line(FLAT, time, known["flat earth [ft]"] / 1e3, 2.4), Line(SPHERICAL, time, spherical / 1e3)]
+    simulated: list[Mark] = [Line(SPHERICAL, time, spherical)]
+    if at_rest:
+        simulated.append(Points(AT_REST, time[::EVERY], resting[::EVERY], 4.7))
+    simulated.append(Line(CRUISING, time, level))
+    if apart:
+        simulated.append(Line(INERTIAL, time, inertial))
     return Figure(
-        key=f"error-{name}".replace(" ", "-"),
+        name=f"error-{name}".replace(" ", "-"),
         title=TITLES[name],
         description="Position error over two periods, closed forms and simulations.",
-        plots=[Plot("Closed forms", closed), Plot("Simulation", simulated)],
-        series=(FLAT, SPHERICAL, *([AT_REST] if at_rest else []), CRUISING, *([INERTIAL] if apart else [])),
-        data=known.drop(columns="error"),
+        panels=[
+            Panel("Closed forms", TIME, Axis("position error", "1000 ft"), closed),
+            Panel("Simulation", TIME, Axis("position error", "ft"), simulated),
+        ],
+        key=(FLAT, SPHERICAL, *([AT_REST] if at_rest else []), CRUISING, *([INERTIAL] if apart else [])),
+        columns=dict(known.drop(columns="error").items()),
         file="curves.csv",
     )
 
@@ -77,18 +75,17 @@ def periods(measured: pd.DataFrame) -> Figure:
     share = np.linspace(0.0, 0.985, 200)
     still = measured["2 pi sqrt(r / g_eff) [min]"][0]
 
-    def draw(axes: Axes) -> None:
-        formula.on(axes, share, still / np.sqrt(1.0 - share**2))
-        points.on(axes, np.sqrt(measured["V^2 / g r"]), measured["period along the track, flown [min]"])
-        axes.set(xlabel="speed / orbital speed", ylabel="period (min)", ylim=(0.0, None))
-
+    marks: list[Mark] = [
+        Line(formula, share, still / np.sqrt(1.0 - share**2)),
+        Points(points, np.sqrt(measured["V^2 / g r"]), measured["period along the track, flown [min]"]),
+    ]
     return Figure(
-        key="periods",
+        name="periods",
         title="Period in level flight",
         description="Simulated periods and closed form against speed.",
-        plots=[Plot("Level flight", draw)],
-        series=(formula, points),
-        data=measured,
+        panels=[Panel("Level flight", Axis("speed / orbital speed"), Axis("period", "min", low=0.0), marks)],
+        key=(formula, points),
+        columns=dict(measured.items()),
         caption="Footnote (b). Simulated periods agree with 2π √(r / g_eff) within a relative difference of "
         f"{number(float(measured['difference, share'].abs().max()), 1)}.",
         file="periods.csv",
@@ -98,19 +95,23 @@ def periods(measured: pd.DataFrame) -> Figure:
 def climb(found: pd.DataFrame) -> Figure:
     """Draw the momentary period along a climb."""
     momentary = Series("flown", "simulated", FLOWN, "dot")
-
-    def draw(axes: Axes) -> None:
-        momentary.on(axes, found["time [s]"], found["period [min]"], linestyle="-")
-        axes.set(xlabel="time of climb (s)", ylabel="period (min)", ylim=(0.0, None))
-
+    at, period = found["time [s]"], found["period [min]"]
+    marks: list[Mark] = [Line(momentary, at, period, kind="line"), Points(momentary, at, period)]
     return Figure(
-        key="climb",
+        name="climb",
         title="Period during a climb at 9 g",
         description="Momentary period against the time of climb.",
-        plots=[Plot("Climb at 9 g", draw)],
-        series=(),
-        data=found,
-        caption="Footnote (b).",
+        panels=[
+            Panel(
+                "Climb at 9 g",
+                Axis("time of climb", "s"),
+                Axis("period", "min", low=0.0),
+                marks,
+            )
+        ],
+        key=(),
+        columns=dict(found.items()),
+        caption="Footnote (a).",
         file="climb.csv",
     )
 
@@ -119,39 +120,44 @@ def hover(growth: pd.DataFrame, departure: pd.DataFrame) -> tuple[Figure, Figure
     """Draw the height error of hovering without an altimeter, over time and relative to the linear one."""
     at = growth["time [min]"]
 
-    def over_time(axes: Axes) -> None:
-        CLOSED.on(axes, at, growth["closed form, 1e-4 g [mi]"])
-        UP.on(axes, at, growth["flown, +1e-04 g [mi]"])
-        DOWN.on(axes, at, -growth["flown, -1e-04 g [mi]"])
-        axes.set(xlabel="time (min)", ylabel="height error (miles)")
-
-    def over_size(axes: Axes) -> None:
-        for series, name in ((UP, "pushed up"), (DOWN, "pushed down")):
-            series.on(axes, departure["error [g]"], departure[f"{name}, flown / linear"])
-        axes.axhline(1.0, color=LINEAR, linewidth=1.0)
-        axes.set_xscale("log")
-        plainly(axes.xaxis)
-        axes.set(xlabel="accelerometer error (g)", ylabel="simulated / linear")
-
+    over_time = [
+        Line(CLOSED, at, growth["closed form, 1e-4 g [mi]"]),
+        Line(UP, at, growth["flown, +1e-04 g [mi]"]),
+        Line(DOWN, at, -growth["flown, -1e-04 g [mi]"]),
+    ]
+    over_size: list[Mark] = [
+        Rule(1.0, level=True, colour=LINEAR),
+        *(
+            Line(series, departure["error [g]"], departure[f"{name}, flown / linear"])
+            for series, name in ((UP, "pushed up"), (DOWN, "pushed down"))
+        ),
+    ]
     return (
         Figure(
-            key="hover",
+            name="hover",
             title="Hovering without an altimeter",
             description="Height error over time, for accelerometer errors of both signs.",
-            plots=[Plot("Accelerometer error of 10⁻⁴ g", over_time)],
-            series=(CLOSED, UP, DOWN),
-            data=growth,
+            panels=[Panel("Accelerometer error of 10⁻⁴ g", TIME, Axis("height error", "miles"), over_time)],
+            key=(CLOSED, UP, DOWN),
+            columns=dict(growth.items()),
             caption="Gravity decreases upwards and increases downwards, so that the two errors depart from the linear "
             "cosh(√2 ωt) − 1 in opposite directions.",
             file="hover.csv",
         ),
         Figure(
-            key="departure",
+            name="departure",
             title="Nonlinearity of the height error",
             description="Simulated over linear height error after 84 minutes against the accelerometer error.",
-            plots=[Plot("After 84 minutes", over_size)],
-            series=(UP, Series("down", "simulated, downward", FLOWN, "dashdot")),
-            data=departure,
+            panels=[
+                Panel(
+                    "After 84 minutes",
+                    Axis("accelerometer error", "g", log=True),
+                    Axis("simulated / linear"),
+                    over_size,
+                )
+            ],
+            key=(UP, Series("down", "simulated, downward", FLOWN, "dashdot")),
+            columns=dict(departure.items()),
             file="hover_departure.csv",
         ),
     )

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import partial
 from typing import Final
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 
-from mcnav.report.figures.figure import HALF, THIRD, Figure, Plot, Series, axis_label, mark, numbered, plainly
-from mcnav.report.figures.start_times import START
+from mcnav.report.figures.figure import HALF, THIRD, Figure
+from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Points, Rule, Series, Span, Text, axis, numbered
+from mcnav.report.figures.palette import BAND, FLOWN, INK, LINEAR, MUTED
+from mcnav.report.figures.start_times import REENTRY, START
 from mcnav.report.model import humanize
-from mcnav.report.svg import BAND, FLOWN, INK, LINEAR, MUTED
 from mcnav.reproduce.tn_d1772.tables import INITIAL_CONDITIONS, TN_SOURCES
 from mcnav.scenarios.protocol import source_labels
 from mcnav.scenarios.reentry import OUTPUTS
@@ -22,8 +21,8 @@ from mcnav.scenarios.table_i import ERRORS
 LABELS: Final = source_labels([source.name for source in TN_SOURCES], [output.name for output in OUTPUTS])
 """Names of the sources for people."""
 
-TIME: Final = "time from reentry (min)"
-TO_REENTRY: Final = "time from 121.92 km (min)"
+TIME: Final = axis("time from reentry [min]", margin=0.02, link=True)
+TO_REENTRY: Final = axis("time from 121.92 km [min]", margin=0.02, link=True)
 
 ODD: Final = Series("odd", "constant L/D (odd numbers)", LINEAR)
 EVEN: Final = Series("even", "variable L/D (even numbers)", FLOWN, "dashed")
@@ -37,44 +36,39 @@ LEAST: Final = Series("least", "least", INK, "triangle")
 
 def figure_1(frame: pd.DataFrame) -> Figure:
     """Draw altitude against range, the whole and the atmosphere."""
-
-    def draw(axes: Axes, air: bool) -> None:
-        for number, flight in frame.groupby("trajectory"):
-            series = ODD if int(str(number)) % 2 else EVEN
-            series.on(axes, flight["range [km]"] / 1e3, flight["altitude [km]"])
-            if air:
-                last = flight.iloc[-1]
-                axes.annotate(f"{number}", (last["range [km]"] / 1e3, last["altitude [km]"]), xytext=(2, -10),
-                              textcoords="offset points", color=series.colour, fontsize=9)  # fmt: skip
-        if air:
-            axes.set(xlim=(-1.5, None), ylim=(0.0, 260.0))
-        else:
-            axes.set_yscale("log")
-            plainly(axes.yaxis)
-        axes.axhline(121.92, color=MUTED, linewidth=1.0, linestyle=":")
-        axes.set(xlabel="range from 121.92 km (1000 km)", ylabel="altitude (km)")
+    flights = [
+        (ODD if int(str(number)) % 2 else EVEN, str(number), flight) for number, flight in frame.groupby("trajectory")
+    ]
+    lines: list[Mark] = [
+        Line(series, flight["range [km]"] / 1e3, flight["altitude [km]"]) for series, _, flight in flights
+    ]
+    lines.append(Rule(121.92, level=True, kind="dotted"))
+    numbers = [
+        Text(number, last["range [km]"] / 1e3, last["altitude [km]"], colour=series.colour)
+        for series, number, flight in flights
+        for last in [flight.iloc[-1]]
+    ]
+    reach, low = "range from 121.92 km", Axis("altitude", "km", low=0.0, high=260.0)
 
     return Figure(
-        key="tn-1",
+        name="tn-1",
         title="Altitude against range",
         description="Altitude against range of the seven trajectories.",
-        plots=[
-            Plot("The whole flight", partial(draw, air=False)),
-            Plot("In the atmosphere, by number", partial(draw, air=True)),
+        panels=[
+            Panel("The whole flight", Axis(reach, "1000 km"), Axis("altitude", "km", log=True), lines),
+            Panel("In the atmosphere, by number", Axis(reach, "1000 km", low=-1.5), low, [*lines, *numbers]),
         ],
-        series=(ODD, EVEN),
-        data=frame,
+        key=(ODD, EVEN),
+        columns=dict(frame.items()),
         caption="The seven trajectories. The dotted line is 121.92 km.",
         file="figure_01.csv",
     )
 
 
-def _histories(axes: Axes, frame: pd.DataFrame, columns: Mapping[str, Series], label: str) -> None:
+def _histories(frame: pd.DataFrame, columns: Mapping[str, Series], label: str) -> Panel:
     """Draw columns against the first one, which is time."""
-    for column, series in columns.items():
-        series.on(axes, frame.iloc[:, 0], frame[column])
-    axes.set(xlabel=TIME, ylabel=label)
-    mark(axes, 0.0, "reentry")
+    lines = [Line(series, frame.iloc[:, 0], frame[column]) for column, series in columns.items()]
+    return Panel("", TIME, axis(label), [*lines, REENTRY])
 
 
 def figure_2(frame: pd.DataFrame) -> Figure:
@@ -90,16 +84,13 @@ def figure_2(frame: pd.DataFrame) -> Figure:
         "force per unit mass [m/s^2]": {"force per unit mass [m/s^2]": INERTIAL},
     }  # fmt: skip
     return Figure(
-        key="tn-2",
+        name="tn-2",
         title="Trajectory 4 over time",
         description="Position, rates, speed, flight-path angle and force per unit mass of trajectory 4 against time.",
-        plots=[
-            Plot("", partial(_histories, frame=frame, columns=columns, label=axis_label(label)))
-            for label, columns in groups.items()
-        ],
-        series=(INERTIAL, AIR),
-        data=frame,
-        size=(HALF[0], 2.3),
+        panels=[_histories(frame, columns, label) for label, columns in groups.items()],
+        key=(INERTIAL, AIR),
+        columns=dict(frame.items()),
+        size=(HALF[0], 225.0),
         caption="Position, rates, speed, angle, force.",
         file="figure_02.csv",
     )
@@ -108,16 +99,13 @@ def figure_2(frame: pd.DataFrame) -> Figure:
 def figure_3(frame: pd.DataFrame) -> Figure:
     """Draw error histories."""
     return Figure(
-        key="tn-3",
+        name="tn-3",
         title="Error histories of trajectory 4",
         description="Navigation errors of trajectory 4 against time, with all of the report's errors at once.",
-        plots=[
-            Plot("", partial(_histories, frame=frame, columns={column: ONE}, label=axis_label(column)))
-            for column in frame.columns[1:]
-        ],
-        series=(),
-        data=frame,
-        size=(HALF[0], 2.3),
+        panels=[_histories(frame, {column: ONE}, column) for column in frame.columns[1:]],
+        key=(),
+        columns=dict(frame.items()),
+        size=(HALF[0], 225.0),
         caption="Navigation errors with all of the report's errors at once; the last points are run 11 of Table II(d).",
         file="figure_03.csv",
     )
@@ -133,28 +121,29 @@ def figure_4(frame: pd.DataFrame) -> Figure:
     printed, computed = Series("printed", "printed", MUTED, "box"), Series("computed", "computed", MUTED, "dot")
     reach = "final range [km]"
 
-    def draw(axes: Axes, name: str, law: str) -> None:
+    def panel(name: str, law: str) -> Panel:
         own = frame[frame["kind"] == law].sort_values(reach)
+        marks: list[Mark] = []
         for words, series in kinds.items():
             column = f"{name}, {words} [km]"
             for source, looks in (("between", series), ("computed", computed), ("printed", printed)):
                 found = own[own["source"] == source]
                 each = Series(looks.name, looks.label, series.colour, looks.kind)
-                each.on(axes, found[reach] / 1e3, found[column])
-        axes.set(xlabel="final range (1000 km)", ylabel=f"sum of |{name} errors| (km)", ylim=(0.0, None))
+                x, y = found[reach] / 1e3, found[column]
+                size = 9.0 if source == "printed" else 5.0
+                marks.append(Line(each, x, y) if source == "between" else Points(each, x, y, size))
+        marks.sort(key=lambda mark: -getattr(mark, "size", 99.0))
+        upward = Axis(f"sum of |{name} errors|", "km", low=0.0)
+        return Panel(f"{name}, {law}", Axis("final range", "1000 km"), upward, marks)
 
     return Figure(
-        key="tn-4",
+        name="tn-4",
         title="Sums of absolute final errors against final range",
         description="Sums of absolute final range and altitude errors against the final range, of constant and "
         "variable lift-to-drag ratio; printed, computed, and on flights between.",
-        plots=[
-            Plot(f"{name}, {law}", partial(draw, name=name, law=law))
-            for name in ("range", "altitude")
-            for law in ("constant L/D", "variable L/D")
-        ],
-        series=(*kinds.values(), printed, computed),
-        data=frame,
+        panels=[panel(name, law) for name in ("range", "altitude") for law in ("constant L/D", "variable L/D")],
+        key=(*kinds.values(), printed, computed),
+        columns=dict(frame.items()),
         caption="Squares are printed (Table III), dots computed; the lines are flights between and beyond, to 28 km "
         "altitude.",
         file="figure_04.csv",
@@ -164,22 +153,22 @@ def figure_4(frame: pd.DataFrame) -> Figure:
 def figure_5(frame: pd.DataFrame) -> Figure:
     """Draw final altitude error against initial altitude and range errors."""
 
-    def draw(axes: Axes, source: str) -> None:
+    def panel(source: str) -> Panel:
         own = frame[frame["initial error in"] == source]
         initial = own["initial error [km]"]
-        FLOWN_ERROR.on(axes, initial, own["final altitude error, flown [km]"])
-        LINEAR_ERROR.on(axes, initial, own["final altitude error, linear [km]"])
-        axes.set(xlabel=f"initial {source} error (km)", ylabel="final altitude error (km)")
+        flown, linear = (own[f"final altitude error, {way} [km]"] for way in ("flown", "linear"))
+        across, upward = Axis(f"initial {source} error", "km"), Axis("final altitude error", "km")
+        return Panel(
+            f"By {source}", across, upward, [Line(FLOWN_ERROR, initial, flown), Line(LINEAR_ERROR, initial, linear)]
+        )
 
     return Figure(
-        key="tn-5",
+        name="tn-5",
         title="Range of linearity",
         description="Final altitude error against the initial altitude and range error, flown and linear.",
-        plots=[
-            Plot(f"By {source}", partial(draw, source=source)) for source in frame["initial error in"].drop_duplicates()
-        ],
-        series=(FLOWN_ERROR, LINEAR_ERROR),
-        data=frame,
+        panels=[panel(source) for source in frame["initial error in"].drop_duplicates()],
+        key=(FLOWN_ERROR, LINEAR_ERROR),
+        columns=dict(frame.items()),
         caption="Final altitude error of trajectory 4 up to a hundred times the report's initial errors.",
         file="figure_05.csv",
     )
@@ -193,24 +182,22 @@ def figures_6_to_9(frame: pd.DataFrame, output: int) -> Figure:
     effects = partials * scale * np.tile(ERRORS, 2)
     series = [numbered(j, label) for j, label in enumerate(LABELS)]
 
-    def draw(axes: Axes, members: Sequence[int], first: bool) -> None:
-        for j in members:
-            series[j].on(axes, start, effects[:, j + first * count])
-        axes.set(xlabel=START, ylabel=f"final {name} ({shown.shown_in})")
-        mark(axes, 0.0, "reentry")
+    def panel(title: str, members: Sequence[int], first: bool = False) -> Panel:
+        lines = [Line(series[j], start, effects[:, j + first * count]) for j in members]
+        return Panel(title, START, Axis(f"final {name}", shown.shown_in), [*lines, REENTRY])
 
     equipment = range(INITIAL_CONDITIONS, count)
     return Figure(
-        key=f"tn-{6 + output}",
+        name=f"tn-{6 + output}",
         title=f"Partial derivatives of final {name} against start time",
         description=f"Partial derivatives of final {name} against start time, times the report's errors.",
-        plots=[
-            Plot("Initial conditions", partial(draw, members=range(INITIAL_CONDITIONS), first=False)),
-            Plot("Equipment, axes of that start", partial(draw, members=equipment, first=False)),
-            Plot("Equipment, axes of the first start", partial(draw, members=equipment, first=True)),
+        panels=[
+            panel("Initial conditions", range(INITIAL_CONDITIONS)),
+            panel("Equipment, axes of that start", equipment),
+            panel("Equipment, axes of the first start", equipment, first=True),
         ],
-        series=series,
-        data=frame,
+        key=series,
+        columns=dict(frame.items()),
         size=THIRD,
         caption="Trajectory 4; the curves are partial derivatives times the report's errors, the table has the "
         "derivatives.",
@@ -226,21 +213,23 @@ def figure_10(frame: pd.DataFrame) -> Figure:
         "trajectory 4": Series("final", "final altitude, trajectory 4", FLOWN, "dashed"),
     }
 
-    def draw(axes: Axes, words: str) -> None:
+    def panel(words: str, title: str) -> Panel:
+        marks: list[Mark] = []
         for way, series in ways.items():
-            own = frame[:: 20 if series.kind == "dot" else 1]
-            series.on(axes, own.iloc[:, 0], own[f"by {words}, {way}"])
-        axes.set_xlabel(TO_REENTRY)
+            dots = series.kind == "dot"
+            own = frame[:: 20 if dots else 1]
+            marks.append((Points if dots else Line)(series, own.iloc[:, 0], own[f"by {words}, {way}"]))
+        return Panel(title, TO_REENTRY, Axis(), marks)
 
     columns = {"r [1]": "by r (1)", "r' [s]": "by r′ (s)", "theta' [1e6 km s/rad]": "by θ′ (10⁶ km s/rad)"}
     return Figure(
-        key="tn-10",
+        name="tn-10",
         title="Partial derivatives of the perigee radius in r, r′ and θ′",
         description="Partial derivatives of the perigee radius in r, r′ and θ′ by closed form and by flights without "
         "atmosphere, and those of the final altitude of trajectory 4, against time.",
-        plots=[Plot(title, partial(draw, words=words)) for words, title in columns.items()],
-        series=list(ways.values()),
-        data=frame,
+        panels=[panel(words, title) for words, title in columns.items()],
+        key=list(ways.values()),
+        columns=dict(frame.items()),
         size=THIRD,
         caption="Closed forms of the appendix on the printed ellipse, a flight without atmosphere, trajectory 4's "
         "altitude.",
@@ -250,19 +239,17 @@ def figure_10(frame: pd.DataFrame) -> Figure:
 
 def figure_11(frame: pd.DataFrame) -> Figure:
     """Draw perigee partials in (r, V, gamma)."""
-
-    def draw(axes: Axes, column: str) -> None:
-        ONE.on(axes, frame.iloc[:, 0], frame[column])
-        axes.set_xlabel(TO_REENTRY)
-
     columns = {"by r [1]": "by r (1)", "by V [s]": "by V (s)", "by gamma [km/rad]": "by γ (km/rad)"}
     return Figure(
-        key="tn-11",
+        name="tn-11",
         title="Partial derivatives of the perigee radius in r, V and γ",
         description="Partial derivatives of the perigee radius in r, V and γ against time.",
-        plots=[Plot(title, partial(draw, column=column)) for column, title in columns.items()],
-        series=(),
-        data=frame,
+        panels=[
+            Panel(title, TO_REENTRY, Axis(), [Line(ONE, frame.iloc[:, 0], frame[column])])
+            for column, title in columns.items()
+        ],
+        key=(),
+        columns=dict(frame.items()),
         size=THIRD,
         caption="Closed forms of the appendix on the printed ellipse.",
         file="figure_11.csv",
@@ -284,28 +271,31 @@ def figure_12(frame: pd.DataFrame) -> Figure:
     }
     advised = Series("advised", "start that the report advises", BAND, "area")
 
-    def draw(axes: Axes, name: str) -> None:
-        axes.axvspan(-30.0, -20.0, color=BAND, zorder=0, gid=advised.gid)
-        for j, series in shown.items():
-            series.on(axes, start, np.abs(frame[f"{name} for {TN_SOURCES[j].name} [km]"]), linewidth=1.2)
+    def panel(name: str) -> Panel:
+        marks: list[Mark] = [Span(advised, -30.0, -20.0)]
+        marks += [
+            Line(series, start, np.abs(frame[f"{name} for {TN_SOURCES[j].name} [km]"]), 1.6)
+            for j, series in shown.items()
+        ]
         for words, series in together.items():
             column = frame[f"{name}, {words} [km]"]
-            series.on(axes, start, column, linewidth=2.0)
+            marks.append(Line(series, start, column, 2.7))
             if "all" in words:
                 best = int(column[start <= 0.0].argmin())
-                LEAST.on(axes, start[best], column[best] + 0.04 * frame[f"{name}, sum of |all| [km]"].max())
-        axes.set(xlabel=START, ylabel=f"|{name} error| (km)", ylim=(0.0, None))
-        mark(axes, 0.0, "reentry")
+                marks.append(
+                    Points(LEAST, [start[best]], [column[best] + 0.02 * frame[f"{name}, sum of |all| [km]"].max()], 9.0)
+                )
+        return Panel(f"final {name}", START, Axis(f"|{name} error|", "km", low=0.0), [*marks, REENTRY])
 
     return Figure(
-        key="tn-12",
+        name="tn-12",
         title="Final altitude and range errors against start time",
         description="Final altitude and range errors against start time, of single sources and of all; triangles "
         "point at the least up to reentry.",
-        plots=[Plot(f"final {name}", partial(draw, name=name)) for name in ("altitude", "range")],
-        series=(*shown.values(), *together.values(), LEAST, advised),
-        data=frame,
-        size=(HALF[0], 3.2),
+        panels=[panel(name) for name in ("altitude", "range")],
+        key=(*shown.values(), *together.values(), LEAST, advised),
+        columns=dict(frame.items()),
+        size=(HALF[0], 307.0),
         caption="Trajectory 4, the report's errors at whatever time navigation starts.",
         file="figure_12.csv",
     )
@@ -317,23 +307,27 @@ def figure_13(frame: pd.DataFrame) -> Figure:
     whole = Series("rms", "with the drag that is missed", FLOWN)
     shown = frame[frame["off above [km]"] >= 85.0]
 
-    def draw(axes: Axes, name: str) -> None:
+    def panel(name: str) -> Panel:
         sigma, rms = frame[f"{name}, sigma [km]"], frame[f"{name}, rms [km]"]
         low, high = 0.96 * sigma[shown.index].min(), 1.1 * sigma.max()
-        for series, values in ((whole, rms), (alone, sigma)):
-            series.on(axes, shown["off above [km]"], values[shown.index])
+        marks: list[Mark] = [
+            Line(series, shown["off above [km]"], values[shown.index])
+            for series, values in ((whole, rms), (alone, sigma))
+        ]
         least = int(rms.argmin())
-        LEAST.on(axes, frame.iloc[least, 0], rms[least] + 0.04 * (high - low))
-        axes.set(xlabel="accelerometers off above (km)", ylabel="1σ (km)", ylim=(low, high))
+        marks.append(Points(LEAST, [frame.iloc[least, 0]], [rms[least] + 0.02 * (high - low)], 9.0))
+        return Panel(
+            f"final {name}", Axis("accelerometers off above", "km"), Axis("1σ", "km", low=low, high=high), marks
+        )
 
     return Figure(
-        key="tn-13",
+        name="tn-13",
         title="Switching altitude of the accelerometers",
         description="Dispersion of final altitude and range against the accelerometers' switching altitude, and the "
         "root mean square with the drag that is missed; triangles point at the least.",
-        plots=[Plot(f"final {name}", partial(draw, name=name)) for name in ("altitude", "range")],
-        series=(alone, whole, LEAST),
-        data=frame,
+        panels=[panel(name) for name in ("altitude", "range")],
+        key=(alone, whole, LEAST),
+        columns=dict(frame.items()),
         caption="Not in the report: trajectory 4 with the outputs taken as zero above an altitude, which it tried at "
         "one only.",
         file="figure_13.csv",

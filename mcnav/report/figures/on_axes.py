@@ -1,0 +1,174 @@
+"""A figure drawn by matplotlib, for papers and notebooks. Nothing else in the program imports matplotlib."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as MplFigure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, Rectangle
+
+from mcnav.report.figures import marks as m
+from mcnav.report.figures.palette import GRID, INK, MUTED, PAPER, readable_on
+from mcnav.report.figures.ticks import labelled, linear_ticks, log_label, log_ticks
+
+if TYPE_CHECKING:
+    from mcnav.report.figures.figure import Figure
+
+PX: Final = 1.0 / 96.0
+"""A pixel of a page, in."""
+
+POINT: Final = 0.75
+"""A pixel of a page in points of 1/72 in."""
+
+STYLE: Final[Any] = {
+    "font.family": ["sans-serif"], "font.sans-serif": ["DejaVu Sans"], "text.parse_math": False, "text.color": INK,
+    "axes.edgecolor": MUTED, "axes.labelcolor": INK, "axes.titlecolor": INK, "axes.titlelocation": "left",
+    "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "axes.axisbelow": True,
+    "grid.color": GRID, "grid.linewidth": 0.7, "xtick.color": MUTED, "ytick.color": MUTED, "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK, "legend.frameon": False, "svg.fonttype": "none", "axes.unicode_minus": True,
+}  # fmt: skip
+
+SHAPES: Final = {"dot": "o", "ring": "o", "square": "s", "box": "s", "triangle": "v", "onward": ">"}
+
+
+def drawn(figure: Figure, width: float | None, font_scale: float) -> MplFigure:
+    """Draw all panels; see `mcnav.report.figures.figure.Figure.figure`."""
+    columns = min(3 if figure.layout == "thirds" else 2, len(figure.panels))
+    rows = -(-len(figure.panels) // columns)
+    across, down = figure.size[0] * PX * columns, figure.size[1] * PX * rows + 0.4
+    shrunk = 1.0 if width is None else width / 2.54 / across
+    with mpl.rc_context(STYLE | {"font.size": 9.0 * font_scale, "axes.titlesize": 10.0 * font_scale}):
+        made = MplFigure(figsize=(across * shrunk, down * shrunk), layout="constrained")
+        grid = made.subplots(rows, columns, squeeze=False)
+        for panel, axes in zip(figure.panels, grid.flat, strict=False):
+            draw(panel, axes, font_scale)
+        for axes in grid.flat[len(figure.panels) :]:
+            axes.remove()
+        if figure.key:
+            made.legend(handles=[_handle(series) for series in figure.key], loc="outside upper left", ncols=4)
+    return made
+
+
+def save(figure: MplFigure, path: Path) -> None:
+    """Write a figure to a file without the date."""
+    undated = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}.get(path.suffix.lower(), {})
+    with mpl.rc_context(STYLE | {"svg.hashsalt": "mcnav"}):
+        figure.savefig(path, metadata=undated, dpi=200)
+
+
+def draw(panel: m.Panel, axes: Axes, font_scale: float = 1.0) -> None:
+    """Draw a panel on axes."""
+    for order, mark in enumerate(panel.marks):
+        _mark(axes, mark, 2.0 + 0.01 * order, font_scale)
+    if panel.title:
+        axes.set_title(panel.title)
+    axes.set_xlabel(panel.x.title)
+    axes.set_ylabel(panel.y.title)
+    for side, axis, reach in zip("xy", (panel.x, panel.y), panel.reaches(), strict=True):
+        _scale(axes, side, axis, reach)
+    if panel.key:
+        axes.legend(handles=[_handle(series) for series in panel.key], fontsize=8.0 * font_scale)
+
+
+def _scale(axes: Axes, side: str, axis: m.Axis, reach: Any) -> None:
+    own, to, grid = (axes.xaxis, axes.set_xlim, "x") if side == "x" else (axes.yaxis, axes.set_ylim, "y")
+    low, high = axis.limits(reach)
+    if axis.names:
+        turned: Any = {"rotation": 30, "ha": "right", "rotation_mode": "anchor"} if side == "x" else {}
+        own.set_ticks(range(len(axis.names)), list(axis.names), **turned)
+        to(*((low, high) if side == "x" else (high, low)))
+        axes.grid(visible=False, axis=grid)  # type: ignore[arg-type]
+        return
+    if axis.log:
+        (axes.set_xscale if side == "x" else axes.set_yscale)("log")
+        ticks = log_ticks(low, high, 6)
+        own.set_ticks(ticks, [log_label(tick) for tick in ticks])
+        own.set_minor_formatter(lambda value, _: "")
+    elif axis.bare:
+        own.set_ticks([])
+    else:
+        ticks, step = linear_ticks(low, high, 6 if side == "y" else 5)
+        own.set_ticks(ticks, labelled(ticks, step))
+    to(low, high)
+
+
+def _handle(series: m.Series) -> Line2D | Patch:
+    if series.kind == "area":
+        return Patch(color=series.colour, label=series.label)
+    return Line2D([], [], label=series.label, **_looks(series, series.kind))
+
+
+def _looks(series: m.Series, kind: str, size: float = 6.0) -> dict[str, Any]:
+    if kind in SHAPES:
+        hollow = {"fillstyle": "none"} if kind in ("ring", "box") else {"markeredgewidth": 0.0}
+        return {
+            "color": series.colour,
+            "linestyle": "none",
+            "marker": SHAPES[kind],
+            "markersize": size * POINT,
+            **hollow,
+        }
+    dashes = m.DASHES.get(kind, ())
+    return {"color": series.colour, "linestyle": (0, tuple(each * 0.5 for each in dashes)) if dashes else "-"}
+
+
+def _mark(axes: Axes, mark: m.Mark, order: float, font_scale: float) -> None:
+    small = 8.0 * font_scale
+    match mark:
+        case m.Line():
+            looks = _looks(mark.series, mark.kind or mark.series.kind)
+            axes.plot(mark.x, mark.y, linewidth=mark.width * POINT, zorder=order, **looks)
+        case m.Points():
+            x, y = np.broadcast_arrays(np.atleast_1d(mark.x), np.atleast_1d(mark.y))
+            looks = _looks(mark.series, mark.series.kind, mark.size)
+            axes.plot(x, y, alpha=mark.opacity, zorder=order, **looks)
+            for a, b, name in zip(x, y, mark.names, strict=False):
+                axes.annotate(
+                    name, (float(a), float(b)), (3, 2), textcoords="offset points", fontsize=small, zorder=order
+                )
+        case m.Band():
+            axes.fill_between(mark.x, mark.low, mark.high, color=mark.series.colour, alpha=mark.opacity, linewidth=0.0,
+                              zorder=order)  # fmt: skip
+        case m.Bars():
+            low, rows = np.asarray(mark.low, dtype=float), np.asarray(mark.rows, dtype=float)
+            width = np.asarray(mark.high, dtype=float) - low
+            axes.barh(rows, width, left=low, color=mark.series.colour, height=mark.thickness, edgecolor=PAPER,
+                      linewidth=0.6, zorder=order)  # fmt: skip
+            for row, begin, each, name in zip(rows, low, width, mark.names, strict=False):
+                axes.text(begin + 0.5 * each, row, name, ha="center", va="center", fontsize=small, zorder=order,
+                          color=readable_on(mark.series.colour))  # fmt: skip
+        case m.Interval():
+            axes.plot([mark.low, mark.high], [mark.row] * 2, color=mark.series.colour, linewidth=mark.width * POINT,
+                      zorder=order)  # fmt: skip
+        case m.Rule():
+            across = axes.axhline if mark.level else axes.axvline
+            looks = _looks(m.Series("", "", mark.series.colour if mark.series else mark.colour), mark.kind)
+            across(mark.at, linewidth=mark.width * POINT, zorder=order, **looks)
+            if mark.name:
+                axes.annotate(mark.name, (mark.at, 0.0), (3, 3), xycoords=("data", "axes fraction"),
+                              textcoords="offset points", fontsize=small, annotation_clip=True)  # fmt: skip
+        case m.Span():
+            (axes.axhspan if mark.level else axes.axvspan)(
+                mark.low, mark.high, color=mark.series.colour, zorder=order, lw=0.0
+            )
+        case m.Steps():
+            axes.stairs(mark.heights, mark.edges, fill=True, color=mark.series.colour, zorder=order)
+        case m.Cells():
+            for (row, column), share in np.ndenumerate(mark.shares):
+                if not np.isfinite(share):
+                    continue
+                colour = (mark.positive if share >= 0.0 else mark.negative).colour
+                alpha, corner = mark.deepest * min(abs(float(share)), 1.0), (column - 0.5, row - 0.5)
+                axes.add_artist(Rectangle(corner, 1.0, 1.0, facecolor=colour, zorder=order, alpha=alpha))
+                axes.text(column, row, mark.texts[row][column], ha="center", va="center", zorder=order + 0.001,
+                          fontsize=font_scale * min(8.0, 40.0 / len(mark.texts)))  # fmt: skip
+        case m.Text():
+            where: Any = {"xycoords": "axes fraction", "ha": "right", "va": "top"} if mark.corner else {}
+            place = (0.99, 0.97) if mark.corner else (mark.x, mark.y)
+            axes.annotate(mark.text, place, (0, 0) if mark.corner else (3, 2), textcoords="offset points",
+                          fontsize=small, color=mark.colour, zorder=order, **where)  # fmt: skip

@@ -1,0 +1,191 @@
+"""Figures as data: ticks, places of labels, geometry of marks, the same bytes, and no matplotlib but on demand."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mcnav.report.figures import marks as m
+from mcnav.report.figures.figure import HALF, Figure
+from mcnav.report.figures.palette import FLOWN, LINEAR, SOURCE_COLOURS
+from mcnav.report.figures.ticks import (
+    labelled,
+    limits,
+    linear_ticks,
+    log_ticks,
+    overlap,
+    place_label,
+    text_width,
+    ticks_along,
+)  # fmt: skip
+from mcnav.report.svg import UNIT, svg
+
+CURVE, DOTS = m.Series("curve", "a curve", LINEAR), m.Series("dots", "dots", FLOWN, "dot")
+BAR = m.Series("bar", "a bar", FLOWN, "area")
+
+LIMITS = st.tuples(st.floats(-1e9, 1e9), st.floats(1e-9, 1e9)).map(lambda pair: (pair[0], pair[0] + pair[1])).filter(
+    lambda pair: pair[1] - pair[0] > 1e-9 * abs(pair[0])
+)  # fmt: skip
+
+
+@given(LIMITS, st.integers(1, 10))
+def test_linear_ticks(ends: tuple[float, float], most: int) -> None:
+    """Within the limits, at multiples of 1, 2, 2.5 or 5, at most one more than intervals."""
+    low, high = ends
+    ticks, step = linear_ticks(low, high, most)
+    assert len(ticks) <= most + 1
+    assert all(low - 1e-5 * step <= tick <= high + 1e-5 * step for tick in ticks)
+    assert np.allclose(np.diff(ticks), step, rtol=1e-6)
+    assert min(abs(step / 10.0 ** np.floor(np.log10(step * 1.000001)) - nice) for nice in (1.0, 2.0, 2.5, 5.0)) < 1e-4
+    assert (high - low) / step <= most * (1.0 + 1e-6)
+
+
+@given(st.floats(1e-8, 1e8), st.floats(1.01, 1e9), st.integers(3, 8))
+def test_log_ticks(low: float, ratio: float, most: int) -> None:
+    ticks = log_ticks(low, low * ratio, most)
+    assert len(ticks) <= most + 1
+    assert all(low * (1.0 - 1e-6) <= tick <= low * ratio * (1.0 + 1e-6) for tick in ticks)
+    assert ticks == sorted(set(ticks))
+
+
+@given(LIMITS, st.floats(60.0, 500.0))
+def test_labels_of_an_axis_have_room(ends: tuple[float, float], room: float) -> None:
+    ticks, labels = ticks_along(*ends, log=False, room=room, extent=lambda text: text_width(text, 11.5))
+    places = [(tick - ends[0]) / (ends[1] - ends[0]) * room for tick in ticks]
+    for (a, left), (b, right) in zip(
+        zip(places, labels, strict=True), list(zip(places, labels, strict=True))[1:], strict=False
+    ):
+        assert a + 0.5 * text_width(left, 11.5) < b - 0.5 * text_width(right, 11.5) or len(ticks) <= 2
+
+
+def test_labels_differ_and_keep_their_digits() -> None:
+    assert labelled([0.25, 0.5, 0.75], 0.25) == ["0.25", "0.50", "0.75"]
+    assert labelled([6371.0005, 6371.001], 0.0005) == ["6,371.0005", "6,371.0010"]
+    assert labelled([1e7, 1.5e7], 5e6) == ["1.0·10⁷", "1.5·10⁷"]
+
+
+@pytest.mark.parametrize(
+    ("values", "log"),
+    [([], False), ([np.nan], True), ([3.0], False), ([0.0], False), ([-1.0, 0.0], True), ([5.0, 5.0], True)],
+)
+def test_limits_have_a_length(values: list[float], log: bool) -> None:
+    low, high = limits(np.array(values), log, 0.05)
+    assert low < high
+    assert not log or low > 0.0
+
+
+@given(st.lists(st.tuples(st.floats(0, 300), st.floats(0, 200)), min_size=1, max_size=30))
+def test_labels_do_not_overlap(places: list[tuple[float, float]]) -> None:
+    """Each within the picture, none over another; those without room are left out."""
+    inside, taken = (0.0, 0.0, 300.0, 200.0), []
+    for x, y in places:
+        box = place_label(x, y, 30.0, 11.0, inside, taken, np.array(places))
+        if box is not None:
+            assert inside[0] <= box[0] <= box[2] <= inside[2]
+            assert inside[1] <= box[1] <= box[3] <= inside[3]
+            assert not any(overlap(box, other) for other in taken)
+            taken.append(box)
+    assert taken
+
+
+def _panel(*marks: m.Mark, **options: object) -> str:
+    axis = m.Axis("x", "km", low=0.0, high=10.0)
+    return str(svg(m.Panel("title", axis, m.Axis("y", low=0.0, high=5.0), marks), *HALF, "key", "Title: title"))
+
+
+def _scale(text: str, name: str) -> tuple[float, float]:
+    """Coordinates of the ends of an axis."""
+    found = re.search(rf'data-{name}="\S+ \S+ (\d+) (\d+) 0"', text)
+    assert found is not None
+    return float(found[1]), float(found[2])
+
+
+def _points(text: str, name: str) -> np.ndarray:
+    """Coordinates of a path of a class."""
+    found = re.search(rf'<path class="{name}" d="([^"]+)"', text)
+    assert found is not None
+    place, points = np.zeros(2), []
+    for command, a, b in re.findall(r"([Mml])(-?\d+) ?(-?\d+)", found[1]):
+        place = np.array([float(a), float(b)]) + (0.0 if command == "M" else place)
+        points.append(place)
+    return np.array(points)
+
+
+@pytest.mark.parametrize("kind", ["line", "points"])
+def test_a_known_point_lands_on_its_pixel(kind: str) -> None:
+    x, y = np.array([0.0, 2.5, 5.0, 10.0]), np.array([5.0, 0.0, 2.5, 1.0])
+    text = _panel(m.Line(CURVE, x, y) if kind == "line" else m.Points(DOTS, x, y))
+    (left, right), (bottom, top) = _scale(text, "x"), _scale(text, "y")
+    assert left < right <= UNIT * HALF[0]
+    assert top < bottom <= UNIT * HALF[1]
+    expected = np.column_stack((left + (right - left) * x / 10.0, bottom + (top - bottom) * y / 5.0))
+    found = _points(text, f"{kind} series-{'curve' if kind == 'line' else 'dots'}")
+    np.testing.assert_allclose(found, expected, atol=1.0)
+
+
+def test_marks_know_gaps_and_areas() -> None:
+    line = re.findall(r' d="(M[^"]*)"', _panel(m.Line(CURVE, [0.0, 1.0, np.nan, 3.0, 4.0], [1.0, 1.0, 1.0, 2.0, 2.0])))
+    assert any(path.count("M") == 2 and "l" in path for path in line if "h0" not in path)
+    band = _points(_panel(m.Band(BAR, [0.0, 10.0], [1.0, 1.0], [2.0, 3.0])), "band series-bar")
+    assert len(band) == 4
+    steps = _points(_panel(m.Steps(BAR, [0.0, 5.0, 10.0], [1.0, 2.0])), "steps series-bar")
+    assert len(set(steps[:, 0])) == 3
+    assert "<title>row, a bar: 20 %</title>" in _panel(m.Bars(BAR, [1.0], [2.0], [4.0], ["row, a bar: 20 %"]))
+
+
+def test_names_are_escaped_and_long_ones_cut_with_the_whole_as_title() -> None:
+    name = "<b>" + 20 * "a very long name "
+    text = str(svg(m.Panel("", m.Axis(), m.Axis(names=[name]), [m.Interval(BAR, 0.0, 0.0, 1.0)]), *HALF, "key", "<i>"))
+    assert "<b>" not in text
+    assert "<i>" not in text
+    assert "…" in text
+    assert "&lt;b&gt;" + 20 * "a very long name " in text
+
+
+def test_sixty_series_differ() -> None:
+    looks = {(each.colour, each.kind) for each in (m.numbered(k, "") for k in range(60))}
+    assert len(looks) == 60
+    assert len(set(SOURCE_COLOURS)) == 12
+
+
+def test_the_same_bytes_again_and_every_colour_a_variable() -> None:
+    x = np.random.default_rng(3).standard_normal(20_000)
+    texts = {_panel(m.Points(DOTS, 5.0 + x, x[::-1]), m.Rule(3.0, name="event")) for _ in range(2)}
+    assert len(texts) == 1
+    assert "#" not in texts.pop().replace("url(#key-c)", "")
+
+
+def test_on_demand_matplotlib(tmp_path: Path) -> None:
+    """Every kind of mark in a file of the width asked for, the same bytes again."""
+    marks: list[m.Mark] = [
+        m.Span(BAR, 1.0, 2.0), m.Line(CURVE, [1.0, 2.0], [1.0, 2.0]), m.Points(DOTS, [1.0], [2.0], names=["7"]),
+        m.Band(BAR, [1.0, 2.0], [0.0, 1.0], [1.0, 2.0]), m.Rule(1.5, name="event"), m.Steps(BAR, [0.0, 1.0], [2.0]),
+        m.Text("beyond", corner=True), m.Interval(BAR, 1.0, 0.5, 2.0), m.Bars(BAR, [1.0], [0.0], [2.0], ["a"], ["2"]),
+    ]  # fmt: skip
+    cells = m.Cells(BAR, CURVE, np.eye(2), [["1", "0"], ["0", "1"]])
+    names = m.Axis(names=["a", "b"])
+    panels = [m.Panel("one", m.Axis("x", "km"), m.Axis("y"), marks), m.Panel("two", names, names, [cells])]
+    figure = Figure("name", "Title", "", panels, [CURVE, DOTS, BAR], {"x": [1.0]})
+    made = figure.figure(width=8.0)
+    assert made.get_size_inches()[0] == pytest.approx(8.0 / 2.54)
+    for ending in ("pdf", "svg", "png"):
+        for name in ("first", "again"):
+            figure.save(tmp_path / f"{name}.{ending}", width=8.0, font_scale=0.8)
+        assert (tmp_path / f"first.{ending}").read_bytes() == (tmp_path / f"again.{ending}").read_bytes()
+
+
+def test_reports_do_without_matplotlib() -> None:
+    """Neither the page nor any figure imports it."""
+    program = (
+        "import sys, mcnav.report.page, mcnav.report.start_times, mcnav.report.linearity, mcnav.report.comparison, "
+        "mcnav.report.replay, mcnav.calibration.page, mcnav.reproduce.tn_d1772.page, mcnav.notebook, mcnav.cli, "
+        "mcnav.reproduce.story_of_84_minutes.page; sys.exit('matplotlib' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", program], check=False, timeout=120).returncode == 0
