@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import gc
 import os
 import signal
 import sys
@@ -18,6 +19,9 @@ from mcnav.report.fitted_table import OpenConsole
 
 CHECK_FAILED, BAD_INPUT, SOME_FAILED, BUSY, INTERRUPTED, TERMINATED = 1, 2, 3, 4, 130, 143
 """Exit statuses; 0 is success."""
+
+GARBAGE_THRESHOLD = 50_000
+"""New objects after which Python looks for cycles to free."""
 
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None, add_completion=True)
 out, err = OpenConsole(highlight=False, soft_wrap=True), OpenConsole(stderr=True, highlight=False, soft_wrap=True)
@@ -593,8 +597,20 @@ def calibrate(
         _print_written(files)
 
 
+def _prepare_process() -> None:
+    """Prepare a process that runs one command, before numerical libraries are loaded.
+
+    Their sums use one thread; idle threads of their pools would use processor time. A command ends before collecting
+    its many lasting objects would free memory.
+    """
+    for variable in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(variable, "1")
+    gc.set_threshold(GARBAGE_THRESHOLD, 50, 50)
+
+
 def main() -> None:
     """Run the command line; after a signal, exit without waiting for threads that still simulate or import."""
+    _prepare_process()
     try:
         app(prog_name="mcnav")
     finally:
