@@ -76,6 +76,7 @@ def run_campaign(
     most_failures: int | None = None,
     flights: ChunkExecutor | None = None,
     force: bool = False,
+    report: bool = True,
 ) -> Run:
     """Run a campaign into a run folder, analyse it and write its report.
 
@@ -102,6 +103,8 @@ def run_campaign(
         Used in place of this machine's threads and processes; see `mcnav.execution.dask_cluster`.
     force : bool
         Go on where partial derivatives are not settled; the summary and the report state it.
+    report : bool
+        Write the report; without it only the summary, and an earlier report is deleted.
 
     Raises
     ------
@@ -128,7 +131,8 @@ def run_campaign(
         manifest = _first_manifest(campaign, system, identity, inputs)
         _write_beginning(folder, campaign, system, manifest, inputs)
         job = _chunk_job(system, folder, manifest, inputs)
-        load_report()
+        if report:
+            load_report()
         execution = _Execution(job, jobs, progress, notices.append, most_failures, flights)
         with _corrections(system, campaign.code is not None) as corrections:
             began = time.perf_counter()
@@ -146,8 +150,9 @@ def run_campaign(
         flight = ExecutionRecord(jobs=jobs, seconds=seconds, samples=simulated)
         folder.write_manifest(manifest.model_copy(update={"model": model, "complete": True, "flight": flight}))
         analysis = analyse(folder)
-        progress.phase(Phase.REPORTING)
-        return Run(write_results(folder, analysis), simulated, tuple(notices))
+        if report:
+            progress.phase(Phase.REPORTING)
+        return Run(write_results(folder, analysis, report), simulated, tuple(notices))
 
 
 def _engine_name(campaign: Campaign, name: str | None) -> str:
