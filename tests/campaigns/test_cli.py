@@ -91,6 +91,17 @@ def test_a_command_uses_one_thread_unless_told_otherwise() -> None:
         assert run_to_end([sys.executable, "-c", program], env=environment | told).stdout.strip() == expected
 
 
+def test_a_run_without_report_imports_neither_pandas_nor_what_draws(tmp_path: Path) -> None:
+    arguments = ["mcnav", "run", str(DEMO), "--samples", "100", "--out", str(tmp_path / "run"), "--no-report"]
+    program = f"import sys; from mcnav import cli; sys.argv = {arguments}\ntry: cli.main()\n" + (
+        "except SystemExit as ended: assert not ended.code\n"
+        "print('loaded:', *{'numpy', 'pandas', 'matplotlib', 'mcnav.report.page'} & sys.modules.keys())"
+    )
+    finished = run_to_end([sys.executable, "-c", program])
+    assert finished.returncode == 0, finished.stderr
+    assert finished.stdout.rpartition("loaded: ")[2] == "numpy\n"
+
+
 def test_without_report(workplace: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with_report = workplace / "reports" / DEMO.stem
     finished = mcnav("run", DEMO, "--samples", 2000, "--out", "run", "--no-report", cwd=tmp_path)
