@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import gc
 import os
 import signal
 import sys
@@ -18,6 +19,9 @@ from mcnav.report.fitted_table import OpenConsole
 
 CHECK_FAILED, BAD_INPUT, SOME_FAILED, BUSY, INTERRUPTED, TERMINATED = 1, 2, 3, 4, 130, 143
 """Exit statuses; 0 is success."""
+
+GARBAGE_THRESHOLD = 50_000
+"""New objects after which Python looks for cycles to free."""
 
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None, add_completion=True)
 out, err = OpenConsole(highlight=False, soft_wrap=True), OpenConsole(stderr=True, highlight=False, soft_wrap=True)
@@ -188,6 +192,9 @@ def run(
         str | None, typer.Option(metavar="TIME", help="Time limit of one sample, such as '10 s'.")
     ] = None,
     max_failures: Annotated[int | None, typer.Option(min=0, help="Stop when more samples fail.")] = None,
+    no_report: Annotated[
+        bool, typer.Option("--no-report", help="Write only the summary; mcnav report writes the report later.")
+    ] = False,
     form: FormatOption = Format.TABLE,
 ) -> None:
     """Run a campaign: simulate, compare with linear analysis, write the report.
@@ -208,7 +215,9 @@ def run(
         target = folder or run_folder(campaign)
         chosen = engine or engine_of(target, campaign)
         with open_executor(scheduler, dask, jobs) as (executor, workers, notes), progress.shown(err) as shown:
-            done = run_campaign(content, target, chosen, workers, fresh, shown, max_failures, executor, force)
+            done = run_campaign(
+                content, target, chosen, workers, fresh, shown, max_failures, executor, force, not no_report
+            )
         for note in (*notes, *done.notices):
             err.print(f"note: {note}", markup=False)
         summary, runs = done.summary, {content.name: done.summary}
@@ -227,7 +236,10 @@ def run(
             console.print(terminal.requirements(summary))
         if done.flown < summary["samples"]:
             console.print(f"\n{summary['samples'] - done.flown:,} samples were stored, {done.flown:,} simulated now")
-        console.print(f"\nreport: {target / 'report.html'}", markup=False)
+        if no_report:
+            console.print(f"\nsummary: {target / 'summary.json'}", markup=False)
+        else:
+            console.print(f"\nreport: {target / 'report.html'}", markup=False)
         if check and any(entry["finding"] != "met" for entry in summary["requirements"]):
             raise typer.Exit(CHECK_FAILED)
         if summary["failed"]:
@@ -235,14 +247,22 @@ def run(
 
 
 @app.command()
-def report(folders: Folders) -> None:
+def report(
+    folders: Folders,
+    show: Annotated[bool, typer.Option("--open", help="Open the reports in the browser.")] = False,
+) -> None:
     """Analyse finished runs again and write their reports."""
     with _reported_errors():
+        import webbrowser
+
         from mcnav.workflow.analyse import report_run
 
         for folder in folders:
             report_run(folder)
-            out.print(f"report: {folder / 'report.html'}", markup=False, soft_wrap=True)
+            written = folder / "report.html"
+            out.print(f"report: {written}", markup=False, soft_wrap=True)
+            if show and not webbrowser.open(written.resolve().as_uri()):
+                err.print("note: no browser is found; open the file yourself", markup=False)
 
 
 @app.command()
@@ -615,8 +635,20 @@ def calibrate(
         _print_written(files)
 
 
+def _prepare_process() -> None:
+    """Prepare a process that runs one command, before numerical libraries are loaded.
+
+    Their sums use one thread; idle threads of their pools would use processor time. A command ends before collecting
+    its many lasting objects would free memory.
+    """
+    for variable in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(variable, "1")
+    gc.set_threshold(GARBAGE_THRESHOLD, 50, 50)
+
+
 def main() -> None:
     """Run the command line; after a signal, exit without waiting for threads that still simulate or import."""
+    _prepare_process()
     try:
         app(prog_name="mcnav")
     finally:

@@ -7,8 +7,12 @@ from __future__ import annotations
 
 import math
 import re
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import lru_cache
 from importlib.resources import files
+from types import ModuleType
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 if TYPE_CHECKING:
@@ -44,9 +48,24 @@ class UnitError(ValueError):
     """Quantity that cannot be read, or of the wrong dimension; the message states what came and what is expected."""
 
 
+@contextmanager
+def _hidden(package: str) -> Iterator[None]:
+    """Let imports find no such package, unless it is loaded already."""
+    if package in sys.modules:
+        yield
+        return
+    modules: dict[str, ModuleType | None] = sys.modules  # type: ignore[assignment]  # None stops an import
+    modules[package] = None
+    try:
+        yield
+    finally:
+        del modules[package]
+
+
 @lru_cache
 def _registry() -> pint.UnitRegistry[float]:
-    import pint  # the import takes a fifth of a second
+    with _hidden("dask"):  # pint would load it for arrays that no quantity here holds: a tenth of a second
+        import pint  # takes as long without it
 
     text = files("mcnav").joinpath("units.txt").read_text(encoding="utf-8")
     return pint.UnitRegistry(text.splitlines(), cache_folder=None)

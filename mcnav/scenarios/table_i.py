@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Final
 
 import numpy as np
-from scipy.optimize import brentq
 
 from mcnav._types import Array, IndexArray
 from mcnav.constants import EARTH_RADIUS, EARTH_RATE, TN_GRAVITY
@@ -83,6 +81,16 @@ TABLE_I: Final = {
 ANGLE_BRACKET: Final = 0.002
 """How far from its printed value (deg) the start angle of a solved trajectory is sought."""
 
+ANGLE_TOLERANCE: Final = 1e-13
+"""Tolerance of the solution, deg."""
+
+START_ANGLES: Final = {4: -77.4070362767491, 6: -77.40674674411395}
+"""Start angles (deg) of the solved trajectories, as `solve_start_angle` computes them.
+
+Trajectories 4 and 6 react so sharply to the start angle (0.002 deg moves the end by thousands of kilometres) that the
+printed angle does not define them; theirs is solved for the printed final range.
+"""
+
 
 def common_start() -> Array:
     """Compute the polar state of eq. (18), shape (4,): m, rad, m/s, rad/s."""
@@ -110,16 +118,19 @@ def range_from_reentry(trajectory: Trajectory) -> float:
     return float(EARTH_RADIUS * (final[1] - reentry[1]))
 
 
-@lru_cache
-def start_state(number: int) -> tuple[float, ...]:
-    """Compute the polar start state of a trajectory of Table I: m, rad, m/s, rad/s.
+def solve_start_angle(number: int) -> float:
+    """Solve for the start angle (deg) with which a trajectory has its printed final range: what `START_ANGLES` holds.
 
-    Trajectories 4 and 6 react so sharply to the start angle (0.002 deg moves the end by thousands of kilometres) that
-    the printed angle does not define them. Theirs is solved for the printed final range.
+    Raises
+    ------
+    ValueError
+        When Table I prints no final range for the trajectory.
     """
+    from scipy.optimize import brentq  # only a test solves
+
     row = TABLE_I[number]
     if row.final_range is None or row.printed_angle is None:
-        return tuple(common_start())
+        raise ValueError(f"trajectory {number} begins at the common start point")
     vehicle, wanted = Vehicle(row.lift_law), row.final_range
 
     def overshoot(angle: float) -> float:
@@ -130,5 +141,11 @@ def start_state(number: int) -> tuple[float, ...]:
         except NoReentry:  # skipped out of the atmosphere: farther than any range
             return 2.0 * np.pi * EARTH_RADIUS
 
-    angle = brentq(overshoot, row.printed_angle - ANGLE_BRACKET, row.printed_angle + ANGLE_BRACKET, xtol=1e-13)
-    return tuple(start_at_angle(np.radians(angle)))
+    below, above = row.printed_angle - ANGLE_BRACKET, row.printed_angle + ANGLE_BRACKET
+    return float(brentq(overshoot, below, above, xtol=ANGLE_TOLERANCE))
+
+
+def start_state(number: int) -> tuple[float, ...]:
+    """Compute the polar start state of a trajectory of Table I: m, rad, m/s, rad/s."""
+    angle = START_ANGLES.get(number)
+    return tuple(common_start() if angle is None else start_at_angle(np.radians(angle)))

@@ -17,6 +17,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from mcnav._types import Array
+from mcnav.files import arrow_table
 from mcnav.physics.power_sums import PowerSums
 from mcnav.scenarios.protocol import Engine, Epochs, Output, TimeHistoryEngine
 from mcnav.store.parts import Part
@@ -75,8 +76,8 @@ def histories_table(epochs: Epochs, outputs: Sequence[Output], histories: Array)
         epochs.label: np.tile(epochs.times, count),
     }
     for number, output in enumerate(outputs):
-        columns[f"{output.name} [{output.unit}]"] = np.ascontiguousarray(histories[:, :, number].ravel())
-    return pa.table(columns)
+        columns[f"{output.name} [{output.unit}]"] = histories[:, :, number].ravel()
+    return arrow_table(columns)
 
 
 def epochs_table(
@@ -116,6 +117,4 @@ def epochs_table(
             unit = f"({other.unit})({one.unit})"
             columns[f"covariance {other.name}, {one.name} [{unit}]"] = covariance[:, i, j]
     described = {"events": dict(epochs.events), "samples": sums.count, "stored": len(complete)}
-    return pa.table({name: np.ascontiguousarray(column) for name, column in columns.items()}).replace_schema_metadata(
-        {"mcnav.epochs": json.dumps(described)}
-    )
+    return arrow_table(columns).replace_schema_metadata({"mcnav.epochs": json.dumps(described)})

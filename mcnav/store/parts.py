@@ -12,13 +12,12 @@ from typing import Annotated, Any, Final
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 from pydantic import Field
 
 from mcnav._types import Array, IndexArray
-from mcnav.files import parquet_bytes, read_whole, write_whole
+from mcnav.files import arrow_array, arrow_texts, numbers_in, parquet_bytes, read_whole, write_whole
 from mcnav.scenarios.failure import OK
 from mcnav.scenarios.protocol import SimulationResult
 
@@ -139,12 +138,12 @@ def write_part(
     """
     count, failures = len(errors), outcomes.failures
     status = [failures[row].status if row in failures else OK for row in range(count)]
-    columns: dict[str, Any] = {"index": np.arange(begin, begin + count), "status": pa.array(status, pa.string())}
-    columns.update(zip(layout.errors, errors.T, strict=True))
+    columns = {"index": arrow_array(np.arange(begin, begin + count)), "status": arrow_texts(status)}
+    columns |= {name: arrow_array(values) for name, values in zip(layout.errors, errors.T, strict=True)}
     failed = np.array([row in failures for row in range(count)], dtype=bool)
     for name, values in zip(layout.outputs, outcomes.values.T, strict=True):
-        columns[name] = pa.array(np.ascontiguousarray(values), mask=failed)
-    table = pa.table({name: pa.array(column) for name, column in columns.items()})
+        columns[name] = arrow_array(values, failed)
+    table = pa.Table.from_arrays(list(columns.values()), names=list(columns))
     metadata = {}
     if totals is not None:
         keys = {"begin": begin, "samples": totals.samples, "failed": totals.failed}
@@ -214,7 +213,7 @@ def whole_part(place: Path, number: int, identity: str, kept: int | None = None)
         table = table_from(content)
         marks = {key.decode(): value.decode() for key, value in (table.schema.metadata or {}).items()}
         whole = parquet_bytes(table, _TEXT) == content
-        index, status = table.column("index").to_numpy(), table.column("status").to_pylist()
+        index, status = numbers_in(table.column("index")), table.column("status").to_pylist()
         handed_over = int(marks["mcnav.handed_over"])
         if kept is None:
             begin, count, rows = int(index[0]), len(index), len(index)
@@ -258,7 +257,7 @@ def in_order(table: pa.Table, begin: int = 0) -> bool:
     """Whether a table holds samples in the order of their index from the first on, each with a status."""
     index, status = table.column("index"), table.column("status")
     whole = pa.types.is_integer(index.type) and pa.types.is_string(status.type) and status.null_count == 0
-    return whole and np.array_equal(index.to_numpy(), np.arange(begin, begin + len(table)))
+    return whole and np.array_equal(numbers_in(index), np.arange(begin, begin + len(table)))
 
 
 def samples_from(table: pa.Table, layout: SampleSchema) -> Samples:
@@ -281,15 +280,13 @@ def put(table: pa.Table, layout: SampleSchema, samples: Samples, row: int) -> No
         for column, name in zip(array.T, names, strict=True):
             _fill(column, table.column(name), row)
     for chunk in table.column("status").chunks:
-        if not pc.all(pc.equal(chunk, OK)).as_py():
+        if chunk.unique().to_pylist() != [OK]:
             samples.status[row : row + len(chunk)] = chunk.to_pylist()
         row += len(chunk)
 
 
 def _fill(array: NDArray[Any], column: pa.ChunkedArray, row: int) -> None:
-    for chunk in column.chunks:
-        array[row : row + len(chunk)] = chunk.to_numpy(zero_copy_only=False)
-        row += len(chunk)
+    array[row : row + len(column)] = numbers_in(column)
 
 
 def sorted_parts(parts: Iterable[Part]) -> tuple[Part, ...]:

@@ -26,7 +26,7 @@ import pyarrow as pa
 
 from mcnav._types import Array
 from mcnav.errors import RunFolderBusy, RunFolderError
-from mcnav.files import is_temporary, parquet_bytes, read_whole, to_json, write_whole
+from mcnav.files import arrow_table, is_temporary, numbers_in, parquet_bytes, read_whole, to_json, write_whole
 from mcnav.scenarios.histories import check_history
 from mcnav.scenarios.inputs import InputFile
 from mcnav.scenarios.protocol import History, Panel
@@ -398,7 +398,7 @@ class RunFolder:
 
     def write_history(self, history: History) -> None:
         """Store what was flown."""
-        table = pa.table(dict(history.columns))
+        table = arrow_table(history.columns)
         panels = [asdict(panel) for panel in history.panels]
         marks = {"mcnav.events": json.dumps(dict(history.events)), "mcnav.panels": json.dumps(panels)}
         self.write(HISTORY, parquet_bytes(table.replace_schema_metadata(marks)))
@@ -418,7 +418,7 @@ class RunFolder:
             panels = tuple(
                 Panel(**entry | {key: tuple(entry[key]) for key in ("y", "legend", "marks")}) for entry in described
             )
-            columns = {name: table.column(name).to_numpy() for name in table.column_names}
+            columns = {name: numbers_in(table.column(name)) for name in table.column_names}
             return check_history(History(columns, events, panels))
         except (OSError, pa.ArrowException, KeyError, TypeError, ValueError, AttributeError, RecursionError) as failure:
             raise RunFolderError(f"{self.path / HISTORY}: is missing or damaged; run the campaign again") from failure
@@ -439,4 +439,4 @@ class RunFolder:
             described = json.loads((table.schema.metadata or {})[b"mcnav.epochs"])
         except (OSError, pa.ArrowException, KeyError, TypeError, ValueError, RecursionError) as failure:
             raise RunFolderError(f"{path}: is damaged; run the campaign again") from failure
-        return {name: table.column(name).to_numpy() for name in table.column_names}, described
+        return {name: numbers_in(table.column(name)) for name in table.column_names}, described

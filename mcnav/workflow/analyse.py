@@ -139,13 +139,20 @@ def analyse(folder: RunFolder, unfinished: Manifest | None = None) -> RunAnalysi
     )
 
 
-def write_results(folder: RunFolder, analysis: RunAnalysis) -> dict[str, Any]:
-    """Write the summary and the report of an analysed run; return the summary."""
-    from mcnav.report.page import render
+def write_results(folder: RunFolder, analysis: RunAnalysis, report: bool = True) -> dict[str, Any]:
+    """Write the summary of an analysed run, and its report or none; return the summary.
 
-    page = render(analysis).encode()  # refuses a folder without history or campaign before anything is written
+    An earlier report, which may be of fewer samples, is deleted when none is written.
+    """
+    if report:
+        from mcnav.report.page import render
+
+        page = render(analysis).encode()  # refuses a folder without history or campaign before anything is written
+    else:
+        (folder.path / REPORT).unlink(missing_ok=True)
     folder.write_json(SUMMARY_FILE, analysis.summary)
-    folder.write(REPORT, page)
+    if report:
+        folder.write(REPORT, page)
     return dict(to_json(analysis.summary))
 
 

@@ -73,6 +73,7 @@ def run_campaign(
     most_failures: int | None = None,
     flights: ChunkExecutor | None = None,
     force: bool = False,
+    report: bool = True,
 ) -> Run:
     """Run a campaign into a run folder, analyse it and write its report.
 
@@ -97,6 +98,8 @@ def run_campaign(
         Used in place of this machine's threads and processes; see `mcnav.execution.dask_cluster`.
     force : bool
         Go on where partial derivatives are not settled; the summary and the report state it.
+    report : bool
+        Write the report; without it only the summary, and an earlier report is deleted.
 
     Raises
     ------
@@ -140,8 +143,9 @@ def run_campaign(
         flight = ExecutionRecord(jobs=jobs, seconds=seconds, samples=simulated)
         folder.write_manifest(manifest.model_copy(update={"model": model, "complete": True, "flight": flight}))
         analysis = analyse(folder)
-        progress.phase(Phase.REPORTING)
-        return Run(write_results(folder, analysis), simulated, tuple(notices))
+        if report:
+            progress.phase(Phase.REPORTING)
+        return Run(write_results(folder, analysis, report), simulated, tuple(notices))
 
 
 def _engine_name(campaign: Campaign, name: str | None) -> str:

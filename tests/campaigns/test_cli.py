@@ -11,7 +11,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from typer.testing import CliRunner
 
+from mcnav.cli import app
 from mcnav.scenarios.reentry import SOURCES
 from tests.conftest import ROOT
 from tests.processes import run_to_end
@@ -62,6 +64,66 @@ def test_run_again_uses_what_is_stored(workplace: Path) -> None:
     before = part.stat().st_mtime_ns
     assert mcnav("run", DEMO, "--samples", 2000, cwd=workplace).returncode == 0
     assert part.stat().st_mtime_ns == before
+
+
+@pytest.mark.parametrize("command", ["--help", "docs"])
+def test_what_computes_nothing_imports_no_numerical_library(command: str) -> None:
+    program = f"""
+import sys
+from mcnav import cli
+sys.argv = ["mcnav", {command!r}]
+try:
+    cli.main()
+except SystemExit as ended:
+    assert not ended.code
+print("\\nloaded:", *sorted({{name.partition(".")[0] for name in sys.modules}}))
+"""
+    finished = run_to_end([sys.executable, "-c", program], cwd=ROOT)
+    assert finished.returncode == 0, finished.stderr
+    loaded = set(finished.stdout.rpartition("loaded:")[2].split())
+    assert {"mcnav", "typer"} <= loaded
+    assert not loaded & {"numpy", "scipy", "numba", "pandas", "pyarrow", "matplotlib", "pint", "jinja2", "joblib"}
+
+
+def test_a_command_uses_one_thread_unless_told_otherwise() -> None:
+    program = "import os, sys; from mcnav import cli; cli._prepare_process(); print(os.environ['OPENBLAS_NUM_THREADS'])"
+    environment = {key: value for key, value in os.environ.items() if key != "OPENBLAS_NUM_THREADS"}
+    for told, expected in (({}, "1"), ({"OPENBLAS_NUM_THREADS": "3"}, "3")):
+        assert run_to_end([sys.executable, "-c", program], env=environment | told).stdout.strip() == expected
+
+
+def test_a_run_without_report_imports_neither_pandas_nor_what_draws(tmp_path: Path) -> None:
+    arguments = ["mcnav", "run", str(DEMO), "--samples", "100", "--out", str(tmp_path / "run"), "--no-report"]
+    program = f"import sys; from mcnav import cli; sys.argv = {arguments}\ntry: cli.main()\n" + (
+        "except SystemExit as ended: assert not ended.code\n"
+        "print('loaded:', *{'numpy', 'pandas', 'matplotlib', 'mcnav.report.page'} & sys.modules.keys())"
+    )
+    finished = run_to_end([sys.executable, "-c", program])
+    assert finished.returncode == 0, finished.stderr
+    assert finished.stdout.rpartition("loaded: ")[2] == "numpy\n"
+
+
+def test_without_report(workplace: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with_report = workplace / "reports" / DEMO.stem
+    finished = mcnav("run", DEMO, "--samples", 2000, "--out", "run", "--no-report", cwd=tmp_path)
+    assert finished.returncode == 0, finished.stderr
+    assert finished.stdout.endswith("summary: run/summary.json\n")
+    folder = tmp_path / "run"
+    assert (folder / "summary.json").read_bytes() == (with_report / "summary.json").read_bytes()
+    assert not (folder / "report.html").exists()
+
+    opened: list[str] = []
+    monkeypatch.setattr("webbrowser.open", lambda address: opened.append(address) or len(opened) == 1)
+    shown = CliRunner().invoke(app, ["report", str(folder), "--open"])
+    assert shown.exit_code == 0
+    assert "no browser" not in shown.output
+    assert opened == [(folder / "report.html").as_uri()]
+    assert "<svg" in (folder / "report.html").read_text()
+    assert "no browser" in CliRunner().invoke(app, ["report", str(folder), "--open"]).output
+
+    again = mcnav("run", DEMO, "--samples", 2000, "--out", "run", "--no-report", cwd=tmp_path)
+    assert again.returncode == 0, again.stderr
+    assert not (folder / "report.html").exists()  # it might be of fewer samples
 
 
 def test_report_and_compare(workplace: Path) -> None:

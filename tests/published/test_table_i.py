@@ -9,7 +9,17 @@ from mcnav.constants import EARTH_RADIUS, EARTH_RATE
 from mcnav.physics.reentry.truth import airspeed_and_angle, fly_truth
 from mcnav.physics.reentry.vehicle import Vehicle
 from mcnav.reproduce.tn_d1772.printed import trajectories
-from mcnav.scenarios.table_i import START_AIRSPEED, TABLE_I, common_start, range_from_reentry
+from mcnav.scenarios.table_i import (
+    ANGLE_TOLERANCE,
+    START_AIRSPEED,
+    START_ANGLES,
+    TABLE_I,
+    common_start,
+    range_from_reentry,
+    solve_start_angle,
+    start_at_angle,
+    start_state,
+)
 from tests.conftest import TRAJECTORIES, reentry
 
 SOLVED_FOR_RANGE = (4, 6)
@@ -81,6 +91,18 @@ def test_solved_start_angle(number: int, angle: float) -> None:
     speed, found = airspeed_and_angle(reentry(number).trajectory.state(0.0))
     assert speed == pytest.approx(START_AIRSPEED, abs=1e-9)
     assert np.degrees(found) == pytest.approx(angle, abs=5e-5)
+
+
+@pytest.mark.parametrize("number", TRAJECTORIES)
+def test_stored_start_angles_are_those_solved_for(number: int) -> None:
+    if number in SOLVED_FOR_RANGE:
+        assert solve_start_angle(number) == pytest.approx(START_ANGLES[number], abs=4.0 * ANGLE_TOLERANCE, rel=0.0)
+        expected = start_at_angle(np.radians(START_ANGLES[number]))
+    else:
+        with pytest.raises(ValueError, match="common start point"):
+            solve_start_angle(number)
+        expected = common_start()
+    assert start_state(number) == tuple(expected)
 
 
 def test_start_speed_and_angle() -> None:

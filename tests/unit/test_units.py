@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+import sys
 
 import pytest
 
 from mcnav.units import DIMENSIONS, UnitError, conversion, quantity
+from tests.processes import run_to_end
 
 ARCSEC = math.pi / 648_000.0
 
@@ -83,3 +85,13 @@ def test_what_cannot_be_read(text: object, unit: str, message: str) -> None:
 def test_examples_are_of_their_kind() -> None:
     for unit, dimension in DIMENSIONS.items():
         quantity(dimension.example, unit)
+
+
+@pytest.mark.parametrize("first", ["", "import dask.base; "])
+def test_units_do_not_load_dask_but_leave_it_usable(first: str) -> None:
+    program = f"{first}import sys; from mcnav.units import conversion; conversion('km', 'm')\n" + (
+        "print('dask' in sys.modules); import dask.base; print(dask.base.is_dask_collection(1))"
+    )
+    finished = run_to_end([sys.executable, "-c", program])
+    assert finished.returncode == 0, finished.stderr
+    assert finished.stdout.split() == [str(bool(first)), "False"]
