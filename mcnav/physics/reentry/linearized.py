@@ -1,4 +1,4 @@
-"""The linearized navigator: variational equations of NASA TN D-1772, eqs. (5)-(10), along a truth.
+"""The linearized navigator: partial derivatives of NASA TN D-1772, eqs. (11)-(13), by variational equations.
 
 Truth, zero-error indicated motion and the sensitivities to every error are integrated together by DOP853, phase by
 phase, in polar coordinates. Where the accelerometers are always on, the zero-error indicated motion is the truth.
