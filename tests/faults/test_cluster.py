@@ -250,7 +250,7 @@ def test_a_chunk_that_nobody_wants_any_more(cluster: Cluster, tmp_path: Path) ->
     body = f"""
     if len(a) == 50:  # the chunk that comes first waits, the others fail
         try:
-            os.close(os.open({late!r}, os.O_CREAT | os.O_EXCL))
+            with open({late!r}, "x") as file: file.write(str(os.getpid()))
             while not os.path.exists({go!r}): time.sleep(0.01)
         except FileExistsError:
             a = a * np.nan
@@ -259,6 +259,9 @@ def test_a_chunk_that_nobody_wants_any_more(cluster: Cluster, tmp_path: Path) ->
     work = chunk_job(run, tmp_path / "run")
     with pytest.raises(TooManyFailures, match=r"50 of the .* samples flown so far failed, where 49 may"):
         run_chunks(work, 2, SILENT, most_failures=49, elsewhere=cluster.fly)
+    waiting = int(Path(late).read_text())
+    (free,) = [worker for worker, process in cluster.client.run(os.getpid).items() if process != waiting]
+    cluster.client.submit(os.getpid, workers=[free], pure=False).result(LONG)  # it has stored what it was at
     left = digests(tmp_path / "run")
     Path(go).touch()
     for worker in cluster.client.scheduler_info()["workers"]:  # each has one thread, which is free only afterwards
