@@ -7,6 +7,7 @@ import os
 import shutil
 import signal
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -259,8 +260,9 @@ def test_a_chunk_that_nobody_wants_any_more(cluster: Cluster, tmp_path: Path) ->
     work = chunk_job(run, tmp_path / "run")
     with pytest.raises(TooManyFailures, match=r"50 of the .* samples flown so far failed, where 49 may"):
         run_chunks(work, 2, SILENT, most_failures=49, elsewhere=cluster.fly)
-    waiting = int(Path(late).read_text())
-    (free,) = [worker for worker, process in cluster.client.run(os.getpid).items() if process != waiting]
+    while not (waiting := Path(late).read_text()):
+        time.sleep(0.01)
+    (free,) = [worker for worker, process in cluster.client.run(os.getpid).items() if str(process) != waiting]
     cluster.client.submit(os.getpid, workers=[free], pure=False).result(LONG)  # it has stored what it was at
     left = digests(tmp_path / "run")
     Path(go).touch()
