@@ -1,4 +1,4 @@
-"""What a figure is made of: series, axes, ten kinds of marks, and panels that hold them. Nothing is drawn here."""
+"""Parts of a figure: series, axes, ten kinds of marks, and panels that hold them. Nothing is drawn here."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""When to start: dispersion and the effect of each source against the start of navigation."""
+"""Figures of start times: dispersion and the effect of each source against the start of navigation."""
 
 from __future__ import annotations
 
