@@ -43,8 +43,11 @@ def compiled(function: Function) -> Function:
 
 
 def uncontracted(function: Function) -> Function:
-    """Compile a function whose results are the same bits wherever the compiler inlines it."""
-    return _compile(function)
+    """Compile a function whose results are the same bits wherever the compiler inlines it.
+
+    Without a value of its own, numba would give it the caller's ``fastmath``.
+    """
+    return _compile(function, fastmath=False)
 
 
 def reduced_math(function: Function) -> Function:
