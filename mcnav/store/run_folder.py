@@ -339,7 +339,7 @@ class RunFolder:
         if manifest.complete:
             self._refuse_strangers(manifest)
         parts, kept = manifest.parts, manifest.kept
-        layout = SampleSchema.of(manifest.model.sources, manifest.model.outputs)
+        layout = manifest.sample_schema
         rows = [_rows_of(part, kept) for part in parts]
         begins = list(accumulate(rows, initial=0))
         sizes = [found.stat().st_size for found in self.parts.iterdir()]
