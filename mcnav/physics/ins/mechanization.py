@@ -32,7 +32,8 @@ from mcnav.physics.ins.normal_field import field_constants, normal_gravitation_a
 from mcnav.physics.ins.truth import Platform, Truth
 
 LONGEST_STEP: Final = 0.1
-"""Longest step, s. See `LARGEST_TURN`; of a smooth force (sixth derivative) it leaves 1e-15 of each step's effect."""
+"""Longest step, s. On an airliner's hour with turns the method errs by 6e-4 m with 1 s, 9e-6 m with 0.5 s and 1.4e-7 m
+with 0.25 s (a factor of 2^6 each time); with 0.1 s, 6e-10 m, it is below rounding."""
 
 LARGEST_TURN: Final = 0.05
 """Largest true rotation within a step, rad: with it the method errs by (turn / 2)^7 / 100800 = 6e-17 rad in a step."""
@@ -81,7 +82,9 @@ class Mechanization:
     start, end : float
         In the trajectory's time, s.
     times : ndarray, shape (m,)
-        Epochs in order, from start to end.
+        Epochs in order, from start to end; at least one.
+    longest_step : float
+        s; noise is constant over a step.
     """
 
     truth: Truth
@@ -89,6 +92,7 @@ class Mechanization:
     start: float
     end: float
     times: Array
+    longest_step: float = LONGEST_STEP
 
     @property
     def step_times(self) -> Array:
@@ -196,7 +200,7 @@ class Mechanization:
         rows = self.truth.times
         inner = rows[(rows > self.start) & (rows < self.end)]
         knots = np.concatenate([[self.start], inner, [self.end]])
-        knots = _divide(knots, np.diff(knots) / (LONGEST_STEP * (1.0 + 1e-9)))
+        knots = _divide(knots, np.diff(knots) / (self.longest_step * (1.0 + 1e-9)))
         middles = 0.5 * (knots[1:] + knots[:-1])
         rates = [
             self.truth.states(middles[begin : begin + BLOCK], self.platform, self.start).rate

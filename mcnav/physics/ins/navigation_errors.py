@@ -74,8 +74,10 @@ def indicated_state(earth: Earth, true: EarthFixedStates, errors: Array) -> Eart
     level, level_there = local_axes(latitude, longitude), local_axes(latitude_there, longitude_there)
     velocity = _transposed_times(level, true.velocity) + errors[:, 3:6]
     attitude = Rotation.from_rotvec(errors[:, 6:]).as_matrix() @ np.swapaxes(level, -1, -2) @ true.axes
+    there = earth.from_geodetic(latitude_there, longitude_there, altitude - down)
     return EarthFixedStates(
-        earth.from_geodetic(latitude_there, longitude_there, altitude - down),
+        # without errors the true position to the last digit
+        true.position + (there - earth.from_geodetic(latitude, longitude, altitude)),
         np.einsum("nij,nj->ni", level_there, velocity),
         level_there @ attitude,
     )

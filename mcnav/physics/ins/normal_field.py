@@ -19,7 +19,7 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.physics.ins.earth import Earth
-from mcnav.physics.jit import compiled, inlined
+from mcnav.physics.jit import compiled
 
 HEADER: Final = 3
 """Constants before the coefficients: E^2, mu and w^2 a^2."""
@@ -49,7 +49,7 @@ def field_constants(earth: Earth) -> Array:
     return np.concatenate([header, 2.0 * n * odd / surface, 6.0 * eccentricity * odd / surface])
 
 
-@inlined
+@compiled
 def normal_gravitation(constants: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Compute the gravitation at one earth-centred place outside the focal disc, m/s^2."""
     focal = constants[0]
