@@ -25,8 +25,16 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.analysis.comparison import Comparison, Model
 
-TERMS: Final = ("sampled_sigmas", "sampled_correlations", "partials", "second_order", "third_order", "rest")
-"""Terms of the breakdown, in order of presentation."""
+TERMS: Final = (
+    "sampled_sigmas",
+    "sampled_correlations",
+    "sampled_noise",
+    "partials",
+    "second_order",
+    "third_order",
+    "rest",
+)
+"""Terms of the breakdown, in order of presentation; that of noise is there where samples have any."""
 
 
 @dataclass(frozen=True)

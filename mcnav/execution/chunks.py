@@ -143,7 +143,9 @@ def simulate_chunk(work: ChunkJob, place: SampleRange) -> Part:
     with threadpool_limits(1):
         outputs, pieces = len(work.layout.outputs), draw_pieces(work, place)
         return store(
-            work, place, ((batch.errors, simulate_samples(work.engine, work.timeout, outputs, batch)) for batch in pieces)
+            work,
+            place,
+            ((batch.errors, simulate_samples(work.engine, work.timeout, outputs, batch)) for batch in pieces),
         )
 
 

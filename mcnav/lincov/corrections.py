@@ -84,7 +84,10 @@ def noise_corrections(prepared: Engine, errors: ErrorModel, processes: Mapping[s
     found: dict[str, Any] = {"budget": {"alone": reason, "sobol": reason}, "higher_order": reason}
     try:
         mean, covariance = unscented_covariance(prepared.propagate, errors.mean, errors.covariance)
-        found["unscented"] = {"mean": mean, "covariance": covariance + sum(processes.values(), np.zeros(covariance.shape))}
+        found["unscented"] = {
+            "mean": mean,
+            "covariance": covariance + sum(processes.values(), np.zeros(covariance.shape)),
+        }
     except SimulationFailed as failure:
         found["unscented"] = {"failed": str(failure)}
     try:

@@ -26,6 +26,8 @@ class Source:
         A usual size, in the SI unit: the scale of the steps that differences take.
     later : bool
         Whether the scenario had other sources before this one: see `mcnav.sampling.error_model.ErrorModel`.
+    group : str
+        Sources that belong together; an entry of ``[errors]`` with this name holds for each.
     """
 
     name: str
@@ -33,6 +35,7 @@ class Source:
     shown_in: str
     nominal: float
     later: bool = False
+    group: str = ""
 
 
 @dataclass(frozen=True)

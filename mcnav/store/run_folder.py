@@ -32,7 +32,7 @@ from mcnav.scenarios.inputs import InputFile
 from mcnav.scenarios.protocol import History, Panel
 from mcnav.store.inputs import INPUTS, LARGEST_KEPT
 from mcnav.store.manifest import FileRecord, Manifest, ManifestError, json_digest
-from mcnav.store.parts import LARGEST_PART, MOST_ROWS, Part, Samples, SampleSchema, in_order, put, room_for, table_from
+from mcnav.store.parts import LARGEST_PART, MOST_ROWS, Part, Samples, in_order, put, room_for, table_from
 
 CAMPAIGN, MANIFEST, SUMMARY, REPORT = "campaign.toml", "manifest.json", "summary.json", "report.html"
 HISTORY, SAMPLES, LOCK = "history.parquet", "samples", ".lock"

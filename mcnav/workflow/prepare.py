@@ -185,7 +185,7 @@ def _scenario_errors(file: str) -> Iterator[None]:
 def _linear(scenario: Scenario, errors: ErrorModel, engine: Engine) -> ModelRecord:
     """Compute the linear model, at the end and, where it is known, throughout the flight."""
     linear = scenario.linear_model()
-    optional: dict[str, Any] = {}
+    optional: dict[str, Any] = {"processes": dict(linear.processes)} if linear.processes else {}
     time_history_engine = _time_history_engine(engine)
     if isinstance(scenario, HasPartialsHistory):
         optional["development"] = PartialsRecord(**asdict(scenario.partials_history(DEVELOPMENT_POINTS)))
@@ -200,7 +200,6 @@ def _linear(scenario: Scenario, errors: ErrorModel, engine: Engine) -> ModelReco
         nominal=linear.nominal,
         start_mean=errors.mean,
         start_covariance=errors.covariance,
-        **({"processes": dict(linear.processes)} if linear.processes else {}),
         **optional,
     )
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav._types import Array, IndexArray
 from mcnav.physics.ins.earth import local_axes
 from mcnav.physics.ins.instruments import CONSTANTS, PROCESSES, Imu, process_sizes
 from mcnav.physics.ins.response import StepResponses
@@ -117,7 +117,7 @@ def process_systems(responses: StepResponses, imu: Imu) -> dict[str, tuple[Array
     return {name: found[name] for name in process_sizes(imu)}
 
 
-def propagate(truth: Truth, responses: StepResponses, imu: Imu, epochs: Array) -> LinearErrors:
+def propagate(truth: Truth, responses: StepResponses, imu: Imu, epochs: IndexArray) -> LinearErrors:
     """Propagate the linear system along the truth.
 
     Parameters

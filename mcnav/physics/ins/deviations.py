@@ -1,7 +1,7 @@
 """Navigation errors from deviations in inertial axes, and deviations from initial errors: exact, not to first order.
 
-A sample's state is the rotation from true to indicated axes, a quaternion (scalar first), and the deviations of velocity
-and position, all in inertial axes. Without errors all results are exactly zero.
+A sample's state is the rotation from true to indicated axes, a quaternion (scalar first), and the deviations of
+velocity and position, all in inertial axes. Without errors all results are exactly zero.
 """
 
 from __future__ import annotations

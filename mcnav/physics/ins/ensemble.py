@@ -4,14 +4,14 @@ The truth is shared, so that a sample is a deviation from it (`mcnav.physics.ins
 
     R' = R [C dw]x        v' = (R - I) C f + R C df + g(r + x) - g(r)        x' = v
 
-Its linear part is carried by the tables of the steps, exactly. What is left is of second order, and changes slowly: over
-a step the rotation R at its beginning is applied to the truth's force and to the step's own linear response, the
+Its linear part is carried by the tables of the steps, exactly. What is left is of second order, and changes slowly:
+over a step the rotation R at its beginning is applied to the truth's force and to the step's own linear response, the
 products of errors within the step are taken from their means, and the remainder of gravity by Simpson's rule.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -89,6 +89,28 @@ class EnsembleTables:
     states: Array
     angles: Array
 
+    def without_noise(self) -> EnsembleTables:
+        """Return the same tables without processes."""
+        steps = len(self.durations)
+        return replace(
+            self,
+            biases=np.zeros((steps, 0, 9)),
+            decays=np.zeros((steps, 0)),
+            sizes=np.zeros(0),
+            factors=np.zeros((steps, 9, 9)),
+        )
+
+    def at_the_end(self) -> EnsembleTables:
+        """Return the same tables with the last epoch alone."""
+        return replace(
+            self,
+            epochs=self.epochs[-1:],
+            output_maps=self.output_maps[-1:],
+            truth=self.truth[-1:],
+            states=self.states[-1:],
+            angles=self.angles[-1:],
+        )
+
 
 def semidefinite_factor(covariance: Array) -> Array:
     """Factor covariances, shape (K, d, d), as ``L L^T`` with lower triangular L; directions without variance are zero.
@@ -131,7 +153,7 @@ def tabulate(
     biased = [(response, noise, variance) for response, noise, variance in systems.values() if response.any()]
     covariance = np.zeros((steps, 9 + len(biased), 9 + len(biased)))
     biases, decays = np.zeros((steps, len(biased), 9)), np.zeros((steps, len(biased)))
-    for response, noise, _ in systems.values():
+    for _, noise, _ in systems.values():
         covariance[:, :9, :9] += noise[:, :9, :9]
     for number, (response, noise, _) in enumerate(biased):
         biases[:, number], decays[:, number] = response[:, :9], response[:, 9]
@@ -162,13 +184,12 @@ def tabulate(
         places=around.position,
         fields=earth.gravitation(around.position),
         gradients=earth.gravity_gradient(around.position),
-        start_map=np.linalg.inv(output_map(truth, float(times[0]))),
+        start_map=np.asarray(np.linalg.inv(output_map(truth, float(times[0]))), dtype=float),
         output_maps=np.stack([output_map(truth, float(time)) for time in times[epochs]]),
         truth=locate(earth.constants, angles, states, np.zeros((1, len(epochs), 6)))[0],
         states=states,
         angles=angles,
     )
-
 
 
 @dataclass(frozen=True)
@@ -188,11 +209,6 @@ class EnsembleErrors:
     valid: NDArray[np.bool_]
 
 
-def normal_count(tables: EnsembleTables) -> int:
-    """Count the normal variates that a sample takes: biases at the start, then each step's."""
-    return tables.sizes.size + len(tables.durations) * tables.factors.shape[1]
-
-
 def simulate(
     truth: Truth, start: float, tables: EnsembleTables, errors: Array, seed: int, samples: IndexArray
 ) -> EnsembleErrors:
@@ -209,9 +225,7 @@ def simulate(
     return _simulate(truth, start, tables, errors, np.uint64(seed), samples.astype(np.uint64), np.empty((0, 0)), noisy)
 
 
-def simulate_given(
-    truth: Truth, start: float, tables: EnsembleTables, errors: Array, added: Array
-) -> EnsembleErrors:
+def simulate_given(truth: Truth, start: float, tables: EnsembleTables, errors: Array, added: Array) -> EnsembleErrors:
     """Simulate samples of which the noise is given, as what it adds to psi, v, x and the biases in each step.
 
     Parameters

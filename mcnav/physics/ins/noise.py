@@ -40,7 +40,7 @@ def philox(
 
 
 @compiled
-def draw_normals(seed: int, sample: int, stream: int, out: Array) -> None:
+def draw_normals(seed: np.uint64, sample: np.uint64, stream: int, out: Array) -> None:
     """Fill an array with the first normal variates of a sample's stream."""
     key, index = np.uint64(seed), np.uint64(sample)
     first, second = key & _LOW, key >> _HALF

@@ -194,9 +194,7 @@ def _respond(
                         gyro_node[:9] += share * to_gyro[other, a]
                     gyro_node[9] = np.exp(-(remaining + s) / correlation[0, a])
                     _add_products(gyro_driven[k, a], gyro_node, weight)
-                    gyro_node[:9] = gyro_walk[k, a] + h * (
-                        ahead[i, 0] * to_gyro[0, a] + ahead[i, 1] * to_gyro[1, a]
-                    )
+                    gyro_node[:9] = gyro_walk[k, a] + h * (ahead[i, 0] * to_gyro[0, a] + ahead[i, 1] * to_gyro[1, a])
                     gyro_node[9] = 1.0
                     _add_products(gyro_walked[k, a], gyro_node, weight)
                     decay = np.exp(-s / correlation[1, a])
