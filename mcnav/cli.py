@@ -497,6 +497,39 @@ def check_scenario(campaign: CampaignFile) -> None:
             raise typer.Exit(CHECK_FAILED)
 
 
+@app.command()
+def imu(
+    name: Annotated[
+        str | None,
+        typer.Argument(metavar="NAME", help="A grade or unit, such as navigation or STIM300 [default: all]."),
+    ] = None,
+    form: FormatOption = Format.TABLE,
+) -> None:
+    """List the catalogue of inertial measurement units, or the values of one with their sources.
+
+    A campaign takes one with grade = "NAME" in [imu].
+    """
+    with _reported_errors():
+        from mcnav.config.imu_catalogue import catalogue_units
+        from mcnav.errors import suggestion
+        from mcnav.report import instruments
+
+        units = {unit.name: unit for unit in catalogue_units()}
+        if name is not None and name not in units:
+            raise _fail(f"NAME: no grade or unit {name!r}{suggestion(name, list(units))}", BAD_INPUT)
+        values = [
+            instruments.value_row(unit.name, value.instrument, value.key, value.text, value.unit, value.source)
+            for unit in (units.values() if name is None else [units[name]])
+            for value in unit.values
+        ]
+        if form is not Format.TABLE:
+            _export(form, values, {"values": values})
+        elif name is None:
+            out.print(instruments.catalogue({unit.name: unit.title for unit in units.values()}, values))
+        else:
+            out.print(instruments.values(units[name].title, values))
+
+
 new = typer.Typer(no_args_is_help=True, help="Write a new campaign, or a new scenario with its test, ready to run.")
 app.add_typer(new, name="new")
 
