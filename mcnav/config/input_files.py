@@ -1,0 +1,63 @@
+"""Files that a campaign names: found beside the campaign file, or as the copy in the folder of an earlier run."""
+
+from __future__ import annotations
+
+import re
+from pathlib import PurePosixPath
+from typing import Final
+
+from mcnav.config.context import FileContext, Kept
+from mcnav.scenarios.inputs import InputFile, identify_file, safe_name
+from mcnav.scenarios.settings import SettingError, display
+
+FILE: Final = re.compile(r"[^\x00-\x1f\x7f]{1,200}")
+"""Path of a file in a campaign."""
+
+OUTSIDE: Final = "the file must lie beside the campaign file, or in a folder beside it"
+
+
+def is_inside(written: str) -> bool:
+    """Return whether a path stays in the folder of the campaign file."""
+    parts = PurePosixPath(written)
+    return not (parts.is_absolute() or ".." in parts.parts or "\\" in written)
+
+
+def read_input_file(value: object, key: str, context: FileContext) -> InputFile:
+    """Identify the file of an entry; when a run is repeated and the file has changed, its copy in the run folder.
+
+    Raises
+    ------
+    SettingError
+        When there is no such file, it is not a regular one, or it has changed and there is no copy.
+    """
+    if not isinstance(value, str):
+        raise SettingError(f"got {display(value)}; expected the path of a file in quotes")
+    if not FILE.fullmatch(value) or not is_inside(value):
+        raise SettingError(f"got {display(value)}; {OUTSIDE}")
+    path, name, kept = context.folder / value, safe_name(value), context.kept.get(key)
+    try:
+        found = identify_file(str(path.absolute()), name, key)
+    except OSError as failure:
+        if kept is None:
+            raise SettingError(f"{path} {why_unreadable(failure)}") from None
+        return _identify_copy(kept, name, key, f"{path} {why_unreadable(failure)}")
+    if kept is None or found.digest == kept.sha256:
+        return found
+    return _identify_copy(kept, name, key, f"{path} has changed since the run (its SHA-256 was {kept.sha256})")
+
+
+def _identify_copy(kept: Kept, name: str, key: str, change: str) -> InputFile:
+    """Identify the copy of a file in the folder of the run that read it."""
+    if kept.copy is None:
+        raise SettingError(f"{change}, and the run folder has no copy of it; restore it")
+    try:
+        return identify_file(str(kept.copy.absolute()), name, key)
+    except OSError as failure:
+        raise SettingError(f"{change}, and its copy {kept.copy} {why_unreadable(failure)}") from None
+
+
+def why_unreadable(failure: OSError) -> str:
+    """Say why a file cannot be read."""
+    if isinstance(failure, FileNotFoundError):
+        return "does not exist; paths are relative to the campaign file"
+    return f"cannot be read: {failure.strerror or failure}"
