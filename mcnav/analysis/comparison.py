@@ -7,8 +7,8 @@ y and z share cancels (z is a control variate whose covariance is known). Its er
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -56,12 +56,15 @@ class Model:
         Mean start errors.
     covariance : ndarray, shape (sources, sources)
         Start covariance S.
+    processes : mapping of str to ndarray, shape (outputs, outputs)
+        Covariance Q_j that each process of noise adds, by name.
     """
 
     partials: Array
     nominal: Array
     mean: Array
     covariance: Array
+    processes: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def outcome_mean(self) -> Array:
@@ -70,8 +73,12 @@ class Model:
 
     @property
     def outcome_covariance(self) -> Array:
-        """P S P^T, shape (outputs, outputs); zero in the rows and columns of outputs whose sigma is only rounding."""
+        """P S P^T + sum Q_j, shape (outputs, outputs).
+
+        Zero in the rows and columns of outputs whose sigma is only rounding.
+        """
         covariance = propagated_covariance(self.partials, self.covariance)
+        covariance = covariance + sum(self.processes.values(), np.zeros_like(covariance))
         dispersed = np.diag(covariance) > self.rounding**2
         return np.asarray(np.where(np.outer(dispersed, dispersed), covariance, 0.0), dtype=float)
 
@@ -239,7 +246,9 @@ def normalization_of(model: Model, samples: int, block_length: int) -> Normaliza
     return Normalization(model.partials, model.mean, model.outcome_mean, scale, whitened, radii, block)
 
 
-def reduce_stored(model: Model, errors: Array, outcomes: Array, blocks: IndexArray) -> ReducedSamples:
+def reduce_stored(
+    model: Model, errors: Array, outcomes: Array, blocks: IndexArray, linear: Array | None = None
+) -> ReducedSamples:
     """Reduce stored samples.
 
     Parameters
@@ -250,14 +259,21 @@ def reduce_stored(model: Model, errors: Array, outcomes: Array, blocks: IndexArr
         Final errors; NaN in the row of a sample that failed.
     blocks : ndarray of int, shape (n,)
         Independent block of each sample.
+    linear : ndarray, shape (n, outputs), optional
+        Final errors by the linear system, where they depend on noise besides the start errors.
     """
     drawn = successful = ErrorSums.of(errors)
     kept = np.isfinite(outcomes).all(axis=1)
     if not kept.all():
         errors, outcomes, blocks = errors[kept], outcomes[kept], blocks[kept]
+        linear = None if linear is None else linear[kept]
         successful = ErrorSums.of(errors)
-    y, z = np.asfortranarray(outcomes), (model.partials @ errors.T).T
-    z += model.nominal
+    y = np.asfortranarray(outcomes)
+    if linear is None:
+        z = (model.partials @ errors.T).T
+        z += model.nominal
+    else:
+        z = np.asfortranarray(linear)
     given = whitening(model.outcome_covariance)
     moments = SampleMoments(y, z, block_begins(blocks), model.outcome_mean, given)
     return ReducedSamples(moments, moments, drawn, successful)

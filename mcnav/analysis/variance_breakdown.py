@@ -25,8 +25,16 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.analysis.comparison import Comparison, Model
 
-TERMS: Final = ("sampled_sigmas", "sampled_correlations", "partials", "second_order", "third_order", "rest")
-"""Terms of the breakdown, in order of presentation."""
+TERMS: Final = (
+    "sampled_sigmas",
+    "sampled_correlations",
+    "sampled_noise",
+    "partials",
+    "second_order",
+    "third_order",
+    "rest",
+)
+"""Terms of the breakdown, in order of presentation; that of noise is there where samples have any."""
 
 
 @dataclass(frozen=True)
@@ -109,14 +117,16 @@ def split_difference(
     linear = np.diag(comparison.covariance_linear)
     total = np.diag(comparison.covariance_sample) - linear
     excess = drawn - model.covariance
-    sampling = np.einsum("ij,jk,ik->i", model.partials, excess, model.partials)
+    of_errors = np.einsum("ij,jk,ik->i", model.partials, excess, model.partials)
+    sampling = total - np.array([output.paired_variance.value for output in comparison.outputs]) + linear
     sigmas = np.einsum("ij,j,ij->i", model.partials, np.diag(excess), model.partials)
     two_ways = np.einsum("ij,jk,ik->i", predicted.partials, model.covariance, predicted.partials) - np.einsum(
         "ij,jk,ik->i", model.partials, model.covariance, model.partials
     )
     terms = {
         "sampled_sigmas": sigmas,
-        "sampled_correlations": sampling - sigmas,
+        "sampled_correlations": of_errors - sigmas,
+        **({"sampled_noise": sampling - of_errors} if model.processes else {}),
         "partials": two_ways,
         "second_order": np.diag(predicted.quadratic),
         "third_order": np.diag(predicted.third_order),
@@ -125,7 +135,7 @@ def split_difference(
     return VarianceBreakdown(
         terms=terms,
         total=total,
-        paired=total - sampling,
+        paired=total - (sampling if model.processes else of_errors),
         standard_error=np.array([output.paired_variance.standard_error for output in comparison.outputs]),
         unscented=np.diag(predicted.unscented) - linear,
     )

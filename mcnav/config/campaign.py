@@ -54,6 +54,8 @@ class Campaign:
         ``samples``: all samples are stored; ``summary``: sums for the analysis, of a size independent of their number.
     file : str
         Path of the campaign file as given, for messages.
+    files : tuple of InputFile
+        Files that its keys name and this program reads.
     """
 
     name: str
@@ -73,13 +75,14 @@ class Campaign:
     sample_timeout: float | None = None
     store: str = "samples"
     file: str = ""
+    files: tuple[InputFile, ...] = ()
 
     def to_toml(self) -> str:
         """Write the resolved campaign as a campaign file."""
         return tomli_w.dumps(dict(self.resolved))
 
     def inputs(self) -> tuple[InputFile, ...]:
-        """Return the files that a user-defined scenario reads; it is linearized to find them.
+        """Return the files that the scenario reads; a user-defined one is linearized to find them.
 
         Raises
         ------
@@ -87,7 +90,7 @@ class Campaign:
             When it cannot be linearized.
         """
         if not isinstance(self.scenario, UserScenario):
-            return ()
+            return self.files
         try:
             return self.scenario.inputs()
         except ScenarioError as wrong:

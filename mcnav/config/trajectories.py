@@ -20,8 +20,8 @@ import numpy as np
 from pydantic import BeforeValidator, Field
 
 from mcnav.config.context import FileContext
-from mcnav.config.input_files import read_input_file
-from mcnav.config.schema import Acceleration, Duration, Length, Speed, Table, read_as
+from mcnav.config.files import read_file
+from mcnav.config.schema import Acceleration, AngularRate, Duration, Length, Speed, Table, read_as
 from mcnav.config.trajectory_file import LARGEST_FILE, read_trajectory_file
 from mcnav.config.validation import validate
 from mcnav.errors import suggestion
@@ -38,8 +38,10 @@ from mcnav.scenarios.table_i import TABLE_I, start_state
 from mcnav.store.inputs import INPUTS
 from mcnav.units import UnitError, quantity
 
+KEY: Final = "scenario.trajectory"
+"""Key of the entry; its last part is the setting that names the file."""
+
 Angle = Annotated[float, read_as("rad")]
-AngularRate = Annotated[float, read_as("rad/s")]
 Latitude = Annotated[Angle, Field(gt=-np.pi / 2.0, lt=np.pi / 2.0)]
 Longitude = Annotated[Angle, Field(ge=-2.0 * np.pi, le=2.0 * np.pi)]
 Azimuth = Annotated[Angle, Field(ge=-2.0 * np.pi, le=2.0 * np.pi)]
@@ -196,7 +198,7 @@ class TrajectorySpec:
 
 
 def read_trajectory(
-    entry: object, earth: Earth, context: FileContext, key: str = "scenario.trajectory"
+    entry: object, earth: Earth, context: FileContext, columns: Mapping[str, str] | None = None
 ) -> TrajectorySpec | None:
     """Build the trajectory of an entry; mistakes are added to the context.
 
@@ -204,17 +206,21 @@ def read_trajectory(
     ----------
     entry : object
         A path, or a table with ``file``, ``reentry`` or ``segments``.
-    key : str
-        Of the entry, for messages; its last part is the setting that names the file.
+    columns : mapping, optional
+        Names and units of the columns of a path: ``columns`` beside ``trajectory``.
     """
     before = len(context.problems)
-    found = _read(entry, earth, context, key)
+    found = _read(entry, earth, context, columns, KEY)
     return found if len(context.problems) == before else None
 
 
-def _read(entry: object, earth: Earth, context: FileContext, key: str) -> TrajectorySpec | None:
+def _read(
+    entry: object, earth: Earth, context: FileContext, columns: Mapping[str, str] | None, key: str
+) -> TrajectorySpec | None:
     if isinstance(entry, str):
-        return _from_file(FileTable(file=entry), entry, earth, context, key)
+        return _from_file(FileTable(file=entry, columns=dict(columns or {})), entry, earth, context, key)
+    if columns:
+        context.problem("scenario.columns", "belongs to a trajectory that is a path; leave it out")
     if not isinstance(entry, Mapping):
         context.problem(key, "expected a file in quotes, or a table with file, reentry or segments")
         return None
@@ -240,7 +246,7 @@ def _from_file(
     try:
         if path.is_file() and path.stat().st_size > LARGEST_FILE:  # before its content is digested
             raise SettingError(f"{path} is longer than {LARGEST_FILE:,} bytes")
-        file = read_input_file(table.file, key.rpartition(".")[2], context)
+        file = read_file(table.file, key.rpartition(".")[2], context)
         rows = read_trajectory_file(Path(file.path), table.columns, earth)
     except SettingError as wrong:
         context.problem(key, str(wrong))

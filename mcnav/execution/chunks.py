@@ -17,7 +17,7 @@ from mcnav.lincov.sample_reduction import reduce_samples
 from mcnav.sampling.error_model import ErrorModel
 from mcnav.scenarios.failure import Failure, Reason
 from mcnav.scenarios.inputs import InputFile
-from mcnav.scenarios.protocol import Engine, SimulationResult
+from mcnav.scenarios.protocol import Batch, Engine, SimulationResult, StochasticEngine
 from mcnav.scenarios.sample_loop import SampleFailed, simulate_each
 from mcnav.scenarios.timeouts import SampleTimeout, time_limit
 from mcnav.store import histories
@@ -42,6 +42,11 @@ class DrawPlan:
     def draw(self, begin: int, end: int) -> Array:
         """Draw samples [begin, end), or fewer at the campaign's end, shape (n, sources)."""
         return self.errors.draw(self.design, self.seed, self.samples, begin, min(end, self.samples))
+
+    def batch(self, begin: int, end: int) -> Batch:
+        """Draw samples [begin, end), or fewer at the campaign's end."""
+        errors = self.draw(begin, end)
+        return Batch(np.arange(begin, begin + len(errors)), errors, self.seed)
 
     def probes(self) -> Array:
         """Draw the samples on which an engine's accuracy is settled, shape (n, sources)."""
@@ -100,16 +105,24 @@ class SampleRange:
     end: int
 
 
-def simulate_errors(engine: Engine, timeout: float | None, outputs: int, errors: Array) -> SimulationResult:
-    """Simulate samples, shape (n, sources); what an engine raises fails only the samples that cause it."""
+def simulate_batch(engine: Engine, batch: Batch) -> SimulationResult:
+    """Simulate samples, with their noise where the engine has any."""
+    return engine.simulate(batch) if isinstance(engine, StochasticEngine) else engine.propagate(batch.errors)
+
+
+def simulate_samples(engine: Engine, timeout: float | None, outputs: int, batch: Batch) -> SimulationResult:
+    """Simulate samples; what an engine raises fails only the samples that cause it."""
+    count = len(batch.errors)
     with time_limit(timeout):
         try:
-            result = engine.propagate(errors)
+            result = simulate_batch(engine, batch)
         except MemoryError:
             raise
         except (Exception, SampleTimeout):
-            each = simulate_each(lambda row: _simulate_one(engine, errors[row]), range(len(errors)))
-            result = each.outcomes(np.full((len(errors), outputs), np.nan))
+            if isinstance(engine, StochasticEngine):
+                raise
+            each = simulate_each(lambda row: _simulate_one(engine, batch.errors[row]), range(count))
+            result = each.outcomes(np.full((count, outputs), np.nan))
     lost = np.flatnonzero(~np.isfinite(result.values).all(axis=1))
     failures = {int(row): Failure.of(Reason.NOT_FINITE) for row in lost} | dict(result.failures)
     values = result.values.copy()
@@ -130,15 +143,17 @@ def simulate_chunk(work: ChunkJob, place: SampleRange) -> Part:
     with threadpool_limits(1):
         outputs, pieces = len(work.layout.outputs), draw_pieces(work, place)
         return store(
-            work, place, ((errors, simulate_errors(work.engine, work.timeout, outputs, errors)) for errors in pieces)
+            work,
+            place,
+            ((batch.errors, simulate_samples(work.engine, work.timeout, outputs, batch)) for batch in pieces),
         )
 
 
-def draw_pieces(work: ChunkJob, place: SampleRange) -> Iterator[Array]:
-    """Draw the errors of a chunk's samples, in pieces of the engine's own chunk."""
+def draw_pieces(work: ChunkJob, place: SampleRange) -> Iterator[Batch]:
+    """Draw a chunk's samples, in pieces of the engine's own chunk."""
     step = work.engine.chunk
     for begin in range(place.begin, place.end, step):
-        yield work.draws.draw(begin, min(begin + step, place.end))
+        yield work.draws.batch(begin, min(begin + step, place.end))
 
 
 def store(work: ChunkJob, place: SampleRange, results: Iterable[tuple[Array, SimulationResult]]) -> Part:
@@ -146,7 +161,7 @@ def store(work: ChunkJob, place: SampleRange, results: Iterable[tuple[Array, Sim
     folder, identity, layout = work.folder.parts, work.identity, work.layout
     if work.frame is None:
         ((errors, result),) = results
-        marks = histories.history_marks(work.engine, errors)
+        marks = histories.history_marks(work.engine, errors, result.history)
         check_not_cancelled(work)
         return write_part(folder, place.number, place.begin, identity, layout, errors, result, marks)
     begin, fallback_count, power_sums = place.begin, 0, None
@@ -156,16 +171,19 @@ def store(work: ChunkJob, place: SampleRange, results: Iterable[tuple[Array, Sim
     for errors, result in results:
         failures = dict(sorted(result.failures.items()))
         status = {begin + row: failure.status for row, failure in failures.items()}
-        summary = Summary.of(reduce_samples(work.frame, begin, errors, result.values), len(errors), status)
+        sums = reduce_samples(work.frame, begin, errors, result.values, result.linear_values)
+        summary = Summary.of(sums, len(errors), status)
         total = summary if total is None else total + summary
         raised = ((row, failure.traceback) for row, failure in failures.items() if failure.traceback)
         for row, text in islice(raised, MOST_REASONS - len(tracebacks)):
             tracebacks[begin - place.begin + row] = text
-        power_sums = histories.add_power_sums(power_sums, histories.history_sums(work.engine, errors))
+        power_sums = histories.add_power_sums(power_sums, histories.history_sums(work.engine, errors, result.history))
         fallback_count += result.fallback_count
         kept = min(max(KEPT - begin, 0), len(errors))
         kept_failures = {row: failure for row, failure in failures.items() if row < kept}
-        rows.append((errors[:kept].copy(), SimulationResult(result.values[:kept].copy(), kept_failures)))
+        linear = None if result.linear_values is None else result.linear_values[:kept].copy()
+        first = SimulationResult(result.values[:kept].copy(), kept_failures, linear_values=linear)
+        rows.append((errors[:kept].copy(), first))
         begin += len(errors)
     if total is None:
         raise ValueError("a chunk has at least one sample")
@@ -196,7 +214,9 @@ def _concatenate(rows: Sequence[tuple[Array, SimulationResult]]) -> tuple[Array,
         failures |= {begin + row: failure for row, failure in result.failures.items()}
         begin += len(errors)
     values = np.concatenate([result.values for _, result in rows])
-    return np.concatenate([errors for errors, _ in rows]), SimulationResult(values, failures)
+    linear = [result.linear_values for _, result in rows if result.linear_values is not None]
+    joined = SimulationResult(values, failures, linear_values=np.concatenate(linear) if linear else None)
+    return np.concatenate([errors for errors, _ in rows]), joined
 
 
 def find_part(work: ChunkJob, number: int) -> Part | None:

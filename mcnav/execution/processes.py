@@ -28,11 +28,11 @@ from mcnav.execution.chunks import (
     draw_pieces,
     find_range,
     simulate_chunk,
-    simulate_errors,
+    simulate_samples,
     store,
 )
 from mcnav.scenarios.failure import Failure, Reason
-from mcnav.scenarios.protocol import Engine, SimulationResult
+from mcnav.scenarios.protocol import Batch, Engine, SimulationResult
 from mcnav.scenarios.timeouts import timeout_message
 from mcnav.store.parts import Part
 
@@ -147,23 +147,27 @@ class IsolatedEngine:
         """See `Engine`."""
         return self.engine.accuracy
 
-    def in_one(self, errors: Array) -> SimulationResult | None:
-        """Simulate samples, shape (n, sources); none when the process dies."""
-        outcomes = _in_one_worker(simulate_errors, self.engine, self.timeout, self.outputs, errors)
+    def in_one(self, batch: Batch) -> SimulationResult | None:
+        """Simulate samples; none when the process dies."""
+        outcomes = _in_one_worker(simulate_samples, self.engine, self.timeout, self.outputs, batch)
         return outcomes if isinstance(outcomes, SimulationResult) else None
 
     def propagate(self, errors: Array) -> SimulationResult:
-        """Simulate samples, shape (n, sources)."""
+        """Simulate samples of an engine without noise, shape (n, sources)."""
+        return self.simulate(Batch(np.arange(len(errors)), errors, 0))
+
+    def simulate(self, batch: Batch) -> SimulationResult:
+        """Simulate samples."""
         _in_one_worker(_ready)  # starting the process takes time that is not the samples'
         began = time.monotonic()
-        result = self.in_one(errors)
+        result = self.in_one(batch)
         if result is not None:
             return result
         failure = Failure.of(Reason.PROCESS_DIED)
         if self.timeout is not None and time.monotonic() - began > self.timeout:
             failure = Failure(Reason.TIMEOUT, timeout_message(self.timeout))
-        values = np.full((len(errors), self.outputs), np.nan)
-        return SimulationResult(values, dict.fromkeys(range(len(errors)), failure))
+        count = len(batch.errors)
+        return SimulationResult(np.full((count, self.outputs), np.nan), dict.fromkeys(range(count), failure))
 
 
 def simulate_isolated(work: ChunkJob, place: SampleRange) -> Part:
@@ -177,17 +181,17 @@ def simulate_isolated(work: ChunkJob, place: SampleRange) -> Part:
     return store(
         work,
         place,
-        ((errors, _simulate_piece(isolated, errors, several)) for errors in draw_pieces(work, place)),
+        ((batch.errors, _simulate_piece(isolated, batch, several)) for batch in draw_pieces(work, place)),
     )
 
 
-def _simulate_piece(isolated: IsolatedEngine, errors: Array, several: bool) -> SimulationResult:
+def _simulate_piece(isolated: IsolatedEngine, batch: Batch, several: bool) -> SimulationResult:
     """Simulate one piece of a chunk: at once, when another may be at fault, else sample by sample."""
     if several:
-        outcomes = isolated.in_one(errors)
+        outcomes = isolated.in_one(batch)
         if outcomes is not None:
             return outcomes
-    each = [isolated.propagate(errors[row : row + 1]) for row in range(len(errors))]
+    each = [isolated.simulate(batch[row : row + 1]) for row in range(len(batch.errors))]
     return SimulationResult(
         np.concatenate([one.values for one in each]),
         {row: failure for row, one in enumerate(each) for failure in one.failures.values()},

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 import numpy as np
@@ -69,6 +69,44 @@ def simulated_budgets(
     }
 
 
+def noise_corrections(prepared: Engine, errors: ErrorModel, processes: Mapping[str, Array]) -> dict[str, Any]:
+    """Compute the unscented transform and second-order corrections of a scenario with noise, SI.
+
+    Both are of the constant errors without noise; the linear covariance of the noise is added. Budgets by simulation
+    and a polynomial's moments are left out: they are of constant errors alone.
+
+    Parameters
+    ----------
+    processes : mapping of str to ndarray, shape (outputs, outputs)
+        Covariance that each process adds.
+    """
+    reason = {"failed": "of constant errors alone; the samples of this scenario have noise as well"}
+    found: dict[str, Any] = {"budget": {"alone": reason, "sobol": reason}, "higher_order": reason}
+    try:
+        mean, covariance = unscented_covariance(prepared.propagate, errors.mean, errors.covariance)
+        found["unscented"] = {
+            "mean": mean,
+            "covariance": covariance + sum(processes.values(), np.zeros(covariance.shape)),
+        }
+    except SimulationFailed as failure:
+        found["unscented"] = {"failed": str(failure)}
+    try:
+        found["second_order"] = _second_order(prepared, errors)
+    except SimulationFailed as failure:
+        found["second_order"] = {"failed": str(failure)}
+    return found
+
+
+def _second_order(prepared: Engine, errors: ErrorModel) -> dict[str, Any]:
+    found = second_order(prepared.propagate, errors.mean, errors.covariance)
+    return {
+        "mean_shift": found.mean_shift,
+        "quadratic": found.quadratic,
+        "third_order": found.third_order,
+        "skewness": found.skewness,
+    }
+
+
 def nonlinear_corrections(scenario: Scenario, prepared: Engine, errors: ErrorModel) -> dict[str, Any]:
     """Compute the unscented transform, partials by differences, second-order corrections and polynomial moments, SI.
 
@@ -87,20 +125,11 @@ def nonlinear_corrections(scenario: Scenario, prepared: Engine, errors: ErrorMod
     def differences() -> dict[str, Any]:
         return {"partials": partials_by_differences(prepared.propagate, sizes)}
 
-    def derivatives() -> dict[str, Any]:
-        found = second_order(prepared.propagate, errors.mean, errors.covariance)
-        return {
-            "mean_shift": found.mean_shift,
-            "quadratic": found.quadratic,
-            "third_order": found.third_order,
-            "skewness": found.skewness,
-        }
-
     found: dict[str, Any] = {}
     for key, compute in (
         ("unscented", sigma_points),
         ("partials_differences", differences),
-        ("second_order", derivatives),
+        ("second_order", lambda: _second_order(prepared, errors)),
         ("higher_order", lambda: higher_order(prepared, errors)),
     ):
         try:

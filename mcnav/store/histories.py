@@ -19,7 +19,7 @@ import pyarrow.parquet as pq
 from mcnav._types import Array
 from mcnav.files import arrow_table
 from mcnav.physics.power_sums import PowerSums
-from mcnav.scenarios.protocol import Engine, Epochs, Output, TimeHistoryEngine
+from mcnav.scenarios.protocol import Engine, Epochs, Output, StochasticEngine, TimeHistoryEngine
 from mcnav.store.parts import Part
 
 MARK: Final = "mcnav.histories"
@@ -30,8 +30,16 @@ STORED: Final = 2_000
 """Samples whose histories are stored in full: the first of the campaign."""
 
 
-def history_sums(engine: Engine, errors: Array) -> PowerSums | None:
-    """Compute power sums of samples, shape (n, sources), at every epoch; none where the engine has no histories."""
+def history_sums(engine: Engine, errors: Array, history: Array | None = None) -> PowerSums | None:
+    """Compute power sums of samples, shape (n, sources), at every epoch; none where the engine has no histories.
+
+    Parameters
+    ----------
+    history : ndarray, shape (n, m, outputs), optional
+        The samples' histories, where their simulation has given them.
+    """
+    if history is not None:
+        return PowerSums.of(history[np.isfinite(history).all(axis=(1, 2))], np.zeros(history.shape[1:]))
     return engine.history_sums(errors) if isinstance(engine, TimeHistoryEngine) else None
 
 
@@ -48,16 +56,19 @@ def history_marks_of(power_sums: PowerSums | None) -> dict[str, str]:
     return {MARK: base64.b64encode(numbers.tobytes()).decode()}
 
 
-def history_marks(engine: Engine, errors: Array) -> dict[str, str]:
-    """Encode the power sums of a chunk's samples, shape (n, sources)."""
-    return history_marks_of(history_sums(engine, errors))
+def history_marks(engine: Engine, errors: Array, history: Array | None = None) -> dict[str, str]:
+    """Encode the power sums of a chunk's samples; parameters as `history_sums`."""
+    return history_marks_of(history_sums(engine, errors, history))
 
 
-def read_power_sums(engine: Engine, folder: Path, parts: Sequence[Part]) -> PowerSums | None:
+def read_power_sums(engine: Engine, outputs: int, folder: Path, parts: Sequence[Part]) -> PowerSums | None:
     """Read the power sums of all samples in order of index; none where the engine has no histories."""
-    if not isinstance(engine, TimeHistoryEngine):
+    if isinstance(engine, StochasticEngine):
+        pivot = np.zeros((len(engine.epochs.times), outputs))
+    elif isinstance(engine, TimeHistoryEngine):
+        pivot = engine.history_sums(np.zeros((0, 1))).pivot
+    else:
         return None
-    pivot = engine.history_sums(np.zeros((0, 1))).pivot
     total = None
     for part in sorted(parts, key=lambda part: part.begin):
         text = (pq.read_schema(folder / part.file).metadata or {}).get(MARK.encode())

@@ -28,7 +28,7 @@ from pydantic_core import CoreSchema, core_schema
 from mcnav._types import Array
 from mcnav.files import to_json
 from mcnav.sampling.designs import DESIGNS, SamplingDesign
-from mcnav.store.parts import MOST_SAMPLES, Count, Digest, Part, Words
+from mcnav.store.parts import MOST_SAMPLES, Count, Digest, Part, SampleSchema, Words
 
 FORMAT: Final = 1
 """Counts the changes after which an earlier program cannot read a manifest."""
@@ -89,6 +89,7 @@ class PartialsRecord(Record):
     label: Words
     times: Vector
     partials: Matrices
+    processes: Mapping[str, Matrices] = {}
 
 
 class ModelRecord(Record):
@@ -100,6 +101,8 @@ class ModelRecord(Record):
     nominal : ndarray, shape (outputs,)
     start_mean : ndarray, shape (sources,)
     start_covariance : ndarray, shape (sources, sources)
+    processes : mapping of str to ndarray, shape (outputs, outputs)
+        Covariance that each process of noise adds, by name.
     """
 
     sources: Annotated[tuple[Variable, ...], Field(min_length=1, max_length=1_000)]
@@ -108,6 +111,7 @@ class ModelRecord(Record):
     nominal: Vector
     start_mean: Vector
     start_covariance: Matrix
+    processes: Mapping[Words, Matrix] | None = None
     development: PartialsRecord | None = None
     unscented: Mapping[str, Any] | None = None
     partials_differences: Mapping[str, Any] | None = None
@@ -125,6 +129,9 @@ class ModelRecord(Record):
         for name, shape in shapes.items():
             if getattr(self, name).shape != shape:
                 raise ValueError(f"{name}: is not of the shape that {rows} outputs and {columns} sources ask for")
+        for name, covariance in (self.processes or {}).items():
+            if covariance.shape != (rows, rows):
+                raise ValueError(f"processes.{name}: is not of the shape that {rows} outputs ask for")
         return self
 
 
@@ -267,6 +274,11 @@ class Manifest(Record):
             message = str(first["msg"]).removeprefix("Value error, ")
             place = ".".join(map(str, first["loc"]))
             raise ManifestError(": ".join(filter(None, (place, message[:1].lower() + message[1:])))) from None
+
+    @property
+    def sample_schema(self) -> SampleSchema:
+        """Columns of the sample files."""
+        return SampleSchema.of(self.model.sources, self.model.outputs, self.model.processes is not None)
 
     @property
     def sampling_design(self) -> SamplingDesign:

@@ -68,27 +68,32 @@ class Samples:
         SI.
     outputs : ndarray, shape (n, outputs)
         SI; NaN in the row of a sample that failed.
+    linear : ndarray, shape (n, outputs) or (n, 0)
+        Outputs by the linear system with the same noise, SI; no columns where samples have no noise.
     """
 
     index: IndexArray
     status: list[str]
     errors: Array
     outputs: Array
+    linear: Array
 
 
 @dataclass(frozen=True)
 class SampleSchema:
-    """Columns of the sample files: ``error NAME [unit]`` and ``output NAME [unit]``."""
+    """Columns of the sample files: ``error NAME [unit]``, ``output NAME [unit]``, and ``linear NAME [unit]``."""
 
     errors: tuple[str, ...]
     outputs: tuple[str, ...]
+    linear: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, sources: Sequence[Any], outputs: Sequence[Any]) -> SampleSchema:
-        """Derive the columns from sources and outputs that have names and units."""
+    def of(cls, sources: Sequence[Any], outputs: Sequence[Any], noise: bool = False) -> SampleSchema:
+        """Derive the columns from sources and outputs that have names and units; with noise, linear outputs too."""
         return cls(
             tuple(f"error {source.name} [{source.unit}]" for source in sources),
             tuple(f"output {output.name} [{output.unit}]" for output in outputs),
+            tuple(f"linear {output.name} [{output.unit}]" for output in outputs) if noise else (),
         )
 
 
@@ -143,6 +148,9 @@ def write_part(
     failed = np.array([row in failures for row in range(count)], dtype=bool)
     for name, values in zip(layout.outputs, outcomes.values.T, strict=True):
         columns[name] = arrow_array(values, failed)
+    if outcomes.linear_values is not None:
+        for name, values in zip(layout.linear, outcomes.linear_values.T, strict=True):
+            columns[name] = arrow_array(values)
     table = pa.Table.from_arrays(list(columns.values()), names=list(columns))
     metadata = {}
     if totals is not None:
@@ -269,14 +277,15 @@ def samples_from(table: pa.Table, layout: SampleSchema) -> Samples:
 
 def room_for(count: int, layout: SampleSchema) -> Samples:
     """Arrays for so many samples, to be filled; those of errors and outputs have their columns contiguous."""
-    errors, outputs = (np.empty((len(names), count)).T for names in (layout.errors, layout.outputs))
-    return Samples(np.empty(count, dtype=np.int64), [OK] * count, errors, outputs)
+    blocks = (np.empty((len(names), count)).T for names in (layout.errors, layout.outputs, layout.linear))
+    return Samples(np.empty(count, dtype=np.int64), [OK] * count, *blocks)
 
 
 def put(table: pa.Table, layout: SampleSchema, samples: Samples, row: int) -> None:
     """Put the samples of a table among others, from a row on."""
     _fill(samples.index, table.column("index"), row)
-    for array, names in ((samples.errors, layout.errors), (samples.outputs, layout.outputs)):
+    blocks = (samples.errors, layout.errors), (samples.outputs, layout.outputs), (samples.linear, layout.linear)
+    for array, names in blocks:
         for column, name in zip(array.T, names, strict=True):
             _fill(column, table.column(name), row)
     for chunk in table.column("status").chunks:

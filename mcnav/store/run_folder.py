@@ -32,7 +32,7 @@ from mcnav.scenarios.inputs import InputFile
 from mcnav.scenarios.protocol import History, Panel
 from mcnav.store.inputs import INPUTS, LARGEST_KEPT
 from mcnav.store.manifest import FileRecord, Manifest, ManifestError, json_digest
-from mcnav.store.parts import LARGEST_PART, MOST_ROWS, Part, Samples, SampleSchema, in_order, put, room_for, table_from
+from mcnav.store.parts import LARGEST_PART, MOST_ROWS, Part, Samples, in_order, put, room_for, table_from
 
 CAMPAIGN, MANIFEST, SUMMARY, REPORT = "campaign.toml", "manifest.json", "summary.json", "report.html"
 HISTORY, SAMPLES, LOCK = "history.parquet", "samples", ".lock"
@@ -339,7 +339,7 @@ class RunFolder:
         if manifest.complete:
             self._refuse_strangers(manifest)
         parts, kept = manifest.parts, manifest.kept
-        layout = SampleSchema.of(manifest.model.sources, manifest.model.outputs)
+        layout = manifest.sample_schema
         rows = [_rows_of(part, kept) for part in parts]
         begins = list(accumulate(rows, initial=0))
         sizes = [found.stat().st_size for found in self.parts.iterdir()]

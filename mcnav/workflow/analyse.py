@@ -111,7 +111,8 @@ def analyse(folder: RunFolder, unfinished: Manifest | None = None) -> RunAnalysi
     blocks = design.blocks(samples.index)
     with side_threads(1) as beside:
         in_tails = beside.submit(tails, model, samples.outputs, blocks, units, criterion)
-        reduced = reduce_stored(model, samples.errors, samples.outputs, blocks)
+        linear = samples.linear if model.processes else None
+        reduced = reduce_stored(model, samples.errors, samples.outputs, blocks, linear)
         failures = failures_in(samples.status, samples.index.tolist())
         if manifest.store == SUMMARY:
             whole = collect_summary(folder.parts, manifest.parts)
@@ -158,4 +159,5 @@ def write_results(folder: RunFolder, analysis: RunAnalysis, report: bool = True)
 
 def linear_model(record: ModelRecord) -> Model:
     """Return the linear model of a manifest."""
-    return Model(record.partials, record.nominal, record.start_mean, record.start_covariance)
+    processes = record.processes or {}
+    return Model(record.partials, record.nominal, record.start_mean, record.start_covariance, processes)

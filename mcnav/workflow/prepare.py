@@ -15,7 +15,7 @@ from mcnav.errors import CampaignError, Problem
 from mcnav.execution.chunks import DrawPlan
 from mcnav.execution.processes import IsolatedEngine
 from mcnav.files import parquet_bytes
-from mcnav.lincov.corrections import nonlinear_corrections, simulated_budgets
+from mcnav.lincov.corrections import noise_corrections, nonlinear_corrections, simulated_budgets
 from mcnav.lincov.partials import SimulationFailed, partials_throughout
 from mcnav.lincov.polynomial import PolynomialFitError
 from mcnav.lincov.polynomial_engine import PolynomialEngine, prepare_engine
@@ -28,6 +28,8 @@ from mcnav.scenarios.protocol import (
     Scenario,
     ScenarioError,
     Source,
+    StochasticEngine,
+    StochasticScenario,
     TimeHistoryEngine,
 )
 from mcnav.scenarios.soundness import Unsettled, check_repeatable, unsettled
@@ -86,6 +88,8 @@ class PreparedCampaign:
         def guard(engine: Engine) -> Engine:
             return _guarded(self.scenario, engine, self.timeout)
 
+        if isinstance(self.scenario, StochasticScenario):
+            return noise_corrections(self.engine, draws.errors, self.model.processes or {})
         with _scenario_errors(self.file):
             budget = simulated_budgets(
                 lambda probes: guard(self.scenario.engine(self.scenario.engines[0], probes)),
@@ -98,16 +102,26 @@ class PreparedCampaign:
 
         Nothing is stored when the engine has no histories.
         """
-        engine = _time_history_engine(self.engine)
-        if engine is None:
-            return
-        errors, outputs, first = self.draws.errors, self.scenario.outputs, self.draws.draw(0, STORED)
-        histories = engine.histories(first)
-        sums = read_power_sums(self.engine, folder.parts, parts) or engine.history_sums(first)
-        if sums.count < FEWEST_FOLLOWED:
-            return
-        partials, nominal = partials_throughout(engine, _sizes(self.scenario))
-        linear = nominal + partials @ errors.mean, partials @ errors.covariance @ partials.swapaxes(1, 2)
+        engine: StochasticEngine | TimeHistoryEngine | None
+        errors, outputs, first = self.draws.errors, self.scenario.outputs, self.draws.batch(0, STORED)
+        sums = read_power_sums(self.engine, len(outputs), folder.parts, parts)
+        if isinstance(self.engine, StochasticEngine):
+            engine, histories = self.engine, self.engine.simulate(first).history
+            if sums is None or histories is None or sums.count < FEWEST_FOLLOWED:
+                return
+            known = self.scenario.partials_history(len(engine.epochs.times))  # type: ignore[attr-defined]
+            partials, noise = known.partials, sum(known.processes.values(), np.zeros((1, len(outputs), len(outputs))))
+            linear = partials @ errors.mean, partials @ errors.covariance @ partials.swapaxes(1, 2) + noise
+        else:
+            engine = _time_history_engine(self.engine)
+            if engine is None:
+                return
+            histories = engine.histories(first.errors)
+            sums = sums or engine.history_sums(first.errors)
+            if sums.count < FEWEST_FOLLOWED:
+                return
+            partials, nominal = partials_throughout(engine, _sizes(self.scenario))
+            linear = nominal + partials @ errors.mean, partials @ errors.covariance @ partials.swapaxes(1, 2)
         folder.write(EPOCHS, parquet_bytes(epochs_table(engine.epochs, outputs, sums, linear, histories)))
         folder.write(HISTORIES, parquet_bytes(histories_table(engine.epochs, outputs, histories)))
 
@@ -171,7 +185,7 @@ def _scenario_errors(file: str) -> Iterator[None]:
 def _linear(scenario: Scenario, errors: ErrorModel, engine: Engine) -> ModelRecord:
     """Compute the linear model, at the end and, where it is known, throughout the flight."""
     linear = scenario.linear_model()
-    optional: dict[str, Any] = {}
+    optional: dict[str, Any] = {"processes": dict(linear.processes)} if linear.processes else {}
     time_history_engine = _time_history_engine(engine)
     if isinstance(scenario, HasPartialsHistory):
         optional["development"] = PartialsRecord(**asdict(scenario.partials_history(DEVELOPMENT_POINTS)))

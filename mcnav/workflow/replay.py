@@ -23,7 +23,7 @@ from mcnav.scenarios.failure import OK
 from mcnav.scenarios.protocol import History, Replayable, ScenarioError, SimulationResult
 from mcnav.store.inputs import INPUTS, changed_since
 from mcnav.store.manifest import Manifest
-from mcnav.store.parts import SampleSchema, part_name, samples_from, tracebacks_in, whole_part
+from mcnav.store.parts import part_name, samples_from, tracebacks_in, whole_part
 from mcnav.store.run_folder import CAMPAIGN, RunFolder
 from mcnav.store.summaries import KEPT, SUMMARY, summary_chunk
 
@@ -156,7 +156,7 @@ def _stored(
             raise RunFolderError(f"{path}: is damaged, or of another run; run the campaign again to mend it")
         return None, ""
     table = pq.read_table(path)
-    samples = samples_from(table, SampleSchema.of(manifest.model.sources, manifest.model.outputs))
+    samples = samples_from(table, manifest.sample_schema)
     rows, traceback = np.flatnonzero(samples.index == index), tracebacks_in(table).get(index, "")
     if len(rows) == 0:
         return None, traceback

@@ -35,7 +35,6 @@ from mcnav.store.manifest import (
     Manifest,
     RequirementRecord,
 )
-from mcnav.store.parts import SampleSchema
 from mcnav.store.provenance import commit
 from mcnav.store.run_folder import CAMPAIGN, RunFolder
 from mcnav.store.summaries import KEPT, SUMMARY
@@ -213,8 +212,7 @@ def _chunk_job(
     if manifest.store == SUMMARY:
         frame = normalization_of(linear_model(model), manifest.samples, manifest.sampling_design.block_length)
     digest = chunk_digest(manifest.identity, draws.design, draws.samples)
-    layout = SampleSchema.of(model.sources, model.outputs)
-    return ChunkJob(draws, system.engine, folder, digest, layout, system.timeout, frame, inputs=inputs)
+    return ChunkJob(draws, system.engine, folder, digest, manifest.sample_schema, system.timeout, frame, inputs=inputs)
 
 
 @contextmanager

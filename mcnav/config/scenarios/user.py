@@ -14,7 +14,7 @@ from typing import Any, Final
 from pydantic import ConfigDict
 
 from mcnav.config.context import FileContext
-from mcnav.config.input_files import OUTSIDE, is_inside, read_input_file, why_unreadable
+from mcnav.config.files import OUTSIDE, is_inside, read_file, why_unreadable
 from mcnav.config.scenarios.base import ScenarioSpec
 from mcnav.config.schema import Table
 from mcnav.errors import suggestion
@@ -92,9 +92,7 @@ def _read_settings(
             continue
         try:
             wanted = declared[key]
-            found[key] = (
-                read_input_file(entries[key], key, context) if wanted is Path else read_value(entries[key], wanted)
-            )
+            found[key] = read_file(entries[key], key, context) if wanted is Path else read_value(entries[key], wanted)
         except SettingError as wrong:
             entry = "" if wrong.entry is None else f" #{wrong.entry + 1}"
             context.problem(f"scenario.{key}{entry}", str(wrong))

@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.physics.jit import compiled, inlined
+from mcnav.physics.jit import compiled, inlined, uncontracted
 
 ZONALS: Final = 4
 """Harmonics J2, J4, J6, J8; the next would change gravity by 1e-13 of it."""
@@ -173,7 +173,7 @@ def geodetic(constants: Array, x: float, y: float, z: float) -> tuple[float, flo
     return latitude, np.arctan2(y, x), altitude
 
 
-@compiled
+@uncontracted
 def _gravitation_of(constants: Array, position: Array) -> Array:
     found = np.empty_like(position)
     for row in range(len(position)):

@@ -94,6 +94,14 @@ class Truth:
         """Compute latitude, longitude (rad) and altitude (m), shape (n, 3)."""
         return self.earth.to_geodetic(np.asarray(self.position(time)))
 
+    def angles(self, time: Array) -> Array:
+        """Compute heading, pitch and roll, rad, shape (n, 3)."""
+        from scipy.spatial.transform import Rotation
+
+        latitude, longitude, _ = self.geodetic(time).T
+        to_level = Rotation.from_matrix(local_axes(latitude, longitude)).inv() * self.attitude(time)
+        return np.asarray(to_level.as_euler("ZYX"))
+
     def states(self, time: Array, platform: Platform, start: float) -> TruthStates:
         """Compute the truth at some instants, shape (n,), with the instruments on a platform.
 

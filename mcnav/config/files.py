@@ -1,4 +1,4 @@
-"""Files that a campaign names: found beside the campaign file, or as the copy in the folder of an earlier run."""
+"""Files that a key of ``[scenario]`` names, and their copies in the folder of the run that read them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from mcnav.scenarios.inputs import InputFile, identify_file, safe_name
 from mcnav.scenarios.settings import SettingError, display
 
 FILE: Final = re.compile(r"[^\x00-\x1f\x7f]{1,200}")
-"""Path of a file in a campaign."""
+"""Path of a file in a setting."""
 
 OUTSIDE: Final = "the file must lie beside the campaign file, or in a folder beside it"
 
@@ -22,14 +22,8 @@ def is_inside(written: str) -> bool:
     return not (parts.is_absolute() or ".." in parts.parts or "\\" in written)
 
 
-def read_input_file(value: object, key: str, context: FileContext) -> InputFile:
-    """Identify the file of an entry; when a run is repeated and the file has changed, its copy in the run folder.
-
-    Raises
-    ------
-    SettingError
-        When there is no such file, it is not a regular one, or it has changed and there is no copy.
-    """
+def read_file(value: object, key: str, context: FileContext) -> InputFile:
+    """Identify the file of a setting; when a run is repeated and the file has changed, its copy in the run folder."""
     if not isinstance(value, str):
         raise SettingError(f"got {display(value)}; expected the path of a file in quotes")
     if not FILE.fullmatch(value) or not is_inside(value):
