@@ -41,6 +41,7 @@ DIMENSIONS: Final = {
     "m/s^2/sqrt(s)": Dimension("an acceleration random walk", "5 ug/sqrt(h)"),
     "rad/s/(m/s^2)": Dimension("an angular rate per acceleration", "1 deg/h/g"),
     "(m/s^2)/(m/s^2)^2": Dimension("an acceleration per acceleration squared", "10 ug/g^2"),
+    "1/s": Dimension("a frequency", "10 Hz"),
     "1": Dimension("a pure number", "100 ppm"),
 }
 """Named dimensions by SI unit."""

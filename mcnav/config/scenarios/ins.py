@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field
 
 from mcnav.config.context import FileContext
-from mcnav.config.files import read_file
 from mcnav.config.imu import read_imu
 from mcnav.config.scenarios.base import ScenarioSpec
 from mcnav.config.schema import AngularRate, Duration, GravitationalParameter, Length, Table
-from mcnav.config.trajectory_file import read_trajectory_file
+from mcnav.config.trajectories import read_trajectory
 from mcnav.physics.ins.earth import WGS84, Earth
 from mcnav.physics.ins.instruments import Imu
-from mcnav.physics.ins.rows import TrajectoryError
 from mcnav.scenarios.ins import Ins, Navigation
-from mcnav.scenarios.protocol import ScenarioError
-from mcnav.scenarios.settings import SettingError
 
 TRAJECTORY: Final = "trajectory"
 
@@ -36,7 +31,7 @@ class InsTable(Table):
     """``[scenario]`` of type ins."""
 
     type: Literal["ins"]
-    trajectory: str
+    trajectory: str | dict[str, Any]
     columns: dict[str, str] = Field(default_factory=dict)
     platform: Literal["strapdown", "inertial", "level"] = "strapdown"
     earth: Literal["wgs84"] | SphereTable = "wgs84"
@@ -56,24 +51,19 @@ def read_scenario(table: InsTable, entries: Mapping[str, Any], context: FileCont
     Raises
     ------
     ScenarioError
-        When the trajectory cannot be read, or navigation does not lie within it.
+        When navigation does not lie within the trajectory.
     """
     sizes = read_imu(context.content.get("imu", {}), context)
-    try:
-        file = read_file(table.trajectory, TRAJECTORY, context)
-    except SettingError as wrong:
-        raise ScenarioError(TRAJECTORY, str(wrong)) from None
-    earth = _read_earth(table.earth)
-    try:
-        truth = read_trajectory_file(Path(file.path), table.columns, earth).truth(earth)
-    except TrajectoryError as wrong:
-        place = f", {wrong.place}" if wrong.place else ""
-        raise ScenarioError(TRAJECTORY, f"{table.trajectory}{place}: {wrong}") from None
+    trajectory = read_trajectory(table.trajectory, _read_earth(table.earth), context, table.columns)
+    if trajectory is None:
+        return None
+    truth = trajectory.truth
     first, last = (float(time) for time in truth.times[[0, -1]])
     start = first if table.start is None else table.start
     end = last if table.end is None else table.end
     imu = Imu() if sizes is None else sizes.processes
     scenario = Ins(Navigation(truth, table.platform, start, end, imu))
     defaults = {"platform": table.platform, "earth": "wgs84", "start": f"{start!r} s", "end": f"{end!r} s"}
-    resolved = {**defaults, **entries, TRAJECTORY: f"inputs/{file.name}"}
-    return ScenarioSpec(scenario, resolved, inputs=(file,), sigmas={} if sizes is None else sizes.sigmas)
+    resolved = {**defaults, **entries, TRAJECTORY: trajectory.resolved}
+    inputs = () if trajectory.file is None else (trajectory.file,)
+    return ScenarioSpec(scenario, resolved, inputs=inputs, sigmas={} if sizes is None else sizes.sigmas)
