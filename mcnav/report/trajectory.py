@@ -102,8 +102,13 @@ def fact_rows(found: TrajectoryReport) -> list[dict[str, Any]]:
 
 def _texts(row: dict[str, Any]) -> tuple[str, str, str, str]:
     count = row["fact"] == "rows"
-    value = f"{row['value']:,.0f}" if count else number(row["value"], 6)
-    return row["fact"], value, row["unit"], "" if row["time"] is None else number(row["time"], 6)
+    value = f"{row['value']:,.0f}" if count else _plain(row["value"])
+    return row["fact"], value, row["unit"], "" if row["time"] is None else _plain(row["time"])
+
+
+def _plain(value: float) -> str:
+    """Format a number with six digits, without zeros at its end."""
+    return number(value, 6) if value != 0.0 and not 1e-4 <= abs(value) < 1e8 else f"{value:,.6g}".replace("-", "−")
 
 
 def lines(found: TrajectoryReport) -> RenderableType:
