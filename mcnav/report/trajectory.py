@@ -47,6 +47,9 @@ class TrajectoryReport:
     disagreement : Extreme, optional
         Largest difference of given velocities from the derivative of the positions, m/s.
     disagreement_rms : float, optional
+        The same, rms.
+    departure : float, optional
+        Largest distance of the file's positions from the spline, m.
     """
 
     name: str
@@ -62,6 +65,7 @@ class TrajectoryReport:
     history: History
     disagreement: Extreme | None = None
     disagreement_rms: float | None = None
+    departure: float | None = None
 
 
 def fact_rows(found: TrajectoryReport) -> list[dict[str, Any]]:
@@ -92,6 +96,8 @@ def fact_rows(found: TrajectoryReport) -> list[dict[str, Any]]:
         row("roughness of the force (rms)", found.roughness / STANDARD_GRAVITY, "g"),
         row("largest turn rate", math.degrees(found.turn_rate.value), "deg/s", found.turn_rate.time),
     ]
+    if found.departure is not None:
+        rows.append(row("largest distance of rows from the spline", found.departure, "m"))
     if found.disagreement is not None and found.disagreement_rms is not None:
         rows.append(row("disagreement of the velocities (rms)", found.disagreement_rms, "m/s"))
         rows.append(

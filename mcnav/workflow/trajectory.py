@@ -15,7 +15,7 @@ from mcnav.config.trajectory_file import read_trajectory_file
 from mcnav.constants import STANDARD_GRAVITY
 from mcnav.errors import CampaignError, Problem
 from mcnav.physics.ins.earth import WGS84
-from mcnav.physics.ins.rows import Disagreement, TrajectoryError, rows_from
+from mcnav.physics.ins.rows import TrajectoryError, TrajectoryRows, rows_from
 from mcnav.physics.ins.truth import Truth
 from mcnav.report.trajectory import Extreme, TrajectoryReport
 from mcnav.scenarios.ins import Ins
@@ -43,7 +43,7 @@ def describe_file(path: Path, columns: Mapping[str, str] | None = None) -> Traje
     except TrajectoryError as wrong:
         raise CampaignError([Problem(str(path), "", str(wrong))]) from None
     truth = rows.truth(WGS84)
-    return describe(path.name, truth, rows.disagreement(truth))
+    return describe(path.name, truth, rows)
 
 
 def describe_campaign(path: Path) -> TrajectoryReport:
@@ -59,31 +59,34 @@ def describe_campaign(path: Path) -> TrajectoryReport:
         message = "has no trajectory over the earth; expected a campaign of type ins, or a trajectory file"
         raise CampaignError([Problem(str(path), "scenario.type", message)])
     navigation = campaign.scenario.navigation
-    truth, disagreement, name = navigation.truth, None, campaign.name
+    truth, rows, name = navigation.truth, None, campaign.name
     for file in campaign.files:
         entries = load_file(path)["scenario"]
         entry = entries["trajectory"]
         columns = entry.get("columns") if isinstance(entry, dict) else entries.get("columns")
-        disagreement = read_trajectory_file(Path(file.path), columns, truth.earth).disagreement(truth)
+        rows = read_trajectory_file(Path(file.path), columns, truth.earth)
         name = f"{campaign.name}: {file.name}"
     events = {"start of navigation": navigation.start, "end of navigation": navigation.end}
     inside = {
         event: time for event, time in events.items() if not np.any(np.isclose(time, truth.times[[0, -1]], atol=1e-9))
     }
-    return describe(name, truth, disagreement, inside)
+    return describe(name, truth, rows, inside)
 
 
 def describe(
-    name: str, truth: Truth, disagreement: Disagreement | None = None, events: Mapping[str, float] | None = None
+    name: str, truth: Truth, rows: TrajectoryRows | None = None, events: Mapping[str, float] | None = None
 ) -> TrajectoryReport:
     """Describe a truth.
 
     Parameters
     ----------
+    rows : TrajectoryRows, optional
+        Rows of the file that it comes from.
     events : mapping of str to float
         Instants to mark, s.
     """
     begin, end = truth.times[[0, -1]]
+    disagreement = None if rows is None else rows.disagreement(truth)
     rows_only = len(truth.times) >= BETWEEN
     times = truth.times if rows_only else np.union1d(truth.times, np.linspace(begin, end, BETWEEN + 1))
     states = truth.states(times, "strapdown", float(begin))
@@ -107,6 +110,7 @@ def describe(
         turn_rate=Extreme(float(rate[fastest]), float(times[fastest])),
         roughness=float(np.sqrt(np.mean((rough**2).sum(axis=1)))),
         history=_history(truth, shown, dict(events or {})),
+        departure=None if rows is None else rows.departure(truth),
         disagreement=None if disagreement is None else Extreme(disagreement.largest, disagreement.time),
         disagreement_rms=None if disagreement is None else disagreement.rms,
     )

@@ -124,7 +124,7 @@ def _trajectory(folder: Path, _: Callable[[str], Path]) -> Path:
     start = Start(latitude=0.8, longitude=0.1, course=1.0)
     rows = fly_segments(start, [Hold(20.0), SpeedChange(80.0), Climb(500.0), Turn(3.0), Climb(-300.0)], 5.0, WGS84)
     truth = rows.truth(WGS84)
-    found = describe(NAME, truth, rows.disagreement(truth), {"start of navigation": 20.0})
+    found = describe(NAME, truth, rows, {"start of navigation": 20.0})
     (written,) = write_texts(folder, {"trajectory.html": trajectory_page(found)})
     return written
 
