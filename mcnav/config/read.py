@@ -111,6 +111,10 @@ def parse_campaign(
     for name in sigmas.keys() & distributions.keys():
         context.problem(f"errors.{name}", "is given in [imu] as well; keep one")
     distributions = {**{name: Normal(sigma) for name, sigma in sigmas.items()}, **distributions}
+    if described is not None and isinstance(described.scenario, Ins) and content.get("design") == "sobol":
+        context.problem(
+            "design", "got 'sobol'; a net has no place for noise, so choose 'random', 'antithetic' or 'lhs'"
+        )
     if "imu" in content and described is not None and not isinstance(described.scenario, Ins):
         context.problem("imu", "this scenario has no inertial measurement unit; leave it out")
     if table is None or sources is None:

@@ -25,7 +25,6 @@ from mcnav.physics.ins.mechanization import Diverged, Mechanization
 from mcnav.physics.ins.response import respond
 from mcnav.physics.ins.truth import Platform, Truth
 from mcnav.scenarios.failure import Failure, Reason
-from mcnav.scenarios.histories import with_errors
 from mcnav.scenarios.protocol import (
     Batch,
     Engine,
@@ -322,14 +321,6 @@ class Ins:
             steps = min(wanted, MOST_STEPS // 2)
             tables = finer if wanted == 2 * steps else navigation.tables(steps)
             coarse = flown(tables)
-
-    def replay(self, batch: Batch) -> History:
-        """Simulate one sample with its noise on the reference path: its navigation errors over the flight."""
-        found = ReferenceEngine(self.navigation).simulate(batch).history
-        times = self.navigation.epochs.times
-        if found is None or not np.isfinite(found).all():
-            return History()
-        return with_errors(History({HISTORY_TIME: times}), found[0], self.outputs)
 
     def history(self) -> History:
         """Tabulate track, altitude, speed, attitude, force and rate of the truth against time."""

@@ -340,9 +340,6 @@ class StochasticScenario(Scenario, Protocol):
     def processes(self) -> tuple[Output, ...]:
         """Processes of its noise, by name."""
 
-    def replay(self, batch: Batch) -> History:
-        """Simulate one sample with its noise on the reference path: its errors over the flight."""
-
 
 class ScenarioError(ValueError):
     """A scenario that cannot be flown as described; `key` names the entry that would have to change."""

@@ -84,12 +84,18 @@ class Variable(Record):
 
 
 class PartialsRecord(Record):
-    """Partial derivatives at many times; see `mcnav.scenarios.protocol.PartialsHistory`."""
+    """Partial derivatives at many times; see `mcnav.scenarios.protocol.PartialsHistory`.
+
+    Attributes
+    ----------
+    processes : mapping of str to ndarray, shape (n, outputs)
+        Variance that each process of noise has added.
+    """
 
     label: Words
     times: Vector
     partials: Matrices
-    processes: Mapping[str, Matrices] = {}
+    processes: Mapping[Words, Matrix] = {}
 
 
 class ModelRecord(Record):

@@ -148,7 +148,7 @@ def write_part(
     failed = np.array([row in failures for row in range(count)], dtype=bool)
     for name, values in zip(layout.outputs, outcomes.values.T, strict=True):
         columns[name] = arrow_array(values, failed)
-    if outcomes.linear_values is not None:
+    if layout.linear and outcomes.linear_values is not None:
         for name, values in zip(layout.linear, outcomes.linear_values.T, strict=True):
             columns[name] = arrow_array(values)
     table = pa.Table.from_arrays(list(columns.values()), names=list(columns))

@@ -188,7 +188,10 @@ def _linear(scenario: Scenario, errors: ErrorModel, engine: Engine) -> ModelReco
     optional: dict[str, Any] = {"processes": dict(linear.processes)} if linear.processes else {}
     time_history_engine = _time_history_engine(engine)
     if isinstance(scenario, HasPartialsHistory):
-        optional["development"] = PartialsRecord(**asdict(scenario.partials_history(DEVELOPMENT_POINTS)))
+        known = scenario.partials_history(DEVELOPMENT_POINTS)
+        variances = {name: np.diagonal(each, axis1=1, axis2=2) for name, each in known.processes.items()}
+        noise: dict[str, Any] = {"processes": variances} if variances else {}
+        optional["development"] = PartialsRecord(label=known.label, times=known.times, partials=known.partials, **noise)
     elif time_history_engine is not None:
         partials, _ = partials_throughout(time_history_engine, _sizes(scenario))
         epochs = time_history_engine.epochs

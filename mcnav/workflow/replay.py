@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
@@ -20,7 +21,16 @@ from mcnav.lincov.polynomial import PolynomialFitError
 from mcnav.lincov.polynomial_engine import prepare_engine
 from mcnav.report.replay import Outcome, Replay, files
 from mcnav.scenarios.failure import OK
-from mcnav.scenarios.protocol import History, Replayable, ScenarioError, SimulationResult
+from mcnav.scenarios.histories import with_errors
+from mcnav.scenarios.protocol import (
+    History,
+    Output,
+    Replayable,
+    ScenarioError,
+    SimulationResult,
+    StochasticEngine,
+    StochasticScenario,
+)
 from mcnav.store.inputs import INPUTS, changed_since
 from mcnav.store.manifest import Manifest
 from mcnav.store.parts import part_name, samples_from, tracebacks_in, whole_part
@@ -57,10 +67,11 @@ def replay(path: Path, index: int, campaign_file: Path | None = None) -> Replay:
         raise RunFolderError(f"{path}: has no sample {index}; they run from 0 to {campaign.samples - 1}")
     scenario, errors = campaign.scenario, campaign.errors
     draws = DrawPlan(errors, campaign.design, campaign.seed, campaign.samples)
-    sample = draws.draw(index, index + 1)
+    sample = draws.batch(index, index + 1)
     with threadpool_limits(1):
         try:
-            names = dict.fromkeys((engine_name, "reference" if "reference" in scenario.engines else engine_name))
+            others = () if isinstance(scenario, StochasticScenario) else ("reference",)  # it has noise of its own
+            names = dict.fromkeys((engine_name, *(name for name in others if name in scenario.engines)))
             engines = {
                 name: prepare_engine(scenario, name, draws.probes(), errors.mean, errors.standard_deviations)
                 for name in names
@@ -68,23 +79,34 @@ def replay(path: Path, index: int, campaign_file: Path | None = None) -> Replay:
             linear = scenario.linear_model()
             stored, traceback = _stored(folder, manifest, draws, index, engines[engine_name].chunk)
             outcomes = [] if stored is None else [stored]
+            predicted, history = linear.nominal + linear.partials @ sample.errors[0], History()
             for name, engine in engines.items():
-                again = IsolatedEngine(engine, len(scenario.outputs), campaign.sample_timeout).propagate(sample)
+                again = IsolatedEngine(engine, len(scenario.outputs), campaign.sample_timeout).simulate(sample)
+                if (
+                    isinstance(engine, StochasticEngine)
+                    and again.history is not None
+                    and again.linear_values is not None
+                ):
+                    predicted = again.linear_values[0]
+                    history = with_errors(
+                        History({engine.epochs.label: engine.epochs.times}), again.history[0], scenario.outputs
+                    )
                 outcomes.append(_outcome(f"again, {name}", again))
                 traceback = traceback or (again.failures[0].traceback if again.failures else "")
         except (ScenarioError, PolynomialFitError) as wrong:
             raise CampaignError([Problem(campaign.file, "scenario", str(wrong))]) from None
         finally:
             end_workers()
-        history = scenario.simulate_one(sample[0]) if isinstance(scenario, Replayable) else History()
+        if isinstance(scenario, Replayable):
+            history = scenario.simulate_one(sample.errors[0])
     return Replay(
         campaign=campaign.name,
         index=index,
         sources=scenario.sources,
         outputs=scenario.outputs,
-        errors=sample[0],
+        errors=sample.errors[0],
         sigmas=errors.standard_deviations,
-        linear=linear.nominal + linear.partials @ sample[0],
+        linear=predicted,
         outcomes=tuple(outcomes),
         traceback=traceback,
         history=history,
@@ -162,6 +184,13 @@ def _stored(
         return None, traceback
     row = int(rows[0])
     return Outcome(STORED, samples.outputs[row], samples.status[row]), traceback
+
+
+def _history(engine: StochasticEngine, again: SimulationResult, outputs: Sequence[Output]) -> History:
+    """Return the errors of one sample at the epochs; nothing of a sample that failed."""
+    if again.history is None or not np.isfinite(again.history).all():
+        return History()
+    return with_errors(History({engine.epochs.label: engine.epochs.times}), again.history[0], outputs)
 
 
 def _outcome(label: str, result: SimulationResult) -> Outcome:

@@ -432,10 +432,22 @@ def _run(
                     here[r, i] = 0.5 * (here[r, i] + there[r, i]) + 0.125 * h * change
             _bend(constants, places[2 * k + 1], fields[2 * k + 1], gradients[2 * k + 1], here, middle)
             _bend(constants, places[2 * k + 2], fields[2 * k + 2], gradients[2 * k + 2], there, last)
+            # Simpson's rule for the remainder, and for what its velocity and position change in gravity
+            for i in range(LANES):
+                for r in range(3):
+                    pushed = pulled = 0.0
+                    for c in range(3):
+                        gradient = gradients[2 * k + 1, r, c]
+                        pushed += gradient * (first[c, i] + middle[c, i])
+                        pulled += gradient * (2.0 * first[c, i] + middle[c, i])
+                    d[r, i] = moved[r, i] + h * (
+                        (first[r, i] + 4.0 * middle[r, i] + last[r, i]) / 6.0 + (h * h / 12.0) * pushed
+                    )
+                    d[3 + r, i] = moved[3 + r, i] + h * h * (
+                        (first[r, i] + 2.0 * middle[r, i]) / 6.0 + (h * h / 72.0) * pulled
+                    )
             for r in range(3):
                 for i in range(LANES):
-                    d[r, i] = moved[r, i] + (h / 6.0) * (first[r, i] + 4.0 * middle[r, i] + last[r, i])
-                    d[3 + r, i] = moved[3 + r, i] + (h * h / 6.0) * (first[r, i] + 2.0 * middle[r, i])
                     first[r, i] = last[r, i]
             for r in range(9):
                 for i in range(LANES):

@@ -103,10 +103,11 @@ class Mechanization:
     def readings(self) -> Readings:
         """What perfect instruments measure."""
         times = np.asarray(self.times, dtype=float)
-        if not self.start < self.end or np.any(np.diff(times) < 0.0) or times[0] < self.start or times[-1] > self.end:
+        within = np.all(np.diff(times, prepend=self.start, append=self.end) >= 0.0)
+        if not (self.start < self.end and len(times) and within):
             raise ValueError(
-                f"epochs must be in order from start to end; got {times[0]:g} to {times[-1]:g} s "
-                f"in a navigation from {self.start:g} to {self.end:g} s"
+                f"epochs must be in order from start to end, at least one; "
+                f"got {times} s in a navigation from {self.start:g} to {self.end:g} s"
             )
         steps = self._step_times()
         number = np.clip(np.searchsorted(steps, times, side="right") - 1, 0, len(steps) - 2)
@@ -154,6 +155,8 @@ class Mechanization:
         steps = len(self.step_times) - 1
         if errors.shape != (len(CONSTANTS),):
             raise ValueError(f"errors must have shape ({len(CONSTANTS)},), one for each constant; got {errors.shape}")
+        if not np.all(np.isfinite(errors)):
+            raise Diverged("the sample has errors that are not finite")
         noises = [np.zeros((steps, 3)) if each is None else each for each in (gyro_noise, accelerometer_noise)]
         for each in noises:
             if each.shape != (steps, 3):
@@ -190,8 +193,6 @@ class Mechanization:
         if not abs(latitude + errors[0] / (meridian + altitude)) < 0.5 * np.pi:
             raise Diverged("the indicated position is beyond a pole at the start")
         indicated = indicated_state(self.truth.earth, first, errors[None])
-        if not np.all(np.isfinite(indicated.position)) or not np.all(np.isfinite(indicated.axes)):
-            raise Diverged("the indicated state is not finite at the start")
         turn = Rotation.from_matrix(indicated.axes[0]).as_quat()
         return np.concatenate([turn[3:], turn[:3], indicated.velocity[0], indicated.position[0]])
 

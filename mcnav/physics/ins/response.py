@@ -21,7 +21,7 @@ import numpy as np
 from mcnav._types import Array, IndexArray
 from mcnav.physics.ins.instruments import CROSS_AXES, Imu
 from mcnav.physics.ins.truth import Platform, Truth
-from mcnav.physics.jit import compiled
+from mcnav.physics.jit import compiled, inlined
 
 LONGEST_INTERVAL: Final = 0.25
 """Longest interval of the quadrature, s: a rate of 1 rad/s leaves an error of 1e-6."""
@@ -116,13 +116,35 @@ def respond(truth: Truth, platform: Platform, times: Array, imu: Imu) -> StepRes
     return StepResponses(times, *found)
 
 
-@compiled
-def _add_products(total: Array, vector: Array, weight: float) -> None:
-    """Add a weighted outer product."""
-    for i in range(len(vector)):
+@inlined
+def _add_products(total: Array, vector: Array, weight: float, size: int) -> None:
+    """Add a weighted outer product to the lower triangle."""
+    for i in range(size):
         scaled = weight * vector[i]
-        for j in range(len(vector)):
+        for j in range(i + 1):
             total[i, j] += scaled * vector[j]
+
+
+@inlined
+def _fill_upper(total: Array) -> None:
+    """Complete symmetric matrices, shape (3, d, d), from their lower triangles."""
+    for a in range(3):
+        for i in range(total.shape[1]):
+            for j in range(i):
+                total[a, j, i] = total[a, i, j]
+
+
+@inlined
+def _advance_motion(of_v: Array, of_x: Array, gradient: Array, s: float, out_v: Array, out_x: Array) -> None:
+    """Take the responses to v and to x back by a time s, in which the gravity gradient is constant (to order s^3)."""
+    for r in range(6):
+        for c in range(3):
+            pulled = pushed = 0.0
+            for m in range(3):
+                pulled += of_v[r, m] * gradient[m, c]
+                pushed += of_x[r, m] * gradient[m, c]
+            out_v[r, c] = of_v[r, c] + s * (of_x[r, c] + s * (0.5 * pulled + s * (pushed / 6.0)))
+            out_x[r, c] = of_x[r, c] + s * (pulled + 0.5 * s * pushed)
 
 
 @compiled
@@ -133,97 +155,116 @@ def _respond(
     gyro_white: Array, accelerometer_white: Array, gyro_driven: Array, gyro_walked: Array, accelerometer_driven: Array,
     accelerometer_walked: Array,
 ) -> None:  # fmt: skip
-    later = np.array([1.0 - _NODE, _NODE])  # from a node to the end of the interval, as a share
-    ahead = np.array([[0.25, 0.25 + np.sqrt(3.0) / 6.0], [0.25 - np.sqrt(3.0) / 6.0, 0.25]])  # integrals to the end
-    along = np.empty((2, 6, 3))  # response to v at the nodes
-    turning = np.empty((2, 6, 3))  # response to psi changing there, for a constant psi
+    later = (1.0 - _NODE, _NODE)  # from a node to the end of the interval, as a share
+    root = np.sqrt(3.0) / 6.0
+    ahead = ((0.25, 0.25 + root), (0.25 - root, 0.25))  # integrals from a node to the end
+    along, turning = np.empty((2, 6, 3)), np.empty((2, 6, 3))  # responses to v at the nodes; to psi changing there
     to_gyro, to_accelerometer = np.empty((2, 3, 9)), np.empty((2, 3, 6))
-    identity = np.eye(3)
-    tilted = np.empty((6, 3))
-    gyro_node, accelerometer_node = np.empty(10), np.empty(7)
+    of_psi, of_v, of_x, unused = np.empty((6, 3)), np.empty((6, 3)), np.empty((6, 3)), np.empty((6, 3))
+    inertial, node = np.empty(3), np.empty(10)
     for k in range(len(begins) - 1):
-        of_psi, of_v, of_x = np.zeros((6, 3)), np.zeros((6, 3)), np.zeros((6, 3))
-        of_v[:3] = identity
-        of_x[3:] = identity
+        of_psi[:], of_v[:], of_x[:] = 0.0, 0.0, 0.0
+        for r in range(3):
+            of_v[r, r] = of_x[3 + r, r] = 1.0
         remaining = 0.0  # from the end of the interval to that of the step
         for j in range(begins[k + 1] - 1, begins[k] - 1, -1):
             h, gradient = lengths[j], gradients[j]
             weight = 0.5 * h
-            through_gradient = of_x @ gradient
             for i in range(2):
-                s = later[i] * h
-                along[i] = of_v + s * of_x + (0.5 * s * s) * (of_v @ gradient) + (s**3 / 6.0) * through_gradient
-                inertial = axes[j, i] @ forces[j, i]
+                _advance_motion(of_v, of_x, gradient, later[i] * h, along[i], unused)
+                for r in range(3):
+                    inertial[r] = 0.0
+                    for m in range(3):
+                        inertial[r] += axes[j, i, r, m] * forces[j, i, m]
                 for r in range(6):
-                    a, b, c = along[i, r]
-                    turning[i, r, 0] = inertial[1] * c - inertial[2] * b
-                    turning[i, r, 1] = inertial[2] * a - inertial[0] * c
-                    turning[i, r, 2] = inertial[0] * b - inertial[1] * a
+                    x, y, z = along[i, r, 0], along[i, r, 1], along[i, r, 2]
+                    turning[i, r, 0] = inertial[1] * z - inertial[2] * y
+                    turning[i, r, 1] = inertial[2] * x - inertial[0] * z
+                    turning[i, r, 2] = inertial[0] * y - inertial[1] * x
                     for m in range(3):
                         for n in range(3):
                             force[k, r, m, n] += weight * along[i, r, m] * inertial[n]
             for i in range(2):
-                tilted[:] = of_psi + h * (ahead[i, 0] * turning[0] + ahead[i, 1] * turning[1])
                 for a in range(3):
-                    direction = axes[j, i, :, a].copy()
-                    to_gyro[i, a, :3] = direction
-                    to_gyro[i, a, 3:] = tilted @ direction
-                    to_accelerometer[i, a] = along[i] @ direction
+                    for r in range(3):
+                        to_gyro[i, a, r] = axes[j, i, r, a]
+                    for r in range(6):
+                        total, pushed = 0.0, 0.0
+                        for m in range(3):
+                            turn = of_psi[r, m] + h * (ahead[i][0] * turning[0, r, m] + ahead[i][1] * turning[1, r, m])
+                            total += turn * axes[j, i, m, a]
+                            pushed += along[i, r, m] * axes[j, i, m, a]
+                        to_gyro[i, a, 3 + r] = total
+                        to_accelerometer[i, a, r] = pushed
             for i in range(2):
                 for a in range(3):
-                    of_gyro, of_accelerometer = to_gyro[i, a], to_accelerometer[i, a]
                     f, w = forces[j, i, a], rates[j, i, a]
-                    gyro[k, a] += weight * of_gyro
-                    gyro[k, 3 + a] += (weight * w) * of_gyro
-                    gyro[k, 12 + a] += (weight * f) * of_gyro
-                    accelerometer[k, a] += weight * of_accelerometer
-                    accelerometer[k, 3 + a] += (weight * f) * of_accelerometer
-                    accelerometer[k, 12 + a] += (weight * f * f) * of_accelerometer
-                    _add_products(gyro_white[k, a], of_gyro, weight)
-                    _add_products(accelerometer_white[k, a], of_accelerometer, weight)
+                    for r in range(9):
+                        size = weight * to_gyro[i, a, r]
+                        gyro[k, a, r] += size
+                        gyro[k, 3 + a, r] += w * size
+                        gyro[k, 12 + a, r] += f * size
+                    for r in range(6):
+                        size = weight * to_accelerometer[i, a, r]
+                        accelerometer[k, a, r] += size
+                        accelerometer[k, 3 + a, r] += f * size
+                        accelerometer[k, 12 + a, r] += f * f * size
+                    _add_products(gyro_white[k, a], to_gyro[i, a], weight, 9)
+                    _add_products(accelerometer_white[k, a], to_accelerometer[i, a], weight, 6)
                 for p in range(6):
-                    gyro[k, 6 + p] += (weight * rates[j, i, column[p]]) * to_gyro[i, row[p]]
-                    accelerometer[k, 6 + p] += (weight * forces[j, i, column[p]]) * to_accelerometer[i, row[p]]
+                    w, f = weight * rates[j, i, column[p]], weight * forces[j, i, column[p]]
+                    for r in range(9):
+                        gyro[k, 6 + p, r] += w * to_gyro[i, row[p], r]
+                    for r in range(6):
+                        accelerometer[k, 6 + p, r] += f * to_accelerometer[i, row[p], r]
             for a in range(3):
-                for i in range(2):
-                    s = later[i] * h
-                    decay = np.exp(-s / correlation[0, a])
-                    gyro_node[:9] = decay * gyro_state[k, a]
-                    for other in range(2):
-                        share = h * ahead[i, other] * np.exp((later[other] * h - s) / correlation[0, a])
-                        gyro_node[:9] += share * to_gyro[other, a]
-                    gyro_node[9] = np.exp(-(remaining + s) / correlation[0, a])
-                    _add_products(gyro_driven[k, a], gyro_node, weight)
-                    gyro_node[:9] = gyro_walk[k, a] + h * (ahead[i, 0] * to_gyro[0, a] + ahead[i, 1] * to_gyro[1, a])
-                    gyro_node[9] = 1.0
-                    _add_products(gyro_walked[k, a], gyro_node, weight)
-                    decay = np.exp(-s / correlation[1, a])
-                    accelerometer_node[:6] = decay * accelerometer_state[k, a]
-                    for other in range(2):
-                        share = h * ahead[i, other] * np.exp((later[other] * h - s) / correlation[1, a])
-                        accelerometer_node[:6] += share * to_accelerometer[other, a]
-                    accelerometer_node[6] = np.exp(-(remaining + s) / correlation[1, a])
-                    _add_products(accelerometer_driven[k, a], accelerometer_node, weight)
-                    accelerometer_node[:6] = accelerometer_walk[k, a] + h * (
-                        ahead[i, 0] * to_accelerometer[0, a] + ahead[i, 1] * to_accelerometer[1, a]
-                    )
-                    accelerometer_node[6] = 1.0
-                    _add_products(accelerometer_walked[k, a], accelerometer_node, weight)
-                # to the beginning of the interval
-                gyro_state[k, a] *= np.exp(-h / correlation[0, a])
-                accelerometer_state[k, a] *= np.exp(-h / correlation[1, a])
-                for i in range(2):
-                    early = (1.0 - later[i]) * h
-                    gyro_state[k, a] += weight * np.exp(-early / correlation[0, a]) * to_gyro[i, a]
-                    accelerometer_state[k, a] += weight * np.exp(-early / correlation[1, a]) * to_accelerometer[i, a]
-                    gyro_walk[k, a] += weight * to_gyro[i, a]
-                    accelerometer_walk[k, a] += weight * to_accelerometer[i, a]
-            of_psi += weight * (turning[0] + turning[1])
-            half = 0.5 * h * h
-            before = of_v + h * of_x + half * (of_v @ gradient) + (h**3 / 6.0) * through_gradient
-            of_x = of_x + h * (of_v @ gradient) + half * through_gradient
-            of_v = before
+                _drive(
+                    gyro_state[k, a], gyro_walk[k, a], gyro_driven[k, a], gyro_walked[k, a], to_gyro[0, a],
+                    to_gyro[1, a], node, 9, h, remaining, correlation[0, a],
+                )  # fmt: skip
+                _drive(
+                    accelerometer_state[k, a], accelerometer_walk[k, a], accelerometer_driven[k, a],
+                    accelerometer_walked[k, a], to_accelerometer[0, a], to_accelerometer[1, a], node, 6, h, remaining,
+                    correlation[1, a],
+                )  # fmt: skip
+            for r in range(6):
+                for m in range(3):
+                    of_psi[r, m] += weight * (turning[0, r, m] + turning[1, r, m])
+                    along[0, r, m], along[1, r, m] = of_v[r, m], of_x[r, m]
+            _advance_motion(along[0], along[1], gradient, h, of_v, of_x)
             remaining += h
         attitude[k] = of_psi
         motion[k, :, :3] = of_v
         motion[k, :, 3:] = of_x
+        for covariance in (gyro_white[k], accelerometer_white[k], gyro_driven[k], gyro_walked[k],
+                           accelerometer_driven[k], accelerometer_walked[k]):  # fmt: skip
+            _fill_upper(covariance)
+
+
+@compiled
+def _drive(
+    state: Array, walk: Array, driven: Array, walked: Array, first: Array, second: Array, node: Array, size: int,
+    h: float, remaining: float, correlation: float,
+) -> None:  # fmt: skip
+    """Take the responses to a Gauss-Markov bias and to a random walk back by one interval, with their noise."""
+    root = np.sqrt(3.0) / 6.0
+    weight = 0.5 * h
+    between = np.exp(-2.0 * root * h / correlation)  # decay from the first node to the second
+    to_end = (np.exp(-(0.5 + root) * h / correlation), np.exp(-(0.5 - root) * h / correlation))
+    whole = np.exp(-remaining / correlation)
+    for i in range(2):
+        one, other = (0.25, 0.25 + root) if i == 0 else (0.25 - root, 0.25)
+        early, late = (1.0, between) if i == 0 else (1.0 / between, 1.0)
+        for r in range(size):
+            node[r] = to_end[i] * state[r] + h * (one * early * first[r] + other * late * second[r])
+        node[size] = whole * to_end[i]
+        _add_products(driven, node, weight, size + 1)
+        for r in range(size):
+            node[r] = walk[r] + h * (one * first[r] + other * second[r])
+        node[size] = 1.0
+        _add_products(walked, node, weight, size + 1)
+    from_start = (np.exp(-(0.5 - root) * h / correlation), np.exp(-(0.5 + root) * h / correlation))
+    all_of_it = np.exp(-h / correlation)
+    for r in range(size):
+        state[r] = all_of_it * state[r] + weight * (from_start[0] * first[r] + from_start[1] * second[r])
+        walk[r] += weight * (first[r] + second[r])
