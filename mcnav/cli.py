@@ -498,6 +498,42 @@ def check_scenario(campaign: CampaignFile) -> None:
 
 
 @app.command()
+def trajectory(
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="Trajectory file (CSV or parquet), or a campaign of type ins (TOML).")
+    ],
+    page: Annotated[Path | None, typer.Option("--out", help="Also write figures as an HTML page.")] = None,
+    column: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=COLUMN", help="Column of a trajectory file, such as 'lat=latitude [rad]'; repeat."),
+    ] = None,
+    form: FormatOption = Format.TABLE,
+) -> None:
+    """Check and describe a trajectory: rows, ranges, largest force and turn rate, agreement of the velocities."""
+    with _reported_errors(file):
+        from mcnav.files import write_texts
+        from mcnav.report import trajectory as described
+        from mcnav.workflow.trajectory import describe_campaign, describe_file
+
+        columns = dict[str, str]()
+        for each in column or []:
+            name, equals, written = each.partition("=")
+            if not equals:
+                raise _fail(f"--column: got {each!r}; expected NAME=COLUMN such as 'lat=latitude [rad]'", BAD_INPUT)
+            columns[name.strip()] = written.strip()
+        if file.suffix == ".toml" and columns:
+            raise _fail("--column: belongs to a trajectory file; the campaign names its columns itself", BAD_INPUT)
+        found = describe_campaign(file) if file.suffix == ".toml" else describe_file(file, columns)
+        if form is not Format.TABLE:
+            rows = described.fact_rows(found)
+            _export(form, rows, {"trajectory": rows})
+        else:
+            out.print(described.lines(found))
+        if page is not None:
+            _print_written(write_texts(page.parent, {page.name: described.page(found)}))
+
+
+@app.command()
 def imu(
     name: Annotated[
         str | None,

@@ -20,7 +20,8 @@ from mcnav._types import Array
 from mcnav.errors import suggestion
 from mcnav.files import numbers_in, read_whole
 from mcnav.physics.ins.earth import WGS84, Earth
-from mcnav.physics.ins.rows import ANGLES, COLUMNS, VELOCITY, TrajectoryError, TrajectoryRows, check_rows
+from mcnav.physics.ins.rows import ANGLES, COLUMNS, POSITION, VELOCITY, TrajectoryError, TrajectoryRows, check_rows
+from mcnav.physics.ins.smoothing import last_decimal
 from mcnav.units import UnitError, printable, quantity
 
 if TYPE_CHECKING:
@@ -103,10 +104,22 @@ def _why_unreadable(path: Path, failure: OSError) -> str:
     return f"cannot be read: {failure.strerror or failure}"
 
 
-def _rows_of(values: Mapping[str, Array]) -> TrajectoryRows:
+@dataclass(frozen=True)
+class Table:
+    """Columns of a file in SI units and rad by their names, and the unit of their last decimal where that is known."""
+
+    values: Mapping[str, Array]
+    resolution: Mapping[str, float]
+
+
+def _rows_of(table: Table) -> TrajectoryRows:
+    values = table.values
     velocity = np.stack([values[name] for name in VELOCITY], axis=1) if VELOCITY[0] in values else None
     angles = np.stack([values[name] for name in ANGLES], axis=1)
-    return TrajectoryRows(values["time"], values["lat"], values["lon"], values["alt"], angles, velocity)
+    latitude, longitude, altitude = (table.resolution[name] for name in POSITION)
+    # many decimals of one angle say that the positions were not rounded
+    resolution = (latitude, longitude, altitude) if latitude > 0.0 and longitude > 0.0 else (0.0, 0.0, 0.0)
+    return TrajectoryRows(values["time"], values["lat"], values["lon"], values["alt"], angles, velocity, resolution)
 
 
 def _check_size(rows: int) -> None:
@@ -167,7 +180,7 @@ def _name_and_unit(written: str) -> tuple[str, str]:
     return (name.strip(), unit[:-1].strip()) if bracket and unit.endswith("]") else (written.strip(), "")
 
 
-def _read_csv(content: bytes, columns: Mapping[str, str]) -> dict[str, Array]:
+def _read_csv(content: bytes, columns: Mapping[str, str]) -> Table:
     _check_size(content.count(b"\n"))
     start = len(content) - len(content.lstrip(b"\r\n"))
     line = content[start:].partition(b"\n")[0] if start else content.partition(b"\n")[0]
@@ -193,11 +206,14 @@ def _read_csv(content: bytes, columns: Mapping[str, str]) -> dict[str, Array]:
     if not body.strip():
         raise TrajectoryError("has a header and no rows")
     table = _parse(body, len(header), delimiter, found.values())
-    return {name: _converted(numbers_in(table[number]), column) for number, (name, column) in enumerate(found.items())}
+    values = {name: np.asarray(numbers_in(table[number]), dtype=float) for number, name in enumerate(found)}
+    return _converted(values, found)
 
 
-def _converted(values: Array, column: Column) -> Array:
-    return np.asarray(values, dtype=float) * column.factor
+def _converted(values: Mapping[str, Array], columns: Mapping[str, Column]) -> Table:
+    """Convert columns to SI units and rad."""
+    converted = {name: values[name] * columns[name].factor for name in values}
+    return Table(converted, {name: last_decimal(values[name]) * columns[name].factor for name in POSITION})
 
 
 def _is_number(text: str) -> bool:
@@ -259,7 +275,7 @@ def _uneven(body: bytes, width: int, delimiter: str, reason: str) -> TrajectoryE
     return TrajectoryError(f"is no table of numbers: {printable(reason.splitlines()[0], 200)}")
 
 
-def _read_parquet(content: bytes, columns: Mapping[str, str]) -> dict[str, Array]:
+def _read_parquet(content: bytes, columns: Mapping[str, str]) -> Table:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -276,7 +292,7 @@ def _read_parquet(content: bytes, columns: Mapping[str, str]) -> dict[str, Array
             raise TrajectoryError(f"holds {kind}; expected numbers", column=column.written)
     try:
         table = file.read(columns=[column.written for column in found.values()])
-        return {name: _converted(_floats(table[column.written]), column) for name, column in found.items()}
+        return _converted({name: _floats(table[column.written]) for name, column in found.items()}, found)
     except (OSError, ValueError, pa.ArrowException) as failure:
         raise TrajectoryError(f"is no parquet file that can be read: {_reason(failure)}") from None
 

@@ -5,7 +5,7 @@ Rows are counted from one, without the header.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from mcnav._types import Array
 from mcnav.constants import STANDARD_GRAVITY
 from mcnav.physics.ins.earth import Earth, local_axes
+from mcnav.physics.ins.smoothing import is_rough, spline_within
 from mcnav.physics.ins.truth import Truth
 
 FEWEST_ROWS: Final = 4
@@ -51,6 +52,9 @@ fifty times the median departure if that is more."""
 
 MOVING: Final = 1.0
 """Speed, m/s, above which the direction and size of a velocity say something about units."""
+
+SMALLEST_TOLERANCE: Final = 1e-6
+"""Distance, m, within which a spline that does not interpolate keeps in any case."""
 
 PER_RADIAN: Final = float(np.degrees(1.0))
 
@@ -113,6 +117,8 @@ class TrajectoryRows:
         Heading, pitch, roll: successive rotations about down, right, forward.
     velocity : ndarray, shape (n, 3), optional
         North, east, down, over the earth. The truth is the derivative of the positions; these are only compared.
+    resolution : (float, float, float)
+        Unit of the last decimal of latitude and longitude (rad) and altitude (m); zero where positions are exact.
     """
 
     time: Array
@@ -121,13 +127,28 @@ class TrajectoryRows:
     altitude: Array
     angles: Array
     velocity: Array | None = None
+    resolution: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __len__(self) -> int:
         return len(self.time)
 
     def truth(self, earth: Earth) -> Truth:
-        """Interpolate the rows."""
-        return Truth.through(earth, self.time, self.latitude, self.longitude, self.altitude, self.angles)
+        """Interpolate the rows; where the decimals of their positions are too few, within their last decimal."""
+        truth = Truth.through(earth, self.time, self.latitude, self.longitude, self.altitude, self.angles)
+        meridian, prime = earth.curvature_radii(self.latitude[:1])
+        north, east, down = self.resolution
+        level = float(prime[0] * np.cos(self.latitude[0]))
+        tolerance = np.maximum([north * float(meridian[0]), east * level, down], SMALLEST_TOLERANCE)
+        if not is_rough(self.time, tolerance):
+            return truth
+        position = earth.from_geodetic(self.latitude, self.longitude, self.altitude)
+        spline = spline_within(self.time, position, local_axes(self.latitude, self.longitude), tolerance)
+        return truth if spline is None else replace(truth, position=spline)
+
+    def departure(self, truth: Truth) -> float:
+        """Return the largest distance of the positions from a truth, m."""
+        position = truth.earth.from_geodetic(self.latitude, self.longitude, self.altitude)
+        return float(np.max(np.linalg.norm(position - truth.earth_fixed(self.time)[0], axis=1)))
 
     def disagreement(self, truth: Truth) -> Disagreement | None:
         """Compare the given velocities with the derivative of the positions; None without velocities."""
