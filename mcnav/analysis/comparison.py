@@ -29,7 +29,7 @@ from mcnav.lincov.block_sums import BlockSums, Normalization, block_size
 from mcnav.lincov.covariance import propagated_covariance
 from mcnav.sampling.designs import SamplingDesign
 from mcnav.statistics.estimates import Estimate, block_begins, summed_mean
-from mcnav.statistics.interim_analyses import confidence_of_each
+from mcnav.statistics.interim_sizes import confidence_of_each
 from mcnav.statistics.power import detectable_ratio, samples_to_detect
 from mcnav.statistics.whitening import Whitening, whitening
 
@@ -86,7 +86,7 @@ class Model:
 class Criterion:
     """Tolerance on sigma ratios, and confidence of all verdicts together.
 
-    ``looks`` is the number of interim analyses (`mcnav.statistics.interim_analyses`).
+    ``looks`` is the number of interim analyses (`mcnav.statistics.interim_sizes`).
     """
 
     tolerance: float = 0.05

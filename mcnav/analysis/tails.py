@@ -15,7 +15,7 @@ from mcnav.analysis.comparison import Criterion, Model
 from mcnav.analysis.requirements import absolute_normal_quantile, independent_samples
 from mcnav.analysis.verdict import Verdict, judge
 from mcnav.statistics.circular_error import normal_circular_error_probable
-from mcnav.statistics.interim_analyses import confidence_of_each
+from mcnav.statistics.interim_sizes import confidence_of_each
 from mcnav.statistics.order_statistics import lower_rank, upper_rank
 
 PROBABILITIES: Final = (0.95, 0.99, 0.9973)

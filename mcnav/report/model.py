@@ -12,10 +12,10 @@ import numpy as np
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.budget import ErrorBudget
 from mcnav.analysis.comparison import Comparison, Criterion, Model
-from mcnav.analysis.convergence import Convergence
 from mcnav.analysis.envelopes import Envelopes, envelopes_from
 from mcnav.analysis.failed_samples import FailureBias
 from mcnav.analysis.requirements import RequirementResult
+from mcnav.analysis.running_ratios import Convergence
 from mcnav.analysis.tails import Quantile
 from mcnav.analysis.variance_breakdown import VarianceBreakdown
 from mcnav.report.summary import summarise

@@ -17,9 +17,9 @@ from mcnav.analysis.comparison import (
     reduce_stored,
     reduce_summary,
 )
-from mcnav.analysis.convergence import convergence
 from mcnav.analysis.failed_samples import failure_bias
 from mcnav.analysis.requirements import judge_requirement, requirements_from
+from mcnav.analysis.running_ratios import convergence
 from mcnav.analysis.tails import tails
 from mcnav.analysis.variance_breakdown import predicted_from, split_difference
 from mcnav.errors import RunFolderError, reading_file

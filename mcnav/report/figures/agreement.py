@@ -8,7 +8,7 @@ import numpy as np
 from scipy import special
 
 from mcnav._types import Array, IndexArray
-from mcnav.analysis.convergence import Convergence, RunningRatio
+from mcnav.analysis.running_ratios import Convergence, RunningRatio
 from mcnav.report.figures.figure import HALF, Figure
 from mcnav.report.figures.marks import Axis, Band, Interval, Line, Mark, Panel, Points, Rule, Series, Span, Steps, Text
 from mcnav.report.figures.palette import AREA, BAND, FLOWN, LINEAR, MUTED
