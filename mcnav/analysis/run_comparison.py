@@ -15,7 +15,7 @@ import numpy as np
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import Model
 from mcnav.sampling.designs import SamplingDesign
-from mcnav.statistics.estimates import Estimate, blocked_mean
+from mcnav.statistics.estimates import Estimate, blocked_mean, paired_squares
 
 
 @dataclass(frozen=True)
@@ -103,10 +103,8 @@ def _controlled(samples: SampleSet, i: int) -> tuple[Array, Array, float, float]
     """Return squares and deviations of simulated less linear errors, and the variance and mean that they correct."""
     model, simulated = samples.model, samples.outputs[:, i]
     linear = model.nominal[i] + samples.errors @ model.partials[i]
-    count = len(simulated)
-    unbiased = count / max(count - 1.0, 1.0)
-    square = unbiased * ((simulated - simulated.mean()) ** 2 - (linear - linear.mean()) ** 2)
-    return square, simulated - linear, float(model.outcome_covariance[i, i]), float(model.outcome_mean[i])
+    variance, mean = float(model.outcome_covariance[i, i]), float(model.outcome_mean[i])
+    return paired_squares(simulated, linear), simulated - linear, variance, mean
 
 
 def _difference(before: SampleSet, after: SampleSet, values: list[Array], common: bool) -> Estimate:

@@ -34,12 +34,7 @@ def partials_by(scenario: Scenario, method: str) -> Array:
 
 
 def compare_partials(scenario: Scenario, methods: Sequence[str]) -> tuple[Array, dict[str, Array]]:
-    """Compute partial derivatives by the first of some methods, and the differences of the others from them.
-
-    Parameters
-    ----------
-    methods : sequence of str
-        Elements of `METHODS`.
+    """Compute partial derivatives by the first of some of `METHODS`, and the differences of the others from them.
 
     Returns
     -------

@@ -51,12 +51,7 @@ class PolynomialEngine:
 def fit_polynomial_engine(
     exact: Engine, mean: Array, standard_deviations: Array, tolerance: float = TOLERANCE
 ) -> PolynomialEngine:
-    """Fit a polynomial engine to an exact engine.
-
-    Parameters
-    ----------
-    mean, standard_deviations : ndarray, shape (sources,)
-        Those of the errors to be simulated, SI.
+    """Fit a polynomial engine to an exact engine, for errors of given means and standard deviations, SI.
 
     Raises
     ------
@@ -82,11 +77,7 @@ def engine_names(scenario: Scenario) -> tuple[str, ...]:
 def prepare_engine(scenario: Scenario, engine: str, probes: Array, mean: Array, standard_deviations: Array) -> Engine:
     """Prepare one of `engine_names` for errors of given means and standard deviations, shape (sources,), SI.
 
-    Parameters
-    ----------
-    probes : ndarray, shape (n, sources)
-        See `mcnav.scenarios.protocol.Scenario.engine`.
-    mean, standard_deviations : ndarray, shape (sources,)
+    For the probes see `mcnav.scenarios.protocol.Scenario.engine`.
 
     Raises
     ------

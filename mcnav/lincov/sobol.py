@@ -34,11 +34,6 @@ class _Quantile:
 def estimate_sobol_indices(propagate: Propagate, errors: ErrorModel, seed: int) -> dict[str, Any]:
     """Estimate first-order and total Sobol indices of every output (Saltelli et al., 2010; Jansen's total index).
 
-    Parameters
-    ----------
-    errors : ErrorModel
-        Errors of independent sources.
-
     Returns
     -------
     dict

@@ -92,12 +92,10 @@ def study_start_times(
     schedule: ErrorSchedule | None = None,
     weights: Array | None = None,
 ) -> StartTimeStudy:
-    """Compute partial derivatives and dispersion for evenly spaced start times.
+    """Compute partial derivatives and dispersion for evenly spaced start times, for the stated errors' covariance.
 
     Parameters
     ----------
-    start_covariance : ndarray, shape (sources, sources)
-        Of the stated errors.
     axes : str
         ``start``: reference axes aligned at each start time; ``trajectory``: those of the first point throughout.
     schedule : ErrorSchedule, optional

@@ -14,16 +14,8 @@ def unscented_covariance(propagate: Propagate, mean: Array, covariance: Array) -
 
     Sigma points at ``sqrt(n)`` standard deviations (alpha 1, beta 2, kappa 0) over the sources that have a dispersion,
     in units of their standard deviations. The mean is right to second order. The covariance is exact for a linear
-    system; quadratic terms enter with up to n/2 times their share, a conservative error.
-
-    Parameters
-    ----------
-    mean, covariance : ndarray, shapes (sources,) and (sources, sources)
-        Of the start errors, SI.
-
-    Returns
-    -------
-    mean, covariance : ndarray, shapes (outputs,) and (outputs, outputs)
+    system; quadratic terms enter with up to n/2 times their share, a conservative error. Means have shape (sources,)
+    and (outputs,), covariances (sources, sources) and (outputs, outputs), SI.
 
     Raises
     ------
@@ -40,9 +32,7 @@ def unscented_covariance(propagate: Propagate, mean: Array, covariance: Array) -
     points = MerweScaledSigmaPoints(rank, alpha=1.0, beta=2.0, kappa=0.0)
     errors = mean + points.sigma_points(np.zeros(rank), np.eye(rank)) @ directions.T
     try:
-        outcome_mean, outcome_covariance = unscented_transform(
-            simulate_or_raise(propagate, errors), points.Wm, points.Wc
-        )
+        found = unscented_transform(simulate_or_raise(propagate, errors), points.Wm, points.Wc)
     except np.linalg.LinAlgError as failure:
         raise SimulationFailed(f"the sigma points have no covariance: {failure}") from None
-    return np.asarray(outcome_mean), np.asarray(outcome_covariance)
+    return np.asarray(found[0]), np.asarray(found[1])

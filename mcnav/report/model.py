@@ -104,7 +104,7 @@ class RunAnalysis:
 
     @property
     def higher_order(self) -> Mapping[str, Any] | None:
-        """Moments in closed form, SI; none where there are none: see `mcnav.lincov.corrections.higher_order`."""
+        """Moments in closed form, SI; none where there are none: see `mcnav.lincov.nonlinear_corrections`."""
         found: Mapping[str, Any] = self.summary.get("higher_order") or {}
         return found if "sigma" in found else None
 

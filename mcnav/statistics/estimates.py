@@ -123,6 +123,15 @@ def summed_mean(totals: Array, counts: Array, fewest: float = 2) -> Estimate:
     return _estimate(mean, totals - mean * counts, count, fewest)
 
 
+def paired_squares(simulated: Array, linear: Array) -> Array:
+    """Return the squares of simulated less those of linear errors, each about their mean, shape (n,).
+
+    Their mean is the difference of the unbiased sample variances.
+    """
+    unbiased = len(simulated) / max(len(simulated) - 1.0, 1.0)
+    return np.asarray(unbiased * ((simulated - simulated.mean()) ** 2 - (linear - linear.mean()) ** 2))
+
+
 def block_begins(blocks: IndexArray) -> IndexArray:
     """Return the first sample of each block, shape (blocks,)."""
     return np.flatnonzero(np.diff(blocks, prepend=blocks[:1] - 1))

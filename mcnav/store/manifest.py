@@ -92,7 +92,7 @@ class PartialsRecord(Record):
 
 
 class ModelRecord(Record):
-    """The linear model, SI, and what further simulations add to it (`mcnav.lincov.corrections`).
+    """The linear model, SI, and what further simulations add to it (`mcnav.lincov.nonlinear_corrections`).
 
     Attributes
     ----------

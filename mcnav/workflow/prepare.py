@@ -15,10 +15,11 @@ from mcnav.errors import CampaignError, Problem
 from mcnav.execution.chunks import DrawPlan
 from mcnav.execution.processes import IsolatedEngine
 from mcnav.files import parquet_bytes
-from mcnav.lincov.corrections import nonlinear_corrections, simulated_budgets
+from mcnav.lincov.nonlinear_corrections import nonlinear_corrections
 from mcnav.lincov.partials import SimulationFailed, partials_throughout
 from mcnav.lincov.polynomial import PolynomialFitError
 from mcnav.lincov.polynomial_engine import PolynomialEngine, prepare_engine
+from mcnav.lincov.simulated_budget import simulated_budgets
 from mcnav.sampling.error_model import ErrorModel
 from mcnav.scenarios.protocol import (
     Engine,
