@@ -25,8 +25,9 @@ from mcnav._types import Array, IndexArray
 from mcnav.analysis.allocation import largest_sigmas
 from mcnav.analysis.comparison import LARGEST_FAILED_SHARE, Comparison, Model
 from mcnav.analysis.verdict import Verdict, judge
-from mcnav.statistics import order_statistics, proportions
+from mcnav.statistics import proportions
 from mcnav.statistics.circular_error import normal_circular_error_probable
+from mcnav.statistics.order_statistics import RankedSizes, samples_for_upper_bound
 
 
 class Finding(StrEnum):
@@ -48,8 +49,6 @@ class Requirement:
         ``quantile``: the output's absolute value at a probability lies below the limit. ``cep``: half of all errors in
         two outputs lie within a circle of that radius about zero. ``box``: the absolute values of several outputs lie
         within their limits together, with a probability.
-    outputs : tuple of int
-        Their numbers.
     """
 
     kind: str
@@ -113,13 +112,9 @@ def judge_requirement(
     comparison: Comparison,
     confidence: float,
 ) -> RequirementResult:
-    """Judge one requirement.
+    """Judge one requirement by the outcomes of all samples, shape (n, outputs), and their blocks, shape (n,).
 
-    Parameters
-    ----------
-    outcomes : ndarray, shape (n, outputs)
-        Of all samples; NaN in the row of one that failed.
-    blocks : ndarray of int, shape (n,)
+    The outcomes of a sample that failed are NaN.
     """
     if requirement.kind == "sigma_ratio":
         return _judge_ratios(requirement, comparison)
@@ -149,14 +144,13 @@ def _linear_moments(requirement: Requirement, model: Model) -> tuple[Array, Arra
 
 
 def _judge_ratios(requirement: Requirement, comparison: Comparison) -> RequirementResult:
+    paired = [output.paired for output in comparison.outputs]
     found = [
-        judge(output.paired.ratio, output.paired.interval, requirement.limits[0], comparison.samples)
-        for output in comparison.outputs
-        if output.paired.ratio is not None and output.paired.interval is not None
+        judge(each.ratio, each.interval, requirement.limits[0], comparison.samples)
+        for each in paired
+        if each.ratio is not None and each.interval is not None
     ]
-    failed = comparison.failed > LARGEST_FAILED_SHARE * (comparison.failed + comparison.samples)
-    unforeseen = any(output.paired.verdict == Verdict.DIFFERS and output.paired.ratio is None
-                     for output in comparison.outputs)  # fmt: skip
+    unforeseen = any(each.verdict == Verdict.DIFFERS and each.ratio is None for each in paired)
     if not found:
         finding = Finding.NOT_MET if unforeseen else Finding.UNDECIDED
         return RequirementResult(
@@ -167,11 +161,11 @@ def _judge_ratios(requirement: Requirement, comparison: Comparison) -> Requireme
     worst = min(found, key=lambda each: (order.index(each.verdict), -abs((each.ratio or 1.0) - 1.0)))
     finding = Finding.NOT_MET if unforeseen else names[worst.verdict]
     remark = ""
-    if finding == Finding.MET and failed:
+    if finding == Finding.MET and comparison.failed > LARGEST_FAILED_SHARE * (comparison.failed + comparison.samples):
         finding, remark = Finding.UNDECIDED, "too many samples failed"
-    needed = max((each.samples_needed or 0 for each in found), default=0) or None
-    return RequirementResult(requirement, finding, worst.ratio or 1.0, worst.interval or (0.0, math.inf), 1.0, True,
-                  needed if finding == Finding.UNDECIDED else None, remark=remark)  # fmt: skip
+    needed = max(each.samples_needed or 0 for each in found) or None if finding == Finding.UNDECIDED else None
+    ratio, interval = worst.ratio or 1.0, worst.interval or (0.0, math.inf)
+    return RequirementResult(requirement, finding, ratio, interval, 1.0, True, needed, remark=remark)
 
 
 def _judge_size(
@@ -181,16 +175,9 @@ def _judge_size(
     mean, covariance = _linear_moments(requirement, model)
     limit, probability = requirement.limits[0], requirement.probability or 0.5
     size = np.hypot(*values.T) if requirement.kind == "cep" else np.abs(values[:, 0])
-    failed = ~np.isfinite(size)
-    against, favouring = np.where(failed, np.inf, size), np.where(failed, 0.0, size)
-    successful = size[~failed]
-    estimate = float(np.quantile(successful, probability)) if len(successful) else math.nan
-    interval = (0.0, math.inf)
+    ranked, interval = RankedSizes.of(size), (0.0, math.inf)
     if not remark:
-        interval = (
-            max(order_statistics.lower_bound(favouring, probability, confidence), 0.0),
-            order_statistics.upper_bound(against, probability, confidence),
-        )
+        interval = ranked.lower(probability, confidence), ranked.upper(probability, confidence)
     finding = Finding.MET if interval[1] <= limit else Finding.NOT_MET if interval[0] > limit else Finding.UNDECIDED
     linear = (
         normal_circular_error_probable(mean, covariance)
@@ -199,14 +186,14 @@ def _judge_size(
     )
     needed = None
     if finding == Finding.UNDECIDED and not remark and len(size):
-        beyond = float(np.mean(against > limit))
-        needed = _needed(beyond, 1.0 - probability, confidence, len(size))
+        needed = _needed(float(np.mean(~(size <= limit))), 1.0 - probability, confidence, len(size))
     largest = None
     if requirement.kind == "quantile":
         sigma = _largest_sigma(float(mean[0]), limit, probability)
         if sigma is not None:
             largest = largest_sigmas(model.partials[requirement.outputs[0]], model.covariance, sigma)
-    return RequirementResult(requirement, finding, estimate, interval, linear, linear <= limit, needed, largest, remark)
+    estimate, meets = ranked.estimate(probability), linear <= limit
+    return RequirementResult(requirement, finding, estimate, interval, linear, meets, needed, largest, remark)
 
 
 def _judge_box(
@@ -214,31 +201,26 @@ def _judge_box(
 ) -> RequirementResult:
     """Judge the probability that several outputs lie within their limits together."""
     limits, probability = np.array(requirement.limits), requirement.probability or 0.5
-    failed = ~np.isfinite(values).all(axis=1)
-    inside = int(np.count_nonzero(np.all(np.abs(values[~failed]) <= limits, axis=1)))
-    count, lost = len(values), int(failed.sum())
-    interval = (0.0, 1.0)
+    inside = int(np.count_nonzero(np.all(np.abs(values) <= limits, axis=1)))
+    count, lost = len(values), int(np.count_nonzero(~np.isfinite(values).all(axis=1)))
+    low, high = 0.0, 1.0
     if not remark:
-        interval = (
-            proportions.lower_probability(inside, count, confidence),
-            proportions.upper_probability(inside + lost, count, confidence),
-        )
-    met = interval[0] >= probability
-    finding = Finding.MET if met else Finding.NOT_MET if interval[1] < probability else Finding.UNDECIDED
+        low = proportions.lower_probability(inside, count, confidence)
+        high = proportions.upper_probability(inside + lost, count, confidence)
+    finding = Finding.MET if low >= probability else Finding.NOT_MET if high < probability else Finding.UNDECIDED
     linear = normal_box_probability(*_linear_moments(requirement, model), limits)
     needed = None
     if finding == Finding.UNDECIDED and not remark and count:
         needed = _needed(1.0 - inside / count, 1.0 - probability, confidence, count)
     estimate = inside / (count - lost) if count > lost else math.nan
-    return RequirementResult(
-        requirement, finding, estimate, interval, linear, linear >= probability, needed, remark=remark
-    )
+    meets = linear >= probability
+    return RequirementResult(requirement, finding, estimate, (low, high), linear, meets, needed, remark=remark)
 
 
 def _needed(share: float, allowed: float, confidence: float, count: int) -> int | None:
     """Estimate the samples that would decide, if the share of samples beyond the limit stays the same."""
     if share == 0.0:
-        return max(count + 1, order_statistics.samples_for_upper_bound(1.0 - allowed, confidence))
+        return max(count + 1, samples_for_upper_bound(1.0 - allowed, confidence))
     if share == allowed:
         return None
     reach = float(special.ndtri(confidence)) * math.sqrt(allowed * (1.0 - allowed)) / abs(allowed - share)

@@ -50,9 +50,7 @@ class Change:
     before, after : float
         Paired sigmas, SI.
     ratio : float
-        After over before; NaN where either is zero.
-    interval : tuple of float
-        Of the ratio.
+        After over before; NaN where either is zero. Its interval follows.
     mean : Estimate
         Mean after less mean before, SI.
     common : bool
@@ -73,13 +71,7 @@ class Change:
 
 
 def change(before: SampleSet, after: SampleSet, outputs: tuple[int, int], common: bool, confidence: float) -> Change:
-    """Estimate the change of one output, given by its index in each run.
-
-    Parameters
-    ----------
-    common : bool
-        Whether samples of one index are common draws.
-    """
+    """Estimate the change of one output, given by its index in each run; samples of one index may be common draws."""
     squares, deviations, sigmas, means = [], [], [], []
     for samples, i in ((before, outputs[0]), (after, outputs[1])):
         square, deviation, linear, centre = _controlled(samples, i)

@@ -22,3 +22,8 @@ def propagated_covariance(partials: Array, start_covariance: Array) -> Array:
         )
     covariance = partials @ start_covariance @ partials.T
     return np.asarray(0.5 * (covariance + covariance.T))
+
+
+def propagated_variances(partials: Array, start_covariance: Array) -> Array:
+    """Compute the diagonal of P S P^T, shape (outputs,)."""
+    return np.asarray(np.einsum("ij,jk,ik->i", partials, start_covariance, partials))

@@ -67,7 +67,7 @@ def test_bounds_of_a_quantile_hold_for_any_distribution(quantile: float) -> None
     count, confidence = 400, 0.9
     truth = stats.lognorm(1.0).ppf(quantile)
     missed = sum(
-        order_statistics.upper_bound(np.exp(generator.standard_normal(count)), quantile, confidence) < truth
+        order_statistics.RankedSizes.of(np.exp(generator.standard_normal(count))).upper(quantile, confidence) < truth
         for _ in range(TRIALS)
     )
     rank = order_statistics.upper_rank(count, quantile, confidence)
