@@ -57,15 +57,9 @@ def envelopes_from(
 
     label = next(iter(columns))
     levels = dict.fromkeys(name.split()[1] for name in columns if name.startswith("percentile "))
+    mean, sigma, linear_mean, linear_sigma = map(block, ("mean", "sigma", "linear mean", "linear sigma"))
+    percentiles = {level: block(f"percentile {level}") for level in levels}
+    samples, stored = int(described["samples"]), int(described["stored"])
     return Envelopes(
-        label,
-        columns[label],
-        described["events"],
-        block("mean"),
-        block("sigma"),
-        block("linear mean"),
-        block("linear sigma"),
-        {level: block(f"percentile {level}") for level in levels},
-        int(described["samples"]),
-        int(described["stored"]),
+        label, columns[label], described["events"], mean, sigma, linear_mean, linear_sigma, percentiles, samples, stored
     )

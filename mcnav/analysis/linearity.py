@@ -18,7 +18,6 @@ from scipy.optimize.elementwise import find_root
 
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import LARGEST_FAILED_SHARE, Criterion, Model, compare
-from mcnav.analysis.verdict import Judgement
 from mcnav.lincov.partials import Propagate
 from mcnav.sampling.designs import SamplingDesign
 from mcnav.scenarios.protocol import LinearModel
@@ -35,6 +34,11 @@ BEYOND: Final = 1e6
 
 ROOT_TOLERANCE: Final = 1e-3
 """Relative accuracy of the multiples of dispersion."""
+
+
+def _decade(multiple: Array) -> Array:
+    """Return the largest multiple of the decade in which a multiple lies: the engine is prepared for it."""
+    return np.asarray(SMALLEST * 10.0 ** np.ceil(np.log10(multiple / SMALLEST) - 1e-9))
 
 
 def ladder(largest: float) -> Array:
@@ -66,10 +70,7 @@ class AloneRange:
 def alone(simulate: Simulator, linear: LinearModel, directions: Array, tolerance: float, largest: float) -> AloneRange:
     """Find the range of linearity of each of several error vectors, for a tolerance as a share of the linear change.
 
-    Parameters
-    ----------
-    directions : ndarray, shape (directions, sources)
-        Errors whose multiples are simulated, SI: one source in each, or several.
+    The directions are the errors whose multiples are simulated, shape (directions, sources), SI.
     """
     engines = cache(simulate)
     changes = directions @ linear.partials.T
@@ -77,7 +78,7 @@ def alone(simulate: Simulator, linear: LinearModel, directions: Array, tolerance
     def departures(multiples: Array, which: IndexArray, signs: Array) -> Array:
         """Compute the departure of each output for signed multiples of chosen directions, shape (n, outputs)."""
         signed = signs * multiples
-        decade = SMALLEST * 10.0 ** np.ceil(np.log10(multiples / SMALLEST) - 1e-9)
+        decade = _decade(multiples)
         values = np.empty((len(multiples), len(linear.nominal)))
         for top in np.unique(decade):
             rows = np.flatnonzero(decade == top)
@@ -95,13 +96,13 @@ def alone(simulate: Simulator, linear: LinearModel, directions: Array, tolerance
         found[side][first == 0] = SMALLEST
         if len(which) == 0:
             continue
-        last = first[which, output]
 
         def excess(log: Array, direction: Array, at: Array, side_sign: float = sign) -> Array:
             chosen, own = direction.astype(int).ravel(), at.astype(int).ravel()
             shares = departures(np.exp(log.ravel()), chosen, np.full(log.size, side_sign))
             return np.asarray(shares[np.arange(log.size), own] - tolerance).reshape(log.shape)
 
+        last = first[which, output]
         bracket = (np.log(steps[last - 1]), np.log(steps[last]))
         root = find_root(excess, bracket, args=(which.astype(float), output.astype(float)), tolerances={"xatol": 1e-6})
         found[side][which, output] = np.exp(root.x)
@@ -160,16 +161,8 @@ def together(
 ) -> DispersionRange:
     """Find where the dispersions of all errors together leave the linear ones.
 
-    The same draws are used at every multiple, so that the ratio is a smooth function of the multiple.
-
-    Parameters
-    ----------
-    model : Model
-        Of the stated errors.
-    draws : ndarray, shape (n, sources)
-        Of the stated errors.
-    criterion, design
-        See `mcnav.analysis.comparison.compare`.
+    The same draws are used at every multiple, so that the ratio is a smooth function of the multiple. The model and the
+    draws, shape (n, sources), are of the stated errors; for the rest see `mcnav.analysis.comparison.compare`.
     """
     count = len(model.nominal) + 1
     engines = cache(simulate)
@@ -177,15 +170,19 @@ def together(
     @cache
     def judged(multiple: float) -> Array:
         """Compute ratio, lower and upper bound for each output and the joint distribution, shape (count, 3)."""
-        top = float(SMALLEST * 10.0 ** np.ceil(np.log10(multiple / SMALLEST) - 1e-9))
-        outcomes = engines(top)(multiple * draws).values
+        outcomes = engines(float(_decade(np.array(multiple))))(multiple * draws).values
         if not np.isfinite(outcomes).all(axis=1).mean() >= 1.0 - LARGEST_FAILED_SHARE:
             return np.full((count, 3), BEYOND)
         scaled = Model(model.partials, model.nominal, multiple * model.mean, multiple**2 * model.covariance)
         found = compare(scaled, multiple * draws, outcomes, criterion, design)
-        joint = [] if found.ellipsoid is None else [found.ellipsoid.judgement]
-        rows = [_ratio_and_interval(judgement) for judgement in [*(o.paired for o in found.outputs), *joint]]
-        return np.array([*rows, *[[np.nan] * 3] * (count - len(rows))])
+        judgements = [output.paired for output in found.outputs]
+        if found.ellipsoid is not None:
+            judgements.append(found.ellipsoid.judgement)
+        rows = np.full((count, 3), np.nan)
+        for row, judgement in zip(rows, judgements, strict=False):
+            if judgement.ratio is not None and judgement.interval is not None:
+                row[:] = judgement.ratio, *judgement.interval
+        return rows
 
     low, high = 1.0 - criterion.tolerance, 1.0 + criterion.tolerance
 
@@ -219,9 +216,3 @@ def together(
     curves = np.array([judged(multiple) for multiple in steps])
     crossings = [np.array([crossing(kind, row) for row in range(count)]) for kind in ("departs", "agrees", "differs")]
     return DispersionRange(np.array(steps), curves[..., 0], curves[..., 1], curves[..., 2], *crossings)
-
-
-def _ratio_and_interval(judgement: Judgement) -> list[float]:
-    if judgement.ratio is None or judgement.interval is None:
-        return [float("nan")] * 3
-    return [judgement.ratio, *judgement.interval]

@@ -50,7 +50,7 @@ class Change:
     before, after : float
         Paired sigmas, SI.
     ratio : float
-        After over before; NaN where either is zero. Its interval follows.
+        After over before, with its interval; NaN where either is zero.
     mean : Estimate
         Mean after less mean before, SI.
     common : bool

@@ -51,15 +51,10 @@ class Convergence:
 
 
 def convergence(moments: BlockMoments, comparison: Comparison, design: SamplingDesign) -> Convergence | None:
-    """Compute the sigma ratios of growing parts of a campaign.
+    """Compute the sigma ratios of growing parts of a campaign; none with too few blocks.
 
     Products are about the mean of all samples, which takes nothing from the intervals and makes the curves end at the
     comparison's ratios.
-
-    Returns
-    -------
-    Convergence or None
-        None with too few blocks.
     """
     if not comparison.outputs or len(moments.counts) < 2 * design.fewest_blocks:
         return None
@@ -71,11 +66,9 @@ def convergence(moments: BlockMoments, comparison: Comparison, design: SamplingD
     for i in np.flatnonzero(variances > 0.0).tolist():
         variance = float(variances[i])
         for kind, (sums, known) in enumerate(zip(moments.products(i, i), (0.0, variance), strict=True)):
-            estimates = _running_means(unbiased * sums, moments.counts, ends)
-            for row, estimate in enumerate(estimates):
-                ratio, interval = ratio_interval(
-                    replace(estimate, value=known + estimate.value), variance, comparison.confidence_each
-                )
+            for row, estimate in enumerate(_running_means(unbiased * sums, moments.counts, ends)):
+                estimate = replace(estimate, value=known + estimate.value)
+                ratio, interval = ratio_interval(estimate, variance, comparison.confidence_each)
                 running[kind, :, row, i] = ratio, *interval
     return Convergence(sizes, *(RunningRatio(*each) for each in running))
 

@@ -36,10 +36,6 @@ def hermite_coefficients(distribution: Distribution) -> Array:
     Scaling replaces the variance that the finite sum omits (1e-7 for a triangle's kink). The steps of a table omit
     more, which only matters for correlations near one: its coefficients are not scaled.
 
-    Returns
-    -------
-    ndarray, shape (121,)
-
     Raises
     ------
     ValueError

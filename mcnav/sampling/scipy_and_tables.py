@@ -36,16 +36,7 @@ def shape_names(name: str) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class ScipyDistribution:
-    """Continuous distribution of scipy.stats.
-
-    Parameters
-    ----------
-    name : str
-        A key of `continuous_distributions`; nothing is evaluated.
-    shapes : tuple of (str, float)
-        Shape parameters by name.
-    loc, scale : float
-        SI.
+    """Continuous distribution of scipy.stats, named by a key of `continuous_distributions`; nothing is evaluated.
 
     Raises
     ------
@@ -95,12 +86,7 @@ class ScipyDistribution:
 
 @dataclass(frozen=True)
 class EmpiricalDistribution:
-    """Equally likely values.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        SI, in any order.
+    """Equally likely values, SI, in any order.
 
     Raises
     ------

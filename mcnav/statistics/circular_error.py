@@ -16,20 +16,14 @@ _ANGLES: Final = 400
 
 @lru_cache(maxsize=1)
 def _gauss_legendre() -> tuple[Array, Array]:
-    nodes, weights = np.polynomial.legendre.leggauss(_ANGLES)
-    return nodes, weights
+    return np.polynomial.legendre.leggauss(_ANGLES)
 
 
 def normal_probability_within(radius: float, mean: Array, covariance: Array) -> float:
     """Compute the probability that a bivariate normal variable lies within a circle about zero.
 
     In principal axes the integral over the lesser one is a difference of normal distributions; that over the greater is
-    done by Gauss-Legendre in ``x = R sin(t)``.
-
-    Parameters
-    ----------
-    mean, covariance : ndarray, shapes (2,) and (2, 2)
-        The covariance may be singular.
+    done by Gauss-Legendre in ``x = R sin(t)``. The covariance may be singular.
     """
     values, vectors = np.linalg.eigh(covariance)
     lesser, greater = np.sqrt(np.maximum(values, 0.0))

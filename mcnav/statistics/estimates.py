@@ -83,15 +83,8 @@ def blocked_mean(values: Array, blocks: IndexArray, fewest: float = 2) -> Estima
     """Estimate the mean of one quantity over samples in independent blocks.
 
     With m_b the mean and n_b the size of block b, ``s.e.^2 = B / (B - 1) sum_b n_b^2 (m_b - m)^2 / n^2``: the ratio
-    estimator's error, which for blocks of one is the textbook s / sqrt(n).
-
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-    blocks : ndarray of int, shape (n,)
-        Block of each sample, not decreasing.
-    fewest : float
-        Blocks below which the standard error is infinite.
+    estimator's error, which for blocks of one is the textbook s / sqrt(n). With fewer than ``fewest`` blocks it is
+    infinite. The block of each sample, shape (n,), does not decrease.
     """
     count = len(values)
     if count == 0:
