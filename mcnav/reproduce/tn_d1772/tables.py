@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import lru_cache
+from itertools import chain
 from typing import Any, Final
 
 import numpy as np
@@ -42,22 +43,16 @@ class Mark(StrEnum):
 
 @dataclass(frozen=True)
 class Cell:
-    """One printed number.
+    """One printed number; computed numbers are in the printed unit.
 
     Attributes
     ----------
-    printed : str
-        As printed.
-    computed : float
-        In the printed unit.
-    tolerance : float
-        In the printed unit.
     reason : str
-        Why the two differ, where that is known; else empty.
+        Why printed and computed number differ, where that is known; else empty.
     contradicted : bool
         Whether the report itself contradicts the printed number.
     second : float
-        The same on the ensemble engine, in the printed unit; NaN where only one engine computes it.
+        The number computed on the ensemble engine; NaN where only one engine computes it.
     """
 
     table: str
@@ -89,18 +84,9 @@ class Cell:
 
 @dataclass(frozen=True)
 class Case:
-    """A table of final errors: what was flown, and how closely it can be met.
+    """A table of final errors: a trajectory with options of `Flight`, flown with a multiple of the report's errors.
 
-    Attributes
-    ----------
-    multiple : float
-        Of the report's errors.
-    share : float
-        Tolerance as a share of the column's largest entry.
-    least : float
-        Smallest tolerance, in the printed unit.
-    options : mapping
-        Of `Flight`.
+    The tolerance is a share of the column's largest entry, and at least ``least``, in the printed unit.
     """
 
     table: str
@@ -125,18 +111,15 @@ CASES: Final = (
 CONTRADICTIONS: Final = {
     ("II(a)", "sum of |equipment|", "range rate"): "the six printed runs sum to {total:.2f}",
     ("II(a)", "sum of |all|", "range rate"): "the ten printed runs sum to {total:.2f}",
-    (
-        "IV(b)",
-        "algebraic sum",
-        "range",
-    ): "it counts run 8 with the sign reversed; the ten printed runs sum to {total:.2f}",
+    ("IV(b)", "algebraic sum", "range"):
+        "it counts run 8 with the sign reversed; the ten printed runs sum to {total:.2f}",
     ("VI", "1: altitude", "range rate"): "contradicts run 11 of the table, to which the ten printed runs do not sum",
     ("VI", "6: gyro drift", "range rate"): "contradicts run 11 of the table, to which the ten printed runs do not sum",
     ("VI", "algebraic sum", "range rate"): "sums the two runs that contradict run 11",
     ("VI", "sum of |initial conditions|", "range rate"): "sums run 1, which contradicts run 11",
     ("VI", "sum of |equipment|", "range rate"): "sums run 6, which contradicts run 11",
     ("VI", "sum of |all|", "range rate"): "sums the two runs that contradict run 11",
-}
+}  # fmt: skip
 """Printed numbers that contradict others of the report, and how; ``total`` is what the printed runs really sum to."""
 
 SUM_NAMES: Final = dict(
@@ -166,8 +149,7 @@ def linear_model(scenario: Reentry) -> LinearModel:
 def _sums(values: Array) -> dict[str, Array]:
     """Compute the four summary rows of ten runs, shape (10, ...)."""
     sizes = np.abs(values)
-    equipment = sizes[INITIAL_CONDITIONS:].sum(axis=0)
-    conditions = sizes[:INITIAL_CONDITIONS].sum(axis=0)
+    conditions, equipment = sizes[:INITIAL_CONDITIONS].sum(axis=0), sizes[INITIAL_CONDITIONS:].sum(axis=0)
     return dict(zip(SUMS, (values.sum(axis=0), conditions, equipment, conditions + equipment), strict=True))
 
 
@@ -185,7 +167,9 @@ def final_error_cells(case: Case, engine: str = "reference", second: str = "ense
     largest = np.abs(np.array(printed, dtype=float)).max(axis=0)
     tolerance = np.maximum(case.share * largest, case.least)
 
-    of_printed = _sums(np.array(printed[: len(ERRORS)], dtype=float))
+    runs = len(ERRORS)
+    of_printed = _sums(np.array(printed[:runs], dtype=float))
+    both = np.stack([computed, other], axis=-1)
 
     def cell(row: str, column: int, text: str, values: Array, allowed: float, total: float = np.nan) -> Cell:
         name = NAMES[column]
@@ -193,12 +177,9 @@ def final_error_cells(case: Case, engine: str = "reference", second: str = "ense
         first, by_second = map(float, values)
         return Cell(case.table, row, name, UNITS[column], text, first, allowed, reason, bool(reason), by_second)
 
-    both = np.stack([computed, other], axis=-1)
-
     for run, entries in enumerate(printed):
         for column, text in enumerate(entries):
             yield cell(f"{run + 1}: {RUNS[run]}", column, text, both[run, column], float(tolerance[column]))
-    runs = len(ERRORS)
     counts = {"algebraic": runs, "ic": INITIAL_CONDITIONS, "equipment": runs - INITIAL_CONDITIONS, "all": runs}
     for name, values in _sums(both[:runs]).items():
         for column, text in enumerate(sums(case.table)[name]):
@@ -244,23 +225,18 @@ def _peak_loads(trajectory: Trajectory) -> tuple[float, float]:
     return float(np.hypot(force_x, force_z).max() / TN_GRAVITY), float(drag.max() / TN_GRAVITY)
 
 
-def table_iii_cells() -> Iterator[Cell]:
-    """Compute Table III, which repeats the altitude and range columns of the absolute sums of Table II."""
-    for case in CASES[: len(TABLE_I)]:
-        for cell in final_error_cells(case):
-            if cell.row.startswith("sum of") and cell.column in NAMES[:2]:
-                yield Cell(
-                    "III", f"trajectory {case.trajectory}: {cell.row}", cell.column, cell.unit, cell.printed,
-                    cell.computed, cell.tolerance,
-                )  # fmt: skip
-
-
 def all_cells() -> list[Cell]:
-    """Compute every cell of Tables I to VI in their order."""
-    cells = [*table_i_cells()]
-    by_table = {case.table: list(final_error_cells(case)) for case in CASES}
-    for table, found in by_table.items():
-        if table == "IV(a)":
-            cells += table_iii_cells()
-        cells += found
-    return cells
+    """Compute every cell of Tables I to VI in their order.
+
+    Table III repeats the altitude and range columns of the absolute sums of Table II.
+    """
+    by_case = [(case, list(final_error_cells(case))) for case in CASES]
+    second, others = by_case[: len(TABLE_I)], by_case[len(TABLE_I) :]
+    third = [
+        replace(cell, table="III", row=f"trajectory {case.trajectory}: {cell.row}", second=np.nan)
+        for case, cells in second
+        for cell in cells
+        if cell.row.startswith("sum of") and cell.column in NAMES[:2]
+    ]
+    return [*table_i_cells(), *chain.from_iterable(cells for _, cells in second), *third,
+            *chain.from_iterable(cells for _, cells in others)]  # fmt: skip
