@@ -42,9 +42,9 @@ HEAVIEST: Final = "student-t 5"
 """Distribution used with the quadratic system only, to show the effect of its tails."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, order=True)
 class Cell:
-    """One kind of campaign and one statement about it.
+    """One statement about one sort of campaign.
 
     Attributes
     ----------
@@ -52,25 +52,18 @@ class Cell:
         ``coverage`` or ``false alarm``, which have a nominal rate, or ``power``.
     """
 
+    kind: str
     system: str
+    statement: str
     sources: str
     design: str
     samples: int
-    statement: str
-    kind: str
 
 
 def run_trials(
     trials: int, jobs: int, designs: Sequence[str], sizes: Sequence[int] = SIZES
 ) -> tuple[Counter[Cell], Counter[Cell]]:
-    """Simulate many campaigns and count.
-
-    Parameters
-    ----------
-    trials : int
-        Campaigns for each system, distribution, design and size; seeds are 0, 1, ...
-    jobs : int
-        Parallel processes.
+    """Simulate so many campaigns for each system, distribution, design and size, with seeds 0, 1, ..., and count.
 
     Returns
     -------
@@ -84,12 +77,8 @@ def run_trials(
         for count in sizes
         for begin in range(0, trials, stretch)
     ]
-    hits: Counter[Cell] = Counter()
-    made: Counter[Cell] = Counter()
-    for some_hits, some_made in Parallel(n_jobs=jobs)(delayed(_piece)(*piece) for piece in pieces):
-        hits.update(some_hits)
-        made.update(some_made)
-    return hits, made
+    hits, made = zip(*Parallel(n_jobs=jobs)(delayed(_piece)(*piece) for piece in pieces), strict=True)
+    return sum(hits, Counter()), sum(made, Counter())
 
 
 def _piece(design: str, count: int, seeds: Sequence[int]) -> tuple[Counter[Cell], Counter[Cell]]:
@@ -109,7 +98,7 @@ def _piece(design: str, count: int, seeds: Sequence[int]) -> tuple[Counter[Cell]
                     found = compare(system.model, errors, outputs, CRITERION, SamplingDesign.of(design, count, normal))
                     truth = system.truth(fourth, sixth)
                     for statement, kind, hit in _statements(name, system, truth, found, outputs, blocks, sources):
-                        cell = Cell(name, sources, design, count, statement, kind)
+                        cell = Cell(kind, name, statement, sources, design, count)
                         made[cell] += 1
                         hits[cell] += hit
     return hits, made
@@ -119,14 +108,9 @@ Statement = tuple[str, str, bool]
 
 
 def _statements(
-    name: str,
-    system: SyntheticSystem,
-    truth: Truth,
-    found: Comparison,
-    outputs: Array,
-    blocks: IndexArray,
+    name: str, system: SyntheticSystem, truth: Truth, found: Comparison, outputs: Array, blocks: IndexArray,
     sources: str,
-) -> Iterator[Statement]:
+) -> Iterator[Statement]:  # fmt: skip
     if name == "corrupted":
         yield from _powers(found)
         return
