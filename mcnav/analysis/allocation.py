@@ -10,8 +10,9 @@ from mcnav._types import Array
 def largest_sigmas(row: Array, covariance: Array, limit: float) -> Array:
     """Compute the largest sigma of each source with which an output's linear sigma stays within a limit.
 
-    The other sigmas and the correlation coefficients are kept. With the sigma of source j multiplied by k, the variance
-    is ``k^2 A + k B + C``: A from the source alone, B its cross-terms, C the others.
+    The other sigmas and the correlation coefficients stay. With the sigma of source j multiplied by k, the variance is
+    ``k^2 A + k B + C``: A from the source alone, B its cross-terms, C the others. The result, shape (sources,), is
+    infinite where the output does not depend on the source, and NaN where the other sources exceed the limit.
 
     Parameters
     ----------
@@ -19,11 +20,6 @@ def largest_sigmas(row: Array, covariance: Array, limit: float) -> Array:
         Partial derivatives of the output.
     covariance : ndarray, shape (sources, sources)
         Start covariance S.
-
-    Returns
-    -------
-    ndarray, shape (sources,)
-        Infinite where the output does not depend on the source, NaN where the other sources exceed the limit.
 
     Examples
     --------

@@ -44,13 +44,7 @@ class Envelopes:
 def envelopes_from(
     columns: Mapping[str, Array], described: Mapping[str, Any], outputs: Sequence[Mapping[str, str]]
 ) -> Envelopes:
-    """Build envelopes from the columns of a run folder's ``epochs.parquet`` and its description.
-
-    Raises
-    ------
-    KeyError
-        When a column is missing.
-    """
+    """Build envelopes from the columns of ``epochs.parquet`` and its description; `KeyError` names a missing column."""
 
     def block(kind: str) -> Array:
         return np.column_stack([columns[f"{kind} {entry['name']} [{entry['unit']}]"] for entry in outputs])

@@ -87,12 +87,8 @@ def principal_directions(covariance: Array) -> Array:
 def second_order(propagate: Propagate, mean: Array, covariance: Array, step: float = STEP) -> SecondOrder:
     """Compute derivatives of the final errors by central differences in one batch of ``2 r^2 + 2 r + 1`` samples.
 
-    The mean, shape (sources,), and the covariance are those of the start errors, SI; the step is in sigmas.
-
-    Raises
-    ------
-    SimulationFailed
-        When a sample fails.
+    The mean, shape (sources,), and the covariance are those of the start errors, SI; the step is in sigmas. Raises
+    `SimulationFailed` when a sample fails.
     """
     directions = principal_directions(covariance)
     rank = directions.shape[1]

@@ -53,18 +53,14 @@ def nonlinear_corrections(scenario: Scenario, engine: Engine, errors: ErrorModel
 def _polynomial_moments(engine: Engine, errors: ErrorModel) -> dict[str, Any]:
     """Compute moments of the final errors in closed form, from a polynomial fitted to simulations.
 
-    A polynomial engine's own polynomial is used; to any other engine one of order `HIGHER_ORDER` is fitted.
+    A polynomial engine's own polynomial is used; to any other engine one of order `HIGHER_ORDER` is fitted. Raises
+    `SimulationFailed` when the sources are not normal, the engine is slow, or no such polynomial fits.
 
     Returns
     -------
     dict
         ``mean``, ``covariance``, ``sigma``, ``skewness``, ``kurtosis`` (3 for a normal distribution), and ``order``,
         ``error``, ``flights`` of the polynomial.
-
-    Raises
-    ------
-    SimulationFailed
-        When the sources are not normal, the engine is slow, or no such polynomial fits.
     """
     if not errors.normal:
         raise SimulationFailed("the sources are not normal: their moments are not those of the closed form")

@@ -62,12 +62,8 @@ def simulate_or_raise(propagate: Propagate, errors: Array) -> Array:
 def partials_by_differences(propagate: Propagate, sizes: Array) -> Array:
     """Compute P by central differences, one error at a time as NASA TN D-1772's ten runs, shape (outputs, sources).
 
-    Each error is displaced by the share `STEP` of its nominal size, shape (sources,), SI, to either side.
-
-    Raises
-    ------
-    SimulationFailed
-        When a sample fails.
+    Each error is displaced by the share `STEP` of its nominal size, shape (sources,), SI, to either side. Raises
+    `SimulationFailed` when a sample fails.
     """
     steps = STEP * sizes
     up, down = np.split(simulate_or_raise(propagate, np.vstack([np.diag(steps), -np.diag(steps)])), 2)
@@ -77,12 +73,8 @@ def partials_by_differences(propagate: Propagate, sizes: Array) -> Array:
 def partials_from_runs(start_errors: Array, final_errors: Array) -> Array:
     """Compute P = F S^-1 (NASA TN D-1772, eqs. 14-16), shape (outputs, sources).
 
-    Parameters
-    ----------
-    start_errors : ndarray, shape (sources, runs)
-        S: one independent set of start errors a column.
-    final_errors : ndarray, shape (outputs, runs)
-        F: the final errors of the same runs.
+    S has one independent set of start errors a column, shape (sources, runs), and F the final errors of the same runs,
+    shape (outputs, runs).
     """
     if start_errors.shape[0] != start_errors.shape[1] or final_errors.shape[1] != start_errors.shape[1]:
         raise ValueError(
@@ -97,11 +89,7 @@ def partials_by_independent_sets(propagate: Propagate, sizes: Array) -> Array:
 
     The sets are the columns of a random orthogonal matrix, scaled to the nominal sizes. Each is simulated with both
     signs and F is half the difference, so that the second-order term that one-sided runs leave in eq. (16) cancels.
-
-    Raises
-    ------
-    SimulationFailed
-        When a sample fails.
+    Raises `SimulationFailed` when a sample fails.
     """
     sets = STEP * _orthogonal(len(sizes))
     plus, minus = np.split(simulate_or_raise(propagate, np.vstack([sets.T * sizes, -sets.T * sizes])), 2)

@@ -166,12 +166,8 @@ def fit(propagate: Propagate, centre: Array, scale: Array, order: int, tolerance
     """Fit a polynomial of an order to simulations, and measure its error on others.
 
     Centre and scale are the means and standard deviations of the sources, SI. With a positive tolerance, a share of the
-    dispersion, terms that are not needed for it are left out.
-
-    Raises
-    ------
-    SimulationFailed
-        When a sample that it needs fails.
+    dispersion, terms that are not needed for it are left out. Raises `SimulationFailed` when a sample that it needs
+    fails.
     """
     whole = exponents = monomials(np.flatnonzero(scale > 0.0), len(scale), order)
     samples = _fit_samples(propagate, centre, scale, len(exponents))
@@ -217,12 +213,7 @@ def products(points: Array, exponents: IndexArray) -> Array:
 def fitted_map(propagate: Propagate, centre: Array, scale: Array, tolerance: float) -> PolynomialMap:
     """Fit the polynomial of lowest order that meets a tolerance on samples that were not fitted.
 
-    Raises
-    ------
-    PolynomialFitError
-        When none of `ORDERS` does.
-    SimulationFailed
-        When a sample that it needs fails.
+    Raises `PolynomialFitError` when none of `ORDERS` does, and `SimulationFailed` when a sample that it needs fails.
     """
     tried = []
     for order in ORDERS:

@@ -53,12 +53,8 @@ def fit_polynomial_engine(
 ) -> PolynomialEngine:
     """Fit a polynomial engine to an exact engine, for errors of given means and standard deviations, SI.
 
-    Raises
-    ------
-    PolynomialFitError
-        When no polynomial meets the tolerance.
-    SimulationFailed
-        When a sample that the fit needs fails.
+    Raises `PolynomialFitError` when no polynomial meets the tolerance, and `SimulationFailed` when a sample that it
+    needs fails.
     """
     polynomial = fitted_map(exact.propagate, mean, standard_deviations, tolerance)
     accuracy = (
@@ -77,14 +73,7 @@ def engine_names(scenario: Scenario) -> tuple[str, ...]:
 def prepare_engine(scenario: Scenario, engine: str, probes: Array, mean: Array, standard_deviations: Array) -> Engine:
     """Prepare one of `engine_names` for errors of given means and standard deviations, shape (sources,), SI.
 
-    For the probes see `mcnav.scenarios.protocol.Scenario.engine`.
-
-    Raises
-    ------
-    PolynomialFitError
-        When no polynomial fits.
-    SimulationFailed
-        When a sample for the fit fails.
+    For the probes see `mcnav.scenarios.protocol.Scenario.engine`, for what is raised `fit_polynomial_engine`.
     """
     if engine != MAP:
         return scenario.engine(engine, probes)

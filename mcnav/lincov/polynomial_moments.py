@@ -30,14 +30,9 @@ DOUBLE_FACTORIALS: Final = np.array(
 
 @dataclass(frozen=True)
 class Moments:
-    """Moments of the outputs for normal sources.
+    """Moments of the outputs for normal sources, shape (outputs,); covariance (outputs, outputs).
 
-    Attributes
-    ----------
-    mean : ndarray, shape (outputs,)
-    covariance : ndarray, shape (outputs, outputs)
-    skewness, kurtosis : ndarray, shape (outputs,)
-        The kurtosis of a normal distribution is 3; NaN for an output without dispersion.
+    The kurtosis of a normal distribution is 3; skewness and kurtosis are NaN for an output without dispersion.
     """
 
     mean: Array
@@ -51,8 +46,6 @@ def moments(polynomial: PolynomialMap, covariance: Array) -> Moments:
 
     The polynomial's centre is the mean of the sources, and the covariance is theirs, SI.
 
-    Examples
-    --------
     The square of a standard normal variable has mean 1, variance 2, skewness sqrt(8) and kurtosis 15:
 
     >>> square = PolynomialMap(2, np.zeros(1), np.ones(1), np.array([[0], [1], [2]]), np.array([[0.0], [0.0], [1.0]]),

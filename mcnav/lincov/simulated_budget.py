@@ -66,18 +66,14 @@ def simulate_each_source_alone(
 ) -> dict[str, Any]:
     """Estimate the variance of each output from each source alone and from all others, SI.
 
-    With the seed of the campaign, a random or antithetic campaign's own first draws are used.
+    With the seed of the campaign, a random or antithetic campaign's own first draws are used. Raises `SimulationFailed`
+    when a sample fails.
 
     Returns
     -------
     dict
         ``samples``, ``degrees_of_freedom``, and for ``alone`` and ``without`` each ``variance`` and ``standard_error``,
         shape (outputs, sources); a source without dispersion adds nothing and takes nothing away.
-
-    Raises
-    ------
-    SimulationFailed
-        When a sample fails.
     """
     drawn = errors.draw(design, seed, count, 0, count)
     sampling = SamplingDesign.of(design, count)

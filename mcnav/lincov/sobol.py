@@ -34,16 +34,13 @@ class _Quantile:
 def estimate_sobol_indices(propagate: Propagate, errors: ErrorModel, seed: int) -> dict[str, Any]:
     """Estimate first-order and total Sobol indices of every output (Saltelli et al., 2010; Jansen's total index).
 
+    Raises `SimulationFailed` when the sources are correlated, so that the shares are undefined, or a sample fails.
+
     Returns
     -------
     dict
         ``replicates``, ``points``, and ``first_order``, ``total`` with their ``..._standard_error``, shape (outputs,
         sources); zero for a source without dispersion.
-
-    Raises
-    ------
-    SimulationFailed
-        When the sources are correlated, so that the shares are undefined, or a sample fails.
     """
     from scipy.stats import sobol_indices  # slow to import: half a second
 

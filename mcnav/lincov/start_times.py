@@ -43,10 +43,8 @@ class StartTimeStudy:
         Convention of the reference axes.
     times : ndarray, shape (n,)
         Start times, s from the scenario's event.
-    partials : ndarray, shape (n, outputs, sources)
-        SI.
-    effects : ndarray, shape (n, outputs, sources)
-        Final error of each output due to one sigma of each source at that start time, SI.
+    partials, effects : ndarray, shape (n, outputs, sources)
+        Partial derivatives, and final errors due to one sigma of each source at that start time, SI.
     sigma : ndarray, shape (n, outputs)
         Dispersion, SI.
     weights : ndarray, shape (outputs,)

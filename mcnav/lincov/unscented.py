@@ -15,12 +15,8 @@ def unscented_covariance(propagate: Propagate, mean: Array, covariance: Array) -
     Sigma points at ``sqrt(n)`` standard deviations (alpha 1, beta 2, kappa 0) over the sources that have a dispersion,
     in units of their standard deviations. The mean is right to second order. The covariance is exact for a linear
     system; quadratic terms enter with up to n/2 times their share, a conservative error. Means have shape (sources,)
-    and (outputs,), covariances (sources, sources) and (outputs, outputs), SI.
-
-    Raises
-    ------
-    SimulationFailed
-        When a sigma point fails.
+    and (outputs,), covariances (sources, sources) and (outputs, outputs), SI. Raises `SimulationFailed` when a sigma
+    point fails.
     """
     from filterpy.kalman import MerweScaledSigmaPoints, unscented_transform
 

@@ -101,10 +101,7 @@ def rank_correlation(normal: float, one: MultivariateT | None = None, other: Mul
 def normal_of_rank(wanted: float, one: MultivariateT | None = None, other: MultivariateT | None = None) -> float:
     """Find the correlation of the normals that gives a rank correlation; see `rank_correlation`.
 
-    Raises
-    ------
-    ValueError
-        When it cannot be reached; the message names the largest magnitude.
+    Raises `ValueError` when it cannot be reached; the message names the largest magnitude.
     """
     if one is None and other is None:
         return 2.0 * math.sin(math.pi * wanted / 6.0)

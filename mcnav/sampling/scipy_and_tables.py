@@ -38,10 +38,7 @@ def shape_names(name: str) -> tuple[str, ...]:
 class ScipyDistribution:
     """Continuous distribution of scipy.stats, named by a key of `continuous_distributions`; nothing is evaluated.
 
-    Raises
-    ------
-    ValueError
-        When there is no such distribution, or it lacks a finite mean and a finite, positive variance.
+    Raises `ValueError` when there is no such distribution, or it lacks a finite mean and a finite, positive variance.
     """
 
     name: str
@@ -88,10 +85,7 @@ class ScipyDistribution:
 class EmpiricalDistribution:
     """Equally likely values, SI, in any order.
 
-    Raises
-    ------
-    ValueError
-        When fewer than two values differ, or one is not finite.
+    Raises `ValueError` when fewer than two values differ, or one is not finite.
     """
 
     values: Array = field(compare=False, repr=False)

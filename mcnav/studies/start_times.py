@@ -51,10 +51,7 @@ def _scenario(campaign: Campaign) -> VariableStart:
 def start_time_study(campaign: Campaign, axes: str | None = None, count: int | None = None) -> StartTimeStudy:
     """Run the linear study of a campaign's ``[start_times]``; arguments override its entries.
 
-    Raises
-    ------
-    CampaignError
-        When the scenario has a fixed start time.
+    Raises `CampaignError` when the scenario has a fixed start time.
     """
     plan, covariance = campaign.start_times, campaign.errors.covariance
     axes, count = axes or plan.axes, count or plan.count
@@ -72,10 +69,7 @@ def checked_times(campaign: Campaign, study: StartTimeStudy) -> tuple[float, ...
 def check_start_time(campaign: Campaign, time: float, axes: str) -> Comparison:
     """Simulate a campaign from a start time, s, with the errors of that time, and compare with the linear model.
 
-    Raises
-    ------
-    CampaignError
-        When the time is not on the trajectory.
+    Raises `CampaignError` when the time is not on the trajectory.
     """
     plan, errors, design = campaign.start_times, campaign.errors, campaign.design
     try:

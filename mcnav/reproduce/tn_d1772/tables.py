@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import lru_cache
-from itertools import chain
 from typing import Any, Final
 
 import numpy as np
@@ -146,11 +145,16 @@ def linear_model(scenario: Reentry) -> LinearModel:
     return LinearModel(model.partials[:, COLUMNS], model.nominal)
 
 
+def absolute_sums(effects: Array) -> dict[str, Array]:
+    """Sum the sizes of ten effects, shape (10, ...): those of initial conditions, of the equipment, and all."""
+    sizes = np.abs(effects)
+    conditions, equipment = sizes[:INITIAL_CONDITIONS].sum(axis=0), sizes[INITIAL_CONDITIONS:].sum(axis=0)
+    return {"initial conditions": conditions, "equipment": equipment, "all": conditions + equipment}
+
+
 def _sums(values: Array) -> dict[str, Array]:
     """Compute the four summary rows of ten runs, shape (10, ...)."""
-    sizes = np.abs(values)
-    conditions, equipment = sizes[:INITIAL_CONDITIONS].sum(axis=0), sizes[INITIAL_CONDITIONS:].sum(axis=0)
-    return dict(zip(SUMS, (values.sum(axis=0), conditions, equipment, conditions + equipment), strict=True))
+    return dict(zip(SUMS, (values.sum(axis=0), *absolute_sums(values).values()), strict=True))
 
 
 def final_error_cells(case: Case, engine: str = "reference", second: str = "ensemble") -> Iterator[Cell]:
@@ -230,13 +234,11 @@ def all_cells() -> list[Cell]:
 
     Table III repeats the altitude and range columns of the absolute sums of Table II.
     """
-    by_case = [(case, list(final_error_cells(case))) for case in CASES]
-    second, others = by_case[: len(TABLE_I)], by_case[len(TABLE_I) :]
+    second = [(case.trajectory, cell) for case in CASES[: len(TABLE_I)] for cell in final_error_cells(case)]
     third = [
-        replace(cell, table="III", row=f"trajectory {case.trajectory}: {cell.row}", second=np.nan)
-        for case, cells in second
-        for cell in cells
+        replace(cell, table="III", row=f"trajectory {trajectory}: {cell.row}", second=np.nan)
+        for trajectory, cell in second
         if cell.row.startswith("sum of") and cell.column in NAMES[:2]
     ]
-    return [*table_i_cells(), *chain.from_iterable(cells for _, cells in second), *third,
-            *chain.from_iterable(cells for _, cells in others)]  # fmt: skip
+    others = [cell for case in CASES[len(TABLE_I) :] for cell in final_error_cells(case)]
+    return [*table_i_cells(), *(cell for _, cell in second), *third, *others]
