@@ -27,16 +27,8 @@ from mcnav.statistics.whitening import Whitening
 class SampleMoments:
     """Block sums of stored samples that were successful, formed on demand.
 
-    Attributes
-    ----------
-    y, z : ndarray, shape (n, outputs)
-        Contiguous by columns.
-    begins : ndarray of int, shape (b,)
-        First sample of each block.
-    centre : ndarray, shape (outputs,)
-        Linear mean.
-    given : Whitening
-        Whitening by the linear covariance.
+    The samples have shape (n, outputs), contiguous by columns; ``begins`` is the first one of each block, shape (b,).
+    ``centre`` is the linear mean, shape (outputs,), and ``given`` the whitening by the linear covariance.
     """
 
     y: Array
@@ -131,18 +123,14 @@ class SummaryMoments:
 
     Attributes
     ----------
-    counts : ndarray, shape (b,)
     y, z : ndarray, shape (b, outputs)
         About the linear mean.
     yy, zz : ndarray, shape (b, outputs, outputs)
         Products.
     thirds, fourths : ndarray, shape (b, outputs)
-        Powers of y in units of ``scale``.
-    scale : ndarray, shape (outputs,)
+        Powers of y in units of ``scale``, shape (outputs,).
     hits : ndarray, shape (levels,)
         Samples inside the linear ellipsoids.
-    centre : ndarray, shape (outputs,)
-        Linear mean.
     """
 
     counts: Array
@@ -263,12 +251,8 @@ class ErrorSums:
 class ReducedSamples:
     """Samples of a campaign, reduced to what its analysis needs: block sums of the successful samples.
 
-    Attributes
-    ----------
-    stored : SampleMoments
-        Successful samples that are stored; those of ``moments`` unless the run stores a summary.
-    drawn, successful : ErrorSums
-        Start errors of all samples, and of the successful ones.
+    ``stored`` are those of the stored ones: ``moments`` unless the run stores a summary. With them come the start
+    errors of all samples, and of the successful ones.
     """
 
     moments: BlockMoments

@@ -16,13 +16,9 @@ from mcnav.lincov.covariance import propagated_variances
 class FailureBias:
     """Effect of the failed samples by the linear model, which predicts their final errors from their start errors.
 
-    Attributes
-    ----------
-    samples : int
-        Samples that failed.
-    sigma_ratio : ndarray, shape (outputs,)
-        Sigma of the linear final errors of the successful samples over that of all samples; NaN without dispersion.
-        Below one, the failed samples had the larger errors, and the sampled dispersion is too small by about as much.
+    ``sigma_ratio`` is the sigma of the linear final errors of the successful samples over that of all samples, shape
+    (outputs,); NaN without dispersion. Below one, the failed samples had the larger errors, and the sampled dispersion
+    is too small by about as much.
     """
 
     samples: int

@@ -42,13 +42,10 @@ class Finding(StrEnum):
 class Requirement:
     """Requirement on the final errors, SI.
 
-    Attributes
-    ----------
-    kind : str
-        ``sigma_ratio``: the paired sigma ratio of every output departs from one by no more than the limit.
-        ``quantile``: the output's absolute value at a probability lies below the limit. ``cep``: half of all errors in
-        two outputs lie within a circle of that radius about zero. ``box``: the absolute values of several outputs lie
-        within their limits together, with a probability.
+    Its kinds are ``sigma_ratio``: the paired sigma ratio of every output departs from one by no more than the limit;
+    ``quantile``: the output's absolute value at a probability lies below the limit; ``cep``: half of all errors in two
+    outputs lie within a circle of that radius about zero; ``box``: the absolute values of several outputs lie within
+    their limits together, with a probability.
     """
 
     kind: str
@@ -63,14 +60,10 @@ def requirements_from(
     """Build requirements from a manifest's entries, which refer to outputs by name."""
     at = {entry["name"]: number for number, entry in enumerate(outputs)}
     return tuple(
-        Requirement(
-            kind=entry["kind"],
-            outputs=tuple(at[name] for name in entry["outputs"]),
-            limits=tuple(float(limit) for limit in entry["limits"]),
-            probability=entry["probability"],
-        )
+        Requirement(entry["kind"], tuple(at[name] for name in entry["outputs"]),
+                    tuple(map(float, entry["limits"])), entry["probability"])
         for entry in entries
-    )
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -20,14 +20,7 @@ from mcnav.statistics.estimates import Estimate, blocked_mean, paired_squares
 
 @dataclass(frozen=True)
 class SampleSet:
-    """Successful samples of one run.
-
-    Attributes
-    ----------
-    index : ndarray of int, shape (n,)
-    errors : ndarray, shape (n, sources)
-    outputs : ndarray, shape (n, outputs)
-    """
+    """Successful samples of one run: index, shape (n,), errors, shape (n, sources), and outputs, shape (n, outputs)."""
 
     model: Model
     index: IndexArray
@@ -43,18 +36,10 @@ class SampleSet:
 
 @dataclass(frozen=True)
 class Change:
-    """Change of one output from a run to a later one.
+    """Change of one output from a run to a later one, SI, with common draws or without.
 
-    Attributes
-    ----------
-    before, after : float
-        Paired sigmas, SI.
-    ratio : float
-        After over before, with its interval; NaN where either is zero.
-    mean : Estimate
-        Mean after less mean before, SI.
-    common : bool
-        Whether both runs used common draws.
+    The paired sigmas before and after have a ratio, NaN where either is zero; ``mean`` is the later mean less the
+    earlier one.
     """
 
     before: float

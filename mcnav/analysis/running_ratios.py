@@ -20,13 +20,7 @@ POINTS: Final = 40
 
 @dataclass(frozen=True)
 class RunningRatio:
-    """Sigma ratios of one kind from growing parts of a campaign.
-
-    Attributes
-    ----------
-    ratio, low, high : ndarray, shape (sizes, outputs)
-        NaN for an output without linear dispersion.
-    """
+    """Sigma ratios from growing parts of a campaign, shape (sizes, outputs); NaN without linear dispersion."""
 
     ratio: Array
     low: Array
@@ -35,14 +29,9 @@ class RunningRatio:
 
 @dataclass(frozen=True)
 class Convergence:
-    """Sigma ratios against the number of samples.
+    """Sigma ratios against the number of samples, in whole blocks.
 
-    Attributes
-    ----------
-    sizes : ndarray of int, shape (sizes,)
-        Numbers of samples, in whole blocks.
-    plain, paired : RunningRatio
-        Each interval holds by itself at the confidence of the final one; all sizes together hold at less.
+    Each interval holds by itself at the confidence of the final one; all sizes together hold at less.
     """
 
     sizes: IndexArray

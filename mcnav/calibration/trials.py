@@ -44,13 +44,7 @@ HEAVIEST: Final = "student-t 5"
 
 @dataclass(frozen=True, order=True)
 class Cell:
-    """One statement about one sort of campaign.
-
-    Attributes
-    ----------
-    kind : str
-        ``coverage`` or ``false alarm``, which have a nominal rate, or ``power``.
-    """
+    """One statement about one sort of campaign; its kind is ``coverage``, ``false alarm`` or ``power``."""
 
     kind: str
     system: str
@@ -63,12 +57,9 @@ class Cell:
 def run_trials(
     trials: int, jobs: int, designs: Sequence[str], sizes: Sequence[int] = SIZES
 ) -> tuple[Counter[Cell], Counter[Cell]]:
-    """Simulate so many campaigns for each system, distribution, design and size, with seeds 0, 1, ..., and count.
+    """Simulate so many campaigns for each system, distribution, design and size, with seeds 0, 1, ...
 
-    Returns
-    -------
-    hits, made : Counter of Cell
-        How often a statement was right (an interval covered, a test rejected), and how often it was made.
+    Returns how often each statement was right (an interval covered, a test rejected), and how often it was made.
     """
     stretch = max(1, trials // (4 * jobs))
     pieces = [

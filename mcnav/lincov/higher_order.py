@@ -33,12 +33,8 @@ STEP: Final = 0.5
 class SecondOrder:
     """Derivatives along the principal directions of the start covariance, per sigma; r is its rank.
 
-    Attributes
-    ----------
-    gradients : ndarray, shape (outputs, r)
-    hessians : ndarray, shape (outputs, r, r)
-    cubic : ndarray, shape (outputs, r)
-        ``c``, the third derivatives contracted over two of their three directions.
+    Gradients have shape (outputs, r), hessians (outputs, r, r). ``cubic`` is c, the third derivatives contracted over
+    two of their three directions, shape (outputs, r).
     """
 
     gradients: Array

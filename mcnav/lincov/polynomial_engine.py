@@ -22,13 +22,7 @@ MAP: Final = "map"
 
 @dataclass(frozen=True)
 class PolynomialEngine:
-    """Engine that evaluates a polynomial.
-
-    Attributes
-    ----------
-    exact : Engine
-        Engine to which it was fitted, which simulates the samples beyond the fitted ones.
-    """
+    """Engine that evaluates a polynomial fitted to an exact engine, which simulates samples beyond the fitted ones."""
 
     polynomial: PolynomialMap
     exact: Engine
@@ -48,15 +42,13 @@ class PolynomialEngine:
         return SimulationResult(values, failures, len(unknown))
 
 
-def fit_polynomial_engine(
-    exact: Engine, mean: Array, standard_deviations: Array, tolerance: float = TOLERANCE
-) -> PolynomialEngine:
+def fit_polynomial_engine(exact: Engine, mean: Array, standard_deviations: Array) -> PolynomialEngine:
     """Fit a polynomial engine to an exact engine, for errors of given means and standard deviations, SI.
 
-    Raises `PolynomialFitError` when no polynomial meets the tolerance, and `SimulationFailed` when a sample that it
+    Raises `PolynomialFitError` when no polynomial meets `TOLERANCE`, and `SimulationFailed` when a sample that it
     needs fails.
     """
-    polynomial = fitted_map(exact.propagate, mean, standard_deviations, tolerance)
+    polynomial = fitted_map(exact.propagate, mean, standard_deviations, TOLERANCE)
     accuracy = (
         f"polynomial map of order {polynomial.order}, {len(polynomial.exponents)} terms fitted to "
         f"{polynomial.flights:,} flights; largest error on flights not fitted, drawn wider than the samples, "

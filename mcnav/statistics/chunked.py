@@ -58,11 +58,7 @@ def squared_distances(values: Array, centre: Array, given: Whitening) -> Array:
 class RunningScatter:
     """Number, mean and scatter of observations that are added in parts (Chan, Golub and LeVeque, 1983).
 
-    Attributes
-    ----------
-    mean : ndarray, shape (k,)
-    scatter : ndarray, shape (k, k)
-        ``sum (x - m)(x - m)^T``.
+    The scatter is ``sum (x - m)(x - m)^T``, shape (k, k).
     """
 
     count: int = 0

@@ -27,14 +27,10 @@ from mcnav._types import Array, IndexArray
 
 @dataclass(frozen=True)
 class Estimate:
-    """An estimated mean.
+    """An estimated mean with as many degrees of freedom as independent blocks less one.
 
-    Attributes
-    ----------
-    degrees_of_freedom : float
-        Independent blocks less one; with none the standard error is infinite.
-    asymmetry : float
-        ``a``: skewness of the blocks over the root of their number.
+    With none the standard error is infinite. The asymmetry ``a`` is the skewness of the blocks over the root of their
+    number.
     """
 
     value: float

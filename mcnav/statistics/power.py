@@ -14,29 +14,27 @@ SMALLEST_STEP: Final = 1.25
 """Smallest factor by which a larger sample is advised: intervals shrink by a tenth."""
 
 
-def detectable_ratio(error: float, degrees_of_freedom: float, confidence: float, power: float = USUAL_POWER) -> float:
-    """Compute the smallest departure of a ratio from one that its interval detects with a probability.
+def detectable_ratio(error: float, degrees_of_freedom: float, confidence: float) -> float:
+    """Compute the smallest departure of a ratio from one that its interval detects with `USUAL_POWER`.
 
-    With s the standard error of the ratio's logarithm, an interval ``ln(ratio) +- t s`` excludes zero with the given
-    power when the true logarithm is ``(t_confidence + t_power) s`` away; the upward departure, ``exp(...) - 1``, is the
+    With s the standard error of the ratio's logarithm, an interval ``ln(ratio) +- t s`` excludes zero with that power
+    when the true logarithm is ``(t_confidence + t_power) s`` away; the upward departure, ``exp(...) - 1``, is the
     larger one and is returned.
     """
     if not math.isfinite(error) or degrees_of_freedom < 1.0:
         return math.inf
-    reach = float(special.stdtrit(degrees_of_freedom, [0.5 + 0.5 * confidence, power]).sum()) * error
+    reach = float(special.stdtrit(degrees_of_freedom, [0.5 + 0.5 * confidence, USUAL_POWER]).sum()) * error
     return math.expm1(reach) if reach < 700.0 else math.inf
 
 
-def samples_to_detect(
-    departure: float, error: float, count: int, confidence: float, power: float = USUAL_POWER
-) -> float:
-    """Estimate the samples with which a departure of a ratio from one is detected with a probability.
+def samples_to_detect(departure: float, error: float, count: int, confidence: float) -> float:
+    """Estimate the samples with which a departure of a ratio from one is detected with `USUAL_POWER`.
 
     The standard error from ``count`` samples is assumed to fall with their root; the quantiles are normal.
     """
     if departure <= 0.0:
         raise ValueError(f"departure must be positive; got {departure!r}")
-    reach = float(special.ndtri(0.5 + 0.5 * confidence) + special.ndtri(power)) * error
+    reach = float(special.ndtri(0.5 + 0.5 * confidence) + special.ndtri(USUAL_POWER)) * error
     return count * (reach / math.log1p(departure)) ** 2
 
 

@@ -28,18 +28,11 @@ LARGEST_TOGETHER: Final = 50.0
 
 @dataclass(frozen=True)
 class LinearityStudy:
-    """Range of linearity of a campaign.
+    """Range of linearity of a campaign, from so many samples at each multiple.
 
-    Attributes
-    ----------
-    sizes : ndarray, shape (sources,)
-        One sigma of each source (the value of a fixed one), SI, to which the multiples refer.
-    contributions : ndarray, shape (sources, outputs)
-        Effect of ``sizes`` on each output by the linear model, SI.
-    alone : AloneRange
-        One direction per source, then all sources at plus one sigma.
-    samples : int
-        Samples at each multiple.
+    The multiples refer to ``sizes``, one sigma of each source (the value of a fixed one), shape (sources,), SI, whose
+    effect by the linear model is ``contributions``, shape (sources, outputs). ``alone`` has one direction per source,
+    then all sources at plus one sigma.
     """
 
     tolerance: float

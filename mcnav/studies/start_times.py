@@ -31,10 +31,7 @@ EVENLY: Final = 6
 class StartTimesFound:
     """Linear study of start times and its Monte Carlo checks by start time, s.
 
-    Attributes
-    ----------
-    own_sigma : ndarray, shape (outputs,)
-        Linear dispersion for the campaign's own start and stated errors, SI.
+    ``own_sigma`` is the linear dispersion for the campaign's own start and stated errors, shape (outputs,), SI.
     """
 
     study: StartTimeStudy

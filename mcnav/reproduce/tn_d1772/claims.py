@@ -60,12 +60,9 @@ RSS: Final = "altitude, root sum square of all [km]"
 
 @dataclass(frozen=True)
 class Finding:
-    """A statement of the report and what was found.
+    """A statement of the report, what was found, and the verdict.
 
-    Attributes
-    ----------
-    verdict : str
-        ``holds``, ``in part``, ``does not hold`` or ``settled`` (for what had to be decided to reproduce anything).
+    It is ``holds``, ``in part``, ``does not hold`` or ``settled`` (for what had to be decided to reproduce anything).
     """
 
     said: str

@@ -42,16 +42,10 @@ class Mark(StrEnum):
 
 @dataclass(frozen=True)
 class Cell:
-    """One printed number; computed numbers are in the printed unit.
+    """One printed number, which the report itself may contradict; computed numbers are in the printed unit.
 
-    Attributes
-    ----------
-    reason : str
-        Why printed and computed number differ, where that is known; else empty.
-    contradicted : bool
-        Whether the report itself contradicts the printed number.
-    second : float
-        The number computed on the ensemble engine; NaN where only one engine computes it.
+    The reason says why printed and computed number differ, where that is known. ``second`` is the number computed on
+    the ensemble engine; NaN where only one engine computes it.
     """
 
     table: str
@@ -157,23 +151,21 @@ def _sums(values: Array) -> dict[str, Array]:
     return dict(zip(SUMS, (values.sum(axis=0), *absolute_sums(values).values()), strict=True))
 
 
-def final_error_cells(case: Case, engine: str = "reference", second: str = "ensemble") -> Iterator[Cell]:
-    """Compute a table of final errors and the sums under it by two engines; the first is compared.
+def final_error_cells(case: Case) -> Iterator[Cell]:
+    """Compute a table of final errors and the sums under it by two engines; the reference engine is compared.
 
     A sum's tolerance is that of an entry times the square root of the entries summed, their errors being independent.
     """
     errors = np.vstack([np.diag(ERRORS), ERRORS]) * case.multiple
     scenario = table_i_scenario(case.trajectory, **dict(case.options))
-    computed, other = (
-        propagator(scenario, name, errors)(errors).values * np.array(TO_PRINTED) for name in (engine, second)
-    )
+    by_engine = [propagator(scenario, name, errors)(errors).values for name in ("reference", "ensemble")]
+    both = np.stack(by_engine, axis=-1) * np.array(TO_PRINTED)[:, None]
     printed = final_errors(case.table)
     largest = np.abs(np.array(printed, dtype=float)).max(axis=0)
     tolerance = np.maximum(case.share * largest, case.least)
 
     runs = len(ERRORS)
     of_printed = _sums(np.array(printed[:runs], dtype=float))
-    both = np.stack([computed, other], axis=-1)
 
     def cell(row: str, column: int, text: str, values: Array, allowed: float, total: float = np.nan) -> Cell:
         name = NAMES[column]
