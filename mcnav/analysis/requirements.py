@@ -98,13 +98,9 @@ class RequirementResult:
 
 
 def judge_requirement(
-    requirement: Requirement,
-    model: Model,
-    outcomes: Array,
-    blocks: IndexArray,
-    comparison: Comparison,
+    requirement: Requirement, model: Model, outcomes: Array, blocks: IndexArray, comparison: Comparison,
     confidence: float,
-) -> RequirementResult:
+) -> RequirementResult:  # fmt: skip
     """Judge one requirement by the outcomes of all samples, shape (n, outputs), and their blocks, shape (n,).
 
     The outcomes of a sample that failed are NaN.
@@ -112,12 +108,11 @@ def judge_requirement(
     if requirement.kind == "sigma_ratio":
         return _judge_ratios(requirement, comparison)
     independent, remark = independent_samples(blocks)
-    values = outcomes[independent][:, np.array(requirement.outputs)]
-    if not np.isfinite(values).any():
+    outcomes = outcomes[independent]
+    if not np.isfinite(outcomes).any():
         remark = "every sample failed"
-    if requirement.kind == "box":
-        return _judge_box(requirement, model, values, confidence, remark)
-    return _judge_size(requirement, model, values, confidence, remark)
+    judged = _judge_box if requirement.kind == "box" else _judge_size
+    return judged(requirement, model, outcomes, confidence, remark)
 
 
 def independent_samples(blocks: IndexArray) -> tuple[NDArray[np.bool_], str]:
@@ -130,9 +125,22 @@ def independent_samples(blocks: IndexArray) -> tuple[NDArray[np.bool_], str]:
     return np.ones(len(blocks), dtype=bool), remark
 
 
-def _linear_moments(requirement: Requirement, model: Model) -> tuple[Array, Array]:
-    """Return the linear mean and covariance of a requirement's outputs."""
-    picked = np.array(requirement.outputs)
+def error_sizes(outcomes: Array, outputs: tuple[int, ...]) -> Array:
+    """Return the absolute values of one output, or the distances from zero in two, shape (n,)."""
+    return np.abs(outcomes[:, outputs[0]]) if len(outputs) == 1 else np.hypot(*(outcomes[:, i] for i in outputs))
+
+
+def linear_quantile(model: Model, outputs: tuple[int, ...], probability: float) -> float:
+    """Compute a quantile of the sizes of one output's errors by the linear model, or the CEP of two outputs."""
+    mean, covariance = _linear_moments(model, outputs)
+    if len(outputs) == 2:
+        return normal_circular_error_probable(mean, covariance)
+    return absolute_normal_quantile(float(mean[0]), float(covariance[0, 0]) ** 0.5, probability)
+
+
+def _linear_moments(model: Model, outputs: tuple[int, ...]) -> tuple[Array, Array]:
+    """Return the linear mean and covariance of some outputs."""
+    picked = np.array(outputs)
     return model.outcome_mean[picked], model.outcome_covariance[np.ix_(picked, picked)]
 
 
@@ -156,44 +164,40 @@ def _judge_ratios(requirement: Requirement, comparison: Comparison) -> Requireme
     remark = ""
     if finding == Finding.MET and comparison.failed > LARGEST_FAILED_SHARE * (comparison.failed + comparison.samples):
         finding, remark = Finding.UNDECIDED, "too many samples failed"
-    needed = max(each.samples_needed or 0 for each in found) or None if finding == Finding.UNDECIDED else None
+    undecided = [each.samples_needed or 0 for each in found if finding == Finding.UNDECIDED]
+    needed = max(undecided, default=0) or None
     ratio, interval = worst.ratio or 1.0, worst.interval or (0.0, math.inf)
     return RequirementResult(requirement, finding, ratio, interval, 1.0, True, needed, remark=remark)
 
 
 def _judge_size(
-    requirement: Requirement, model: Model, values: Array, confidence: float, remark: str
+    requirement: Requirement, model: Model, outcomes: Array, confidence: float, remark: str
 ) -> RequirementResult:
     """Judge a quantile of an output's absolute value, or of the distance from zero in two outputs."""
-    mean, covariance = _linear_moments(requirement, model)
-    limit, probability = requirement.limits[0], requirement.probability or 0.5
-    size = np.hypot(*values.T) if requirement.kind == "cep" else np.abs(values[:, 0])
-    ranked, interval = RankedSizes.of(size), (0.0, math.inf)
-    if not remark:
-        interval = ranked.lower(probability, confidence), ranked.upper(probability, confidence)
+    outputs, limit, probability = requirement.outputs, requirement.limits[0], requirement.probability or 0.5
+    sizes = error_sizes(outcomes, outputs)
+    ranked = RankedSizes.of(sizes)
+    interval = (0.0, math.inf) if remark else ranked.bounds(probability, confidence)
     finding = Finding.MET if interval[1] <= limit else Finding.NOT_MET if interval[0] > limit else Finding.UNDECIDED
-    linear = (
-        normal_circular_error_probable(mean, covariance)
-        if requirement.kind == "cep"
-        else absolute_normal_quantile(float(mean[0]), float(covariance[0, 0]) ** 0.5, probability)
-    )
+    linear = linear_quantile(model, outputs, probability)
     needed = None
-    if finding == Finding.UNDECIDED and not remark and len(size):
-        needed = _needed(float(np.mean(~(size <= limit))), 1.0 - probability, confidence, len(size))
+    if finding == Finding.UNDECIDED and not remark and len(sizes):
+        needed = _needed(float(np.mean(~(sizes <= limit))), 1.0 - probability, confidence, len(sizes))
     largest = None
     if requirement.kind == "quantile":
-        sigma = _largest_sigma(float(mean[0]), limit, probability)
+        sigma = _largest_sigma(float(model.outcome_mean[outputs[0]]), limit, probability)
         if sigma is not None:
-            largest = largest_sigmas(model.partials[requirement.outputs[0]], model.covariance, sigma)
+            largest = largest_sigmas(model.partials[outputs[0]], model.covariance, sigma)
     estimate, meets = ranked.estimate(probability), linear <= limit
     return RequirementResult(requirement, finding, estimate, interval, linear, meets, needed, largest, remark)
 
 
 def _judge_box(
-    requirement: Requirement, model: Model, values: Array, confidence: float, remark: str
+    requirement: Requirement, model: Model, outcomes: Array, confidence: float, remark: str
 ) -> RequirementResult:
     """Judge the probability that several outputs lie within their limits together."""
     limits, probability = np.array(requirement.limits), requirement.probability or 0.5
+    values = outcomes[:, requirement.outputs]
     inside = int(np.count_nonzero(np.all(np.abs(values) <= limits, axis=1)))
     count, lost = len(values), int(np.count_nonzero(~np.isfinite(values).all(axis=1)))
     low, high = 0.0, 1.0
@@ -201,7 +205,7 @@ def _judge_box(
         low = proportions.lower_probability(inside, count, confidence)
         high = proportions.upper_probability(inside + lost, count, confidence)
     finding = Finding.MET if low >= probability else Finding.NOT_MET if high < probability else Finding.UNDECIDED
-    linear = normal_box_probability(*_linear_moments(requirement, model), limits)
+    linear = normal_box_probability(*_linear_moments(model, requirement.outputs), limits)
     needed = None
     if finding == Finding.UNDECIDED and not remark and count:
         needed = _needed(1.0 - inside / count, 1.0 - probability, confidence, count)

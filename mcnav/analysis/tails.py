@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Final
@@ -12,9 +12,8 @@ import numpy as np
 
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import Criterion, Model
-from mcnav.analysis.requirements import absolute_normal_quantile, independent_samples
+from mcnav.analysis.requirements import error_sizes, independent_samples, linear_quantile
 from mcnav.analysis.verdict import Verdict, judge
-from mcnav.statistics.circular_error import normal_circular_error_probable
 from mcnav.statistics.interim_sizes import confidence_of_each
 from mcnav.statistics.order_statistics import RankedSizes
 
@@ -59,36 +58,23 @@ def tails(
     The criterion's confidence is that of each one-sided bound, and of all verdicts together; interim analyses widen the
     intervals of the verdicts. The units are those of the outputs; for the other parameters see `judge_requirement`.
     """
-    mean, covariance = model.outcome_mean, model.outcome_covariance
     picked, remark = independent_samples(blocks)
-    dispersed = [i for i in range(len(mean)) if covariance[i, i] > 0.0]
-
+    dispersed = np.flatnonzero(np.diag(model.outcome_covariance) > 0.0).tolist()
     pairs = [(i, j) for i, j in combinations(dispersed, 2) if units[i] == units[j]]
-    family = max(len(PROBABILITIES) * len(dispersed) + len(pairs), 1)
+    wanted = [*(((i,), PROBABILITIES) for i in dispersed), *((pair, (0.5,)) for pair in pairs)]
+    family = max(sum(len(probabilities) for _, probabilities in wanted), 1)
     each = 1.0 - 0.5 * (1.0 - confidence_of_each(criterion.confidence, criterion.looks)) / family
-
-    def found(outputs: tuple[int, ...], sizes: Array, linear: Mapping[float, float]) -> list[Quantile]:
+    quantiles = []
+    for outputs, probabilities in wanted:
+        sizes = error_sizes(outcomes, outputs)
         ranked = RankedSizes.of(sizes)
         apart = ranked if picked.all() else RankedSizes.of(sizes[picked])
-
-        def bounds(probability: float, sure: float) -> tuple[float, float]:
-            return (0.0, math.inf) if remark else (apart.lower(probability, sure), apart.upper(probability, sure))
-
-        quantiles = []
-        for probability, quoted in linear.items():
-            estimate, together = ranked.estimate(probability), bounds(probability, each)
-            low, high = (bound / quoted for bound in together)
-            verdict = judge(estimate / quoted, (low, high), criterion.tolerance, len(sizes)).verdict
-            lower, upper = bounds(probability, criterion.confidence)
-            quantiles.append(Quantile(outputs, probability, estimate, lower, upper, quoted, together, verdict))
-        return quantiles
-
-    quantiles = []
-    for i in dispersed:
-        quoted = {p: absolute_normal_quantile(float(mean[i]), float(covariance[i, i]) ** 0.5, p) for p in PROBABILITIES}
-        quantiles += found((i,), np.abs(outcomes[:, i]), quoted)
-    for i, j in pairs:
-        both = [i, j]
-        circle = normal_circular_error_probable(mean[both], covariance[np.ix_(both, both)])
-        quantiles += found((i, j), np.hypot(outcomes[:, i], outcomes[:, j]), {0.5: circle})
+        for probability in probabilities:
+            estimate, linear = ranked.estimate(probability), linear_quantile(model, outputs, probability)
+            bounds, together = (
+                (0.0, math.inf) if remark else apart.bounds(probability, sure) for sure in (criterion.confidence, each)
+            )
+            interval = together[0] / linear, together[1] / linear
+            verdict = judge(estimate / linear, interval, criterion.tolerance, len(sizes)).verdict
+            quantiles.append(Quantile(outputs, probability, estimate, *bounds, linear, together, verdict))
     return tuple(quantiles)

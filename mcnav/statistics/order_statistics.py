@@ -70,12 +70,13 @@ class RankedSizes:
         below = int(place)
         return float(np.quantile(self.values[below : below + 2], place - below))
 
-    def lower(self, quantile: float, confidence: float) -> float:
-        """Bound a quantile from below; failed samples count as smallest, and zero bounds with too few samples."""
-        rank = lower_rank(len(self.values) + self.failed, quantile, confidence)
-        return 0.0 if rank is None or rank <= self.failed else float(self.values[rank - self.failed - 1])
+    def bounds(self, quantile: float, confidence: float) -> tuple[float, float]:
+        """Bound a quantile from below and from above, each with the confidence.
 
-    def upper(self, quantile: float, confidence: float) -> float:
-        """Bound a quantile from above; failed samples count as largest, and infinity bounds with too few samples."""
-        rank = upper_rank(len(self.values) + self.failed, quantile, confidence)
-        return math.inf if rank is None or rank > len(self.values) else float(self.values[rank - 1])
+        Failed samples count as smallest below, and as largest above; with too few samples the bounds are zero and
+        infinity.
+        """
+        count = len(self.values) + self.failed
+        low, high = lower_rank(count, quantile, confidence), upper_rank(count, quantile, confidence)
+        lower = 0.0 if low is None or low <= self.failed else float(self.values[low - self.failed - 1])
+        return lower, math.inf if high is None or high > len(self.values) else float(self.values[high - 1])

@@ -20,9 +20,7 @@ def test_quantile_intervals_against_scipy() -> None:
     values = np.random.default_rng(1).standard_normal(400)
     for quantile in (0.1, 0.5, 0.9):
         expected = stats.quantile_test(values, p=quantile).confidence_interval(0.95)
-        ranked = order_statistics.RankedSizes.of(values)
-        assert ranked.lower(quantile, 0.975) == expected.low
-        assert ranked.upper(quantile, 0.975) == expected.high
+        assert order_statistics.RankedSizes.of(values).bounds(quantile, 0.975) == (expected.low, expected.high)
 
 
 def test_sample_sizes_against_openturns() -> None:

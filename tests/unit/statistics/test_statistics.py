@@ -63,16 +63,15 @@ def test_ranks_are_the_smallest_that_hold() -> None:
 def test_bounds_mirror_each_other() -> None:
     values = np.random.default_rng(5).standard_normal(500)
     ranked, mirrored = RankedSizes.of(values), RankedSizes.of(-values)
-    upper = ranked.upper(0.9, 0.95)
-    assert mirrored.lower(1.0 - 0.9, 0.95) == -upper
-    assert ranked.lower(0.9, 0.95) < np.quantile(values, 0.9) < upper
+    lower, upper = ranked.bounds(0.9, 0.95)
+    assert mirrored.bounds(1.0 - 0.9, 0.95) == (-upper, -lower)
+    assert lower < np.quantile(values, 0.9) < upper
     assert ranked.estimate(0.9) == pytest.approx(np.quantile(values, 0.9), rel=1e-14)
 
 
 def test_too_few_samples_bound_nothing() -> None:
     for values in (np.array([1.0]), np.array([])):
-        assert RankedSizes.of(values).lower(0.5, 0.95) == 0.0
-        assert RankedSizes.of(values).upper(0.5, 0.95) == np.inf
+        assert RankedSizes.of(values).bounds(0.5, 0.95) == (0.0, np.inf)
     with pytest.raises(ValueError, match="quantile must lie between 0 and 1; got 1"):
         order_statistics.upper_rank(10, 1.0, 0.9)
 
