@@ -73,47 +73,43 @@ def alone(simulate: Simulator, linear: LinearModel, directions: Array, tolerance
     The directions are the errors whose multiples are simulated, shape (directions, sources), SI.
     """
     engines = cache(simulate)
-    changes = directions @ linear.partials.T
+    both = np.vstack([directions, -directions])
+    changes = both @ linear.partials.T
 
-    def departures(multiples: Array, which: IndexArray, signs: Array) -> Array:
-        """Compute the departure of each output for signed multiples of chosen directions, shape (n, outputs)."""
-        signed = signs * multiples
+    def departures(multiples: Array, which: IndexArray) -> Array:
+        """Compute the departure of each output for multiples of chosen directions of both signs, shape (n, outputs)."""
         decade = _decade(multiples)
         values = np.empty((len(multiples), len(linear.nominal)))
         for top in np.unique(decade):
             rows = np.flatnonzero(decade == top)
-            values[rows] = engines(float(top))(signed[rows, None] * directions[which[rows]]).values
-        expected = signed[:, None] * changes[which]
+            values[rows] = engines(float(top))(multiples[rows, None] * both[which[rows]]).values
+        expected = multiples[:, None] * changes[which]
         with np.errstate(divide="ignore", invalid="ignore"):
             shares = np.abs(values - linear.nominal - expected) / np.abs(expected)
         return np.where(np.isfinite(values), shares, BEYOND)
 
+    def excess(log: Array, direction: Array, output: Array) -> Array:
+        shares = departures(np.exp(log.ravel()), direction.astype(int).ravel())
+        return np.asarray(shares[np.arange(log.size), output.astype(int).ravel()] - tolerance).reshape(log.shape)
+
     steps = ladder(largest)
-    found = np.full((2, *changes.shape), np.inf)
-    for side, sign in enumerate((1.0, -1.0)):
-        first = _first_crossings(departures, steps, len(directions), sign, tolerance, changes.shape)
-        which, output = np.nonzero(first > 0)
-        found[side][first == 0] = SMALLEST
-        if len(which) == 0:
-            continue
-
-        def excess(log: Array, direction: Array, at: Array, side_sign: float = sign) -> Array:
-            chosen, own = direction.astype(int).ravel(), at.astype(int).ravel()
-            shares = departures(np.exp(log.ravel()), chosen, np.full(log.size, side_sign))
-            return np.asarray(shares[np.arange(log.size), own] - tolerance).reshape(log.shape)
-
+    first = _first_crossings(departures, steps, tolerance, changes.shape)
+    found = np.where(first == 0, SMALLEST, np.inf)
+    which, output = np.nonzero(first > 0)
+    if len(which):
         last = first[which, output]
         bracket = (np.log(steps[last - 1]), np.log(steps[last]))
         root = find_root(excess, bracket, args=(which.astype(float), output.astype(float)), tolerances={"xatol": 1e-6})
-        found[side][which, output] = np.exp(root.x)
-    found[:, changes == 0.0] = np.nan
+        found[which, output] = np.exp(root.x)
+    found[changes == 0.0] = np.nan
+    found = found.reshape(2, len(directions), -1)
     nearest = np.argmin(np.nan_to_num(found, nan=np.inf), axis=0)
     multiples = np.take_along_axis(found, nearest[None], axis=0)[0]
     return AloneRange(multiples, np.where(np.isfinite(multiples), 1.0 - 2.0 * nearest, 0.0), largest)
 
 
 def _first_crossings(
-    departures: Callable[..., Array], steps: Array, count: int, sign: float, tolerance: float, shape: tuple[int, ...]
+    departures: Callable[[Array, IndexArray], Array], steps: Array, tolerance: float, shape: tuple[int, ...]
 ) -> IndexArray:
     """Find the ladder's first departure beyond the tolerance, shape (directions, outputs); -1 for none.
 
@@ -124,7 +120,7 @@ def _first_crossings(
         open_rows = np.flatnonzero((first < 0).any(axis=1))
         if len(open_rows) == 0:
             break
-        shares = departures(np.full(len(open_rows), multiple), open_rows, np.full(len(open_rows), sign))
+        shares = departures(np.full(len(open_rows), multiple), open_rows)
         rows, columns = np.nonzero((shares >= tolerance) & (first[open_rows] < 0))
         first[open_rows[rows], columns] = position
     return first

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -157,9 +157,13 @@ def _alarms(name: str, found: Comparison, sources: str) -> Iterator[Statement]:
             "Mardia's skewness": normality.skewness_test if normality else None,
             "Mardia's kurtosis": normality.kurtosis_test if normality else None,
         }
+    yield from _rejections(tests, "false alarm")
+
+
+def _rejections(tests: Mapping[str, HypothesisTest | None], kind: str) -> Iterator[Statement]:
     for statement, test in tests.items():
         if test is not None:
-            yield statement, "false alarm", test.p_value < 1.0 - LEVEL
+            yield statement, kind, test.p_value < 1.0 - LEVEL
 
 
 def _tail(system: SyntheticSystem, found: Comparison, outputs: Array, blocks: IndexArray) -> Iterator[Statement]:
@@ -179,6 +183,4 @@ def _powers(found: Comparison) -> Iterator[Statement]:
     yield "verdict: differs by more than 1 %", "power", first.paired.verdict.value == "differs"
     if joint is not None:
         tests = {"covariance, likelihood ratio": joint.covariance, "covariance, paired": joint.covariance_paired}
-        for statement, test in tests.items():
-            if test is not None:
-                yield statement, "power", test.p_value < 1.0 - LEVEL
+        yield from _rejections(tests, "power")
