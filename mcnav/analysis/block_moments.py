@@ -225,7 +225,7 @@ def ellipsoid_radii(given: Whitening) -> Array:
 
 @dataclass(frozen=True)
 class ErrorSums:
-    """Sums of the start errors of some samples about an origin, and of their products, SI; shape (sources, sources)."""
+    """Sums of start errors about an origin, shape (sources,), and of their products, shape (sources, sources), SI."""
 
     samples: int
     total: Array
@@ -249,10 +249,10 @@ class ErrorSums:
 
 @dataclass(frozen=True)
 class ReducedSamples:
-    """Samples of a campaign, reduced to what its analysis needs: block sums of the successful samples.
+    """Samples of a campaign, reduced to what its analysis needs.
 
-    ``stored`` are those of the stored ones: ``moments`` unless the run stores a summary. With them come the start
-    errors of all samples, and of the successful ones.
+    ``moments`` are block sums of the successful samples, ``stored`` those of the stored ones: the same unless the run
+    stores a summary. ``drawn`` and ``successful`` are sums of the start errors of all and of the successful samples.
     """
 
     moments: BlockMoments

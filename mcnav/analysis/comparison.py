@@ -280,7 +280,7 @@ def compare(
 
 
 def compare_reduced(model: Model, samples: ReducedSamples, criterion: Criterion, design: SamplingDesign) -> Comparison:
-    """Compare a campaign with the linear model; its confidence holds for all verdicts together (Bonferroni)."""
+    """Compare a campaign with the linear model; the criterion's confidence is that of all verdicts (Bonferroni)."""
     moments, linear = samples.moments, model.outcome_covariance
     count, failed = moments.samples, samples.failed
     each = 1.0 - (1.0 - confidence_of_each(criterion.confidence, criterion.looks)) / (len(linear) + 1)

@@ -42,8 +42,8 @@ class Truth:
 class SyntheticSystem:
     """A simulated system, the linear model to test, and the exact moments.
 
-    The simulation is a function of source values, shape (n, 3), and their fourth moment, and returns outputs, shape (n,
-    2). The truth is a function of the fourth and sixth moments of a source.
+    The simulation is a function of source values, shape (n, 3), and their fourth moment; it returns outputs, shape
+    (n, 2). The truth is a function of the fourth and sixth moments of a source.
     """
 
     simulate: Callable[[Array, float], Array]

@@ -97,14 +97,14 @@ def _random(seed: int, begin: int, end: int, dimensions: int) -> Array:
     return np.asarray(((words >> np.uint64(12)).astype(float) + 0.5) * 2.0**-52)  # strictly between 0 and 1
 
 
-def _latin_hypercube(seed: int, block: int, length: int, begin: int, end: int, dimensions: int) -> Array:
-    """Draw points [begin, end) of one replicate; in each dimension every stratum contains one point."""
+def _latin_hypercube(seed: int, block: int, length: int, dimensions: int) -> Array:
+    """Draw one replicate; in each dimension every stratum contains one point."""
     generator = np.random.Generator(np.random.Philox(_key(seed, block)))
     strata = generator.permuted(np.tile(np.arange(length), (dimensions, 1)), axis=1).T
-    return np.asarray((strata + generator.random((length, dimensions))) / length)[begin:end]
+    return np.asarray((strata + generator.random((length, dimensions))) / length)
 
 
-def _sobol(seed: int, block: int, length: int, begin: int, end: int, dimensions: int) -> Array:
+def _sobol(seed: int, block: int, begin: int, end: int, dimensions: int) -> Array:
     """Draw points [begin, end) of one scrambled Sobol net."""
     from scipy.stats import qmc  # the import takes half a second
 
@@ -127,9 +127,11 @@ def standard_normals(design: str, seed: int, samples: int, begin: int, end: int,
     if design == "antithetic":
         half = ndtri(_random(seed, first, last, dimensions))
         return np.stack([half, -half], axis=1).reshape(-1, dimensions)[begin - first * 2 : end - first * 2]
-    replicate = _latin_hypercube if design == "latin-hypercube" else _sobol
     parts = []
     for block in range(first, last):
         low, high = max(begin - block * length, 0), min(end - block * length, length)
-        parts.append(replicate(seed, block, length, low, high, dimensions))
+        if design == "latin-hypercube":
+            parts.append(_latin_hypercube(seed, block, length, dimensions)[low:high])
+        else:
+            parts.append(_sobol(seed, block, low, high, dimensions))
     return np.asarray(ndtri(np.clip(np.concatenate(parts), 2.0**-54, 1.0 - 2.0**-53)))

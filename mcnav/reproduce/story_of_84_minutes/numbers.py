@@ -75,7 +75,7 @@ class Number:
 
     ``closed`` is the value of the document's formula, corrected. ``linear`` and ``flown`` are linear analysis and
     simulation of a navigator at rest, ``cruising`` is the simulation at half a mile per second. The remark explains the
-    printed number; where it is ``wrong``, a misprint.
+    printed number, or a misprint where this is ``wrong``.
     """
 
     place: str
