@@ -63,7 +63,7 @@ def _instrument(force: float, change: float, bias: float, scale: float) -> float
     return change + bias + scale * (force + change + bias)
 
 
-@compiled
+@inlined
 def _advance(block: Array, nodes: Array, first: int, step: float, constants: Array, slaved: bool, level: bool) -> None:
     """Carry a block through steps of which the first has a number.
 
