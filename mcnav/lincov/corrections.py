@@ -34,8 +34,8 @@ ROUGHEST: Final = 0.05
 
 
 MOST_TERMS: Final = 600
-"""Terms of the polynomial, at most: with 13 sources 560. Its moments take a second of nine outputs with 13, 66 s with 20
-sources, and fitting it to 40 several gigabytes."""
+"""Terms of the polynomial, at most: 560 with 13 sources, whose moments take 1 s for nine outputs. With 20 sources they
+take 66 s, and with 40 a fit takes gigabytes."""
 
 
 def simulated_budgets(
@@ -146,7 +146,8 @@ def higher_order(prepared: Engine, errors: ErrorModel) -> dict[str, Any]:
         terms = comb(sources + HIGHER_ORDER, HIGHER_ORDER)
         if terms > MOST_TERMS:
             raise SimulationFailed(
-                f"with {sources} sources a polynomial of order {HIGHER_ORDER} has {terms:,} terms, more than {MOST_TERMS}"
+                f"with {sources} sources a polynomial of order {HIGHER_ORDER} has {terms:,} terms, more than "
+                f"{MOST_TERMS}"
             )
         polynomial = fit(prepared.propagate, errors.mean, errors.standard_deviations, HIGHER_ORDER)
     if not polynomial.error <= ROUGHEST:

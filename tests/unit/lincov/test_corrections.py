@@ -34,7 +34,7 @@ def _errors(count: int, still: int = 0) -> ErrorModel:
 
 
 def test_too_many_terms_are_refused_before_a_simulation() -> None:
-    """The most sources that are fitted have at most the stated number of terms; those without dispersion do not count."""
+    """The bound is on terms; sources without dispersion have none."""
     order = corrections.HIGHER_ORDER
     most = max(n for n in range(40) if comb(n + order, order) <= corrections.MOST_TERMS)
     found = corrections.higher_order(Sums(), _errors(most, still=5))
