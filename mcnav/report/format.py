@@ -10,6 +10,9 @@ SUPERSCRIPTS: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸�
 LONGEST: Final = 6
 """Most decimals of a value with its error; smaller errors are written with powers of ten."""
 
+SHORT: Final = 12
+"""Digits shown of a digest."""
+
 SMALLEST: Final = 1e-4
 """Smallest p-value that is written out."""
 
@@ -47,7 +50,7 @@ def fixed(value: float | None, decimals: int) -> str:
     >>> fixed(-0.25, 3)
     '−0.250'
     """
-    return "–" if value is None else f"{value:+.{decimals}f}".replace("-", "−")
+    return "–" if value is None or not math.isfinite(value) else f"{value:+.{decimals}f}".replace("-", "−")
 
 
 def with_error(value: float, error: float, sign: bool = False) -> str:
@@ -108,3 +111,12 @@ def probability(value: float) -> str:
     if value < SMALLEST:
         return f"<{SMALLEST:.4f}"
     return f"{value:.2g}" if value < 0.995 else "1.0"
+
+
+def digest(text: str) -> str:
+    """Shorten a hexadecimal digest for people.
+
+    >>> digest(64 * "5")
+    '555555555555'
+    """
+    return text[:SHORT]

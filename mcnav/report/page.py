@@ -28,7 +28,9 @@ FIGURES: Final = (
 )  # fmt: skip
 """Figures of the report's template."""
 
-FILTERS: Final = ("number", "signed", "fixed", "with_error", "interval", "share", "percent", "probability")
+FILTERS: Final = (
+    "number", "signed", "fixed", "with_error", "interval", "share", "percent", "probability", "digest",
+)  # fmt: skip
 """Functions of `mcnav.report.format` that templates use."""
 
 CONTENTS: Final = "<!-- contents -->"
@@ -103,6 +105,7 @@ def render(content: RunAnalysis) -> str:
     """Render the report as one HTML page."""
     manifest, summary = content.manifest, content.summary
     drawn = figures(content)
+    contributions = tables.contributions(content) if content.dispersed else []
     simulated, seconds = (manifest.flight.samples, manifest.flight.seconds) if manifest.flight else (0, 0.0)
     remarks = (sentences.joint_explanation, sentences.certain_but_small, sentences.stopping)
     return filled(
@@ -120,9 +123,12 @@ def render(content: RunAnalysis) -> str:
         ellipsoid=tables.ellipsoid(content),
         tests=tables.multivariate(content),
         requirements=detailed_rows(content),
-        terms=tables.variance_terms(content),
+        terms=tables.variance_terms(content) if content.dispersed else None,
         simulated_budget=tables.simulated_budget(content),
+        contributions=contributions,
+        grouped=any(row["several"] for row in contributions),
         sources=tables.sources(content),
+        no_higher_order=(summary["higher_order"] or {}).get("failed"),
         means=bool(np.any(content.model.mean)),
         correlated=bool(np.nanmax(np.abs(content.budget.cross_terms), initial=0.0) > 1e-12),
         farthest=tables.farthest(content) if content.dispersed else [],
@@ -132,6 +138,7 @@ def render(content: RunAnalysis) -> str:
         tolerance=f"{100.0 * content.criterion.tolerance:g} %",
         speed=f"{simulated / max(seconds, 1e-3):,.0f}" if simulated == summary["samples"] else None,
         failed=failure_rows(content),
+        inputs=tables.input_files(manifest),
         campaign=content.campaign,
         rerun=f"mcnav run campaign.toml --engine {shlex.quote(summary['engine'])}",
     )
