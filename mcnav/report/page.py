@@ -33,6 +33,12 @@ FILTERS: Final = (
 )  # fmt: skip
 """Functions of `mcnav.report.format` that templates use."""
 
+FOREMOST: Final = ("not met", "undecided", "met")
+"""Findings in the order in which requirements are listed above everything else."""
+
+REQUIREMENTS: Final = 4
+"""Requirements listed there; the section on requirements has all."""
+
 CONTENTS: Final = "<!-- contents -->"
 """Placeholder of the table of contents in the base template."""
 
@@ -107,6 +113,7 @@ def render(content: RunAnalysis) -> str:
     drawn = figures(content)
     contributions = tables.contributions(content) if content.dispersed else []
     simulated, seconds = (manifest.flight.samples, manifest.flight.seconds) if manifest.flight else (0, 0.0)
+    requirements = detailed_rows(content)
     remarks = (sentences.joint_explanation, sentences.certain_but_small, sentences.stopping)
     return filled(
         "campaign.html",
@@ -122,7 +129,8 @@ def render(content: RunAnalysis) -> str:
         outputs=tables.outputs(content) if content.dispersed else [],
         ellipsoid=tables.ellipsoid(content),
         tests=tables.multivariate(content),
-        requirements=detailed_rows(content),
+        requirements=requirements,
+        first=sorted(requirements, key=lambda row: FOREMOST.index(row["finding"]))[:REQUIREMENTS],
         terms=tables.variance_terms(content) if content.dispersed else None,
         simulated_budget=tables.simulated_budget(content),
         contributions=contributions,
