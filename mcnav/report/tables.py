@@ -7,9 +7,10 @@ from typing import Any, Final
 
 import numpy as np
 
+from mcnav._types import Array
 from mcnav.analysis.variance_breakdown import TERMS, VarianceBreakdown
 from mcnav.report import export, sentences
-from mcnav.report.figures.sources import contributors
+from mcnav.report.figures.sources import SHOWN, contributors
 from mcnav.report.format import number, share, signed, with_error
 from mcnav.report.model import RunAnalysis
 from mcnav.statistics.estimates import Estimate
@@ -33,6 +34,9 @@ LEAST: Final = 0.005
 
 FARTHEST: Final = 5
 """Samples with the largest NEES that are listed."""
+
+NEGLIGIBLE: Final = 1e-3
+"""Share by every method below which a source is left out of long tables of shares."""
 
 INTERACTION: Final = 0.01
 """Excess of a total over a first-order Sobol index that counts as an interaction."""
@@ -214,20 +218,33 @@ def simulated_budget(content: RunAnalysis) -> dict[str, Any] | None:
     if "failed" in alone:
         return {"failed": alone["failed"]}
     variances = np.diag(content.comparison.covariance_linear)
+    largest = _largest_shares(content, variances, alone, sobol)
     active = np.flatnonzero(np.diag(content.model.covariance) > 0.0)
+    least = NEGLIGIBLE if len(active) > SHOWN else 0.0
     return {
         "failed": None,
+        "least": f"{100.0 * least:g} %" if least else "",
         "samples": alone["samples"],
         "no_sobol": sobol.get("failed"),
         "interactions": "failed" not in sobol and _interacts(sobol),
         "tables": {
             content.output_names[i]: {
                 content.source_names[j]: _shares(content, int(i), int(j), float(variances[i]), alone, sobol)
-                for j in active
+                for j in active[np.argsort(-content.budget.shares[i, active], kind="stable")]
+                if largest[i, j] >= least
             }
             for i in np.flatnonzero(variances > 0.0)
         },
     }
+
+
+def _largest_shares(content: RunAnalysis, variances: Array, alone: dict[str, Any], sobol: dict[str, Any]) -> Array:
+    """Return the largest share by any method, shape (outputs, sources)."""
+    divisor = np.where(variances > 0.0, variances, np.nan)[:, None]
+    tables = [content.budget.shares, np.array(alone["alone"]["variance"], dtype=float) / divisor]
+    if "failed" not in sobol:
+        tables.append(np.array(sobol["total"], dtype=float))
+    return np.asarray(np.max(np.nan_to_num(tables), axis=0))
 
 
 def _interacts(sobol: dict[str, Any]) -> bool:
@@ -243,7 +260,8 @@ def _shares(
     """Format the share of source j in the variance of output i: alone, without it, and Sobol indices."""
 
     def shown(estimate: Estimate) -> str:
-        return f"{share(estimate.value)} ± {share(estimate.half_width(content.criterion.confidence))}"
+        half_width = share(estimate.half_width(content.criterion.confidence))
+        return f"{share(estimate.value)} ± {half_width}".replace(" ", "\N{NO-BREAK SPACE}")
 
     def simulated(key: str) -> str:
         error = alone[key]["standard_error"][i][j]
