@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Final
 
 from mcnav.analysis.verdict import ROUNDING
@@ -116,9 +117,9 @@ def probability(value: float) -> str:
 
 
 def digest(text: str) -> str:
-    """Shorten a hexadecimal digest for people.
+    """Shorten every digest in a text.
 
-    >>> digest(64 * "5")
-    '555555555555'
+    >>> digest("SHA-256 " + 64 * "5")
+    'SHA-256 555555555555'
     """
-    return text[:SHORT]
+    return re.sub(r"\b[0-9a-f]{40,64}\b", lambda found: found[0][:SHORT], text)
