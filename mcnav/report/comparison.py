@@ -10,11 +10,12 @@ import numpy as np
 import pandas as pd
 
 from mcnav.analysis.run_comparison import Change
+from mcnav.errors import shortened
 from mcnav.report import sentences
 from mcnav.report.figures.figure import HALF, Figure
 from mcnav.report.figures.marks import Axis, Interval, Mark, Panel, Points, Rule, Series
 from mcnav.report.figures.palette import LINEAR, SOURCE_COLOURS
-from mcnav.report.format import digest, number
+from mcnav.report.format import number
 from mcnav.report.model import humanize, labels_of
 from mcnav.report.page import filled
 from mcnav.statistics.estimates import Estimate
@@ -166,7 +167,7 @@ def render(
         "between.html",
         titles=titles,
         runs=list(zip(titles, summaries, runs, strict=True)),
-        inputs=[(str(key), [digest(value) for value in values]) for key, values in inputs(manifests).iterrows()],
+        inputs=[(str(key), [shortened(value) for value in values]) for key, values in inputs(manifests).iterrows()],
         rows=[{**cells, "name": humanize(cells["output"])} for cells in outputs(rows, titles).to_dict("records")],
         common=any(row.change is not None and row.change.common for row in rows),
         figure=ratios(rows, titles),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from typing import Final
 
 from mcnav.analysis.verdict import ROUNDING
@@ -12,9 +11,6 @@ SUPERSCRIPTS: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸�
 
 LONGEST: Final = 6
 """Most decimals of a value with its error; smaller errors are written with powers of ten."""
-
-SHORT: Final = 12
-"""Digits shown of a digest."""
 
 SMALLEST: Final = 1e-4
 """Smallest p-value that is written out."""
@@ -114,12 +110,3 @@ def probability(value: float) -> str:
     if value < SMALLEST:
         return f"<{SMALLEST:.4f}"
     return f"{value:.2g}" if value < 0.995 else "1.0"
-
-
-def digest(text: str) -> str:
-    """Shorten every digest in a text.
-
-    >>> digest("SHA-256 " + 64 * "5")
-    'SHA-256 555555555555'
-    """
-    return re.sub(r"\b[0-9a-f]{40,64}\b", lambda found: found[0][:SHORT], text)

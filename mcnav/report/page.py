@@ -12,6 +12,7 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from mcnav.errors import shortened
 from mcnav.report import format as formats
 from mcnav.report import sentences, tables
 from mcnav.report.failures import failure_rows
@@ -28,9 +29,7 @@ FIGURES: Final = (
 )  # fmt: skip
 """Figures of the report's template."""
 
-FILTERS: Final = (
-    "number", "signed", "fixed", "with_error", "interval", "share", "percent", "probability", "digest",
-)  # fmt: skip
+FILTERS: Final = ("number", "signed", "fixed", "with_error", "interval", "share", "percent", "probability")
 """Functions of `mcnav.report.format` that templates use."""
 
 FOREMOST: Final = ("not met", "undecided", "met")
@@ -72,7 +71,7 @@ def filled(template: str, **values: Any) -> str:
         loader=PackageLoader("mcnav.report", "templates"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
         lstrip_blocks=True,
     )  # fmt: skip
-    environment.filters |= {name: getattr(formats, name) for name in FILTERS}
+    environment.filters |= {name: getattr(formats, name) for name in FILTERS} | {"shortened": shortened}
     style, script = (_source(environment, name) for name in ("style.css", "script.js"))
     script = re.sub(r"(?m)^\s*(//.*)?\n?", "", script)
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()

@@ -7,15 +7,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
-from mcnav.errors import RunFolderError
+from mcnav.errors import RunFolderError, shortened
 from mcnav.scenarios.inputs import InputFile
 from mcnav.store.manifest import FileRecord
 
 INPUTS: Final = "inputs"
 """Folder of a run in which the files that its scenario reads are kept."""
-
-SHOWN: Final = 12
-"""Digits of a digest in messages."""
 
 LARGEST_KEPT: Final = 1_000_000
 """Bytes of a file that is kept; of a larger one only its digest is."""
@@ -57,6 +54,5 @@ def changed_since(before: Mapping[str, str], now: Mapping[str, str]) -> str | No
     """Name the first file that differs between two runs, and how; none when none does."""
     for name in sorted(before.keys() | now.keys()):
         if before.get(name) != now.get(name):
-            was, now_is = (files.get(name, "absent")[:SHOWN] for files in (before, now))
-            return f"{name} was {was}, is {now_is}"
+            return shortened(f"{name} was {before.get(name, 'absent')}, is {now.get(name, 'absent')}")
     return None
