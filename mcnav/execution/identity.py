@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from typing import Any, Final
 
-from mcnav.errors import RunFolderError
+from mcnav.errors import RunFolderError, shortened
 from mcnav.execution.chunks import PROBES
 from mcnav.files import to_json
 from mcnav.lincov.block_sums import block_size
@@ -141,7 +141,9 @@ def _refuse_changed(folder: RunFolder, earlier: Identity, identity: Identity, de
     if changed:
         lines = [f"{key} was {before.get(key, 'absent')}, is {now.get(key, 'absent')}" for key in changed[:SHOWN]]
         more = f" and {len(changed) - SHOWN} more" if len(changed) > SHOWN else ""
-        raise RunFolderError(f"{folder.path}: holds the results of another run ({'; '.join(lines)}{more}); {REMEDY}")
+        raise RunFolderError(
+            f"{folder.path}: holds the results of another run ({shortened('; '.join(lines))}{more}); {REMEDY}"
+        )
 
 
 def _refuse_other_samples(folder: RunFolder, identity: Identity, design: str, before: int, samples: int) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from mcnav.analysis.run_comparison import Change
+from mcnav.errors import shortened
 from mcnav.report import sentences
 from mcnav.report.figures.figure import HALF, Figure
 from mcnav.report.figures.marks import Axis, Interval, Mark, Panel, Points, Rule, Series
@@ -166,7 +167,7 @@ def render(
         "between.html",
         titles=titles,
         runs=list(zip(titles, summaries, runs, strict=True)),
-        inputs=[(str(key), list(values)) for key, values in inputs(manifests).iterrows()],
+        inputs=[(str(key), [shortened(value) for value in values]) for key, values in inputs(manifests).iterrows()],
         rows=[{**cells, "name": humanize(cells["output"])} for cells in outputs(rows, titles).to_dict("records")],
         common=any(row.change is not None and row.change.common for row in rows),
         figure=ratios(rows, titles),

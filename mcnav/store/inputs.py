@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
-from mcnav.errors import RunFolderError
+from mcnav.errors import RunFolderError, shortened
 from mcnav.scenarios.inputs import InputFile
 from mcnav.store.manifest import FileRecord
 
@@ -54,5 +54,5 @@ def changed_since(before: Mapping[str, str], now: Mapping[str, str]) -> str | No
     """Name the first file that differs between two runs, and how; none when none does."""
     for name in sorted(before.keys() | now.keys()):
         if before.get(name) != now.get(name):
-            return f"{name} was {before.get(name, 'absent')}, is {now.get(name, 'absent')}"
+            return shortened(f"{name} was {before.get(name, 'absent')}, is {now.get(name, 'absent')}")
     return None

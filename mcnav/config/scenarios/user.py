@@ -135,7 +135,7 @@ def _read_file(value: object, key: str, context: FileContext) -> InputFile:
         return _identify_copy(kept, name, key, f"{path} {_why_unreadable(failure)}")
     if kept is None or found.digest == kept.sha256:
         return found
-    return _identify_copy(kept, name, key, f"{path} has changed since the run (its SHA-256 was {kept.sha256})")
+    return _identify_copy(kept, name, key, f"{path} has changed since the run (its SHA-256 was {kept.sha256[:12]})")
 
 
 def _identify_copy(kept: Kept, name: str, key: str, change: str) -> InputFile:
