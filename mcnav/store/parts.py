@@ -280,7 +280,7 @@ def put(table: pa.Table, layout: SampleSchema, samples: Samples, row: int) -> No
         for column, name in zip(array.T, names, strict=True):
             _fill(column, table.column(name), row)
     for chunk in table.column("status").chunks:
-        if chunk.unique().to_pylist() != [OK]:
+        if not chunk.equals(pa.repeat(pa.scalar(OK, chunk.type), len(chunk))):
             samples.status[row : row + len(chunk)] = chunk.to_pylist()
         row += len(chunk)
 
