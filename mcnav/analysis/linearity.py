@@ -13,8 +13,6 @@ from functools import cache
 from typing import Final
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.optimize.elementwise import find_root
 
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import LARGEST_FAILED_SHARE, Criterion, Model, compare
@@ -71,6 +69,8 @@ def alone(simulate: Simulator, linear: LinearModel, directions: Array, tolerance
     directions : ndarray, shape (directions, sources)
         Errors whose multiples are simulated, SI: one source in each, or several.
     """
+    from scipy.optimize.elementwise import find_root  # slow to import: a tenth of a second
+
     engines = cache(simulate)
     changes = directions @ linear.partials.T
 
@@ -204,6 +204,8 @@ def together(
             break
 
     def crossing(kind: str, row: int) -> float:
+        from scipy.optimize import brentq  # slow to import: a tenth of a second
+
         values = [excess(kind, row, multiple) for multiple in steps]
         if np.isnan(values[0]):
             return float("nan")
