@@ -17,7 +17,7 @@ from mcnav.files import to_json
 from mcnav.lincov.block_sums import block_size
 from mcnav.sampling.designs import REPLICATES, block_length
 from mcnav.scenarios.inputs import InputFile
-from mcnav.scenarios.protocol import Source
+from mcnav.scenarios.protocol import Scenario
 from mcnav.scenarios.user_code import SourceFile
 from mcnav.store.manifest import CodeRecord, Identity, json_digest
 from mcnav.store.parts import identities_in
@@ -51,11 +51,16 @@ def identity_of(
     engine: str,
     code: SourceFile | None,
     inputs: Sequence[InputFile],
-    sources: Sequence[Source],
+    scenario: Scenario,
 ) -> Identity:
-    """Collect what the samples of a resolved campaign depend on; other entries are left out."""
+    """Collect what the samples of a resolved campaign depend on; other entries are left out.
+
+    A scenario whose samples have changed in their last digits counts these changes in an attribute ``revision``.
+    """
     optional: dict[str, Any] = {}
-    if later := [source.name for source in sources if source.later]:
+    if revision := getattr(scenario, "revision", None):
+        optional["revision"] = revision
+    if later := [source.name for source in scenario.sources if source.later]:
         optional["later_sources"] = later  # chunks of a run made before them do not have their columns
     if code is not None:
         optional["code"] = CodeRecord(file=code.file, sha256=code.digest)

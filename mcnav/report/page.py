@@ -22,6 +22,7 @@ from mcnav.report.figures.figure import Figure
 from mcnav.report.figures.flight import flight
 from mcnav.report.model import RunAnalysis
 from mcnav.report.requirements import detailed_rows
+from mcnav.report.template_cache import TemplateCache
 
 FIGURES: Final = (
     "flight", "ratios", "nees", "matrices", "budget", "development", "envelopes", "scatter", "histograms", "quantiles",
@@ -69,7 +70,7 @@ def filled(template: str, **values: Any) -> str:
     """
     environment = Environment(
         loader=PackageLoader("mcnav.report", "templates"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
-        lstrip_blocks=True,
+        lstrip_blocks=True, bytecode_cache=TemplateCache(__file__),
     )  # fmt: skip
     environment.filters |= {name: getattr(formats, name) for name in FILTERS} | {"shortened": shortened}
     style, script = (_source(environment, name) for name in ("style.css", "script.js"))

@@ -171,6 +171,7 @@ class Identity(Record):
     engine: Words
     versions: dict[str, Words]
     chunks: int | None = None
+    revision: int | None = None
     code: CodeRecord | None = None
     files: dict[Words, Digest] = {}
 

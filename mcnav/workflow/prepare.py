@@ -18,7 +18,7 @@ from mcnav.files import parquet_bytes
 from mcnav.lincov.nonlinear_corrections import nonlinear_corrections
 from mcnav.lincov.partials import SimulationFailed, partials_throughout
 from mcnav.lincov.polynomial import PolynomialFitError
-from mcnav.lincov.polynomial_engine import PolynomialEngine, prepare_engine
+from mcnav.lincov.polynomial_engine import MAP, PolynomialEngine, prepare_engine
 from mcnav.lincov.simulated_budget import simulated_budgets
 from mcnav.sampling.error_model import ErrorModel
 from mcnav.scenarios.protocol import (
@@ -54,6 +54,7 @@ class PreparedCampaign:
     scenario : Scenario
     draws : DrawPlan
     engine : Engine
+    engine_name : str
     model : ModelRecord
         The linear model.
     history : History
@@ -68,6 +69,7 @@ class PreparedCampaign:
     scenario: Scenario
     draws: DrawPlan
     engine: Engine
+    engine_name: str
     model: ModelRecord
     history: History
     unsettled: UnsettledRecord | None
@@ -87,11 +89,15 @@ class PreparedCampaign:
         def guard(engine: Engine) -> Engine:
             return _guarded(self.scenario, engine, self.timeout)
 
+        def first_engine(probes: Array) -> Engine:
+            own = self.engine.exact if isinstance(self.engine, PolynomialEngine) else self.engine
+            same = self.engine_name in (MAP, self.scenario.engines[0]) and np.array_equal(probes, draws.probes())
+            return guard(own if same else self.scenario.engine(self.scenario.engines[0], probes))
+
         with _scenario_errors(self.file):
             budget = simulated_budgets(
-                lambda probes: guard(self.scenario.engine(self.scenario.engines[0], probes)),
-                draws.errors, self.model.partials, draws.design, draws.seed, draws.samples,
-            )  # fmt: skip
+                first_engine, draws.errors, self.model.partials, draws.design, draws.seed, draws.samples
+            )
             return nonlinear_corrections(self.scenario, guard(self.engine), draws.errors) | {"budget": budget}
 
     def write_epochs(self, folder: RunFolder, parts: Sequence[Part]) -> None:
@@ -139,7 +145,7 @@ def prepare_campaign(campaign: Campaign, draws: DrawPlan, engine_name: str, forc
         engine = prepare_engine(scenario, engine_name, draws.probes(), errors.mean, errors.standard_deviations)
         model, history = _linear(scenario, errors, engine), scenario.history()
     record = None if doubt is None else UnsettledRecord(**asdict(doubt))
-    return PreparedCampaign(scenario, draws, engine, model, history, record, file, campaign.sample_timeout)
+    return PreparedCampaign(scenario, draws, engine, engine_name, model, history, record, file, campaign.sample_timeout)
 
 
 def _doubt(scenario: UserScenario, draws: DrawPlan, tolerance: float, timeout: float | None) -> Unsettled | None:
