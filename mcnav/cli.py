@@ -234,8 +234,10 @@ def run(
         if summary["requirements"]:
             console.print()
             console.print(terminal.requirements(summary))
-        if done.flown < summary["samples"]:
-            console.print(f"\n{summary['samples'] - done.flown:,} samples were stored, {done.flown:,} simulated now")
+        if done.simulated < summary["samples"]:
+            console.print(
+                f"\n{summary['samples'] - done.simulated:,} samples were stored, {done.simulated:,} simulated now"
+            )
         if no_report:
             console.print(f"\nsummary: {target / 'summary.json'}", markup=False)
         else:

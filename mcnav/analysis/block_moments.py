@@ -14,11 +14,9 @@ from itertools import chain
 from typing import Protocol
 
 import numpy as np
-from scipy import special
 
 from mcnav._types import Array, IndexArray
 from mcnav.lincov.block_sums import BlockSums, Normalization
-from mcnav.statistics.chi_square import LEVELS
 from mcnav.statistics.chunked import scatter, squared_distances, stretches_of_blocks
 from mcnav.statistics.shape import power_sums
 from mcnav.statistics.whitening import Whitening
@@ -152,7 +150,7 @@ class SampleMoments:
             yield sums, squares
 
     def within(self) -> Array:
-        return np.array([np.count_nonzero(self.distances <= radius) for radius in ellipsoid_radii(self.given)])
+        return np.array([np.count_nonzero(self.distances <= radius) for radius in self.given.radii])
 
 
 @dataclass(frozen=True)
@@ -255,11 +253,6 @@ class SummaryMoments:
 
     def within(self) -> Array:
         return self.hits
-
-
-def ellipsoid_radii(given: Whitening) -> Array:
-    """Compute the squared radii of the linear ellipsoids of probabilities `LEVELS`; empty without dispersion."""
-    return np.array([special.chdtri(given.rank, 1.0 - level) for level in LEVELS if given.rank])
 
 
 @dataclass(frozen=True)

@@ -19,21 +19,23 @@ from mcnav.sampling.designs import REPLICATES, block_length
 from mcnav.scenarios.inputs import InputFile
 from mcnav.scenarios.protocol import Source
 from mcnav.scenarios.user_code import SourceFile
+from mcnav.store.chunk_files import identities_in
 from mcnav.store.manifest import CodeRecord, Identity, json_digest
-from mcnav.store.parts import identities_in
 from mcnav.store.run_folder import MANIFEST, RunFolder
 from mcnav.store.summaries import SLOW, SUMMARY, summary_chunk
 
 LIBRARIES: Final = ("numpy", "scipy", "numba", "pyarrow")
 CHUNKS: Final = 2
-"""Counts the changes of what a chunk's file holds."""
+"""Version of the content of a chunk's file."""
 
 SHOWN: Final = 3
 """Differences that a refusal names."""
 
 SAMPLES: Final = "samples"
+
 UNUSED: Final = ("start_times", "accept", "sample_timeout")
 """Entries of a campaign on which its samples do not depend."""
+
 REMEDY: Final = "--fresh replaces them, --out writes elsewhere"
 
 
@@ -105,7 +107,7 @@ def check_resumable(folder: RunFolder, identity: Identity, design: str, samples:
     if earlier is not None:
         _refuse_changed(folder, earlier.identity, identity, design, samples)
         return []
-    stored = identities_in(folder.parts)
+    stored = identities_in(folder.chunk_folder)
     if stored - {chunk_digest(identity, design, samples)}:
         state = "missing" if damage is None else "damaged"
         raise RunFolderError(
@@ -119,7 +121,7 @@ def check_resumable(folder: RunFolder, identity: Identity, design: str, samples:
 def check_no_foreign_files(folder: RunFolder) -> None:
     """Raise `RunFolderError` when a folder holds files but no run of this program."""
     foreign = folder.foreign()
-    if not foreign or identities_in(folder.parts):
+    if not foreign or identities_in(folder.chunk_folder):
         return
     try:
         known = folder.manifest() is not None

@@ -103,7 +103,7 @@ def render(content: RunAnalysis) -> str:
     """Render the report as one HTML page."""
     manifest, summary = content.manifest, content.summary
     drawn = figures(content)
-    simulated, seconds = (manifest.flight.samples, manifest.flight.seconds) if manifest.flight else (0, 0.0)
+    simulated, seconds = (manifest.execution.samples, manifest.execution.seconds) if manifest.execution else (0, 0.0)
     remarks = (sentences.joint_explanation, sentences.certain_but_small, sentences.stopping)
     return filled(
         "campaign.html",

@@ -132,17 +132,15 @@ def check_repeatable(prepared: Engine, sizes: Array) -> None:
         )
 
 
-def unsettled(
-    scenario: UserScenario, prepared: Engine, model: LinearModel, varied: NDArray[np.bool_], tolerance: float
+def find_unsettled(
+    scenario: UserScenario, engine: Engine, varied: NDArray[np.bool_], tolerance: float
 ) -> Unsettled | None:
-    """Find the partial derivative that is least settled, or farthest from the differences of flights.
+    """Find the partial derivative that is least settled, or farthest from finite differences.
 
     Parameters
     ----------
-    prepared : Engine
-        Its engine; flown only where the class gives its own derivatives.
-    model : LinearModel
-        Of the scenario.
+    engine : Engine
+        The scenario's engine.
     varied : ndarray of bool, shape (sources,)
         Sources that a campaign disturbs.
     tolerance : float
@@ -151,15 +149,20 @@ def unsettled(
     Returns
     -------
     Unsettled or None
-        None where all is settled, and where the flights that would tell cannot all be flown.
+        None where all is settled, and where the samples that would tell cannot all be simulated.
+
+    Raises
+    ------
+    ScenarioError
+        When the scenario is not a function of the errors; see `check_repeatable`.
     """
+    check_repeatable(engine, scenario.sizes)
+    model = scenario.linear_model()
     limit = min(LARGEST, SHARE * tolerance)
     if not varied.any():
         return None
     try:
-        differences = (
-            differentiate(prepared.propagate, scenario.sizes) if scenario.own_partials else (scenario.differences)
-        )
+        differences = differentiate(engine.propagate, scenario.sizes) if scenario.own_partials else scenario.differences
     except ScenarioError:  # the class's own derivatives need no flights to either side
         return None
     shares = differences.disagreement(varied)

@@ -13,7 +13,6 @@ from mcnav.analysis.comparison import (
     Criterion,
     Model,
     compare_reduced,
-    normalization_of,
     reduce_stored,
     reduce_summary,
 )
@@ -24,8 +23,10 @@ from mcnav.analysis.tails import tails
 from mcnav.analysis.variance_breakdown import predicted_from, split_difference
 from mcnav.errors import RunFolderError, reading_file
 from mcnav.files import to_json
+from mcnav.lincov.block_sums import Normalization
 from mcnav.report.failures import failures_in, grouped
 from mcnav.report.model import RunAnalysis
+from mcnav.store.chunk_files import SampleSchema
 from mcnav.store.manifest import Manifest, ModelRecord
 from mcnav.store.run_folder import MANIFEST, REPORT, RunFolder
 from mcnav.store.run_folder import SUMMARY as SUMMARY_FILE
@@ -60,8 +61,14 @@ def samples_of(path: str | Path) -> pd.DataFrame:
     RunFolderError
         When the run is not finished, or a part of it is damaged.
     """
+    import pandas as pd
+
     folder = RunFolder(Path(path))
-    return folder.table(folder.finished_manifest()).to_pandas()
+    manifest = folder.finished_manifest()
+    samples, names = folder.samples(manifest), SampleSchema.of(manifest.model.sources, manifest.model.outputs)
+    columns = {"index": samples.index, "status": samples.status}
+    columns |= dict(zip(names.errors, samples.errors.T, strict=True))
+    return pd.DataFrame(columns | dict(zip(names.outputs, samples.outputs.T, strict=True)))
 
 
 def summary_of(path: str | Path) -> dict[str, Any]:
@@ -113,9 +120,9 @@ def analyse(folder: RunFolder, unfinished: Manifest | None = None) -> RunAnalysi
         in_tails = beside.submit(tails, model, samples.outputs, blocks, units, criterion)
         reduced = reduce_stored(model, samples.errors, samples.outputs, blocks)
         failures = failures_in(samples.status, samples.index.tolist())
-        if manifest.store == SUMMARY:
-            whole = collect_summary(folder.parts, manifest.parts)
-            frame = normalization_of(model, manifest.samples, design.block_length)
+        frame = summary_frame(manifest)
+        if frame is not None:
+            whole = collect_summary(folder.chunk_folder, manifest.chunks)
             reduced = reduce_summary(model, frame, whole.sums, whole.samples, reduced.stored)
             failures = grouped({reason: (each.samples, each.first) for reason, each in whole.failures.items()})
         comparison = compare_reduced(model, reduced, criterion, design)
@@ -154,6 +161,16 @@ def write_results(folder: RunFolder, analysis: RunAnalysis, report: bool = True)
     if report:
         folder.write(REPORT, page)
     return dict(to_json(analysis.summary))
+
+
+def summary_frame(manifest: Manifest) -> Normalization | None:
+    """Return how the samples of a run are reduced to sums; none when all are stored."""
+    if manifest.store != SUMMARY:
+        return None
+    model, length = linear_model(manifest.model), manifest.sampling_design.block_length
+    return Normalization.of(
+        model.partials, model.mean, model.outcome_mean, model.outcome_covariance, manifest.samples, length
+    )
 
 
 def linear_model(record: ModelRecord) -> Model:

@@ -162,7 +162,7 @@ def test_a_changed_file_is_refused_like_a_changed_campaign(tmp_path: Path) -> No
         run_campaign(read_campaign(campaign), tmp_path / "run", None, 1)
     assert _digests(tmp_path / "run") == before
     again = run_campaign(read_campaign(tmp_path / "run" / "campaign.toml"), tmp_path / "run", None, 1)
-    assert again.flown == 0  # the file as it was flown lies in the run folder
+    assert again.simulated == 0  # the file as it was flown lies in the run folder
     run_campaign(read_campaign(campaign), tmp_path / "run", None, 1, fresh=True)
     assert "3.0" in (tmp_path / "run" / "mine.py").read_text()
 
@@ -172,7 +172,7 @@ def test_a_run_goes_on_from_what_is_stored(tmp_path: Path) -> None:
     run_campaign(run, tmp_path / "run", None, 1)
     before = _digests(tmp_path / "run")
     (tmp_path / "run" / "samples" / "part-00001.parquet").unlink()
-    assert run_campaign(run, tmp_path / "run", None, 1).flown == 128
+    assert run_campaign(run, tmp_path / "run", None, 1).simulated == 128
     assert _digests(tmp_path / "run") == before
 
 

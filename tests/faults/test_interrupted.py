@@ -66,7 +66,7 @@ def test_flights_on_the_side_are_stopped(tmp_path: Path, monkeypatch: pytest.Mon
     assert ended.wait(LONG)
     assert len(list((tmp_path / "run" / "samples").glob("part-*.parquet"))) == 1
     monkeypatch.undo()
-    assert run.run_campaign(campaign(4, samples=100), tmp_path / "run", "ensemble", 1).flown == 0
+    assert run.run_campaign(campaign(4, samples=100), tmp_path / "run", "ensemble", 1).simulated == 0
 
 
 @pytest.mark.parametrize(("name", "status"), [("SIGINT", 130), ("SIGTERM", 143)])
