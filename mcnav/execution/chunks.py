@@ -19,7 +19,7 @@ from mcnav.sampling.error_model import ErrorModel
 from mcnav.scenarios.failure import Failure, Reason
 from mcnav.scenarios.inputs import InputFile
 from mcnav.scenarios.protocol import Engine, SimulationResult, TimeHistoryEngine
-from mcnav.scenarios.sample_loop import SampleFailed, simulate_each
+from mcnav.scenarios.sample_loop import simulate_alone
 from mcnav.scenarios.timeouts import SampleTimeout, time_limit
 from mcnav.store.chunk_files import ChunkFile, ChunkTotals, SampleSchema, verify_chunk, write_chunk
 from mcnav.store.histories import history_marks
@@ -109,20 +109,12 @@ def simulate_errors(engine: Engine, timeout: float | None, outputs: int, errors:
         except MemoryError:
             raise
         except (Exception, SampleTimeout):
-            each = simulate_each(lambda row: _simulate_one(engine, errors[row]), range(len(errors)))
-            result = each.outcomes(np.full((len(errors), outputs), np.nan))
+            result = simulate_alone(engine.propagate, errors, outputs)
     lost = np.flatnonzero(~np.isfinite(result.values).all(axis=1))
     failures = {int(row): Failure.of(Reason.NOT_FINITE) for row in lost} | dict(result.failures)
     values = result.values.copy()
     values[list(failures)] = np.nan
     return replace(result, values=values, failures=failures)
-
-
-def _simulate_one(engine: Engine, errors: Array) -> Array:
-    result = engine.propagate(errors[None, :])
-    if result.failures:
-        raise SampleFailed(result.failures[0])
-    return np.asarray(result.values[0])
 
 
 def simulate_chunk(work: ChunkJob, place: SampleRange) -> ChunkFile:

@@ -47,6 +47,7 @@ from mcnav.store.manifest import FileRecord, Manifest, ManifestError, json_diges
 CAMPAIGN, MANIFEST, SUMMARY, REPORT = "campaign.toml", "manifest.json", "summary.json", "report.html"
 HISTORY, SAMPLES, LOCK = "history.parquet", "samples", ".lock"
 EPOCHS, HISTORIES = "epochs.parquet", "histories.parquet"
+FILES: Final = (MANIFEST, SUMMARY, REPORT, HISTORY, EPOCHS, HISTORIES, CAMPAIGN)
 TABLES: Final = "tables"
 """Folder of a run with the tables of its campaign."""
 
@@ -88,12 +89,8 @@ class RunFolder:
     def lock(self) -> Iterator[None]:
         """Hold the folder's lock; it is freed by the end of the process, however it ends.
 
-        Raises
-        ------
-        RunFolderBusy
-            When another process holds it.
-        RunFolderError
-            When the folder cannot be made or written to.
+        Raise `RunFolderBusy` when another process holds it; `RunFolderError` when the folder cannot be made or written
+        to.
         """
         lock = filelock.FileLock(self.path / LOCK)
         linked = [place for place in (self.path / LOCK, self.chunk_folder, *self._folders) if place.is_symlink()]
@@ -116,10 +113,7 @@ class RunFolder:
     def manifest(self) -> Manifest | None:
         """Read the manifest; none when nothing has been run here.
 
-        Raises
-        ------
-        RunFolderError
-            When the manifest is damaged, or of a format that this version does not read.
+        Raise `RunFolderError` when the manifest is damaged, or of a format that this version does not read.
         """
         remedy = "run the campaign again to mend it"
         content = self._json(MANIFEST, remedy)
@@ -167,13 +161,7 @@ class RunFolder:
         self.write_json(MANIFEST, content | {"checksum": json_digest(content)})
 
     def summary(self) -> dict[str, Any]:
-        """Read the analysed results.
-
-        Raises
-        ------
-        RunFolderError
-            When there are none, or they are not those of the run.
-        """
+        """Read the analysed results; `RunFolderError` when there are none, or they are not those of the run."""
         remedy = "run mcnav report on the folder"
         summary, manifest = self._json(SUMMARY, remedy), self.manifest()
         if summary is None or manifest is None:
@@ -210,13 +198,7 @@ class RunFolder:
         self.write(name, _as_text(to_json(content)))
 
     def write(self, name: str, content: bytes) -> None:
-        """Write a file of this folder, whole.
-
-        Raises
-        ------
-        RunFolderError
-            When the disk refuses it.
-        """
+        """Write a file of this folder, whole; `RunFolderError` when the disk refuses it."""
         try:
             (self.path / name).parent.mkdir(exist_ok=True)
             write_whole(self.path / name, content)
@@ -274,7 +256,7 @@ class RunFolder:
 
     def foreign(self) -> list[str]:
         """Names in the folder that no run writes."""
-        own = {CAMPAIGN, MANIFEST, SUMMARY, REPORT, HISTORY, EPOCHS, HISTORIES, SAMPLES, TABLES, INPUTS, LOCK}
+        own = {*FILES, SAMPLES, TABLES, INPUTS, LOCK}
         if not self.path.is_dir():
             return []
         names = (entry.name for entry in self.path.iterdir())
@@ -283,7 +265,7 @@ class RunFolder:
     def clear(self, needed: Sequence[Path] = ()) -> None:
         """Delete what a run wrote here, and nothing else; copies of inputs stay where the next run reads them."""
         self._clear_copies({path.resolve() for path in needed})
-        for name in (MANIFEST, SUMMARY, REPORT, HISTORY, EPOCHS, HISTORIES, CAMPAIGN):
+        for name in FILES:
             (self.path / name).unlink(missing_ok=True)
         replays = (path for path in self.path.glob("replay_*") if _REPLAY.fullmatch(path.name))
         for path in (*self.chunk_folder.glob("part-*.parquet"), *(self.path / TABLES).glob("*.csv"), *replays):
@@ -327,10 +309,7 @@ class RunFolder:
 
         A file is in memory only while it is copied.
 
-        Raises
-        ------
-        RunFolderError
-            When a file is missing, or its content is not what the manifest says.
+        Raise `RunFolderError` when a file is missing, or its content is not what the manifest says.
         """
         chunks, stored, folder = manifest.chunks, manifest.stored_rows, self.chunk_folder
         present = sorted(folder.iterdir())
@@ -374,10 +353,7 @@ class RunFolder:
     def epochs(self) -> tuple[dict[str, Array], dict[str, Any]] | None:
         """Read the columns of ``epochs.parquet`` and its description; none where the run has none.
 
-        Raises
-        ------
-        RunFolderError
-            When it cannot be read.
+        Raise `RunFolderError` when it cannot be read.
         """
         path = self.path / EPOCHS
         if not path.exists():

@@ -13,6 +13,7 @@ from mcnav._types import Array
 from mcnav.analysis.comparison import Criterion, Model
 from mcnav.analysis.linearity import AloneRange, DispersionRange, alone, together
 from mcnav.config.read import Campaign
+from mcnav.execution.chunks import PROBES
 from mcnav.files import write_texts
 from mcnav.lincov.partials import Propagate
 from mcnav.progress import SILENT, Phase, Progress
@@ -23,7 +24,6 @@ from mcnav.scenarios.protocol import SimulationResult
 SAMPLES: Final = 2_000
 LARGEST_ALONE: Final = 100.0
 LARGEST_TOGETHER: Final = 50.0
-PROBES: Final = 64
 
 
 @dataclass(frozen=True)

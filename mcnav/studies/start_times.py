@@ -14,6 +14,7 @@ from mcnav._types import Array
 from mcnav.analysis.comparison import Comparison, Criterion, Model, compare
 from mcnav.config.read import Campaign
 from mcnav.errors import CampaignError, Problem
+from mcnav.execution.chunks import PROBES
 from mcnav.files import write_texts
 from mcnav.lincov.covariance import propagated_covariance
 from mcnav.lincov.start_times import StartTimeStudy, study_start_times
@@ -24,9 +25,6 @@ from mcnav.scenarios.protocol import ScenarioError, VariableStart
 
 EVENLY: Final = 6
 """Evenly spaced start times checked by default, besides the best ones."""
-
-PROBES: Final = 64
-"""Samples that set the engine's accuracy at each start time."""
 
 
 @dataclass(frozen=True)
@@ -46,14 +44,6 @@ class StartTimesFound:
     own_sigma: Array
 
 
-@dataclass(frozen=True)
-class Check:
-    """Monte Carlo check of one start time (s from the scenario's event)."""
-
-    time: float
-    comparison: Comparison
-
-
 def _scenario(campaign: Campaign) -> VariableStart:
     if not isinstance(campaign.scenario, VariableStart):
         raise CampaignError([Problem(campaign.file, "scenario", "has no start times to choose from")])
@@ -63,10 +53,7 @@ def _scenario(campaign: Campaign) -> VariableStart:
 def start_time_study(campaign: Campaign, axes: str | None = None, count: int | None = None) -> StartTimeStudy:
     """Run the linear study of a campaign's ``[start_times]``; arguments override its entries.
 
-    Raises
-    ------
-    CampaignError
-        When the scenario has a fixed start time.
+    Raise `CampaignError` when the scenario has a fixed start time.
     """
     plan, covariance = campaign.start_times, campaign.errors.covariance
     axes, count = axes or plan.axes, count or plan.count
@@ -81,13 +68,10 @@ def checked_times(campaign: Campaign, study: StartTimeStudy) -> tuple[float, ...
     return tuple(np.unique(np.concatenate([even, study.times[[*study.best, study.best_weighted]]])))
 
 
-def check_start_time(campaign: Campaign, time: float, axes: str) -> Check:
+def check_start_time(campaign: Campaign, time: float, axes: str) -> Comparison:
     """Simulate a campaign from a start time, with the errors of that time, and compare with the linear model.
 
-    Raises
-    ------
-    CampaignError
-        When the time is not on the trajectory.
+    Raise `CampaignError` when the time is not on the trajectory.
     """
     plan, errors, design = campaign.start_times, campaign.errors, campaign.design
     try:
@@ -102,7 +86,7 @@ def check_start_time(campaign: Campaign, time: float, axes: str) -> Check:
     model = Model(linear.partials, linear.nominal, errors.mean * multiples, covariance)
     sampling = SamplingDesign.of(campaign.design, plan.samples)
     criterion = Criterion(campaign.tolerance, campaign.confidence)
-    return Check(time, compare(model, draws, outcomes, criterion, sampling))
+    return compare(model, draws, outcomes, criterion, sampling)
 
 
 def write_start_times(
@@ -113,14 +97,7 @@ def write_start_times(
     checks: bool = True,
     progress: Progress = SILENT,
 ) -> tuple[StartTimesFound, list[Path]]:
-    """Write a study of start times as tables and a page into a folder.
-
-    Parameters
-    ----------
-    axes, count
-        Override the campaign's.
-    checks : bool
-        Whether to check the linear dispersion by Monte Carlo.
+    """Write a study of start times into a folder, with Monte Carlo checks or without; see `start_time_study`.
 
     Returns
     -------
@@ -136,7 +113,7 @@ def write_start_times(
         progress.phase(Phase.SIMULATING, len(times) * campaign.start_times.samples)
         found = {}
         for time in times:
-            found[time] = check_start_time(campaign, time, study.axes).comparison
+            found[time] = check_start_time(campaign, time, study.axes)
             progress.advance(campaign.start_times.samples)
         own = propagated_covariance(campaign.scenario.linear_model().partials, campaign.errors.covariance)
     progress.phase(Phase.REPORTING)

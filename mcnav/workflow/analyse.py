@@ -9,13 +9,7 @@ from threadpoolctl import threadpool_limits
 
 from mcnav._subprocess import side_threads
 from mcnav.analysis.budget import error_budget
-from mcnav.analysis.comparison import (
-    Criterion,
-    Model,
-    compare_reduced,
-    reduce_stored,
-    reduce_summary,
-)
+from mcnav.analysis.comparison import Criterion, Model, compare_reduced, reduce_stored, reduce_summary
 from mcnav.analysis.convergence import convergence
 from mcnav.analysis.failed_samples import failure_bias
 from mcnav.analysis.requirements import judge_requirement, requirements_from
@@ -39,10 +33,7 @@ if TYPE_CHECKING:
 def report_run(path: str | Path) -> dict[str, Any]:
     """Analyse a finished run folder again and write its summary and report.
 
-    Raises
-    ------
-    RunFolderError
-        When the folder holds no finished run, or a part of it is damaged.
+    Raise `RunFolderError` when the folder holds no finished run, or a part of it is damaged.
     """
     folder = RunFolder(Path(path))
     folder.existing_manifest()
@@ -56,10 +47,7 @@ def samples_of(path: str | Path) -> pd.DataFrame:
 
     Columns: ``index``, ``status``, ``error NAME [unit]``, ``output NAME [unit]``; SI units.
 
-    Raises
-    ------
-    RunFolderError
-        When the run is not finished, or a part of it is damaged.
+    Raise `RunFolderError` when the run is not finished, or a part of it is damaged.
     """
     import pandas as pd
 
@@ -72,13 +60,7 @@ def samples_of(path: str | Path) -> pd.DataFrame:
 
 
 def summary_of(path: str | Path) -> dict[str, Any]:
-    """Read the summary of a finished run folder.
-
-    Raises
-    ------
-    RunFolderError
-        When there is none, or it is damaged.
-    """
+    """Read the summary of a finished run folder; `RunFolderError` when there is none, or it is damaged."""
     folder = RunFolder(Path(path))
     folder.check_exists()
     summary = folder.summary()
@@ -94,7 +76,6 @@ def analyse(folder: RunFolder, unfinished: Manifest | None = None) -> RunAnalysi
 
     Parameters
     ----------
-    folder : RunFolder
     unfinished : Manifest, optional
         Of a run that is still going on, in place of the stored one.
 

@@ -71,10 +71,7 @@ class PreparedSystem:
     def corrections(self) -> dict[str, Any]:
         """Compute corrections to the linear model from further simulations, as fields of `ModelRecord`.
 
-        Raises
-        ------
-        CampaignError
-            When the scenario or an engine cannot be simulated.
+        Raise `CampaignError` when the scenario or an engine cannot be simulated.
         """
         draws, scenario = self.draws, self.scenario
         with _scenario_errors(self.file):

@@ -11,15 +11,16 @@ import subprocess
 import sys
 import textwrap
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pandas as pd
 import pytest
 
 import mcnav
+from mcnav.cli import TemplateType
 from mcnav.config.read import parse_campaign, read_campaign
-from mcnav.config.templates import TYPES, new_campaign, new_scenario
+from mcnav.config.templates import new_campaign, new_scenario
 from mcnav.errors import CampaignError, RunFolderError
 from mcnav.workflow.analyse import report_run
 from mcnav.workflow.replay import as_stored, replay
@@ -364,7 +365,7 @@ def test_a_new_scenario_runs_as_it_stands(tmp_path: Path) -> None:
         new_scenario("my_system", tmp_path)
 
 
-@pytest.mark.parametrize("kind", TYPES)
+@pytest.mark.parametrize("kind", get_args(TemplateType))
 def test_a_new_campaign_runs_as_it_stands(kind: str, tmp_path: Path) -> None:
     (path,) = new_campaign("mine", tmp_path, kind)
     summary = run_campaign(read_campaign(path, {"samples": 200}), tmp_path / "run", None, 1).summary

@@ -185,7 +185,7 @@ def test_a_cluster_that_is_lost(cluster: Cluster, tmp_path: Path) -> None:
                 lost.client.close()
 
         with pytest.raises(ClusterError, match=r"the scheduler is gone.*the same command goes on from there"):
-            run_chunks(work, 1, OnAdvance(lose), executor=lost.fly)
+            run_chunks(work, 1, OnAdvance(lose), executor=lost.simulate)
     assert 0 < len(digests(tmp_path / "run")) < 60
 
 
