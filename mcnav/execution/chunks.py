@@ -196,11 +196,11 @@ def check_not_cancelled(work: ChunkJob) -> None:
 
 
 def find_chunk(work: ChunkJob, place: SampleRange) -> ChunkFile | None:
-    """Return the file of a chunk, if it is stored undamaged by this run."""
-    found = find_number(work, place.number)
+    """Return the file of a chunk, if it is undamaged and of this run."""
+    found = find_file(work, place.number)
     return found if found is not None and (found.begin, found.end) == (place.begin, place.end) else None
 
 
-def find_number(work: ChunkJob, number: int) -> ChunkFile | None:
-    """Return the file of a number, if it is stored undamaged by this run, however many samples it has."""
+def find_file(work: ChunkJob, number: int) -> ChunkFile | None:
+    """Return the file of a chunk's number, if it is undamaged and of this run, however many samples it has."""
     return verify_chunk(work.folder.chunk_folder, number, work.identity, None if work.frame is None else STORED_ROWS)

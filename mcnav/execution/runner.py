@@ -13,7 +13,7 @@ from pathlib import Path
 from joblib import Parallel, delayed
 
 from mcnav.errors import TooManyFailures
-from mcnav.execution.chunks import ChunkJob, SampleRange, find_number, simulate_chunk
+from mcnav.execution.chunks import ChunkJob, SampleRange, find_file, simulate_chunk
 from mcnav.execution.processes import end_workers, run_in_processes
 from mcnav.progress import Progress
 from mcnav.store.chunk_files import ChunkFile, chunk_name
@@ -74,7 +74,7 @@ def run_chunks(
     chunks, missing = [], []
     for number, begin in enumerate(range(first, samples, chunk), start=first // chunk):
         place = SampleRange(number, begin, min(begin + chunk, samples))
-        found = find_number(work, number)
+        found = find_file(work, number)
         if found is not None and (found.begin, found.end) == (begin, place.end):
             chunks.append(found)
             progress.advance(place.end - begin, stored=True)

@@ -69,7 +69,7 @@ class UserScenario:
     def __init__(self, spec: UserScenarioSpec, sizes: Array | None = None) -> None:
         self.spec = spec
         self._object = spec.build_current()
-        self._instance = self._object.found
+        self._instance = self._object.value
         for attribute, kind in (("sources", Source), ("outputs", Output)):
             _check_entries(f"{spec.name}.{attribute}", getattr(self._instance, attribute, None), kind)
         if not (hasattr(self._instance, "propagate") or hasattr(self._instance, "fly")):

@@ -43,7 +43,7 @@ class SourceFile:
 
         Raise `ScenarioError` when the file cannot be executed, or has no such class.
         """
-        kind: type = _load_class(self, name).found
+        kind: type = _load_class(self, name).value
         return kind
 
 
@@ -51,7 +51,7 @@ class SourceFile:
 class Loaded:
     """A user's class or an object of it, and the files that it has read so far, by path."""
 
-    found: Any
+    value: Any
     inputs: dict[str, InputFile]
 
     @contextmanager
@@ -105,11 +105,11 @@ class UserScenarioSpec:
         built = Loaded(None, dict(loaded.inputs))
         with built.recording(self.code.file):
             try:
-                instance = loaded.found(**{name: to_argument(value) for name, value in self.settings})
+                instance = loaded.value(**{name: to_argument(value) for name, value in self.settings})
             except (Exception, SystemExit) as failure:
                 message = f"{self.name} cannot be made: {format_exception(failure, self.code.file)}"
                 raise ScenarioError("type", message) from failure
-        return _cache(_objects, self, replace(built, found=instance))
+        return _cache(_objects, self, replace(built, value=instance))
 
     def pinned(self, built: Loaded) -> UserScenarioSpec:
         """Add the contents that an object has read, so that this process takes no other object for it."""

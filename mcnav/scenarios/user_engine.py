@@ -28,7 +28,7 @@ class UserEngine:
 
     def propagate(self, errors: Array) -> SimulationResult:
         """Simulate samples, shape (n, sources), SI."""
-        instance, file = self.spec.build().found, self.spec.code.file
+        instance, file = self.spec.build().value, self.spec.code.file
         if not hasattr(instance, "propagate"):
             values = np.empty((len(errors), self.outputs))
             failures = simulate_each(

@@ -184,12 +184,12 @@ def table_from(content: bytes, rows: int | None = None) -> pa.Table:
     return file.read()
 
 
-def verify_chunk(folder: Path, number: int, identity: str, stored: int | None = None) -> ChunkFile | None:
+def verify_chunk(folder: Path, number: int, identity: str, stored_rows: int | None = None) -> ChunkFile | None:
     """Return a chunk's file when it is undamaged and of this run.
 
     Besides the checksums of its pages, the file must be what writing its content again gives: so that a bit that has
     flipped anywhere is noticed, also where no checksum covers it. The file of a summary has the rows of samples below
-    ``stored``, and states in its metadata which samples it summarizes and how many of them failed.
+    ``stored_rows``, and states in its metadata which samples it summarizes and how many of them failed.
     """
     try:
         content = read_whole(folder / chunk_name(number), LARGEST_CHUNK)
@@ -198,12 +198,12 @@ def verify_chunk(folder: Path, number: int, identity: str, stored: int | None = 
         whole = parquet_bytes(table, _TEXT) == content
         index, status = numbers_in(table.column("index")), table.column("status").to_pylist()
         fallback_count = int(marks["mcnav.handed_over"])
-        if stored is None:
+        if stored_rows is None:
             begin, count, rows = int(index[0]), len(index), len(index)
             failed = sum(entry != OK for entry in status)
         else:
             begin, count, failed = (int(marks[f"mcnav.{key}"]) for key in ("begin", "samples", "failed"))
-            rows = min(max(stored - begin, 0), count)
+            rows = min(max(stored_rows - begin, 0), count)
     except (OSError, pa.ArrowException, ValueError, KeyError, IndexError, TypeError):
         return None
     in_place = np.array_equal(index, np.arange(begin, begin + rows))

@@ -65,9 +65,9 @@ def _as_text(content: Mapping[str, Any]) -> bytes:
     return (json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
-def _rows_of(chunk: ChunkFile, stored: int | None) -> int:
-    """Count the rows of a chunk, of samples below ``stored`` where only these have rows."""
-    return chunk.end - chunk.begin if stored is None else max(min(chunk.end, stored) - chunk.begin, 0)
+def _rows_of(chunk: ChunkFile, stored_rows: int | None) -> int:
+    """Count the rows of a chunk, of samples below ``stored_rows`` where only these have rows."""
+    return chunk.end - chunk.begin if stored_rows is None else max(min(chunk.end, stored_rows) - chunk.begin, 0)
 
 
 @contextmanager
@@ -311,18 +311,18 @@ class RunFolder:
 
         Raise `RunFolderError` when a file is missing, or its content is not what the manifest says.
         """
-        chunks, stored, folder = manifest.chunks, manifest.stored_rows, self.chunk_folder
+        chunks, stored_rows, folder = manifest.chunks, manifest.stored_rows, self.chunk_folder
         present = sorted(folder.iterdir())
         if manifest.complete:
             _refuse_strangers(present, {chunk.file for chunk in chunks})
         layout = SampleSchema.of(manifest.model.sources, manifest.model.outputs)
-        begins = list(accumulate((_rows_of(chunk, stored) for chunk in chunks), initial=0))
+        begins = list(accumulate((_rows_of(chunk, stored_rows) for chunk in chunks), initial=0))
         if begins[-1] > MOST_ROWS * sum(found.stat().st_size for found in present) and len(present) >= len(chunks):
             raise ValueError("it claims to have more samples than there is room for")
         samples = room_for(begins[-1], layout)
 
         def read(chunk: ChunkFile, begin: int) -> bool:
-            table = _verified(folder / chunk.file, chunk, stored)
+            table = _verified(folder / chunk.file, chunk, stored_rows)
             try:
                 put(table, layout, samples, begin)
                 return in_order(table, begin)
@@ -385,7 +385,7 @@ def _refuse_strangers(present: Sequence[Path], listed: Set[str]) -> None:
             raise RunFolderError(f"{found}: is not of this run; remove it, or run the campaign again with --fresh")
 
 
-def _verified(path: Path, chunk: ChunkFile, stored: int | None) -> pa.Table:
+def _verified(path: Path, chunk: ChunkFile, stored_rows: int | None) -> pa.Table:
     """Read the samples of one chunk."""
     try:
         content = read_whole(path, LARGEST_CHUNK)
@@ -394,6 +394,6 @@ def _verified(path: Path, chunk: ChunkFile, stored: int | None) -> pa.Table:
     if hashlib.sha256(content).hexdigest() != chunk.sha256:
         raise RunFolderError(f"{path}: is damaged (its checksum differs); run the campaign again to mend it")
     try:
-        return table_from(content, _rows_of(chunk, stored))
+        return table_from(content, _rows_of(chunk, stored_rows))
     except (pa.ArrowException, ValueError, OSError) as failure:
         raise RunFolderError(f"{path}: is no chunk of this program ({failure})") from None
