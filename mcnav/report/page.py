@@ -112,7 +112,7 @@ def render(content: RunAnalysis) -> str:
     manifest, summary = content.manifest, content.summary
     drawn = figures(content)
     contributions = tables.contributions(content) if content.dispersed else []
-    simulated, seconds = (manifest.flight.samples, manifest.flight.seconds) if manifest.flight else (0, 0.0)
+    simulated, seconds = (manifest.execution.samples, manifest.execution.seconds) if manifest.execution else (0, 0.0)
     requirements = detailed_rows(content)
     remarks = (sentences.joint_explanation, sentences.certain_but_small, sentences.stopping)
     return filled(

@@ -26,6 +26,7 @@ from mcnav.physics.steady.ensemble import ORDER, simulate_ensemble, simulate_his
 from mcnav.physics.steady.linearized import linearize
 from mcnav.physics.steady.navigator import Diverged, simulate_indicated
 from mcnav.physics.steady.truth import SteadyFlight, navigation_error
+from mcnav.scenarios.failure import Failure
 from mcnav.scenarios.histories import with_errors
 from mcnav.scenarios.protocol import (
     Engine,
@@ -40,7 +41,7 @@ from mcnav.scenarios.protocol import (
     Source,
     source_labels,
 )
-from mcnav.scenarios.sample_loop import SampleResults, simulate_each
+from mcnav.scenarios.sample_loop import simulate_each
 
 DEGREE: Final = np.pi / 180.0
 
@@ -131,10 +132,10 @@ class Navigation:
         values, valid = simulate_ensemble(self.flight, self.whole(errors), steps)
         return values[:, self.outputs], valid
 
-    def simulate_reference(self, errors: Array, rows: Iterable[int]) -> SampleResults:
-        """Simulate some rows of errors on the reference path."""
+    def simulate_reference(self, errors: Array, rows: Iterable[int], values: Array) -> dict[int, Failure]:
+        """Simulate some rows of errors by the reference engine; see `simulate_each`."""
         whole, outputs = self.whole(errors), list(self.outputs)
-        return simulate_each(lambda row: simulate_indicated(self.flight, whole[row])[outputs], rows, Diverged)
+        return simulate_each(lambda row: simulate_indicated(self.flight, whole[row])[outputs], rows, values, Diverged)
 
 
 @dataclass(frozen=True)
@@ -148,13 +149,13 @@ class ReferenceEngine:
 
     def propagate(self, errors: Array) -> SimulationResult:
         """Simulate samples, shape (n, sources)."""
-        flown = self.navigation.simulate_reference(errors, range(len(errors)))
-        return flown.outcomes(np.full((len(errors), len(self.navigation.outputs)), np.nan))
+        values = np.empty((len(errors), len(self.navigation.outputs)))
+        return SimulationResult(values, self.navigation.simulate_reference(errors, range(len(errors)), values))
 
 
 @dataclass(frozen=True)
 class EnsembleEngine:
-    """Deviations on a shared grid; a sample beyond its validity is flown by the reference path instead."""
+    """Deviations on a shared grid; the reference engine simulates the samples beyond its validity."""
 
     navigation: Navigation
     steps: int
@@ -165,8 +166,8 @@ class EnsembleEngine:
     def propagate(self, errors: Array) -> SimulationResult:
         """Simulate samples, shape (n, sources)."""
         values, valid = self.navigation.by_ensemble(errors, self.steps)
-        beyond = np.flatnonzero(~valid)
-        return self.navigation.simulate_reference(errors, (int(row) for row in beyond)).outcomes(values, len(beyond))
+        beyond = np.flatnonzero(~valid).tolist()
+        return SimulationResult(values, self.navigation.simulate_reference(errors, beyond, values), len(beyond))
 
     @property
     def epochs(self) -> Epochs:
@@ -194,10 +195,7 @@ class EnsembleEngine:
 class Cruise:
     """The scenario: steady flight along a great circle, or standing still, and a navigator that goes along.
 
-    Raises
-    ------
-    ScenarioError
-        When nothing holds the vehicle down: at or beyond orbital speed.
+    Raise `ScenarioError` when nothing holds the vehicle down: at or beyond orbital speed.
     """
 
     engines = ("ensemble", "reference")

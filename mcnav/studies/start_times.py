@@ -20,7 +20,6 @@ from mcnav.lincov.covariance import propagated_covariance
 from mcnav.lincov.start_times import StartTimeStudy, study_start_times
 from mcnav.progress import SILENT, Phase, Progress
 from mcnav.report import start_times as tables
-from mcnav.sampling.designs import SamplingDesign
 from mcnav.scenarios.protocol import ScenarioError, VariableStart
 
 EVENLY: Final = 6
@@ -79,8 +78,8 @@ def check_start_time(campaign: Campaign, time: float, axes: str) -> Comparison:
     linear = started.linear_model()
     covariance = errors.covariance * np.outer(multiples, multiples)
     model = Model(linear.partials, linear.nominal, errors.mean * multiples, covariance)
-    criterion = Criterion(campaign.tolerance, campaign.confidence)
-    return compare(model, draws, outcomes, criterion, SamplingDesign.of(design, plan.samples))
+    sampling = SamplingDesign.of(design, plan.samples)
+    return compare(model, draws, outcomes, Criterion(campaign.tolerance, campaign.confidence), sampling)
 
 
 def write_start_times(
