@@ -61,6 +61,34 @@ class NoiseResponse:
         return np.asarray(np.einsum("mij,mj->mi", self.output_maps, states))
 
 
+def respond_from_rest(
+    truth: Truth, platform: Platform, step_times: Array, times: Array, gyro: Array, accelerometer: Array
+) -> Array:
+    """Compute what noise given step by step adds to psi, v and x between coarser times, each time from rest.
+
+    Parameters
+    ----------
+    step_times : ndarray, shape (S + 1,)
+    times : ndarray, shape (K + 1,)
+        Some of the step times.
+    gyro, accelerometer : ndarray, shape (S, 3)
+
+    Returns
+    -------
+    ndarray, shape (K, 9)
+    """
+    whole = NoiseResponse.along(truth, platform, step_times, times[-1:])
+    begins = np.searchsorted(step_times, times - 1e-9)
+    found = np.zeros((len(times) - 1, 1, 9))
+    for k, (begin, end) in enumerate(zip(begins[:-1], begins[1:], strict=True)):
+        rows = slice(begin, end)
+        _respond(
+            whole.durations[rows], whole.axes[rows], whole.forces[rows], whole.gradients[rows],
+            np.array([end - begin]), gyro[rows].copy(), accelerometer[rows].copy(), found[k],
+        )  # fmt: skip
+    return found[:, 0]
+
+
 @compiled
 def _respond(
     durations: Array, axes: Array, forces: Array, gradients: Array, epochs: IndexArray, gyro: Array,
