@@ -81,6 +81,27 @@ def test_segments(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read(found.resolved, tmp_path).rows.time, found.rows.time)
 
 
+LAUNCH = {
+    "latitude": "28.5 deg", "longitude": "-80.5 deg", "azimuth": "60 deg",
+    "stages": [{"acceleration": "1.4 g", "last": "3 g", "burn": "60 s"}],
+}  # fmt: skip
+
+
+def test_boost(tmp_path: Path) -> None:
+    found = read({"boost": {**LAUNCH, "coast": "20 s"}}, tmp_path)
+    assert found.truth.times[-1] == pytest.approx(80.0)
+    np.testing.assert_array_equal(read(found.resolved, tmp_path).rows.altitude, found.rows.altitude)
+
+
+def test_boosts_that_cannot_be_flown() -> None:
+    heavy = {**LAUNCH, "stages": [{"acceleration": "0.9 g", "burn": "60 s"}]}
+    short = {**LAUNCH, "stages": [{"acceleration": "1.5 g", "burn": "22 s"}]}
+    assert "scenario.trajectory.boost.stages #1.acceleration: is too small to lift off" in refused({"boost": heavy})
+    assert "boost.kick: the velocity is below the pitch after it" in refused({"boost": {**LAUNCH, "kick": "0.01 deg"}})
+    assert "boost.kick: the velocity does not come down" in refused({"boost": {**short, "kick": "50 deg"}})
+    assert "boost.stages #1.burn: is missing" in refused({"boost": {**LAUNCH, "stages": [{"acceleration": "2 g"}]}})
+
+
 def segments(*entries: object) -> dict[str, object]:
     return {"start": START, "segments": list(entries)}
 
@@ -91,8 +112,8 @@ MOVING = {"speed": "80 m/s"}
 @pytest.mark.parametrize(
     ("entry", "message"),
     [
-        (7, "scenario.trajectory: expected a file in quotes, or a table with file, reentry or segments"),
-        ({}, "scenario.trajectory: has no kind; expected a table with one of file, reentry, segments"),
+        (7, "scenario.trajectory: expected a file in quotes, or a table with file, reentry, segments or boost"),
+        ({}, "scenario.trajectory: has no kind; expected a table with one of file, reentry, segments, boost"),
         ({"reentry": 1, "file": "a.csv"}, "got file and reentry; expected a table with one of"),
         ({"reentry": 8}, "scenario.trajectory.reentry: got 8; expected a number less than or equal to 7"),
         ({"reentry": 1, "latitude": "28 km"}, "scenario.trajectory.latitude: got '28 km', which is a length"),
