@@ -24,16 +24,11 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.analysis.comparison import Comparison, Model
+from mcnav.lincov.covariance import propagated_variances
 
 TERMS: Final = (
-    "sampled_sigmas",
-    "sampled_correlations",
-    "sampled_noise",
-    "partials",
-    "second_order",
-    "third_order",
-    "rest",
-)
+    "sampled_sigmas", "sampled_correlations", "sampled_noise", "partials", "second_order", "third_order", "rest"
+)  # fmt: skip
 """Terms of the breakdown, in order of presentation; that of noise is there where samples have any."""
 
 
@@ -100,34 +95,25 @@ class VarianceBreakdown:
 def split_difference(
     model: Model, drawn: Array, comparison: Comparison, predicted: Predicted
 ) -> VarianceBreakdown | None:
-    """Split the difference between the simulated and the linear variances.
+    """Split the difference between the simulated and the linear variances; none when nothing could be compared.
 
-    Parameters
-    ----------
-    drawn : ndarray, shape (sources, sources)
-        Sample covariance of the start errors of the samples that were compared.
-
-    Returns
-    -------
-    VarianceBreakdown or None
-        None when nothing could be compared.
+    ``drawn`` is the sample covariance of the start errors of the samples that were compared, shape (sources, sources).
     """
     if not comparison.outputs:
         return None
     linear = np.diag(comparison.covariance_linear)
     total = np.diag(comparison.covariance_sample) - linear
     excess = drawn - model.covariance
-    of_errors = np.einsum("ij,jk,ik->i", model.partials, excess, model.partials)
-    sampling = total - np.array([output.paired_variance.value for output in comparison.outputs]) + linear
+    of_errors = propagated_variances(model.partials, excess)
+    paired = np.array([output.paired_variance.value for output in comparison.outputs]) - linear
+    sampling = total - paired if model.processes else of_errors
     sigmas = np.einsum("ij,j,ij->i", model.partials, np.diag(excess), model.partials)
-    two_ways = np.einsum("ij,jk,ik->i", predicted.partials, model.covariance, predicted.partials) - np.einsum(
-        "ij,jk,ik->i", model.partials, model.covariance, model.partials
-    )
+    by_differences, by_model = (propagated_variances(each.partials, model.covariance) for each in (predicted, model))
     terms = {
         "sampled_sigmas": sigmas,
         "sampled_correlations": of_errors - sigmas,
         **({"sampled_noise": sampling - of_errors} if model.processes else {}),
-        "partials": two_ways,
+        "partials": by_differences - by_model,
         "second_order": np.diag(predicted.quadratic),
         "third_order": np.diag(predicted.third_order),
     }
@@ -135,7 +121,7 @@ def split_difference(
     return VarianceBreakdown(
         terms=terms,
         total=total,
-        paired=total - (sampling if model.processes else of_errors),
+        paired=total - sampling,
         standard_error=np.array([output.paired_variance.standard_error for output in comparison.outputs]),
         unscented=np.diag(predicted.unscented) - linear,
     )

@@ -12,8 +12,8 @@ from mcnav.units import UnitError, quantity
 
 
 @dataclass(frozen=True)
-class Kept:
-    """SHA-256 of a file that a run has read, and the copy in the run folder, if there is one."""
+class EarlierFile:
+    """SHA-256 of a file that an earlier run has read, and the copy in its folder, if there is one."""
 
     sha256: str
     copy: Path | None
@@ -29,7 +29,7 @@ class FileContext:
         Name of the campaign file, for messages.
     folder : Path
         Folder that relative paths start from.
-    kept : mapping of str to Kept
+    earlier : mapping of str to EarlierFile
         Files of an earlier run by setting: a copy replaces a file that has changed since.
     content : mapping
         The whole file.
@@ -39,7 +39,7 @@ class FileContext:
 
     file: str
     folder: Path
-    kept: Mapping[str, Kept] = field(default_factory=dict)
+    earlier: Mapping[str, EarlierFile] = field(default_factory=dict)
     content: Mapping[str, Any] = field(default_factory=dict)
     problems: list[Problem] = field(default_factory=list)
 

@@ -6,7 +6,7 @@ import re
 from pathlib import PurePosixPath
 from typing import Final
 
-from mcnav.config.context import FileContext, Kept
+from mcnav.config.context import EarlierFile, FileContext
 from mcnav.scenarios.inputs import InputFile, identify_file, safe_name
 from mcnav.scenarios.settings import SettingError, display
 
@@ -28,26 +28,27 @@ def read_file(value: object, key: str, context: FileContext) -> InputFile:
         raise SettingError(f"got {display(value)}; expected the path of a file in quotes")
     if not FILE.fullmatch(value) or not is_inside(value):
         raise SettingError(f"got {display(value)}; {OUTSIDE}")
-    path, name, kept = context.folder / value, safe_name(value), context.kept.get(key)
+    path, name, earlier = context.folder / value, safe_name(value), context.earlier.get(key)
     try:
         found = identify_file(str(path.absolute()), name, key)
     except OSError as failure:
-        if kept is None:
+        if earlier is None:
             raise SettingError(f"{path} {why_unreadable(failure)}") from None
-        return _identify_copy(kept, name, key, f"{path} {why_unreadable(failure)}")
-    if kept is None or found.digest == kept.sha256:
+        return _identify_copy(earlier, name, key, f"{path} {why_unreadable(failure)}")
+    if earlier is None or found.digest == earlier.sha256:
         return found
-    return _identify_copy(kept, name, key, f"{path} has changed since the run (its SHA-256 was {kept.sha256})")
+    change = f"{path} has changed since the run (its SHA-256 was {earlier.sha256[:12]})"
+    return _identify_copy(earlier, name, key, change)
 
 
-def _identify_copy(kept: Kept, name: str, key: str, change: str) -> InputFile:
+def _identify_copy(earlier: EarlierFile, name: str, key: str, change: str) -> InputFile:
     """Identify the copy of a file in the folder of the run that read it."""
-    if kept.copy is None:
+    if earlier.copy is None:
         raise SettingError(f"{change}, and the run folder has no copy of it; restore it")
     try:
-        return identify_file(str(kept.copy.absolute()), name, key)
+        return identify_file(str(earlier.copy.absolute()), name, key)
     except OSError as failure:
-        raise SettingError(f"{change}, and its copy {kept.copy} {why_unreadable(failure)}") from None
+        raise SettingError(f"{change}, and its copy {earlier.copy} {why_unreadable(failure)}") from None
 
 
 def why_unreadable(failure: OSError) -> str:

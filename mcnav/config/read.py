@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from mcnav.config.campaign import Campaign, check_stored_samples
-from mcnav.config.context import FileContext, Kept
+from mcnav.config.context import EarlierFile, FileContext
 from mcnav.config.empirical import stored_table
-from mcnav.config.requirements import RequirementEntry, read_requirements
+from mcnav.config.requirements import read_requirements
 from mcnav.config.scenarios import SCENARIO_TYPES, USER, ScenarioSpec, scenario_type
 from mcnav.config.schema import CampaignTable, UntilTable
 from mcnav.config.sources import expand_groups, read_correlations, read_errors, read_joint
@@ -24,6 +24,7 @@ from mcnav.sampling.scipy_and_tables import EmpiricalDistribution
 from mcnav.scenarios.ins import Ins
 from mcnav.scenarios.protocol import ScenarioError, Source, VariableStart
 from mcnav.scenarios.user import UserScenario
+from mcnav.store.manifest import RequirementRecord
 from mcnav.store.summaries import SUMMARY
 
 UNNAMED: Final = "campaign"
@@ -36,7 +37,7 @@ def read_campaign(
     path: Path,
     overrides: Mapping[str, Any] | None = None,
     execute: bool = True,
-    kept: Mapping[str, Kept] | None = None,
+    earlier: Mapping[str, EarlierFile] | None = None,
 ) -> Campaign:
     """Read a campaign file.
 
@@ -46,7 +47,7 @@ def read_campaign(
         Top-level entries that replace those of the file.
     execute : bool
         Whether the code of a user-defined scenario may be executed.
-    kept : mapping of str to Kept, optional
+    earlier : mapping of str to EarlierFile, optional
         Files of an earlier run by setting; they replace files that have changed since.
 
     Raises
@@ -60,7 +61,7 @@ def read_campaign(
     if not execute and scenario_type(kind) is USER:
         message = f"got {kind!r}, which is code; nothing in a run folder is executed, so name the run's --campaign"
         raise CampaignError([Problem(str(path), "scenario.type", message)])
-    return parse_campaign(content, str(path), path.stem, overrides, kept)
+    return parse_campaign(content, str(path), path.stem, overrides, earlier)
 
 
 def campaign_from(
@@ -92,11 +93,11 @@ def parse_campaign(
     file: str,
     stem: str,
     overrides: Mapping[str, Any] | None = None,
-    kept: Mapping[str, Kept] | None = None,
+    earlier: Mapping[str, EarlierFile] | None = None,
 ) -> Campaign:
     """Check the content of a campaign file and build the campaign; see `read_campaign`."""
     content = {**content, **(overrides or {})}
-    context = FileContext(file, Path(file).parent, kept or {}, content)
+    context = FileContext(file, Path(file).parent, earlier or {}, content)
     rule: UntilTable | None = None
     plain = content
     if isinstance(content.get("samples"), dict):
@@ -111,11 +112,10 @@ def parse_campaign(
     for name in sigmas.keys() & distributions.keys():
         context.problem(f"errors.{name}", "is given in [imu] as well; keep one")
     distributions = {**{name: Normal(sigma) for name, sigma in sigmas.items()}, **distributions}
-    if described is not None and isinstance(described.scenario, Ins) and content.get("design") == "sobol":
-        context.problem(
-            "design", "got 'sobol'; a net has no place for noise, so choose 'random', 'antithetic' or 'lhs'"
-        )
-    if "imu" in content and described is not None and not isinstance(described.scenario, Ins):
+    ins = described.scenario if described is not None and isinstance(described.scenario, Ins) else None
+    if ins is not None and ins.processes and content.get("design") == "sobol":
+        context.problem("design", "got 'sobol'; a net has no place for noise, so choose another design")
+    if "imu" in content and described is not None and ins is None:
         context.problem("imu", "this scenario has no inertial measurement unit; leave it out")
     if table is None or sources is None:
         raise context.error()
@@ -123,7 +123,7 @@ def parse_campaign(
     check_stored_samples(table, context)
     correlations = read_correlations(table.correlations, sources, context)
     joint = read_joint(table.joint, sources, context)
-    requirements: list[RequirementEntry] = []
+    requirements: list[RequirementRecord] = []
     if table.accept is not None and described is not None:
         requirements = read_requirements(table.accept, described.scenario.outputs, context)
     until = read_stopping_rule(rule, str(table.design), context) if rule else None

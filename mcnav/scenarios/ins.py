@@ -7,7 +7,7 @@ and the definition of their noise, which each draws by generators of its own.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
@@ -224,7 +224,7 @@ class ReferenceEngine:
         noisy = bool(process_sizes(self.navigation.imu))
         histories = np.full((len(batch.errors), len(self.navigation.times), len(OUTPUTS)), np.nan)
 
-        def fly(row: int) -> Array:
+        def simulate(row: int) -> Array:
             noise: tuple[Array, ...] = ()
             if noisy:
                 noise = draw_noise(
@@ -234,14 +234,17 @@ class ReferenceEngine:
             histories[row] = self.mechanization.simulate(batch.errors[row], *noise)
             return np.asarray(histories[row, -1])
 
-        flown = simulate_each(fly, range(len(batch.errors)), Diverged)
-        result = flown.outcomes(np.full((len(batch.errors), len(OUTPUTS)), np.nan))
-        return replace(result, linear_values=linear[:, -1], history=histories)
+        values = np.empty((len(batch.errors), len(OUTPUTS)))
+        failures = simulate_each(simulate, range(len(values)), values, Diverged)
+        return SimulationResult(values, failures, linear_values=linear[:, -1], history=histories)
 
     def propagate(self, errors: Array) -> SimulationResult:
         """Simulate samples without noise, shape (n, sources)."""
-        flown = simulate_each(lambda row: self.mechanization.simulate(errors[row])[-1], range(len(errors)), Diverged)
-        return flown.outcomes(np.full((len(errors), len(OUTPUTS)), np.nan))
+        values = np.empty((len(errors), len(OUTPUTS)))
+        rows = range(len(errors))
+        return SimulationResult(
+            values, simulate_each(lambda row: self.mechanization.simulate(errors[row])[-1], rows, values, Diverged)
+        )
 
 
 class Ins:

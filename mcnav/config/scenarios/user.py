@@ -42,13 +42,7 @@ class UserTable(Table):
 
 
 def read_code(path: Path) -> SourceFile:
-    """Read a Python file.
-
-    Raises
-    ------
-    ScenarioError
-        When it cannot be read.
-    """
+    """Read a Python file; `ScenarioError` when it cannot be read."""
     try:
         return SourceFile(path.name, read_whole(path, LARGEST_FILE).decode("utf-8-sig"))
     except OSError as failure:
@@ -60,10 +54,7 @@ def read_code(path: Path) -> SourceFile:
 def read_scenario(table: UserTable, entries: Mapping[str, Any], context: FileContext) -> ScenarioSpec | None:
     """Build the scenario; mistakes in its settings are added to the context.
 
-    Raises
-    ------
-    ScenarioError
-        When the file cannot be read or executed, or the class does not follow the protocol.
+    Raise `ScenarioError` when the file cannot be read or executed, or the class does not follow the protocol.
     """
     named = CLASS_IN_FILE.fullmatch(table.type)
     if named is None:
