@@ -387,11 +387,7 @@ def _wrapped(angles: Array) -> Array:
 
 def rows_from(truth: Truth, times: Array) -> TrajectoryRows:
     """Tabulate a truth at some instants, shape (n,), s."""
-    from scipy.spatial.transform import Rotation
-
     position, velocity = truth.earth_fixed(times)
     latitude, longitude, altitude = truth.earth.to_geodetic(position).T
-    axes = local_axes(latitude, longitude)
-    body = Rotation.from_matrix(axes).inv() * truth.attitude(times)
-    angles = body.as_euler("ZYX", suppress_warnings=True)  # a vertical body has a heading, too
-    return TrajectoryRows(times, latitude, longitude, altitude, angles, np.einsum("nji,nj->ni", axes, velocity))
+    local = np.einsum("nji,nj->ni", local_axes(latitude, longitude), velocity)
+    return TrajectoryRows(times, latitude, longitude, altitude, truth.angles(times), local)
