@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mcnav.config.context import FileContext, Kept
+from mcnav.config.context import EarlierFile, FileContext
 from mcnav.config.trajectories import TrajectorySpec, read_trajectory
 from mcnav.config.trajectory_file import LARGEST_FILE
 from mcnav.physics.ins.earth import WGS84
@@ -19,8 +19,8 @@ from tests.unit.config.test_trajectory_file import flight, write_csv
 START = {"latitude": "47 deg", "longitude": "9 deg", "altitude": "500 m", "course": "80 deg"}
 
 
-def read(entry: object, folder: Path, kept: dict[str, Kept] | None = None) -> TrajectorySpec:
-    context = FileContext("mine.toml", folder, kept or {})
+def read(entry: object, folder: Path, earlier: dict[str, EarlierFile] | None = None) -> TrajectorySpec:
+    context = FileContext("mine.toml", folder, earlier or {})
     found = read_trajectory(entry, WGS84, context)
     assert context.problems == []
     assert found is not None
@@ -52,9 +52,9 @@ def test_files(tmp_path: Path) -> None:
 def test_a_changed_file_is_read_from_its_copy(tmp_path: Path) -> None:
     path, copy = write_csv(tmp_path / "flight.csv", flight()), tmp_path / "copy.csv"
     copy.write_bytes(path.read_bytes())
-    kept = {"trajectory": Kept(content_of(str(copy))[0], copy)}
+    earlier = {"trajectory": EarlierFile(content_of(str(copy))[0], copy)}
     write_csv(path, flight(30.0))
-    assert len(read("flight.csv", tmp_path, kept).rows) == len(flight()["time"])
+    assert len(read("flight.csv", tmp_path, earlier).rows) == len(flight()["time"])
 
 
 def test_reentry(tmp_path: Path) -> None:
