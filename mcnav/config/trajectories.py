@@ -1,4 +1,4 @@
-"""``trajectory`` of a campaign: a file, a reentry of NASA TN D-1772 on a globe, or segments.
+"""``trajectory`` of a campaign: a file, a reentry of NASA TN D-1772 on a globe, segments, or a boost.
 
 trajectory = "flight.csv"
 trajectory = { file = "flight.csv", columns = { lat = "latitude [rad]" } }
@@ -7,10 +7,17 @@ trajectory = { reentry = 4, latitude = "28 deg", longitude = "-80 deg", azimuth 
 [scenario.trajectory]
 start = { latitude = "47 deg", longitude = "9 deg", altitude = "500 m", course = "80 deg" }
 segments = [{ hold = "60 s" }, { speed = "80 m/s" }, { climb = "3 km" }, { turn = "90 deg" }, { straight = "50 km" }]
+
+[scenario.trajectory.boost]
+latitude = "28.5 deg"
+longitude = "-80.5 deg"
+azimuth = "90 deg"
+stages = [{ acceleration = "1.3 g", last = "3.5 g", burn = "120 s" }]
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +33,7 @@ from mcnav.config.trajectory_file import LARGEST_FILE, read_trajectory_file
 from mcnav.config.validation import validate
 from mcnav.errors import suggestion
 from mcnav.physics.ins import segments as flown
+from mcnav.physics.ins.boost import RAMP, Boost, BoostError, Stage, boost_truth
 from mcnav.physics.ins.earth import Earth
 from mcnav.physics.ins.reentry import Plane, reentry_truth
 from mcnav.physics.ins.rows import TrajectoryError, TrajectoryRows, check_rows, rows_from
@@ -93,6 +101,38 @@ class SegmentsTable(Table):
     start: StartTable
     segments: Annotated[list[dict[str, Any]], Field(min_length=1, max_length=10_000)]
     rate: Annotated[float, read_as("1/s"), Field(ge=0.01, le=10_000.0)] = 10.0
+
+
+class StageTable(Table):
+    """``{ acceleration = "1.3 g", last = "3.5 g", burn = "120 s", pause = "2 s" }``.
+
+    By default the last acceleration is the first.
+    """
+
+    acceleration: Pull
+    last: Pull | None = None
+    burn: Annotated[Duration, Field(ge=2.0 * RAMP, le=1e4)]
+    pause: Annotated[Duration, Field(ge=0.0, le=1e5)] = 0.0
+
+
+class LaunchTable(Table):
+    """``boost``: site, azimuth, stages, and the pitch program up to the gravity turn."""
+
+    latitude: Latitude
+    longitude: Longitude
+    azimuth: Azimuth
+    altitude: Height = 0.0
+    stages: Annotated[list[StageTable], Field(min_length=1, max_length=10)]
+    rise: Annotated[Duration, Field(ge=RAMP, le=1e3)] = 10.0
+    kick: Annotated[Angle, Field(gt=0.0, le=1.0)] = math.radians(3.0)
+    kick_time: Annotated[Duration, Field(gt=0.0, le=1e3)] = 10.0
+    coast: Annotated[Duration, Field(ge=0.0, le=1e5)] = 0.0
+
+
+class BoostTable(Table):
+    """``{ boost = { ... } }``."""
+
+    boost: LaunchTable
 
 
 class HoldTable(Table):
@@ -205,7 +245,7 @@ def read_trajectory(
     Parameters
     ----------
     entry : object
-        A path, or a table with ``file``, ``reentry`` or ``segments``.
+        A path, or a table with ``file``, ``reentry``, ``segments`` or ``boost``.
     columns : mapping, optional
         Names and units of the columns of a path: ``columns`` beside ``trajectory``.
     """
@@ -222,12 +262,13 @@ def _read(
     if columns:
         context.problem("scenario.columns", "belongs to a trajectory that is a path; leave it out")
     if not isinstance(entry, Mapping):
-        context.problem(key, "expected a file in quotes, or a table with file, reentry or segments")
+        context.problem(key, "expected a file in quotes, or a table with file, reentry, segments or boost")
         return None
     kinds: Mapping[str, tuple[type[Table], Callable[..., TrajectorySpec | None]]] = {
         "file": (FileTable, _from_file),
         "reentry": (ReentryTable, _from_reentry),
         "segments": (SegmentsTable, _from_segments),
+        "boost": (BoostTable, _from_boost),
     }
     named = [kind for kind in kinds if kind in entry]
     if len(named) != 1:
@@ -289,6 +330,25 @@ def _from_segments(
         return None
     label = f"flight of {len(segments)} segments"
     return TrajectorySpec(label, rows.truth(earth), rows, {"rate": f"{table.rate!r} Hz", **entry})
+
+
+def _from_boost(
+    table: BoostTable, entry: Mapping[str, Any], earth: Earth, context: FileContext, key: str
+) -> TrajectorySpec | None:
+    at = table.boost
+    stages = tuple(
+        Stage(each.acceleration, each.last or each.acceleration, each.burn, each.pause) for each in at.stages
+    )
+    boost = Boost(at.latitude, at.longitude, at.azimuth, stages, at.altitude, at.rise, at.kick, at.kick_time, at.coast)
+    try:
+        truth = boost_truth(boost, earth)
+    except BoostError as wrong:
+        context.problem(f"{key}.boost.{wrong.key}", str(wrong))
+        return None
+    defaults = {name: f"{getattr(at, name)!r} s" for name in ("rise", "kick_time", "coast")}
+    defaults |= {"altitude": f"{at.altitude!r} m", "kick": f"{at.kick!r} rad"}
+    resolved = {"boost": {**defaults, **entry["boost"]}}
+    return TrajectorySpec(f"boost of {len(stages)} stages", truth, rows_from(truth, truth.times), resolved)
 
 
 def _read_segment(entry: Mapping[str, Any], context: FileContext, key: str) -> flown.Segment | None:

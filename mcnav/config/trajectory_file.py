@@ -181,9 +181,10 @@ def _name_and_unit(written: str) -> tuple[str, str]:
 
 
 def _read_csv(content: bytes, columns: Mapping[str, str]) -> Table:
-    _check_size(content.count(b"\n"))
+    _check_size(max(content.count(b"\n"), content.count(b"\r")))
     start = len(content) - len(content.lstrip(b"\r\n"))
-    line = content[start:].partition(b"\n")[0] if start else content.partition(b"\n")[0]
+    ends = [at for at in (content.find(end, start) for end in (b"\n", b"\r")) if at >= 0]
+    line = content[start : min(ends, default=len(content))]
     if not line.strip():
         raise TrajectoryError("is empty; expected a trajectory as CSV or parquet")
     if len(line) > LONGEST_HEADER:
@@ -193,7 +194,10 @@ def _read_csv(content: bytes, columns: Mapping[str, str]) -> Table:
     except UnicodeDecodeError as failure:
         raise TrajectoryError(f"is neither CSV nor parquet: its first line is no text (byte {failure.start})") from None
     delimiter = max(DELIMITERS, key=text.count)
-    header = next(csv.reader([text.lstrip("#% ")], delimiter=delimiter))
+    try:
+        header = next(csv.reader([text.lstrip("#% ")], delimiter=delimiter))
+    except (csv.Error, StopIteration):
+        raise TrajectoryError("is no table: its first line is neither names nor numbers") from None
     headless = all(_is_number(entry) for entry in header)
     if headless and columns:
         raise TrajectoryError("has no header, so that columns cannot be named; add one, or leave out columns")

@@ -27,6 +27,9 @@ DRAWN: Final = 2_000
 BETWEEN: Final = 20_000
 """Instants, besides the rows, at which largest values are sought."""
 
+VERTICAL: Final = 0.1
+"""Angle from the vertical, deg, within which heading and roll are not drawn."""
+
 TIME: Final = "time [s]"
 
 
@@ -103,7 +106,7 @@ def describe(
         times=truth.times,
         latitude=_range(np.degrees(latitude)),
         longitude=_range(np.degrees(longitude)),
-        altitude=_range(altitude),
+        altitude=_range(np.round(altitude, 6)),
         speed=_range(speed),
         distance=float(np.sum(0.5 * (speed[1:] + speed[:-1]) * np.diff(times))),
         force=Extreme(float(force[heaviest]), float(times[heaviest])),
@@ -124,6 +127,9 @@ def _history(truth: Truth, times: Array, events: Mapping[str, float]) -> History
     """Tabulate the flight, and arrange its diagrams: map, altitude, speed, attitude, force."""
     rows = rows_from(truth, times)
     heading, pitch, roll = np.degrees(np.unwrap(rows.angles, axis=0)).T
+    first = heading[0] - heading[0] % 360.0
+    vertical = np.abs(np.abs(pitch) - 90.0) < VERTICAL
+    heading, roll = (np.where(vertical, np.nan, each) for each in (heading, roll))
     force = truth.states(times, "strapdown", float(times[0])).force / STANDARD_GRAVITY
     columns = {
         TIME: times,
@@ -131,7 +137,7 @@ def _history(truth: Truth, times: Array, events: Mapping[str, float]) -> History
         "longitude [deg]": np.degrees(np.unwrap(rows.longitude)),
         "altitude [km]": rows.altitude / 1e3,
         "speed [m/s]": np.linalg.norm(truth.earth_fixed(times)[1], axis=1),
-        "heading [deg]": heading - 360.0 * np.floor(heading[0] / 360.0),
+        "heading [deg]": heading - first,
         "pitch [deg]": pitch,
         "roll [deg]": roll,
         **{f"force {axis} [g]": force[:, place] for place, axis in enumerate(("forward", "right", "down"))},

@@ -28,20 +28,21 @@ Steps of one to two seconds reach it on all seven trajectories of NASA TN D-1772
 error of the integrated velocity, 1e-7 m/s, becomes an error of the force that grows as they shrink.
 """
 
-MOST_HALVINGS: Final = 5
+SHORTEST_STEP: Final = 0.05
+"""Shortest step, s: in shorter ones the rounding of positions, 1e-9 m, would show in the force."""
 
 
-def row_times(motion: Motion, begin: float, end: float) -> list[float]:
+def row_times(motion: Motion, begin: float, end: float, longest: float = LONGEST_STEP) -> list[float]:
     """Choose the ends of the steps in a phase: equal ones, halved where the quintic misses the acceleration."""
-    ends = np.linspace(begin, end, int(np.ceil((end - begin) / LONGEST_STEP)) + 1)
-    return [time for step in pairwise(ends.tolist()) for time in _refined(motion, *step, MOST_HALVINGS)]
+    ends = np.linspace(begin, end, int(np.ceil((end - begin) / longest)) + 1)
+    return [time for step in pairwise(ends.tolist()) for time in _refined(motion, *step)]
 
 
-def _refined(motion: Motion, begin: float, end: float, halvings: int) -> list[float]:
-    if not halvings or _error(motion, begin, end) < FORCE_ERROR:
+def _refined(motion: Motion, begin: float, end: float) -> list[float]:
+    if end - begin < 2.0 * SHORTEST_STEP or _error(motion, begin, end) < FORCE_ERROR:
         return [end]
     middle = 0.5 * (begin + end)
-    return [*_refined(motion, begin, middle, halvings - 1), *_refined(motion, middle, end, halvings - 1)]
+    return [*_refined(motion, begin, middle), *_refined(motion, middle, end)]
 
 
 def _error(motion: Motion, begin: float, end: float) -> float:

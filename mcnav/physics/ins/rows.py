@@ -16,6 +16,13 @@ from mcnav.constants import STANDARD_GRAVITY
 from mcnav.physics.ins.earth import Earth, local_axes
 from mcnav.physics.ins.smoothing import is_rough, spline_within
 from mcnav.physics.ins.truth import Truth
+from mcnav.units import printable
+
+LONGEST_MESSAGE: Final = 600
+"""Characters."""
+
+LARGEST: Final = 1e12
+"""Largest number of any column."""
 
 FEWEST_ROWS: Final = 4
 """Rows that a cubic spline needs."""
@@ -83,7 +90,7 @@ class TrajectoryError(ValueError):
     def __init__(self, message: str, row: int | None = None, column: str = "") -> None:
         parts = ("" if row is None else f"row {row:,}", column and f"column {column}")
         self.place = ", ".join(filter(None, parts))
-        super().__init__(": ".join(filter(None, (self.place, message))))
+        super().__init__(printable(": ".join(filter(None, (self.place, message))), LONGEST_MESSAGE))
 
 
 @dataclass(frozen=True)
@@ -197,9 +204,10 @@ def _check_number(rows: TrajectoryRows) -> None:
     if rows.velocity is not None:
         columns |= {name: rows.velocity[:, axis] for axis, name in enumerate(VELOCITY)}
     for name, values in columns.items():
-        row = _first(~np.isfinite(values))
+        row = _first(~(np.abs(values) <= LARGEST))
         if row is not None:
-            raise TrajectoryError(f"got {_written(values[row])}; expected a finite number", row + 1, name)
+            expected = f"expected a finite number of at most {LARGEST:g}"
+            raise TrajectoryError(f"got {_written(values[row])}; {expected}", row + 1, name)
 
 
 def _written(value: float) -> str:
@@ -387,11 +395,7 @@ def _wrapped(angles: Array) -> Array:
 
 def rows_from(truth: Truth, times: Array) -> TrajectoryRows:
     """Tabulate a truth at some instants, shape (n,), s."""
-    from scipy.spatial.transform import Rotation
-
     position, velocity = truth.earth_fixed(times)
     latitude, longitude, altitude = truth.earth.to_geodetic(position).T
-    axes = local_axes(latitude, longitude)
-    body = Rotation.from_matrix(axes).inv() * truth.attitude(times)
-    angles = body.as_euler("ZYX", suppress_warnings=True)  # a vertical body has a heading, too
-    return TrajectoryRows(times, latitude, longitude, altitude, angles, np.einsum("nji,nj->ni", axes, velocity))
+    local = np.einsum("nji,nj->ni", local_axes(latitude, longitude), velocity)
+    return TrajectoryRows(times, latitude, longitude, altitude, truth.angles(times), local)

@@ -40,7 +40,7 @@ def last_decimal(values: Array) -> float:
     >>> last_decimal(np.array([50.425, 50.3, -1.0]))
     0.001
     """
-    if np.ptp(values) == 0.0:
+    if np.all(values == values[0]):
         return 0.0
     few = values[:: max(len(values) // EXAMINED, 1)]
     for decimals in range(MOST_DECIMALS + 1):
@@ -50,8 +50,9 @@ def last_decimal(values: Array) -> float:
 
 
 def _has_decimals(values: Array, decimals: int) -> bool:
-    scaled = values * 10.0**decimals
-    return bool(np.all(np.abs(scaled - np.rint(scaled)) <= 4.0 * np.spacing(np.abs(scaled)) + 1e-300))
+    with np.errstate(over="ignore", invalid="ignore"):  # numbers that are not finite have no decimals
+        scaled = values * 10.0**decimals
+        return bool(np.all(np.abs(scaled - np.rint(scaled)) <= 4.0 * np.spacing(np.abs(scaled)) + 1e-300))
 
 
 def is_rough(times: Array, tolerance: Array) -> bool:

@@ -100,7 +100,7 @@ class Truth:
 
         latitude, longitude, _ = self.geodetic(time).T
         to_level = Rotation.from_matrix(local_axes(latitude, longitude)).inv() * self.attitude(time)
-        return np.asarray(to_level.as_euler("ZYX"))
+        return np.asarray(to_level.as_euler("ZYX", suppress_warnings=True))  # a vertical body has a heading, too
 
     def states(self, time: Array, platform: Platform, start: float) -> TruthStates:
         """Compute the truth at some instants, shape (n,), with the instruments on a platform.

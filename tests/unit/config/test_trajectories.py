@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mcnav.config.context import FileContext, Kept
+from mcnav.config.context import EarlierFile, FileContext
 from mcnav.config.trajectories import TrajectorySpec, read_trajectory
 from mcnav.config.trajectory_file import LARGEST_FILE
 from mcnav.physics.ins.earth import WGS84
@@ -19,8 +19,8 @@ from tests.unit.config.test_trajectory_file import flight, write_csv
 START = {"latitude": "47 deg", "longitude": "9 deg", "altitude": "500 m", "course": "80 deg"}
 
 
-def read(entry: object, folder: Path, kept: dict[str, Kept] | None = None) -> TrajectorySpec:
-    context = FileContext("mine.toml", folder, kept or {})
+def read(entry: object, folder: Path, earlier: dict[str, EarlierFile] | None = None) -> TrajectorySpec:
+    context = FileContext("mine.toml", folder, earlier or {})
     found = read_trajectory(entry, WGS84, context)
     assert context.problems == []
     assert found is not None
@@ -52,9 +52,9 @@ def test_files(tmp_path: Path) -> None:
 def test_a_changed_file_is_read_from_its_copy(tmp_path: Path) -> None:
     path, copy = write_csv(tmp_path / "flight.csv", flight()), tmp_path / "copy.csv"
     copy.write_bytes(path.read_bytes())
-    kept = {"trajectory": Kept(content_of(str(copy))[0], copy)}
+    earlier = {"trajectory": EarlierFile(content_of(str(copy))[0], copy)}
     write_csv(path, flight(30.0))
-    assert len(read("flight.csv", tmp_path, kept).rows) == len(flight()["time"])
+    assert len(read("flight.csv", tmp_path, earlier).rows) == len(flight()["time"])
 
 
 def test_reentry(tmp_path: Path) -> None:
@@ -81,6 +81,27 @@ def test_segments(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read(found.resolved, tmp_path).rows.time, found.rows.time)
 
 
+LAUNCH = {
+    "latitude": "28.5 deg", "longitude": "-80.5 deg", "azimuth": "60 deg",
+    "stages": [{"acceleration": "1.4 g", "last": "3 g", "burn": "60 s"}],
+}  # fmt: skip
+
+
+def test_boost(tmp_path: Path) -> None:
+    found = read({"boost": {**LAUNCH, "coast": "20 s"}}, tmp_path)
+    assert found.truth.times[-1] == pytest.approx(80.0)
+    np.testing.assert_array_equal(read(found.resolved, tmp_path).rows.altitude, found.rows.altitude)
+
+
+def test_boosts_that_cannot_be_flown() -> None:
+    heavy = {**LAUNCH, "stages": [{"acceleration": "0.9 g", "burn": "60 s"}]}
+    short = {**LAUNCH, "stages": [{"acceleration": "1.5 g", "burn": "22 s"}]}
+    assert "scenario.trajectory.boost.stages #1.acceleration: is too small to lift off" in refused({"boost": heavy})
+    assert "boost.kick: the velocity is below the pitch after it" in refused({"boost": {**LAUNCH, "kick": "0.01 deg"}})
+    assert "boost.kick: the velocity does not come down" in refused({"boost": {**short, "kick": "50 deg"}})
+    assert "boost.stages #1.burn: is missing" in refused({"boost": {**LAUNCH, "stages": [{"acceleration": "2 g"}]}})
+
+
 def segments(*entries: object) -> dict[str, object]:
     return {"start": START, "segments": list(entries)}
 
@@ -91,8 +112,8 @@ MOVING = {"speed": "80 m/s"}
 @pytest.mark.parametrize(
     ("entry", "message"),
     [
-        (7, "scenario.trajectory: expected a file in quotes, or a table with file, reentry or segments"),
-        ({}, "scenario.trajectory: has no kind; expected a table with one of file, reentry, segments"),
+        (7, "scenario.trajectory: expected a file in quotes, or a table with file, reentry, segments or boost"),
+        ({}, "scenario.trajectory: has no kind; expected a table with one of file, reentry, segments, boost"),
         ({"reentry": 1, "file": "a.csv"}, "got file and reentry; expected a table with one of"),
         ({"reentry": 8}, "scenario.trajectory.reentry: got 8; expected a number less than or equal to 7"),
         ({"reentry": 1, "latitude": "28 km"}, "scenario.trajectory.latitude: got '28 km', which is a length"),

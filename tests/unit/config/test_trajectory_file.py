@@ -86,6 +86,14 @@ def test_csv_with_and_without_header_and_parquet(tmp_path: Path) -> None:
         assert_rows_equal(rows, columns)
 
 
+@pytest.mark.parametrize("end", [b"\r\n", b"\r"])
+def test_other_ends_of_lines(end: bytes, tmp_path: Path) -> None:
+    path = write_csv(tmp_path / "flight.csv", flight())
+    expected = read_trajectory_file(path)
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes().replace(b"\n", end))
+    np.testing.assert_array_equal(read_trajectory_file(path).latitude, expected.latitude)
+
+
 def test_velocities_may_be_missing(tmp_path: Path) -> None:
     columns = {name: values for name, values in flight().items() if not name.startswith("V")}
     rows = read_trajectory_file(write_csv(tmp_path / "flight.csv", columns))
@@ -261,6 +269,9 @@ TEXTS: dict[str, tuple[str | bytes, str]] = {
     "seven columns": ("0,47,9,100,0,0,0\n" * 5, "has no header and 7 columns; without a header the 10 are time, lat"),
     "no latitude": ("time,lon,alt,roll,pitch,heading\n0,9,100,0,0,0\n", "has no column 'lat'"),
     "twice": ("time,lat,lat,lon,alt,roll,pitch,heading\n0,9,100,0,0,0,0,0\n", "has 2 columns 'lat'"),
+    "control characters": ("time,\x08at,lon,alt,roll,pitch,heading\n0,9,100,0,0,0,0\n", "It is one of time, \\x08at"),
+    "an open quote": ('time,"lat,lon\n0,0,0\n', "has no column 'lat'"),
+    "huge numbers": ("0,47,9,1e308,0,0,0,0,0,0\n" * 5, "row 1, column alt: got 1e+308; expected a finite number"),
     "binary": (bytes(range(128, 256)) * 50, "is neither CSV nor parquet"),
     "one long line": ("1" * 50_000, "is no table: its first line is longer"),
     "damaged parquet": (b"PAR1" + bytes(100), "is no parquet file that can be read"),
