@@ -398,7 +398,7 @@ def partials(
     """
     with _reported_errors(campaign):
         from mcnav.config.read import read_campaign
-        from mcnav.lincov.partials_agreement import compare_partials
+        from mcnav.lincov.partials import compare_partials
         from mcnav.report import export, terminal
 
         if start_times:
