@@ -13,11 +13,9 @@ from functools import cached_property
 from itertools import chain
 
 import numpy as np
-from scipy import special
 
 from mcnav._types import Array, IndexArray
 from mcnav.lincov.block_sums import BlockSums, Normalization
-from mcnav.statistics.chi_square import LEVELS
 from mcnav.statistics.chunked import scatter, squared_distances, stretches_of_blocks
 from mcnav.statistics.shape import power_sums
 from mcnav.statistics.whitening import Whitening
@@ -114,7 +112,7 @@ class SampleMoments:
 
     def within(self) -> Array:
         """Count the samples inside the linear ellipsoids of probabilities `LEVELS`, shape (levels,)."""
-        return np.array([np.count_nonzero(self.distances <= radius) for radius in ellipsoid_radii(self.given)])
+        return np.array([np.count_nonzero(self.distances <= radius) for radius in self.given.radii])
 
 
 @dataclass(frozen=True)
@@ -216,11 +214,6 @@ class SummaryMoments:
 
 
 BlockMoments = SampleMoments | SummaryMoments
-
-
-def ellipsoid_radii(given: Whitening) -> Array:
-    """Compute the squared radii of the linear ellipsoids of probabilities `LEVELS`; empty without dispersion."""
-    return np.array([special.chdtri(given.rank, 1.0 - level) for level in LEVELS if given.rank])
 
 
 @dataclass(frozen=True)

@@ -22,11 +22,10 @@ from mcnav.analysis.block_moments import (
     ReducedSamples,
     SampleMoments,
     SummaryMoments,
-    ellipsoid_radii,
 )
 from mcnav.analysis.multivariate import MultivariateTests, compare_jointly
 from mcnav.analysis.verdict import Judgement, Verdict, combine_verdicts, judge
-from mcnav.lincov.block_sums import BlockSums, Normalization, block_size
+from mcnav.lincov.block_sums import BlockSums, Normalization
 from mcnav.lincov.covariance import propagated_covariance
 from mcnav.sampling.designs import SamplingDesign
 from mcnav.statistics.estimates import Estimate, block_begins, summed_mean
@@ -221,17 +220,6 @@ def correlations(covariance: Array) -> Array:
     """Return the correlation matrix of a covariance; NaN in rows and columns without dispersion."""
     sigma = np.sqrt(np.where(np.diag(covariance) > 0.0, np.diag(covariance), np.nan))
     return np.asarray(covariance / np.outer(sigma, sigma))
-
-
-def normalization_of(model: Model, samples: int, block_length: int) -> Normalization:
-    """Return the normalization with which a campaign's samples are reduced to a summary."""
-    linear = model.outcome_covariance
-    sigma = np.sqrt(np.diag(linear))
-    scale = np.where(sigma > 0.0, sigma, 1.0)
-    given = whitening(linear)
-    whitened = np.ascontiguousarray(scale[:, None] * given.matrix)
-    radii, block = ellipsoid_radii(given), block_size(samples, block_length)
-    return Normalization(model.partials, model.mean, model.outcome_mean, scale, whitened, radii, block)
 
 
 def reduce_stored(model: Model, errors: Array, outcomes: Array, blocks: IndexArray) -> ReducedSamples:

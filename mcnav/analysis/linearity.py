@@ -13,8 +13,6 @@ from functools import cache
 from typing import Final
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.optimize.elementwise import find_root
 
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import LARGEST_FAILED_SHARE, Criterion, Model, compare
@@ -72,6 +70,8 @@ def alone(simulate: Simulator, linear: LinearModel, directions: Array, tolerance
 
     The directions are the errors whose multiples are simulated, shape (directions, sources), SI.
     """
+    from scipy.optimize.elementwise import find_root  # slow to import: a tenth of a second
+
     engines = cache(simulate)
     both = np.vstack([directions, -directions])
     changes = both @ linear.partials.T
@@ -197,6 +197,8 @@ def together(
             break
 
     def crossing(kind: str, row: int) -> float:
+        from scipy.optimize import brentq  # slow to import: a tenth of a second
+
         values = [excess(kind, row, multiple) for multiple in steps]
         if np.isnan(values[0]):
             return float("nan")

@@ -26,6 +26,7 @@ from mcnav.analysis.budget import largest_sigmas
 from mcnav.analysis.comparison import LARGEST_FAILED_SHARE, Comparison, Model
 from mcnav.analysis.verdict import Verdict, judge
 from mcnav.statistics import proportions
+from mcnav.statistics.bisection import smallest_reaching
 from mcnav.statistics.circular_error import normal_circular_error_probable
 from mcnav.statistics.order_statistics import RankedSizes, samples_for_upper_bound
 
@@ -233,12 +234,10 @@ def absolute_normal_quantile(mean: float, sigma: float, probability: float) -> f
     if sigma <= 0.0:
         return abs(mean)
 
-    from scipy.optimize import brentq  # slow to import: a fifth of a second
+    def within(size: float) -> float:
+        return float(special.ndtr((size - mean) / sigma) - special.ndtr((-size - mean) / sigma))
 
-    def excess(size: float) -> float:
-        return float(special.ndtr((size - mean) / sigma) - special.ndtr((-size - mean) / sigma)) - probability
-
-    return float(brentq(excess, 0.0, abs(mean) + 40.0 * sigma, xtol=1e-12 * (abs(mean) + sigma)))
+    return smallest_reaching(within, probability, 0.0, abs(mean) + 40.0 * sigma)
 
 
 def _largest_sigma(mean: float, limit: float, probability: float) -> float | None:
@@ -247,12 +246,8 @@ def _largest_sigma(mean: float, limit: float, probability: float) -> float | Non
         return None
     if mean == 0.0:
         return limit / float(special.ndtri(0.5 + 0.5 * probability))
-    from scipy.optimize import brentq
-
-    def excess(sigma: float) -> float:
-        return absolute_normal_quantile(mean, sigma, probability) - limit
-
-    return float(brentq(excess, 0.0, limit / float(special.ndtri(0.5 + 0.5 * probability)) * (1.0 + 1e-9)))
+    largest = limit / float(special.ndtri(0.5 + 0.5 * probability)) * (1.0 + 1e-9)
+    return smallest_reaching(lambda sigma: absolute_normal_quantile(mean, sigma, probability), limit, 0.0, largest)
 
 
 def normal_box_probability(mean: Array, covariance: Array, limits: Array) -> float:

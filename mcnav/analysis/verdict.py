@@ -16,6 +16,9 @@ class Verdict(StrEnum):
     UNDECIDED = "undecided"
 
 
+ROUNDING: Final = 1e-12
+"""Difference of a ratio from one that may be rounding: 4,500 times that of a double."""
+
 HOPELESS: Final = 1e4
 """Ratio of half width to distance from the tolerance above which no number of samples is given (1e8 times as many)."""
 
@@ -45,7 +48,7 @@ def judge(ratio: float, interval: tuple[float, float], tolerance: float, samples
     'agrees'
     """
     low, high = interval
-    certain = not low <= 1.0 <= high
+    certain = not low - ROUNDING <= 1.0 <= high + ROUNDING
     if low >= 1.0 - tolerance and high <= 1.0 + tolerance:
         return Judgement(Verdict.AGREES, ratio, interval, certain)
     if low > 1.0 + tolerance or high < 1.0 - tolerance:

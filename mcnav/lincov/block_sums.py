@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.statistics.whitening import whitening
 
 BLOCKS: Final = 2_048
 """Smallest number of blocks of a campaign of independent draws, where it has as many samples."""
@@ -61,6 +62,27 @@ class Normalization:
     whitening: Array
     radii: Array
     block: int
+
+    @classmethod
+    def of(
+        cls, partials: Array, mean: Array, centre: Array, covariance: Array, samples: int, block_length: int
+    ) -> Normalization:
+        """Normalize the samples of a campaign by its linear model.
+
+        Parameters
+        ----------
+        covariance : ndarray, shape (outputs, outputs)
+            Linear covariance of the outputs.
+        samples : int
+            Samples of the campaign.
+        block_length : int
+            Samples in an independent block of the design.
+        """
+        sigma = np.sqrt(np.diag(covariance))
+        scale = np.where(sigma > 0.0, sigma, 1.0)
+        given = whitening(covariance)
+        whitened = np.ascontiguousarray(scale[:, None] * given.matrix)
+        return cls(partials, mean, centre, scale, whitened, given.radii, block_size(samples, block_length))
 
 
 @dataclass(frozen=True)

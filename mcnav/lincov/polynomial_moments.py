@@ -118,22 +118,33 @@ def _expected_product(exponents: IndexArray, coefficients: Array, others: IndexA
     """Compute E[p q] of two polynomials given by their monomials."""
     weights = 1 << np.arange(exponents.shape[1], dtype=np.int64)
     parity, other_parity = (exponents % 2) @ weights, (others % 2) @ weights
-    total = 0.0
-    for own in np.unique(parity):
-        mine, yours = np.flatnonzero(parity == own), np.flatnonzero(other_parity == own)
-        total += _sum_over_pairs(exponents[mine], coefficients[mine], others[yours], their[yours], DOUBLE_FACTORIALS)
-    return total
+    order, other_order = np.argsort(parity, kind="stable"), np.argsort(other_parity, kind="stable")
+    keys = np.unique(parity)
+    bounds = [
+        np.searchsorted(ranked, keys, side)
+        for ranked in (parity[order], other_parity[other_order])
+        for side in ("left", "right")
+    ]
+    return _sum_over_pairs(
+        exponents[order], coefficients[order], others[other_order], their[other_order], np.array(bounds).T,
+        DOUBLE_FACTORIALS,
+    )  # fmt: skip
 
 
 @compiled
 def _sum_over_pairs(
-    exponents: IndexArray, coefficients: Array, others: IndexArray, their: Array, table: Array
+    exponents: IndexArray, coefficients: Array, others: IndexArray, their: Array, groups: IndexArray, table: Array
 ) -> float:
+    """Add up the products of monomials in each group, [begin, end) of either polynomial."""
     total = 0.0
-    for i in range(exponents.shape[0]):
-        for j in range(others.shape[0]):
-            value = coefficients[i] * their[j]
-            for variable in range(exponents.shape[1]):
-                value *= table[exponents[i, variable] + others[j, variable]]
-            total += value
+    for group in range(groups.shape[0]):
+        begin, end, other_begin, other_end = groups[group]
+        of_group = 0.0
+        for i in range(begin, end):
+            for j in range(other_begin, other_end):
+                value = coefficients[i] * their[j]
+                for variable in range(exponents.shape[1]):
+                    value *= table[exponents[i, variable] + others[j, variable]]
+                of_group += value
+        total += of_group
     return total

@@ -20,8 +20,8 @@ from mcnav.analysis.tails import Quantile
 from mcnav.analysis.variance_breakdown import VarianceBreakdown
 from mcnav.report.summary import summarise
 from mcnav.scenarios.protocol import History, PartialsHistory, source_labels
+from mcnav.store.chunk_files import Samples
 from mcnav.store.manifest import Manifest, Variable
-from mcnav.store.parts import Samples
 from mcnav.store.run_folder import RunFolder
 from mcnav.units import conversion
 

@@ -15,7 +15,6 @@ from functools import lru_cache
 from typing import Final
 
 import numpy as np
-from scipy.optimize import brentq
 
 from mcnav._types import Array
 from mcnav.sampling.distributions import Distribution, Normal
@@ -62,6 +61,8 @@ def normal_correlation(first: Distribution, second: Distribution, wanted: float)
 
     Raises `ValueError` when no copula reaches it; the message names the range that can be reached.
     """
+    from scipy.optimize import brentq  # slow to import: a tenth of a second
+
     if isinstance(first, Normal) and isinstance(second, Normal):
         return wanted
     lowest, highest = (error_correlation(first, second, end) for end in (-1.0, 1.0))

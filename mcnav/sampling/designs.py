@@ -18,6 +18,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from mcnav._types import Array, IndexArray
+from mcnav.sampling.sobol_net import scrambled_net
 
 DESIGNS: Final = ("random", "antithetic", "latin-hypercube", "sobol")
 REPLICATES: Final = 16
@@ -106,13 +107,7 @@ def _latin_hypercube(seed: int, block: int, length: int, dimensions: int) -> Arr
 
 def _sobol(seed: int, block: int, begin: int, end: int, dimensions: int) -> Array:
     """Draw points [begin, end) of one scrambled Sobol net."""
-    from scipy.stats import qmc  # the import takes half a second
-
-    net = qmc.Sobol(dimensions, scramble=True, rng=np.random.Generator(np.random.Philox(_key(seed, block))))
-    if begin:
-        net.fast_forward(begin)
-    count = end - begin
-    return np.asarray(net.random(1 << (count - 1).bit_length())[:count])  # a net is balanced at powers of two
+    return scrambled_net(np.random.Generator(np.random.Philox(_key(seed, block))), dimensions, begin, end)
 
 
 def standard_normals(design: str, seed: int, samples: int, begin: int, end: int, dimensions: int) -> Array:

@@ -25,7 +25,6 @@ from typing import Final
 
 import numpy as np
 from scipy import special
-from scipy.optimize import brentq
 
 from mcnav._types import Array
 
@@ -103,6 +102,8 @@ def normal_of_rank(wanted: float, one: MultivariateT | None = None, other: Multi
 
     Raises `ValueError` when it cannot be reached; the message names the largest magnitude.
     """
+    from scipy.optimize import brentq  # slow to import: a tenth of a second
+
     if one is None and other is None:
         return 2.0 * math.sin(math.pi * wanted / 6.0)
     largest = rank_correlation(1.0, one, other)

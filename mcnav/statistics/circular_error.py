@@ -9,6 +9,7 @@ import numpy as np
 from scipy import special
 
 from mcnav._types import Array
+from mcnav.statistics.bisection import smallest_reaching
 
 _ANGLES: Final = 400
 """Nodes of the Gauss-Legendre rule: relative error below 1e-9 down to an axis ratio of 1:100."""
@@ -50,9 +51,7 @@ def normal_circular_error_probable(mean: Array, covariance: Array) -> float:
     >>> round(normal_circular_error_probable(np.zeros(2), np.eye(2)), 6)  # sqrt(2 ln 2)
     1.17741
     """
-    from scipy.optimize import brentq  # slow to import: a fifth of a second
-
     scale = float(np.sqrt(max(np.trace(covariance), 0.0)) + np.hypot(*mean))
     if scale == 0.0 or not np.isfinite(scale):
         return scale
-    return float(brentq(lambda r: normal_probability_within(r, mean, covariance) - 0.5, 1e-9 * scale, 3.0 * scale))
+    return smallest_reaching(lambda r: normal_probability_within(r, mean, covariance), 0.5, 1e-9 * scale, 3.0 * scale)

@@ -6,8 +6,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from scipy import special
 
 from mcnav._types import Array
+from mcnav.statistics.chi_square import LEVELS
 
 RANK_TOLERANCE: Final = 1e-9
 """Eigenvalues of the correlation matrix below this share of the largest count as zero."""
@@ -36,6 +38,11 @@ class Whitening:
     def rank(self) -> int:
         """Dimension of the range of C."""
         return int(self.matrix.shape[1])
+
+    @property
+    def radii(self) -> Array:
+        """Squared radii of the ellipsoids of probabilities `LEVELS`, shape (levels,); empty without dispersion."""
+        return np.array([special.chdtri(self.rank, 1.0 - level) for level in LEVELS if self.rank])
 
 
 def whitening(covariance: Array) -> Whitening:

@@ -79,8 +79,8 @@ def check_start_time(campaign: Campaign, time: float, axes: str) -> Comparison:
     linear = started.linear_model()
     covariance = errors.covariance * np.outer(multiples, multiples)
     model = Model(linear.partials, linear.nominal, errors.mean * multiples, covariance)
-    criterion = Criterion(campaign.tolerance, campaign.confidence)
-    return compare(model, draws, outcomes, criterion, SamplingDesign.of(design, plan.samples))
+    sampling = SamplingDesign.of(design, plan.samples)
+    return compare(model, draws, outcomes, Criterion(campaign.tolerance, campaign.confidence), sampling)
 
 
 def write_start_times(

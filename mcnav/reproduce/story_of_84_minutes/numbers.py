@@ -58,7 +58,7 @@ FLAT: Final = Earth.with_gravity(FLATTER * RADIUS, GRAVITY)
 SLIDE_RULE: Final = 5e-3
 """Relative error of a chain of slide rule readings."""
 
-STEPS: Final = 4_000
+STEPS: Final = 256
 
 
 class Standing(StrEnum):

@@ -27,7 +27,7 @@ from mcnav.report.model import humanize
 from mcnav.reproduce.tn_d1772.printed import TO_PRINTED, final_errors
 from mcnav.reproduce.tn_d1772.tables import TN_SOURCES, linear_model, propagator, table_i_scenario
 from mcnav.scenarios.protocol import source_labels
-from mcnav.scenarios.reentry import OUTPUTS, Flight, Reentry
+from mcnav.scenarios.reentry import OUTPUTS, Flight, Reentry, ReferenceEngine
 from mcnav.scenarios.table_i import (
     ALL_ERRORS,
     COLUMNS,
@@ -316,7 +316,7 @@ def axes() -> Finding:
     """Decide between the axes of the start and those of reentry."""
     scenario = table_i_scenario(1)
     errors = np.where(np.arange(len(Error)) == Error.BIAS_X, ALL_ERRORS, 0.0)
-    at_start = scenario.navigation.simulate_reference(errors[None], [0]).values[0][0] / 1e3
+    at_start = ReferenceEngine(scenario.navigation).propagate(errors[None]).values[0, 0] / 1e3
     reentry = float(scenario.trajectory.state(scenario.trajectory.reentry_time)[1])
     at_reentry = simulate_indicated(scenario.trajectory, errors, 0.0, reentry)[0] / 1e3
     return Finding(
