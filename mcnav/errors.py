@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -12,13 +13,23 @@ from typing import Final
 from mcnav.units import printable
 
 MOST_PROBLEMS: Final = 50
-"""Mistakes told of one file."""
+"""Mistakes of one file that are shown."""
 
 LONGEST: Final = 400
 """Characters of a file name or key that are shown."""
 
 LONGEST_MESSAGE: Final = 1_000
 """Characters of a message that are shown: some list names."""
+
+LONGEST_NAME: Final = 100
+"""Characters of a name that may have been meant for another."""
+
+MOST_NAMES: Final = 20
+"""Names that a message lists."""
+
+
+DIGITS: Final = 12
+"""Digits of a digest that are shown."""
 
 
 @dataclass(frozen=True)
@@ -57,14 +68,6 @@ class RunFolderBusy(RunFolderError):
     """Another process is writing to the run folder."""
 
 
-LONGEST_NAME: Final = 100
-"""Characters of a name that may have been meant for another."""
-
-
-MOST_NAMES: Final = 20
-"""Names that a message lists."""
-
-
 class TooManyFailures(Exception):
     """More samples failed than a run was allowed; the message says how many."""
 
@@ -73,10 +76,7 @@ class TooManyFailures(Exception):
 def reading_file(path: Path) -> Iterator[None]:
     """Convert parsing errors into `RunFolderError` naming the file.
 
-    Raises
-    ------
-    RunFolderError
-        In place of errors raised for unexpected numbers, names or shapes.
+    Raise `RunFolderError` in place of errors raised for unexpected numbers, names or shapes.
     """
     try:
         yield
@@ -100,3 +100,12 @@ def suggestion(name: str, known: list[str]) -> str:
     if close:
         return f"; did you mean {close[0]!r}? It is one of {listed}"
     return f"; expected one of {listed}"
+
+
+def shortened(text: str) -> str:
+    """Shorten every digest in a text for people.
+
+    >>> shortened("SHA-256 " + 64 * "5")
+    'SHA-256 555555555555'
+    """
+    return re.sub(r"\b[0-9a-f]{40,64}\b", lambda found: found[0][:DIGITS], text)

@@ -69,13 +69,13 @@ def test_flights_on_the_side_are_stopped(tmp_path: Path, monkeypatch: pytest.Mon
         assert under_way.wait(LONG)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("mcnav.workflow.prepare.PreparedCampaign.corrections", corrections)
+    monkeypatch.setattr("mcnav.workflow.prepare.PreparedSystem.corrections", corrections)
     with pytest.raises(KeyboardInterrupt):
         run_campaign(campaign(4, samples=100), tmp_path / "run", "ensemble", 1, progress=OnAdvance(broken_off))
     assert ended.wait(LONG)
     assert len(list((tmp_path / "run" / "samples").glob("part-*.parquet"))) == 1
     monkeypatch.undo()
-    assert run.run_campaign(campaign(4, samples=100), tmp_path / "run", "ensemble", 1).flown == 0
+    assert run.run_campaign(campaign(4, samples=100), tmp_path / "run", "ensemble", 1).simulated == 0
 
 
 def _linger() -> None:
