@@ -137,7 +137,7 @@ from mcnav import cli
 
 @cli.app.command()
 def busy():
-    with cli._reported_errors():
+    with cli._reported_errors(None):
         threading.Thread(target=time.sleep, args=(100_000,)).start()
         atexit.register(print, "tidied up")
         os.kill(os.getpid(), signal.{name})
