@@ -405,7 +405,7 @@ def partials(
     With --start-times, write P and the linear dispersion as functions of the start of navigation.
     """
     from mcnav.config.read import read_campaign
-    from mcnav.lincov.partials_agreement import compare_partials
+    from mcnav.lincov.partials import compare_partials
     from mcnav.report import export, terminal
 
     if start_times:

@@ -117,13 +117,15 @@ def _ready() -> None:
 
 
 def _in_one_worker(task: Callable[..., Any], *arguments: Any) -> Any:
-    """Run a task in an isolated process; none when the process dies."""
+    """Run a task in an isolated process; none when the process dies. An interrupt kills the process."""
     try:
         return _isolated_worker().submit(task, *arguments).result()
-    except BrokenProcessPool:
+    except (BrokenProcessPool, KeyboardInterrupt) as end:
         executor = _isolated_executors.pop(threading.get_ident(), None)
         if executor is not None:
             executor.shutdown(wait=True, kill_workers=True)
+        if isinstance(end, KeyboardInterrupt):
+            raise
         return None
 
 

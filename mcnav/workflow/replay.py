@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from mcnav.config.context import EarlierFile
 from mcnav.config.read import Campaign, read_campaign
-from mcnav.errors import CampaignError, Problem, RunFolderError
+from mcnav.errors import CampaignError, Problem, RunFolderError, shortened
 from mcnav.execution.chunks import DrawPlan
 from mcnav.execution.identity import chunk_digest, identity_of
 from mcnav.execution.processes import IsolatedEngine, end_workers
@@ -145,7 +145,11 @@ def _campaign_of(folder: RunFolder, manifest: Manifest, file: Path | None) -> tu
     changed = next((name for name, _ in sorted(then.files.items() ^ now.files.items())), None)
     if changed is not None:
         change = f"{changed} was {then.files.get(changed, 'absent')}, is {now.files.get(changed, 'absent')}"
-        raise RunFolderError(f"{path}: reads other files than when {folder.path} was made ({change}); restore the file")
+        record = next((record for record in manifest.files if record.name == changed and record.copied), None)
+        copy = folder.copy_of(record) if record is not None else None
+        remedy = "restore the file" if copy is None else f"restore the file from {copy}, or declare it as a setting"
+        made = f"{folder.path} was made ({shortened(change)})"
+        raise RunFolderError(f"{path}: reads other files than when {made}; {remedy}")
     return campaign, then.engine
 
 
