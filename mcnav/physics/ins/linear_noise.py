@@ -6,6 +6,7 @@ The system is that of `mcnav.physics.ins.response`, here by the midpoint of shor
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -80,7 +81,7 @@ def respond_from_rest(
     whole = NoiseResponse.along(truth, platform, step_times, times[-1:])
     begins = np.searchsorted(step_times, times - 1e-9)
     found = np.zeros((len(times) - 1, 1, 9))
-    for k, (begin, end) in enumerate(zip(begins[:-1], begins[1:], strict=True)):
+    for k, (begin, end) in enumerate(pairwise(begins)):
         rows = slice(begin, end)
         _respond(
             whole.durations[rows], whole.axes[rows], whole.forces[rows], whole.gradients[rows],
