@@ -181,11 +181,11 @@ def deviate(truth: Truth, time: float, errors: Array) -> tuple[Array, Array, Arr
     position = there - first
     axes = here[6:].reshape(3, 3)
     local = _multiply(_about(np.array([0.0, 0.0, 1.0]), east), _about(-axes[:, 1], north))
-    velocity = errors[:, 3:6] @ axes.T
+    velocity = np.einsum("nj,ij->ni", errors[:, 3:6], axes)
     velocity = velocity + _rotate(local, velocity + axes @ here[3:6])
     velocity[:, 0] -= earth.rotation_rate * position[:, 1]
     velocity[:, 1] += earth.rotation_rate * position[:, 0]
-    vector = errors[:, 6:9] @ axes.T
+    vector = np.einsum("nj,ij->ni", errors[:, 6:9], axes)
     size = np.linalg.norm(vector, axis=1)
     axis = vector / np.where(size > 0.0, size, 1.0)[:, None]
     return _multiply(local, _about(axis, size)), velocity, position

@@ -250,7 +250,7 @@ def _simulate(
     errors = np.ascontiguousarray(errors, dtype=float)
     turn, velocity, position = deviate(truth, start, errors[:, :9])
     state = np.hstack([turn, velocity, position])
-    linear = errors[:, :9] @ tables.start_map.T
+    linear = np.einsum("nj,ij->ni", errors[:, :9], tables.start_map)  # a matrix product rounds by a row's place
     active = np.flatnonzero(errors[:, 9:].any(axis=0))
     shape = (len(errors), len(tables.epochs), 9)
     turns, deviations = np.empty((*shape[:2], 4)), np.empty((*shape[:2], 6))

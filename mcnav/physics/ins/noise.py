@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcnav._types import Array
-from mcnav.physics.jit import compiled, inlined
+from mcnav.physics.jit import compiled, inlined, uncontracted
 
 _LOW: Final = np.uint64(0xFFFFFFFF)
 _HALF: Final = np.uint64(32)
@@ -39,7 +39,7 @@ def philox(
     return a, b, c, d
 
 
-@compiled
+@uncontracted
 def draw_normals(seed: np.uint64, sample: np.uint64, stream: int, out: Array) -> None:
     """Fill an array with the first normal variates of a sample's stream."""
     key, index = np.uint64(seed), np.uint64(sample)

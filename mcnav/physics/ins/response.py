@@ -241,7 +241,7 @@ def _respond(
             _fill_upper(covariance)
 
 
-@compiled
+@inlined
 def _drive(
     state: Array, walk: Array, driven: Array, walked: Array, first: Array, second: Array, node: Array, size: int,
     h: float, remaining: float, correlation: float,
