@@ -12,8 +12,9 @@ import pandas as pd
 from mcnav.analysis.run_comparison import Change
 from mcnav.errors import shortened
 from mcnav.report import sentences
+from mcnav.report.figures.agreement import forest
 from mcnav.report.figures.figure import HALF, Figure
-from mcnav.report.figures.marks import Axis, Interval, Mark, Panel, Points, Rule, Series
+from mcnav.report.figures.marks import Axis, Mark, Panel, Rule, Series
 from mcnav.report.figures.palette import LINEAR, SOURCE_COLOURS
 from mcnav.report.format import number
 from mcnav.report.model import humanize, labels_of
@@ -134,10 +135,7 @@ def ratios(rows: Sequence[Row], titles: Sequence[str]) -> Figure | None:
     for row, change in known:
         step = later.index(row.run) - 0.5 * (len(later) - 1)
         place = names.index(row.output) + 0.7 * step / max(len(later), 2)
-        each, (low, high) = series[row.run], (100.0 * (end - 1.0) for end in change.interval)
-        ratio = 100.0 * (change.ratio - 1.0)
-        text = f"{humanize(row.output)}, {each.label}: {ratio:+.3g} %, {low:+.3g} to {high:+.3g} %".replace("-", "−")
-        marks += [Interval(each, place, low, high, text), Points(each, [ratio], [place], 7.0)]
+        marks += forest(series[row.run], [place], [(change.ratio, *change.interval)], [humanize(row.output)])
     rows_axis = Axis(names=[humanize(name) for name in names])
     return Figure(
         name="changes",
