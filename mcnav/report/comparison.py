@@ -32,26 +32,13 @@ MARKS: Final = ("dot", "square", "triangle", "ring", "box")
 
 @dataclass(frozen=True)
 class Row:
-    """One output of a later run compared with the first run.
-
-    Attributes
-    ----------
-    run : int
-        Index of the later run, from 1.
-    change : Change or None
-        None when too few samples succeeded.
-    """
+    """One output of a later run, counted from 1, compared with the first run; no change with too few samples."""
 
     run: int
     output: str
     unit: str
     shown_in: str
     change: Change | None
-
-    @property
-    def scale(self) -> float:
-        """Factor from SI to the unit shown."""
-        return conversion(self.unit, self.shown_in)
 
     @property
     def words(self) -> str:
@@ -64,6 +51,16 @@ class Row:
         if not self.change.certain:
             return "no change seen"
         return "larger" if self.change.ratio > 1.0 else "smaller"
+
+    @property
+    def cells(self) -> dict[str, Any]:
+        """The change by heading, in the units shown."""
+        known, scale = self.change or NOTHING, conversion(self.unit, self.shown_in)
+        return {
+            "sigma before": known.before * scale, "sigma after": known.after * scale, "ratio": known.ratio,
+            "from": known.interval[0], "to": known.interval[1], "mean after less before": known.mean.value * scale,
+            "standard error": known.mean.standard_error * scale, "common draws": known.common, "change": self.words,
+        }  # fmt: skip
 
 
 def inputs(manifests: Sequence[Manifest]) -> pd.DataFrame:
@@ -97,26 +94,9 @@ def _flat(value: Any, prefix: str = "") -> dict[str, str]:
 
 def outputs(rows: Sequence[Row], titles: Sequence[str]) -> pd.DataFrame:
     """Tabulate the change of each output in the units shown: one row per output of a later run."""
-    table = []
-    for row in rows:
-        known = row.change or NOTHING
-        table.append(
-            {
-                "output": row.output,
-                "unit": row.shown_in,
-                "run": titles[row.run],
-                "sigma before": known.before * row.scale,
-                "sigma after": known.after * row.scale,
-                "ratio": known.ratio,
-                "from": known.interval[0],
-                "to": known.interval[1],
-                "mean after less before": known.mean.value * row.scale,
-                "standard error": known.mean.standard_error * row.scale,
-                "common draws": known.common,
-                "change": row.words,
-            }
-        )
-    return pd.DataFrame(table)
+    return pd.DataFrame(
+        [{"output": row.output, "unit": row.shown_in, "run": titles[row.run]} | row.cells for row in rows]
+    )
 
 
 def ratios(rows: Sequence[Row], titles: Sequence[str]) -> Figure | None:

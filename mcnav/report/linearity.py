@@ -57,12 +57,8 @@ def render(
 ) -> str:
     """Render the HTML page.
 
-    Parameters
-    ----------
-    about : (float, float, int)
-        Tolerance, confidence, samples.
-    contributions : ndarray, shape (sources, outputs)
-        Effect of one sigma of each source by the linear model, SI.
+    ``about`` is tolerance, confidence and samples; ``contributions`` is the linear effect of one sigma of
+    each source, SI, shape (sources, outputs).
     """
     tolerance, confidence, samples = about
     names = [humanize(output.name) for output in outputs]

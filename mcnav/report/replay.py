@@ -22,17 +22,7 @@ from mcnav.units import conversion
 
 @dataclass(frozen=True)
 class Outcome:
-    """Result of one simulation of the sample.
-
-    Attributes
-    ----------
-    label : str
-        Origin of the result: ``stored``, ``again, ensemble``.
-    values : ndarray, shape (outputs,)
-        SI; NaN when it failed.
-    status : str
-        ``ok``, or the reason of the failure.
-    """
+    """Result of one simulation of the sample: its final errors, SI, NaN when it failed, and ``ok`` or why it failed."""
 
     label: str
     values: Array
@@ -43,18 +33,8 @@ class Outcome:
 class Replay:
     """One sample of a run, simulated again.
 
-    Attributes
-    ----------
-    errors, sigmas : ndarray, shape (sources,)
-        Errors of the sample, and one sigma of each source, SI.
-    linear : ndarray, shape (outputs,)
-        Final errors by the linear model, SI.
-    traceback : str
-        Traceback of the failure, the stored one if there is one; empty without a failure.
-    history : History
-        History of the flight; empty when the scenario provides none.
-    notes : tuple of str
-        Remarks for the user, a line each.
+    Its ``errors``, their ``sigmas`` and the final errors by the ``linear`` model are in SI. A stored ``traceback`` is
+    preferred; ``notes`` are remarks for the user, a line each.
     """
 
     campaign: str

@@ -20,10 +20,9 @@ from mcnav.report import sentences
 from mcnav.report.export import output_rows, partial_rows
 from mcnav.report.fitted_table import FittedTable, numbers, texts
 from mcnav.report.format import interval
-from mcnav.report.model import humanize
+from mcnav.report.model import humanize, scale_of
 from mcnav.report.requirements import TONES, requirement_rows
 from mcnav.scenarios.protocol import Output, Source, source_labels
-from mcnav.units import conversion
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -158,18 +157,14 @@ def best_starts(
 ) -> RenderableType:
     """Tabulate the best start for each output and for all outputs weighted.
 
-    Parameters
-    ----------
-    checked : mapping of float to Comparison
-        Monte Carlo results by start time, s.
-    own_sigma : ndarray, shape (outputs,)
-        Linear dispersion for the campaign's own start, SI.
+    ``checked`` are Monte Carlo results by start time, s; ``own_sigma`` is the linear dispersion for the campaign's own
+    start, SI, shape (outputs,).
     """
     columns = [*texts("best for"), *numbers("start", "best σ", "campaign's σ")]
     columns += [*numbers("Monte Carlo"), *texts("verdict")] if checked else []
     title = "Best start of navigation by linear analysis (min from reentry), and 1σ of the final errors"
     table = FittedTable(title, columns)
-    scale = np.array([conversion(output.unit, output.shown_in) for output in outputs])
+    scale = scale_of(outputs)
     rows = [(_label(output), int(study.best[i]), np.eye(len(outputs))[i] * scale) for i, output in enumerate(outputs)]
     for label, place, weights in [*rows, ("all, weighted", study.best_weighted, study.weights)]:
 

@@ -42,24 +42,10 @@ def side_by_side(panels: int, height: float = 0.0) -> tuple[float, float]:
 class Figure:
     """A figure.
 
-    Attributes
-    ----------
-    name : str
-        Names the figure on its page.
-    title, description : str
-        For those who do not see it.
-    panels : sequence of Panel
-    key : sequence of Series
-        Empty where the panels speak for themselves.
-    columns : mapping of str to sequence
-        The numbers behind it, a column each, of one length.
-    size : tuple of float
-        Width and height of a panel, px; as wide as `HALF` or `THIRD`.
-    caption : str
-    file : str
-        The same numbers in full beside the page; empty when there is none.
-    shown : int
-        Panels that the page shows until the reader chooses others, if not all.
+    ``name`` names it on its page; ``title`` and ``description`` are for those who do not see it. ``key`` is empty where
+    the panels speak for themselves. ``columns`` are the numbers behind it, of one length, and ``file`` has them in full
+    beside the page. ``size`` is that of a panel, px, as wide as `HALF` or `THIRD`. If ``shown`` is not zero, the page
+    shows so many panels until the reader chooses others.
     """
 
     name: str
@@ -116,12 +102,7 @@ class Figure:
     def figure(self, width: float | None = None, font_scale: float = 1.0) -> MplFigure:
         """Draw all panels as one matplotlib figure with a legend; its ``axes`` are the panels in order.
 
-        Parameters
-        ----------
-        width : float, optional
-            Of the whole figure, cm; by default that of the page.
-        font_scale : float
-            Size of text over that of the page.
+        ``width`` is that of the whole figure, cm, by default the page's; ``font_scale`` multiplies its size of text.
         """
         from mcnav.report.figures.on_axes import drawn
 
