@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -166,15 +167,15 @@ def variance_terms(content: RunAnalysis) -> dict[str, Any] | None:
         "total": (found.total * per_cent)[shown],
         "paired": (found.paired * per_cent)[shown],
         "unscented": (found.unscented * per_cent)[shown],
-        "sentence": _largest_difference(content, found, per_cent),
+        "sentence": _largest_difference(content, found, per_cent, shown),
         "normal_only": not content.manifest.normal,
     }
 
 
-def _largest_difference(content: RunAnalysis, found: VarianceBreakdown, per_cent: Any) -> str:
-    """Explain the largest paired difference."""
+def _largest_difference(content: RunAnalysis, found: VarianceBreakdown, per_cent: Array, shown: Sequence[int]) -> str:
+    """Explain the largest paired difference among some outputs."""
     paired = np.nan_to_num(found.paired * per_cent)
-    at = int(np.argmax(np.abs(paired)))
+    at = max(shown, key=lambda i: abs(paired[i]))
     error, remainder = found.standard_error[at] * per_cent[at], found.terms["rest"][at] * per_cent[at]
     predicted = (found.terms["second_order"] + found.terms["third_order"])[at] * per_cent[at]
     if not np.isfinite(error) or not np.isfinite(predicted):
