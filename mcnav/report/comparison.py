@@ -17,7 +17,7 @@ from mcnav.report.figures.figure import HALF, Figure
 from mcnav.report.figures.marks import Axis, Mark, Panel, Rule, Series
 from mcnav.report.figures.palette import LINEAR, SOURCE_COLOURS
 from mcnav.report.format import number
-from mcnav.report.model import humanize, labels_of
+from mcnav.report.model import humanize, labels_in
 from mcnav.report.page import filled
 from mcnav.statistics.estimates import Estimate
 from mcnav.store.manifest import Manifest
@@ -165,7 +165,7 @@ def _budgets(manifests: Sequence[Manifest], summaries: Sequence[Mapping[str, Any
             if output.name not in names:
                 continue
             contributions = summary["budget"]["contributions"][names.index(output.name)]
-            for label, value in zip(labels_of(summary), contributions, strict=True):
+            for label, value in zip(labels_in(summary), contributions, strict=True):
                 rows.setdefault(label, [ABSENT] * len(manifests))[at] = number(value * scale, 4)
         shown = [(label, cells) for label, cells in rows.items() if set(cells) - {"0", ABSENT}]
         tables.append({"name": humanize(output.name), "unit": output.shown_in, "rows": shown})

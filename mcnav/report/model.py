@@ -19,7 +19,7 @@ from mcnav.analysis.requirements import RequirementResult
 from mcnav.analysis.tails import Quantile
 from mcnav.analysis.variance_breakdown import VarianceBreakdown
 from mcnav.report.summary import summarise
-from mcnav.scenarios.protocol import History, Output, PartialsHistory, source_labels
+from mcnav.scenarios.protocol import History, Output, PartialsHistory, Source, source_labels
 from mcnav.store.manifest import Manifest, Variable
 from mcnav.store.parts import Samples
 from mcnav.store.run_folder import RunFolder
@@ -118,17 +118,12 @@ class RunAnalysis:
     @property
     def source_names(self) -> list[str]:
         """Names of the sources for people."""
-        model = self.manifest.model
-        return source_labels([source.name for source in model.sources], self._output_keys)
+        return labels_of(self.manifest.model.sources, self.manifest.model.outputs)
 
     @property
     def output_names(self) -> list[str]:
         """Names of the outputs for people."""
-        return [humanize(name) for name in self._output_keys]
-
-    @property
-    def _output_keys(self) -> list[str]:
-        return [output.name for output in self.manifest.model.outputs]
+        return [humanize(output.name) for output in self.manifest.model.outputs]
 
     @property
     def source_units(self) -> list[str]:
@@ -162,7 +157,12 @@ def scale_of(variables: Sequence[Variable | Output]) -> Array:
     return np.array([conversion(each.unit, each.shown_in) for each in variables])
 
 
-def labels_of(summary: Mapping[str, Any]) -> list[str]:
+def labels_of(sources: Sequence[Variable | Source], outputs: Sequence[Variable | Output]) -> list[str]:
+    """Return names of the sources for people."""
+    return source_labels([each.name for each in sources], [each.name for each in outputs])
+
+
+def labels_in(summary: Mapping[str, Any]) -> list[str]:
     """Return names for people of the sources of a summary."""
     return source_labels(*([entry["name"] for entry in summary[key]] for key in ("sources", "outputs")))
 

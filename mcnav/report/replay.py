@@ -14,9 +14,9 @@ from mcnav._types import Array
 from mcnav.report.figures.flight import flight
 from mcnav.report.fitted_table import FittedTable, numbers, texts
 from mcnav.report.format import number
-from mcnav.report.model import humanize
+from mcnav.report.model import humanize, labels_of
 from mcnav.report.page import filled
-from mcnav.scenarios.protocol import History, Output, Source, source_labels
+from mcnav.scenarios.protocol import History, Output, Source
 from mcnav.units import conversion
 
 
@@ -51,7 +51,7 @@ class Replay:
 
 
 def _error_rows(replay: Replay) -> list[tuple[str, str, str, str]]:
-    labels = source_labels([source.name for source in replay.sources], [output.name for output in replay.outputs])
+    labels = labels_of(replay.sources, replay.outputs)
     rows = []
     for label, source, error, sigma in zip(labels, replay.sources, replay.errors, replay.sigmas, strict=True):
         if error != 0.0 or sigma > 0.0:

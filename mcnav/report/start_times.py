@@ -12,10 +12,10 @@ from mcnav.analysis.comparison import Comparison
 from mcnav.lincov.start_times import StartTimeStudy
 from mcnav.report.figures import start_times as drawn
 from mcnav.report.format import interval
-from mcnav.report.model import humanize, scale_of
+from mcnav.report.model import humanize, labels_of, scale_of
 from mcnav.report.page import filled
 from mcnav.report.sentences import NOT_DISTURBED, output_words
-from mcnav.scenarios.protocol import Output, Source, source_labels
+from mcnav.scenarios.protocol import Output, Source
 
 CONVENTIONS: Final = {
     "start": "The reference axes are aligned at each start.",
@@ -63,7 +63,7 @@ def render(
 ) -> str:
     """Render the HTML page; ``checks`` are Monte Carlo comparisons by start time, s."""
     scale = scale_of(outputs)
-    labels = source_labels([source.name for source in sources], [output.name for output in outputs])
+    labels = labels_of(sources, outputs)
     places = {humanize(output.name): int(study.best[i]) for i, output in enumerate(outputs)}
     places |= {"all, weighted": study.best_weighted, "(start at the first point)": 0}
     return filled(

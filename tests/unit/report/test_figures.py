@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -173,6 +174,7 @@ def test_on_demand_matplotlib(tmp_path: Path) -> None:
     names = m.Axis(names=["a", "b"])
     panels = [m.Panel("one", m.Axis("x", "km"), m.Axis("y"), marks), m.Panel("two", names, names, [cells])]
     figure = Figure("name", "Title", "", panels, [CURVE, DOTS, BAR], {"x": [1.0]})
+    assert len(replace(figure, shown=1).figure().axes) == 1 < len(figure.figure().axes)
     made = figure.figure(width=8.0)
     assert made.get_size_inches()[0] == pytest.approx(8.0 / 2.54)
     for ending in ("pdf", "svg", "png"):
