@@ -11,7 +11,7 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.analysis.variance_breakdown import TERMS, VarianceBreakdown
 from mcnav.report import export, sentences
-from mcnav.report.figures.sources import SHOWN, contributors
+from mcnav.report.figures.sources import SHOWN, contributors, flown_shares
 from mcnav.report.format import number, share, signed, with_error
 from mcnav.report.model import RunAnalysis
 from mcnav.statistics.estimates import Estimate
@@ -219,7 +219,7 @@ def simulated_budget(content: RunAnalysis) -> dict[str, Any] | None:
     if "failed" in alone:
         return {"failed": alone["failed"]}
     variances = np.diag(content.comparison.covariance_linear)
-    largest = _largest_shares(content, variances, alone, sobol)
+    largest = _largest_shares(content, sobol)
     active = np.flatnonzero(np.diag(content.model.covariance) > 0.0)
     least = NEGLIGIBLE if len(active) > SHOWN else 0.0
     return {
@@ -239,13 +239,10 @@ def simulated_budget(content: RunAnalysis) -> dict[str, Any] | None:
     }
 
 
-def _largest_shares(content: RunAnalysis, variances: Array, alone: dict[str, Any], sobol: dict[str, Any]) -> Array:
+def _largest_shares(content: RunAnalysis, sobol: dict[str, Any]) -> Array:
     """Return the largest share by any method, shape (outputs, sources)."""
-    divisor = np.where(variances > 0.0, variances, np.nan)[:, None]
-    tables = [content.budget.shares, np.array(alone["alone"]["variance"], dtype=float) / divisor]
-    if "failed" not in sobol:
-        tables.append(np.array(sobol["total"], dtype=float))
-    return np.asarray(np.max(np.nan_to_num(tables), axis=0))
+    tables = [content.budget.shares, flown_shares(content), *([] if "failed" in sobol else [sobol["total"]])]
+    return np.asarray(np.max([np.nan_to_num(np.array(each, dtype=float)) for each in tables], axis=0))
 
 
 def _interacts(sobol: dict[str, Any]) -> bool:
