@@ -13,13 +13,19 @@ from typing import Final
 from mcnav.units import printable
 
 MOST_PROBLEMS: Final = 50
-"""Mistakes told of one file."""
+"""Mistakes of one file that are shown."""
 
 LONGEST: Final = 400
 """Characters of a file name or key that are shown."""
 
 LONGEST_MESSAGE: Final = 1_000
 """Characters of a message that are shown: some list names."""
+
+LONGEST_NAME: Final = 100
+"""Characters of a name that may have been meant for another."""
+
+MOST_NAMES: Final = 20
+"""Names that a message lists."""
 
 
 DIGITS: Final = 12
@@ -62,14 +68,6 @@ class RunFolderBusy(RunFolderError):
     """Another process is writing to the run folder."""
 
 
-LONGEST_NAME: Final = 100
-"""Characters of a name that may have been meant for another."""
-
-
-MOST_NAMES: Final = 20
-"""Names that a message lists."""
-
-
 class TooManyFailures(Exception):
     """More samples failed than a run was allowed; the message says how many."""
 
@@ -78,10 +76,7 @@ class TooManyFailures(Exception):
 def reading_file(path: Path) -> Iterator[None]:
     """Convert parsing errors into `RunFolderError` naming the file.
 
-    Raises
-    ------
-    RunFolderError
-        In place of errors raised for unexpected numbers, names or shapes.
+    Raise `RunFolderError` in place of errors raised for unexpected numbers, names or shapes.
     """
     try:
         yield

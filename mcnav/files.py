@@ -56,10 +56,7 @@ def write_whole(path: Path, content: bytes) -> None:
 def read_whole(path: Path, most: int) -> bytes:
     """Read a regular file of at most so many bytes.
 
-    Raises
-    ------
-    OSError
-        When it cannot be read, is no file (reading a pipe might never end), or is longer.
+    Raise `OSError` when it cannot be read, is no file (reading a pipe might never end), or is longer.
     """
     found = path.stat()
     if not stat.S_ISREG(found.st_mode):
@@ -105,6 +102,13 @@ def arrow_texts(texts: Sequence[str]) -> pa.Array:
     encoded = [text.encode() for text in texts]
     offsets = np.cumsum([0, *map(len, encoded)], dtype=np.int32)
     return pa.StringArray.from_buffers(len(encoded), pa.py_buffer(offsets), pa.py_buffer(b"".join(encoded)))
+
+
+def repeated_text(text: str, count: int) -> pa.Array:
+    """Repeat a text in an Arrow array, without pandas or Arrow's functions, whose import takes as long as a report."""
+    encoded = text.encode()
+    offsets = np.arange(count + 1, dtype=np.int32) * len(encoded)
+    return pa.StringArray.from_buffers(count, pa.py_buffer(offsets), pa.py_buffer(encoded * count))
 
 
 def arrow_table(columns: Mapping[str, NDArray[Any]]) -> pa.Table:

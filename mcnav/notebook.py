@@ -52,7 +52,6 @@ class FlownRun:
 
     Attributes
     ----------
-    path : Path
     content : RunAnalysis
         All that its report shows: the linear model, the comparison, the samples.
 
@@ -90,29 +89,24 @@ class FlownRun:
 
         ``from`` and ``to`` bound the paired ratio.
         """
-        content = self.content
-        rows = []
-        for i, output in enumerate(content.comparison.outputs):
-            scale = float(content.output_scale[i])
-            (low, high), plain = output.paired.interval or (np.nan, np.nan), output.plain
-            plain_low, plain_high = plain.interval or (np.nan, np.nan)
-            rows.append(
-                {
-                    "unit": content.output_units[i],
-                    "sigma linear": output.sigma_linear * scale,
-                    "sigma paired": output.sigma_paired * scale,
-                    "paired ratio": np.nan if output.paired.ratio is None else output.paired.ratio,
-                    "from": low,
-                    "to": high,
-                    "bias": output.bias.value * scale,
-                    "verdict": sentences.output_words(output.sigma_linear, output.paired.verdict.value),
-                    "sigma plain": output.sigma_sample * scale,
-                    "plain ratio": np.nan if plain.ratio is None else plain.ratio,
-                    "plain from": plain_low,
-                    "plain to": plain_high,
-                }
-            )
-        return pd.DataFrame(rows, index=pd.Index(self._keys("outputs")[: len(rows)], name="output"))
+        outputs, nothing = self.content.comparison.outputs, (np.nan, np.nan)  # empty when too few samples succeeded
+        count = len(outputs)
+        scale = self.content.output_scale[:count]
+        columns = {
+            "unit": self.content.output_units[:count],
+            "sigma linear": [output.sigma_linear for output in outputs] * scale,
+            "sigma paired": [output.sigma_paired for output in outputs] * scale,
+            "paired ratio": [np.nan if output.paired.ratio is None else output.paired.ratio for output in outputs],
+            "from": [(output.paired.interval or nothing)[0] for output in outputs],
+            "to": [(output.paired.interval or nothing)[1] for output in outputs],
+            "bias": [output.bias.value for output in outputs] * scale,
+            "verdict": [sentences.output_words(each.sigma_linear, each.paired.verdict.value) for each in outputs],
+            "sigma plain": [output.sigma_sample for output in outputs] * scale,
+            "plain ratio": [np.nan if output.plain.ratio is None else output.plain.ratio for output in outputs],
+            "plain from": [(output.plain.interval or nothing)[0] for output in outputs],
+            "plain to": [(output.plain.interval or nothing)[1] for output in outputs],
+        }
+        return pd.DataFrame(columns, index=pd.Index(self._keys("outputs")[:count], name="output"))
 
     @property
     def budget(self) -> pd.DataFrame:
@@ -200,10 +194,8 @@ class FlownRun:
 def open_run(path: str | Path) -> FlownRun:
     """Open a finished run folder.
 
-    Raises
-    ------
-    RunFolderError
-        When there is no such folder, or it holds no run, one that is not finished, or one that is damaged.
+    Raise `RunFolderError` when there is no such folder, or it holds no run, one that is not finished, or one that is
+    damaged.
     """
     return FlownRun(Path(path))
 
@@ -225,8 +217,6 @@ def fly(
     campaign : str, Path, Campaign or mapping
         A file, what `mcnav.read_campaign` made of one, or a dictionary of a file's shape, whose relative paths are
         found from the current folder.
-    folder : str or Path
-    engine : str, optional
     jobs : int
         Workers.
     fresh : bool
@@ -255,9 +245,6 @@ def run_campaign(
 def check_scenario(campaign: str | Path | Campaign | Mapping[str, Any]) -> list[Check]:
     """Check the scenario of a campaign in any of the forms that `fly` takes; see `mcnav.scenarios.conformance`.
 
-    Raises
-    ------
-    CampaignError
-        When the campaign cannot be read.
+    Raise `CampaignError` when the campaign cannot be read.
     """
     return workflow.check_scenario(campaign_from(campaign))

@@ -25,18 +25,10 @@ HOPELESS: Final = 1e4
 
 @dataclass(frozen=True)
 class Judgement:
-    """Verdict and its basis.
+    """Verdict and its basis: Monte Carlo sigma over linear sigma, none when the linear one is zero, and its interval.
 
-    Attributes
-    ----------
-    ratio : float or None
-        Monte Carlo sigma over linear sigma; none when the linear one is zero.
-    interval : (float, float) or None
-        Interval of the ratio, at the stated confidence.
-    certain : bool
-        Whether the interval excludes 1: a difference can be certain and still lie within the tolerance.
-    samples_needed : int or None
-        Approximate number of samples that would decide an undecided case.
+    It is ``certain`` when the interval excludes 1: a difference can be certain and still lie within the tolerance.
+    ``samples_needed`` is the approximate number of samples that would decide an undecided case.
     """
 
     verdict: Verdict

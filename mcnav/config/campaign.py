@@ -10,7 +10,6 @@ from typing import Any, Final
 import tomli_w
 
 from mcnav.config.context import FileContext
-from mcnav.config.requirements import RequirementEntry
 from mcnav.config.schema import CampaignTable
 from mcnav.config.start_times import StartTimesPlan
 from mcnav.config.stopping import StoppingRule
@@ -21,6 +20,8 @@ from mcnav.scenarios.inputs import InputFile
 from mcnav.scenarios.protocol import Scenario, ScenarioError
 from mcnav.scenarios.user import UserScenario
 from mcnav.scenarios.user_code import SourceFile
+from mcnav.store.manifest import RequirementRecord
+from mcnav.store.run_folder import CAMPAIGN
 
 MOST_STORED: Final = 1_000_000_000
 """Samples that can be stored one by one."""
@@ -40,8 +41,6 @@ class Campaign:
         Criterion of agreement between linear covariance and Monte Carlo.
     start_times : StartTimesPlan
         Plan of ``mcnav start-times``; a run does not use it.
-    requirements : tuple of RequirementEntry
-        Requirements of ``[accept]``.
     tables : mapping of str to bytes
         Files that the resolved campaign reads, by their relative path.
     resolved : mapping
@@ -66,7 +65,7 @@ class Campaign:
     scenario: Scenario
     errors: ErrorModel
     start_times: StartTimesPlan
-    requirements: tuple[RequirementEntry, ...]
+    requirements: tuple[RequirementRecord, ...]
     tables: Mapping[str, bytes]
     resolved: Mapping[str, Any]
     code: SourceFile | None = None
@@ -74,17 +73,15 @@ class Campaign:
     store: str = "samples"
     file: str = ""
 
-    def to_toml(self) -> str:
-        """Write the resolved campaign as a campaign file."""
-        return tomli_w.dumps(dict(self.resolved))
+    def stored_files(self) -> dict[str, bytes]:
+        """Return the files that define the campaign in a run folder, by their path there: campaign, tables and code."""
+        code = {} if self.code is None else {self.code.file: self.code.text.encode()}
+        return {**self.tables, CAMPAIGN: tomli_w.dumps(dict(self.resolved)).encode(), **code}
 
     def inputs(self) -> tuple[InputFile, ...]:
         """Return the files that a user-defined scenario reads; it is linearized to find them.
 
-        Raises
-        ------
-        CampaignError
-            When it cannot be linearized.
+        Raise `CampaignError` when it cannot be linearized.
         """
         if not isinstance(self.scenario, UserScenario):
             return ()
@@ -96,10 +93,7 @@ class Campaign:
     def with_overrides(self, overrides: Mapping[str, Any]) -> Campaign:
         """Replace ``samples`` or ``seed``; files that the campaign names are not read again.
 
-        Raises
-        ------
-        CampaignError
-            When another key is given, or a value is wrong.
+        Raise `CampaignError` when another key is given, or a value is wrong.
         """
         context = FileContext(self.file, Path())
         for key in overrides.keys() - {"samples", "seed"}:

@@ -11,8 +11,8 @@ from mcnav.units import UnitError, quantity
 
 
 @dataclass(frozen=True)
-class Kept:
-    """SHA-256 of a file that a run has read, and the copy in the run folder, if there is one."""
+class EarlierFile:
+    """SHA-256 of a file that an earlier run has read, and the copy in its folder, if there is one."""
 
     sha256: str
     copy: Path | None
@@ -28,7 +28,7 @@ class FileContext:
         Name of the campaign file, for messages.
     folder : Path
         Folder that relative paths start from.
-    kept : mapping of str to Kept
+    earlier : mapping of str to EarlierFile
         Files of an earlier run by setting: a copy replaces a file that has changed since.
     problems : list of Problem
         Mistakes found so far; functions that read a table add theirs and go on.
@@ -36,7 +36,7 @@ class FileContext:
 
     file: str
     folder: Path
-    kept: Mapping[str, Kept] = field(default_factory=dict)
+    earlier: Mapping[str, EarlierFile] = field(default_factory=dict)
     problems: list[Problem] = field(default_factory=list)
 
     def problem(self, key: str, message: str) -> None:

@@ -20,7 +20,7 @@ from mcnav.sampling.scipy_and_tables import (
     shape_names,
 )
 from mcnav.scenarios.protocol import Source
-from mcnav.store.parts import table_from
+from mcnav.store.chunk_files import table_from
 from mcnav.store.run_folder import TABLES
 from mcnav.units import UnitError, quantity
 

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from mcnav.config.campaign import Campaign, check_stored_samples
-from mcnav.config.context import FileContext, Kept
+from mcnav.config.context import EarlierFile, FileContext
 from mcnav.config.empirical import stored_table
-from mcnav.config.requirements import RequirementEntry, read_requirements
+from mcnav.config.requirements import read_requirements
 from mcnav.config.scenarios import SCENARIO_TYPES, USER, ScenarioSpec, scenario_type
 from mcnav.config.schema import CampaignTable, UntilTable
 from mcnav.config.sources import read_correlations, read_errors, read_joint
@@ -23,6 +23,7 @@ from mcnav.sampling.error_model import CorrelationError, ErrorModel, JointError
 from mcnav.sampling.scipy_and_tables import EmpiricalDistribution
 from mcnav.scenarios.protocol import ScenarioError, Source, VariableStart
 from mcnav.scenarios.user import UserScenario
+from mcnav.store.manifest import RequirementRecord
 from mcnav.store.summaries import SUMMARY
 
 UNNAMED: Final = "campaign"
@@ -35,7 +36,7 @@ def read_campaign(
     path: Path,
     overrides: Mapping[str, Any] | None = None,
     execute: bool = True,
-    kept: Mapping[str, Kept] | None = None,
+    earlier: Mapping[str, EarlierFile] | None = None,
 ) -> Campaign:
     """Read a campaign file.
 
@@ -45,7 +46,7 @@ def read_campaign(
         Top-level entries that replace those of the file.
     execute : bool
         Whether the code of a user-defined scenario may be executed.
-    kept : mapping of str to Kept, optional
+    earlier : mapping of str to EarlierFile, optional
         Files of an earlier run by setting; they replace files that have changed since.
 
     Raises
@@ -59,7 +60,7 @@ def read_campaign(
     if not execute and scenario_type(kind) is USER:
         message = f"got {kind!r}, which is code; nothing in a run folder is executed, so name the run's --campaign"
         raise CampaignError([Problem(str(path), "scenario.type", message)])
-    return parse_campaign(content, str(path), path.stem, overrides, kept)
+    return parse_campaign(content, str(path), path.stem, overrides, earlier)
 
 
 def campaign_from(
@@ -91,11 +92,11 @@ def parse_campaign(
     file: str,
     stem: str,
     overrides: Mapping[str, Any] | None = None,
-    kept: Mapping[str, Kept] | None = None,
+    earlier: Mapping[str, EarlierFile] | None = None,
 ) -> Campaign:
     """Check the content of a campaign file and build the campaign; see `read_campaign`."""
     content = {**content, **(overrides or {})}
-    context = FileContext(file, Path(file).parent, kept or {})
+    context = FileContext(file, Path(file).parent, earlier or {})
     rule: UntilTable | None = None
     plain = content
     if isinstance(content.get("samples"), dict):
@@ -112,7 +113,7 @@ def parse_campaign(
     check_stored_samples(table, context)
     correlations = read_correlations(table.correlations, sources, context)
     joint = read_joint(table.joint, sources, context)
-    requirements: list[RequirementEntry] = []
+    requirements: list[RequirementRecord] = []
     if table.accept is not None and described is not None:
         requirements = read_requirements(table.accept, described.scenario.outputs, context)
     until = read_stopping_rule(rule, str(table.design), context) if rule else None

@@ -3,29 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TypedDict
 
 from mcnav.config.context import FileContext
 from mcnav.config.schema import AcceptTable
 from mcnav.scenarios.protocol import Output
+from mcnav.store.manifest import RequirementRecord
 
 
-class RequirementEntry(TypedDict):
-    """A requirement as the manifest stores it: limits in SI units, one for each output or a single one."""
-
-    kind: str
-    outputs: list[str]
-    limits: list[float]
-    probability: float | None
-
-
-def read_requirements(table: AcceptTable, outputs: Sequence[Output], context: FileContext) -> list[RequirementEntry]:
+def read_requirements(table: AcceptTable, outputs: Sequence[Output], context: FileContext) -> list[RequirementRecord]:
     """Read all requirements; mistakes are added to the context."""
     units = {output.name: output.unit for output in outputs}
-    found: list[RequirementEntry] = []
+    found: list[RequirementRecord] = []
 
     def require(kind: str, names: list[str], limits: list[float], probability: float | None) -> None:
-        found.append(RequirementEntry(kind=kind, outputs=names, limits=limits, probability=probability))
+        found.append(RequirementRecord(kind=kind, outputs=tuple(names), limits=tuple(limits), probability=probability))
 
     def limit(written: object, name: str, key: str) -> float:
         value = context.quantity(written, units[name], key)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import Any, Final
+from dataclasses import dataclass
+from typing import Final
 
 from mcnav.config.context import FileContext
 from mcnav.config.schema import UntilTable
@@ -35,10 +35,6 @@ class StoppingRule:
     precision: float
     confidence: float
     at_most: int
-
-    def described(self) -> dict[str, Any]:
-        """Return the rule as the manifest stores it."""
-        return asdict(self)
 
 
 def read_stopping_rule(table: UntilTable, design: str, context: FileContext) -> StoppingRule | None:

@@ -22,13 +22,7 @@ NOT_READABLE: Final = "is not TOML that can be read: it is nested too deeply, or
 
 
 def load_file(path: Path) -> dict[str, Any]:
-    """Read a TOML file.
-
-    Raises
-    ------
-    CampaignError
-        When it cannot be read, is too large, or is not TOML.
-    """
+    """Read a TOML file; `CampaignError` when it cannot be read, is too large, or is not TOML."""
     try:
         if path.is_dir():
             raise IsADirectoryError
@@ -57,10 +51,7 @@ def load_file(path: Path) -> dict[str, Any]:
 def load_mapping(described: Mapping[str, Any], file: str) -> dict[str, Any]:
     """Convert a mapping to the content of the campaign file with the same entries.
 
-    Raises
-    ------
-    CampaignError
-        When TOML cannot represent an entry.
+    Raise `CampaignError` when TOML cannot represent an entry.
     """
     try:
         return tomllib.loads(tomli_w.dumps(described))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
@@ -14,20 +14,21 @@ from threadpoolctl import threadpool_limits
 from mcnav._types import Array
 from mcnav.lincov.block_sums import Normalization
 from mcnav.lincov.sample_reduction import reduce_samples
+from mcnav.physics.power_sums import PowerSums
 from mcnav.sampling.error_model import ErrorModel
 from mcnav.scenarios.failure import Failure, Reason
 from mcnav.scenarios.inputs import InputFile
-from mcnav.scenarios.protocol import Engine, SimulationResult
-from mcnav.scenarios.sample_loop import SampleFailed, simulate_each
+from mcnav.scenarios.protocol import Engine, SimulationResult, TimeHistoryEngine
+from mcnav.scenarios.sample_loop import simulate_alone
 from mcnav.scenarios.timeouts import SampleTimeout, time_limit
-from mcnav.store import histories
+from mcnav.store.chunk_files import ChunkFile, ChunkTotals, SampleSchema, verify_chunk, write_chunk
+from mcnav.store.histories import history_marks
 from mcnav.store.inputs import check_unchanged
-from mcnav.store.parts import ChunkTotals, Part, SampleSchema, whole_part, write_part
 from mcnav.store.run_folder import RunFolder
-from mcnav.store.summaries import KEPT, MARK, MOST_REASONS, Summary, summary_chunk
+from mcnav.store.summaries import MOST_REASONS, STORED_ROWS, Summary, summary_chunk
 
 PROBES: Final = 64
-"""Samples on which an engine's accuracy is settled: the first of the campaign itself."""
+"""Samples on which an engine's accuracy is determined: the first of the campaign itself."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ class DrawPlan:
         return self.errors.draw(self.design, self.seed, self.samples, begin, min(end, self.samples))
 
     def probes(self) -> Array:
-        """Draw the samples on which an engine's accuracy is settled, shape (n, sources)."""
+        """Draw the samples on which an engine's accuracy is determined, shape (n, sources)."""
         return self.draw(0, PROBES)
 
 
@@ -61,7 +62,7 @@ class ChunkJob:
     frame : Normalization or None
         How samples are reduced to sums, where only a summary is stored.
     wanted : Path or None
-        A file that exists as long as the run lasts: later no worker may write into the folder.
+        File that exists as long as the run lasts: later no worker may write into the folder.
     inputs : tuple of InputFile
         Files that the scenario reads: a chunk is stored only when they have not changed.
     """
@@ -108,8 +109,7 @@ def simulate_errors(engine: Engine, timeout: float | None, outputs: int, errors:
         except MemoryError:
             raise
         except (Exception, SampleTimeout):
-            each = simulate_each(lambda row: _simulate_one(engine, errors[row]), range(len(errors)))
-            result = each.outcomes(np.full((len(errors), outputs), np.nan))
+            result = simulate_alone(engine.propagate, errors, outputs)
     lost = np.flatnonzero(~np.isfinite(result.values).all(axis=1))
     failures = {int(row): Failure.of(Reason.NOT_FINITE) for row in lost} | dict(result.failures)
     values = result.values.copy()
@@ -117,18 +117,12 @@ def simulate_errors(engine: Engine, timeout: float | None, outputs: int, errors:
     return replace(result, values=values, failures=failures)
 
 
-def _simulate_one(engine: Engine, errors: Array) -> Array:
-    result = engine.propagate(errors[None, :])
-    if result.failures:
-        raise SampleFailed(result.failures[0])
-    return np.asarray(result.values[0])
-
-
-def simulate_chunk(work: ChunkJob, place: SampleRange) -> Part:
+def simulate_chunk(work: ChunkJob, place: SampleRange) -> ChunkFile:
     """Draw, simulate and store one chunk."""
     check_unchanged(work.inputs, work.folder.path)
+    outputs = len(work.layout.outputs)
     with threadpool_limits(1):
-        outputs, pieces = len(work.layout.outputs), draw_pieces(work, place)
+        pieces = draw_pieces(work, place)
         return store(
             work, place, ((errors, simulate_errors(work.engine, work.timeout, outputs, errors)) for errors in pieces)
         )
@@ -141,40 +135,53 @@ def draw_pieces(work: ChunkJob, place: SampleRange) -> Iterator[Array]:
         yield work.draws.draw(begin, min(begin + step, place.end))
 
 
-def store(work: ChunkJob, place: SampleRange, results: Iterable[tuple[Array, SimulationResult]]) -> Part:
-    """Store a chunk that comes in pieces: its samples, or its summary, for which one piece at a time is in memory."""
-    folder, identity, layout = work.folder.parts, work.identity, work.layout
-    if work.frame is None:
-        ((errors, result),) = results
-        marks = histories.history_marks(work.engine, errors)
-        check_not_cancelled(work)
-        return write_part(folder, place.number, place.begin, identity, layout, errors, result, marks)
-    begin, fallback_count, power_sums = place.begin, 0, None
-    total: Summary | None = None
-    rows: list[tuple[Array, SimulationResult]] = []
+def store(work: ChunkJob, place: SampleRange, results: Iterable[tuple[Array, SimulationResult]]) -> ChunkFile:
+    """Store a chunk that comes in pieces: its samples, or a summary with the rows of the campaign's first samples.
+
+    Of a summary one piece at a time is in memory.
+    """
+    stored = place.end if work.frame is None else STORED_ROWS
+    begin, failed, fallback_count = place.begin, 0, 0
+    summary: Summary | None = None
+    power_sums: PowerSums | None = None
+    rows: list[tuple[Array, Array]] = []
+    failures: dict[int, Failure] = {}
     tracebacks: dict[int, str] = {}
     for errors, result in results:
-        failures = dict(sorted(result.failures.items()))
-        status = {begin + row: failure.status for row, failure in failures.items()}
-        summary = Summary.of(reduce_samples(work.frame, begin, errors, result.values), len(errors), status)
-        total = summary if total is None else total + summary
-        raised = ((row, failure.traceback) for row, failure in failures.items() if failure.traceback)
-        for row, text in islice(raised, MOST_REASONS - len(tracebacks)):
-            tracebacks[begin - place.begin + row] = text
-        power_sums = histories.add_power_sums(power_sums, histories.history_sums(work.engine, errors))
-        fallback_count += result.fallback_count
-        kept = min(max(KEPT - begin, 0), len(errors))
-        kept_failures = {row: failure for row, failure in failures.items() if row < kept}
-        rows.append((errors[:kept].copy(), SimulationResult(result.values[:kept].copy(), kept_failures)))
-        begin += len(errors)
-    if total is None:
-        raise ValueError("a chunk has at least one sample")
-    marks = {**histories.history_marks_of(power_sums), MARK: total.as_mark()}
-    errors, result = _concatenate(rows)
-    failed = sum(count.samples for count in total.failures.values())
-    totals = ChunkTotals(total.samples, failed, fallback_count, tracebacks)
+        count, first = min(max(stored - begin, 0), len(errors)), begin - place.begin
+        by_row = dict(sorted(result.failures.items()))
+        rows.append((errors[:count].copy(), result.values[:count].copy()))
+        failures |= {first + row: failure for row, failure in by_row.items() if row < count}
+        raised = ((first + row, failure.traceback) for row, failure in by_row.items() if failure.traceback)
+        tracebacks |= dict(islice(raised, None if work.frame is None else MOST_REASONS - len(tracebacks)))
+        if work.frame is not None:
+            status = {begin + row: failure.status for row, failure in by_row.items()}
+            piece = Summary.of(reduce_samples(work.frame, begin, errors, result.values), len(errors), status)
+            summary = piece if summary is None else summary + piece
+        if isinstance(work.engine, TimeHistoryEngine):
+            sums = work.engine.history_sums(errors)
+            power_sums = sums if power_sums is None else power_sums + sums
+        failed, fallback_count, begin = (
+            failed + len(by_row),
+            fallback_count + result.fallback_count,
+            begin + len(errors),
+        )
+    marks = history_marks(power_sums) | ({} if summary is None else summary.marks(place.begin))
+    errors, values = (np.concatenate(columns) for columns in zip(*rows, strict=True))
+    totals = ChunkTotals(place.end - place.begin, failed, fallback_count, tracebacks)
     check_not_cancelled(work)
-    return write_part(folder, place.number, place.begin, identity, layout, errors, result, marks, totals)
+    return write_chunk(
+        work.folder.chunk_folder,
+        place.number,
+        place.begin,
+        work.identity,
+        work.layout,
+        errors,
+        values,
+        failures,
+        totals,
+        marks,
+    )
 
 
 def check_not_cancelled(work: ChunkJob) -> None:
@@ -188,23 +195,12 @@ def check_not_cancelled(work: ChunkJob) -> None:
         raise RunCancelled(f"{work.folder.path}: no run wants this chunk any more") from None
 
 
-def _concatenate(rows: Sequence[tuple[Array, SimulationResult]]) -> tuple[Array, SimulationResult]:
-    """Join pieces of a chunk."""
-    failures: dict[int, Failure] = {}
-    begin = 0
-    for errors, result in rows:
-        failures |= {begin + row: failure for row, failure in result.failures.items()}
-        begin += len(errors)
-    values = np.concatenate([result.values for _, result in rows])
-    return np.concatenate([errors for errors, _ in rows]), SimulationResult(values, failures)
+def find_chunk(work: ChunkJob, place: SampleRange) -> ChunkFile | None:
+    """Return the file of a chunk, if it is undamaged and of this run."""
+    found = find_file(work, place.number)
+    return found if found is not None and (found.begin, found.end) == (place.begin, place.end) else None
 
 
-def find_part(work: ChunkJob, number: int) -> Part | None:
-    """Return the part of a number, if it is stored undamaged by this run."""
-    return whole_part(work.folder.parts, number, work.identity, None if work.frame is None else KEPT)
-
-
-def find_range(work: ChunkJob, place: SampleRange) -> Part | None:
-    """Return the part of a chunk, if it is stored undamaged by this run."""
-    part = find_part(work, place.number)
-    return part if part is not None and (part.begin, part.end) == (place.begin, place.end) else None
+def find_file(work: ChunkJob, number: int) -> ChunkFile | None:
+    """Return the file of a chunk's number, if it is undamaged and of this run, however many samples it has."""
+    return verify_chunk(work.folder.chunk_folder, number, work.identity, None if work.frame is None else STORED_ROWS)

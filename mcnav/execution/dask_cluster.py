@@ -1,9 +1,9 @@
-"""Chunks flown by the workers of a dask cluster, on this machine or on others.
+"""Chunks simulated by the workers of a dask cluster, on this machine or on others, to the same bits.
 
-A chunk there is what it is here, and so are its bits. This process hands out places of chunks, never more than the
-workers can take soon; workers draw, fly and store them in the run folder, which all of them share, and answer with what
-the manifest says of them. What they all need is sent once. dask flies a chunk again whose worker died; one that goes on
-ending workers is flown from here as any deadly chunk is, so that only the sample at fault fails.
+This process hands out chunk numbers, never more than the workers can take soon. Workers draw, simulate and store the
+chunks in the run folder, which all of them share, and return their manifest entries. The job is sent once. dask repeats
+a chunk whose worker died; a chunk that keeps ending workers is simulated in an isolated process here, so that only the
+sample at fault fails.
 """
 
 from __future__ import annotations
@@ -22,31 +22,31 @@ from types import ModuleType
 from typing import Any, Final
 
 from mcnav.errors import ClusterError
-from mcnav.execution.chunks import ChunkJob, SampleRange, find_range
+from mcnav.execution.chunks import ChunkJob, SampleRange, find_chunk
 from mcnav.execution.dask_worker import incompatibility, processor, simulate_on_worker
 from mcnav.execution.identity import versions
 from mcnav.execution.processes import end_workers_apart, simulate_isolated
 from mcnav.execution.runner import ChunkExecutor
 from mcnav.files import write_whole
-from mcnav.store.parts import Part, part_name
+from mcnav.store.chunk_files import ChunkFile, chunk_name
 from mcnav.store.run_folder import RunFolder
 
 JOBS: Final = 2
-"""Workers where nothing is said of them."""
+"""Default number of workers."""
 
 ANSWERS: Final = 10.0
 """Seconds that a scheduler may take to answer."""
 
 PATIENCE: Final = 60.0
-"""Seconds without any worker, or without a stored file being seen here, after which a run is broken off."""
+"""Seconds without any worker, or without a stored file being visible here, after which a run is ended."""
 
 DEPTH: Final = 3
-"""Tasks handed out for each thread of the cluster: one to fly, others so that it need not wait."""
+"""Tasks submitted for each thread of the cluster: one to simulate, others so that it need not wait."""
 
 SHARES: Final = 32
 MOST: Final = 64
-"""Tasks that each thread gets at least, when a run has so many chunks that several of them, no more than so many, make
-one: dask takes some milliseconds for a task, and an engine may take no more for a chunk."""
+"""A long run has several chunks in a task, at most `MOST`, as long as each thread gets `SHARES` tasks: dask takes some
+milliseconds for a task, and an engine may take no more for a chunk."""
 
 DEATHS: Final = 1
 """Workers of a local cluster that a chunk may end and be tried again; other schedulers have a number of their own."""
@@ -55,65 +55,61 @@ PAUSE: Final = 0.005
 WATCH: Final = 5.0
 """Seconds between looks for what is ready, and for whether the cluster is still there."""
 
-KEPT: Final = "what is stored is kept, and the same command goes on from there"
+RESUMES: Final = "what is stored is kept, and the same command goes on from there"
 
 
 @dataclass
 class Cluster:
-    """A cluster that is ready to fly.
+    """A cluster that is ready to simulate.
 
     Attributes
     ----------
-    client : distributed.Client
     address : str
-        Of the scheduler.
+        Address of the scheduler.
     threads : int
-        Chunks that all workers together fly at a time.
+        Chunks that all workers together simulate at a time.
     """
 
     client: Any
     address: str
     threads: int = 0
     _seen: float = 0.0
-    """When there last was a worker."""
+    """Time at which there last was a worker."""
 
-    def fly(self, work: ChunkJob, missing: Sequence[SampleRange], jobs: int) -> Generator[Part, None, None]:
-        """Parts of the missing chunks, as they become ready; the workers are the cluster's, however many ``jobs`` says.
+    def simulate(self, work: ChunkJob, missing: Sequence[SampleRange], jobs: int) -> Generator[ChunkFile, None, None]:
+        """Simulate the missing chunks by the cluster's workers, whatever ``jobs``; yield files as they become ready.
 
-        Raises
-        ------
-        ClusterError
-            When a worker is not fit for the run, or the cluster is lost.
+        Raise `ClusterError` when a worker is not compatible, or the cluster is lost.
         """
         if not missing:
             return
         with _wanted(work) as there:
-            self._admit(there.wanted)
-            yield from self._flights(work, there, missing)
+            self._check_workers(there.wanted)
+            yield from self._run(work, there, missing)
             _wait_until_seen(work, missing)
 
-    def _flights(self, work: ChunkJob, there: ChunkJob, missing: Sequence[SampleRange]) -> Iterator[Part]:
+    def _run(self, work: ChunkJob, there: ChunkJob, missing: Sequence[SampleRange]) -> Iterator[ChunkFile]:
         dask, client, needed, run = _distributed(), self.client, versions(), secrets.token_hex(6)
         # A task of its own, not scattered data: when those who hold it die, it is sent again.
         shared = client.submit(_itself, there, key=f"run-{run}", pure=False)
-        left, apart, flying = iter(missing), list[SampleRange](), dict[Any, list[SampleRange]]()
+        left, apart, tasks = iter(missing), list[SampleRange](), dict[Any, list[SampleRange]]()
         together = min(max(len(missing) // (SHARES * max(self.threads, 1)), 1), MOST)
         finished = dask.as_completed(loop=client.loop, with_results=True, raise_errors=False)
         try:
             while True:
-                while len(flying) < DEPTH * self.threads and (places := list(islice(left, together))):
+                while len(tasks) < DEPTH * self.threads and (places := list(islice(left, together))):
                     key = f"chunk-{run}-{places[0].number}"
                     future = client.submit(simulate_on_worker, shared, places, needed, key=key, pure=False)
-                    flying[future] = places
+                    tasks[future] = places
                     finished.add(future)
                 if apart:
                     place = apart.pop()
-                    yield find_range(work, place) or simulate_isolated(work, place)
+                    yield find_chunk(work, place) or simulate_isolated(work, place)
                     continue
-                if not flying:
+                if not tasks:
                     return
-                for future, found in self._ready(finished, flying):
-                    places = flying.pop(future)
+                for future, found in self._ready(finished, tasks):
+                    places = tasks.pop(future)
                     failure = None if isinstance(found, list) else self._failure(future, found)
                     if isinstance(failure, dask.KilledWorker):
                         apart.extend(places)
@@ -127,10 +123,10 @@ class Cluster:
             raise self._lost() from failure  # which comes out as errors of many kinds
         finally:
             with suppress(Exception):
-                client.cancel([*flying, shared], force=True)
+                client.cancel([*tasks, shared], force=True)
 
-    def _ready(self, finished: Any, flying: Collection[Any]) -> list[tuple[Any, Any]]:
-        """Futures that are ready, at least one, with what came of them."""
+    def _ready(self, finished: Any, tasks: Collection[Any]) -> list[tuple[Any, Any]]:
+        """Wait for futures that are ready, at least one; return them with their results."""
         looked = time.monotonic()
         while True:
             batch: list[tuple[Any, Any]] = finished.next_batch(block=False)
@@ -141,11 +137,11 @@ class Cluster:
                 raise self._lost()
             if time.monotonic() - looked > WATCH:
                 looked = time.monotonic()
-                self._look(flying)
+                self._look(tasks)
 
-    def _look(self, flying: Collection[Any]) -> None:
-        """Count the workers; raise `ClusterError` when there have been none for long, or nobody knows of our chunks."""
-        if any(future.cancelled() for future in flying):
+    def _look(self, tasks: Collection[Any]) -> None:
+        """Count the workers; raise `ClusterError` when there have been none for long, or tasks are cancelled."""
+        if any(future.cancelled() for future in tasks):
             raise self._lost()
         try:
             self.threads = sum(self.client.nthreads().values())
@@ -154,24 +150,24 @@ class Cluster:
         if self.threads:
             self._seen = time.monotonic()
         elif time.monotonic() - self._seen > PATIENCE:
-            raise ClusterError(f"{self.address}: has had no worker for {PATIENCE:g} s; {KEPT}")
+            raise ClusterError(f"{self.address}: has had no worker for {PATIENCE:g} s; {RESUMES}")
 
     def _failure(self, future: Any, found: Any) -> BaseException:
-        """Why a task has no result."""
+        """Return the reason why a task has no result."""
         if future.cancelled():
             return self._lost()
         _, failure, traceback = found
         if isinstance(failure, (ImportError, AttributeError)):
-            return ClusterError(f"{self.address}: a worker cannot fly for this run: {failure}; {KEPT}")
+            return ClusterError(f"{self.address}: a worker cannot fly for this run: {failure}; {RESUMES}")
         if isinstance(failure, BaseException):
             return failure.with_traceback(traceback)
         return ClusterError(f"{self.address}: a chunk came to nothing ({failure})")
 
     def _lost(self) -> ClusterError:
-        return ClusterError(f"{self.address}: the scheduler is gone, or has forgotten this run; {KEPT}")
+        return ClusterError(f"{self.address}: the scheduler is gone, or has forgotten this run; {RESUMES}")
 
-    def _admit(self, wanted: Path | None = None) -> None:
-        """Raise `ClusterError` when a worker is not fit for this run."""
+    def _check_workers(self, wanted: Path | None = None) -> None:
+        """Raise `ClusterError` when a worker is not compatible with this run."""
         for worker, fault in self._asked(incompatibility, versions(), wanted).items():
             if isinstance(fault, Exception):
                 raise ClusterError(f"worker {worker} cannot fly for this run: {fault}")
@@ -185,14 +181,14 @@ class Cluster:
         except (OSError, TimeoutError):
             raise self._lost() from None
 
-    def joined(self) -> list[str]:
-        """Wait for a worker, refuse any that is not fit, and say in lines what the user should know of them."""
+    def connect_workers(self) -> list[str]:
+        """Wait for a worker, refuse any that is not compatible, and return notices for the user."""
         try:
             self.client.wait_for_workers(1, timeout=PATIENCE)
         except (OSError, TimeoutError):
             raise ClusterError(f"{self.address}: has no worker, and none came for {PATIENCE:g} s") from None
         self._look(())
-        self._admit()
+        self._check_workers()
         others = {str(each) for each in self._asked(processor).values()} - {processor()}
         if not others:
             return []
@@ -206,12 +202,12 @@ def _itself(work: ChunkJob) -> ChunkJob:
 
 @contextmanager
 def _wanted(work: ChunkJob) -> Iterator[ChunkJob]:
-    """Work as it is sent to workers, with a file in the run folder that is there as long as its chunks are wanted.
+    """Yield the job as it is sent to workers, with a file in the run folder that exists as long as the run lasts.
 
-    It bears the name of a file that was not finished, so that the next run sweeps it away if this one cannot.
+    It has the name of an unfinished file, so that the next run deletes it if this one cannot.
     """
     folder = RunFolder(work.folder.path.resolve())
-    token = folder.parts / f".wanted.{secrets.token_hex(6)}.tmp"
+    token = folder.chunk_folder / f".wanted.{secrets.token_hex(6)}.tmp"
     write_whole(token, b"")
     try:
         yield replace(work, folder=folder, wanted=token)
@@ -220,12 +216,12 @@ def _wanted(work: ChunkJob) -> Iterator[ChunkJob]:
 
 
 def _wait_until_seen(work: ChunkJob, places: Sequence[SampleRange]) -> None:
-    """Give a shared file system time to show here what was stored elsewhere; listing a folder asks it anew."""
+    """Give a shared file system time to show what was stored elsewhere; listing a folder asks it anew."""
     deadline = time.monotonic() + PATIENCE
-    names = {part_name(place.number) for place in places}
-    while names := names - {path.name for path in work.folder.parts.iterdir()}:
+    names = {chunk_name(place.number) for place in places}
+    while names := names - {path.name for path in work.folder.chunk_folder.iterdir()}:
         if time.monotonic() > deadline:
-            lost = work.folder.parts / min(names)
+            lost = work.folder.chunk_folder / min(names)
             raise ClusterError(f"{lost}: was stored by a worker, but is not to be seen here; is the folder shared?")
         time.sleep(0.2)
 
@@ -237,14 +233,14 @@ def connect(scheduler: str | None = None, workers: int = JOBS) -> Iterator[tuple
     Parameters
     ----------
     scheduler : str, optional
-        Address of one that is there; else one is made on this machine, and ended with the context.
+        Address of a running scheduler; by default one is started on this machine, and ended with the context.
     workers : int
         Processes of the latter.
 
     Raises
     ------
     ClusterError
-        When there is none, it has no worker, or one that is not fit.
+        When there is none, it has no worker, or one that is not compatible.
     """
     distributed = _distributed()
     with ExitStack() as stack:
@@ -259,13 +255,13 @@ def connect(scheduler: str | None = None, workers: int = JOBS) -> Iterator[tuple
             raise ClusterError(f"{address}: is no scheduler that can be used: {told}") from None
         stack.callback(client.close)
         if not scheduler:
-            stack.callback(_end_flights, client)
+            stack.callback(_end_isolated, client)
         cluster = Cluster(client, address)
-        yield cluster, cluster.joined()
+        yield cluster, cluster.connect_workers()
 
 
-def _end_flights(client: Any) -> None:
-    """End what workers fly in processes of their own, so that they can end in order; those of others go on."""
+def _end_isolated(client: Any) -> None:
+    """End the isolated processes of the workers, so that these can end in order."""
     with suppress(Exception):
         client.run(end_workers_apart, on_error="ignore")
 
@@ -281,12 +277,12 @@ def _distributed() -> ModuleType:
 
 @contextmanager
 def _made(distributed: ModuleType, workers: int) -> Iterator[str]:
-    """Address of a cluster made on this machine, open to nobody else; it ends with this process, however that ends."""
+    """Start a cluster on this machine, open to nobody else, and yield its address; it ends with this process."""
     import dask
 
     settings = {
         "distributed.worker.profile.enabled": False,
-        # Some seconds after a worker was lost dask gives up its place if another, started since, is just then lost.
+        # dask would give up the place of a lost worker when the next one is lost within seconds.
         "distributed.deploy.lost-worker-timeout": "1000 days",
     }
     with (
@@ -325,12 +321,9 @@ def _scratch() -> Iterator[str]:
 def open_executor(
     scheduler: str | None, workers: int | None, jobs: int | None
 ) -> Iterator[tuple[ChunkExecutor | None, int, list[str]]]:
-    """Who flies, by how many workers, and what the user should know of it, from what the command line says.
+    """Yield the executor of a command's options, none for this machine; its workers, and notices for the user.
 
-    Raises
-    ------
-    ClusterError
-        When it says several things, or the cluster cannot be used.
+    Raise `ClusterError` when the options contradict each other, or the cluster cannot be used.
     """
     if scheduler is not None and workers is not None:
         raise ClusterError("--dask makes a cluster of its own, --scheduler names one that is there; give one of them")
@@ -340,4 +333,4 @@ def open_executor(
     if jobs is not None:
         raise ClusterError("--jobs counts workers without a cluster; --dask N makes N, and a --scheduler has its own")
     with connect(scheduler, workers or JOBS) as (cluster, notices):
-        yield cluster.fly, cluster.threads, notices
+        yield cluster.simulate, cluster.threads, notices

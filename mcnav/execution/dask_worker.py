@@ -1,7 +1,7 @@
-"""What a worker of a cluster does for a run: show that it is fit for it, and fly and store chunks like any other.
+"""Work of a cluster's worker for a run: check that it is compatible, simulate and store chunks.
 
-Results depend on versions, and chunks are stored by whoever flew them. So a worker must have the run's versions and see
-its folder, and proves both before every chunk: workers come and go while a run goes on.
+Results depend on versions, and each worker stores the chunks that it simulates. So a worker must have the run's
+versions and see its folder; both are checked before every chunk, because workers come and go during a run.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from threadpoolctl import threadpool_limits
 
 from mcnav._subprocess import end_with_parent
 from mcnav.errors import ClusterError
-from mcnav.execution.chunks import ChunkJob, SampleRange, find_range, simulate_chunk
+from mcnav.execution.chunks import ChunkJob, SampleRange, find_chunk, simulate_chunk
 from mcnav.execution.identity import versions
 from mcnav.execution.processes import end_workers_apart, simulate_isolated
-from mcnav.store.parts import Part
+from mcnav.store.chunk_files import ChunkFile
 
 
 def processor() -> str:
@@ -34,14 +34,14 @@ def processor() -> str:
 
 
 def incompatibility(needed: Mapping[str, str], wanted: Path | None = None) -> str | None:
-    """Why this process must not fly for a run; none when it may.
+    """Return why this process must not simulate for a run; none when it may.
 
     Parameters
     ----------
     needed : mapping of str to str
         The run's `versions`.
     wanted : Path, optional
-        A file that the run has just put beside its chunks.
+        A file that the run has just written beside its chunks.
     """
     found = versions()
     other = [name for name, version in needed.items() if found.get(name) != version]
@@ -57,13 +57,10 @@ def incompatibility(needed: Mapping[str, str], wanted: Path | None = None) -> st
     return None if os.access(wanted.parent, os.W_OK) else f"must not write to {wanted.parent}"
 
 
-def simulate_on_worker(work: ChunkJob, places: Sequence[SampleRange], needed: Mapping[str, str]) -> list[Part]:
-    """Draw, fly and store some chunks on a worker of a cluster, but for those that another stored before it died.
+def simulate_on_worker(work: ChunkJob, places: Sequence[SampleRange], needed: Mapping[str, str]) -> list[ChunkFile]:
+    """Draw, simulate and store some chunks, except those that another worker stored before it died.
 
-    Raises
-    ------
-    ClusterError
-        When the worker is not fit for the run.
+    Raise `ClusterError` when the worker is not compatible with the run.
     """
     fault = incompatibility(needed, work.wanted)
     if fault is not None:
@@ -71,40 +68,40 @@ def simulate_on_worker(work: ChunkJob, places: Sequence[SampleRange], needed: Ma
     with _one_thread_each():
         if work.in_processes:
             _let_have_children()
-        flown = simulate_isolated if work.in_processes else simulate_chunk
-        return [find_range(work, place) or flown(work, place) for place in places]
+        simulate = simulate_isolated if work.in_processes else simulate_chunk
+        return [find_chunk(work, place) or simulate(work, place) for place in places]
 
 
-_flying = 0
+_simulating = 0
 _limits: list[threadpool_limits] = []
 _counting = threading.Lock()
 
 
 @contextmanager
 def _one_thread_each() -> Iterator[None]:
-    """Hold numerical libraries to one thread for as long as any thread of this process flies a chunk.
+    """Limit numerical libraries to one thread while any thread of this process simulates a chunk.
 
     A limit of each chunk's own would be lifted by the first that ends, in the middle of the others.
     """
-    global _flying
+    global _simulating
     with _counting:
-        if _flying == 0:
+        if _simulating == 0:
             _limits.append(threadpool_limits(1))
-        _flying += 1
+        _simulating += 1
     try:
         yield
     finally:
         with _counting:
-            _flying -= 1
-            if _flying == 0:
+            _simulating -= 1
+            if _simulating == 0:
                 _limits.pop().restore_original_limits()
 
 
 def _let_have_children() -> None:
-    """Let this process have a process that flies for it.
+    """Let this process start a process that simulates for it.
 
-    Workers under a nanny are daemons, which must not have children because nobody would end them. Ours end with their
-    parent by themselves, and before it when it ends in order, which would otherwise wait for them.
+    Workers under a nanny are daemons, which must not have children because nobody would end them. These children end
+    with their parent, and before it when it ends in order, which would otherwise wait for them.
     """
     process = multiprocessing.current_process()
     if process.daemon:
@@ -113,5 +110,5 @@ def _let_have_children() -> None:
 
 
 def dask_setup(worker: Any) -> None:
-    """Let a worker of a local cluster, in which dask calls this, end with its parent, and leave Ctrl-C to that."""
+    """Let a worker of a local cluster end with its parent, which handles Ctrl-C; dask calls this in the worker."""
     end_with_parent(os.getppid())

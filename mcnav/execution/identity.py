@@ -17,23 +17,25 @@ from mcnav.files import to_json
 from mcnav.lincov.block_sums import block_size
 from mcnav.sampling.designs import REPLICATES, block_length
 from mcnav.scenarios.inputs import InputFile
-from mcnav.scenarios.protocol import Source
+from mcnav.scenarios.protocol import Scenario
 from mcnav.scenarios.user_code import SourceFile
+from mcnav.store.chunk_files import identities_in
 from mcnav.store.manifest import CodeRecord, Identity, json_digest
-from mcnav.store.parts import identities_in
 from mcnav.store.run_folder import MANIFEST, RunFolder
 from mcnav.store.summaries import SLOW, SUMMARY, summary_chunk
 
 LIBRARIES: Final = ("numpy", "scipy", "numba", "pyarrow")
 CHUNKS: Final = 2
-"""Counts the changes of what a chunk's file holds."""
+"""Version of the content of a chunk's file."""
 
 SHOWN: Final = 3
 """Differences that a refusal names."""
 
 SAMPLES: Final = "samples"
+
 UNUSED: Final = ("start_times", "accept", "sample_timeout")
 """Entries of a campaign on which its samples do not depend."""
+
 REMEDY: Final = "--fresh replaces them, --out writes elsewhere"
 
 
@@ -51,11 +53,16 @@ def identity_of(
     engine: str,
     code: SourceFile | None,
     inputs: Sequence[InputFile],
-    sources: Sequence[Source],
+    scenario: Scenario,
 ) -> Identity:
-    """Collect what the samples of a resolved campaign depend on; other entries are left out."""
+    """Collect what the samples of a resolved campaign depend on; other entries are left out.
+
+    A scenario whose samples have changed in their last digits counts these changes in an attribute ``revision``.
+    """
     optional: dict[str, Any] = {}
-    if later := [source.name for source in sources if source.later]:
+    if revision := getattr(scenario, "revision", None):
+        optional["revision"] = revision
+    if later := [source.name for source in scenario.sources if source.later]:
         optional["later_sources"] = later  # chunks of a run made before them do not have their columns
     if code is not None:
         optional["code"] = CodeRecord(file=code.file, sha256=code.digest)
@@ -66,11 +73,10 @@ def identity_of(
 
 
 def chunk_digest(identity: Identity, design: str, samples: int) -> str:
-    """Digest what the samples of a run depend on, whatever their number: every stored chunk carries it."""
+    """Digest what the samples of a run depend on, whatever their number: every stored chunk has it."""
     content = identity.to_json()
     content["campaign"].pop(SAMPLES, None)
-    layout = {"drawn": _draw_layout(design, samples)} | _summary_layout(identity, design, samples)
-    return json_digest(content | layout)
+    return json_digest(content | {"drawn": _draw_layout(design, samples)} | _summary_layout(identity, design, samples))
 
 
 def _draw_layout(design: str, samples: int) -> dict[str, int]:
@@ -82,9 +88,8 @@ def _summary_layout(identity: Identity, design: str, samples: int) -> dict[str, 
     """Return what the number of samples decides of a summary's sums; nothing of stored samples."""
     if identity.campaign.get("store") != SUMMARY:
         return {}
-    return {
-        "summed": {"block": block_size(samples, block_length(design, samples)), "chunk": summary_chunk(SLOW, samples)}
-    }
+    block = block_size(samples, block_length(design, samples))
+    return {"summed": {"block": block, "chunk": summary_chunk(SLOW, samples)}}
 
 
 def check_resumable(folder: RunFolder, identity: Identity, design: str, samples: int) -> list[str]:
@@ -105,7 +110,7 @@ def check_resumable(folder: RunFolder, identity: Identity, design: str, samples:
     if earlier is not None:
         _refuse_changed(folder, earlier.identity, identity, design, samples)
         return []
-    stored = identities_in(folder.parts)
+    stored = identities_in(folder.chunk_folder)
     if stored - {chunk_digest(identity, design, samples)}:
         state = "missing" if damage is None else "damaged"
         raise RunFolderError(
@@ -119,7 +124,7 @@ def check_resumable(folder: RunFolder, identity: Identity, design: str, samples:
 def check_no_foreign_files(folder: RunFolder) -> None:
     """Raise `RunFolderError` when a folder holds files but no run of this program."""
     foreign = folder.foreign()
-    if not foreign or identities_in(folder.parts):
+    if not foreign or identities_in(folder.chunk_folder):
         return
     try:
         known = folder.manifest() is not None
@@ -149,27 +154,20 @@ def _refuse_changed(folder: RunFolder, earlier: Identity, identity: Identity, de
 def _refuse_other_samples(folder: RunFolder, identity: Identity, design: str, before: int, samples: int) -> None:
     """Raise `RunFolderError` when so many samples do not begin with the earlier ones."""
     if samples < before:
-        raise RunFolderError(
-            f"{folder.path}: holds a run of {before:,} samples, and {samples:,} are fewer; ask for as many or more, "
-            f"{REMEDY}"
-        )
-    if before < PROBES:
-        raise RunFolderError(
-            f"{folder.path}: holds a run of {before} samples; one of fewer than {PROBES} is too short to be "
-            f"extended: {REMEDY}"
-        )
-    if _draw_layout(design, before) != _draw_layout(design, samples):
+        fault = f"a run of {before:,} samples, and {samples:,} are fewer; ask for as many or more, {REMEDY}"
+    elif before < PROBES:
+        fault = f"a run of {before} samples; one of fewer than {PROBES} is too short to be extended: {REMEDY}"
+    elif _draw_layout(design, before) != _draw_layout(design, samples):
         most = 2 * REPLICATES * block_length(design, before) - 1
-        raise RunFolderError(
-            f"{folder.path}: holds a run of {before:,} samples, which design {design} would change if there were "
-            f"{samples:,}; up to {most:,} they stay as they are, {REMEDY}"
+        fault = (
+            f"a run of {before:,} samples, which design {design} would change if there were {samples:,}; "
+            f"up to {most:,} they stay as they are, {REMEDY}"
         )
-
-    if _summary_layout(identity, design, before) != _summary_layout(identity, design, samples):
-        raise RunFolderError(
-            f"{folder.path}: holds a summary of {before:,} samples, and one of {samples:,} is kept in larger blocks; "
-            f"{REMEDY}"
-        )
+    elif _summary_layout(identity, design, before) != _summary_layout(identity, design, samples):
+        fault = f"a summary of {before:,} samples, and one of {samples:,} is kept in larger blocks; {REMEDY}"
+    else:
+        return
+    raise RunFolderError(f"{folder.path}: holds {fault}")
 
 
 def _flat(value: Any, prefix: str = "") -> dict[str, Any]:

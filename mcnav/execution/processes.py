@@ -26,7 +26,7 @@ from mcnav.execution.chunks import (
     SampleRange,
     check_not_cancelled,
     draw_pieces,
-    find_range,
+    find_chunk,
     simulate_chunk,
     simulate_errors,
     store,
@@ -34,7 +34,7 @@ from mcnav.execution.chunks import (
 from mcnav.scenarios.failure import Failure, Reason
 from mcnav.scenarios.protocol import Engine, SimulationResult
 from mcnav.scenarios.timeouts import timeout_message
-from mcnav.store.parts import Part
+from mcnav.store.chunk_files import ChunkFile
 
 TRIED_WHOLE: Final = 2
 """Pools that may die before chunks are simulated one at a time."""
@@ -55,8 +55,11 @@ def _isolated_worker() -> ProcessPoolExecutor:
 
 
 def end_workers() -> None:
-    """End all worker processes."""
-    get_reusable_executor().shutdown(wait=True, kill_workers=True)
+    """Kill all worker processes: what they have simulated is stored, and an orderly end takes seconds.
+
+    Without ``reuse`` loky would let the workers of joblib's pool end in order and start another pool.
+    """
+    get_reusable_executor(reuse=True, kill_workers=True).shutdown(wait=True, kill_workers=True)
     end_workers_apart()
 
 
@@ -66,8 +69,8 @@ def end_workers_apart() -> None:
         _isolated_executors.popitem()[1].shutdown(wait=True, kill_workers=True)
 
 
-def _run_pool(work: ChunkJob, places: Sequence[SampleRange], jobs: int) -> Iterator[tuple[int, Part]]:
-    """Simulate chunks in worker processes; yield numbers and parts. Raises `BrokenProcessPool`."""
+def _run_pool(work: ChunkJob, places: Sequence[SampleRange], jobs: int) -> Iterator[tuple[int, ChunkFile]]:
+    """Simulate chunks in worker processes; yield their numbers and files. Raises `BrokenProcessPool`."""
     workers = min(jobs, len(places))
     if workers == 1:  # joblib would use this process
         yield from (_isolated_worker().submit(_numbered, work, place).result() for place in places)
@@ -81,23 +84,23 @@ def _run_pool(work: ChunkJob, places: Sequence[SampleRange], jobs: int) -> Itera
     )(delayed(_numbered)(work, place) for place in places)
 
 
-def run_in_processes(work: ChunkJob, missing: Sequence[SampleRange], jobs: int) -> Generator[Part, None, None]:
-    """Simulate the missing chunks; yield parts as they become ready."""
+def run_in_processes(work: ChunkJob, missing: Sequence[SampleRange], jobs: int) -> Generator[ChunkFile, None, None]:
+    """Simulate the missing chunks; yield their files as they become ready."""
     left = {place.number: place for place in missing}
     broken = 0
     while left:
         try:
-            for number, part in _run_pool(work, tuple(left.values()), jobs):
+            for number, stored in _run_pool(work, tuple(left.values()), jobs):
                 del left[number]
-                yield part
+                yield stored
         except BrokenProcessPool:
             broken += 1
             end_workers()
             for place in list(left.values()):
-                stored = find_range(work, place)
-                if stored is not None:
+                found = find_chunk(work, place)
+                if found is not None:
                     del left[place.number]
-                    yield stored
+                    yield found
             if broken >= TRIED_WHOLE:
                 for place in list(left.values())[: 2 * jobs]:
                     del left[place.number]
@@ -105,7 +108,7 @@ def run_in_processes(work: ChunkJob, missing: Sequence[SampleRange], jobs: int) 
                 end_workers()
 
 
-def _numbered(work: ChunkJob, place: SampleRange) -> tuple[int, Part]:
+def _numbered(work: ChunkJob, place: SampleRange) -> tuple[int, ChunkFile]:
     return place.number, simulate_chunk(work, place)
 
 
@@ -165,31 +168,26 @@ class IsolatedEngine:
         values = np.full((len(errors), self.outputs), np.nan)
         return SimulationResult(values, dict.fromkeys(range(len(errors)), failure))
 
+    def propagate_each(self, errors: Array) -> SimulationResult:
+        """Simulate samples one by one, so that only the one at fault fails."""
+        each = [self.propagate(row[None, :]) for row in errors]
+        return SimulationResult(
+            np.concatenate([one.values for one in each]),
+            {row: failure for row, one in enumerate(each) for failure in one.failures.values()},
+            sum(one.fallback_count for one in each),
+        )
 
-def simulate_isolated(work: ChunkJob, place: SampleRange) -> Part:
+
+def simulate_isolated(work: ChunkJob, place: SampleRange) -> ChunkFile:
     """Simulate one chunk in an isolated process; if that dies, each of its samples."""
-    part = _in_one_worker(simulate_chunk, work, place)
-    if isinstance(part, Part):
-        return part
+    stored = _in_one_worker(simulate_chunk, work, place)
+    if isinstance(stored, ChunkFile):
+        return stored
     check_not_cancelled(work)
     isolated = IsolatedEngine(work.engine, len(work.layout.outputs), work.timeout)
-    several = place.end - place.begin > work.engine.chunk
-    return store(
-        work,
-        place,
-        ((errors, _simulate_piece(isolated, errors, several)) for errors in draw_pieces(work, place)),
-    )
+    several = place.end - place.begin > work.engine.chunk  # then another piece may be at fault
 
+    def simulate(errors: Array) -> SimulationResult:
+        return (isolated.in_one(errors) if several else None) or isolated.propagate_each(errors)
 
-def _simulate_piece(isolated: IsolatedEngine, errors: Array, several: bool) -> SimulationResult:
-    """Simulate one piece of a chunk: at once, when another may be at fault, else sample by sample."""
-    if several:
-        outcomes = isolated.in_one(errors)
-        if outcomes is not None:
-            return outcomes
-    each = [isolated.propagate(errors[row : row + 1]) for row in range(len(errors))]
-    return SimulationResult(
-        np.concatenate([one.values for one in each]),
-        {row: failure for row, one in enumerate(each) for failure in one.failures.values()},
-        sum(one.fallback_count for one in each),
-    )
+    return store(work, place, ((errors, simulate(errors)) for errors in draw_pieces(work, place)))

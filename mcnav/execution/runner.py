@@ -1,4 +1,4 @@
-"""The runner: distributes chunks of samples over the cores; each worker stores its own.
+"""Chunks of samples distributed over the cores; each worker stores its own.
 
 The chunk size depends on the engine, a sample's errors on the campaign and its index, neither on workers: files are the
 same, bit for bit, for any number of workers. Numerical libraries use one thread, on which their sums would depend.
@@ -13,27 +13,25 @@ from pathlib import Path
 from joblib import Parallel, delayed
 
 from mcnav.errors import TooManyFailures
-from mcnav.execution.chunks import ChunkJob, SampleRange, find_part, simulate_chunk
+from mcnav.execution.chunks import ChunkJob, SampleRange, find_file, simulate_chunk
 from mcnav.execution.processes import end_workers, run_in_processes
 from mcnav.progress import Progress
-from mcnav.store.parts import Part, part_name
+from mcnav.store.chunk_files import ChunkFile, chunk_name
 
-ChunkExecutor = Callable[[ChunkJob, Sequence[SampleRange], int], Generator[Part, None, None]]
-"""Simulates chunks by so many workers and yields their parts as they become ready, until it is closed."""
+ChunkExecutor = Callable[[ChunkJob, Sequence[SampleRange], int], Generator[ChunkFile, None, None]]
+"""Function that simulates chunks by so many workers and yields their files as they become ready, until it is closed."""
 
 
-def _run_in_threads(work: ChunkJob, missing: Sequence[SampleRange], jobs: int) -> Generator[Part, None, None]:
+def _run_in_threads(work: ChunkJob, missing: Sequence[SampleRange], jobs: int) -> Generator[ChunkFile, None, None]:
     workers = min(jobs, max(1, len(missing)))
     parallel = Parallel(n_jobs=workers, return_as="generator_unordered", backend="threading")
     yield from parallel(delayed(simulate_chunk)(work, place) for place in missing)
 
 
-def _refuse_failures(folder: Path, parts: Sequence[Part], most: int | None) -> None:
-    if most is None:
-        return
-    failed, flown = sum(part.failed for part in parts), sum(part.end - part.begin for part in parts)
-    if failed > most:
-        raise TooManyFailures(f"{folder}: {failed:,} of the {flown:,} samples flown so far failed, where {most:,} may")
+def _refuse_failures(folder: Path, chunks: Sequence[ChunkFile], most: int | None) -> None:
+    failed, ready = sum(chunk.failed for chunk in chunks), sum(chunk.end - chunk.begin for chunk in chunks)
+    if most is not None and failed > most:
+        raise TooManyFailures(f"{folder}: {failed:,} of the {ready:,} samples flown so far failed, where {most:,} may")
 
 
 def run_chunks(
@@ -43,8 +41,8 @@ def run_chunks(
     first: int = 0,
     notice: Callable[[str], None] = lambda line: None,
     most_failures: int | None = None,
-    elsewhere: ChunkExecutor | None = None,
-) -> tuple[list[Part], int]:
+    executor: ChunkExecutor | None = None,
+) -> tuple[list[ChunkFile], int]:
     """Simulate every chunk that is not stored undamaged.
 
     Parameters
@@ -57,13 +55,13 @@ def run_chunks(
         Receives a line for each stored chunk that is damaged.
     most_failures : int, optional
         Samples that may fail.
-    elsewhere : ChunkExecutor, optional
+    executor : ChunkExecutor, optional
         Used in place of this machine's threads and processes.
 
     Returns
     -------
-    parts : list of Part
-        All parts from there on, in the order in which they became ready.
+    chunks : list of ChunkFile
+        All chunks from there on, in order of index.
     simulated : int
         Samples that were not stored already.
 
@@ -73,27 +71,27 @@ def run_chunks(
         As soon as more samples have failed; what is stored is kept.
     """
     samples, chunk = work.draws.samples, work.chunk
-    parts, missing = [], []
+    chunks, missing = [], []
     for number, begin in enumerate(range(first, samples, chunk), start=first // chunk):
         place = SampleRange(number, begin, min(begin + chunk, samples))
-        part = find_part(work, number)
-        if part is not None and (part.begin, part.end) == (begin, place.end):
-            parts.append(part)
+        found = find_file(work, number)
+        if found is not None and (found.begin, found.end) == (begin, place.end):
+            chunks.append(found)
             progress.advance(place.end - begin, stored=True)
             continue
         missing.append(place)
-        path = work.folder.parts / part_name(number)
-        if path.exists() and (part is None or part.begin != begin):
+        path = work.folder.chunk_folder / chunk_name(number)
+        if path.exists() and (found is None or found.begin != begin):
             notice(f"{path}: is damaged; its samples are flown again")
-    executor = elsewhere or (run_in_processes if work.in_processes else _run_in_threads)
+    simulate = executor or (run_in_processes if work.in_processes else _run_in_threads)
     try:
-        _refuse_failures(work.folder.path, parts, most_failures)
-        with closing(executor(work, missing, jobs)) as ready:
-            for part in ready:
-                parts.append(part)
-                progress.advance(part.end - part.begin)
-                _refuse_failures(work.folder.path, parts, most_failures)
+        _refuse_failures(work.folder.path, chunks, most_failures)
+        with closing(simulate(work, missing, jobs)) as ready:
+            for stored in ready:
+                chunks.append(stored)
+                progress.advance(stored.end - stored.begin)
+                _refuse_failures(work.folder.path, chunks, most_failures)
     finally:
-        if work.in_processes or elsewhere is not None:
+        if work.in_processes or executor is not None:
             end_workers()
-    return parts, sum(place.end - place.begin for place in missing)
+    return sorted(chunks, key=lambda each: each.begin), sum(place.end - place.begin for place in missing)

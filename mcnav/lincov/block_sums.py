@@ -7,12 +7,13 @@ whatever the mean. Sums are additive: over chunks that share a block, and over t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Final
 
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.statistics.whitening import whitening
 
 BLOCKS: Final = 2_048
 """Smallest number of blocks of a campaign of independent draws, where it has as many samples."""
@@ -38,11 +39,10 @@ def block_size(samples: int, of_design: int) -> int:
 
 @dataclass(frozen=True)
 class Normalization:
-    """Normalization of samples before they are summed.
+    """Normalization of samples before they are summed, by the linear model.
 
     Attributes
     ----------
-    partials : ndarray, shape (outputs, sources)
     mean : ndarray, shape (sources,)
         Mean of the sources.
     centre, scale : ndarray, shape (outputs,)
@@ -63,6 +63,27 @@ class Normalization:
     radii: Array
     block: int
 
+    @classmethod
+    def of(
+        cls, partials: Array, mean: Array, centre: Array, covariance: Array, samples: int, block_length: int
+    ) -> Normalization:
+        """Normalize the samples of a campaign by its linear model.
+
+        Parameters
+        ----------
+        covariance : ndarray, shape (outputs, outputs)
+            Linear covariance of the outputs.
+        samples : int
+            Samples of the campaign.
+        block_length : int
+            Samples in an independent block of the design.
+        """
+        sigma = np.sqrt(np.diag(covariance))
+        scale = np.where(sigma > 0.0, sigma, 1.0)
+        given = whitening(covariance)
+        whitened = np.ascontiguousarray(scale[:, None] * given.matrix)
+        return cls(partials, mean, centre, scale, whitened, given.radii, block_size(samples, block_length))
+
 
 @dataclass(frozen=True)
 class BlockSums:
@@ -74,14 +95,11 @@ class BlockSums:
         Number of the first block.
     blocks : ndarray, shape (blocks, column_count(outputs))
         Sums of normalised outputs.
-    errors : ndarray, shape (sources,)
-        Sum of the sources' errors about their mean, SI.
-    squares : ndarray, shape (sources, sources)
-        Sum of their products.
+    errors, squares : ndarray, shapes (sources,) and (sources, sources)
+        Sum of the sources' errors about their mean, SI, and of their products.
     within : ndarray, shape (levels,)
         Samples within each radius.
-    lost : ndarray, shape (sources,)
-    lost_squares : ndarray, shape (sources, sources)
+    lost, lost_squares : ndarray
         As ``errors`` and ``squares``, for the samples that failed.
     """
 
@@ -99,12 +117,5 @@ class BlockSums:
         blocks = np.zeros((len(self.blocks) + len(other.blocks) - shared, self.blocks.shape[1]))
         blocks[: len(self.blocks)] = self.blocks
         blocks[len(self.blocks) - shared :] += other.blocks
-        return BlockSums(
-            self.first,
-            blocks,
-            self.errors + other.errors,
-            self.squares + other.squares,
-            self.within + other.within,
-            self.lost + other.lost,
-            self.lost_squares + other.lost_squares,
-        )
+        totals = (getattr(self, each.name) + getattr(other, each.name) for each in fields(self)[2:])
+        return BlockSums(self.first, blocks, *totals)

@@ -23,6 +23,7 @@ from mcnav.report.figures.figure import Figure
 from mcnav.report.figures.flight import flight
 from mcnav.report.model import RunAnalysis
 from mcnav.report.requirements import detailed_rows
+from mcnav.report.template_cache import TemplateCache
 
 FIGURES: Final[dict[str, Callable[[RunAnalysis], Figure | None]]] = {
     "ratios": agreement.sigma_ratios, "nees": agreement.nees, "matrices": matrices.matrices, "budget": sources.budget,
@@ -61,7 +62,7 @@ def filled(template: str, **values: Any) -> str:
     """
     environment = Environment(
         loader=PackageLoader("mcnav.report", "templates"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
-        lstrip_blocks=True,
+        lstrip_blocks=True, bytecode_cache=TemplateCache(__file__),
     )  # fmt: skip
     environment.filters |= {name: getattr(formats, name) for name in FILTERS} | {"shortened": shortened}
     style, script = (_source(environment, name) for name in ("style.css", "script.js"))
@@ -103,7 +104,7 @@ def render(content: RunAnalysis) -> str:
     manifest, summary = content.manifest, content.summary
     drawn = figures(content)
     contributions = tables.contributions(content) if content.dispersed else []
-    simulated, seconds = (manifest.flight.samples, manifest.flight.seconds) if manifest.flight else (0, 0.0)
+    simulated, seconds = (manifest.execution.samples, manifest.execution.seconds) if manifest.execution else (0, 0.0)
     requirements = detailed_rows(content)
     remarks = (sentences.joint_explanation, sentences.certain_but_small, sentences.stopping)
     return filled(

@@ -64,7 +64,7 @@ def summarise(
         "seed": manifest.seed,
         "design": manifest.design,
         "store": manifest.store,
-        "kept": manifest.kept,
+        "kept": manifest.stored_rows,
         "tolerance": criterion.tolerance,
         "confidence": criterion.confidence,
         "heavy_tailed": list(manifest.heavy_tailed),

@@ -112,11 +112,11 @@ def input_files(manifest: Manifest) -> list[dict[str, Any]]:
     """List the files of a run besides its campaign: a user's code, and what that reads."""
     code, rows = manifest.identity.code, [
         {"name": each.name, "use": each.setting or "opened by the scenario", "bytes": each.bytes, "sha256": each.sha256,
-         "kept": each.kept}
+         "copied": each.copied}
         for each in manifest.files
     ]  # fmt: skip
     if code is not None:
-        rows.insert(0, {"name": code.file, "use": "the scenario", "bytes": None, "sha256": code.sha256, "kept": True})
+        rows.insert(0, {"name": code.file, "use": "the scenario", "bytes": None, "sha256": code.sha256, "copied": True})
     return rows
 
 

@@ -1,4 +1,4 @@
-"""What every scenario must keep, tried out on one of them: the conformance checks of ``mcnav check-scenario``."""
+"""Conformance checks of a scenario: ``mcnav check-scenario``."""
 
 from __future__ import annotations
 
@@ -11,12 +11,13 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.scenarios.finite_differences import differentiate
+from mcnav.scenarios.histories import check_history
 from mcnav.scenarios.protocol import Engine, LinearModel, Scenario, ScenarioError
 from mcnav.scenarios.soundness import SAME, SEED, apart, same
 from mcnav.units import conversion
 
 TRIED: Final = 16
-"""Samples that are flown."""
+"""Samples that are simulated."""
 
 AGREEMENT: Final = 1e-3
 """Share of a row's largest contribution within which partial derivatives must agree with differences."""
@@ -31,7 +32,7 @@ LEAST: Final = 1e-4
 
 @dataclass(frozen=True)
 class Check:
-    """One thing that a scenario must keep, whether it does, and what was found."""
+    """One check: its name, whether the scenario passed, and what was found."""
 
     name: str
     passed: bool
@@ -39,11 +40,11 @@ class Check:
 
 
 class _Broken(Exception):
-    """What a check found wrong."""
+    """Finding of a check that failed."""
 
 
 def check_conformance(scenario: Scenario, sizes: Array) -> list[Check]:
-    """Try a scenario out.
+    """Check a scenario.
 
     Parameters
     ----------
@@ -162,12 +163,5 @@ def _partials(prepared: Engine, model: LinearModel, sizes: Array) -> str:
 
 
 def _history(scenario: Scenario) -> str:
-    history = scenario.history()
-    lengths = {len(column) for column in history.columns.values()}
-    if len(lengths) > 1:
-        raise _Broken("its columns differ in length")
-    for panel in history.panels:
-        missing = {panel.x, *panel.y} - history.columns.keys()
-        if missing:
-            raise _Broken(f"the panel '{panel.title}' shows {', '.join(sorted(missing))}, which is no column")
+    history = check_history(scenario.history())
     return f"{len(history.columns)} columns, {len(history.panels)} panels"

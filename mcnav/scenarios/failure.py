@@ -15,7 +15,7 @@ _NUMBER: Final = re.compile(r"-?\d+(?:[.,]\d+)*(?:e[+-]?\d+)?")
 
 
 class Reason(StrEnum):
-    """What kind of failure it is, as far as the program knows."""
+    """Kind of a failure."""
 
     NOT_FINITE = "an output is not finite"
     PROCESS_DIED = "the worker process died while flying it"
@@ -28,16 +28,7 @@ class Reason(StrEnum):
 
 @dataclass(frozen=True)
 class Failure:
-    """Why a sample failed.
-
-    Attributes
-    ----------
-    reason : Reason
-    message : str
-        One line.
-    traceback : str
-        Of an exception that nobody expected.
-    """
+    """Failure of a sample: its message of one line, and the traceback of an unexpected exception."""
 
     reason: Reason
     message: str

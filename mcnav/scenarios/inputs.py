@@ -74,13 +74,7 @@ class InputFile:
 
 
 def identify_file(path: str, name: str = "", setting: str | None = None) -> InputFile:
-    """Identify a file.
-
-    Raises
-    ------
-    OSError
-        When it cannot be read, or is not a regular file.
-    """
+    """Identify a file; `OSError` when it cannot be read, or is not a regular file."""
     digest, size = content_of(path)
     return InputFile(name or safe_name(path), path, digest, size, setting)
 
@@ -92,10 +86,7 @@ _known: dict[str, tuple[tuple[int, ...], str]] = {}
 def content_of(path: str) -> tuple[str, int]:
     """Return SHA-256 and size of a regular file, which is read again only when its time stamp or size differ.
 
-    Raises
-    ------
-    OSError
-        When it cannot be read, or is not a regular file.
+    Raise `OSError` when it cannot be read, or is not a regular file.
     """
     found = Path(path).stat()
     if not stat.S_ISREG(found.st_mode):
@@ -227,10 +218,7 @@ def is_input(path: str) -> bool:
 def find_inputs(found: OpenedFiles, code: str) -> dict[str, InputFile]:
     """Identify the inputs among recorded files, by path; files that no longer exist are left out.
 
-    Raises
-    ------
-    ScenarioError
-        When one is not a regular file, such as a pipe, so that its content cannot be read again.
+    Raise `ScenarioError` when one is not a regular file, such as a pipe, so that its content cannot be read again.
     """
     files = {}
     for path in sorted(found.read - found.written):

@@ -35,6 +35,7 @@ from mcnav.physics.reentry.navigator import Diverged, navigation_error, simulate
 from mcnav.physics.reentry.shared_steps import simulate_together
 from mcnav.physics.reentry.truth import NoReentry, Trajectory, airspeed_and_angle, fly_truth
 from mcnav.physics.reentry.vehicle import Vehicle
+from mcnav.scenarios.failure import Failure
 from mcnav.scenarios.histories import with_errors
 from mcnav.scenarios.protocol import (
     Engine,
@@ -48,7 +49,7 @@ from mcnav.scenarios.protocol import (
     SimulationResult,
     Source,
 )
-from mcnav.scenarios.sample_loop import SampleResults, simulate_each
+from mcnav.scenarios.sample_loop import simulate_each
 from mcnav.scenarios.table_i import ERROR_SIZES
 
 SOURCES: Final = (
@@ -143,11 +144,13 @@ class Navigation:
     start: float
     theta_axes: float
 
-    def simulate_reference(self, errors: Array, rows: Iterable[int]) -> SampleResults:
-        """Simulate some rows of errors, shape (n, sources), on the reference path."""
-        return simulate_each(
-            lambda row: simulate_indicated(self.trajectory, errors[row], self.start, self.theta_axes), rows, Diverged
-        )
+    def simulate_reference(self, errors: Array, rows: Iterable[int], values: Array) -> dict[int, Failure]:
+        """Simulate some rows of errors, shape (n, sources), by the reference engine; see `simulate_each`."""
+
+        def simulate(row: int) -> Array:
+            return simulate_indicated(self.trajectory, errors[row], self.start, self.theta_axes)
+
+        return simulate_each(simulate, rows, values, Diverged)
 
 
 @dataclass(frozen=True)
@@ -161,13 +164,13 @@ class ReferenceEngine:
 
     def propagate(self, errors: Array) -> SimulationResult:
         """Simulate samples, shape (n, sources)."""
-        flown = self.navigation.simulate_reference(errors, range(len(errors)))
-        return flown.outcomes(np.full((len(errors), len(OUTPUTS)), np.nan))
+        values = np.empty((len(errors), len(OUTPUTS)))
+        return SimulationResult(values, self.navigation.simulate_reference(errors, range(len(errors)), values))
 
 
 @dataclass(frozen=True)
 class EnsembleEngine:
-    """Variation of constants on a shared grid; samples beyond its validity go to the reference path."""
+    """Variation of constants on a shared grid; the reference engine simulates the samples beyond its validity."""
 
     navigation: Navigation
     grid: Grid
@@ -178,8 +181,8 @@ class EnsembleEngine:
     def propagate(self, errors: Array) -> SimulationResult:
         """Simulate samples, shape (n, sources)."""
         values, valid = simulate_ensemble(self.grid, errors)
-        beyond = np.flatnonzero(~valid)
-        return self.navigation.simulate_reference(errors, (int(row) for row in beyond)).outcomes(values, len(beyond))
+        beyond = np.flatnonzero(~valid).tolist()
+        return SimulationResult(values, self.navigation.simulate_reference(errors, beyond, values), len(beyond))
 
     @cached_property
     def epochs(self) -> Epochs:
@@ -239,10 +242,7 @@ def _navigation(trajectory: Trajectory, start: float, axes: str) -> Navigation:
 class Reentry:
     """The scenario: a truth integrated once, and the engines that simulate a navigator along it.
 
-    Raises
-    ------
-    ScenarioError
-        When the truth never comes down, or navigation would start outside it.
+    Raise `ScenarioError` when the truth never comes down, or navigation would start outside it.
     """
 
     sources = SOURCES
@@ -298,10 +298,7 @@ class Reentry:
     def started_at(self, time: float, axes: str) -> Reentry:
         """Start navigation of the same flight at another time (s from reentry); the truth is shared.
 
-        Raises
-        ------
-        ScenarioError
-            When the time is not on the trajectory.
+        Raise `ScenarioError` when the time is not on the trajectory.
         """
         other = object.__new__(Reentry)
         other.navigation = _navigation(self.trajectory, time + self.trajectory.reentry_time, axes)

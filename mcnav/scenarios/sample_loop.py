@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import traceback
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable
 from typing import Final
 
 import numpy as np
@@ -26,47 +25,27 @@ class SampleFailed(Exception):
         self.failure = failure
 
 
-@dataclass(frozen=True)
-class SampleResults:
-    """Results of some rows of errors.
-
-    Attributes
-    ----------
-    values : mapping of int to ndarray, shape (outputs,)
-        Rows that succeeded.
-    failures : mapping of int to Failure
-        The others.
-    """
-
-    values: Mapping[int, Array] = field(default_factory=dict)
-    failures: Mapping[int, Failure] = field(default_factory=dict)
-
-    def outcomes(self, values: Array, fallback_count: int = 0) -> SimulationResult:
-        """Write the rows into values, shape (n, outputs), failed ones as NaN."""
-        for row, value in self.values.items():
-            values[row] = value
-        values[list(self.failures)] = np.nan
-        return SimulationResult(values, self.failures, fallback_count)
-
-
 def simulate_each(
-    simulate: Callable[[int], Array], rows: Iterable[int], diverged: type[Exception] | tuple[()] = (), file: str = ""
-) -> SampleResults:
-    """Simulate rows one by one.
+    simulate: Callable[[int], Array],
+    rows: Iterable[int],
+    values: Array,
+    diverged: type[Exception] | tuple[()] = (),
+    file: str = "",
+) -> dict[int, Failure]:
+    """Simulate rows one by one into ``values``, shape (n, outputs); return the failures by row, whose values are NaN.
 
     Parameters
     ----------
     simulate : callable
         Row to outputs, shape (outputs,); `SampleFailed` states a failure.
-    rows : iterable of int
     diverged : type of Exception, optional
         Raised where a trajectory cannot be continued: its message is the sample's, without a traceback.
     file : str
         Of the user's code: its line is named with other exceptions.
     """
-    values: dict[int, Array] = {}
     failures: dict[int, Failure] = {}
     for row in rows:
+        values[row] = np.nan
         try:
             outputs = within_limit(lambda row=row: simulate(row))  # type: ignore[misc]
         except SampleFailed as failed:
@@ -86,7 +65,22 @@ def simulate_each(
                 values[row] = outputs
             else:
                 failures[row] = Failure.of(Reason.NOT_FINITE)
-    return SampleResults(values, failures)
+    return failures
+
+
+def simulate_alone(
+    propagate: Callable[[Array], SimulationResult], errors: Array, outputs: int, file: str = ""
+) -> SimulationResult:
+    """Simulate samples, shape (n, sources), each by itself, so that only those at fault fail; see `simulate_each`."""
+    values = np.empty((len(errors), outputs))
+
+    def simulate(row: int) -> Array:
+        result = propagate(errors[row : row + 1].copy())
+        if result.failures:
+            raise SampleFailed(result.failures[0])
+        return np.asarray(result.values[0])
+
+    return SimulationResult(values, simulate_each(simulate, range(len(errors)), values, file=file))
 
 
 def format_exception(failure: BaseException, file: str) -> str:

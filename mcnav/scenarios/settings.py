@@ -56,13 +56,7 @@ class SettingError(ValueError):
 
 
 def settings_of(kind: type) -> Mapping[str, Declared]:
-    """Return the settings that a class declares.
-
-    Raises
-    ------
-    ScenarioError
-        When the declaration is wrong.
-    """
+    """Return the settings that a class declares; `ScenarioError` when the declaration is wrong."""
     found, where = getattr(kind, "settings", {}), f"{kind.__name__}.settings"
     if not isinstance(found, Mapping):
         raise ScenarioError("type", f"{where} must give a unit for each name, such as {{'time': 's'}}, or a type")
@@ -94,10 +88,7 @@ def check_unit(where: str, unit: object, shown_in: object) -> None:
 def read_value(value: object, declared: Declared) -> Value:
     """Read a value of a campaign file as the class declares it; the caller reads files.
 
-    Raises
-    ------
-    SettingError
-        When the type or dimension is wrong, or a quantity is not finite.
+    Raise `SettingError` when the type or dimension is wrong, or a quantity is not finite.
 
     Examples
     --------

@@ -1,9 +1,9 @@
-"""Whether a scenario can be compared with a linear model at all: tried with a few flights before samples are flown."""
+"""Checks before samples are simulated: whether a scenario can be compared with a linear model at all."""
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import Any, Final
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,10 +30,10 @@ SHARE: Final = 0.2
 """The same as a share of the campaign's tolerance, where that is less."""
 
 SAME: Final = 1e-9
-"""Share of an output's size by which a sample may depend on those flown beside it: the order of a library's sums."""
+"""Share of an output's size by which a sample may depend on others in its chunk: the order of a library's sums."""
 
 NEAR: Final = 0.01
-"""Size of the errors that are flown twice, as a share of sigma."""
+"""Size of the errors that are simulated twice, as a share of sigma."""
 
 FLOWN_TWICE: Final = 4
 """Samples, the one without any error among them."""
@@ -61,10 +61,6 @@ class Unsettled:
     disagreement: float
     limit: float
     own: bool
-
-    def described(self) -> dict[str, Any]:
-        """Convert for the manifest and the summary."""
-        return asdict(self)
 
     def __str__(self) -> str:
         share = 100.0 * self.disagreement
@@ -132,17 +128,15 @@ def check_repeatable(prepared: Engine, sizes: Array) -> None:
         )
 
 
-def unsettled(
-    scenario: UserScenario, prepared: Engine, model: LinearModel, varied: NDArray[np.bool_], tolerance: float
+def find_unsettled(
+    scenario: UserScenario, engine: Engine, varied: NDArray[np.bool_], tolerance: float
 ) -> Unsettled | None:
-    """Find the partial derivative that is least settled, or farthest from the differences of flights.
+    """Find the partial derivative that is least settled, or farthest from finite differences.
 
     Parameters
     ----------
-    prepared : Engine
-        Its engine; flown only where the class gives its own derivatives.
-    model : LinearModel
-        Of the scenario.
+    engine : Engine
+        The scenario's engine.
     varied : ndarray of bool, shape (sources,)
         Sources that a campaign disturbs.
     tolerance : float
@@ -151,15 +145,20 @@ def unsettled(
     Returns
     -------
     Unsettled or None
-        None where all is settled, and where the flights that would tell cannot all be flown.
+        None where all is settled, and where the samples that would tell cannot all be simulated.
+
+    Raises
+    ------
+    ScenarioError
+        When the scenario is not a function of the errors; see `check_repeatable`.
     """
+    check_repeatable(engine, scenario.sizes)
+    model = scenario.linear_model()
     limit = min(LARGEST, SHARE * tolerance)
     if not varied.any():
         return None
     try:
-        differences = (
-            differentiate(prepared.propagate, scenario.sizes) if scenario.own_partials else (scenario.differences)
-        )
+        differences = differentiate(engine.propagate, scenario.sizes) if scenario.own_partials else scenario.differences
     except ScenarioError:  # the class's own derivatives need no flights to either side
         return None
     shares = differences.disagreement(varied)

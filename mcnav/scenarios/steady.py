@@ -19,13 +19,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array, IndexArray
+from mcnav._types import Array
 from mcnav.constants import STANDARD_GRAVITY
 from mcnav.physics.power_sums import PowerSums
-from mcnav.physics.steady.ensemble import simulate_ensemble, simulate_histories
+from mcnav.physics.steady.ensemble import ORDER, simulate_ensemble, simulate_histories
 from mcnav.physics.steady.linearized import linearize
 from mcnav.physics.steady.navigator import Diverged, simulate_indicated
 from mcnav.physics.steady.truth import SteadyFlight, navigation_error
+from mcnav.scenarios.failure import Failure
 from mcnav.scenarios.histories import with_errors
 from mcnav.scenarios.protocol import (
     Engine,
@@ -40,7 +41,7 @@ from mcnav.scenarios.protocol import (
     Source,
     source_labels,
 )
-from mcnav.scenarios.sample_loop import SampleResults, simulate_each
+from mcnav.scenarios.sample_loop import simulate_each
 
 DEGREE: Final = np.pi / 180.0
 
@@ -90,8 +91,14 @@ EPOCHS: Final = 60
 TOLERANCE: Final = 1e-7
 """Largest numerical error of any probe, as a share of the probes' standard deviation in that output."""
 
-FEWEST_STEPS: Final = 64
-MOST_STEPS: Final = 16_384
+FEWEST_STEPS: Final = 12
+MOST_STEPS: Final = 4_096
+
+LONGEST_STEP: Final = 400.0
+"""Longest step of the time history of each error alone, s: a thirteenth of the natural period near the ground."""
+
+REVISION: Final = 2
+"""Counts the changes of the samples' last digits: 1 was a scheme of fourth order."""
 
 HAND_OVER_SHARE: Final = 0.01
 """When more of the probes leave the kernel's validity, the reference path will do most of the work, in processes."""
@@ -125,10 +132,10 @@ class Navigation:
         values, valid = simulate_ensemble(self.flight, self.whole(errors), steps)
         return values[:, self.outputs], valid
 
-    def simulate_reference(self, errors: Array, rows: Iterable[int]) -> SampleResults:
-        """Simulate some rows of errors on the reference path."""
+    def simulate_reference(self, errors: Array, rows: Iterable[int], values: Array) -> dict[int, Failure]:
+        """Simulate some rows of errors by the reference engine; see `simulate_each`."""
         whole, outputs = self.whole(errors), list(self.outputs)
-        return simulate_each(lambda row: simulate_indicated(self.flight, whole[row])[outputs], rows, Diverged)
+        return simulate_each(lambda row: simulate_indicated(self.flight, whole[row])[outputs], rows, values, Diverged)
 
 
 @dataclass(frozen=True)
@@ -142,13 +149,13 @@ class ReferenceEngine:
 
     def propagate(self, errors: Array) -> SimulationResult:
         """Simulate samples, shape (n, sources)."""
-        flown = self.navigation.simulate_reference(errors, range(len(errors)))
-        return flown.outcomes(np.full((len(errors), len(self.navigation.outputs)), np.nan))
+        values = np.empty((len(errors), len(self.navigation.outputs)))
+        return SimulationResult(values, self.navigation.simulate_reference(errors, range(len(errors)), values))
 
 
 @dataclass(frozen=True)
 class EnsembleEngine:
-    """Deviations on a shared grid; a sample beyond its validity is flown by the reference path instead."""
+    """Deviations on a shared grid; the reference engine simulates the samples beyond its validity."""
 
     navigation: Navigation
     steps: int
@@ -159,22 +166,22 @@ class EnsembleEngine:
     def propagate(self, errors: Array) -> SimulationResult:
         """Simulate samples, shape (n, sources)."""
         values, valid = self.navigation.by_ensemble(errors, self.steps)
-        beyond = np.flatnonzero(~valid)
-        return self.navigation.simulate_reference(errors, (int(row) for row in beyond)).outcomes(values, len(beyond))
-
-    @cached_property
-    def _stops(self) -> IndexArray:
-        return np.unique(np.linspace(0, self.steps, EPOCHS).round().astype(np.int64))
+        beyond = np.flatnonzero(~valid).tolist()
+        return SimulationResult(values, self.navigation.simulate_reference(errors, beyond, values), len(beyond))
 
     @property
     def epochs(self) -> Epochs:
-        """Steps of the flight, evenly spaced."""
-        return Epochs(HISTORY_TIME, self.navigation.flight.duration / 60.0 * self._stops / self.steps)
+        """Evenly spaced."""
+        return Epochs(HISTORY_TIME, np.linspace(0.0, self.navigation.flight.duration / 60.0, EPOCHS))
 
     def histories(self, errors: Array) -> Array:
-        """Simulate samples, shape (n, sources): their errors at every epoch, shape (n, m, outputs)."""
+        """Simulate samples, shape (n, sources): their errors at every epoch, shape (n, m, outputs).
+
+        The steps are at least as many as those for final errors, and the same number between all epochs.
+        """
         flight, whole = self.navigation.flight, self.navigation.whole(errors)
-        histories, valid = simulate_histories(flight, whole, self.steps, self._stops)
+        each = -(-self.steps // (EPOCHS - 1))
+        histories, valid = simulate_histories(flight, whole, each * (EPOCHS - 1), each * np.arange(EPOCHS))
         histories[~valid] = np.nan
         return histories[:, :, self.navigation.outputs]
 
@@ -188,13 +195,11 @@ class EnsembleEngine:
 class Cruise:
     """The scenario: steady flight along a great circle, or standing still, and a navigator that goes along.
 
-    Raises
-    ------
-    ScenarioError
-        When nothing holds the vehicle down: at or beyond orbital speed.
+    Raise `ScenarioError` when nothing holds the vehicle down: at or beyond orbital speed.
     """
 
     engines = ("ensemble", "reference")
+    revision = REVISION
 
     def __init__(self, flight: SteadyFlight) -> None:
         if flight.effective_gravity <= 0.0:
@@ -235,7 +240,7 @@ class Cruise:
             return ReferenceEngine(self.navigation)
         steps, error = self._refined(probes)
         accuracy = (
-            f"deviations in cartesian axes, Runge-Kutta order 4, {steps} steps; largest numerical error of "
+            f"deviations in cartesian axes, Runge-Kutta order {ORDER}, {steps} steps; largest numerical error of "
             f"{len(probes)} probe samples {error:.1e} of an output's dispersion"
         )
         ready = EnsembleEngine(self.navigation, steps, accuracy)
@@ -244,7 +249,11 @@ class Cruise:
         return ready
 
     def _refined(self, probes: Array) -> tuple[int, float]:
-        """Find the fewest steps that the probes allow, and their error, as the ensemble of reentry does."""
+        """Find the fewest steps that the probes allow, and their error.
+
+        With twice as many steps, the error of a scheme of order p falls to a share of 2^-p: that of the fewer steps is
+        the difference times ``2^p / (2^p - 1)``.
+        """
 
         def flown(steps: int) -> Array:
             values, valid = self.navigation.by_ensemble(probes, steps)
@@ -256,10 +265,10 @@ class Cruise:
             scale = fine.std(axis=0)
             scale = np.where(scale > 0.0, scale, np.abs(fine).max(axis=0))
             shares = np.abs(coarse - fine).max(axis=0)[scale > 0.0] / scale[scale > 0.0]
-            error = float(shares.max(initial=0.0)) * 16.0 / 15.0
+            error = float(shares.max(initial=0.0)) / (1.0 - 0.5**ORDER)
             if error <= TOLERANCE or steps >= MOST_STEPS:
                 return steps, error
-            wanted = int(np.ceil(1.1 * steps * (error / TOLERANCE) ** 0.25))
+            wanted = int(np.ceil(1.1 * steps * (error / TOLERANCE) ** (1.0 / ORDER)))
             steps = min(max(wanted, steps + 1), MOST_STEPS)
 
     def simulate_one(self, errors: Array) -> History:
@@ -284,11 +293,11 @@ class Cruise:
         labels = source_labels([source.name for source in self.sources], names)
         sizes = np.array([source.nominal for source in self.sources])
         times = np.linspace(0.0, flight.duration, HISTORY_POINTS)
-        steps = MOST_STEPS // 32
-        flown = np.zeros((len(times), len(sizes), len(names)))
-        for number, time in enumerate(times[1:], start=1):
-            shorter = replace(self.navigation, flight=replace(flight, duration=float(time)))
-            flown[number] = shorter.by_ensemble(np.diag(sizes), max(FEWEST_STEPS, steps * number // len(times)))[0]
+        intervals = HISTORY_POINTS - 1
+        each = int(np.ceil(flight.duration / (intervals * LONGEST_STEP)))
+        of_sizes = self.navigation.whole(np.diag(sizes))
+        histories, _ = simulate_histories(flight, of_sizes, each * intervals, each * np.arange(HISTORY_POINTS))
+        flown = histories[:, :, self.navigation.outputs].swapaxes(0, 1)
         columns = {HISTORY_TIME: times / 60.0, "range flown [km]": flight.speed * times / 1e3}
         panels = []
         for name in (name for name in names if not name.endswith("_rate")):

@@ -1,26 +1,12 @@
-"""User-defined scenarios: a class in a Python file.
+"""User-defined scenarios: a class in a Python file, which `mcnav/SCENARIOS.md` describes.
 
-The class declares sources and outputs, and simulates samples:
+The class declares ``sources`` and ``outputs``. ``propagate`` simulates many samples at once, in threads, and must not
+change ``self``; ``fly`` simulates one, in worker processes. Both take and return SI units. Optional attributes are
+``settings``, ``partials``, ``history`` and ``chunk``.
 
-    class Boost:
-        sources = (Source("bias", "m/s^2", "ug", 1e-3), ...)       # name, SI unit, unit shown, usual size in SI
-        outputs = (Output("range", "m", "km"), ...)                # name, SI unit, unit shown
-
-        def propagate(self, errors): ...                           # (n, sources) -> (n, outputs), or
-        def fly(self, errors): ...                                 # (sources,)   -> (outputs,)
-
-``propagate`` simulates many samples at once, in threads, and must not change ``self``; ``fly`` simulates one, in worker
-processes. Both take and return SI units. A sample fails when ``fly`` raises, or when an output is not finite;
-``propagate`` may return a `SimulationResult` with reasons. Optional attributes are
-
-    settings = {"burn_time": "s", "label": str, "trajectory": Path}   # further keys of [scenario], given to __init__
-    def partials(self): ...            # (outputs, sources); default: central differences with automatic steps
-    def history(self): ...             # a `History` of the nominal trajectory for the report
-    chunk = 1000                       # samples in one task of a worker
-
-`mcnav.scenarios.settings` lists the types of settings. The file may import installed packages, but no file in its
-folder. Its text is part of the run's identity, and so are the files that it reads: those that settings name, and those
-that it is seen to open while it is built, linearized and asked for its history (`mcnav.scenarios.inputs`).
+The file may import installed packages, but no file in its folder. Its text is part of the run's identity, and so are
+the files that it reads: those that settings name, and those that it opens while it is built, linearized and asked for
+its history (`mcnav.scenarios.inputs`).
 """
 
 from __future__ import annotations
@@ -83,7 +69,7 @@ class UserScenario:
     def __init__(self, spec: UserScenarioSpec, sizes: Array | None = None) -> None:
         self.spec = spec
         self._object = spec.build_current()
-        self._instance = self._object.instance
+        self._instance = self._object.value
         for attribute, kind in (("sources", Source), ("outputs", Output)):
             _check_entries(f"{spec.name}.{attribute}", getattr(self._instance, attribute, None), kind)
         if not (hasattr(self._instance, "propagate") or hasattr(self._instance, "fly")):
@@ -112,10 +98,7 @@ class UserScenario:
     def inputs(self) -> tuple[InputFile, ...]:
         """Return the files that the scenario reads: those of its settings, and those noticed so far.
 
-        Raises
-        ------
-        ScenarioError
-            When it cannot be linearized, or a file changes meanwhile.
+        Raise `ScenarioError` when it cannot be linearized, or a file changes meanwhile.
         """
         self.linear_model()
         self.history()
@@ -131,10 +114,7 @@ class UserScenario:
     def differences(self) -> DifferencedModel:
         """Partial derivatives by finite differences with automatic steps.
 
-        Raises
-        ------
-        ScenarioError
-            When a simulation that they need fails.
+        Raise `ScenarioError` when a simulation that they need fails.
         """
         with self._object.recording(self.spec.code.file):
             return differentiate(self._engine.propagate, self.sizes)
@@ -142,10 +122,8 @@ class UserScenario:
     def linear_model(self) -> LinearModel:
         """Return the partial derivatives that the class provides, or finite differences; both include the nominal run.
 
-        Raises
-        ------
-        ScenarioError
-            When a simulation that they need fails, or the partial derivatives of the class have the wrong shape.
+        Raise `ScenarioError` when a simulation that they need fails, or the partial derivatives of the class have the
+        wrong shape.
         """
         return self._linear if self.own_partials else self.differences.model
 
@@ -170,10 +148,7 @@ class UserScenario:
     def engine(self, engine: str, probes: Array) -> Engine:
         """Return the only engine. Probes are not simulated here: only a worker may be ended by a sample.
 
-        Raises
-        ------
-        ScenarioError
-            When the nominal run fails.
+        Raise `ScenarioError` when the nominal run fails.
         """
         self.linear_model()
         if self.own_partials:
@@ -188,10 +163,7 @@ class UserScenario:
     def history(self) -> History:
         """Return the history that the class provides, or an empty one.
 
-        Raises
-        ------
-        ScenarioError
-            When it is not a valid history.
+        Raise `ScenarioError` when it is not a valid history.
         """
         return self._history if hasattr(self._instance, "history") else History()
 

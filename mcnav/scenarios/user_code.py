@@ -24,7 +24,6 @@ CACHE_SIZE: Final = 32
 """Classes, and objects, that a process keeps."""
 
 Key = TypeVar("Key")
-Entry = TypeVar("Entry")
 
 
 @dataclass(frozen=True)
@@ -42,37 +41,24 @@ class SourceFile:
     def load_class(self, name: str) -> type:
         """Execute the file and return one of its classes.
 
-        Raises
-        ------
-        ScenarioError
-            When the file cannot be executed, or has no such class.
+        Raise `ScenarioError` when the file cannot be executed, or has no such class.
         """
-        return _load_class(self, name).kind
+        kind: type = _load_class(self, name).value
+        return kind
 
 
 @dataclass(frozen=True)
-class LoadedClass:
-    """A user's class, and the files that were read when its file was executed."""
+class Loaded:
+    """A user's class or an object of it, and the files that it has read so far, by path."""
 
-    kind: type
-    inputs: Mapping[str, InputFile]
-
-
-@dataclass(frozen=True)
-class UserObject:
-    """An object of a user's class, and the files that it has read so far, by path."""
-
-    instance: Any
+    value: Any
     inputs: dict[str, InputFile]
 
     @contextmanager
     def recording(self, code: str) -> Iterator[None]:
         """Record the files that the object reads.
 
-        Raises
-        ------
-        ScenarioError
-            When a file changes while it is being read, or is not a regular file.
+        Raise `ScenarioError` when a file changes while it is being read, or is not a regular file.
         """
         with record_opened_files() as opened:
             try:
@@ -103,42 +89,33 @@ class UserScenarioSpec:
     settings: tuple[tuple[str, Value], ...]
     read: tuple[tuple[str, str], ...] = ()
 
-    def build(self) -> UserObject:
-        """Return the object, built once in each process.
-
-        Raises
-        ------
-        ScenarioError
-            When it cannot be built.
-        """
+    def build(self) -> Loaded:
+        """Return the object, built once in each process; `ScenarioError` when it cannot be built."""
         return _objects.get(self) or self.build_current()
 
-    def build_current(self) -> UserObject:
+    def build_current(self) -> Loaded:
         """Return the object, built again when a file that it read has changed.
 
-        Raises
-        ------
-        ScenarioError
-            When it cannot be built.
+        Raise `ScenarioError` when it cannot be built.
         """
         known = _objects.get(self)
         if known is not None and _unchanged(known.inputs) and all(file.unchanged for file in self.declared):
             return known
         loaded = _load_class(self.code, self.name)
-        found = UserObject(None, dict(loaded.inputs))
-        with found.recording(self.code.file):
+        built = Loaded(None, dict(loaded.inputs))
+        with built.recording(self.code.file):
             try:
-                instance = loaded.kind(**{name: to_argument(value) for name, value in self.settings})
+                instance = loaded.value(**{name: to_argument(value) for name, value in self.settings})
             except (Exception, SystemExit) as failure:
                 message = f"{self.name} cannot be made: {format_exception(failure, self.code.file)}"
                 raise ScenarioError("type", message) from failure
-        return _cache(_objects, self, replace(found, instance=instance))
+        return _cache(_objects, self, replace(built, value=instance))
 
-    def pinned(self, found: UserObject) -> UserScenarioSpec:
+    def pinned(self, built: Loaded) -> UserScenarioSpec:
         """Add the contents that an object has read, so that this process takes no other object for it."""
-        read = tuple((path, file.digest) for path, file in sorted(found.inputs.items()))
+        read = tuple((path, file.digest) for path, file in sorted(built.inputs.items()))
         spec = replace(self, read=read)
-        _cache(_objects, spec, found)
+        _cache(_objects, spec, built)
         return spec
 
     @property
@@ -147,11 +124,11 @@ class UserScenarioSpec:
         return tuple(value for _, value in self.settings if isinstance(value, InputFile))
 
 
-_classes: dict[tuple[SourceFile, str], LoadedClass] = {}
-_objects: dict[UserScenarioSpec, UserObject] = {}
+_classes: dict[tuple[SourceFile, str], Loaded] = {}
+_objects: dict[UserScenarioSpec, Loaded] = {}
 
 
-def _cache(entries: dict[Key, Entry], key: Key, entry: Entry) -> Entry:
+def _cache(entries: dict[Key, Loaded], key: Key, entry: Loaded) -> Loaded:
     """Store an entry; the oldest is dropped when there are `CACHE_SIZE`."""
     while len(entries) >= CACHE_SIZE and key not in entries:
         entries.pop(next(iter(entries)), None)
@@ -163,7 +140,7 @@ def _unchanged(inputs: Mapping[str, InputFile]) -> bool:
     return all(file.unchanged for file in tuple(inputs.values()))
 
 
-def _load_class(code: SourceFile, name: str) -> LoadedClass:
+def _load_class(code: SourceFile, name: str) -> Loaded:
     known = _classes.get((code, name))
     if known is not None and _unchanged(known.inputs):
         return known
@@ -184,4 +161,4 @@ def _load_class(code: SourceFile, name: str) -> LoadedClass:
         classes = [value.__name__ for value in defined if value.__module__ == module.__name__]
         listed = f"; it has {', '.join(classes)}" if classes else ""
         raise ScenarioError("type", f"{code.file} has no class {name}{listed}")
-    return _cache(_classes, (code, name), LoadedClass(found, find_inputs(opened, code.file)))
+    return _cache(_classes, (code, name), Loaded(found, find_inputs(opened, code.file)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.scenarios.failure import Failure, Reason
 from mcnav.scenarios.protocol import SimulationResult
-from mcnav.scenarios.sample_loop import SampleFailed, simulate_each
+from mcnav.scenarios.sample_loop import simulate_alone, simulate_each
 from mcnav.scenarios.timeouts import SampleTimeout, within_limit
 from mcnav.scenarios.user_code import UserScenarioSpec
 
@@ -28,26 +28,24 @@ class UserEngine:
 
     def propagate(self, errors: Array) -> SimulationResult:
         """Simulate samples, shape (n, sources), SI."""
-        instance = self.spec.build().instance
-        if hasattr(instance, "propagate"):
-            try:
-                return self._result(within_limit(lambda: instance.propagate(errors.copy())), len(errors))
-            except MemoryError:
-                raise
-            except (Exception, SystemExit, SampleTimeout):  # simulating each sample alone finds the one at fault
-                return self._simulate_each(lambda row: self._simulate_alone(instance, row), errors)
-        return self._simulate_each(lambda row: _check_row(instance.fly(row), self.outputs), errors)
+        instance, file = self.spec.build().value, self.spec.code.file
+        if not hasattr(instance, "propagate"):
+            values = np.empty((len(errors), self.outputs))
+            failures = simulate_each(
+                lambda row: _check_row(instance.fly(errors[row].copy()), self.outputs),
+                range(len(errors)), values, file=file,
+            )  # fmt: skip
+            return SimulationResult(values, failures)
 
-    def _simulate_alone(self, instance: Any, row: Array) -> Array:
-        result = self._result(instance.propagate(row[None, :]), 1)
-        if result.failures:
-            raise SampleFailed(result.failures[0])
-        return np.asarray(result.values[0])
+        def propagate(errors: Array) -> SimulationResult:
+            return self._result(instance.propagate(errors), len(errors))
 
-    def _simulate_each(self, simulate: Callable[[Array], Array], errors: Array) -> SimulationResult:
-        file = self.spec.code.file
-        found = simulate_each(lambda row: simulate(errors[row].copy()), range(len(errors)), file=file)
-        return found.outcomes(np.full((len(errors), self.outputs), np.nan))
+        try:
+            return within_limit(lambda: propagate(errors.copy()))
+        except MemoryError:
+            raise
+        except (Exception, SystemExit, SampleTimeout):
+            return simulate_alone(propagate, errors, self.outputs, file)
 
     def _result(self, returned: Any, count: int) -> SimulationResult:
         """Check what ``propagate`` returned, and give every row without finite outputs a reason."""

@@ -10,17 +10,16 @@ import base64
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-import pyarrow as pa
 import pyarrow.parquet as pq
 
 from mcnav._types import Array
-from mcnav.files import arrow_table
+from mcnav.files import arrow_table, parquet_bytes
 from mcnav.physics.power_sums import PowerSums
-from mcnav.scenarios.protocol import Engine, Epochs, Output, TimeHistoryEngine
-from mcnav.store.parts import Part
+from mcnav.scenarios.protocol import Epochs, Output
+from mcnav.store.chunk_files import ChunkFile
 
 MARK: Final = "mcnav.histories"
 PERCENTILES: Final = (1.0, 5.0, 50.0, 95.0, 99.0)
@@ -30,17 +29,7 @@ STORED: Final = 2_000
 """Samples whose histories are stored in full: the first of the campaign."""
 
 
-def history_sums(engine: Engine, errors: Array) -> PowerSums | None:
-    """Compute power sums of samples, shape (n, sources), at every epoch; none where the engine has no histories."""
-    return engine.history_sums(errors) if isinstance(engine, TimeHistoryEngine) else None
-
-
-def add_power_sums(one: PowerSums | None, other: PowerSums | None) -> PowerSums | None:
-    """Add the power sums of two sets of samples."""
-    return one + other if one is not None and other is not None else one or other
-
-
-def history_marks_of(power_sums: PowerSums | None) -> dict[str, str]:
+def history_marks(power_sums: PowerSums | None) -> dict[str, str]:
     """Encode power sums as metadata of a chunk's file."""
     if power_sums is None:
         return {}
@@ -48,19 +37,11 @@ def history_marks_of(power_sums: PowerSums | None) -> dict[str, str]:
     return {MARK: base64.b64encode(numbers.tobytes()).decode()}
 
 
-def history_marks(engine: Engine, errors: Array) -> dict[str, str]:
-    """Encode the power sums of a chunk's samples, shape (n, sources)."""
-    return history_marks_of(history_sums(engine, errors))
-
-
-def read_power_sums(engine: Engine, folder: Path, parts: Sequence[Part]) -> PowerSums | None:
-    """Read the power sums of all samples in order of index; none where the engine has no histories."""
-    if not isinstance(engine, TimeHistoryEngine):
-        return None
-    pivot = engine.history_sums(np.zeros((0, 1))).pivot
+def read_power_sums(pivot: Array, folder: Path, chunks: Sequence[ChunkFile]) -> PowerSums | None:
+    """Add up the power sums of chunks in order of index, about a pivot of shape (m, outputs); none without any."""
     total = None
-    for part in sorted(parts, key=lambda part: part.begin):
-        text = (pq.read_schema(folder / part.file).metadata or {}).get(MARK.encode())
+    for chunk in chunks:
+        text = (pq.read_schema(folder / chunk.file).metadata or {}).get(MARK.encode())
         if text is not None:
             numbers = np.frombuffer(base64.b64decode(text), dtype="<f8")
             sums = PowerSums(int(numbers[-1]), pivot, numbers[:-1].reshape(len(pivot), -1).astype(float))
@@ -68,21 +49,18 @@ def read_power_sums(engine: Engine, folder: Path, parts: Sequence[Part]) -> Powe
     return total
 
 
-def histories_table(epochs: Epochs, outputs: Sequence[Output], histories: Array) -> pa.Table:
+def histories_table(epochs: Epochs, outputs: Sequence[Output], histories: Array) -> bytes:
     """Tabulate histories of samples, shape (n, m, outputs): a row for each sample and epoch, NaN where unknown."""
     count, instants, _ = histories.shape
-    columns: dict[str, Any] = {
-        "index": np.repeat(np.arange(count), instants),
-        epochs.label: np.tile(epochs.times, count),
-    }
+    columns = {"index": np.repeat(np.arange(count), instants), epochs.label: np.tile(epochs.times, count)}
     for number, output in enumerate(outputs):
         columns[f"{output.name} [{output.unit}]"] = histories[:, :, number].ravel()
-    return arrow_table(columns)
+    return parquet_bytes(arrow_table(columns))
 
 
 def epochs_table(
     epochs: Epochs, outputs: Sequence[Output], sums: PowerSums, linear: tuple[Array, Array], histories: Array
-) -> pa.Table:
+) -> bytes:
     """Tabulate moments of all samples, linear moments and percentiles of the stored histories at every epoch.
 
     Columns, for each output: ``mean``, ``sigma``, ``third``, ``fourth`` (central moments), ``linear mean``, ``linear
@@ -96,12 +74,10 @@ def epochs_table(
     """
     covariance, third, fourth = sums.covariance, sums.third, sums.fourth
     complete = histories[np.isfinite(histories).all(axis=(1, 2))]
-    ranked = (
-        np.percentile(complete, PERCENTILES, axis=0)
-        if len(complete)
-        else np.full((len(PERCENTILES), *third.shape), np.nan)
-    )
-    columns: dict[str, Any] = {epochs.label: epochs.times}
+    ranked = np.full((len(PERCENTILES), *third.shape), np.nan)
+    if len(complete):
+        ranked = np.percentile(complete, PERCENTILES, axis=0)
+    columns = {epochs.label: epochs.times}
     for i, output in enumerate(outputs):
         name, unit = output.name, output.unit
         columns[f"mean {name} [{unit}]"] = sums.mean[:, i]
@@ -117,4 +93,4 @@ def epochs_table(
             unit = f"({other.unit})({one.unit})"
             columns[f"covariance {other.name}, {one.name} [{unit}]"] = covariance[:, i, j]
     described = {"events": dict(epochs.events), "samples": sums.count, "stored": len(complete)}
-    return arrow_table(columns).replace_schema_metadata({"mcnav.epochs": json.dumps(described)})
+    return parquet_bytes(arrow_table(columns).replace_schema_metadata({"mcnav.epochs": json.dumps(described)}))

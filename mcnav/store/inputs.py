@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from mcnav.errors import RunFolderError, shortened
+from mcnav.errors import RunFolderError
 from mcnav.scenarios.inputs import InputFile
 from mcnav.store.manifest import FileRecord
 
 INPUTS: Final = "inputs"
-"""Folder of a run in which the files that its scenario reads are kept."""
+"""Folder of a run with copies of the files that its scenario reads."""
 
-LARGEST_KEPT: Final = 1_000_000
-"""Bytes of a file that is kept; of a larger one only its digest is."""
+LARGEST_COPY: Final = 1_000_000
+"""Bytes of a file that is copied; of a larger one only the digest is stored."""
 
 
 def file_records(files: Sequence[InputFile]) -> tuple[FileRecord, ...]:
     """List files as the manifest does."""
     return tuple(
         FileRecord(
-            name=file.name, bytes=file.size, sha256=file.digest, kept=file.size <= LARGEST_KEPT, setting=file.setting
+            name=file.name, bytes=file.size, sha256=file.digest, copied=file.size <= LARGEST_COPY, setting=file.setting
         )
         for file in files
     )
@@ -48,11 +48,3 @@ def _refuse(files: Sequence[InputFile], remedy: str) -> None:
             gone = not Path(file.path).exists()
             what = f"is gone, or not to be seen from {platform.node()}" if gone else "has changed"
             raise RunFolderError(f"{file.path}: {what}; {remedy}")
-
-
-def changed_since(before: Mapping[str, str], now: Mapping[str, str]) -> str | None:
-    """Name the first file that differs between two runs, and how; none when none does."""
-    for name in sorted(before.keys() | now.keys()):
-        if before.get(name) != now.get(name):
-            return shortened(f"{name} was {before.get(name, 'absent')}, is {now.get(name, 'absent')}")
-    return None

@@ -28,7 +28,7 @@ from pydantic_core import CoreSchema, core_schema
 from mcnav._types import Array
 from mcnav.files import to_json
 from mcnav.sampling.designs import DESIGNS, SamplingDesign
-from mcnav.store.parts import MOST_SAMPLES, Count, Digest, Part, Words
+from mcnav.store.chunk_files import MOST_SAMPLES, ChunkFile, Count, Digest, Words
 
 FORMAT: Final = 1
 """Counts the changes after which an earlier program cannot read a manifest."""
@@ -68,11 +68,11 @@ class ManifestError(ValueError):
 class Record(BaseModel):
     """A table of the manifest."""
 
-    model_config = ConfigDict(extra="ignore", frozen=True, strict=True)
+    model_config = ConfigDict(extra="ignore", frozen=True, strict=True, populate_by_name=True)
 
     def to_json(self) -> dict[str, Any]:
         """Return the fields that were set, as JSON holds them."""
-        return dict(to_json(self.model_dump(exclude_unset=True)))
+        return dict(to_json(self.model_dump(exclude_unset=True, by_alias=True)))
 
 
 class Variable(Record):
@@ -92,15 +92,7 @@ class PartialsRecord(Record):
 
 
 class ModelRecord(Record):
-    """The linear model, SI, and what further simulations add to it (`mcnav.lincov.corrections`).
-
-    Attributes
-    ----------
-    partials : ndarray, shape (outputs, sources)
-    nominal : ndarray, shape (outputs,)
-    start_mean : ndarray, shape (sources,)
-    start_covariance : ndarray, shape (sources, sources)
-    """
+    """The linear model, SI, and what further simulations add to it (`mcnav.lincov.nonlinear_corrections`)."""
 
     sources: Annotated[tuple[Variable, ...], Field(min_length=1, max_length=1_000)]
     outputs: Annotated[tuple[Variable, ...], Field(min_length=1, max_length=1_000)]
@@ -118,11 +110,8 @@ class ModelRecord(Record):
     @model_validator(mode="after")
     def _shapes(self) -> Self:
         rows, columns = len(self.outputs), len(self.sources)
-        shapes = {
-            "partials": (rows, columns), "nominal": (rows,), "start_mean": (columns,),
-            "start_covariance": (columns, columns),
-        }  # fmt: skip
-        for name, shape in shapes.items():
+        shapes = (rows, columns), (rows,), (columns,), (columns, columns)
+        for name, shape in zip(("partials", "nominal", "start_mean", "start_covariance"), shapes, strict=True):
             if getattr(self, name).shape != shape:
                 raise ValueError(f"{name}: is not of the shape that {rows} outputs and {columns} sources ask for")
         return self
@@ -153,24 +142,25 @@ class CodeRecord(Record):
 
 
 class FileRecord(Record):
-    """A file that the scenario reads; ``kept`` when the run folder has a copy, ``setting`` when a key names it."""
+    """A file that the scenario reads; ``copied`` when the run folder has a copy, ``setting`` when a key names it."""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_+-][A-Za-z0-9_ .+-]{0,199}$")]
     bytes: Annotated[int, Field(ge=0)]
     sha256: Digest
-    kept: bool
+    copied: Annotated[bool, Field(alias="kept")]
     setting: Words | None = None
 
 
 class Identity(Record):
     """What a run's numbers depend on; see `mcnav.execution.identity`."""
 
-    model_config = ConfigDict(extra="allow", frozen=True, strict=True)
+    model_config = ConfigDict(extra="allow")
 
     campaign: dict[str, Any]
     engine: Words
     versions: dict[str, Words]
     chunks: int | None = None
+    revision: int | None = None
     code: CodeRecord | None = None
     files: dict[Words, Digest] = {}
 
@@ -211,7 +201,10 @@ class UnsettledRecord(Record):
 
 
 class Manifest(Record):
-    """A run: what it was asked for, what it depends on, its linear model and its parts."""
+    """A run: what it was asked for, what it depends on, its linear model and its chunks.
+
+    Keys of the file that have other names are those of the first version.
+    """
 
     format: Literal[FORMAT] = FORMAT  # type: ignore[valid-type]
     campaign: Words
@@ -228,24 +221,24 @@ class Manifest(Record):
     long_tailed: tuple[Words, ...] = ()
     normal: bool = True
     store: Annotated[str, Field(pattern="^(samples|summary)$")] = "samples"
-    kept: Count | None = None
+    stored_rows: Annotated[Count | None, Field(alias="kept")] = None
     unsettled: UnsettledRecord | None = None
     model: ModelRecord
     complete: bool = False
-    parts: tuple[Part, ...] = ()
+    chunks: Annotated[tuple[ChunkFile, ...], Field(alias="parts")] = ()
     files: tuple[FileRecord, ...] = ()
     stopping: StoppingRecord | None = None
-    flight: ExecutionRecord | None = None
+    execution: Annotated[ExecutionRecord | None, Field(alias="flight")] = None
 
     @model_validator(mode="after")
     def _finished(self) -> Self:
         if not self.complete:
             return self
-        begins, ends = [part.begin for part in self.parts], [part.end for part in self.parts]
+        begins, ends = [chunk.begin for chunk in self.chunks], [chunk.end for chunk in self.chunks]
         in_order = begins == [0, *ends[:-1]] and all(begin < end for begin, end in zip(begins, ends, strict=True))
         if not in_order or ends[-1:] != [self.samples]:
             raise ValueError(f"parts: do not hold the samples from 0 to {self.samples - 1} in order")
-        if self.flight is None:
+        if self.execution is None:
             raise ValueError("flight: is missing")
         return self
 
@@ -253,10 +246,7 @@ class Manifest(Record):
     def from_json(cls, content: Mapping[str, Any]) -> Manifest:
         """Read the content of ``manifest.json``.
 
-        Raises
-        ------
-        ManifestError
-            Naming the first entry that is not as this program writes it.
+        Raise `ManifestError` naming the first entry that is not as this program writes it.
         """
         if content.get("format", FORMAT) != FORMAT:
             raise ManifestError(f"format: got {str(content['format'])[:20]!r}; this version reads format {FORMAT}")

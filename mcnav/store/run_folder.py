@@ -4,8 +4,8 @@
 errors throughout the flight ``epochs.parquet`` and ``histories.parquet``, ``summary.json``, ``report.html``, and the
 Python file of a scenario of the user's own, which only ``mcnav run`` on the campaign beside it ever executes, with the
 small files that it reads in ``inputs/``. A file is written under a temporary name and renamed when it is complete, so
-that a file that is there is whole. A part carries the identity of its run and its place in it; it is believed by its
-content, not because the manifest mentions it.
+that a file that is there is whole. The file of a chunk has the identity of its run and its place in it; it is verified
+by its content, not because the manifest lists it.
 """
 
 from __future__ import annotations
@@ -30,20 +30,29 @@ from mcnav.files import arrow_table, is_temporary, numbers_in, parquet_bytes, re
 from mcnav.scenarios.histories import check_history
 from mcnav.scenarios.inputs import InputFile
 from mcnav.scenarios.protocol import History, Panel
-from mcnav.store.inputs import INPUTS, LARGEST_KEPT
+from mcnav.store.chunk_files import (
+    LARGEST_CHUNK,
+    MOST_ROWS,
+    ChunkFile,
+    Samples,
+    SampleSchema,
+    in_order,
+    put,
+    room_for,
+    table_from,
+)
+from mcnav.store.inputs import INPUTS, LARGEST_COPY
 from mcnav.store.manifest import FileRecord, Manifest, ManifestError, json_digest
-from mcnav.store.parts import LARGEST_PART, MOST_ROWS, Part, Samples, SampleSchema, in_order, put, room_for, table_from
 
 CAMPAIGN, MANIFEST, SUMMARY, REPORT = "campaign.toml", "manifest.json", "summary.json", "report.html"
 HISTORY, SAMPLES, LOCK = "history.parquet", "samples", ".lock"
 EPOCHS, HISTORIES = "epochs.parquet", "histories.parquet"
+FILES: Final = (MANIFEST, SUMMARY, REPORT, HISTORY, EPOCHS, HISTORIES, CAMPAIGN)
 TABLES: Final = "tables"
-"""Folder of a run in which the tables of its campaign are kept."""
+"""Folder of a run with the tables of its campaign."""
 
 LARGEST_JSON: Final = 64_000_000
 """Bytes of a manifest or summary; a quarter of a million chunks."""
-
-NOT_EACH_ONCE: Final = "does not hold each sample once, in order, with its status"
 
 READERS: Final = 2
 """Threads that read and verify sample files."""
@@ -56,18 +65,22 @@ def _as_text(content: Mapping[str, Any]) -> bytes:
     return (json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
-def _rows_of(part: Part, kept: int | None) -> int:
-    """Count the rows of a part, of samples below ``kept`` where only these have rows."""
-    return part.end - part.begin if kept is None else max(min(part.end, kept) - part.begin, 0)
+def _rows_of(chunk: ChunkFile, stored_rows: int | None) -> int:
+    """Count the rows of a chunk, of samples below ``stored_rows`` where only these have rows."""
+    return chunk.end - chunk.begin if stored_rows is None else max(min(chunk.end, stored_rows) - chunk.begin, 0)
+
+
+@contextmanager
+def _reading(path: Path, fault: str) -> Iterator[None]:
+    """Convert errors of a file that is missing or damaged into `RunFolderError`."""
+    try:
+        yield
+    except (OSError, pa.ArrowException, LookupError, TypeError, ValueError, AttributeError, RecursionError) as failure:
+        raise RunFolderError(f"{path}: {fault}; run the campaign again") from failure
 
 
 class RunFolder:
-    """One run folder.
-
-    Parameters
-    ----------
-    path : Path
-    """
+    """One run folder."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -76,19 +89,15 @@ class RunFolder:
     def lock(self) -> Iterator[None]:
         """Hold the folder's lock; it is freed by the end of the process, however it ends.
 
-        Raises
-        ------
-        RunFolderBusy
-            When another process holds it.
-        RunFolderError
-            When the folder cannot be made or written to.
+        Raise `RunFolderBusy` when another process holds it; `RunFolderError` when the folder cannot be made or written
+        to.
         """
         lock = filelock.FileLock(self.path / LOCK)
-        linked = [place for place in (self.path / LOCK, self.parts, *self._folders) if place.is_symlink()]
+        linked = [place for place in (self.path / LOCK, self.chunk_folder, *self._folders) if place.is_symlink()]
         if linked:
             raise RunFolderError(f"{linked[0]}: is a link to somewhere else, which no run makes; remove it")
         try:
-            (self.parts).mkdir(parents=True, exist_ok=True)
+            self.chunk_folder.mkdir(parents=True, exist_ok=True)
             lock.acquire(timeout=0)
         except filelock.Timeout:
             raise RunFolderBusy(f"{self.path}: another mcnav is writing here; wait for it, or choose --out") from None
@@ -104,10 +113,7 @@ class RunFolder:
     def manifest(self) -> Manifest | None:
         """Read the manifest; none when nothing has been run here.
 
-        Raises
-        ------
-        RunFolderError
-            When the manifest is damaged, or of a format that this version does not read.
+        Raise `RunFolderError` when the manifest is damaged, or of a format that this version does not read.
         """
         remedy = "run the campaign again to mend it"
         content = self._json(MANIFEST, remedy)
@@ -155,13 +161,7 @@ class RunFolder:
         self.write_json(MANIFEST, content | {"checksum": json_digest(content)})
 
     def summary(self) -> dict[str, Any]:
-        """Read the analysed results.
-
-        Raises
-        ------
-        RunFolderError
-            When there are none, or they are not those of the run.
-        """
+        """Read the analysed results; `RunFolderError` when there are none, or they are not those of the run."""
         remedy = "run mcnav report on the folder"
         summary, manifest = self._json(SUMMARY, remedy), self.manifest()
         if summary is None or manifest is None:
@@ -198,53 +198,53 @@ class RunFolder:
         self.write(name, _as_text(to_json(content)))
 
     def write(self, name: str, content: bytes) -> None:
-        """Write a file of this folder, whole.
-
-        Raises
-        ------
-        RunFolderError
-            When the disk refuses it.
-        """
+        """Write a file of this folder, whole; `RunFolderError` when the disk refuses it."""
         try:
+            (self.path / name).parent.mkdir(exist_ok=True)
             write_whole(self.path / name, content)
         except OSError as failure:
             raise RunFolderError(f"{self.path / name}: cannot be written: {failure.strerror or failure}") from None
 
-    def write_tables(self, tables: Mapping[str, bytes]) -> None:
-        """Store the tables that the campaign file reads."""
-        if tables:
-            (self.path / TABLES).mkdir(exist_ok=True)
-        for name, content in tables.items():
-            self.write(name, content)
+    def begin(
+        self, manifest: Manifest, history: History, files: Mapping[str, bytes], inputs: Sequence[InputFile]
+    ) -> None:
+        """Write what is known before samples are simulated.
 
-    def write_inputs(self, files: Sequence[InputFile]) -> None:
-        """Keep copies of the files that the scenario reads, but for large ones.
+        Parameters
+        ----------
+        files : mapping of str to bytes
+            The campaign, its tables and the user's code, by their path in the folder.
+        inputs : sequence of InputFile
+            Files that the scenario reads; all but large ones are copied.
 
         Raises
         ------
         RunFolderError
-            When one has changed meanwhile, or the disk refuses it.
+            When an input has changed meanwhile, or the disk refuses a file.
         """
-        for file in files:
-            if file.size > LARGEST_KEPT:
-                continue
-            try:
-                content = read_whole(Path(file.path), LARGEST_KEPT)
-            except OSError as failure:
-                raise RunFolderError(f"{file.path}: cannot be read: {failure.strerror or failure}") from None
-            if hashlib.sha256(content).hexdigest() != file.digest:
-                raise RunFolderError(f"{file.path}: changed while the run began; run the campaign again")
-            try:
-                (self.path / INPUTS).mkdir(exist_ok=True)
-            except OSError as failure:
-                raise RunFolderError(f"{self.path / INPUTS}: cannot be made: {failure.strerror or failure}") from None
-            self.write(f"{INPUTS}/{file.name}", content)
+        marks = {
+            "mcnav.events": json.dumps(dict(history.events)),
+            "mcnav.panels": json.dumps([asdict(panel) for panel in history.panels]),
+        }
+        for name, content in files.items():
+            self.write(name, content)
+        self.write(HISTORY, parquet_bytes(arrow_table(history.columns).replace_schema_metadata(marks)))
+        self.write_manifest(manifest)
+        for file in inputs:
+            if file.size <= LARGEST_COPY:
+                self.write(f"{INPUTS}/{file.name}", _content_of(file))
 
-    def kept_input(self, record: FileRecord) -> Path | None:
+    def finish(self, manifest: Manifest, files: Mapping[str, bytes]) -> None:
+        """Write files by name, then the manifest of the complete run."""
+        for name, content in files.items():
+            self.write(name, content)
+        self.write_manifest(manifest)
+
+    def copy_of(self, record: FileRecord) -> Path | None:
         """Return the copy of a file that a manifest lists; none when there is none with that content."""
         path = self.path / INPUTS / record.name
         try:
-            content = read_whole(path, LARGEST_KEPT)
+            content = read_whole(path, LARGEST_COPY)
         except OSError:
             return None
         return path if hashlib.sha256(content).hexdigest() == record.sha256 else None
@@ -256,7 +256,7 @@ class RunFolder:
 
     def foreign(self) -> list[str]:
         """Names in the folder that no run writes."""
-        own = {CAMPAIGN, MANIFEST, SUMMARY, REPORT, HISTORY, EPOCHS, HISTORIES, SAMPLES, TABLES, INPUTS, LOCK}
+        own = {*FILES, SAMPLES, TABLES, INPUTS, LOCK}
         if not self.path.is_dir():
             return []
         names = (entry.name for entry in self.path.iterdir())
@@ -264,179 +264,136 @@ class RunFolder:
 
     def clear(self, needed: Sequence[Path] = ()) -> None:
         """Delete what a run wrote here, and nothing else; copies of inputs stay where the next run reads them."""
-        self._clear_code()
-        self._clear_inputs({path.resolve() for path in needed})
-        for name in (MANIFEST, SUMMARY, REPORT, HISTORY, EPOCHS, HISTORIES, CAMPAIGN):
+        self._clear_copies({path.resolve() for path in needed})
+        for name in FILES:
             (self.path / name).unlink(missing_ok=True)
-        for part in (self.parts).glob("part-*.parquet"):
-            part.unlink()
-        for written in self.path.glob("replay_*"):
-            if _REPLAY.fullmatch(written.name):
-                written.unlink()
-        for table in (self.path / TABLES).glob("*.csv"):
-            table.unlink()
+        replays = (path for path in self.path.glob("replay_*") if _REPLAY.fullmatch(path.name))
+        for path in (*self.chunk_folder.glob("part-*.parquet"), *(self.path / TABLES).glob("*.csv"), *replays):
+            path.unlink()
 
-    def _clear_code(self) -> None:
-        """Delete the copy of the user's own file, if it is still what the run wrote."""
-        try:
-            manifest = self.manifest()
-            code = None if manifest is None else manifest.identity.code
-            if code is None:
-                return
-            path = self.path / Path(code.file).name
-            if path.suffix == ".py" and hashlib.sha256(path.read_bytes()).hexdigest() == code.sha256:
-                path.unlink()
-        except (RunFolderError, OSError, ValueError):
-            return
-
-    def _clear_inputs(self, needed: Set[Path]) -> None:
-        """Delete the copies of files that the scenario read, if they are still what the run wrote."""
+    def _clear_copies(self, needed: Set[Path]) -> None:
+        """Delete the copies of the user's code and of inputs, if they are still what the run wrote."""
         try:
             manifest = self.manifest()
         except RunFolderError:
             return
-        for record in () if manifest is None else manifest.files:
-            path = self.kept_input(record)
-            if path is not None and path.resolve() not in needed:
-                path.unlink()
+        if manifest is None:
+            return
+        code = manifest.identity.code
+        if code is not None:
+            path = self.path / Path(code.file).name
+            with suppress(OSError, ValueError):
+                if path.suffix == ".py" and hashlib.sha256(path.read_bytes()).hexdigest() == code.sha256:
+                    path.unlink()
+        for record in manifest.files:
+            copy = self.copy_of(record)
+            if copy is not None and copy.resolve() not in needed:
+                copy.unlink()
         with suppress(OSError):
             (self.path / INPUTS).rmdir()  # unless there is something else in it
 
     def remove_partial_files(self) -> None:
         """Delete what a killed process left half written."""
-        for place in (self.path, self.parts, *self._folders):
+        for place in (self.path, self.chunk_folder, *self._folders):
             for entry in place.glob(".*.tmp"):
                 if is_temporary(entry.name):
                     entry.unlink()
 
     @property
-    def parts(self) -> Path:
-        """Where the sample files are."""
+    def chunk_folder(self) -> Path:
+        """Folder of the files of samples."""
         return self.path / SAMPLES
 
-    def table(self, manifest: Manifest) -> pa.Table:
-        """Read all samples of a finished run in order, every part verified.
-
-        Raises
-        ------
-        RunFolderError
-            When a part is missing, or its content is not what the manifest says.
-        """
-        self._refuse_strangers(manifest)
-        with ThreadPoolExecutor(READERS) as readers:
-            tables = list(readers.map(lambda part: self._verified(part, manifest.kept), manifest.parts))
-        try:
-            whole = pa.concat_tables(tables)
-            ordered = in_order(whole)
-        except (pa.ArrowException, KeyError):
-            raise RunFolderError(f"{self.parts}: the chunks do not have the same columns") from None
-        if not ordered:
-            raise RunFolderError(f"{self.parts}: {NOT_EACH_ONCE}")
-        return whole
-
     def samples(self, manifest: Manifest) -> Samples:
-        """As `table`, as arrays, also of a run that goes on; each part is in memory only while it is copied."""
+        """Read all samples in order, every file verified, also of a run that goes on.
+
+        A file is in memory only while it is copied.
+
+        Raise `RunFolderError` when a file is missing, or its content is not what the manifest says.
+        """
+        chunks, stored_rows, folder = manifest.chunks, manifest.stored_rows, self.chunk_folder
+        present = sorted(folder.iterdir())
         if manifest.complete:
-            self._refuse_strangers(manifest)
-        parts, kept = manifest.parts, manifest.kept
+            _refuse_strangers(present, {chunk.file for chunk in chunks})
         layout = SampleSchema.of(manifest.model.sources, manifest.model.outputs)
-        rows = [_rows_of(part, kept) for part in parts]
-        begins = list(accumulate(rows, initial=0))
-        sizes = [found.stat().st_size for found in self.parts.iterdir()]
-        if begins[-1] > MOST_ROWS * sum(sizes) and len(sizes) >= len(parts):
+        begins = list(accumulate((_rows_of(chunk, stored_rows) for chunk in chunks), initial=0))
+        if begins[-1] > MOST_ROWS * sum(found.stat().st_size for found in present) and len(present) >= len(chunks):
             raise ValueError("it claims to have more samples than there is room for")
         samples = room_for(begins[-1], layout)
 
-        def read(part: Part, begin: int) -> bool:
-            table = self._verified(part, kept)
+        def read(chunk: ChunkFile, begin: int) -> bool:
+            table = _verified(folder / chunk.file, chunk, stored_rows)
             try:
                 put(table, layout, samples, begin)
                 return in_order(table, begin)
             except (pa.ArrowException, KeyError, TypeError, ValueError):
-                raise RunFolderError(f"{self.parts / part.file}: does not have this run's columns") from None
+                raise RunFolderError(f"{folder / chunk.file}: does not have this run's columns") from None
 
         with ThreadPoolExecutor(READERS) as readers:
-            if not all(readers.map(read, parts, begins)):
-                raise RunFolderError(f"{self.parts}: {NOT_EACH_ONCE}")
+            if not all(readers.map(read, chunks, begins)):
+                raise RunFolderError(f"{folder}: does not hold each sample once, in order, with its status")
         return samples
 
-    def _refuse_strangers(self, manifest: Manifest) -> None:
-        """Raise `RunFolderError` when there are parts that the manifest does not list."""
-        listed = {part.file for part in manifest.parts}
-        for found in sorted(self.parts.iterdir()):
-            if found.name not in listed and not found.name.startswith("."):
-                raise RunFolderError(f"{found}: is not of this run; remove it, or run the campaign again with --fresh")
-
-    def _verified(self, part: Part, kept: int | None) -> pa.Table:
-        """Read the samples of one part."""
-        path = self.parts / part.file
-        try:
-            content = read_whole(path, LARGEST_PART)
-        except OSError as failure:
-            raise RunFolderError(
-                f"{path}: cannot be read: {failure.strerror or failure}; run the campaign again"
-            ) from None
-        if hashlib.sha256(content).hexdigest() != part.sha256:
-            raise RunFolderError(f"{path}: is damaged (its checksum differs); run the campaign again to mend it")
-        try:
-            return table_from(content, _rows_of(part, kept))
-        except (pa.ArrowException, ValueError, OSError) as failure:
-            raise RunFolderError(f"{path}: is no chunk of this program ({failure})") from None
-
     def campaign(self) -> str:
-        """Read the resolved campaign file.
-
-        Raises
-        ------
-        RunFolderError
-            When it cannot be read.
-        """
-        try:
+        """Read the resolved campaign file; `RunFolderError` when it cannot be read."""
+        with _reading(self.path / CAMPAIGN, "cannot be read"):
             return read_whole(self.path / CAMPAIGN, LARGEST_JSON).decode("utf-8")
-        except (OSError, UnicodeDecodeError) as failure:
-            raise RunFolderError(f"{self.path / CAMPAIGN}: cannot be read; run the campaign again") from failure
-
-    def write_history(self, history: History) -> None:
-        """Store what was flown."""
-        table = arrow_table(history.columns)
-        panels = [asdict(panel) for panel in history.panels]
-        marks = {"mcnav.events": json.dumps(dict(history.events)), "mcnav.panels": json.dumps(panels)}
-        self.write(HISTORY, parquet_bytes(table.replace_schema_metadata(marks)))
 
     def history(self) -> History:
-        """Read the history of the truth.
-
-        Raises
-        ------
-        RunFolderError
-            When it cannot be read.
-        """
-        try:
+        """Read the history of the truth; `RunFolderError` when it cannot be read."""
+        with _reading(self.path / HISTORY, "is missing or damaged"):
             table = table_from(read_whole(self.path / HISTORY, LARGEST_JSON))
             marks = table.schema.metadata or {}
             events, described = json.loads(marks[b"mcnav.events"]), json.loads(marks[b"mcnav.panels"])
             panels = tuple(
                 Panel(**entry | {key: tuple(entry[key]) for key in ("y", "legend", "marks")}) for entry in described
             )
-            columns = {name: numbers_in(table.column(name)) for name in table.column_names}
-            return check_history(History(columns, events, panels))
-        except (OSError, pa.ArrowException, KeyError, TypeError, ValueError, AttributeError, RecursionError) as failure:
-            raise RunFolderError(f"{self.path / HISTORY}: is missing or damaged; run the campaign again") from failure
+            return check_history(History(_columns(table), events, panels))
 
     def epochs(self) -> tuple[dict[str, Array], dict[str, Any]] | None:
-        """Columns of ``epochs.parquet`` and what it says of itself; none where the run has none.
+        """Read the columns of ``epochs.parquet`` and its description; none where the run has none.
 
-        Raises
-        ------
-        RunFolderError
-            When it cannot be read.
+        Raise `RunFolderError` when it cannot be read.
         """
         path = self.path / EPOCHS
         if not path.exists():
             return None
-        try:
+        with _reading(path, "is damaged"):
             table = table_from(read_whole(path, LARGEST_JSON))
-            described = json.loads((table.schema.metadata or {})[b"mcnav.epochs"])
-        except (OSError, pa.ArrowException, KeyError, TypeError, ValueError, RecursionError) as failure:
-            raise RunFolderError(f"{path}: is damaged; run the campaign again") from failure
-        return {name: numbers_in(table.column(name)) for name in table.column_names}, described
+            return _columns(table), json.loads((table.schema.metadata or {})[b"mcnav.epochs"])
+
+
+def _columns(table: pa.Table) -> dict[str, Array]:
+    return {name: numbers_in(table.column(name)) for name in table.column_names}
+
+
+def _content_of(file: InputFile) -> bytes:
+    """Read a file again; `RunFolderError` when it has changed."""
+    try:
+        content = read_whole(Path(file.path), LARGEST_COPY)
+    except OSError as failure:
+        raise RunFolderError(f"{file.path}: cannot be read: {failure.strerror or failure}") from None
+    if hashlib.sha256(content).hexdigest() != file.digest:
+        raise RunFolderError(f"{file.path}: changed while the run began; run the campaign again")
+    return content
+
+
+def _refuse_strangers(present: Sequence[Path], listed: Set[str]) -> None:
+    """Raise `RunFolderError` when there are files that the manifest does not list."""
+    for found in present:
+        if found.name not in listed and not found.name.startswith("."):
+            raise RunFolderError(f"{found}: is not of this run; remove it, or run the campaign again with --fresh")
+
+
+def _verified(path: Path, chunk: ChunkFile, stored_rows: int | None) -> pa.Table:
+    """Read the samples of one chunk."""
+    try:
+        content = read_whole(path, LARGEST_CHUNK)
+    except OSError as failure:
+        raise RunFolderError(f"{path}: cannot be read: {failure.strerror or failure}; run the campaign again") from None
+    if hashlib.sha256(content).hexdigest() != chunk.sha256:
+        raise RunFolderError(f"{path}: is damaged (its checksum differs); run the campaign again to mend it")
+    try:
+        return table_from(content, _rows_of(chunk, stored_rows))
+    except (pa.ArrowException, ValueError, OSError) as failure:
+        raise RunFolderError(f"{path}: is no chunk of this program ({failure})") from None

@@ -1,13 +1,12 @@
-"""Chunks of a campaign that keeps summaries: sums over all samples, and the rows of the first ones.
+"""Chunks of a campaign that stores a summary: sums over all samples, and the rows of the first ones.
 
-The file is a part like any other, with fewer rows: those of the first `KEPT` samples of the campaign, from which come
-scatter plots, histograms and tests that need every sample. The sums are marks in it, under its checksum.
+The file is that of any chunk with fewer rows: those of the first `STORED_ROWS` samples of the campaign, from which come
+scatter plots, histograms and tests that need every sample. The sums are in its metadata, under its checksum.
 """
 
 from __future__ import annotations
 
 import base64
-import io
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,13 +19,13 @@ import pyarrow.parquet as pq
 
 from mcnav.lincov.block_sums import BlockSums
 from mcnav.scenarios.failure import Failure, Reason, without_numbers
-from mcnav.store.parts import Part
+from mcnav.store.chunk_files import ChunkFile
 
 SUMMARY: Final = "summary"
-"""What a campaign's ``store`` says when samples are not to be kept."""
+"""The ``store`` of a campaign whose samples are not stored."""
 
-KEPT: Final = 100_000
-"""Samples whose rows a summary keeps."""
+STORED_ROWS: Final = 100_000
+"""Samples whose rows are stored with a summary."""
 
 CHUNK: Final = 1 << 18
 CHUNKS: Final = 4_096
@@ -38,10 +37,10 @@ SLOW: Final = 1_024
 MARK: Final = "mcnav.summary"
 
 MOST_REASONS: Final = 1_000
-"""Reasons of failures that a summary tells apart; beyond it numbers in them are left out, then the rest is one."""
+"""Reasons of failures that a summary distinguishes; beyond it numbers in them are left out, then the rest is one."""
 
 FIRST: Final = 8
-"""Indices that a summary keeps of the samples that failed for a reason."""
+"""Indices that a summary has of the samples that failed for a reason."""
 
 OTHERS: Final = Failure.of(Reason.OTHERS).status
 
@@ -73,8 +72,8 @@ def _together(counts: Iterable[tuple[str, FailureCount]]) -> dict[str, FailureCo
     if len(known) > MOST_REASONS:
         known = _added((without_numbers(reason), failure) for reason, failure in known.items())
     if len(known) > MOST_REASONS:
-        kept = set(sorted(known, key=lambda reason: (-known[reason].samples, reason))[: MOST_REASONS - 1])
-        known = _added((reason if reason in kept else OTHERS, failure) for reason, failure in known.items())
+        named = set(sorted(known, key=lambda reason: (-known[reason].samples, reason))[: MOST_REASONS - 1])
+        known = _added((reason if reason in named else OTHERS, failure) for reason, failure in known.items())
     return known
 
 
@@ -87,15 +86,7 @@ def _added(counts: Iterable[tuple[str, FailureCount]]) -> dict[str, FailureCount
 
 @dataclass(frozen=True)
 class Summary:
-    """Sums and failures of all samples of a chunk.
-
-    Attributes
-    ----------
-    sums : BlockSums
-    samples : int
-    failures : mapping of str to FailureCount
-        By status.
-    """
+    """Sums of all samples of a chunk, and their failures by status."""
 
     sums: BlockSums
     samples: int
@@ -110,24 +101,29 @@ class Summary:
         failures = _together(chain(self.failures.items(), other.failures.items()))
         return Summary(self.sums + other.sums, self.samples + other.samples, failures)
 
-    def as_mark(self) -> str:
-        """Return the summary as text for a file."""
+    def marks(self, begin: int) -> dict[str, str]:
+        """Encode the summary of samples from an index on as metadata of their chunk's file."""
         sums = self.sums
         arrays = (sums.blocks, sums.errors, sums.squares, sums.within, sums.lost, sums.lost_squares)
         numbers = np.concatenate([array.ravel() for array in arrays]).astype("<f8")
-        failures = [[reason, failure.samples, failure.first] for reason, failure in self.failures.items()]
-        described = {"first": self.sums.first, "samples": self.samples, "failures": failures}
-        return json.dumps(
-            {
-                **described,
-                "shapes": [array.shape for array in arrays],
-                "numbers": base64.b64encode(numbers.tobytes()).decode(),
-            }
-        )
+        described = {
+            "first": sums.first,
+            "samples": self.samples,
+            "failures": [[reason, failure.samples, failure.first] for reason, failure in self.failures.items()],
+            "shapes": [array.shape for array in arrays],
+            "numbers": base64.b64encode(numbers.tobytes()).decode(),
+        }
+        counts = {"begin": begin, "samples": self.samples, "failed": self.failed}
+        return {MARK: json.dumps(described)} | {f"mcnav.{key}": str(count) for key, count in counts.items()}
+
+    @property
+    def failed(self) -> int:
+        """Number of samples that failed."""
+        return sum(count.samples for count in self.failures.values())
 
     @classmethod
-    def from_mark(cls, text: str) -> Summary:
-        """Read the text of a file; ValueError or KeyError when it is not that."""
+    def from_mark(cls, text: str | bytes) -> Summary:
+        """Read the metadata of a file; ValueError or KeyError when it is not that."""
         known: dict[str, Any] = json.loads(text)
         numbers = np.frombuffer(base64.b64decode(known["numbers"]), dtype="<f8").astype(float)
         shapes = [tuple(shape) for shape in known["shapes"]]
@@ -137,14 +133,10 @@ class Summary:
         return cls(BlockSums(int(known["first"]), *arrays), int(known["samples"]), failures)
 
 
-def summary_from_bytes(content: bytes) -> Summary:
-    """Read the summary in the bytes of a part; ValueError, KeyError or pyarrow's exceptions when they do not."""
-    return Summary.from_mark((pq.read_schema(io.BytesIO(content)).metadata or {})[MARK.encode()].decode())
-
-
-def collect_summary(folder: Path, parts: Sequence[Part]) -> Summary:
-    """Add up the summaries of all parts in order of index."""
-    found = [summary_from_bytes((folder / part.file).read_bytes()) for part in parts]
-    while len(found) > 1:  # neighbours first: the blocks are copied a few times, not once for each part
+def collect_summary(folder: Path, chunks: Sequence[ChunkFile]) -> Summary:
+    """Add up the summaries of all chunks in order of index."""
+    schemas = (pq.read_schema(folder / chunk.file) for chunk in chunks)
+    found = [Summary.from_mark((schema.metadata or {})[MARK.encode()]) for schema in schemas]
+    while len(found) > 1:  # neighbours first: the blocks are copied a few times, not once for each chunk
         found = [one if other is None else one + other for one, other in zip_longest(found[::2], found[1::2])]
     return found[0]

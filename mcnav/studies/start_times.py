@@ -14,6 +14,7 @@ from mcnav._types import Array
 from mcnav.analysis.comparison import Comparison, Criterion, Model, compare
 from mcnav.config.read import Campaign
 from mcnav.errors import CampaignError, Problem
+from mcnav.execution.chunks import PROBES
 from mcnav.files import write_texts
 from mcnav.lincov.covariance import propagated_covariance
 from mcnav.lincov.start_times import StartTimeStudy, study_start_times
@@ -25,33 +26,17 @@ from mcnav.scenarios.protocol import ScenarioError, VariableStart
 EVENLY: Final = 6
 """Evenly spaced start times checked by default, besides the best ones."""
 
-PROBES: Final = 64
-"""Samples that set the engine's accuracy at each start time."""
-
 
 @dataclass(frozen=True)
 class StartTimesFound:
-    """Linear study of start times and its Monte Carlo checks.
+    """Linear study of start times and its Monte Carlo checks by start time, s.
 
-    Attributes
-    ----------
-    checks : mapping of float to Comparison
-        Monte Carlo results by start time, s.
-    own_sigma : ndarray, shape (outputs,)
-        Linear dispersion for the campaign's own start and stated errors, SI.
+    ``own_sigma`` is the linear dispersion for the campaign's own start and stated errors, shape (outputs,), SI.
     """
 
     study: StartTimeStudy
     checks: Mapping[float, Comparison]
     own_sigma: Array
-
-
-@dataclass(frozen=True)
-class Check:
-    """Monte Carlo check of one start time (s from the scenario's event)."""
-
-    time: float
-    comparison: Comparison
 
 
 def _scenario(campaign: Campaign) -> VariableStart:
@@ -63,10 +48,7 @@ def _scenario(campaign: Campaign) -> VariableStart:
 def start_time_study(campaign: Campaign, axes: str | None = None, count: int | None = None) -> StartTimeStudy:
     """Run the linear study of a campaign's ``[start_times]``; arguments override its entries.
 
-    Raises
-    ------
-    CampaignError
-        When the scenario has a fixed start time.
+    Raises `CampaignError` when the scenario has a fixed start time.
     """
     plan, covariance = campaign.start_times, campaign.errors.covariance
     axes, count = axes or plan.axes, count or plan.count
@@ -81,13 +63,10 @@ def checked_times(campaign: Campaign, study: StartTimeStudy) -> tuple[float, ...
     return tuple(np.unique(np.concatenate([even, study.times[[*study.best, study.best_weighted]]])))
 
 
-def check_start_time(campaign: Campaign, time: float, axes: str) -> Check:
-    """Simulate a campaign from a start time, with the errors of that time, and compare with the linear model.
+def check_start_time(campaign: Campaign, time: float, axes: str) -> Comparison:
+    """Simulate a campaign from a start time, s, with the errors of that time, and compare with the linear model.
 
-    Raises
-    ------
-    CampaignError
-        When the time is not on the trajectory.
+    Raises `CampaignError` when the time is not on the trajectory.
     """
     plan, errors, design = campaign.start_times, campaign.errors, campaign.design
     try:
@@ -100,9 +79,8 @@ def check_start_time(campaign: Campaign, time: float, axes: str) -> Check:
     linear = started.linear_model()
     covariance = errors.covariance * np.outer(multiples, multiples)
     model = Model(linear.partials, linear.nominal, errors.mean * multiples, covariance)
-    sampling = SamplingDesign.of(campaign.design, plan.samples)
-    criterion = Criterion(campaign.tolerance, campaign.confidence)
-    return Check(time, compare(model, draws, outcomes, criterion, sampling))
+    sampling = SamplingDesign.of(design, plan.samples)
+    return compare(model, draws, outcomes, Criterion(campaign.tolerance, campaign.confidence), sampling)
 
 
 def write_start_times(
@@ -113,20 +91,10 @@ def write_start_times(
     checks: bool = True,
     progress: Progress = SILENT,
 ) -> tuple[StartTimesFound, list[Path]]:
-    """Write a study of start times as tables and a page into a folder.
+    """Write a study of start times, with or without Monte Carlo checks, as tables and a page into a folder.
 
-    Parameters
-    ----------
-    axes, count
-        Override the campaign's.
-    checks : bool
-        Whether to check the linear dispersion by Monte Carlo.
-
-    Returns
-    -------
-    found : StartTimesFound
-    written : list of Path
-        ``start_times.csv``, ``start_times_checks.csv`` (with checks) and ``start_times.html``.
+    Axes and count override the campaign's. The files are ``start_times.csv``, ``start_times_checks.csv`` (with checks)
+    and, last, ``start_times.html``.
     """
     sources, outputs = campaign.scenario.sources, campaign.scenario.outputs
     progress.phase(Phase.PREPARING)
@@ -136,7 +104,7 @@ def write_start_times(
         progress.phase(Phase.SIMULATING, len(times) * campaign.start_times.samples)
         found = {}
         for time in times:
-            found[time] = check_start_time(campaign, time, study.axes).comparison
+            found[time] = check_start_time(campaign, time, study.axes)
             progress.advance(campaign.start_times.samples)
         own = propagated_covariance(campaign.scenario.linear_model().partials, campaign.errors.covariance)
     progress.phase(Phase.REPORTING)

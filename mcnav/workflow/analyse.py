@@ -9,23 +9,18 @@ from threadpoolctl import threadpool_limits
 
 from mcnav._subprocess import side_threads
 from mcnav.analysis.budget import error_budget
-from mcnav.analysis.comparison import (
-    Criterion,
-    Model,
-    compare_reduced,
-    normalization_of,
-    reduce_stored,
-    reduce_summary,
-)
-from mcnav.analysis.convergence import convergence
+from mcnav.analysis.comparison import Criterion, Model, compare_reduced, reduce_stored, reduce_summary
 from mcnav.analysis.failed_samples import failure_bias
 from mcnav.analysis.requirements import judge_requirement, requirements_from
+from mcnav.analysis.running_ratios import convergence
 from mcnav.analysis.tails import tails
 from mcnav.analysis.variance_breakdown import predicted_from, split_difference
 from mcnav.errors import RunFolderError, reading_file
 from mcnav.files import to_json
+from mcnav.lincov.block_sums import Normalization
 from mcnav.report.failures import failures_in, grouped
 from mcnav.report.model import RunAnalysis
+from mcnav.store.chunk_files import SampleSchema
 from mcnav.store.manifest import Manifest, ModelRecord
 from mcnav.store.run_folder import MANIFEST, REPORT, RunFolder
 from mcnav.store.run_folder import SUMMARY as SUMMARY_FILE
@@ -38,10 +33,7 @@ if TYPE_CHECKING:
 def report_run(path: str | Path) -> dict[str, Any]:
     """Analyse a finished run folder again and write its summary and report.
 
-    Raises
-    ------
-    RunFolderError
-        When the folder holds no finished run, or a part of it is damaged.
+    Raise `RunFolderError` when the folder holds no finished run, or a part of it is damaged.
     """
     folder = RunFolder(Path(path))
     folder.existing_manifest()
@@ -55,23 +47,20 @@ def samples_of(path: str | Path) -> pd.DataFrame:
 
     Columns: ``index``, ``status``, ``error NAME [unit]``, ``output NAME [unit]``; SI units.
 
-    Raises
-    ------
-    RunFolderError
-        When the run is not finished, or a part of it is damaged.
+    Raise `RunFolderError` when the run is not finished, or a part of it is damaged.
     """
+    import pandas as pd
+
     folder = RunFolder(Path(path))
-    return folder.table(folder.finished_manifest()).to_pandas()
+    manifest = folder.finished_manifest()
+    samples, names = folder.samples(manifest), SampleSchema.of(manifest.model.sources, manifest.model.outputs)
+    columns = {"index": samples.index, "status": samples.status}
+    columns |= dict(zip(names.errors, samples.errors.T, strict=True))
+    return pd.DataFrame(columns | dict(zip(names.outputs, samples.outputs.T, strict=True)))
 
 
 def summary_of(path: str | Path) -> dict[str, Any]:
-    """Read the summary of a finished run folder.
-
-    Raises
-    ------
-    RunFolderError
-        When there is none, or it is damaged.
-    """
+    """Read the summary of a finished run folder; `RunFolderError` when there is none, or it is damaged."""
     folder = RunFolder(Path(path))
     folder.check_exists()
     summary = folder.summary()
@@ -87,7 +76,6 @@ def analyse(folder: RunFolder, unfinished: Manifest | None = None) -> RunAnalysi
 
     Parameters
     ----------
-    folder : RunFolder
     unfinished : Manifest, optional
         Of a run that is still going on, in place of the stored one.
 
@@ -113,9 +101,9 @@ def analyse(folder: RunFolder, unfinished: Manifest | None = None) -> RunAnalysi
         in_tails = beside.submit(tails, model, samples.outputs, blocks, units, criterion)
         reduced = reduce_stored(model, samples.errors, samples.outputs, blocks)
         failures = failures_in(samples.status, samples.index.tolist())
-        if manifest.store == SUMMARY:
-            whole = collect_summary(folder.parts, manifest.parts)
-            frame = normalization_of(model, manifest.samples, design.block_length)
+        frame = summary_frame(manifest)
+        if frame is not None:
+            whole = collect_summary(folder.chunk_folder, manifest.chunks)
             reduced = reduce_summary(model, frame, whole.sums, whole.samples, reduced.stored)
             failures = grouped({reason: (each.samples, each.first) for reason, each in whole.failures.items()})
         comparison = compare_reduced(model, reduced, criterion, design)
@@ -154,6 +142,16 @@ def write_results(folder: RunFolder, analysis: RunAnalysis, report: bool = True)
     if report:
         folder.write(REPORT, page)
     return dict(to_json(analysis.summary))
+
+
+def summary_frame(manifest: Manifest) -> Normalization | None:
+    """Return how the samples of a run are reduced to sums; none when all are stored."""
+    if manifest.store != SUMMARY:
+        return None
+    model, length = linear_model(manifest.model), manifest.sampling_design.block_length
+    return Normalization.of(
+        model.partials, model.mean, model.outcome_mean, model.outcome_covariance, manifest.samples, length
+    )
 
 
 def linear_model(record: ModelRecord) -> Model:

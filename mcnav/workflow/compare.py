@@ -5,18 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from threadpoolctl import threadpool_limits
 
-from mcnav.analysis.run_comparison import Change, SampleSet, change
+from mcnav.analysis.run_comparison import SampleSet, change
 from mcnav.report.comparison import Row, inputs, outputs, render
 from mcnav.report.model import RunAnalysis
 from mcnav.store.manifest import Manifest
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.analyse import analyse, summary_of
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -27,8 +29,6 @@ class RunComparison:
     ----------
     titles : tuple of str
         Of the runs.
-    summaries : tuple of mapping
-    manifests : tuple of Manifest
     rows : tuple of Row
         One for each output that the first run shares with another, for each of these.
     confidence : float
@@ -80,7 +80,7 @@ def compare_runs(paths: Sequence[str | Path]) -> RunComparison:
         runs = [analyse(RunFolder(Path(path))) for path in paths]
         sample_sets = [_sample_set(run) for run in runs]
     first, confidence = runs[0], runs[0].criterion.confidence
-    names = [_outputs(run) for run in runs]
+    names = [[(output.name, output.unit) for output in run.manifest.model.outputs] for run in runs]
     pairs = [
         (later, name) for later in range(1, len(runs)) for name in names[0] if name in names[later]
     ]  # an output is the same where name and unit are
@@ -88,12 +88,11 @@ def compare_runs(paths: Sequence[str | Path]) -> RunComparison:
     rows = []
     for later, name in pairs:
         at = (names[0].index(name), names[later].index(name))
-        found = _change(sample_sets[0], sample_sets[later], at, same_draws(first, runs[later]), each)
-        shown = first.manifest.model.outputs[at[0]].shown_in
-        rows.append(Row(later, name[0], name[1], shown, found))
-    return RunComparison(
-        titles(paths), summaries, tuple(run.manifest for run in runs), tuple(rows), confidence
-    )  # fmt: skip
+        before, after = sample_sets[0], sample_sets[later]
+        enough = min(len(before.index), len(after.index)) >= 2
+        found = change(before, after, at, same_draws(first, runs[later]), each) if enough else None
+        rows.append(Row(later, *name, first.manifest.model.outputs[at[0]].shown_in, found))
+    return RunComparison(titles(paths), summaries, tuple(run.manifest for run in runs), tuple(rows), confidence)
 
 
 def titles(paths: Sequence[str | Path]) -> tuple[str, ...]:
@@ -111,19 +110,8 @@ def same_draws(one: RunAnalysis, other: RunAnalysis) -> bool:
     return first == second
 
 
-def _outputs(run: RunAnalysis) -> list[tuple[str, str]]:
-    return [(output.name, output.unit) for output in run.manifest.model.outputs]
-
-
 def _sample_set(run: RunAnalysis) -> SampleSet:
     samples = run.samples
     succeeded = np.isfinite(samples.outputs).all(axis=1)
     index, errors, outputs = samples.index[succeeded], samples.errors[succeeded], samples.outputs[succeeded]
     return SampleSet(run.model, index, errors, outputs, run.manifest.sampling_design)
-
-
-def _change(before: SampleSet, after: SampleSet, at: tuple[int, int], common: bool, confidence: float) -> Change | None:
-    """Compare an output of two runs; none where too few samples succeeded."""
-    if min(len(before.index), len(after.index)) < 2:
-        return None
-    return change(before, after, at, common, confidence)

@@ -27,10 +27,6 @@ HASH: Final = 10
 def write_index(folder: Path) -> tuple[Path, int]:
     """Write ``index.html`` of all runs in a folder and below it.
 
-    Parameters
-    ----------
-    folder : Path
-
     Returns
     -------
     written : Path

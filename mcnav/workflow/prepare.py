@@ -1,24 +1,24 @@
-"""A campaign's system before its samples are simulated: engine, linear model, and corrections to the linear model."""
+"""A system before its samples are simulated: engine, linear model, and corrections to the linear model."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.config.read import Campaign
 from mcnav.errors import CampaignError, Problem
 from mcnav.execution.chunks import DrawPlan
 from mcnav.execution.processes import IsolatedEngine
-from mcnav.files import parquet_bytes
-from mcnav.lincov.corrections import nonlinear_corrections, simulated_budgets
+from mcnav.lincov.nonlinear_corrections import nonlinear_corrections
 from mcnav.lincov.partials import SimulationFailed, partials_throughout
 from mcnav.lincov.polynomial import PolynomialFitError
-from mcnav.lincov.polynomial_engine import PolynomialEngine, prepare_engine
+from mcnav.lincov.polynomial_engine import MAP, PolynomialEngine, prepare_engine
+from mcnav.lincov.simulated_budget import simulated_budgets
 from mcnav.sampling.error_model import ErrorModel
 from mcnav.scenarios.protocol import (
     Engine,
@@ -30,12 +30,12 @@ from mcnav.scenarios.protocol import (
     Source,
     TimeHistoryEngine,
 )
-from mcnav.scenarios.soundness import Unsettled, check_repeatable, unsettled
+from mcnav.scenarios.soundness import find_unsettled
 from mcnav.scenarios.user import UserScenario
+from mcnav.store.chunk_files import ChunkFile
 from mcnav.store.histories import STORED, epochs_table, histories_table, read_power_sums
 from mcnav.store.manifest import ModelRecord, PartialsRecord, UnsettledRecord, Variable
-from mcnav.store.parts import Part
-from mcnav.store.run_folder import EPOCHS, HISTORIES, RunFolder
+from mcnav.store.run_folder import EPOCHS, HISTORIES
 
 DEVELOPMENT_POINTS: Final = 61
 """Times of the error budget's history, where the scenario has partial derivatives throughout the flight."""
@@ -45,108 +45,117 @@ FEWEST_FOLLOWED: Final = 2
 
 
 @dataclass(frozen=True)
-class PreparedCampaign:
-    """A campaign's system with its engine.
+class PreparedSystem:
+    """A scenario with its errors and its engine.
 
     Attributes
     ----------
-    scenario : Scenario
-    draws : DrawPlan
-    engine : Engine
+    engine_name : str
     model : ModelRecord
         The linear model.
-    history : History
     unsettled : UnsettledRecord or None
         The partial derivative for which there is no linear model to compare with.
-    file : str
-        The campaign's, for messages.
     timeout : float or None
-        Time that one sample may take, s.
+        Time limit of one sample, s.
+    file : str
+        The campaign file, for messages.
     """
 
     scenario: Scenario
     draws: DrawPlan
     engine: Engine
+    engine_name: str
     model: ModelRecord
     history: History
     unsettled: UnsettledRecord | None
-    file: str
     timeout: float | None
+    file: str
 
     def corrections(self) -> dict[str, Any]:
-        """Compute what goes beyond the linear model from further simulations, as fields of `ModelRecord`.
+        """Compute corrections to the linear model from further simulations, as fields of `ModelRecord`.
 
-        Raises
-        ------
-        CampaignError
-            When the scenario or an engine cannot be simulated.
+        Raise `CampaignError` when the scenario or an engine cannot be simulated.
         """
-        draws = self.draws
+        draws, scenario = self.draws, self.scenario
 
-        def guard(engine: Engine) -> Engine:
-            return _guarded(self.scenario, engine, self.timeout)
+        def first_engine(probes: Array) -> Engine:
+            own = self.engine.exact if isinstance(self.engine, PolynomialEngine) else self.engine
+            same = self.engine_name in (MAP, scenario.engines[0]) and np.array_equal(probes, draws.probes())
+            return _guarded(scenario, own, self.timeout) if same else _exact_engine(scenario, probes, self.timeout)
 
         with _scenario_errors(self.file):
             budget = simulated_budgets(
-                lambda probes: guard(self.scenario.engine(self.scenario.engines[0], probes)),
-                draws.errors, self.model.partials, draws.design, draws.seed, draws.samples,
-            )  # fmt: skip
-            return nonlinear_corrections(self.scenario, guard(self.engine), draws.errors) | {"budget": budget}
+                first_engine, draws.errors, self.model.partials, draws.design, draws.seed, draws.samples
+            )
+            engine = _guarded(scenario, self.engine, self.timeout)
+            return nonlinear_corrections(scenario, engine, draws.errors) | {"budget": budget}
 
-    def write_epochs(self, folder: RunFolder, parts: Sequence[Part]) -> None:
-        """Store histories of the first samples, and moments at every epoch of all, or with a polynomial of the first.
+    def epoch_tables(self, folder: Path, chunks: Sequence[ChunkFile]) -> dict[str, bytes]:
+        """Tabulate moments of all samples at every epoch, with a polynomial of the first ones, and their histories.
 
-        Nothing is stored when the engine has no histories.
+        Returns
+        -------
+        dict
+            Content by file name; empty when the engine has no histories.
         """
-        engine = _time_history_engine(self.engine)
+        engine, errors, outputs = _time_history_engine(self.engine), self.draws.errors, self.scenario.outputs
         if engine is None:
-            return
-        errors, outputs, first = self.draws.errors, self.scenario.outputs, self.draws.draw(0, STORED)
-        histories = engine.histories(first)
-        sums = read_power_sums(self.engine, folder.parts, parts) or engine.history_sums(first)
+            return {}
+        first = self.draws.draw(0, STORED)
+        epochs, histories, own = engine.epochs, engine.histories(first), engine.history_sums(first)
+        sums = read_power_sums(own.pivot, folder, chunks) or own
         if sums.count < FEWEST_FOLLOWED:
-            return
+            return {}
         partials, nominal = partials_throughout(engine, _sizes(self.scenario))
         linear = nominal + partials @ errors.mean, partials @ errors.covariance @ partials.swapaxes(1, 2)
-        folder.write(EPOCHS, parquet_bytes(epochs_table(engine.epochs, outputs, sums, linear, histories)))
-        folder.write(HISTORIES, parquet_bytes(histories_table(engine.epochs, outputs, histories)))
+        return {
+            EPOCHS: epochs_table(epochs, outputs, sums, linear, histories),
+            HISTORIES: histories_table(epochs, outputs, histories),
+        }
 
 
-def prepare_campaign(campaign: Campaign, draws: DrawPlan, engine_name: str, force: bool = False) -> PreparedCampaign:
-    """Prepare the system of a campaign for one of its engines.
+def prepare_system(
+    scenario: Scenario,
+    draws: DrawPlan,
+    engine_name: str,
+    tolerance: float,
+    timeout: float | None,
+    file: str,
+    force: bool = False,
+) -> PreparedSystem:
+    """Prepare a scenario and its errors for one of its engines.
 
     Parameters
     ----------
-    campaign : Campaign
-    draws : DrawPlan
-    engine_name : str
+    tolerance : float
+        Relative difference between linear analysis and Monte Carlo that the campaign tolerates.
+    timeout : float or None
+        Time limit of one sample, s.
+    file : str
+        The campaign file, for messages.
     force : bool
-        Whether to go on where partial derivatives are not settled.
+        Whether to continue when partial derivatives do not converge.
 
     Raises
     ------
     CampaignError
         When it cannot be simulated, or is no function that a linear model could be compared with.
     """
-    scenario, errors, file = campaign.scenario, draws.errors, campaign.file
+    errors, probes, doubt = draws.errors, draws.probes(), None
     with _scenario_errors(file):
-        doubt = None
         if isinstance(scenario, UserScenario):
-            doubt = _doubt(scenario, draws, campaign.tolerance, campaign.sample_timeout)
+            varied = (errors.standard_deviations > 0.0) | (errors.mean != 0.0)
+            doubt = find_unsettled(scenario, _exact_engine(scenario, probes, timeout), varied, tolerance)
             if doubt is not None and not force:
                 raise CampaignError([Problem(file, "scenario", str(doubt))])
-        engine = prepare_engine(scenario, engine_name, draws.probes(), errors.mean, errors.standard_deviations)
+        engine = prepare_engine(scenario, engine_name, probes, errors.mean, errors.standard_deviations)
         model, history = _linear(scenario, errors, engine), scenario.history()
     record = None if doubt is None else UnsettledRecord(**asdict(doubt))
-    return PreparedCampaign(scenario, draws, engine, model, history, record, file, campaign.sample_timeout)
+    return PreparedSystem(scenario, draws, engine, engine_name, model, history, record, timeout, file)
 
 
-def _doubt(scenario: UserScenario, draws: DrawPlan, tolerance: float, timeout: float | None) -> Unsettled | None:
-    """Check that a user's scenario is a function; return a partial derivative that is not settled, if any."""
-    engine = _guarded(scenario, scenario.engine(scenario.engines[0], draws.probes()), timeout)
-    check_repeatable(engine, scenario.sizes)
-    varied = (draws.errors.standard_deviations > 0.0) | (draws.errors.mean != 0.0)
-    return unsettled(scenario, engine, scenario.linear_model(), varied, tolerance)
+def _exact_engine(scenario: Scenario, probes: Array, timeout: float | None) -> Engine:
+    return _guarded(scenario, scenario.engine(scenario.engines[0], probes), timeout)
 
 
 def _guarded(scenario: Scenario, engine: Engine, timeout: float | None) -> Engine:

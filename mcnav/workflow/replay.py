@@ -1,4 +1,4 @@
-"""One sample of a run flown again: with its own engine, with the reference engine, and with its history."""
+"""One sample of a run simulated again: by its own engine, by the reference engine, and with its history."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 import pyarrow.parquet as pq
 from threadpoolctl import threadpool_limits
 
+from mcnav.config.context import EarlierFile
 from mcnav.config.read import Campaign, read_campaign
-from mcnav.config.scenarios import Kept
 from mcnav.errors import CampaignError, Problem, RunFolderError
 from mcnav.execution.chunks import DrawPlan
 from mcnav.execution.identity import chunk_digest, identity_of
@@ -21,32 +21,30 @@ from mcnav.lincov.polynomial_engine import prepare_engine
 from mcnav.report.replay import Outcome, Replay, files
 from mcnav.scenarios.failure import OK
 from mcnav.scenarios.protocol import History, Replayable, ScenarioError, SimulationResult
-from mcnav.store.inputs import INPUTS, changed_since
+from mcnav.store.chunk_files import SampleSchema, chunk_name, samples_from, tracebacks_in, verify_chunk
+from mcnav.store.inputs import INPUTS
 from mcnav.store.manifest import Manifest
-from mcnav.store.parts import SampleSchema, part_name, samples_from, tracebacks_in, whole_part
 from mcnav.store.run_folder import CAMPAIGN, RunFolder
-from mcnav.store.summaries import KEPT, SUMMARY, summary_chunk
+from mcnav.store.summaries import STORED_ROWS, SUMMARY, summary_chunk
 
 STORED: Final = "stored"
 
 
 def replay(path: Path, index: int, campaign_file: Path | None = None) -> Replay:
-    """Fly one sample of a run again.
+    """Simulate one sample of a run again.
 
     Parameters
     ----------
     path : Path
         Run folder.
-    index : int
-        Of the sample.
     campaign_file : Path, optional
-        The campaign of the run. By default that of the run folder; a scenario of the user's own, which is code, must be
-        named here, because nothing that lies in a run folder is executed.
+        The campaign of the run, by default that of the run folder; needed for a user-defined scenario, because nothing
+        in a run folder is executed.
 
     Raises
     ------
     CampaignError
-        When the campaign cannot be read or flown.
+        When the campaign cannot be read or simulated.
     RunFolderError
         When the folder holds no run, another campaign's, or no such sample.
     """
@@ -88,12 +86,13 @@ def replay(path: Path, index: int, campaign_file: Path | None = None) -> Replay:
         outcomes=tuple(outcomes),
         traceback=traceback,
         history=history,
-        notes=() if campaign_file is None or campaign_file.parent == path else _notes(folder, campaign),
+        notes=_revision_note(manifest, campaign)
+        + (() if campaign_file is None or campaign_file.parent == path else _notes(folder, campaign)),
     )
 
 
 def write_replay(found: Replay, place: Path) -> list[Path]:
-    """Write the page and the table of a replay; their paths."""
+    """Write the page and the table of a replay; return their paths."""
     place.mkdir(parents=True, exist_ok=True)
     written = files(found)
     for name, content in written.items():
@@ -102,9 +101,9 @@ def write_replay(found: Replay, place: Path) -> list[Path]:
 
 
 def as_stored(found: Replay) -> bool:
-    """Whether the run's own engine gave the stored outcome again; true when none is stored.
+    """Return whether the run's own engine gives the stored outcome again; true when none is stored.
 
-    To nine digits: a vectorised function of a user's may round otherwise when it is given one sample alone.
+    To nine digits: a user's vectorised function may round differently when it is given one sample alone.
     """
     stored, again = found.outcomes[0], found.outcomes[min(1, len(found.outcomes) - 1)]
     if stored.label != STORED:
@@ -117,24 +116,33 @@ def _campaign_of(folder: RunFolder, manifest: Manifest, file: Path | None) -> tu
     then = manifest.identity
     given = {key: then.campaign[key] for key in ("samples", "seed")} | {"store": then.campaign.get("store", "samples")}
     path = folder.path / CAMPAIGN if file is None else file
-    kept = {
-        record.setting: Kept(record.sha256, folder.kept_input(record) if record.kept else None)
+    earlier = {
+        record.setting: EarlierFile(record.sha256, folder.copy_of(record) if record.copied else None)
         for record in manifest.files
         if record.setting is not None
     }
-    campaign = read_campaign(path, given, execute=file is not None, kept=kept)
+    campaign = read_campaign(path, given, execute=file is not None, earlier=earlier)
     with threadpool_limits(1):
-        now = identity_of(campaign.resolved, then.engine, campaign.code, campaign.inputs(), campaign.scenario.sources)
+        now = identity_of(campaign.resolved, then.engine, campaign.code, campaign.inputs(), campaign.scenario)
     if (now.campaign, now.code) != (then.campaign, then.code):
         raise RunFolderError(f"{path}: is not the campaign that was flown in {folder.path}")
-    change = changed_since(then.files, now.files)
-    if change is not None:
+    changed = next((name for name, _ in sorted(then.files.items() ^ now.files.items())), None)
+    if changed is not None:
+        change = f"{changed} was {then.files.get(changed, 'absent')}, is {now.files.get(changed, 'absent')}"
         raise RunFolderError(f"{path}: reads other files than when {folder.path} was made ({change}); restore the file")
     return campaign, then.engine
 
 
+def _revision_note(manifest: Manifest, campaign: Campaign) -> tuple[str, ...]:
+    """State that a run was stored when its scenario computed samples with other last digits."""
+    then, now = manifest.identity.revision or 1, getattr(campaign.scenario, "revision", None) or 1
+    if then == now:
+        return ()
+    return (f"the run is of revision {then} of its scenario; samples of revision {now} have other last digits",)
+
+
 def _notes(folder: RunFolder, campaign: Campaign) -> tuple[str, ...]:
-    """Which files of the run take the place of files that have changed since."""
+    """List the copies in the run folder that replace files that have changed since."""
     copies = folder.path / INPUTS
     return tuple(
         f"scenario.{file.setting}: the file is not as it was; the run's own copy {copies / file.name} is used"
@@ -149,9 +157,9 @@ def _stored(
     """Read the outcome of a sample and its traceback; no outcome when it is not stored."""
     summary = manifest.store == SUMMARY
     number = index // (summary_chunk(engine_chunk, draws.samples) if summary else engine_chunk)
-    path = folder.parts / part_name(number)
+    path = folder.chunk_folder / chunk_name(number)
     identity = chunk_digest(manifest.identity, draws.design, draws.samples)
-    if whole_part(folder.parts, number, identity, KEPT if summary else None) is None:
+    if verify_chunk(folder.chunk_folder, number, identity, STORED_ROWS if summary else None) is None:
         if path.exists():
             raise RunFolderError(f"{path}: is damaged, or of another run; run the campaign again to mend it")
         return None, ""

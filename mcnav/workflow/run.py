@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from threading import Event
-from typing import Any
+from typing import Any, TypeVar
 
 from threadpoolctl import threadpool_limits
 
 from mcnav._subprocess import side_threads
-from mcnav.analysis.comparison import normalization_of
 from mcnav.config.read import Campaign
 from mcnav.errors import CampaignError, Problem, RunFolderError
 from mcnav.execution.chunks import ChunkJob, DrawPlan
@@ -26,22 +25,17 @@ from mcnav.progress import SILENT, Phase, Progress
 from mcnav.scenarios.conformance import Check, check_conformance
 from mcnav.scenarios.inputs import InputFile
 from mcnav.scenarios.timeouts import stopped_by
+from mcnav.store.chunk_files import SampleSchema
 from mcnav.store.inputs import check_as_read, check_unchanged, file_records
-from mcnav.store.manifest import (
-    FORMAT,
-    CriterionRecord,
-    ExecutionRecord,
-    Identity,
-    Manifest,
-    RequirementRecord,
-)
-from mcnav.store.parts import SampleSchema
+from mcnav.store.manifest import FORMAT, CriterionRecord, ExecutionRecord, Identity, Manifest
 from mcnav.store.provenance import commit
 from mcnav.store.run_folder import CAMPAIGN, RunFolder
-from mcnav.store.summaries import KEPT, SUMMARY
-from mcnav.workflow.analyse import analyse, linear_model, write_results
-from mcnav.workflow.prepare import PreparedCampaign, prepare_campaign
+from mcnav.store.summaries import STORED_ROWS, SUMMARY
+from mcnav.workflow.analyse import analyse, summary_frame, write_results
+from mcnav.workflow.prepare import PreparedSystem, prepare_system
 from mcnav.workflow.stopping import Execution
+
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
@@ -52,14 +46,14 @@ class Run:
     ----------
     summary : dict
         The content of ``summary.json``.
-    flown : int
+    simulated : int
         Samples that were simulated now; the others were stored already.
     notices : tuple of str
-        What was found damaged and mended, a line each.
+        Damage that was found and mended, a line each.
     """
 
     summary: dict[str, Any]
-    flown: int
+    simulated: int
     notices: tuple[str, ...] = ()
 
 
@@ -71,7 +65,7 @@ def run_campaign(
     fresh: bool = False,
     progress: Progress = SILENT,
     most_failures: int | None = None,
-    flights: ChunkExecutor | None = None,
+    executor: ChunkExecutor | None = None,
     force: bool = False,
     report: bool = True,
 ) -> Run:
@@ -85,19 +79,17 @@ def run_campaign(
     path : Path
         Run folder.
     engine : str, optional
-        One of `mcnav.lincov.polynomial_engine.engine_names` the scenario; by default the first.
+        One of `mcnav.lincov.polynomial_engine.engine_names` of the scenario; by default the first.
     jobs : int
         Workers.
     fresh : bool
-        Delete what an earlier run left in the folder.
-    progress : Progress
-        Receives each phase as it begins, and how many samples have become ready.
+        Delete an earlier run in the folder.
     most_failures : int, optional
         Samples that may fail before the run is stopped.
-    flights : ChunkExecutor, optional
+    executor : ChunkExecutor, optional
         Used in place of this machine's threads and processes; see `mcnav.execution.dask_cluster`.
     force : bool
-        Go on where partial derivatives are not settled; the summary and the report state it.
+        Continue when partial derivatives do not converge; the summary and the report state it.
     report : bool
         Write the report; without it only the summary, and an earlier report is deleted.
 
@@ -116,18 +108,22 @@ def run_campaign(
     with folder.lock(), threadpool_limits(1):
         folder.remove_partial_files()
         inputs = campaign.inputs()
-        identity = identity_of(campaign.resolved, engine_name, campaign.code, inputs, campaign.scenario.sources)
+        identity = identity_of(campaign.resolved, engine_name, campaign.code, inputs, campaign.scenario)
         check_as_read(inputs)
         draws = DrawPlan(campaign.errors, campaign.design, campaign.seed, campaign.samples)
         notices = [] if fresh else check_resumable(folder, identity, draws.design, draws.samples)
-        system = prepare_campaign(campaign, draws, engine_name, force)
+        digest = chunk_digest(identity, draws.design, draws.samples)
+        system = prepare_system(
+            campaign.scenario, draws, engine_name, campaign.tolerance, campaign.sample_timeout, campaign.file, force
+        )
         if fresh:
             folder.clear([Path(file.path) for file in inputs])
         manifest = _first_manifest(campaign, system, identity, inputs)
-        _write_beginning(folder, campaign, system, manifest, inputs)
-        job = _chunk_job(system, folder, manifest, inputs)
-        execution = Execution(job, jobs, progress, notices.append, most_failures, flights)
-        with _corrections(system, campaign.code is not None) as corrections:
+        folder.begin(manifest, system.history, campaign.stored_files(), inputs)
+        layout, frame = SampleSchema.of(system.scenario.sources, system.scenario.outputs), summary_frame(manifest)
+        job = ChunkJob(draws, system.engine, folder, digest, layout, campaign.sample_timeout, frame, inputs=inputs)
+        execution = Execution(job, jobs, progress, notices.append, most_failures, executor)
+        with _computed_beside(system.corrections, before=campaign.code is not None) as corrections:
             began = time.perf_counter()
             try:
                 manifest, simulated = execution.run(manifest, campaign.until)
@@ -138,10 +134,10 @@ def run_campaign(
             seconds = round(time.perf_counter() - began, 3)
             progress.phase(Phase.ANALYSING)
             model = system.model.model_copy(update=corrections())
-        system.write_epochs(folder, manifest.parts)
+        tables = system.epoch_tables(folder.chunk_folder, manifest.chunks)
         check_unchanged(inputs, folder.path)
-        flight = ExecutionRecord(jobs=jobs, seconds=seconds, samples=simulated)
-        folder.write_manifest(manifest.model_copy(update={"model": model, "complete": True, "flight": flight}))
+        record = ExecutionRecord(jobs=jobs, seconds=seconds, samples=simulated)
+        folder.finish(manifest.model_copy(update={"model": model, "complete": True, "execution": record}), tables)
         analysis = analyse(folder)
         if report:
             progress.phase(Phase.REPORTING)
@@ -151,14 +147,14 @@ def run_campaign(
 def _engine_name(campaign: Campaign, name: str | None) -> str:
     """Return the name of the engine, by default the scenario's first; `CampaignError` when it has no such engine."""
     known = engine_names(campaign.scenario)
-    name = name or campaign.scenario.engines[0]
+    name = name or known[0]
     if name not in known:
         raise CampaignError([Problem(campaign.file, "engine", f"got {name!r}; this scenario has {', '.join(known)}")])
     return name
 
 
 def _first_manifest(
-    campaign: Campaign, system: PreparedCampaign, identity: Identity, inputs: tuple[InputFile, ...]
+    campaign: Campaign, system: PreparedSystem, identity: Identity, inputs: Sequence[InputFile]
 ) -> Manifest:
     """Describe a run that begins."""
     errors, design = campaign.errors, campaign.design
@@ -169,7 +165,7 @@ def _first_manifest(
         seed=campaign.seed,
         design=design,
         criterion=CriterionRecord(tolerance=campaign.tolerance, confidence=campaign.confidence),
-        requirements=tuple(RequirementRecord.model_validate(entry, strict=False) for entry in campaign.requirements),
+        requirements=campaign.requirements,
         identity=identity,
         accuracy=system.engine.accuracy,
         commit=commit(),
@@ -178,54 +174,24 @@ def _first_manifest(
         long_tailed=tuple(errors.long_tailed(design)),
         normal=bool(errors.normal),
         store=campaign.store,
-        kept=min(KEPT, campaign.samples) if campaign.store == SUMMARY else None,
+        stored_rows=min(STORED_ROWS, campaign.samples) if campaign.store == SUMMARY else None,
         unsettled=system.unsettled,
         model=system.model,
         complete=False,
-        parts=(),
+        chunks=(),
         files=file_records(inputs),
     )
 
 
-def _write_beginning(
-    folder: RunFolder,
-    campaign: Campaign,
-    system: PreparedCampaign,
-    manifest: Manifest,
-    inputs: tuple[InputFile, ...],
-) -> None:
-    """Store what is known before samples are simulated."""
-    folder.write_tables(campaign.tables)
-    folder.write(CAMPAIGN, campaign.to_toml().encode())
-    folder.write_history(system.history)
-    folder.write_manifest(manifest)
-    if campaign.code is not None:
-        folder.write(campaign.code.file, campaign.code.text.encode())
-    folder.write_inputs(inputs)
-
-
-def _chunk_job(
-    system: PreparedCampaign, folder: RunFolder, manifest: Manifest, inputs: tuple[InputFile, ...]
-) -> ChunkJob:
-    """Collect what workers need; samples are reduced to sums where only a summary is stored."""
-    model, draws = manifest.model, system.draws
-    frame = None
-    if manifest.store == SUMMARY:
-        frame = normalization_of(linear_model(model), manifest.samples, manifest.sampling_design.block_length)
-    digest = chunk_digest(manifest.identity, draws.design, draws.samples)
-    layout = SampleSchema.of(model.sources, model.outputs)
-    return ChunkJob(draws, system.engine, folder, digest, layout, system.timeout, frame, inputs=inputs)
-
-
 @contextmanager
-def _corrections(system: PreparedCampaign, users_code: bool) -> Iterator[Callable[[], dict[str, Any]]]:
-    """Compute corrections to the linear model while samples are simulated; with a user's own code before them.
+def _computed_beside(compute: Callable[[], Result], before: bool) -> Iterator[Callable[[], Result]]:
+    """Compute a result in a thread while the block runs, or before it, as a user's own code must be.
 
-    When the samples are interrupted, so are these simulations, and nothing waits for them.
+    When the block is interrupted, so are the simulations of the thread, and nothing waits for them.
     """
-    if users_code:
+    if before:
         try:
-            found = system.corrections()
+            found = compute()
         except BaseException:
             end_workers_apart()
             raise
@@ -233,13 +199,13 @@ def _corrections(system: PreparedCampaign, users_code: bool) -> Iterator[Callabl
         return
     unwanted = Event()
 
-    def compute() -> dict[str, Any]:
+    def compute_until_unwanted() -> Result:
         with stopped_by(unwanted):
-            return system.corrections()
+            return compute()
 
     with side_threads(1) as threads:
         try:
-            yield threads.submit(compute).result
+            yield threads.submit(compute_until_unwanted).result
         except BaseException:
             unwanted.set()
             raise

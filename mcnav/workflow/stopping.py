@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
 from mcnav.config.stopping import StoppingRule
 from mcnav.execution.chunks import ChunkJob
 from mcnav.execution.runner import ChunkExecutor, run_chunks
 from mcnav.progress import Phase, Progress
-from mcnav.statistics.interim_analyses import interim_sizes
+from mcnav.statistics.interim_sizes import interim_sizes
+from mcnav.store.chunk_files import ChunkFile
 from mcnav.store.manifest import Manifest, StoppingRecord
-from mcnav.store.parts import Part, sorted_parts
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.analyse import analyse
 
@@ -34,15 +34,15 @@ class Execution:
         Returns
         -------
         manifest : Manifest
-            With the number of samples, their parts and the outcome of the stopping rule.
+            With the number of samples, their chunks and the outcome of the stopping rule.
         simulated : int
             Samples that were not stored already.
         """
         if rule is None:
             self.progress.phase(Phase.SIMULATING, manifest.samples)
-            parts, simulated = self._simulate(manifest.samples)
-            return manifest.model_copy(update={"parts": sorted_parts(parts)}), simulated
-        sizes = interim_sizes(self.job.engine.chunk, rule.at_most)
+            chunks, simulated = self._simulate(manifest.samples)
+            return manifest.model_copy(update={"chunks": tuple(chunks)}), simulated
+        sizes = interim_sizes(self.job.engine.chunk, self.job.draws.samples)
         criterion = manifest.criterion.model_copy(update={"looks": len(sizes)})
         manifest, simulated, before = manifest.model_copy(update={"criterion": criterion}), 0, 0
         for look, size in enumerate(sizes, start=1):
@@ -50,18 +50,17 @@ class Execution:
             self.progress.phase(Phase.SIMULATING, note=note)
             more, now = self._simulate(size, before)
             simulated, before = simulated + now, size
-            update = {"samples": size, "parts": (*manifest.parts, *sorted_parts(more))}
-            manifest = manifest.model_copy(update=update)
+            manifest = manifest.model_copy(update={"samples": size, "chunks": (*manifest.chunks, *more)})
             self.progress.phase(Phase.ANALYSING, note=note)
             precision = _precision(self.job.folder, manifest, rule)
             reached = precision <= rule.precision
-            stopping = StoppingRecord(**rule.described(), looks=len(sizes), found=precision, reached=reached)
+            stopping = StoppingRecord(**asdict(rule), looks=len(sizes), found=precision, reached=reached)
             manifest = manifest.model_copy(update={"stopping": stopping})
             if reached:
                 break
         return manifest, simulated
 
-    def _simulate(self, samples: int, first: int = 0) -> tuple[list[Part], int]:
+    def _simulate(self, samples: int, first: int = 0) -> tuple[list[ChunkFile], int]:
         job = replace(self.job, draws=replace(self.job.draws, samples=samples))
         return run_chunks(job, self.jobs, self.progress, first, self.notice, self.most_failures, self.executor)
 

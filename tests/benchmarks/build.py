@@ -49,8 +49,7 @@ def case_of(number: int, compared: int = COMPARED) -> Case:
         np.sqrt(np.diag(covariance)),
         np.empty((compared, 4)),
     )
-    flown = navigation.simulate_reference(among_all(case.draws(compared)), range(compared))
-    case.reference[:] = [flown.values[draw] for draw in range(compared)]
+    navigation.simulate_reference(among_all(case.draws(compared)), range(compared), case.reference)
     return case
 
 

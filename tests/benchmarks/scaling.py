@@ -51,7 +51,7 @@ def per_sample(name: str, engine: str, samples: int, folder: Path) -> None:
     began = time.process_time()
     simulate_chunk(work, SampleRange(2, 2 * samples, 3 * samples))
     seconds = time.process_time() - began
-    size = (work.folder.parts / "part-00002.parquet").stat().st_size
+    size = (work.folder.chunk_folder / "part-00002.parquet").stat().st_size
     print(
         f"| {name}, {engine} | {seconds / samples * 1e6:,.2f} µs per sample | {size / 1e3:,.0f} kB per chunk |",
         flush=True,
@@ -64,7 +64,7 @@ def per_task_of_a_cluster(folder: Path) -> None:
     work = chunk_job(read_campaign(write_campaign(folder, "", code, samples=2 * TRIVIAL)), folder / "run")
     with connect(None, 2) as (cluster, _), patch.object(clusters, "MOST", 1):
         began = time.process_time()
-        run_chunks(work, 2, SILENT, elsewhere=cluster.fly)
+        run_chunks(work, 2, SILENT, executor=cluster.simulate)
         busy = time.process_time() - began
     print(f"| handing out a task | {busy / TRIVIAL * 1e3:.1f} ms |", flush=True)
 

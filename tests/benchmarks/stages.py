@@ -21,14 +21,14 @@ from tests.benchmarks.spawn import run
 
 STAGES: Final = {
     "read the campaign, fly its truth": ("mcnav.config.read:read_campaign",),
-    "prepare: partials, grid, first draws": ("mcnav.workflow.run:prepare_campaign",),
+    "prepare: partials, grid, first draws": ("mcnav.workflow.run:prepare_system",),
     "draw": ("mcnav.sampling.error_model:ErrorModel.draw",),
     "fly": ("mcnav.execution.chunks:simulate_errors",),
-    "errors at 60 epochs": ("mcnav.store.histories:history_sums",),
+    "errors at 60 epochs": ("mcnav.scenarios.reentry:EnsembleEngine.history_sums",),
     "store": (
-        "mcnav.execution.chunks:write_part",
+        "mcnav.execution.chunks:write_chunk",
         "mcnav.execution.chunks:reduce_samples",
-        "mcnav.workflow.prepare:PreparedCampaign.write_epochs",
+        "mcnav.workflow.prepare:PreparedSystem.epoch_tables",
     ),
     "analyse": ("mcnav.workflow.run:analyse",),
     "write the report": ("mcnav.workflow.run:write_results",),

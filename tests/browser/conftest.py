@@ -133,7 +133,7 @@ def _tn(folder: Path, _: Callable[[str], Path]) -> Path:
     figures = {name: draw(data[name]) for name, (_, draw) in tn_page.FIGURES.items()}
     found = [Finding(NAME, "It is said in many words what is found of it. " * 5, "holds")]
     written = folder / tn_page.PAGE
-    written.write_text(tn_page.render(NAME, cells, figures, found, found), encoding="utf-8")
+    written.write_text(tn_page.render(cells, figures, found, found), encoding="utf-8")
     return written
 
 

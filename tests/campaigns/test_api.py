@@ -36,7 +36,7 @@ def test_a_file_a_campaign_and_a_dictionary_are_one(run: FlownRun, tmp_path: Pat
         again = mcnav.fly(campaign, tmp_path / str(number), jobs=1)
         pd.testing.assert_frame_equal(again.samples, run.samples, check_exact=True)
         pd.testing.assert_frame_equal(again.outputs, run.outputs, check_exact=True)
-    assert mcnav.run_campaign(described(), tmp_path / "0", None, 1).flown == 0  # the run that the file's was
+    assert mcnav.run_campaign(described(), tmp_path / "0", None, 1).simulated == 0  # the run that the file's was
 
 
 @pytest.mark.parametrize("form", ["file", "campaign", "dictionary"])

@@ -133,7 +133,7 @@ def test_settings_of_every_type_arrive_as_they_are_declared(tmp_path: Path) -> N
             "count": (int, -3), "names": (list, ["x", ""]), "flags": (list, [True, False]), "orders": (list, []),
         }  # fmt: skip
     again = run_campaign(read_campaign(tmp_path / "run" / "campaign.toml"), tmp_path / "run", None, 1)
-    assert again.flown == 0
+    assert again.simulated == 0
 
 
 @pytest.mark.parametrize(
@@ -201,7 +201,7 @@ def test_files_of_one_name_are_kept_apart(name: str, tmp_path: Path) -> None:
     kept = {path.name.partition(".")[0]: path.read_text() for path in (tmp_path / "run" / "inputs").iterdir()}
     assert kept == {"one": f"a/{name}", "two": f"b/{name}", "three": "one.t.csv"}
     again = read_campaign(tmp_path / "run" / "campaign.toml")
-    assert run_campaign(again, tmp_path / "run", None, 1).flown == 0
+    assert run_campaign(again, tmp_path / "run", None, 1).simulated == 0
 
 
 PLACES = ["declared", "executed", "made", "thread", "flown", "partials", "history"]
@@ -232,7 +232,7 @@ def test_a_changed_file_is_refused_like_a_changed_campaign(where: str, tmp_path:
     assert sigma(tmp_path / "other") == pytest.approx(gain * before, rel=1e-12)
     assert fresh["sigma_linear"][0] == pytest.approx(2.0 * gain, rel=1e-9)
     (tmp_path / "table.txt").write_text("2\n")
-    assert run_campaign(read_campaign(campaign), tmp_path / "run", None, 1).flown == 0
+    assert run_campaign(read_campaign(campaign), tmp_path / "run", None, 1).simulated == 0
 
 
 @pytest.mark.parametrize("where", PLACES)
@@ -256,7 +256,7 @@ def test_a_scenario_that_reads_nothing_has_the_identity_that_it_had(tmp_path: Pa
 
 def test_a_large_file_is_known_by_its_digest_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """At the limit a file is kept, beyond it it is not; replay then needs the file itself."""
-    limit = campaign_inputs.LARGEST_KEPT
+    limit = campaign_inputs.LARGEST_COPY
     campaign = declared(tmp_path, "2\n".ljust(limit))
     run_campaign(read_campaign(campaign), tmp_path / "small", None, 1)
     assert (tmp_path / "small" / "inputs" / "table.txt").stat().st_size == limit
@@ -379,7 +379,7 @@ def test_fresh_from_the_run_folders_own_campaign(tmp_path: Path) -> None:
     """Its copy of the file is what the new run reads: it is not deleted under it."""
     run_campaign(read_campaign(declared(tmp_path, "2\n")), tmp_path / "run", None, 1)
     again = read_campaign(tmp_path / "run" / "campaign.toml")
-    assert run_campaign(again, tmp_path / "run", None, 1, fresh=True).flown == 300
+    assert run_campaign(again, tmp_path / "run", None, 1, fresh=True).simulated == 300
 
 
 def test_a_pipe_is_no_input(tmp_path: Path) -> None:

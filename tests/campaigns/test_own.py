@@ -11,15 +11,16 @@ import subprocess
 import sys
 import textwrap
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pandas as pd
 import pytest
 
 import mcnav
+from mcnav.cli import TemplateType
 from mcnav.config.read import parse_campaign, read_campaign
-from mcnav.config.templates import TYPES, new_campaign, new_scenario
+from mcnav.config.templates import new_campaign, new_scenario
 from mcnav.errors import CampaignError, RunFolderError
 from mcnav.workflow.analyse import report_run
 from mcnav.workflow.replay import as_stored, replay
@@ -162,7 +163,7 @@ def test_a_changed_file_is_refused_like_a_changed_campaign(tmp_path: Path) -> No
         run_campaign(read_campaign(campaign), tmp_path / "run", None, 1)
     assert _digests(tmp_path / "run") == before
     again = run_campaign(read_campaign(tmp_path / "run" / "campaign.toml"), tmp_path / "run", None, 1)
-    assert again.flown == 0  # the file as it was flown lies in the run folder
+    assert again.simulated == 0  # the file as it was flown lies in the run folder
     run_campaign(read_campaign(campaign), tmp_path / "run", None, 1, fresh=True)
     assert "3.0" in (tmp_path / "run" / "mine.py").read_text()
 
@@ -172,7 +173,7 @@ def test_a_run_goes_on_from_what_is_stored(tmp_path: Path) -> None:
     run_campaign(run, tmp_path / "run", None, 1)
     before = _digests(tmp_path / "run")
     (tmp_path / "run" / "samples" / "part-00001.parquet").unlink()
-    assert run_campaign(run, tmp_path / "run", None, 1).flown == 128
+    assert run_campaign(run, tmp_path / "run", None, 1).simulated == 128
     assert _digests(tmp_path / "run") == before
 
 
@@ -364,7 +365,7 @@ def test_a_new_scenario_runs_as_it_stands(tmp_path: Path) -> None:
         new_scenario("my_system", tmp_path)
 
 
-@pytest.mark.parametrize("kind", TYPES)
+@pytest.mark.parametrize("kind", get_args(TemplateType))
 def test_a_new_campaign_runs_as_it_stands(kind: str, tmp_path: Path) -> None:
     (path,) = new_campaign("mine", tmp_path, kind)
     summary = run_campaign(read_campaign(path, {"samples": 200}), tmp_path / "run", None, 1).summary

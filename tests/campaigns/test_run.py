@@ -21,9 +21,11 @@ from mcnav.config.read import Campaign, parse_campaign, read_campaign
 from mcnav.errors import RunFolderBusy, RunFolderError
 from mcnav.progress import Phase
 from mcnav.scenarios import reentry
+from mcnav.scenarios.steady import Cruise
 from mcnav.store.provenance import commit
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.analyse import report_run, summary_of
+from mcnav.workflow.replay import replay
 from mcnav.workflow.run import run_campaign
 from tests.conftest import ROOT, RecordedProgress, campaign, content
 
@@ -157,7 +159,7 @@ def test_a_missing_or_damaged_part_is_flown_again(tmp_path: Path) -> None:
         (Phase.ANALYSING, None, ""),
         (Phase.REPORTING, None, ""),
     ]
-    assert done.flown == 2 * 8_192
+    assert done.simulated == 2 * 8_192
 
 
 def test_another_campaign_does_not_touch_earlier_results(tmp_path: Path) -> None:
@@ -175,6 +177,26 @@ def test_another_campaign_does_not_touch_earlier_results(tmp_path: Path) -> None
     assert {path.name: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
     summary = run_campaign(campaign(1, seed=5), folder, "ensemble", 1, fresh=True).summary
     assert summary["seed"] == 5
+
+
+def test_samples_with_other_last_digits_are_not_mixed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A run of cruise that was stored before its kernel changed is neither extended nor taken for the same run."""
+    described = {"scenario": {"type": "cruise", "speed": "250 m/s", "duration": "1 h"}, "errors": {"bias_x": "10 ug"}}
+    run = parse_campaign(described | {"samples": 100, "seed": 1}, "test.toml", "test")
+    now = Cruise.revision
+    monkeypatch.delattr(Cruise, "revision")
+    run_campaign(run, tmp_path / "run", "ensemble", 1)
+    monkeypatch.undo()
+    with pytest.raises(RunFolderError, match=rf"\(revision was absent, is {now}\)"):
+        run_campaign(run, tmp_path / "run", "ensemble", 1)
+    found = replay(tmp_path / "run", 7)
+    assert found.notes == (
+        f"the run is of revision 1 of its scenario; samples of revision {now} have other last digits",
+    )
+    (tmp_path / "run" / "manifest.json").unlink()
+    with pytest.raises(RunFolderError, match="holds samples of another run"):
+        run_campaign(run, tmp_path / "run", "ensemble", 1)
+    assert run_campaign(run, tmp_path / "run", "ensemble", 1, fresh=True).simulated == 100
 
 
 @pytest.mark.parametrize(
@@ -195,7 +217,7 @@ def test_a_run_is_extended(design: str, engine: str, before: int, after: int, tm
     whole = run_campaign(campaign(4, design=design, samples=after), at_once, engine, 2)
     assert _digests(folder) == _digests(at_once)
     assert extended.summary == whole.summary
-    assert after - before <= extended.flown < after or before < 8_192
+    assert after - before <= extended.simulated < after or before < 8_192
     pd.testing.assert_frame_equal(mcnav.samples_of(folder)[:before], first, check_exact=True)
     with pytest.raises(RunFolderError, match=f"holds a run of {after:,} samples, and {before:,} are fewer; ask"):
         run_campaign(campaign(4, design=design, samples=before), folder, engine, 2)
@@ -260,7 +282,7 @@ def test_damage_is_noticed_and_named(
         with pytest.raises(RunFolderError, match=r"run the campaign|holds no run"):
             report_run(folder)
     mended = run_campaign(run, folder, "ensemble", 1)
-    assert mended.flown == 0
+    assert mended.simulated == 0
     assert len(mended.notices) == (name == "manifest.json" and damage != "missing")
     assert summary_of(folder) == finished[1]
 
@@ -311,7 +333,7 @@ def test_flown_until_precise_enough(tmp_path: Path) -> None:
     run = _until("sigma_ratio 2 %", 100_000)
     done = run_campaign(run, folder, "ensemble", 2)
     summary = done.summary
-    assert summary["samples"] == done.flown == 16_384
+    assert summary["samples"] == done.simulated == 16_384
     rule = summary["stopping"]
     assert (rule["looks"], rule["reached"], rule["at_most"]) == (5, True, 100_000)
     assert rule["found"] <= 0.02
@@ -323,7 +345,7 @@ def test_flown_until_precise_enough(tmp_path: Path) -> None:
         in (folder / "report.html").read_text()
     )
     again = run_campaign(read_campaign(folder / "campaign.toml"), folder, "ensemble", 1)
-    assert (again.flown, again.summary) == (0, summary)
+    assert (again.simulated, again.summary) == (0, summary)
     assert report_run(folder) == summary
 
 
@@ -334,7 +356,7 @@ def test_a_run_until_that_was_broken_off_goes_on(tmp_path: Path) -> None:
     (folder / "samples" / "part-00000.parquet").unlink()
     (folder / "manifest.json").unlink()
     done = run_campaign(run, folder, "ensemble", 2)
-    assert (done.flown, done.summary) == (8_192, whole)
+    assert (done.simulated, done.summary) == (8_192, whole)
 
 
 def test_flown_to_the_most_that_is_allowed(tmp_path: Path) -> None:
@@ -354,7 +376,7 @@ def test_a_table_goes_with_its_run(tmp_path: Path) -> None:
     first = run_campaign(run, folder, "ensemble", 1).summary
     assert set(pd.read_parquet(folder / "samples")["error range [m]"]) <= set(1000.0 * pd.read_csv(values)["x"])
     again = run_campaign(read_campaign(folder / "campaign.toml"), folder, "ensemble", 1)
-    assert (again.flown, again.summary) == (0, first)
+    assert (again.simulated, again.summary) == (0, first)
     pd.DataFrame({"x": [0.0, 1.0]}).to_csv(values)
     changed = parse_campaign(described, str(tmp_path / "test.toml"), "test")
     with pytest.raises(RunFolderError, match=r"errors\.range\.sha256 was"):

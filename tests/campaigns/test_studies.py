@@ -81,7 +81,7 @@ def test_dispersion_by_start_time_is_checked() -> None:
     times = checked_times(described, study)
     assert len(times) >= 6
     for time in times[:2]:
-        comparison = check_start_time(described, time, study.axes).comparison
+        comparison = check_start_time(described, time, study.axes)
         expected = [np.interp(time, study.times, study.sigma[:, i]) for i in range(4)]
         found = [output.sigma_linear for output in comparison.outputs]
         np.testing.assert_allclose(found, expected, rtol=2e-3)  # interpolated between 25 start times
@@ -102,7 +102,7 @@ def test_errors_that_change_with_the_start_time() -> None:
     assert after.times[after.best[0]] > before.times[before.best[0]] + 600.0
     assert changing.start_times.check == (-600.0,)
     multiple = np.interp(-600.0, [-3600.0, 0.0], [1.0, 0.2])
-    found = check_start_time(changing, -600.0, "start").comparison
+    found = check_start_time(changing, -600.0, "start")
     by_altitude = before.effects[:, 0, 0] * np.interp(before.times, [-3600.0, 0.0], [1.0, 0.2])
     rest = before.sigma[:, 0] ** 2 - before.effects[:, 0, 0] ** 2
     np.testing.assert_allclose(after.sigma[:, 0], np.sqrt(rest + by_altitude**2), rtol=1e-9)

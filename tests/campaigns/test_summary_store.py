@@ -18,12 +18,11 @@ from mcnav.analysis.comparison import (
     Criterion,
     Model,
     compare_reduced,
-    normalization_of,
     reduce_stored,
     reduce_summary,
 )
-from mcnav.analysis.convergence import convergence
 from mcnav.analysis.failed_samples import failure_bias
+from mcnav.analysis.running_ratios import convergence
 from mcnav.config.read import parse_campaign
 from mcnav.errors import CampaignError, RunFolderError
 from mcnav.lincov.block_sums import column_count
@@ -36,6 +35,7 @@ from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.analyse import summary_of
 from mcnav.workflow.run import run_campaign
 from tests.conftest import campaign, content
+from tests.faults.scenarios import normalization
 
 DESIGN = SamplingDesign()
 SAMPLES, KEPT, CHUNK = 60_000, 10_000, 1 << 14
@@ -46,8 +46,8 @@ def _small() -> Any:
     """Chunks and kept samples small enough for several of them."""
     with (
         patch.object(store, "CHUNK", CHUNK),
-        patch("mcnav.execution.chunks.KEPT", KEPT),
-        patch("mcnav.workflow.run.KEPT", KEPT),
+        patch("mcnav.execution.chunks.STORED_ROWS", KEPT),
+        patch("mcnav.workflow.run.STORED_ROWS", KEPT),
     ):
         yield
 
@@ -75,7 +75,7 @@ def test_the_same_answers_as_from_samples(tmp_path: Path) -> None:
         values = [np.array(each[key], dtype=float) for each in (summed, whole)]
         scale = np.nanmax(np.abs(values[1]))
         np.testing.assert_allclose(values[0], values[1], rtol=1e-7, atol=1e-9 * scale, err_msg=key)
-    blocks = SAMPLES / normalization_of(_model(), SAMPLES, 1).block
+    blocks = SAMPLES / normalization(_model(), SAMPLES, 1).block
     for key in ("bias_standard_error", "nees_standard_error", "nees_paired_standard_error", "skewness_standard_error"):
         ratio = np.array(summed[key]) / np.array(whole[key])
         assert np.all(np.abs(ratio - 1.0) < 5.0 / np.sqrt(2.0 * blocks)), key
@@ -104,7 +104,7 @@ def test_bits_do_not_depend_on_jobs_or_on_breaks(tmp_path: Path) -> None:
     damaged = bytearray(parts[2].read_bytes())
     damaged[len(damaged) // 2] ^= 1
     parts[2].write_bytes(damaged)
-    flown = run_campaign(campaign(4, samples=SAMPLES, store="summary"), tmp_path / "two", "ensemble", 2).flown
+    flown = run_campaign(campaign(4, samples=SAMPLES, store="summary"), tmp_path / "two", "ensemble", 2).simulated
     assert flown == 2 * CHUNK
     assert _digests(tmp_path / "two") == digests
     assert summary_of(tmp_path / "two")["covariance_paired"] == json.loads(json.dumps(first["covariance_paired"]))
@@ -144,7 +144,7 @@ def test_failures_are_counted_by_reason(tmp_path: Path) -> None:
         "failed: a": store.FailureCount(2, (5, 700)),
         "failed: b": store.FailureCount(1, (1_003,)),
     }
-    again = store.Summary.from_mark(failing.as_mark())
+    again = store.Summary.from_mark(failing.marks(0)[store.MARK])
     assert np.array_equal(again.sums.blocks, failing.sums.blocks)
     assert (again.samples, again.failures) == (failing.samples, failing.failures)
 
@@ -166,7 +166,7 @@ def test_what_failed_samples_hide_is_told_from_sums() -> None:
 
 def test_reasons_are_bounded() -> None:
     """Those that differ in their numbers are told as one, and whatever is still too much as the rest."""
-    found = reduce_samples(normalization_of(_model(), 10_000, 1), 0, np.zeros((10, 2)), np.zeros((10, 2)))
+    found = reduce_samples(normalization(_model(), 10_000, 1), 0, np.zeros((10, 2)), np.zeros((10, 2)))
     many = {index: f"failed: fell to {index} km" for index in range(2_000)}
     assert store.Summary.of(found, 2_000, many).failures == {
         "failed: fell to … km": store.FailureCount(2_000, tuple(range(store.FIRST)))
@@ -232,7 +232,7 @@ def _both_ways(
     model: Model, errors: np.ndarray, outcomes: np.ndarray, block: int = 1
 ) -> tuple[Any, ReducedSamples, ReducedSamples]:
     """A thousand samples as the sums of a summary, as stored in the same blocks, and as restored from the sums."""
-    frame = replace(normalization_of(model, len(errors), 1), block=block)
+    frame = replace(normalization(model, len(errors), 1), block=block)
     sums = reduce_samples(frame, 0, errors, outcomes)
     stored = reduce_stored(model, errors, outcomes, np.arange(len(errors)) // block)
     return sums, stored, reduce_summary(model, frame, sums, len(errors), stored.stored)
@@ -248,7 +248,7 @@ def _model() -> Model:
 
 
 def test_a_block_has_as_many_sums_as_are_counted() -> None:
-    found = reduce_samples(normalization_of(_model(), 10_000, 1), 0, np.zeros((10, 2)), np.zeros((10, 2)))
+    found = reduce_samples(normalization(_model(), 10_000, 1), 0, np.zeros((10, 2)), np.zeros((10, 2)))
     assert found.blocks.shape == (3, column_count(2))
 
 
@@ -269,7 +269,7 @@ def test_a_summary_is_extended_while_its_blocks_stay(tmp_path: Path) -> None:
     _run(tmp_path / "one")
     described = campaign(4, samples=65_000, store="summary")
     longer = run_campaign(described, tmp_path / "one", "ensemble", 2)
-    assert longer.flown == 65_000 - 3 * CHUNK
+    assert longer.simulated == 65_000 - 3 * CHUNK
     assert longer.summary == run_campaign(described, tmp_path / "two", "ensemble", 2).summary
     with pytest.raises(RunFolderError, match=r"one of 70,000 is kept in larger blocks"):
         _run(tmp_path / "one", samples=70_000)
@@ -288,7 +288,7 @@ def test_a_manifest_of_as_many_samples_as_a_campaign_may_have(tmp_path: Path) ->
     _run(tmp_path / "run")
     content = RunFolder(tmp_path / "run").existing_manifest().to_json() | {"samples": 10**12}
     last = content["parts"][-1] | {"end": 10**12}
-    assert Manifest.from_json(content | {"parts": [*content["parts"][:-1], last]}).parts[-1].end == 10**12
+    assert Manifest.from_json(content | {"parts": [*content["parts"][:-1], last]}).chunks[-1].end == 10**12
     with pytest.raises(ManifestError, match=r"^parts: do not hold the samples from 0 to 999999999999 in order$"):
         Manifest.from_json(content)
 

@@ -55,12 +55,11 @@ def test_wild_samples_are_right_or_handed_over(number: int, multiple: float, all
     refined = refined_grid(navigation.trajectory, navigation.start, navigation.theta_axes, errors[:64])
     values, valid = simulate_ensemble(refined.grid, errors)
     kept = np.flatnonzero(valid)[:20]
-    found = navigation.simulate_reference(errors, kept)
-    flown, failures = found.values, found.failures
+    flown = np.empty_like(values)
     assert len(kept) > 0
-    assert not failures
+    assert not navigation.simulate_reference(errors, kept, flown)
     linear = propagated_covariance(scenario.linear_model().partials, np.diag((SIZES * multiple) ** 2))
-    differences = np.abs([values[row] - flown[row] for row in flown]).max(axis=0)
+    differences = np.abs(values[kept] - flown[kept]).max(axis=0)
     assert (differences / np.sqrt(np.diag(linear))).max() < 1e-5
 
 

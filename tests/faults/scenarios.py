@@ -10,13 +10,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from mcnav.analysis.comparison import Model, normalization_of
+from mcnav.analysis.comparison import Model
 from mcnav.config.read import Campaign
 from mcnav.execution.chunks import ChunkJob, DrawPlan
+from mcnav.lincov.block_sums import Normalization
 from mcnav.lincov.polynomial_engine import prepare_engine
 from mcnav.progress import Silent
 from mcnav.sampling.designs import block_length
-from mcnav.store.parts import SampleSchema
+from mcnav.store.chunk_files import SampleSchema
 from mcnav.store.run_folder import RunFolder
 from tests.conftest import ROOT
 from tests.processes import run_to_end
@@ -65,6 +66,13 @@ def write_campaign(folder: Path, body: str, code: str = SINGLE, samples: int = 1
     return path
 
 
+def normalization(model: Model, samples: int, block_length: int) -> Normalization:
+    """Normalize the samples of a campaign by its linear model."""
+    return Normalization.of(
+        model.partials, model.mean, model.outcome_mean, model.outcome_covariance, samples, block_length
+    )
+
+
 def chunk_job(run: Campaign, folder: Path, engine: str | None = None) -> ChunkJob:
     """Build the job that a run sends to its workers."""
     errors, scenario = run.errors, run.scenario
@@ -72,9 +80,7 @@ def chunk_job(run: Campaign, folder: Path, engine: str | None = None) -> ChunkJo
     prepared = prepare_engine(scenario, engine or scenario.engines[0], probes, errors.mean, errors.standard_deviations)
     linear = scenario.linear_model()
     model = Model(linear.partials, linear.nominal, errors.mean, errors.covariance)
-    frame = (
-        normalization_of(model, run.samples, block_length(run.design, run.samples)) if run.store == "summary" else None
-    )
+    frame = normalization(model, run.samples, block_length(run.design, run.samples)) if run.store == "summary" else None
     (folder / "samples").mkdir(parents=True)
     layout = SampleSchema.of(scenario.sources, scenario.outputs)
     draws = DrawPlan(errors, run.design, run.seed, run.samples)

@@ -64,8 +64,8 @@ def test_a_file_that_a_scenario_reads(where: str, cluster: Cluster, tmp_path: Pa
     path = write_campaign(tmp_path, body, code.replace("2.0 * a", "self.gain * a"))
     for gain in (2.0, 3.0):
         table.write_text(f"{gain:g}")
-        for folder, flyers in (("here", None), ("there", cluster.fly)):
-            run_campaign(read_campaign(path), tmp_path / folder, None, 2, fresh=True, flights=flyers)
+        for folder, flyers in (("here", None), ("there", cluster.simulate)):
+            run_campaign(read_campaign(path), tmp_path / folder, None, 2, fresh=True, executor=flyers)
         here, there = (RunFolder(tmp_path / folder).manifest() for folder in ("here", "there"))
         assert here is not None
         assert there is not None
@@ -83,7 +83,7 @@ def test_a_file_that_a_scenario_reads(where: str, cluster: Cluster, tmp_path: Pa
             None,
             2,
             progress=OnAdvance(lambda: table.write_text("4")),
-            flights=cluster.fly,
+            executor=cluster.simulate,
         )
 
 
@@ -92,12 +92,12 @@ def test_same_bits(engine: str, store: str, cluster: Cluster, tmp_path: Path) ->
     run = campaign(1, samples=20_000, store=store)
     work = chunk_job(run, tmp_path / "here", engine)
     there = replace(work, folder=RunFolder(tmp_path / "there"))
-    there.folder.parts.mkdir(parents=True)
+    there.folder.chunk_folder.mkdir(parents=True)
     _, flown = run_chunks(work, 1, SILENT)
-    parts, flown_there = run_chunks(there, 2, SILENT, elsewhere=cluster.fly)
+    parts, flown_there = run_chunks(there, 2, SILENT, executor=cluster.simulate)
     assert flown == flown_there == sum(part.end - part.begin for part in parts) == run.samples
     assert digests(tmp_path / "here") == digests(tmp_path / "there")
-    assert run_chunks(there, 2, SILENT, elsewhere=cluster.fly)[1] == 0
+    assert run_chunks(there, 2, SILENT, executor=cluster.simulate)[1] == 0
 
 
 def test_a_whole_run(cluster: Cluster, tmp_path: Path) -> None:
@@ -121,7 +121,7 @@ def test_a_killed_worker(together: int, cluster: Cluster, tmp_path: Path, monkey
     code = VECTORISED.replace("def propagate", "chunk = 5\n\n    def propagate")
     work = chunk_job(read_campaign(write_campaign(tmp_path, "time.sleep(0.05)", code, samples=300)), tmp_path / "here")
     there = replace(work, folder=RunFolder(tmp_path / "there"))
-    there.folder.parts.mkdir(parents=True)
+    there.folder.chunk_folder.mkdir(parents=True)
     run_chunks(work, 4, SILENT)
     ready, before = [0], workers(cluster)
 
@@ -130,7 +130,7 @@ def test_a_killed_worker(together: int, cluster: Cluster, tmp_path: Path, monkey
         if ready[0] == 3:
             os.kill(min(workers(cluster)), signal.SIGKILL)
 
-    assert run_chunks(there, 2, OnAdvance(kill), elsewhere=cluster.fly)[1] == 300
+    assert run_chunks(there, 2, OnAdvance(kill), executor=cluster.simulate)[1] == 300
     assert ready[0] == 60
     assert digests(tmp_path / "here") == digests(tmp_path / "there")
     assert workers(cluster) != before
@@ -161,7 +161,7 @@ def test_poison_samples_fail_alone(cluster: Cluster, tmp_path: Path) -> None:
     run = read_campaign(write_campaign(tmp_path / "hit", body, samples=60, more=LIMIT))
     cluster.client.wait_for_workers(2)
     before, work = workers(cluster), chunk_job(run, tmp_path / "run")
-    assert run_chunks(work, 2, SILENT, elsewhere=cluster.fly)[1] == 60
+    assert run_chunks(work, 2, SILENT, executor=cluster.simulate)[1] == 60
     samples = pd.read_parquet(tmp_path / "run" / "samples")
     expected = [f"failed: {REASONS[chosen[value]]}" if value in chosen else "ok" for value in drawn.tolist()]
     assert samples["status"].tolist() == expected
@@ -185,7 +185,7 @@ def test_a_cluster_that_is_lost(cluster: Cluster, tmp_path: Path) -> None:
                 lost.client.close()
 
         with pytest.raises(ClusterError, match=r"the scheduler is gone.*the same command goes on from there"):
-            run_chunks(work, 1, OnAdvance(lose), elsewhere=lost.fly)
+            run_chunks(work, 1, OnAdvance(lose), executor=lost.simulate)
     assert 0 < len(digests(tmp_path / "run")) < 60
 
 
@@ -259,7 +259,7 @@ def test_a_chunk_that_nobody_wants_any_more(cluster: Cluster, tmp_path: Path) ->
     run = read_campaign(write_campaign(tmp_path, body, code, samples=400))
     work = chunk_job(run, tmp_path / "run")
     with pytest.raises(TooManyFailures, match=r"50 of the .* samples flown so far failed, where 49 may"):
-        run_chunks(work, 2, SILENT, most_failures=49, elsewhere=cluster.fly)
+        run_chunks(work, 2, SILENT, most_failures=49, executor=cluster.simulate)
     while not (waiting := Path(late).read_text()):
         time.sleep(0.01)
     (free,) = [worker for worker, process in cluster.client.run(os.getpid).items() if str(process) != waiting]

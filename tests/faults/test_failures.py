@@ -81,7 +81,7 @@ def test_too_many_failures_break_off(tmp_path: Path) -> None:
         run_campaign(run, tmp_path / "run", None, 1, most_failures=5)
     assert 0 < len(list((tmp_path / "run" / "samples").glob("part-*.parquet"))) < 8
     done = run_campaign(run, tmp_path / "run", None, 1, most_failures=199)
-    assert 0 < done.flown < 200
+    assert 0 < done.simulated < 200
     assert 0 < done.summary["failed"] < 100
     with pytest.raises(TooManyFailures):
         run_campaign(run, tmp_path / "run", None, 1, most_failures=5)
@@ -131,7 +131,7 @@ def test_replay_of_a_reentry(tmp_path: Path) -> None:
             assert 1e3 * last == pytest.approx(samples["output altitude [m]"][index], rel=1e-6)
     refused = CliRunner().invoke(app, ["replay", str(tmp_path / "run"), "64"])
     assert refused.exit_code == 2
-    assert run_campaign(run, tmp_path / "run", "ensemble", 1).flown == 0
+    assert run_campaign(run, tmp_path / "run", "ensemble", 1).simulated == 0
 
 
 def test_replay_of_a_cruise(tmp_path: Path) -> None:

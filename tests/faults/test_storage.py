@@ -25,7 +25,7 @@ from mcnav.config.read import parse_campaign, read_campaign
 from mcnav.errors import RunFolderError
 from mcnav.execution.chunks import simulate_chunk
 from mcnav.progress import Silent
-from mcnav.store.parts import whole_part
+from mcnav.store.chunk_files import verify_chunk
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.analyse import report_run
 from mcnav.workflow.run import run_campaign
@@ -69,27 +69,27 @@ def test_every_wrong_byte_of_a_chunk_is_noticed_and_mended(finished: Path, tmp_p
     chance = random.Random(1)
     shutil.copytree(finished, tmp_path / "run")
     folder = RunFolder(tmp_path / "run")
-    path = folder.parts / "part-00000.parquet"
+    path = folder.chunk_folder / "part-00000.parquet"
     whole = path.read_bytes()
     identity = _identity(folder)
-    assert whole_part(folder.parts, 0, identity) is not None
+    assert verify_chunk(folder.chunk_folder, 0, identity) is not None
     for position in chance.sample(range(len(whole)), min(POSITIONS, len(whole))):
         damaged = bytearray(whole)
         damaged[position] ^= chance.randrange(1, 256)
         path.write_bytes(damaged)
-        assert whole_part(folder.parts, 0, identity) is None, position
+        assert verify_chunk(folder.chunk_folder, 0, identity) is None, position
     with pytest.raises(RunFolderError, match=r"part-00000\.parquet: is damaged \(its checksum differs\)"):
         report_run(folder.path)
     mended = run_campaign(small(300), folder.path, "ensemble", 1)
-    assert mended.flown == 300
+    assert mended.simulated == 300
     assert mended.notices == (f"{path}: is damaged; its samples are flown again",)
     assert path.read_bytes() == whole
 
 
 def _identity(folder: RunFolder) -> str:
-    from mcnav.store.parts import identities_in
+    from mcnav.store.chunk_files import identities_in
 
-    (identity,) = identities_in(folder.parts)
+    (identity,) = identities_in(folder.chunk_folder)
     return identity
 
 
@@ -107,7 +107,7 @@ def test_every_wrong_byte_of_a_manifest_is_noticed_and_mended(finished: Path, tm
         with pytest.raises(RunFolderError, match=r"manifest\.json: is damaged"):
             folder.manifest()
     mended = run_campaign(small(300), folder.path, "ensemble", 1)
-    assert mended.flown == 0
+    assert mended.simulated == 0
     assert len(mended.notices) == 1
     assert "manifest.json: was damaged" in mended.notices[0]
     assert digests(folder.path) == digests(finished)
@@ -172,7 +172,7 @@ def test_stale_files_are_swept(finished: Path, tmp_path: Path) -> None:
     shutil.copytree(finished, tmp_path / "run")
     stale = tmp_path / "run" / "samples" / ".part-00001.parquet.0123456789ab.tmp"
     stale.write_bytes(b"half")
-    assert run_campaign(small(300), tmp_path / "run", "ensemble", 1).flown == 0
+    assert run_campaign(small(300), tmp_path / "run", "ensemble", 1).simulated == 0
     assert not stale.exists()
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from functools import lru_cache
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
@@ -103,18 +104,18 @@ def test_every_target_of_make_exists(page: Path) -> None:
     assert set(asked) <= set(targets)
 
 
-@pytest.mark.parametrize("page", Page)
+@pytest.mark.parametrize("page", get_args(Page))
 def test_every_page_is_shown(page: Page, capsys: pytest.CaptureFixture[str]) -> None:
     docs(page)
-    file = PACKAGE / FILES.get(page, f"{page.value.upper()}.md")
+    file = PACKAGE / FILES.get(page, f"{page.upper()}.md")
     assert capsys.readouterr().out.strip() == file.read_text(encoding="utf-8").strip()
 
 
 def test_every_page_has_a_name_and_is_in_the_lists_of_pages() -> None:
-    assert {PACKAGE / FILES.get(page, f"{page.value.upper()}.md") for page in Page} == set(PACKAGE.rglob("*.md"))
+    assert {PACKAGE / FILES.get(page, f"{page.upper()}.md") for page in get_args(Page)} == set(PACKAGE.rglob("*.md"))
     for index in (PACKAGE / "GUIDE.md", PACKAGE / "COMMANDS.md"):
         text = index.read_text(encoding="utf-8")
-        assert all(f"`{page.value}`" in text for page in Page if page.value.upper() != index.stem)
+        assert all(f"`{page}`" in text for page in get_args(Page) if page.upper() != index.stem)
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     assert all(f"({page.relative_to(ROOT)})" in readme for page in PACKAGE.rglob("*.md"))
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from mcnav.config.context import Kept
 from mcnav.config.scenarios import reentry, steady, user
 from mcnav.config.scenarios.base import ScenarioSpec, ScenarioType
 from mcnav.scenarios.reentry import SOURCES as REENTRY_SOURCES
@@ -32,4 +31,4 @@ def scenario_type(name: object) -> ScenarioType | None:
     return SCENARIO_TYPES.get(name) or (USER if user.CLASS_IN_FILE.fullmatch(name) else None)
 
 
-__all__ = ["SCENARIO_TYPES", "USER", "Kept", "ScenarioSpec", "ScenarioType", "scenario_type"]
+__all__ = ["SCENARIO_TYPES", "USER", "ScenarioSpec", "ScenarioType", "scenario_type"]

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from pydantic import ConfigDict
 
-from mcnav.config.context import FileContext, Kept
+from mcnav.config.context import EarlierFile, FileContext
 from mcnav.config.scenarios.base import ScenarioSpec
 from mcnav.config.schema import Table
 from mcnav.errors import suggestion
@@ -46,13 +46,7 @@ class UserTable(Table):
 
 
 def read_code(path: Path) -> SourceFile:
-    """Read a Python file.
-
-    Raises
-    ------
-    ScenarioError
-        When it cannot be read.
-    """
+    """Read a Python file; `ScenarioError` when it cannot be read."""
     try:
         return SourceFile(path.name, read_whole(path, LARGEST_FILE).decode("utf-8-sig"))
     except OSError as failure:
@@ -64,10 +58,7 @@ def read_code(path: Path) -> SourceFile:
 def read_scenario(table: UserTable, entries: Mapping[str, Any], context: FileContext) -> ScenarioSpec | None:
     """Build the scenario; mistakes in its settings are added to the context.
 
-    Raises
-    ------
-    ScenarioError
-        When the file cannot be read or executed, or the class does not follow the protocol.
+    Raise `ScenarioError` when the file cannot be read or executed, or the class does not follow the protocol.
     """
     named = CLASS_IN_FILE.fullmatch(table.type)
     if named is None:
@@ -126,26 +117,28 @@ def _read_file(value: object, key: str, context: FileContext) -> InputFile:
         raise SettingError(f"got {display(value)}; expected the path of a file in quotes")
     if not FILE.fullmatch(value) or not _is_inside(value):
         raise SettingError(f"got {display(value)}; {OUTSIDE}")
-    path, name, kept = context.folder / value, safe_name(value), context.kept.get(key)
+    path, name, earlier = context.folder / value, safe_name(value), context.earlier.get(key)
     try:
         found = identify_file(str(path.absolute()), name, key)
     except OSError as failure:
-        if kept is None:
+        if earlier is None:
             raise SettingError(f"{path} {_why_unreadable(failure)}") from None
-        return _identify_copy(kept, name, key, f"{path} {_why_unreadable(failure)}")
-    if kept is None or found.digest == kept.sha256:
+        return _identify_copy(earlier, name, key, f"{path} {_why_unreadable(failure)}")
+    if earlier is None or found.digest == earlier.sha256:
         return found
-    return _identify_copy(kept, name, key, f"{path} has changed since the run (its SHA-256 was {kept.sha256[:12]})")
+    return _identify_copy(
+        earlier, name, key, f"{path} has changed since the run (its SHA-256 was {earlier.sha256[:12]})"
+    )
 
 
-def _identify_copy(kept: Kept, name: str, key: str, change: str) -> InputFile:
+def _identify_copy(earlier: EarlierFile, name: str, key: str, change: str) -> InputFile:
     """Identify the copy of a file in the folder of the run that read it."""
-    if kept.copy is None:
+    if earlier.copy is None:
         raise SettingError(f"{change}, and the run folder has no copy of it; restore it")
     try:
-        return identify_file(str(kept.copy.absolute()), name, key)
+        return identify_file(str(earlier.copy.absolute()), name, key)
     except OSError as failure:
-        raise SettingError(f"{change}, and its copy {kept.copy} {_why_unreadable(failure)}") from None
+        raise SettingError(f"{change}, and its copy {earlier.copy} {_why_unreadable(failure)}") from None
 
 
 def _why_unreadable(failure: OSError) -> str:

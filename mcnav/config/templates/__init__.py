@@ -11,8 +11,6 @@ from typing import Final
 from mcnav.errors import CampaignError, Problem
 from mcnav.files import write_whole
 
-TYPES: Final = ("reentry", "cruise", "hover")
-
 _NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,60}")
 
 
@@ -42,12 +40,9 @@ def _check_name(name: str) -> None:
 
 
 def new_campaign(name: str, folder: Path, kind: str) -> list[Path]:
-    """Write a campaign file of one of `TYPES`; return the path written, in a list.
+    """Write a campaign file from the template of a type of scenario; return the path written, in a list.
 
-    Raises
-    ------
-    CampaignError
-        When the name cannot be used, or the file exists.
+    Raise `CampaignError` when the name cannot be used, or the file exists.
     """
     _check_name(name)
     return _write(folder, {f"{name}.toml": _fill_in(f"{kind}.toml", {"NAME": name})})
@@ -56,10 +51,7 @@ def new_campaign(name: str, folder: Path, kind: str) -> list[Path]:
 def new_scenario(name: str, folder: Path) -> list[Path]:
     """Write a scenario, its campaign and its test; return the three paths in that order.
 
-    Raises
-    ------
-    CampaignError
-        When the name cannot be used, or a file exists.
+    Raise `CampaignError` when the name cannot be used, or a file exists.
     """
     _check_name(name)
     changes = {"NAME": name, "CLASS": "".join(part[:1].upper() + part[1:] for part in name.split("_"))}

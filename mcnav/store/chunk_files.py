@@ -1,11 +1,12 @@
-"""Sample files: one chunk each, in parquet, believed by its content."""
+"""Files of samples: one chunk each, in parquet, verified by its content."""
 
 from __future__ import annotations
 
 import hashlib
 import io
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -13,17 +14,15 @@ from typing import Annotated, Any, Final
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from numpy.typing import NDArray
 from pydantic import Field
 
 from mcnav._types import Array, IndexArray
-from mcnav.files import arrow_array, arrow_texts, numbers_in, parquet_bytes, read_whole, write_whole
-from mcnav.scenarios.failure import OK
-from mcnav.scenarios.protocol import SimulationResult
+from mcnav.files import arrow_array, arrow_texts, numbers_in, parquet_bytes, read_whole, repeated_text, write_whole
+from mcnav.scenarios.failure import OK, Failure
 
 _TEXT: Final = ("status",)
 
-LARGEST_PART: Final = 1_000_000_000
+LARGEST_CHUNK: Final = 1_000_000_000
 """Bytes."""
 
 MOST_EXPANSION: Final = 200
@@ -34,7 +33,7 @@ ROOM: Final = 10_000_000
 """Bytes that any file may expand to."""
 
 MOST_TRACEBACKS: Final = 500_000
-"""Characters of tracebacks that a part keeps; beyond it a failed sample has its reason, and can be replayed."""
+"""Characters of tracebacks that a file has; beyond it a failed sample has its reason, and can be replayed."""
 
 MOST_SAMPLES: Final = 1_000_000_000_000
 
@@ -44,14 +43,14 @@ Count = Annotated[int, Field(ge=0, le=MOST_SAMPLES)]
 
 
 @dataclass(frozen=True)
-class Part:
-    """One file of samples [begin, end), as the manifest lists it; annotations are checked where a manifest is read."""
+class ChunkFile:
+    """A file of samples [begin, end), as the manifest lists it; annotations are checked where a manifest is read."""
 
     file: Annotated[str, Field(pattern=r"^part-[0-9]{5,9}\.parquet$")]
     begin: Count
     end: Count
     failed: Count
-    handed_over: Count
+    fallback_count: Annotated[Count, Field(alias="handed_over")]
     sha256: Digest
 
 
@@ -92,14 +91,14 @@ class SampleSchema:
         )
 
 
-def part_name(number: int) -> str:
-    """File name of a part by its number."""
+def chunk_name(number: int) -> str:
+    """Return the file name of a chunk by its number."""
     return f"part-{number:05d}.parquet"
 
 
 @dataclass(frozen=True)
 class ChunkTotals:
-    """All samples of a chunk of which only the first rows are kept; ``tracebacks`` by row."""
+    """Totals of all samples of a chunk, also of those without rows; ``tracebacks`` by row."""
 
     samples: int
     failed: int
@@ -107,55 +106,44 @@ class ChunkTotals:
     tracebacks: Mapping[int, str]
 
 
-def write_part(
-    place: Path,
+def write_chunk(
+    folder: Path,
     number: int,
     begin: int,
     identity: str,
     layout: SampleSchema,
     errors: Array,
-    outcomes: SimulationResult,
-    marks: Mapping[str, str] | None = None,
-    totals: ChunkTotals | None = None,
-) -> Part:
+    outputs: Array,
+    failures: Mapping[int, Failure],
+    totals: ChunkTotals,
+    marks: Mapping[str, str],
+) -> ChunkFile:
     """Write one chunk of samples as a file that is either there whole or not there.
 
     Parameters
     ----------
-    place : Path
-        Folder of the parts.
-    number, begin : int
-        Number of the part, index of its first sample.
+    begin : int
+        Index of the first sample.
     identity : str
         Digest of the run.
-    layout : SampleSchema
-    errors : ndarray, shape (n, sources)
-    outcomes : SimulationResult
-    marks : mapping of str to str, optional
+    errors, outputs : ndarray, shapes (n, sources) and (n, outputs)
+    failures : mapping of int to Failure
+        Failures by row.
+    marks : mapping of str to str
         Further entries of the file's metadata.
-    totals : ChunkTotals, optional
-        Of a chunk of which only these rows are kept.
     """
-    count, failures = len(errors), outcomes.failures
+    count = len(errors)
+    failed = np.array([row in failures for row in range(count)], dtype=bool)
     status = [failures[row].status if row in failures else OK for row in range(count)]
     columns = {"index": arrow_array(np.arange(begin, begin + count)), "status": arrow_texts(status)}
     columns |= {name: arrow_array(values) for name, values in zip(layout.errors, errors.T, strict=True)}
-    failed = np.array([row in failures for row in range(count)], dtype=bool)
-    for name, values in zip(layout.outputs, outcomes.values.T, strict=True):
-        columns[name] = arrow_array(values, failed)
-    table = pa.Table.from_arrays(list(columns.values()), names=list(columns))
-    metadata = {}
-    if totals is not None:
-        keys = {"begin": begin, "samples": totals.samples, "failed": totals.failed}
-        metadata = {f"mcnav.{key}": str(value) for key, value in keys.items()}
-    else:
-        tracebacks = {row: failure.traceback for row, failure in sorted(failures.items()) if failure.traceback}
-        totals = ChunkTotals(count, int(failed.sum()), outcomes.fallback_count, tracebacks)
+    columns |= {name: arrow_array(values, failed) for name, values in zip(layout.outputs, outputs.T, strict=True)}
+    metadata = {"mcnav.identity": identity, "mcnav.handed_over": str(totals.fallback_count), **marks}
     if totals.tracebacks:
         metadata["mcnav.tracebacks"] = _packed({begin + row: text for row, text in totals.tracebacks.items()})
-    first = {"mcnav.identity": identity, "mcnav.handed_over": str(totals.fallback_count)}
-    content = parquet_bytes(table.replace_schema_metadata({**first, **(marks or {}), **metadata}), _TEXT)
-    write_whole(place / part_name(number), content)
+    table = pa.Table.from_arrays(list(columns.values()), names=list(columns))
+    content = parquet_bytes(table.replace_schema_metadata(metadata), _TEXT)
+    write_whole(folder / chunk_name(number), content)
     return _described(number, begin, totals.samples, totals.failed, totals.fallback_count, content)
 
 
@@ -173,7 +161,7 @@ def _packed(tracebacks: Mapping[int, str]) -> str:
 
 
 def tracebacks_in(table: pa.Table) -> dict[int, str]:
-    """Tracebacks of failed samples by index, as far as the part of a table keeps them."""
+    """Tracebacks of failed samples by index, as far as the file has them."""
     try:
         packed = json.loads((table.schema.metadata or {}).get(b"mcnav.tracebacks", b"[]"))
         return {int(index): str(text) for text, indices in packed for index in indices}
@@ -184,10 +172,7 @@ def tracebacks_in(table: pa.Table) -> dict[int, str]:
 def table_from(content: bytes, rows: int | None = None) -> pa.Table:
     """Read a parquet file with its checksums verified, unless it claims to be much larger than it is.
 
-    Raises
-    ------
-    ValueError, OSError, pyarrow.ArrowException
-        When it cannot be read, or has not so many rows.
+    Raise `ValueError`, `OSError`, `pyarrow.ArrowException` when it cannot be read, or has not so many rows.
     """
     file = pq.ParquetFile(io.BytesIO(content), page_checksum_verification=True)
     described = file.metadata
@@ -199,58 +184,47 @@ def table_from(content: bytes, rows: int | None = None) -> pa.Table:
     return file.read()
 
 
-def whole_part(place: Path, number: int, identity: str, kept: int | None = None) -> Part | None:
-    """Return a part by its number, when it is complete and of this run.
-
-    Of a summary the file has the rows of samples below ``kept`` and says itself which samples it is of, and how many
-    of them failed.
+def verify_chunk(folder: Path, number: int, identity: str, stored_rows: int | None = None) -> ChunkFile | None:
+    """Return a chunk's file when it is undamaged and of this run.
 
     Besides the checksums of its pages, the file must be what writing its content again gives: so that a bit that has
-    flipped anywhere is noticed, also where no checksum covers it.
+    flipped anywhere is noticed, also where no checksum covers it. The file of a summary has the rows of samples below
+    ``stored_rows``, and states in its metadata which samples it summarizes and how many of them failed.
     """
     try:
-        content = read_whole(place / part_name(number), LARGEST_PART)
+        content = read_whole(folder / chunk_name(number), LARGEST_CHUNK)
         table = table_from(content)
         marks = {key.decode(): value.decode() for key, value in (table.schema.metadata or {}).items()}
         whole = parquet_bytes(table, _TEXT) == content
         index, status = numbers_in(table.column("index")), table.column("status").to_pylist()
-        handed_over = int(marks["mcnav.handed_over"])
-        if kept is None:
+        fallback_count = int(marks["mcnav.handed_over"])
+        if stored_rows is None:
             begin, count, rows = int(index[0]), len(index), len(index)
             failed = sum(entry != OK for entry in status)
         else:
             begin, count, failed = (int(marks[f"mcnav.{key}"]) for key in ("begin", "samples", "failed"))
-            rows = min(max(kept - begin, 0), count)
+            rows = min(max(stored_rows - begin, 0), count)
     except (OSError, pa.ArrowException, ValueError, KeyError, IndexError, TypeError):
         return None
     in_place = np.array_equal(index, np.arange(begin, begin + rows))
     if not whole or marks.get("mcnav.identity") != identity or not in_place:
         return None
-    return _described(number, begin, count, failed, handed_over, content)
+    return _described(number, begin, count, failed, fallback_count, content)
 
 
-def verified_part(
-    place: Path, number: int, begin: int, end: int, identity: str, kept: int | None = None
-) -> Part | None:
-    """Return the part for samples [begin, end), when it is complete and of this run; see `whole_part`."""
-    found = whole_part(place, number, identity, kept)
-    return found if found is not None and (found.begin, found.end) == (begin, end) else None
-
-
-def identities_in(place: Path) -> set[str]:
-    """Collect the identities of the parts in a folder that can be read."""
+def identities_in(folder: Path) -> set[str]:
+    """Collect the identities of the chunks in a folder that can be read."""
     found = set()
-    for path in sorted(place.glob("part-*.parquet")):
-        try:
-            marks = pq.read_schema(io.BytesIO(read_whole(path, LARGEST_PART))).metadata or {}
+    for path in sorted(folder.glob("part-*.parquet")):
+        with suppress(OSError, pa.ArrowException, ValueError, KeyError):
+            marks = pq.read_schema(io.BytesIO(read_whole(path, LARGEST_CHUNK))).metadata or {}
             found.add(marks[b"mcnav.identity"].decode())
-        except (OSError, pa.ArrowException, ValueError, KeyError):
-            continue
     return found
 
 
-def _described(number: int, begin: int, count: int, failed: int, handed_over: int, content: bytes) -> Part:
-    return Part(part_name(number), begin, begin + count, failed, handed_over, hashlib.sha256(content).hexdigest())
+def _described(number: int, begin: int, count: int, failed: int, fallback_count: int, content: bytes) -> ChunkFile:
+    digest = hashlib.sha256(content).hexdigest()
+    return ChunkFile(chunk_name(number), begin, begin + count, failed, fallback_count, digest)
 
 
 def in_order(table: pa.Table, begin: int = 0) -> bool:
@@ -268,27 +242,19 @@ def samples_from(table: pa.Table, layout: SampleSchema) -> Samples:
 
 
 def room_for(count: int, layout: SampleSchema) -> Samples:
-    """Arrays for so many samples, to be filled; those of errors and outputs have their columns contiguous."""
+    """Allocate arrays for samples; those of errors and outputs have their columns contiguous."""
     errors, outputs = (np.empty((len(names), count)).T for names in (layout.errors, layout.outputs))
     return Samples(np.empty(count, dtype=np.int64), [OK] * count, errors, outputs)
 
 
 def put(table: pa.Table, layout: SampleSchema, samples: Samples, row: int) -> None:
     """Put the samples of a table among others, from a row on."""
-    _fill(samples.index, table.column("index"), row)
+    rows = slice(row, row + len(table))
+    samples.index[rows] = numbers_in(table.column("index"))
     for array, names in ((samples.errors, layout.errors), (samples.outputs, layout.outputs)):
         for column, name in zip(array.T, names, strict=True):
-            _fill(column, table.column(name), row)
+            column[rows] = numbers_in(table.column(name))
     for chunk in table.column("status").chunks:
-        if chunk.unique().to_pylist() != [OK]:
+        if not chunk.equals(repeated_text(OK, len(chunk))):
             samples.status[row : row + len(chunk)] = chunk.to_pylist()
         row += len(chunk)
-
-
-def _fill(array: NDArray[Any], column: pa.ChunkedArray, row: int) -> None:
-    array[row : row + len(column)] = numbers_in(column)
-
-
-def sorted_parts(parts: Iterable[Part]) -> tuple[Part, ...]:
-    """Parts in the order of their samples."""
-    return tuple(sorted(parts, key=lambda part: part.begin))
