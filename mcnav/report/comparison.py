@@ -11,11 +11,12 @@ import numpy as np
 from mcnav.analysis.run_comparison import Change
 from mcnav.errors import shortened
 from mcnav.report import sentences
+from mcnav.report.figures.agreement import forest
 from mcnav.report.figures.figure import HALF, Figure
-from mcnav.report.figures.marks import Axis, Interval, Mark, Panel, Points, Rule, Series
+from mcnav.report.figures.marks import Axis, Mark, Panel, Rule, Series
 from mcnav.report.figures.palette import LINEAR, SOURCE_COLOURS
 from mcnav.report.format import number
-from mcnav.report.model import humanize, labels_of
+from mcnav.report.model import humanize, labels_in
 from mcnav.report.page import filled
 from mcnav.statistics.estimates import Estimate
 from mcnav.store.manifest import Manifest
@@ -33,26 +34,13 @@ MARKS: Final = ("dot", "square", "triangle", "ring", "box")
 
 @dataclass(frozen=True)
 class Row:
-    """One output of a later run compared with the first run.
-
-    Attributes
-    ----------
-    run : int
-        Index of the later run, from 1.
-    change : Change or None
-        None when too few samples succeeded.
-    """
+    """One output of a later run, counted from 1, compared with the first run; no change with too few samples."""
 
     run: int
     output: str
     unit: str
     shown_in: str
     change: Change | None
-
-    @property
-    def scale(self) -> float:
-        """Factor from SI to the unit shown."""
-        return conversion(self.unit, self.shown_in)
 
     @property
     def words(self) -> str:
@@ -65,6 +53,16 @@ class Row:
         if not self.change.certain:
             return "no change seen"
         return "larger" if self.change.ratio > 1.0 else "smaller"
+
+    @property
+    def cells(self) -> dict[str, Any]:
+        """The change by heading, in the units shown."""
+        known, scale = self.change or NOTHING, conversion(self.unit, self.shown_in)
+        return {
+            "sigma before": known.before * scale, "sigma after": known.after * scale, "ratio": known.ratio,
+            "from": known.interval[0], "to": known.interval[1], "mean after less before": known.mean.value * scale,
+            "standard error": known.mean.standard_error * scale, "common draws": known.common, "change": self.words,
+        }  # fmt: skip
 
 
 def inputs(manifests: Sequence[Manifest]) -> pd.DataFrame:
@@ -103,26 +101,9 @@ def outputs(rows: Sequence[Row], titles: Sequence[str]) -> pd.DataFrame:
     """Tabulate the change of each output in the units shown: one row per output of a later run."""
     import pandas as pd
 
-    table = []
-    for row in rows:
-        known = row.change or NOTHING
-        table.append(
-            {
-                "output": row.output,
-                "unit": row.shown_in,
-                "run": titles[row.run],
-                "sigma before": known.before * row.scale,
-                "sigma after": known.after * row.scale,
-                "ratio": known.ratio,
-                "from": known.interval[0],
-                "to": known.interval[1],
-                "mean after less before": known.mean.value * row.scale,
-                "standard error": known.mean.standard_error * row.scale,
-                "common draws": known.common,
-                "change": row.words,
-            }
-        )
-    return pd.DataFrame(table)
+    return pd.DataFrame(
+        [{"output": row.output, "unit": row.shown_in, "run": titles[row.run]} | row.cells for row in rows]
+    )
 
 
 def ratios(rows: Sequence[Row], titles: Sequence[str]) -> Figure | None:
@@ -141,10 +122,7 @@ def ratios(rows: Sequence[Row], titles: Sequence[str]) -> Figure | None:
     for row, change in known:
         step = later.index(row.run) - 0.5 * (len(later) - 1)
         place = names.index(row.output) + 0.7 * step / max(len(later), 2)
-        each, (low, high) = series[row.run], (100.0 * (end - 1.0) for end in change.interval)
-        ratio = 100.0 * (change.ratio - 1.0)
-        text = f"{humanize(row.output)}, {each.label}: {ratio:+.3g} %, {low:+.3g} to {high:+.3g} %".replace("-", "−")
-        marks += [Interval(each, place, low, high, text), Points(each, [ratio], [place], 7.0)]
+        marks += forest(series[row.run], [place], [(change.ratio, *change.interval)], [humanize(row.output)])
     rows_axis = Axis(names=[humanize(name) for name in names])
     return Figure(
         name="changes",
@@ -194,7 +172,7 @@ def _budgets(manifests: Sequence[Manifest], summaries: Sequence[Mapping[str, Any
             if output.name not in names:
                 continue
             contributions = summary["budget"]["contributions"][names.index(output.name)]
-            for label, value in zip(labels_of(summary), contributions, strict=True):
+            for label, value in zip(labels_in(summary), contributions, strict=True):
                 rows.setdefault(label, [ABSENT] * len(manifests))[at] = number(value * scale, 4)
         shown = [(label, cells) for label, cells in rows.items() if set(cells) - {"0", ABSENT}]
         tables.append({"name": humanize(output.name), "unit": output.shown_in, "rows": shown})

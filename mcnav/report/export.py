@@ -11,7 +11,7 @@ import io
 import json
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -25,6 +25,13 @@ if TYPE_CHECKING:
     from mcnav.report.comparison import Row as RowOfChange
 
 Row = dict[str, Any]
+
+EXPORTED: Final = {
+    "change": "change", "change_ratio": "ratio", "change_ratio_from": "from", "change_ratio_to": "to",
+    "change_mean": "mean after less before", "change_mean_standard_error": "standard error",
+    "common_draws": "common draws",
+}  # fmt: skip
+"""Names of a change's cells in CSV and JSON."""
 
 
 def output_rows(runs: Mapping[str, Mapping[str, Any]]) -> list[Row]:
@@ -80,17 +87,9 @@ def with_changes(rows: Sequence[Row], runs: Sequence[str], changes: Sequence[Row
     """Add to `output_rows` the change of each output from the first run; rows of the first run have none."""
     changed: dict[tuple[str, str], Row] = {}
     for row in changes:
-        cells: Row = {"change": row.words}
-        if row.change is not None:
-            cells |= {
-                "change_ratio": row.change.ratio,
-                "change_ratio_from": row.change.interval[0],
-                "change_ratio_to": row.change.interval[1],
-                "change_mean": row.change.mean.value * row.scale,
-                "change_mean_standard_error": row.change.mean.standard_error * row.scale,
-                "common_draws": row.change.common,
-            }
-        changed[runs[row.run], row.output] = cells
+        cells = row.cells
+        kept = EXPORTED if row.change is not None else {"change": EXPORTED["change"]}
+        changed[runs[row.run], row.output] = {name: cells[key] for name, key in kept.items()}
     return [{**row, **changed.get((row["run"], row["output"]), {})} for row in rows]
 
 

@@ -42,14 +42,9 @@ class OpenConsole(Console):
 
 @dataclass(frozen=True)
 class Column:
-    """One column.
+    """One column of texts, which may be wrapped, or of numbers, which stay on one line.
 
-    Attributes
-    ----------
-    text : bool
-        Whether the cells are texts, which may be wrapped, or numbers, which stay on one line.
-    spare : int
-        Columns above zero may be omitted, those with the largest number first.
+    Columns whose ``spare`` is above zero may be omitted, those with the largest number first.
     """
 
     heading: str
@@ -71,14 +66,7 @@ def numbers(*headings: str, spare: bool = False) -> list[Column]:
 class FittedTable:
     """Rows under headings, laid out for the width of the console.
 
-    Attributes
-    ----------
-    keys : int
-        Number of the first columns that identify a row; every block repeats them.
-    elsewhere : str
-        Where omitted columns can be found.
-    rows : list of list of Text
-        One cell for each column.
+    The first ``keys`` columns identify a row: every block repeats them. ``elsewhere`` names where omitted columns are.
     """
 
     title: str

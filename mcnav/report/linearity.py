@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from mcnav._types import Array
 from mcnav.analysis.linearity import AloneRange, DispersionRange
 from mcnav.report.figures import linearity as drawn
-from mcnav.report.model import humanize
+from mcnav.report.model import humanize, labels_of
 from mcnav.report.page import filled
 from mcnav.report.sentences import JOINT, linearity_rows, multiple_words
-from mcnav.scenarios.protocol import Output, Source, source_labels
+from mcnav.scenarios.protocol import Output, Source
 
 ALL_AT_ONCE: Final = "all at once"
 
@@ -57,16 +57,12 @@ def render(
 ) -> str:
     """Render the HTML page.
 
-    Parameters
-    ----------
-    about : (float, float, int)
-        Tolerance, confidence, samples.
-    contributions : ndarray, shape (sources, outputs)
-        Effect of one sigma of each source by the linear model, SI.
+    ``about`` is tolerance, confidence and samples; ``contributions`` is the linear effect of one sigma of
+    each source, SI, shape (sources, outputs).
     """
     tolerance, confidence, samples = about
     names = [humanize(output.name) for output in outputs]
-    directions = [*source_labels([each.name for each in sources], [each.name for each in outputs]), ALL_AT_ONCE]
+    directions = [*labels_of(sources, outputs), ALL_AT_ONCE]
     minor = minor_effects(contributions)
     words = [[multiple_words(value, single.largest) for value in row] for row in single.multiples]
     return filled(

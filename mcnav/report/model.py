@@ -19,7 +19,7 @@ from mcnav.analysis.running_ratios import Convergence
 from mcnav.analysis.tails import Quantile
 from mcnav.analysis.variance_breakdown import VarianceBreakdown
 from mcnav.report.summary import summarise
-from mcnav.scenarios.protocol import History, PartialsHistory, source_labels
+from mcnav.scenarios.protocol import History, Output, PartialsHistory, Source, source_labels
 from mcnav.store.chunk_files import Samples
 from mcnav.store.manifest import Manifest, Variable
 from mcnav.store.run_folder import RunFolder
@@ -30,14 +30,8 @@ from mcnav.units import conversion
 class RunAnalysis:
     """A run with its samples and all that is concluded from them; what only a report shows is read when it is used.
 
-    Attributes
-    ----------
-    folder : RunFolder
-    manifest : Manifest
-    samples : Samples
-        Of a run that stores a summary: the first ones.
-    failures : mapping of str to (int, sequence of int)
-        By reason: how many samples failed, and the indices of the first of them.
+    Of a run that stores a summary, ``samples`` are the first ones. ``failures`` gives for each reason how many samples
+    failed, and the indices of the first of them.
     """
 
     folder: RunFolder
@@ -124,17 +118,12 @@ class RunAnalysis:
     @property
     def source_names(self) -> list[str]:
         """Names of the sources for people."""
-        model = self.manifest.model
-        return source_labels([source.name for source in model.sources], self._output_keys)
+        return labels_of(self.manifest.model.sources, self.manifest.model.outputs)
 
     @property
     def output_names(self) -> list[str]:
         """Names of the outputs for people."""
-        return [humanize(name) for name in self._output_keys]
-
-    @property
-    def _output_keys(self) -> list[str]:
-        return [output.name for output in self.manifest.model.outputs]
+        return [humanize(output.name) for output in self.manifest.model.outputs]
 
     @property
     def source_units(self) -> list[str]:
@@ -149,12 +138,12 @@ class RunAnalysis:
     @property
     def source_scale(self) -> Array:
         """What SI values of the sources are multiplied by to be shown."""
-        return _scale(self.manifest.model.sources)
+        return scale_of(self.manifest.model.sources)
 
     @property
     def output_scale(self) -> Array:
         """What SI values of the outputs are multiplied by to be shown."""
-        return _scale(self.manifest.model.outputs)
+        return scale_of(self.manifest.model.outputs)
 
     @cached_property
     def flown(self) -> Array:
@@ -163,11 +152,17 @@ class RunAnalysis:
         return np.asfortranarray(self.outputs if known.all() else self.outputs[known]) * self.output_scale
 
 
-def _scale(variables: Sequence[Variable]) -> Array:
+def scale_of(variables: Sequence[Variable | Output]) -> Array:
+    """Return what SI values of outputs or sources are multiplied by to be shown."""
     return np.array([conversion(each.unit, each.shown_in) for each in variables])
 
 
-def labels_of(summary: Mapping[str, Any]) -> list[str]:
+def labels_of(sources: Sequence[Variable | Source], outputs: Sequence[Variable | Output]) -> list[str]:
+    """Return names of the sources for people."""
+    return source_labels([each.name for each in sources], [each.name for each in outputs])
+
+
+def labels_in(summary: Mapping[str, Any]) -> list[str]:
     """Return names for people of the sources of a summary."""
     return source_labels(*([entry["name"] for entry in summary[key]] for key in ("sources", "outputs")))
 

@@ -6,6 +6,7 @@ import base64
 import hashlib
 import re
 import shlex
+from collections.abc import Callable
 from typing import Any, Final
 
 import numpy as np
@@ -24,11 +25,13 @@ from mcnav.report.model import RunAnalysis
 from mcnav.report.requirements import detailed_rows
 from mcnav.report.template_cache import TemplateCache
 
-FIGURES: Final = (
-    "flight", "ratios", "nees", "matrices", "budget", "development", "envelopes", "scatter", "histograms", "quantiles",
-    "convergence",
-)  # fmt: skip
-"""Figures of the report's template."""
+FIGURES: Final[dict[str, Callable[[RunAnalysis], Figure | None]]] = {
+    "ratios": agreement.sigma_ratios, "nees": agreement.nees, "matrices": matrices.matrices, "budget": sources.budget,
+    "development": sources.partials_history, "envelopes": envelopes, "scatter": dispersion.scatter,
+    "histograms": dispersion.histograms, "quantiles": agreement.normal_quantiles,
+    "convergence": agreement.running_ratios,
+}  # fmt: skip
+"""Figures of the report besides the nominal flight: none where a run has nothing to show."""
 
 FILTERS: Final = ("number", "signed", "fixed", "with_error", "interval", "share", "percent", "probability")
 """Functions of `mcnav.report.format` that templates use."""
@@ -45,20 +48,9 @@ CONTENTS: Final = "<!-- contents -->"
 
 def figures(content: RunAnalysis) -> dict[str, Figure]:
     """Return the figures of the report by name, without those that have nothing to show."""
-    drawn: dict[str, Figure | None] = {"flight": flight(content.history)}
+    drawn = {"flight": flight(content.history)}
     if content.dispersed:
-        drawn |= {
-            "ratios": agreement.sigma_ratios(content),
-            "nees": agreement.nees(content),
-            "matrices": matrices.matrices(content),
-            "budget": sources.budget(content),
-            "development": sources.partials_history(content),
-            "envelopes": envelopes(content),
-            "scatter": dispersion.scatter(content),
-            "histograms": dispersion.histograms(content),
-            "quantiles": agreement.normal_quantiles(content),
-            "convergence": agreement.running_ratios(content),
-        }
+        drawn |= {name: draw(content) for name, draw in FIGURES.items()}
     return {name: drawing for name, drawing in drawn.items() if drawing is not None}
 
 
@@ -125,7 +117,7 @@ def render(content: RunAnalysis) -> str:
         explanation=sentences.explanation(summary),
         remarks=[remark(summary) for remark in remarks],
         warnings=[warning(summary) for warning in (sentences.caveat, sentences.failures)],
-        figures={key: drawn.get(key) for key in FIGURES},
+        figures={key: drawn.get(key) for key in ("flight", *FIGURES)},
         outputs=tables.outputs(content) if content.dispersed else [],
         ellipsoid=tables.ellipsoid(content),
         tests=tables.multivariate(content),

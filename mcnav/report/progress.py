@@ -27,16 +27,8 @@ BAR_WIDTH: Final = 30
 class _Line:
     """One phase as shown.
 
-    Attributes
-    ----------
-    total : int or None
-        Samples to be simulated in the phase, where known.
-    began : float
-        Clock time, s, less the time spent in the phase before.
-    ended : float or None
-        Clock time, s; none while the phase goes on.
-    ready, stored : int
-        Samples that are ready, and those among them that were already stored.
+    Times are those of the clock, s; ``began`` is earlier by the time spent in the phase before. Of the samples that are
+    ``ready``, so many were ``stored`` already.
     """
 
     phase: Phase

@@ -14,25 +14,15 @@ from mcnav._types import Array
 from mcnav.report.figures.flight import flight
 from mcnav.report.fitted_table import FittedTable, numbers, texts
 from mcnav.report.format import number
-from mcnav.report.model import humanize
+from mcnav.report.model import humanize, labels_of
 from mcnav.report.page import filled
-from mcnav.scenarios.protocol import History, Output, Source, source_labels
+from mcnav.scenarios.protocol import History, Output, Source
 from mcnav.units import conversion
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """Result of one simulation of the sample.
-
-    Attributes
-    ----------
-    label : str
-        Origin of the result: ``stored``, ``again, ensemble``.
-    values : ndarray, shape (outputs,)
-        SI; NaN when it failed.
-    status : str
-        ``ok``, or the reason of the failure.
-    """
+    """Result of one simulation of the sample: its final errors, SI, NaN when it failed, and ``ok`` or why it failed."""
 
     label: str
     values: Array
@@ -43,18 +33,8 @@ class Outcome:
 class Replay:
     """One sample of a run, simulated again.
 
-    Attributes
-    ----------
-    errors, sigmas : ndarray, shape (sources,)
-        Errors of the sample, and one sigma of each source, SI.
-    linear : ndarray, shape (outputs,)
-        Final errors by the linear model, SI.
-    traceback : str
-        Traceback of the failure, the stored one if there is one; empty without a failure.
-    history : History
-        History of the flight; empty when the scenario provides none.
-    notes : tuple of str
-        Remarks for the user, a line each.
+    Its ``errors``, their ``sigmas`` and the final errors by the ``linear`` model are in SI. A stored ``traceback`` is
+    preferred; ``notes`` are remarks for the user, a line each.
     """
 
     campaign: str
@@ -71,7 +51,7 @@ class Replay:
 
 
 def _error_rows(replay: Replay) -> list[tuple[str, str, str, str]]:
-    labels = source_labels([source.name for source in replay.sources], [output.name for output in replay.outputs])
+    labels = labels_of(replay.sources, replay.outputs)
     rows = []
     for label, source, error, sigma in zip(labels, replay.sources, replay.errors, replay.sigmas, strict=True):
         if error != 0.0 or sigma > 0.0:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from mcnav.analysis.verdict import ROUNDING
 from mcnav.report.format import percent
-from mcnav.report.model import humanize, labels_of
+from mcnav.report.model import humanize, labels_in
 from mcnav.report.summary import tally
 from mcnav.scenarios.failure import message_of
 from mcnav.statistics.power import sensible_step
@@ -266,7 +266,7 @@ def stopping(summary: Mapping[str, Any]) -> str:
 
 def caveat(summary: Mapping[str, Any]) -> str:
     """Warn of sources whose tails are too heavy for the intervals; empty when there are none."""
-    labels = dict(zip((entry["name"] for entry in summary["sources"]), labels_of(summary), strict=True))
+    labels = dict(zip((entry["name"] for entry in summary["sources"]), labels_in(summary), strict=True))
     heavy = [labels[name] for name in summary["heavy_tailed"]]
     if heavy:
         return (

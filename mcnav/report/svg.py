@@ -73,12 +73,8 @@ def _coordinates(x: Array, y: Array) -> list[tuple[Array, Array]]:
 
 
 def _pairs(command: str, x: Array, y: Array, end: str = "") -> str:
-    return "".join(
-        [
-            f"{command}{a} {b}{end}" if b >= 0 else f"{command}{a}{b}{end}"
-            for a, b in zip(x.tolist(), y.tolist(), strict=True)
-        ]
-    )
+    pairs = zip(x.tolist(), y.tolist(), strict=True)
+    return "".join([f"{command}{a} {b}{end}" if b >= 0 else f"{command}{a}{b}{end}" for a, b in pairs])
 
 
 def line_path(x: Array, y: Array) -> str:
@@ -114,12 +110,12 @@ def area_path(x: Array, low: Array, high: Array) -> str:
     """Return the outline of an area: along ``low`` and back along ``high``."""
     known = np.isfinite(x) & np.isfinite(low) & np.isfinite(high)
     x, low, high = x[known], low[known], high[known]
-    if not len(x):
-        return ""
-    a, b = (
-        np.rint(np.append(x, x[::-1]) * UNIT).astype(np.int64),
-        np.rint(np.append(low, high[::-1]) * UNIT).astype(np.int64),
-    )
+    return outline(np.append(x, x[::-1]), np.append(low, high[::-1])) if len(x) else ""
+
+
+def outline(x: Array, y: Array) -> str:
+    """Return the closed outline through pixels."""
+    a, b = (np.rint(each * UNIT).astype(np.int64) for each in (x, y))
     return f"M{a[0]} {b[0]}" + _pairs("l", np.diff(a), np.diff(b)) + "z"
 
 
@@ -176,15 +172,14 @@ class _Plot:
             self.ticks_x = ([], []) if panel.x.names else ticks_along(
                 *limit_x, panel.x.log, room, lambda text: text_width(text, TICK)
             )  # fmt: skip
-            reached = (
-                float(self.x(tick)) + 0.5 * text_width(text, TICK) for tick, text in zip(*self.ticks_x, strict=True)
-            )
-            beyond = max(reached, default=0.0) + 2.0 - width
+            labels = zip(*self.ticks_x, strict=True)
+            reached = max((float(self.x(at)) + 0.5 * text_width(text, TICK) for at, text in labels), default=0.0)
+            beyond = reached + 2.0 - width
             if beyond <= 0.0:
                 break
             right += beyond
-        ends = (self.top, self.bottom) if panel.y.names else (self.bottom, self.top)
-        self.y = Scale(*limit_y, *ends, panel.y.log)
+        upward = (self.top, self.bottom) if panel.y.names else (self.bottom, self.top)
+        self.y = Scale(*limit_y, *upward, panel.y.log)
         self.taken: list[Box] = []
         self.drawn = [np.empty((0, 2))]
 
@@ -206,9 +201,8 @@ class _Plot:
         else:
             places = [float(self.x(tick)) for tick in self.ticks_x[0]]
             parts.append(_grid("".join(f"M{_n(x)} {_n(top)}l0 {_n(bottom - top)}" for x in places)))
-            parts += [
-                _text(x, bottom + 15.0, text, anchor="middle") for x, text in zip(places, self.ticks_x[1], strict=True)
-            ]
+            labels = zip(places, self.ticks_x[1], strict=True)
+            parts += [_text(x, bottom + 15.0, text, anchor="middle") for x, text in labels]
         parts.append('</g><g class="y">')
         places = [float(self.y(tick)) for tick in self.ticks_y[0]]
         if not panel.y.names:
@@ -259,14 +253,8 @@ class _Plot:
                 path = area_path(self.x(mark.x), self.y(mark.low), self.y(mark.high))
                 return _fill(path, mark.series, mark.opacity, "band")
             case m.Steps():
-                edges, heights = (
-                    np.repeat(np.asarray(mark.edges, dtype=float), 2),
-                    np.asarray(mark.heights, dtype=float),
-                )
-                outline = np.concatenate([[0.0], np.repeat(heights, 2), [0.0]])
-                x, y = self.x(edges), self.y(outline)
-                a, b = np.rint(x * UNIT).astype(np.int64), np.rint(y * UNIT).astype(np.int64)
-                path = f"M{a[0]} {b[0]}" + _pairs("l", np.diff(a), np.diff(b)) + "z"
+                heights = np.concatenate([[0.0], np.repeat(np.asarray(mark.heights, dtype=float), 2), [0.0]])
+                path = outline(self.x(np.repeat(np.asarray(mark.edges, dtype=float), 2)), self.y(heights))
                 return _fill(path, mark.series, 1.0, "steps")
             case m.Span():
                 scale = self.y if mark.level else self.x
@@ -308,9 +296,8 @@ class _Plot:
             if name and text_width(name, SMALL) + 4.0 <= right - left:
                 inside = readable_on(mark.series.colour)
                 more = ' stroke="none" pointer-events="none"'
-                parts.append(
-                    _text(0.5 * (left + right), 0.5 * (top + bottom) + 4.0, name, SMALL, "middle", inside, more)
-                )
+                x, y = 0.5 * (left + right), 0.5 * (top + bottom) + 4.0
+                parts.append(_text(x, y, name, SMALL, "middle", inside, more))
         edge = f'stroke="{variable(PAPER)}" stroke-width="{_n(0.8)}"'
         return f'<g class="series-{mark.series.name}" fill="{mark.series.variable}" {edge}>{"".join(parts)}</g>'
 
@@ -341,17 +328,14 @@ class _Plot:
         match mark:
             case m.Points(names=names) if names:
                 x, y = np.atleast_1d(self.x(mark.x)), np.atleast_1d(self.y(mark.y))
-                found = [
-                    self._beside(float(a), float(b), name, inside, points)
-                    for a, b, name in zip(x, y, names, strict=True)
-                ]
-                return f'<g class="series-{mark.series.name}">{"".join(found)}</g>'
+                places = zip(x.tolist(), y.tolist(), names, strict=True)
+                found = "".join(self._beside(*place, inside, points) for place in places)
+                return f'<g class="series-{mark.series.name}">{found}</g>'
             case m.Text(corner=True):
                 return self._in_corner(mark)
             case m.Text():
-                return self._beside(
-                    float(self.x(mark.x)), float(self.y(mark.y)), mark.text, inside, points, mark.colour
-                )
+                place = float(self.x(mark.x)), float(self.y(mark.y))
+                return self._beside(*place, mark.text, inside, points, mark.colour)
             case m.Rule(name=name, level=False) if name:
                 return self._event(mark, points)
             case _:
@@ -373,11 +357,8 @@ class _Plot:
         places: list[tuple[int, int, Box]] = []
         for rank, (left, top) in enumerate(product((at + 3.0, at - 3.0 - width), (self.bottom - 15.0, self.top + 2.0))):
             box = (left, top, left + width, top + 12.0)
-            if (
-                box[0] >= self.left
-                and box[2] <= self.width - 1.0
-                and not any(overlap(box, each) for each in self.taken)
-            ):
+            free = not any(overlap(box, each) for each in self.taken)
+            if free and box[0] >= self.left and box[2] <= self.width - 1.0:
                 places.append((points_in(box, points), rank, box))
         if not places:
             return ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.analysis.variance_breakdown import TERMS, VarianceBreakdown
 from mcnav.report import export, sentences
-from mcnav.report.figures.sources import SHOWN, contributors
+from mcnav.report.figures.sources import SHOWN, contributors, flown_shares
 from mcnav.report.format import number, share, signed, with_error
 from mcnav.report.model import RunAnalysis
 from mcnav.statistics.estimates import Estimate
@@ -168,15 +169,15 @@ def variance_terms(content: RunAnalysis) -> dict[str, Any] | None:
         "total": (found.total * per_cent)[shown],
         "paired": (found.paired * per_cent)[shown],
         "unscented": (found.unscented * per_cent)[shown],
-        "sentence": _largest_difference(content, found, per_cent),
+        "sentence": _largest_difference(content, found, per_cent, shown),
         "normal_only": not content.manifest.normal,
     }
 
 
-def _largest_difference(content: RunAnalysis, found: VarianceBreakdown, per_cent: Any) -> str:
-    """Explain the largest paired difference."""
+def _largest_difference(content: RunAnalysis, found: VarianceBreakdown, per_cent: Array, shown: Sequence[int]) -> str:
+    """Explain the largest paired difference among some outputs."""
     paired = np.nan_to_num(found.paired * per_cent)
-    at = int(np.argmax(np.abs(paired)))
+    at = max(shown, key=lambda i: abs(paired[i]))
     error, remainder = found.standard_error[at] * per_cent[at], found.terms["rest"][at] * per_cent[at]
     predicted = (found.terms["second_order"] + found.terms["third_order"])[at] * per_cent[at]
     if not np.isfinite(error) or not np.isfinite(predicted):
@@ -220,7 +221,7 @@ def simulated_budget(content: RunAnalysis) -> dict[str, Any] | None:
     if "failed" in alone:
         return {"failed": alone["failed"]}
     variances = np.diag(content.comparison.covariance_linear)
-    largest = _largest_shares(content, variances, alone, sobol)
+    largest = _largest_shares(content, sobol)
     active = np.flatnonzero(np.diag(content.model.covariance) > 0.0)
     least = NEGLIGIBLE if len(active) > SHOWN else 0.0
     return {
@@ -240,13 +241,10 @@ def simulated_budget(content: RunAnalysis) -> dict[str, Any] | None:
     }
 
 
-def _largest_shares(content: RunAnalysis, variances: Array, alone: dict[str, Any], sobol: dict[str, Any]) -> Array:
+def _largest_shares(content: RunAnalysis, sobol: dict[str, Any]) -> Array:
     """Return the largest share by any method, shape (outputs, sources)."""
-    divisor = np.where(variances > 0.0, variances, np.nan)[:, None]
-    tables = [content.budget.shares, np.array(alone["alone"]["variance"], dtype=float) / divisor]
-    if "failed" not in sobol:
-        tables.append(np.array(sobol["total"], dtype=float))
-    return np.asarray(np.max(np.nan_to_num(tables), axis=0))
+    tables = [content.budget.shares, flown_shares(content), *([] if "failed" in sobol else [sobol["total"]])]
+    return np.asarray(np.max([np.nan_to_num(np.array(each, dtype=float)) for each in tables], axis=0))
 
 
 def _interacts(sobol: dict[str, Any]) -> bool:

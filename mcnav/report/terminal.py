@@ -20,10 +20,9 @@ from mcnav.report import sentences
 from mcnav.report.export import output_rows, partial_rows
 from mcnav.report.fitted_table import FittedTable, numbers, texts
 from mcnav.report.format import interval
-from mcnav.report.model import humanize
+from mcnav.report.model import humanize, labels_of, scale_of
 from mcnav.report.requirements import TONES, requirement_rows
-from mcnav.scenarios.protocol import Output, Source, source_labels
-from mcnav.units import conversion
+from mcnav.scenarios.protocol import Output, Source
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -59,14 +58,10 @@ def comparison(runs: Mapping[str, Mapping[str, Any]]) -> RenderableType:
     title, keys = (f"{len(runs)} runs", 2) if several else (title, 1)
     table = FittedTable(title, columns, keys, ELSEWHERE)
     for row in output_rows(runs):
-        sigmas = [
-            (
-                _shown(row[f"sigma_{kind}"], ".5g"),
-                _shown(row[f"ratio_{kind}"], ".4f"),
-                interval(row[f"ratio_{kind}_from"], row[f"ratio_{kind}_to"]),
-            )
-            for kind in ("paired", "plain")
-        ]
+        sigmas = []
+        for kind in ("paired", "plain"):
+            ends = interval(row[f"ratio_{kind}_from"], row[f"ratio_{kind}_to"])
+            sigmas.append((_shown(row[f"sigma_{kind}"], ".5g"), _shown(row[f"ratio_{kind}"], ".4f"), ends))
         label = f"{humanize(row['output'])} [{row['unit']}]"
         found = Text(row["verdict"] or "–", style=COLOURS.get(row["verdict"], ""))
         run = [row["run"]] if several else []
@@ -124,7 +119,7 @@ def partials(sources: Sequence[Source], outputs: Sequence[Output], matrix: Array
     columns = [*texts("per unit of"), *numbers(*map(_label, outputs))]
     table = FittedTable("Partial derivatives of the final errors", columns)
     values = iter(partial_rows(sources, outputs, matrix))
-    labels = source_labels([source.name for source in sources], [output.name for output in outputs])
+    labels = labels_of(sources, outputs)
     for label, source in zip(labels, sources, strict=True):
         table.add(f"{label} [{source.shown_in}]", *(f"{next(values)['partial'] + 0.0:.7g}" for _ in outputs))
     return table
@@ -158,18 +153,14 @@ def best_starts(
 ) -> RenderableType:
     """Tabulate the best start for each output and for all outputs weighted.
 
-    Parameters
-    ----------
-    checked : mapping of float to Comparison
-        Monte Carlo results by start time, s.
-    own_sigma : ndarray, shape (outputs,)
-        Linear dispersion for the campaign's own start, SI.
+    ``checked`` are Monte Carlo results by start time, s; ``own_sigma`` is the linear dispersion for the campaign's own
+    start, SI, shape (outputs,).
     """
     columns = [*texts("best for"), *numbers("start", "best σ", "campaign's σ")]
     columns += [*numbers("Monte Carlo"), *texts("verdict")] if checked else []
     title = "Best start of navigation by linear analysis (min from reentry), and 1σ of the final errors"
     table = FittedTable(title, columns)
-    scale = np.array([conversion(output.unit, output.shown_in) for output in outputs])
+    scale = scale_of(outputs)
     rows = [(_label(output), int(study.best[i]), np.eye(len(outputs))[i] * scale) for i, output in enumerate(outputs)]
     for label, place, weights in [*rows, ("all, weighted", study.best_weighted, study.weights)]:
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy import special
 
-from mcnav._types import Array, IndexArray
-from mcnav.analysis.running_ratios import Convergence, RunningRatio
+from mcnav._types import IndexArray
 from mcnav.report.figures.figure import HALF, Figure, side_by_side
 from mcnav.report.figures.marks import Axis, Band, Interval, Line, Mark, Panel, Points, Rule, Series, Span, Steps, Text
 from mcnav.report.figures.palette import AREA, BAND, FLOWN, LINEAR, MUTED
@@ -24,116 +26,98 @@ BINS: Final = 60
 """Bins of the histogram of NEES."""
 
 
+Ratio = tuple[float | None, ...]
+"""A ratio and the ends of its interval; none where there is none."""
+
+
+def forest(series: Series, places: ArrayLike, judged: Sequence[Ratio], names: Sequence[str]) -> list[Mark]:
+    """Return points and intervals of ratios, each with its limits, in per cent from one; without an interval none."""
+    marks: list[Mark] = []
+    values = 100.0 * (np.array(judged, dtype=float).reshape(-1, 3) - 1.0)
+    for place, name, (ratio, low, high) in zip(np.asarray(places, dtype=float), names, values.tolist(), strict=True):
+        if np.isfinite([ratio, low, high]).all():
+            text = f"{name}, {series.label}: {ratio:+.3g} %, {low:+.3g} to {high:+.3g} %".replace("-", "−")
+            points = Points(series, [ratio], [place], 7.5, texts=[text])
+            marks += [Interval(series, float(place), low, high, text), points]
+    return marks
+
+
 def sigma_ratios(content: RunAnalysis) -> Figure:
     """Draw a forest plot of the sigma ratios against the tolerance, and the paired ones magnified."""
-    outputs, names = content.comparison.outputs, content.output_names
-    kinds = {"paired": [output.paired for output in outputs], "plain": [output.plain for output in outputs]}
-    columns: dict[str, list[object]] = {"output": list(names)}
-    for kind, judged in kinds.items():
-        columns[f"{kind} sigma ratio"] = [_number(each.ratio) for each in judged]
-        for side in (0, 1):
-            bounds = [each.interval[side] if each.interval else None for each in judged]
-            columns[f"{kind} interval {('from', 'to')[side]}"] = [_number(bound) for bound in bounds]
+    names, rows = content.output_names, np.arange(len(content.output_names))
+    judged: dict[str, list[Ratio]] = {}
+    for kind in RATIOS:
+        found = [getattr(output, kind) for output in content.comparison.outputs]
+        judged[kind] = [(each.ratio, *(each.interval or (None, None))) for each in found]
     tolerance = 100.0 * content.criterion.tolerance
-    both, paired = (_ratios(columns, shown) for shown in (("paired", "plain"), ("paired",)))
-    reach = max(
-        (abs(end) for mark in paired if isinstance(mark, Interval) for end in (mark.low, mark.high)), default=0.0
+    even, span = Rule(0.0, colour=LINEAR, width=1.6), Span(TOLERANCE, -tolerance, tolerance)
+    both = [mark for kind, shift in (("paired", -0.165), ("plain", 0.165))
+            for mark in forest(RATIOS[kind], rows + shift, judged[kind], names)]  # fmt: skip
+    alone = forest(RATIOS["paired"], rows, judged["paired"], names)
+    ends, own = (
+        np.array([end for mark in marks if isinstance(mark, Interval) for end in (mark.low, mark.high)])
+        for marks in (both, alone)
     )
-    rows = Axis(names=names)
-    across = Axis("Monte Carlo σ relative to linear σ", "%")
-    span = Span(TOLERANCE, -tolerance, tolerance)
-    wide = [
-        -1.2 * tolerance,
-        1.2 * tolerance,
-        *(end for mark in both if isinstance(mark, Interval) for end in (mark.low, mark.high)),
-    ]
-    margin = 0.04 * (max(wide) - min(wide))
-    whole = Axis(across.label, "%", low=min(wide) - margin * (min(wide) < -1.2 * tolerance),
-                 high=max(wide) + margin * (max(wide) > 1.2 * tolerance))  # fmt: skip
+    low, high = ends.min(initial=-1.2 * tolerance), ends.max(initial=1.2 * tolerance)
+    margin, across = 0.04 * (high - low), Axis("Monte Carlo σ relative to linear σ", "%")
+    whole = replace(across, low=low - margin * (low < -1.2 * tolerance), high=high + margin * (high > 1.2 * tolerance))
+    columns: dict[str, Sequence[object]] = {"output": names}
+    for kind, values in judged.items():
+        headings = (f"{kind} sigma ratio", f"{kind} interval from", f"{kind} interval to")
+        columns |= dict(zip(headings, np.array(values, dtype=float).T.tolist(), strict=True))
     return Figure(
         name="ratios",
         title="Monte Carlo sigma over linear sigma",
         description="Difference between Monte Carlo and linear sigma of each output with its interval, and the "
         "tolerance around zero.",
         panels=[
-            Panel("Compared with the tolerance", whole, rows, [span, *both]),
-            Panel("Paired estimate, magnified", across, rows, [*([span] if tolerance < reach else []), *paired]),
+            Panel("Compared with the tolerance", whole, Axis(names=names), [span, even, *both]),
+            Panel("Paired estimate, magnified", across, Axis(names=names),
+                  [*([span] if tolerance < np.abs(own).max(initial=0.0) else []), even, *alone]),
         ],
         key=(*RATIOS.values(), TOLERANCE),
         columns=columns,
         size=(HALF[0], 82.0 + 40.0 * len(names)),
-    )
+    )  # fmt: skip
 
 
-def _number(value: float | None) -> float:
-    return float("nan") if value is None else float(value)
-
-
-def _ratios(columns: dict[str, list[object]], kinds: tuple[str, ...]) -> list[Mark]:
-    marks: list[Mark] = [Rule(0.0, colour=LINEAR, width=1.6)]
-    for place, kind in enumerate(kinds):
-        shift, series = 0.33 * (place - 0.5 * (len(kinds) - 1)), RATIOS[kind]
-        found = np.array(
-            [columns[f"{kind} {each}"] for each in ("sigma ratio", "interval from", "interval to")], dtype=float
-        )
-        for row, (ratio, low, high) in enumerate(100.0 * (found.T - 1.0)):
-            if not np.isfinite([ratio, low, high]).all():
-                continue
-            text = f"{columns['output'][row]}, {series.label}: {ratio:+.3g} %, {low:+.3g} to {high:+.3g} %".replace(
-                "-", "−"
-            )
-            marks.append(Interval(series, row + shift, float(low), float(high), text))
-            marks.append(Points(series, [ratio], [row + shift], 7.5, texts=[text]))
-    return marks
+def ratio_panel(title: str, across: Axis, upward: Axis, tolerance: float, marks: Sequence[Mark]) -> Panel:
+    """Return a panel of sigma ratios around one, with the tolerance."""
+    span = Span(TOLERANCE, 1.0 - tolerance, 1.0 + tolerance, level=True)
+    return Panel(title, across, upward, [span, Rule(1.0, level=True, colour=LINEAR), *marks])
 
 
 def running_ratios(content: RunAnalysis) -> Figure | None:
     """Draw plain and paired sigma ratios against the number of samples; none when there is nothing to show."""
-    found, names = content.convergence, content.output_names
+    found, names, tolerance = content.convergence, content.output_names, content.criterion.tolerance
     if found is None or len(found.sizes) < 2:
         return None
     shown = [i for i in range(len(names)) if np.isfinite(found.paired.ratio[-1, i])]
     if not shown:
         return None
-    columns: dict[str, Array] = {"samples": found.sizes.astype(float)}
+    sizes, runs = found.sizes.astype(float), {"plain": found.plain, "paired": found.paired}
+    columns, panels = {"samples": sizes}, []
     for i in shown:
-        for kind, run in (("plain", found.plain), ("paired", found.paired)):
-            columns |= {
-                f"{names[i]}, {kind} ratio": run.ratio[:, i],
-                f"{names[i]}, {kind} from": run.low[:, i],
-                f"{names[i]}, {kind} to": run.high[:, i],
-            }
+        marks: list[Mark] = []
+        for kind, run in runs.items():
+            ratio, low, high = (getattr(run, side)[:, i] for side in ("ratio", "low", "high"))
+            sides = {"ratio": ratio, "from": low, "to": high}
+            columns |= {f"{names[i]}, {kind} {side}": values for side, values in sides.items()}
+            marks += [Band(RUNNING[kind], sizes, low, high, 0.25), Line(RUNNING[kind], sizes, ratio)]
+        ends = np.concatenate([getattr(run, side)[:, i] for run in runs.values() for side in ("low", "high")])
+        reach = max(float(np.nanmax(np.abs(ends - 1.0))), tolerance)
+        upward = Axis("σ ratio", low=1.0 - min(reach, 1.0) * 1.05, high=1.0 + min(reach, 10.0) * 1.05)
+        panels.append(ratio_panel(names[i], Axis("samples", log=True, link="samples"), upward, tolerance, marks))
     return Figure(
         name="convergence",
         title="Convergence of the sigma ratios",
         description="Plain and paired sigma ratio of each output against the number of samples, with intervals.",
-        panels=[_running(names[i], found, i, content.criterion.tolerance) for i in shown],
+        panels=panels,
         key=(*RUNNING.values(), TOLERANCE),
         columns=columns,
         size=side_by_side(len(shown), 225.0),
         caption="Sigma ratio of the first n samples against n, with individual intervals.",
     )
-
-
-def _running(name: str, found: Convergence, i: int, tolerance: float) -> Panel:
-    sizes = found.sizes.astype(float)
-    ends = [getattr(run, side)[:, i] for run in (found.plain, found.paired) for side in ("low", "high")]
-    reach = max(float(np.nanmax(np.abs(np.concatenate(ends) - 1.0))), tolerance)
-    return Panel(
-        name,
-        Axis("samples", log=True, link="samples"),
-        Axis("σ ratio", low=1.0 - min(reach, 1.0) * 1.05, high=1.0 + min(reach, 10.0) * 1.05),
-        [
-            Span(TOLERANCE, 1.0 - tolerance, 1.0 + tolerance, level=True),
-            Rule(1.0, level=True, colour=LINEAR),
-            *_band(sizes, found.plain, i, RUNNING["plain"]),
-            *_band(sizes, found.paired, i, RUNNING["paired"]),
-        ],
-    )
-
-
-def _band(sizes: Array, run: RunningRatio, i: int, series: Series) -> tuple[Mark, Mark]:
-    return Band(series, sizes, run.low[:, i], run.high[:, i], 0.25), Line(series, sizes, run.ratio[:, i])
 
 
 def nees(content: RunAnalysis) -> Figure | None:

@@ -36,13 +36,10 @@ def envelopes(content: RunAnalysis) -> Figure | None:
     }
     columns = {known.label: known.times}
     for i in moving:
-        for words, values in (
-            ("linear mean", known.linear_mean),
-            ("linear sigma", known.linear_sigma),
-            ("mean", known.mean),
-            ("sigma", known.sigma),
-        ):
-            columns[f"{names[i]}, {words} [{units[i]}]"] = values[:, i] * scale[i]
+        moments = {"linear mean": known.linear_mean, "linear sigma": known.linear_sigma, "mean": known.mean,
+                   "sigma": known.sigma}  # fmt: skip
+        columns |= {f"{names[i]}, {words} [{units[i]}]": each[:, i] * scale[i] for words, each in moments.items()}
+    surface = "Ranges are arc lengths on the earth's surface. " if "range" in names else ""
     return Figure(
         name="envelopes",
         title="Errors over the flight",
@@ -52,8 +49,8 @@ def envelopes(content: RunAnalysis) -> Figure | None:
         key=tuple(series.values()),
         columns=columns,
         size=side_by_side(len(moving)),
-        caption="Ranges are arc lengths on the earth's surface. Samples outside the fast engine's range of validity "
-        f"are not included. Lines at ± {reach:.2f}σ: {low} % and {high} % of a normal distribution.",
+        caption=f"{surface}Samples outside the fast engine's range of validity are not included. Lines at "
+        f"± {reach:.2f}σ: {low} % and {high} % of a normal distribution.",
     )
 
 

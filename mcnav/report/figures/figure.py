@@ -42,24 +42,10 @@ def side_by_side(panels: int, height: float = 0.0) -> tuple[float, float]:
 class Figure:
     """A figure.
 
-    Attributes
-    ----------
-    name : str
-        Names the figure on its page.
-    title, description : str
-        For those who do not see it.
-    panels : sequence of Panel
-    key : sequence of Series
-        Empty where the panels speak for themselves.
-    columns : mapping of str to sequence
-        The numbers behind it, a column each, of one length.
-    size : tuple of float
-        Width and height of a panel, px; as wide as `HALF` or `THIRD`.
-    caption : str
-    file : str
-        The same numbers in full beside the page; empty when there is none.
-    shown : int
-        Panels that the page shows until the reader chooses others, if not all.
+    ``name`` names it on its page; ``title`` and ``description`` are for those who do not see it. ``key`` is empty where
+    the panels speak for themselves. ``columns`` are the numbers behind it, of one length, and ``file`` has them in full
+    beside the page. ``size`` is that of a panel, px, as wide as `HALF` or `THIRD`. If ``shown`` is not zero, the page
+    shows so many panels until the reader chooses others.
     """
 
     name: str
@@ -77,6 +63,11 @@ class Figure:
     def layout(self) -> str:
         """How many panels stand side by side: the style sheet's class."""
         return "thirds" if self.size[0] == THIRD[0] else "halves"
+
+    @property
+    def first(self) -> Sequence[Panel]:
+        """Panels of a drawing from which the reader cannot choose."""
+        return self.panels[: self.shown or None]
 
     @cached_property
     def svgs(self) -> list[Markup]:
@@ -114,14 +105,9 @@ class Figure:
         return Markup(f"<thead><tr>{head}</tr></thead>\n<tbody>{body}</tbody>")
 
     def figure(self, width: float | None = None, font_scale: float = 1.0) -> MplFigure:
-        """Draw all panels as one matplotlib figure with a legend; its ``axes`` are the panels in order.
+        """Draw the first panels as one matplotlib figure with a legend; its ``axes`` are the panels in order.
 
-        Parameters
-        ----------
-        width : float, optional
-            Of the whole figure, cm; by default that of the page.
-        font_scale : float
-            Size of text over that of the page.
+        ``width`` is that of the whole figure, cm, by default the page's; ``font_scale`` multiplies its size of text.
         """
         from mcnav.report.figures.on_axes import drawn
 
@@ -134,23 +120,22 @@ class Figure:
         save(self.figure(width, font_scale), path)
 
     def _repr_svg_(self) -> str:
-        """Shown by Jupyter: all panels, and colours as such."""
-        columns = min(3 if self.layout == "thirds" else 2, len(self.panels))
+        """Shown by Jupyter: the first panels, and colours as such."""
+        panels = list(map(str, self.svgs[: len(self.first)]))
+        columns = min(3 if self.layout == "thirds" else 2, len(panels))
         width, height = self.size
-        across, down = width * columns, height * -(-len(self.panels) // columns)
+        across, down = width * columns, height * -(-len(panels) // columns)
         size = f'width="{width:g}" height="{height:g}"'
         placed = "".join(
             each.replace("<svg ", f'<svg x="{width * (k % columns):g}" y="{height * (k // columns):g}" {size} ', 1)
-            for k, each in enumerate(map(str, self.svgs))
+            for k, each in enumerate(panels)
         )
         whole = f'<svg xmlns="http://www.w3.org/2000/svg" width="{across:g}" height="{down:g}">{placed}</svg>'
         colours = {name: colour for colour, name in VARIABLES.items()}
         return re.sub(r"var\(--([\w-]+)\)", lambda found: colours[found[1]], whole)
 
 
-def _plain(values: Any) -> list[str]:
-    if values.dtype.kind == "f":
-        return [f"{value:.6g}" if math.isfinite(value) else "" for value in values.tolist()]
+def _plain(values: NDArray[Any]) -> list[str]:
     return [
         (f"{value:.6g}" if math.isfinite(value) else "") if isinstance(value, float) else str(escape(value))
         for value in values.tolist()

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.analysis.linearity import AloneRange, DispersionRange
+from mcnav.report.figures.agreement import TOLERANCE, ratio_panel
 from mcnav.report.figures.figure import HALF, THIRD, Figure
-from mcnav.report.figures.marks import Axis, Band, Interval, Line, Mark, Panel, Points, Rule, Series, Span
-from mcnav.report.figures.palette import AREA, BAND, FLOWN, INK, LINEAR, MUTED
+from mcnav.report.figures.marks import Axis, Band, Interval, Line, Mark, Panel, Points, Rule, Series
+from mcnav.report.figures.palette import AREA, FLOWN, INK, LINEAR, MUTED
 
 REACH: Final = 4.0
 """Tolerances above and below one that are shown."""
@@ -22,7 +23,6 @@ ALONE: Final = 2.0
 
 RATIO: Final = Series("flown", "Monte Carlo σ / linear σ", FLOWN)
 INTERVAL: Final = Series("interval", "interval", AREA, "area")
-TOLERANCE: Final = Series("tolerance", "tolerance", BAND, "area")
 LEAVES: Final = Series("leaves", "exceeds tolerance", MUTED, "dashed")
 
 MATTERS: Final = Series("matters", "significant source", LINEAR, "dot")
@@ -53,12 +53,8 @@ def _ratio(name: str, found: DispersionRange, tolerance: float, column: int) -> 
     ratio, low, high = (each[:, column] for each in (found.ratios, found.lower, found.upper))
     shown = np.isfinite(ratio) & (np.abs(ratio - 1.0) < 3.0 * REACH * tolerance)
     multiples = found.multiples[shown]
-    marks: list[Mark] = [
-        Span(TOLERANCE, 1.0 - tolerance, 1.0 + tolerance, level=True),
-        Band(INTERVAL, multiples, low[shown], np.minimum(high[shown], 1.0 + 3.0 * REACH * tolerance)),
-        Rule(1.0, level=True, colour=LINEAR),
-        Line(RATIO, multiples, ratio[shown], 2.4),
-    ]
+    top = np.minimum(high[shown], 1.0 + 3.0 * REACH * tolerance)
+    marks: list[Mark] = [Band(INTERVAL, multiples, low[shown], top), Line(RATIO, multiples, ratio[shown], 2.4)]
     if shown.sum() == 1:
         marks.append(Points(Series(RATIO.name, "", FLOWN, "dot"), multiples, ratio[shown]))
     if np.isfinite(found.departs[column]):
@@ -66,7 +62,8 @@ def _ratio(name: str, found: DispersionRange, tolerance: float, column: int) -> 
     first, last = (float(each) for each in found.multiples[[0, -1]])
     margin = ALONE if first == last else 1.0  # a single multiple needs room on both sides
     across = Axis("multiple of the stated errors", log=True, low=first / margin, high=last * margin, link="multiple")
-    return Panel(name, across, Axis("σ ratio", low=1.0 - REACH * tolerance, high=1.0 + REACH * tolerance), marks)
+    upward = Axis("σ ratio", low=1.0 - REACH * tolerance, high=1.0 + REACH * tolerance)
+    return ratio_panel(name, across, upward, tolerance, marks)
 
 
 def alone(single: AloneRange, minor: NDArray[np.bool_], directions: Sequence[str], names: Sequence[str]) -> Figure:

@@ -24,17 +24,7 @@ SHAPES: Final = ("dot", "ring", "square", "box", "triangle", "onward")
 
 @dataclass(frozen=True)
 class Series:
-    """An entry of a figure's key.
-
-    Attributes
-    ----------
-    name : str
-        The class of its marks is ``series-NAME``.
-    label : str
-    colour : str
-    kind : str
-        One of `DASHES` or `SHAPES`, or ``area``.
-    """
+    """An entry of a figure's key: the class of its marks is ``series-NAME``, its kind a line, a shape or ``area``."""
 
     name: str
     label: str
@@ -66,20 +56,9 @@ def numbered(number: int, label: str) -> Series:
 class Axis:
     """An axis.
 
-    Attributes
-    ----------
-    label, unit : str
-    log : bool
-    low, high : float, optional
-        Limits; by default those of the marks, with a margin.
-    names : sequence of str
-        Rows from the top, or columns from the left, at 0, 1, 2 ... in place of numbers.
-    margin : float
-        Share of the span that is left free at both ends where no limit is given.
-    bare : bool
-        Without ticks.
-    link : str
-        Axes of that name zoom together, on the whole page.
+    Limits are by default those of the marks, with a margin, a share of the span. Rows from the top and columns from the
+    left have ``names`` in place of numbers, at 0, 1, 2 ... A ``bare`` axis has no ticks. Axes with the same ``link``
+    zoom together, on the whole page.
     """
 
     label: str = ""

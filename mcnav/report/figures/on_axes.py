@@ -38,16 +38,17 @@ SHAPES: Final = {"dot": "o", "ring": "o", "square": "s", "box": "s", "triangle":
 
 def drawn(figure: Figure, width: float | None, font_scale: float) -> MplFigure:
     """Draw all panels; see `mcnav.report.figures.figure.Figure.figure`."""
-    columns = min(3 if figure.layout == "thirds" else 2, len(figure.panels))
-    rows = -(-len(figure.panels) // columns)
+    panels = figure.first
+    columns = min(3 if figure.layout == "thirds" else 2, len(panels))
+    rows = -(-len(panels) // columns)
     across, down = figure.size[0] * PX * columns, figure.size[1] * PX * rows + 0.4
     shrunk = 1.0 if width is None else width / 2.54 / across
     with mpl.rc_context(STYLE | {"font.size": 9.0 * font_scale, "axes.titlesize": 10.0 * font_scale}):
         made = MplFigure(figsize=(across * shrunk, down * shrunk), layout="constrained")
         grid = made.subplots(rows, columns, squeeze=False)
-        for panel, axes in zip(figure.panels, grid.flat, strict=False):
+        for panel, axes in zip(panels, grid.flat, strict=False):
             draw(panel, axes, font_scale)
-        for axes in grid.flat[len(figure.panels) :]:
+        for axes in grid.flat[len(panels) :]:
             axes.remove()
         if figure.key:
             made.legend(handles=[_handle(series) for series in figure.key], loc="outside upper left", ncols=4)
@@ -106,13 +107,8 @@ def _handle(series: m.Series) -> Line2D | Patch:
 def _looks(series: m.Series, kind: str, size: float = 6.0) -> dict[str, Any]:
     if kind in SHAPES:
         hollow = {"fillstyle": "none"} if kind in ("ring", "box") else {"markeredgewidth": 0.0}
-        return {
-            "color": series.colour,
-            "linestyle": "none",
-            "marker": SHAPES[kind],
-            "markersize": size * POINT,
-            **hollow,
-        }
+        marker = {"marker": SHAPES[kind], "markersize": size * POINT}
+        return {"color": series.colour, "linestyle": "none", **marker, **hollow}
     dashes = m.DASHES.get(kind, ())
     return {"color": series.colour, "linestyle": (0, tuple(each * 0.5 for each in dashes)) if dashes else "-"}
 

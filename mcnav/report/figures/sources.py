@@ -32,15 +32,7 @@ AXES: Final = frozenset([
 
 @dataclass(frozen=True)
 class Contributor:
-    """One source, or several that are drawn and listed together.
-
-    Attributes
-    ----------
-    members : tuple of int
-        Indices of the sources.
-    other : bool
-        Whether these are all the small ones.
-    """
+    """One source, or several that are drawn and listed together; ``other`` are all the small ones."""
 
     series: Series
     members: tuple[int, ...]

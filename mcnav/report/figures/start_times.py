@@ -31,14 +31,7 @@ def dispersion(
 ) -> Figure:
     """Draw sigma of each output against the start, linear and Monte Carlo.
 
-    Parameters
-    ----------
-    study : StartTimeStudy
-    checks : mapping of float to Comparison
-        By start time, s.
-    scale : ndarray, shape (outputs,)
-        What SI values are multiplied by to be shown.
-    outputs : sequence of Output
+    ``checks`` are by start time, s; SI values are multiplied by ``scale``, shape (outputs,).
     """
     starts, sigma = study.times / 60.0, study.sigma * scale
 

@@ -99,12 +99,7 @@ def ticks_along(
 ) -> tuple[list[float], list[str]]:
     """Return the most ticks, with their labels, whose labels have room beside each other.
 
-    Parameters
-    ----------
-    room : float
-        Length of the axis, px.
-    extent : callable
-        From a label to how much of the axis it takes, px.
+    ``room`` is the length of the axis, ``extent`` how much of it a label takes, px.
     """
     for number in range(most, 0, -1):
         if log:
@@ -154,19 +149,9 @@ def points_in(box: Box, points: Array) -> int:
 def place_label(
     x: float, y: float, width: float, height: float, inside: Box, taken: Sequence[Box], points: Array, near: float = 4.0
 ) -> Box | None:
-    """Find a place for a label beside a point: within a rectangle, over no other label, hiding the fewest points.
+    """Find a place for a label beside a point, within a rectangle and over none that is taken; none without room.
 
-    Parameters
-    ----------
-    taken : sequence of Box
-        Labels that have their places.
-    points : ndarray, shape (n, 2)
-        What is drawn already.
-
-    Returns
-    -------
-    Box or None
-        None where there is no room.
+    The place that hides the fewest points, shape (n, 2), is preferred.
     """
     found: tuple[int, int, Box] | None = None
     for rank, (across, up) in enumerate(

@@ -5,7 +5,10 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mcnav.report.figures import marks as m
+from mcnav.report.figures.agreement import nees
 from mcnav.report.figures.figure import HALF, Figure
 from mcnav.report.figures.palette import FLOWN, LINEAR, SOURCE_COLOURS
 from mcnav.report.figures.ticks import (
@@ -162,6 +166,19 @@ def test_the_same_bytes_again_and_every_colour_a_variable() -> None:
     assert "#" not in texts.pop().replace("url(#key-c)", "")
 
 
+@pytest.mark.parametrize("misfit", [1.0, 30.0, 1e6])
+def test_a_histogram_of_nees_holds_the_samples(misfit: float) -> None:
+    """However far they are from what linear analysis expects; chi-square keeps 1 - 5e-4 of its samples in the plot."""
+    values = misfit * np.random.default_rng(5).chisquare(4, 20_000)
+    content: Any = SimpleNamespace(comparison=SimpleNamespace(ellipsoid=SimpleNamespace(dimension=4, values=values)))
+    figure = nees(content)
+    assert figure is not None
+    counts = np.asarray(figure.columns["samples"])
+    assert counts.sum() >= 0.97 * len(values)  # 2 % may lie beyond a linear axis, 1 % below a logarithmic one
+    assert np.count_nonzero(counts) >= 10
+    assert all(axis.label for panel in figure.panels for axis in (panel.x, panel.y))
+
+
 def test_on_demand_matplotlib(tmp_path: Path) -> None:
     """Every kind of mark in a file of the width asked for, the same bytes again."""
     marks: list[m.Mark] = [
@@ -173,6 +190,7 @@ def test_on_demand_matplotlib(tmp_path: Path) -> None:
     names = m.Axis(names=["a", "b"])
     panels = [m.Panel("one", m.Axis("x", "km"), m.Axis("y"), marks), m.Panel("two", names, names, [cells])]
     figure = Figure("name", "Title", "", panels, [CURVE, DOTS, BAR], {"x": [1.0]})
+    assert len(replace(figure, shown=1).figure().axes) == 1 < len(figure.figure().axes)
     made = figure.figure(width=8.0)
     assert made.get_size_inches()[0] == pytest.approx(8.0 / 2.54)
     for ending in ("pdf", "svg", "png"):
