@@ -93,7 +93,7 @@ def test_the_scheme_is_of_eighth_order() -> None:
 
 
 def test_the_stated_error_is_that_of_the_probes(flight: SteadyFlight) -> None:
-    """Twice the steps leave 2^-8 of it, to a tenth and the digits stated; eight times as many samples reach little farther."""
+    """Twice the steps leave 2^-8 of it, to a tenth and the digits stated; more samples reach a little farther."""
     scenario = Cruise(flight)
     errors = _draws(512, 1.0 if flight.slaved else 0.1)[:, scenario.navigation.sources]
     engine = scenario.engine("ensemble", errors[:64])
