@@ -13,6 +13,10 @@ Tolerances = tuple[float, float | Array]
 """Relative, and absolute in the units of the state."""
 
 
+class Diverged(ArithmeticError):
+    """An indicated flight that cannot be integrated to its end; the message says why."""
+
+
 def integrate(
     rates: Callable[..., Array],
     span: tuple[float, float],

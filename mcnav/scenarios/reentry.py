@@ -16,6 +16,7 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.constants import EARTH_RADIUS, REENTRY_ALTITUDE, STANDARD_GRAVITY
+from mcnav.physics.integration import Diverged
 from mcnav.physics.power_sums import PowerSums
 from mcnav.physics.reentry.adjoint import Adjoint, sweep
 from mcnav.physics.reentry.ensemble.grid import Grid
@@ -31,7 +32,7 @@ from mcnav.physics.reentry.ensemble.refinement import refined_grid
 from mcnav.physics.reentry.ensemble.transition import linear_response
 from mcnav.physics.reentry.instruments import Error
 from mcnav.physics.reentry.linearized import linearize, linearize_throughout
-from mcnav.physics.reentry.navigator import Diverged, navigation_error, simulate_indicated
+from mcnav.physics.reentry.navigator import navigation_error, simulate_indicated
 from mcnav.physics.reentry.shared_steps import simulate_together
 from mcnav.physics.reentry.truth import NoReentry, Trajectory, airspeed_and_angle, fly_truth
 from mcnav.physics.reentry.vehicle import Vehicle

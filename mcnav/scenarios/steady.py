@@ -13,7 +13,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Final
 
 import numpy as np
@@ -21,10 +21,12 @@ from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.constants import STANDARD_GRAVITY
-from mcnav.physics.power_sums import PowerSums
+from mcnav.physics.integration import Diverged
+from mcnav.physics.power_sums import PowerSums, sums_of
+from mcnav.physics.refinement import refined_steps
 from mcnav.physics.steady.ensemble import ORDER, simulate_ensemble, simulate_histories
 from mcnav.physics.steady.linearized import linearize
-from mcnav.physics.steady.navigator import Diverged, simulate_indicated
+from mcnav.physics.steady.navigator import simulate_indicated
 from mcnav.physics.steady.truth import SteadyFlight, navigation_error
 from mcnav.scenarios.failure import Failure
 from mcnav.scenarios.histories import with_errors
@@ -87,6 +89,9 @@ HISTORY_POINTS: Final = 121
 HISTORY_TIME: Final = "time [min]"
 EPOCHS: Final = 60
 """Instants at which the errors of all samples are read out."""
+
+HISTORY_SLICE: Final = 1_024
+"""Samples whose time histories are reduced to sums at a time: few enough for the processor's cache."""
 
 TOLERANCE: Final = 1e-7
 """Largest numerical error of any probe, as a share of the probes' standard deviation in that output."""
@@ -187,9 +192,12 @@ class EnsembleEngine:
 
     def history_sums(self, errors: Array) -> PowerSums:
         """Add up power sums of samples' errors, shape (n, sources), at every epoch."""
-        histories = self.histories(errors)
-        valid = np.isfinite(histories).all(axis=(1, 2))
-        return PowerSums.of(histories[valid], np.zeros(histories.shape[1:]))
+        count = len(self.navigation.outputs)
+        found = PowerSums(0, np.zeros((EPOCHS, count)), np.zeros((EPOCHS, sums_of(count))))
+        for begin in range(0, len(errors), HISTORY_SLICE):
+            histories = self.histories(errors[begin : begin + HISTORY_SLICE])
+            found += PowerSums.of(histories[np.isfinite(histories).all(axis=(1, 2))], found.pivot)
+        return found
 
 
 class Cruise:
@@ -238,7 +246,9 @@ class Cruise:
         """Prepare one of the engines; the ensemble's steps are refined until the probes, (n, sources), agree."""
         if engine == "reference":
             return ReferenceEngine(self.navigation)
-        steps, error = self._refined(probes)
+        steps, error = refined_steps(
+            partial(self.navigation.by_ensemble, probes), FEWEST_STEPS, MOST_STEPS, ORDER, TOLERANCE
+        )
         accuracy = (
             f"deviations in cartesian axes, Runge-Kutta order {ORDER}, {steps} steps; largest numerical error of "
             f"{len(probes)} probe samples {error:.1e} of an output's dispersion"
@@ -247,29 +257,6 @@ class Cruise:
         if ready.propagate(probes).fallback_count > HAND_OVER_SHARE * len(probes):
             return replace(ready, parallel="processes", chunk=REFERENCE_CHUNK)
         return ready
-
-    def _refined(self, probes: Array) -> tuple[int, float]:
-        """Find the fewest steps that the probes allow, and their error.
-
-        With twice as many steps, the error of a scheme of order p falls to a share of 2^-p: that of the fewer steps is
-        the difference times ``2^p / (2^p - 1)``.
-        """
-
-        def flown(steps: int) -> Array:
-            values, valid = self.navigation.by_ensemble(probes, steps)
-            return np.asarray(np.where(valid[:, None], values, 0.0))
-
-        steps = FEWEST_STEPS
-        while True:
-            coarse, fine = flown(steps), flown(2 * steps)
-            scale = fine.std(axis=0)
-            scale = np.where(scale > 0.0, scale, np.abs(fine).max(axis=0))
-            shares = np.abs(coarse - fine).max(axis=0)[scale > 0.0] / scale[scale > 0.0]
-            error = float(shares.max(initial=0.0)) / (1.0 - 0.5**ORDER)
-            if error <= TOLERANCE or steps >= MOST_STEPS:
-                return steps, error
-            wanted = int(np.ceil(1.1 * steps * (error / TOLERANCE) ** (1.0 / ORDER)))
-            steps = min(max(wanted, steps + 1), MOST_STEPS)
 
     def simulate_one(self, errors: Array) -> History:
         """Simulate one sample, shape (sources,), on the reference path: its navigation errors over the flight."""

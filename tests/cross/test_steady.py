@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -10,17 +11,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mcnav.lincov.partials import partials_throughout
+from mcnav.physics.integration import Diverged
 from mcnav.physics.reentry.instruments import Error as PlanarError
 from mcnav.physics.reentry.instruments import indicated_force, measured_force
 from mcnav.physics.reentry.truth import motion
 from mcnav.physics.steady.ensemble import ORDER, simulate_ensemble, simulate_histories
 from mcnav.physics.steady.linearized import linearize
-from mcnav.physics.steady.navigator import Diverged, indicated_rates, simulate_indicated
+from mcnav.physics.steady.navigator import indicated_rates, simulate_indicated
 from mcnav.physics.steady.truth import Earth, Error, SteadyFlight
 from mcnav.reproduce.story_of_84_minutes.numbers import CROSS, RANGE, measured_period
 from mcnav.reproduce.story_of_84_minutes.schuler import schuler_period
 from mcnav.scenarios.protocol import TimeHistoryEngine
-from mcnav.scenarios.steady import SOURCES, TOLERANCE, Cruise
+from mcnav.scenarios.steady import SOURCES, TOLERANCE, Cruise, EnsembleEngine
 
 SIZES = np.array([source.nominal for source in SOURCES])
 SPEED = 804.672
@@ -91,14 +93,16 @@ def test_the_scheme_is_of_eighth_order() -> None:
 
 
 def test_the_stated_error_is_that_of_the_probes(flight: SteadyFlight) -> None:
-    """Twice the steps leave 2^-8 of it: to a tenth, or rounding. Eight times as many samples reach a little farther."""
+    """Twice the steps leave 2^-8 of it, to a tenth and the digits stated; more samples reach a little farther."""
     scenario = Cruise(flight)
     errors = _draws(512, 1.0 if flight.slaved else 0.1)[:, scenario.navigation.sources]
-    steps, stated = scenario._refined(errors[:64])
+    engine = scenario.engine("ensemble", errors[:64])
+    assert isinstance(engine, EnsembleEngine)
+    steps, stated = engine.steps, float(re.findall(r"[0-9.]+e-[0-9]+", engine.accuracy)[0])
     exact, _ = scenario.navigation.by_ensemble(errors, 8 * steps)
     off = np.abs(scenario.navigation.by_ensemble(errors, steps)[0] - exact) / exact[:64].std(axis=0)
     assert stated <= TOLERANCE
-    assert off[:64].max() == pytest.approx(stated, rel=0.1, abs=1e-12)
+    assert off[:64].max() == pytest.approx(stated, rel=0.15, abs=1e-12)
     assert off.max() < 5.0 * TOLERANCE
 
 

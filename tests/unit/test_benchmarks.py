@@ -48,7 +48,7 @@ def test_rates_are_those_of_the_reference() -> None:
         errors = draw / ERROR_UNITS
         ours = joint_rates(np)(time, actual, indicated, case().phases[stretch], errors[4:])
         state = np.concatenate([actual * UNITS, indicated * UNITS])
-        theirs = rates_of_mcnav(time * TIME, state, phase.coefficients, 1.0, draw, 0.0, 0.0)
+        theirs = rates_of_mcnav(time * TIME, state, phase.coefficients, 1.0, draw[None], 0.0, 0.0)
         np.testing.assert_allclose(np.concatenate(ours) * np.tile(UNITS, 2) / TIME, theirs, rtol=1e-11)
 
 

@@ -20,7 +20,7 @@ from mcnav.physics.reentry.navigator import joint_rates, navigation_error
 from mcnav.physics.reentry.truth import Trajectory, truth_force
 
 SOURCES: Final = len(Error)
-_NO_ERRORS: Final = np.zeros(SOURCES)
+_NO_ERRORS: Final = np.zeros((1, SOURCES))
 TOLERANCES: Final = (1e-11, 1e-12)
 
 
@@ -39,7 +39,7 @@ def variational_rates(
     actual, indicated = state[:4], state[4:8]
     elapsed, angle = time - start, indicated[1] - theta_axes
     force_x, force_z = truth_force(actual, coefficients)
-    measured_x, measured_z = measured_force(force_x, force_z, actual[1] - theta_axes, elapsed, no_errors)
+    measured_x, measured_z = measured_force(force_x, force_z, actual[1] - theta_axes, elapsed, no_errors[0])
     indicated_x, indicated_z = indicated_force(on * measured_x, on * measured_z, angle)
     radius, _, radius_rate, angle_rate = indicated
     angle_acceleration = rates[7]

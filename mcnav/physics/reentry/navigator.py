@@ -14,7 +14,7 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.constants import EARTH_RADIUS
-from mcnav.physics.integration import integrate
+from mcnav.physics.integration import Diverged, integrate
 from mcnav.physics.jit import compiled
 from mcnav.physics.reentry.instruments import Error, indicated_force, measured_force
 from mcnav.physics.reentry.truth import ABSOLUTE_TOLERANCE, RELATIVE_TOLERANCE, Trajectory, motion, truth_force
@@ -25,22 +25,21 @@ LOWEST_RADIUS: Final = 0.01 * EARTH_RADIUS
 """An indicated position nearer to the earth's centre than this (m) ends the simulation."""
 
 
-class Diverged(ArithmeticError):
-    """An indicated trajectory that cannot be integrated to the end; the message says why."""
-
-
 @compiled
 def joint_rates(
     time: float, state: Array, coefficients: Array, on: float, errors: Array, start: float, theta_axes: float
 ) -> Array:
-    """Compute rates of the truth (first four) and of the indicated state (last four), NASA TN D-1772, eqs. (1)-(9)."""
-    rates = np.empty(8)
-    actual, indicated = state[:4], state[4:]
+    """Compute rates of the truth (first four) and of n indicated states (four each), NASA TN D-1772, eqs. (1)-(9)."""
+    rates = np.empty(4 + 4 * errors.shape[0])
+    actual = state[:4]
     force_x, force_z = truth_force(actual, coefficients)
     motion(actual, force_x, force_z, rates[:4])
-    measured_x, measured_z = measured_force(force_x, force_z, actual[1] - theta_axes, time - start, errors)
-    indicated_x, indicated_z = indicated_force(on * measured_x, on * measured_z, indicated[1] - theta_axes)
-    motion(indicated, indicated_x, indicated_z, rates[4:])
+    for run in range(errors.shape[0]):
+        own = slice(4 + 4 * run, 8 + 4 * run)
+        indicated = state[own]
+        measured_x, measured_z = measured_force(force_x, force_z, actual[1] - theta_axes, time - start, errors[run])
+        indicated_x, indicated_z = indicated_force(on * measured_x, on * measured_z, indicated[1] - theta_axes)
+        motion(indicated, indicated_x, indicated_z, rates[own])
     return rates
 
 
@@ -108,7 +107,7 @@ def simulate_indicated(
     if not np.all(np.isfinite(state)) or state[4] <= LOWEST_RADIUS:
         raise Diverged(f"the indicated radius starts at {state[4]:.6g} m")
     for begin, end, phase in trajectory.navigated(start):
-        args = (phase.coefficients, float(phase.accelerometers_on), errors, start, theta_axes)
+        args = (phase.coefficients, float(phase.accelerometers_on), errors[None], start, theta_axes)
         shared = trajectory.shared(begin, phase, state)
         solution = integrate(joint_rates, (begin, end), shared, TOLERANCES, args, events=_too_low)
         watch(solution.t, solution.y)

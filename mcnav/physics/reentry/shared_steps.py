@@ -11,29 +11,9 @@ from itertools import pairwise
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.physics.integration import integrate
-from mcnav.physics.jit import compiled
-from mcnav.physics.reentry.instruments import indicated_force, measured_force
-from mcnav.physics.reentry.navigator import LOWEST_RADIUS, Diverged, indicated_start
-from mcnav.physics.reentry.truth import ABSOLUTE_TOLERANCE, RELATIVE_TOLERANCE, Trajectory, motion, truth_force
-
-
-@compiled
-def joint_rates(
-    time: float, state: Array, coefficients: Array, on: float, errors: Array, start: float, theta_axes: float
-) -> Array:
-    """Compute rates of the truth (first four) and of n indicated states (four each), NASA TN D-1772, eqs. (1)-(9)."""
-    rates = np.empty(state.size)
-    actual = state[:4]
-    force_x, force_z = truth_force(actual, coefficients)
-    motion(actual, force_x, force_z, rates[:4])
-    for run in range(errors.shape[0]):
-        own = slice(4 + 4 * run, 8 + 4 * run)
-        indicated = state[own]
-        measured_x, measured_z = measured_force(force_x, force_z, actual[1] - theta_axes, time - start, errors[run])
-        along_x, along_z = indicated_force(on * measured_x, on * measured_z, indicated[1] - theta_axes)
-        motion(indicated, along_x, along_z, rates[own])
-    return rates
+from mcnav.physics.integration import Diverged, integrate
+from mcnav.physics.reentry.navigator import LOWEST_RADIUS, indicated_start, joint_rates
+from mcnav.physics.reentry.truth import ABSOLUTE_TOLERANCE, RELATIVE_TOLERANCE, Trajectory
 
 
 def simulate_together(

@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.physics.integration import integrate
+from mcnav.physics.integration import Diverged, integrate
 from mcnav.physics.jit import compiled
 from mcnav.physics.steady.truth import Error, SteadyFlight, navigation_error
 
@@ -30,10 +30,6 @@ LOWEST_SHARE: Final = 0.01
 
 STEEPEST: Final = 1.5
 """Across the track (rad) the coordinates end at the pole of the great circle; so far from it they still serve."""
-
-
-class Diverged(ArithmeticError):
-    """An indicated flight that cannot be integrated to its end; the message says why."""
 
 
 @compiled

@@ -12,6 +12,7 @@ from mcnav.physics.reentry.ensemble.grid import Grid, shared_grid
 from mcnav.physics.reentry.ensemble.kernel import simulate_ensemble
 from mcnav.physics.reentry.ensemble.transition import linear_response
 from mcnav.physics.reentry.truth import Trajectory
+from mcnav.physics.refinement import largest_share
 
 TOLERANCE: Final = 1e-6
 """Largest error of any probe, as a share of the probes' standard deviation in that output."""
@@ -61,7 +62,7 @@ def refined_grid(
     def held_against(best: Array, grid: Grid, values: Array) -> tuple[Refinement, bool]:
         """Measure a grid's error, and whether it will do: few valid probes say too little of a sample to come."""
         valid = np.isfinite(values).all(axis=1) & np.isfinite(best).all(axis=1)
-        error = _largest_share(values[valid], best[valid]) if valid.any() else 0.0
+        error = largest_share(values[valid], best[valid]) if valid.any() else 0.0
         return Refinement(grid, len(grid.readout), error), error <= tolerance and 2 * valid.sum() >= len(probes)
 
     grid, values = simulate(COARSEST)
@@ -79,10 +80,3 @@ def refined_grid(
         else:
             too_few = between.nodes
     return found
-
-
-def _largest_share(values: Array, best: Array) -> float:
-    """Compute the largest difference as a share of its output's standard deviation, or size where that is zero."""
-    scale = best.std(axis=0)
-    scale = np.where(scale > 0.0, scale, np.abs(best).max(axis=0))
-    return float((np.abs(values - best).max(axis=0)[scale > 0.0] / scale[scale > 0.0]).max(initial=0.0))
