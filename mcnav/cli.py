@@ -678,7 +678,7 @@ def main() -> None:
         app(prog_name="mcnav")
     finally:
         if _signals:
-            atexit._run_exitfuncs()  # removes temporary folders and semaphores; threads are joined later
+            atexit._run_exitfuncs()  # temporary folders, semaphores; an ordinary exit would join threads first
             with suppress(OSError):  # the reader of the output may have ended
                 sys.stdout.flush()
                 sys.stderr.flush()
