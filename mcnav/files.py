@@ -36,7 +36,7 @@ _TEMPORARY: Final = re.compile(r"\..+\.[0-9a-f]{12}\.tmp")
 
 
 def is_temporary(name: str) -> bool:
-    """Whether a file of this name is one that `write_whole` did not finish."""
+    """Return whether a file of this name is one that `write_whole` did not finish."""
     return _TEMPORARY.fullmatch(name) is not None
 
 

@@ -70,7 +70,7 @@ class FlownRun:
 
     @property
     def summary(self) -> Mapping[str, Any]:
-        """What ``summary.json`` holds."""
+        """The content of ``summary.json``."""
         return self.content.summary
 
     @property

@@ -79,7 +79,7 @@ TABLE_I: Final = {
 }
 
 ANGLE_BRACKET: Final = 0.002
-"""How far from its printed value (deg) the start angle of a solved trajectory is sought."""
+"""Distance from its printed value (deg) in which the start angle of a solved trajectory is sought."""
 
 ANGLE_TOLERANCE: Final = 1e-13
 """Tolerance of the solution, deg."""

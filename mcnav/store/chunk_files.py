@@ -228,7 +228,7 @@ def _described(number: int, begin: int, count: int, failed: int, fallback_count:
 
 
 def in_order(table: pa.Table, begin: int = 0) -> bool:
-    """Whether a table holds samples in the order of their index from the first on, each with a status."""
+    """Return whether a table holds samples in order of index from the first on, each with a status."""
     index, status = table.column("index"), table.column("status")
     whole = pa.types.is_integer(index.type) and pa.types.is_string(status.type) and status.null_count == 0
     return whole and np.array_equal(numbers_in(index), np.arange(begin, begin + len(table)))

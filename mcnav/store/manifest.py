@@ -152,7 +152,7 @@ class FileRecord(Record):
 
 
 class Identity(Record):
-    """What a run's numbers depend on; see `mcnav.execution.identity`."""
+    """Everything that a run's numbers depend on; see `mcnav.execution.identity`."""
 
     model_config = ConfigDict(extra="allow")
 

@@ -77,7 +77,7 @@ def analyse(folder: RunFolder, unfinished: Manifest | None = None) -> RunAnalysi
     Parameters
     ----------
     unfinished : Manifest, optional
-        Of a run that is still going on, in place of the stored one.
+        Manifest of a run in progress, in place of the stored one.
 
     Raises
     ------
