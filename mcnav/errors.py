@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -25,6 +26,10 @@ LONGEST_NAME: Final = 100
 
 MOST_NAMES: Final = 20
 """Names that a message lists."""
+
+
+DIGITS: Final = 12
+"""Digits of a digest that are shown."""
 
 
 @dataclass(frozen=True)
@@ -95,3 +100,12 @@ def suggestion(name: str, known: list[str]) -> str:
     if close:
         return f"; did you mean {close[0]!r}? It is one of {listed}"
     return f"; expected one of {listed}"
+
+
+def shortened(text: str) -> str:
+    """Shorten every digest in a text for people.
+
+    >>> shortened("SHA-256 " + 64 * "5")
+    'SHA-256 555555555555'
+    """
+    return re.sub(r"\b[0-9a-f]{40,64}\b", lambda found: found[0][:DIGITS], text)

@@ -10,8 +10,9 @@ from mcnav._types import Array
 def largest_sigmas(row: Array, covariance: Array, limit: float) -> Array:
     """Compute the largest sigma of each source with which an output's linear sigma stays within a limit.
 
-    The other sigmas and the correlation coefficients are kept. With the sigma of source j multiplied by k, the variance
-    is ``k^2 A + k B + C``: A from the source alone, B its cross-terms, C the others.
+    The other sigmas and the correlation coefficients stay. With the sigma of source j multiplied by k, the variance is
+    ``k^2 A + k B + C``: A from the source alone, B its cross-terms, C the others. The result, shape (sources,), is
+    infinite where the output does not depend on the source, and NaN where the other sources exceed the limit.
 
     Parameters
     ----------
@@ -19,13 +20,6 @@ def largest_sigmas(row: Array, covariance: Array, limit: float) -> Array:
         Partial derivatives of the output.
     covariance : ndarray, shape (sources, sources)
         Start covariance S.
-    limit : float
-        Largest sigma of the output.
-
-    Returns
-    -------
-    ndarray, shape (sources,)
-        Infinite where the output does not depend on the source, NaN where the other sources exceed the limit.
 
     Examples
     --------
@@ -33,22 +27,12 @@ def largest_sigmas(row: Array, covariance: Array, limit: float) -> Array:
     array([2.        , 4.58257569])
     """
     sigma = np.sqrt(np.diag(covariance))
-    found = np.full(len(row), np.nan)
-    for j in range(len(row)):
-        others = np.arange(len(row)) != j
-        rest = float(row[others] @ covariance[np.ix_(others, others)] @ row[others])
-        if sigma[j] > 0.0:
-            own = (float(row[j]) * float(sigma[j])) ** 2
-            cross = 2.0 * float(row[j] * covariance[j, others] @ row[others])
-            unit = float(sigma[j])
-        else:  # absent now: it would be independent of the others
-            own, cross, unit = float(row[j]) ** 2, 0.0, 1.0
-        if own == 0.0:
-            found[j] = np.inf if rest <= limit**2 else np.nan
-            continue
-        discriminant = cross**2 - 4.0 * own * (rest - limit**2)
-        if discriminant >= 0.0:
-            largest = (-cross + np.sqrt(discriminant)) / (2.0 * own)
-            if largest >= 0.0:
-                found[j] = largest * unit
-    return found
+    unit = np.where(sigma > 0.0, sigma, 1.0)  # a source that is absent now would be independent of the others
+    own = (row * unit) ** 2
+    others = row * ~np.eye(len(row), dtype=bool)
+    rest = np.einsum("ij,jk,ik->i", others, covariance, others)
+    cross = 2.0 * row * np.einsum("ij,ij->i", covariance, others)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        largest = (-cross + np.sqrt(cross**2 - 4.0 * own * (rest - limit**2))) / (2.0 * own)
+    irrelevant = np.where(rest <= limit**2, np.inf, np.nan)
+    return np.where(own == 0.0, irrelevant, np.where(largest >= 0.0, largest * unit, np.nan))

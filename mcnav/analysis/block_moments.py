@@ -11,7 +11,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
-from typing import Protocol
 
 import numpy as np
 
@@ -22,62 +21,12 @@ from mcnav.statistics.shape import power_sums
 from mcnav.statistics.whitening import Whitening
 
 
-class BlockMoments(Protocol):
-    """Block sums of the successful samples; b blocks."""
-
-    @property
-    def counts(self) -> Array:
-        """Samples in each block, shape (b,)."""
-
-    @property
-    def samples(self) -> int:
-        """Number of samples."""
-
-    @property
-    def mean(self) -> Array:
-        """Mean of y, shape (outputs,)."""
-
-    @property
-    def covariances(self) -> tuple[Array, Array]:
-        """Unbiased sample covariances of y and of z, each of shape (outputs, outputs)."""
-
-    def differences(self, i: int) -> Array:
-        """Add up ``y_i - z_i``, shape (b,)."""
-
-    def products(self, i: int, j: int) -> tuple[Array, Array]:
-        """Add up ``y_i y_j``, and ``y_i y_j - z_i z_j``, about the means of all samples, each of shape (b,)."""
-
-    def powers(self, i: int) -> Array:
-        """Add up the first four powers of y_i in some origin and unit, shape (4, b)."""
-
-    def nees(self) -> tuple[Array, Array]:
-        """Add up the NEES of y, and that less the NEES of z, each of shape (b,)."""
-
-    def whitened(self) -> Iterator[tuple[Array, Array]]:
-        """Add up in whitened coordinates of dimension r, some blocks at a time.
-
-        The rows are y about the linear mean, ``y - z``, and the distinct elements of ``y y^T - z z^T`` about the means
-        of all samples, shape (2 r + r (r + 1) / 2, blocks). With them comes the sum of the squares of each row's terms.
-        """
-
-    def within(self) -> Array:
-        """Count the samples inside the linear ellipsoids of probabilities `LEVELS`, shape (levels,)."""
-
-
 @dataclass(frozen=True)
 class SampleMoments:
-    """Block sums of stored samples, formed on demand.
+    """Block sums of stored samples that were successful, formed on demand.
 
-    Attributes
-    ----------
-    y, z : ndarray, shape (n, outputs)
-        Contiguous by columns.
-    begins : ndarray of int, shape (b,)
-        First sample of each block.
-    centre : ndarray, shape (outputs,)
-        Linear mean.
-    given : Whitening
-        Whitening by the linear covariance.
+    The samples have shape (n, outputs), contiguous by columns; ``begins`` is the first one of each block, shape (b,).
+    ``centre`` is the linear mean, shape (outputs,), and ``given`` the whitening by the linear covariance.
     """
 
     y: Array
@@ -88,14 +37,17 @@ class SampleMoments:
 
     @property
     def samples(self) -> int:
+        """Number of samples."""
         return len(self.y)
 
     @cached_property
     def counts(self) -> Array:
+        """Samples in each block, shape (b,)."""
         return np.diff(self.begins, append=self.samples).astype(float)
 
     @cached_property
     def mean(self) -> Array:
+        """Mean of y, shape (outputs,)."""
         return np.asarray(self.y.mean(axis=0))
 
     @cached_property
@@ -105,6 +57,7 @@ class SampleMoments:
 
     @cached_property
     def covariances(self) -> tuple[Array, Array]:
+        """Unbiased sample covariances of y and of z, each of shape (outputs, outputs)."""
         return scatter(self.y) / (self.samples - 1), scatter(self.z) / (self.samples - 1)
 
     @cached_property
@@ -117,9 +70,11 @@ class SampleMoments:
         return values if single else np.asarray(np.add.reduceat(values, self.begins))
 
     def differences(self, i: int) -> Array:
+        """Add up ``y_i - z_i``, shape (b,)."""
         return self._sums(self.y[:, i] - self.z[:, i])
 
     def products(self, i: int, j: int) -> tuple[Array, Array]:
+        """Add up ``y_i y_j``, and ``y_i y_j - z_i z_j``, about the means of all samples, each of shape (b,)."""
         simulated, linear = (
             (values[:, i] - mean[i]) * (values[:, j] - mean[j])
             for values, mean in ((self.y, self.mean), (self.z, self.linear_mean))
@@ -127,14 +82,20 @@ class SampleMoments:
         return self._sums(simulated), self._sums(simulated - linear)
 
     def powers(self, i: int) -> Array:
+        """Add up the first four powers of y_i in some origin and unit, shape (4, b)."""
         return power_sums(self.y[:, i], self.begins)
 
     def nees(self) -> tuple[Array, Array]:
-        return self._sums(self.distances), self._sums(
-            self.distances - squared_distances(self.z, self.centre, self.given)
-        )
+        """Add up the NEES of y, and that less the NEES of z, each of shape (b,)."""
+        differences = self.distances - squared_distances(self.z, self.centre, self.given)
+        return self._sums(self.distances), self._sums(differences)
 
     def whitened(self) -> Iterator[tuple[Array, Array]]:
+        """Add up in whitened coordinates of dimension r, some blocks at a time.
+
+        The rows are y about the linear mean, ``y - z``, and the distinct elements of ``y y^T - z z^T`` about the means
+        of all samples, shape (2 r + r (r + 1) / 2, blocks). With them comes the sum of the squares of each row's terms.
+        """
         matrix = self.given.matrix.T
         elements = list(zip(*np.triu_indices(self.given.rank), strict=True))
         centre, *means = ((matrix @ each)[:, None] for each in (self.centre, self.mean, self.linear_mean))
@@ -150,27 +111,24 @@ class SampleMoments:
             yield sums, squares
 
     def within(self) -> Array:
+        """Count the samples inside the linear ellipsoids of probabilities `LEVELS`, shape (levels,)."""
         return np.array([np.count_nonzero(self.distances <= radius) for radius in self.given.radii])
 
 
 @dataclass(frozen=True)
 class SummaryMoments:
-    """Block sums of a campaign that stores a summary.
+    """Block sums of a campaign that stores a summary, in the terms of `SampleMoments`.
 
     Attributes
     ----------
-    counts : ndarray, shape (b,)
     y, z : ndarray, shape (b, outputs)
         About the linear mean.
     yy, zz : ndarray, shape (b, outputs, outputs)
         Products.
     thirds, fourths : ndarray, shape (b, outputs)
-        Powers of y in units of ``scale``.
-    scale : ndarray, shape (outputs,)
+        Powers of y in units of ``scale``, shape (outputs,).
     hits : ndarray, shape (levels,)
         Samples inside the linear ellipsoids.
-    centre : ndarray, shape (outputs,)
-        Linear mean.
     """
 
     counts: Array
@@ -255,15 +213,12 @@ class SummaryMoments:
         return self.hits
 
 
+BlockMoments = SampleMoments | SummaryMoments
+
+
 @dataclass(frozen=True)
 class ErrorSums:
-    """Sums of the start errors of some samples about an origin, SI.
-
-    Attributes
-    ----------
-    total : ndarray, shape (sources,)
-    products : ndarray, shape (sources, sources)
-    """
+    """Sums of start errors about an origin, shape (sources,), and of their products, shape (sources, sources), SI."""
 
     samples: int
     total: Array
@@ -289,14 +244,8 @@ class ErrorSums:
 class ReducedSamples:
     """Samples of a campaign, reduced to what its analysis needs.
 
-    Attributes
-    ----------
-    moments : BlockMoments
-        Sums of the successful samples.
-    stored : SampleMoments
-        Successful samples that are stored; those of ``moments`` unless the run stores a summary.
-    drawn, successful : ErrorSums
-        Start errors of all samples, and of the successful ones.
+    ``moments`` are block sums of the successful samples, ``stored`` those of the stored ones: the same unless the run
+    stores a summary. ``drawn`` and ``successful`` are sums of the start errors of all and of the successful samples.
     """
 
     moments: BlockMoments

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.lincov.covariance import propagated_variances
 
 
 @dataclass(frozen=True)
@@ -32,15 +33,9 @@ class ErrorBudget:
 
 
 def error_budget(partials: Array, start_covariance: Array) -> ErrorBudget:
-    """Split the linear covariance's diagonal over the sources.
-
-    Parameters
-    ----------
-    partials : ndarray, shape (outputs, sources)
-    start_covariance : ndarray, shape (sources, sources)
-    """
+    """Split the diagonal of P S P^T over the sources."""
     contributions = partials * np.sqrt(np.diag(start_covariance))
-    variances = np.einsum("ij,jk,ik->i", partials, start_covariance, partials)
+    variances = propagated_variances(partials, start_covariance)
     divisor = np.where(variances > 0.0, variances, np.nan)
     shares = contributions**2 / divisor[:, None]
     crossed = 2.0 * partials * (partials @ start_covariance) / divisor[:, None]

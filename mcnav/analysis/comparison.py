@@ -7,6 +7,7 @@ y and z share cancels (z is a control variate whose covariance is known). Its er
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
@@ -28,7 +29,7 @@ from mcnav.lincov.block_sums import BlockSums, Normalization
 from mcnav.lincov.covariance import propagated_covariance
 from mcnav.sampling.designs import SamplingDesign
 from mcnav.statistics.estimates import Estimate, block_begins, summed_mean
-from mcnav.statistics.interim_analyses import confidence_of_each
+from mcnav.statistics.interim_sizes import confidence_of_each
 from mcnav.statistics.power import detectable_ratio, samples_to_detect
 from mcnav.statistics.whitening import Whitening, whitening
 
@@ -51,10 +52,8 @@ class Model:
     partials : ndarray, shape (outputs, sources)
     nominal : ndarray, shape (outputs,)
         Final errors without start errors.
-    mean : ndarray, shape (sources,)
-        Mean start errors.
-    covariance : ndarray, shape (sources, sources)
-        Start covariance S.
+    mean, covariance : ndarray, shapes (sources,) and (sources, sources)
+        Mean start errors, and start covariance S.
     """
 
     partials: Array
@@ -85,7 +84,7 @@ class Model:
 class Criterion:
     """Tolerance on sigma ratios, and confidence of all verdicts together.
 
-    ``looks`` is the number of interim analyses (`mcnav.statistics.interim_analyses`).
+    ``looks`` is the number of interim analyses (`mcnav.statistics.interim_sizes`).
     """
 
     tolerance: float = 0.05
@@ -114,35 +113,31 @@ class DecisionRule:
         ratio, interval = ratio_interval(estimate, expected, self.confidence)
         return judge(ratio, interval, self.tolerance, self.samples)
 
-    def detectable(self, estimate: Estimate, expected: float) -> float:
-        """Return the smallest departure of the sigma ratio from one that would have been found."""
-        if expected <= 0.0 or estimate.value <= 0.0:
-            return float("nan")
-        error = 0.5 * estimate.standard_error / estimate.value
-        return detectable_ratio(error, estimate.degrees_of_freedom, self.confidence)
+    def power(self, estimate: Estimate, expected: float) -> tuple[float, float]:
+        """Return the smallest departure of the sigma ratio from one that would have been found.
 
-    def samples_to_see(self, estimate: Estimate, expected: float) -> float:
-        """Return the samples with which a departure as large as the tolerance would be found."""
-        if expected <= 0.0 or estimate.value <= 0.0 or not np.isfinite(estimate.standard_error):
-            return float("nan")
+        With it come the samples with which a departure as large as the tolerance would be found.
+        """
+        if expected <= 0.0 or estimate.value <= 0.0:
+            return math.nan, math.nan
         error = 0.5 * estimate.standard_error / estimate.value
-        return float(np.ceil(samples_to_detect(self.tolerance, error, self.samples, self.confidence)))
+        smallest = detectable_ratio(error, estimate.degrees_of_freedom, self.confidence)
+        needed = samples_to_detect(self.tolerance, error, self.samples, self.confidence)
+        return smallest, float(np.ceil(needed)) if math.isfinite(error) else math.nan
 
 
 @dataclass(frozen=True)
 class OutputComparison:
-    """Comparison of one output's linear and Monte Carlo sigma.
+    """Comparison of one output's linear and Monte Carlo sigma, SI.
 
     Attributes
     ----------
     sigma_linear, sigma_sample, sigma_paired : float
-        SI; the last is NaN when the paired variance is negative.
+        The last is NaN when the paired variance is negative.
     plain, paired : Judgement
         Judgements of the two Monte Carlo estimates over the linear sigma; the verdict is that of the paired one.
-    paired_variance : Estimate
-        SI.
     bias : Estimate
-        Mean of the simulated less the linear final errors, SI.
+        Mean of the simulated less the linear final errors.
     detectable_plain, detectable_paired : float
         Smallest departure of the sigma ratio from one that this sample finds with a probability of 90 %; NaN where
         there is no ratio.
@@ -233,16 +228,15 @@ def reduce_stored(model: Model, errors: Array, outcomes: Array, blocks: IndexArr
     Parameters
     ----------
     errors : ndarray, shape (n, sources)
-        Start errors of every sample.
     outcomes : ndarray, shape (n, outputs)
         Final errors; NaN in the row of a sample that failed.
     blocks : ndarray of int, shape (n,)
         Independent block of each sample.
     """
     drawn = successful = ErrorSums.of(errors)
-    kept = np.isfinite(outcomes).all(axis=1)
-    if not kept.all():
-        errors, outcomes, blocks = errors[kept], outcomes[kept], blocks[kept]
+    finite = np.isfinite(outcomes).all(axis=1)
+    if not finite.all():
+        errors, outcomes, blocks = errors[finite], outcomes[finite], blocks[finite]
         successful = ErrorSums.of(errors)
     y, z = np.asfortranarray(outcomes), (model.partials @ errors.T).T
     z += model.nominal
@@ -254,13 +248,7 @@ def reduce_stored(model: Model, errors: Array, outcomes: Array, blocks: IndexArr
 def reduce_summary(
     model: Model, frame: Normalization, sums: BlockSums, samples: int, stored: SampleMoments
 ) -> ReducedSamples:
-    """Restore a campaign from its summary.
-
-    Parameters
-    ----------
-    samples : int
-        All that were drawn; those not in the sums failed.
-    """
+    """Restore a campaign from its summary; of the samples drawn, those not in the sums failed."""
     moments = SummaryMoments.of(frame, sums, whitening(model.outcome_covariance))
     successful = ErrorSums(moments.samples, sums.errors, sums.squares)
     drawn = ErrorSums(samples, sums.errors + sums.lost, sums.squares + sums.lost_squares)
@@ -280,13 +268,7 @@ def compare(
 
 
 def compare_reduced(model: Model, samples: ReducedSamples, criterion: Criterion, design: SamplingDesign) -> Comparison:
-    """Compare a campaign with the linear model.
-
-    Parameters
-    ----------
-    criterion : Criterion
-        Tolerance, and the confidence that holds for all verdicts together (Bonferroni).
-    """
+    """Compare a campaign with the linear model; the criterion's confidence is that of all verdicts (Bonferroni)."""
     moments, linear = samples.moments, model.outcome_covariance
     count, failed = moments.samples, samples.failed
     each = 1.0 - (1.0 - confidence_of_each(criterion.confidence, criterion.looks)) / (len(linear) + 1)
@@ -349,6 +331,7 @@ def _compare_output(
     unbiased = moments.samples / (moments.samples - 1.0)
     plain, difference = (rule.mean(unbiased * sums, moments.counts) for sums in moments.products(i, i))
     paired = replace(difference, value=variance + difference.value)
+    detectable, samples_to_see = rule.power(paired, variance)
     return OutputComparison(
         sigma_linear=float(np.sqrt(variance)),
         sigma_sample=float(np.sqrt(plain.value)),
@@ -357,9 +340,9 @@ def _compare_output(
         paired=rule.judge(paired, variance, floor),
         paired_variance=paired,
         bias=rule.mean(moments.differences(i), moments.counts),
-        detectable_plain=rule.detectable(plain, variance),
-        detectable_paired=rule.detectable(paired, variance),
-        samples_to_see=rule.samples_to_see(paired, variance),
+        detectable_plain=rule.power(plain, variance)[0],
+        detectable_paired=detectable,
+        samples_to_see=samples_to_see,
     )
 
 

@@ -44,28 +44,16 @@ class Envelopes:
 def envelopes_from(
     columns: Mapping[str, Array], described: Mapping[str, Any], outputs: Sequence[Mapping[str, str]]
 ) -> Envelopes:
-    """Build envelopes from the columns of a run folder's ``epochs.parquet`` and its description.
-
-    Raises
-    ------
-    KeyError
-        When a column is missing.
-    """
+    """Build envelopes from the columns of ``epochs.parquet`` and its description; `KeyError` names a missing column."""
 
     def block(kind: str) -> Array:
         return np.column_stack([columns[f"{kind} {entry['name']} [{entry['unit']}]"] for entry in outputs])
 
     label = next(iter(columns))
     levels = dict.fromkeys(name.split()[1] for name in columns if name.startswith("percentile "))
+    mean, sigma, linear_mean, linear_sigma = map(block, ("mean", "sigma", "linear mean", "linear sigma"))
+    percentiles = {level: block(f"percentile {level}") for level in levels}
+    samples, stored = int(described["samples"]), int(described["stored"])
     return Envelopes(
-        label,
-        columns[label],
-        described["events"],
-        block("mean"),
-        block("sigma"),
-        block("linear mean"),
-        block("linear sigma"),
-        {level: block(f"percentile {level}") for level in levels},
-        int(described["samples"]),
-        int(described["stored"]),
+        label, columns[label], described["events"], mean, sigma, linear_mean, linear_sigma, percentiles, samples, stored
     )

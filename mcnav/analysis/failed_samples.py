@@ -9,19 +9,16 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.analysis.block_moments import ErrorSums, ReducedSamples
 from mcnav.analysis.comparison import Model
+from mcnav.lincov.covariance import propagated_variances
 
 
 @dataclass(frozen=True)
 class FailureBias:
     """Effect of the failed samples by the linear model, which predicts their final errors from their start errors.
 
-    Attributes
-    ----------
-    samples : int
-        Samples that failed.
-    sigma_ratio : ndarray, shape (outputs,)
-        Sigma of the linear final errors of the successful samples over that of all samples; NaN without dispersion.
-        Below one, the failed samples had the larger errors, and the sampled dispersion is too small by about as much.
+    ``sigma_ratio`` is the sigma of the linear final errors of the successful samples over that of all samples, shape
+    (outputs,); NaN without dispersion. Below one, the failed samples had the larger errors, and the sampled dispersion
+    is too small by about as much.
     """
 
     samples: int
@@ -34,12 +31,12 @@ def failure_bias(model: Model, samples: ReducedSamples) -> FailureBias | None:
         return None
     ratio = np.full(len(model.partials), np.nan)
     if samples.successful.samples >= 2:
-        kept, whole = (_linear_sigma(model, sums) for sums in (samples.successful, samples.drawn))
-        ratio = np.divide(kept, whole, out=ratio, where=whole > 0.0)
+        successful, drawn = (_linear_sigma(model, sums) for sums in (samples.successful, samples.drawn))
+        ratio = np.divide(successful, drawn, out=ratio, where=drawn > 0.0)
     return FailureBias(samples.failed, ratio)
 
 
 def _linear_sigma(model: Model, sums: ErrorSums) -> Array:
     """Compute the sigma of the linear final errors, shape (outputs,)."""
-    about = np.einsum("ij,jk,ik->i", model.partials, sums.products / sums.samples, model.partials)
+    about = propagated_variances(model.partials, sums.products / sums.samples)
     return np.asarray(np.sqrt(np.maximum(about - (model.partials @ (sums.total / sums.samples)) ** 2, 0.0)))

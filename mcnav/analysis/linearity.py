@@ -13,12 +13,9 @@ from functools import cache
 from typing import Final
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.optimize.elementwise import find_root
 
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import LARGEST_FAILED_SHARE, Criterion, Model, compare
-from mcnav.analysis.verdict import Judgement
 from mcnav.lincov.partials import Propagate
 from mcnav.sampling.designs import SamplingDesign
 from mcnav.scenarios.protocol import LinearModel
@@ -35,6 +32,11 @@ BEYOND: Final = 1e6
 
 ROOT_TOLERANCE: Final = 1e-3
 """Relative accuracy of the multiples of dispersion."""
+
+
+def _decade(multiple: Array) -> Array:
+    """Return the largest multiple of the decade in which a multiple lies: the engine is prepared for it."""
+    return np.asarray(SMALLEST * 10.0 ** np.ceil(np.log10(multiple / SMALLEST) - 1e-9))
 
 
 def ladder(largest: float) -> Array:
@@ -66,53 +68,48 @@ class AloneRange:
 def alone(simulate: Simulator, linear: LinearModel, directions: Array, tolerance: float, largest: float) -> AloneRange:
     """Find the range of linearity of each of several error vectors, for a tolerance as a share of the linear change.
 
-    Parameters
-    ----------
-    directions : ndarray, shape (directions, sources)
-        Errors whose multiples are simulated, SI: one source in each, or several.
+    The directions are the errors whose multiples are simulated, shape (directions, sources), SI.
     """
-    engines = cache(simulate)
-    changes = directions @ linear.partials.T
+    from scipy.optimize.elementwise import find_root  # slow to import: a tenth of a second
 
-    def departures(multiples: Array, which: IndexArray, signs: Array) -> Array:
-        """Compute the departure of each output for signed multiples of chosen directions, shape (n, outputs)."""
-        signed = signs * multiples
-        decade = SMALLEST * 10.0 ** np.ceil(np.log10(multiples / SMALLEST) - 1e-9)
+    engines = cache(simulate)
+    both = np.vstack([directions, -directions])
+    changes = both @ linear.partials.T
+
+    def departures(multiples: Array, which: IndexArray) -> Array:
+        """Compute the departure of each output for multiples of chosen directions of both signs, shape (n, outputs)."""
+        decade = _decade(multiples)
         values = np.empty((len(multiples), len(linear.nominal)))
         for top in np.unique(decade):
             rows = np.flatnonzero(decade == top)
-            values[rows] = engines(float(top))(signed[rows, None] * directions[which[rows]]).values
-        expected = signed[:, None] * changes[which]
+            values[rows] = engines(float(top))(multiples[rows, None] * both[which[rows]]).values
+        expected = multiples[:, None] * changes[which]
         with np.errstate(divide="ignore", invalid="ignore"):
             shares = np.abs(values - linear.nominal - expected) / np.abs(expected)
         return np.where(np.isfinite(values), shares, BEYOND)
 
+    def excess(log: Array, direction: Array, output: Array) -> Array:
+        shares = departures(np.exp(log.ravel()), direction.astype(int).ravel())
+        return np.asarray(shares[np.arange(log.size), output.astype(int).ravel()] - tolerance).reshape(log.shape)
+
     steps = ladder(largest)
-    found = np.full((2, *changes.shape), np.inf)
-    for side, sign in enumerate((1.0, -1.0)):
-        first = _first_crossings(departures, steps, len(directions), sign, tolerance, changes.shape)
-        which, output = np.nonzero(first > 0)
-        found[side][first == 0] = SMALLEST
-        if len(which) == 0:
-            continue
+    first = _first_crossings(departures, steps, tolerance, changes.shape)
+    found = np.where(first == 0, SMALLEST, np.inf)
+    which, output = np.nonzero(first > 0)
+    if len(which):
         last = first[which, output]
-
-        def excess(log: Array, direction: Array, at: Array, side_sign: float = sign) -> Array:
-            chosen, own = direction.astype(int).ravel(), at.astype(int).ravel()
-            shares = departures(np.exp(log.ravel()), chosen, np.full(log.size, side_sign))
-            return np.asarray(shares[np.arange(log.size), own] - tolerance).reshape(log.shape)
-
         bracket = (np.log(steps[last - 1]), np.log(steps[last]))
         root = find_root(excess, bracket, args=(which.astype(float), output.astype(float)), tolerances={"xatol": 1e-6})
-        found[side][which, output] = np.exp(root.x)
-    found[:, changes == 0.0] = np.nan
+        found[which, output] = np.exp(root.x)
+    found[changes == 0.0] = np.nan
+    found = found.reshape(2, len(directions), -1)
     nearest = np.argmin(np.nan_to_num(found, nan=np.inf), axis=0)
     multiples = np.take_along_axis(found, nearest[None], axis=0)[0]
     return AloneRange(multiples, np.where(np.isfinite(multiples), 1.0 - 2.0 * nearest, 0.0), largest)
 
 
 def _first_crossings(
-    departures: Callable[..., Array], steps: Array, count: int, sign: float, tolerance: float, shape: tuple[int, ...]
+    departures: Callable[[Array, IndexArray], Array], steps: Array, tolerance: float, shape: tuple[int, ...]
 ) -> IndexArray:
     """Find the ladder's first departure beyond the tolerance, shape (directions, outputs); -1 for none.
 
@@ -123,7 +120,7 @@ def _first_crossings(
         open_rows = np.flatnonzero((first < 0).any(axis=1))
         if len(open_rows) == 0:
             break
-        shares = departures(np.full(len(open_rows), multiple), open_rows, np.full(len(open_rows), sign))
+        shares = departures(np.full(len(open_rows), multiple), open_rows)
         rows, columns = np.nonzero((shares >= tolerance) & (first[open_rows] < 0))
         first[open_rows[rows], columns] = position
     return first
@@ -160,16 +157,8 @@ def together(
 ) -> DispersionRange:
     """Find where the dispersions of all errors together leave the linear ones.
 
-    The same draws are used at every multiple, so that the ratio is a smooth function of the multiple.
-
-    Parameters
-    ----------
-    model : Model
-        Of the stated errors.
-    draws : ndarray, shape (n, sources)
-        Of the stated errors.
-    criterion, design
-        See `mcnav.analysis.comparison.compare`.
+    The same draws are used at every multiple, so that the ratio is a smooth function of the multiple. The model and the
+    draws, shape (n, sources), are of the stated errors; for the rest see `mcnav.analysis.comparison.compare`.
     """
     count = len(model.nominal) + 1
     engines = cache(simulate)
@@ -177,15 +166,19 @@ def together(
     @cache
     def judged(multiple: float) -> Array:
         """Compute ratio, lower and upper bound for each output and the joint distribution, shape (count, 3)."""
-        top = float(SMALLEST * 10.0 ** np.ceil(np.log10(multiple / SMALLEST) - 1e-9))
-        outcomes = engines(top)(multiple * draws).values
+        outcomes = engines(float(_decade(np.array(multiple))))(multiple * draws).values
         if not np.isfinite(outcomes).all(axis=1).mean() >= 1.0 - LARGEST_FAILED_SHARE:
             return np.full((count, 3), BEYOND)
         scaled = Model(model.partials, model.nominal, multiple * model.mean, multiple**2 * model.covariance)
         found = compare(scaled, multiple * draws, outcomes, criterion, design)
-        joint = [] if found.ellipsoid is None else [found.ellipsoid.judgement]
-        rows = [_ratio_and_interval(judgement) for judgement in [*(o.paired for o in found.outputs), *joint]]
-        return np.array([*rows, *[[np.nan] * 3] * (count - len(rows))])
+        judgements = [output.paired for output in found.outputs]
+        if found.ellipsoid is not None:
+            judgements.append(found.ellipsoid.judgement)
+        rows = np.full((count, 3), np.nan)
+        for row, judgement in zip(rows, judgements, strict=False):
+            if judgement.ratio is not None and judgement.interval is not None:
+                row[:] = judgement.ratio, *judgement.interval
+        return rows
 
     low, high = 1.0 - criterion.tolerance, 1.0 + criterion.tolerance
 
@@ -204,6 +197,8 @@ def together(
             break
 
     def crossing(kind: str, row: int) -> float:
+        from scipy.optimize import brentq  # slow to import: a tenth of a second
+
         values = [excess(kind, row, multiple) for multiple in steps]
         if np.isnan(values[0]):
             return float("nan")
@@ -219,9 +214,3 @@ def together(
     curves = np.array([judged(multiple) for multiple in steps])
     crossings = [np.array([crossing(kind, row) for row in range(count)]) for kind in ("departs", "agrees", "differs")]
     return DispersionRange(np.array(steps), curves[..., 0], curves[..., 1], curves[..., 2], *crossings)
-
-
-def _ratio_and_interval(judgement: Judgement) -> list[float]:
-    if judgement.ratio is None or judgement.interval is None:
-        return [float("nan")] * 3
-    return [judgement.ratio, *judgement.interval]

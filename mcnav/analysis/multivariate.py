@@ -36,13 +36,7 @@ differences cancels within a pair, and a skewed remainder is left.
 
 @dataclass(frozen=True)
 class CorrelationDifference:
-    """Paired estimate of one correlation coefficient less the linear one.
-
-    Attributes
-    ----------
-    between : (int, int)
-        Indices of the outputs.
-    """
+    """Paired estimate of the correlation coefficient of two outputs, by their indices, less the linear one."""
 
     between: tuple[int, int]
     linear: float
@@ -99,15 +93,7 @@ class MultivariateTests:
 def compare_jointly(
     samples: ReducedSamples, linear: Array, confidence: float, design: SamplingDesign
 ) -> MultivariateTests:
-    """Test the outputs together against the linear covariance.
-
-    Parameters
-    ----------
-    linear : ndarray, shape (outputs, outputs)
-        P S P^T.
-    confidence : float
-        Confidence of each interval.
-    """
+    """Test the outputs together against P S P^T, shape (outputs, outputs), with a confidence for each interval."""
     moments, stored, rank = samples.moments, samples.stored, whitening(linear).rank
     count, blocks, fewest = moments.samples, len(moments.counts), design.fewest_blocks
     sample, predicted = moments.covariances
@@ -116,7 +102,10 @@ def compare_jointly(
     ranked = design.independent and stored.samples >= fewest
     with side_threads(1) as executor:  # the slowest part
         tests = executor.submit(_hotelling_tests, moments, rank) if blocks >= fewest else None
-        shapes = [executor.submit(_shape, i, moments, fewest) for i in range(len(linear))]
+        shapes = [
+            executor.submit(lambda i: shape_of_sums(moments.powers(i), moments.counts, fewest), i)
+            for i in range(len(linear))
+        ]
         return MultivariateTests(
             covariance=covariance_likelihood_ratio(sample, count, linear) if plain and design.normal else None,
             nees=distribution_test(stored.distances, rank) if ranked and design.normal else None,
@@ -163,10 +152,6 @@ def _hotelling_tests(moments: BlockMoments, rank: int) -> list[HypothesisTest | 
         )
         for group, running in zip(groups, gathered, strict=True)
     ]
-
-
-def _shape(i: int, moments: BlockMoments, fewest: float) -> tuple[Estimate, Estimate]:
-    return shape_of_sums(moments.powers(i), moments.counts, fewest)
 
 
 def _correlation(

@@ -25,8 +25,10 @@ from mcnav._types import Array, IndexArray
 from mcnav.analysis.allocation import largest_sigmas
 from mcnav.analysis.comparison import LARGEST_FAILED_SHARE, Comparison, Model
 from mcnav.analysis.verdict import Verdict, judge
-from mcnav.statistics import order_statistics, proportions
+from mcnav.statistics import proportions
+from mcnav.statistics.bisection import smallest_reaching
 from mcnav.statistics.circular_error import normal_circular_error_probable
+from mcnav.statistics.order_statistics import RankedSizes, samples_for_upper_bound
 
 
 class Finding(StrEnum):
@@ -41,15 +43,10 @@ class Finding(StrEnum):
 class Requirement:
     """Requirement on the final errors, SI.
 
-    Attributes
-    ----------
-    kind : str
-        ``sigma_ratio``: the paired sigma ratio of every output departs from one by no more than the limit.
-        ``quantile``: the output's absolute value at a probability lies below the limit. ``cep``: half of all errors in
-        two outputs lie within a circle of that radius about zero. ``box``: the absolute values of several outputs lie
-        within their limits together, with a probability.
-    outputs : tuple of int
-        Their numbers.
+    Its kinds are ``sigma_ratio``: the paired sigma ratio of every output departs from one by no more than the limit;
+    ``quantile``: the output's absolute value at a probability lies below the limit; ``cep``: half of all errors in two
+    outputs lie within a circle of that radius about zero; ``box``: the absolute values of several outputs lie within
+    their limits together, with a probability.
     """
 
     kind: str
@@ -64,14 +61,10 @@ def requirements_from(
     """Build requirements from a manifest's entries, which refer to outputs by name."""
     at = {entry["name"]: number for number, entry in enumerate(outputs)}
     return tuple(
-        Requirement(
-            kind=entry["kind"],
-            outputs=tuple(at[name] for name in entry["outputs"]),
-            limits=tuple(float(limit) for limit in entry["limits"]),
-            probability=entry["probability"],
-        )
+        Requirement(entry["kind"], tuple(at[name] for name in entry["outputs"]),
+                    tuple(map(float, entry["limits"])), entry["probability"])
         for entry in entries
-    )
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -106,30 +99,21 @@ class RequirementResult:
 
 
 def judge_requirement(
-    requirement: Requirement,
-    model: Model,
-    outcomes: Array,
-    blocks: IndexArray,
-    comparison: Comparison,
+    requirement: Requirement, model: Model, outcomes: Array, blocks: IndexArray, comparison: Comparison,
     confidence: float,
-) -> RequirementResult:
-    """Judge one requirement.
+) -> RequirementResult:  # fmt: skip
+    """Judge one requirement by the outcomes of all samples, shape (n, outputs), and their blocks, shape (n,).
 
-    Parameters
-    ----------
-    outcomes : ndarray, shape (n, outputs)
-        Of all samples; NaN in the row of one that failed.
-    blocks : ndarray of int, shape (n,)
+    The outcomes of a sample that failed are NaN.
     """
     if requirement.kind == "sigma_ratio":
         return _judge_ratios(requirement, comparison)
     independent, remark = independent_samples(blocks)
-    values = outcomes[independent][:, np.array(requirement.outputs)]
-    if not np.isfinite(values).any():
+    outcomes = outcomes[independent]
+    if not np.isfinite(outcomes).any():
         remark = "every sample failed"
-    if requirement.kind == "box":
-        return _judge_box(requirement, model, values, confidence, remark)
-    return _judge_size(requirement, model, values, confidence, remark)
+    judged = _judge_box if requirement.kind == "box" else _judge_size
+    return judged(requirement, model, outcomes, confidence, remark)
 
 
 def independent_samples(blocks: IndexArray) -> tuple[NDArray[np.bool_], str]:
@@ -142,21 +126,33 @@ def independent_samples(blocks: IndexArray) -> tuple[NDArray[np.bool_], str]:
     return np.ones(len(blocks), dtype=bool), remark
 
 
-def _linear_moments(requirement: Requirement, model: Model) -> tuple[Array, Array]:
-    """Return the linear mean and covariance of a requirement's outputs."""
-    picked = np.array(requirement.outputs)
+def error_sizes(outcomes: Array, outputs: tuple[int, ...]) -> Array:
+    """Return the absolute values of one output, or the distances from zero in two, shape (n,)."""
+    return np.abs(outcomes[:, outputs[0]]) if len(outputs) == 1 else np.hypot(*(outcomes[:, i] for i in outputs))
+
+
+def linear_quantile(model: Model, outputs: tuple[int, ...], probability: float) -> float:
+    """Compute a quantile of the sizes of one output's errors by the linear model, or the CEP of two outputs."""
+    mean, covariance = _linear_moments(model, outputs)
+    if len(outputs) == 2:
+        return normal_circular_error_probable(mean, covariance)
+    return absolute_normal_quantile(float(mean[0]), float(covariance[0, 0]) ** 0.5, probability)
+
+
+def _linear_moments(model: Model, outputs: tuple[int, ...]) -> tuple[Array, Array]:
+    """Return the linear mean and covariance of some outputs."""
+    picked = np.array(outputs)
     return model.outcome_mean[picked], model.outcome_covariance[np.ix_(picked, picked)]
 
 
 def _judge_ratios(requirement: Requirement, comparison: Comparison) -> RequirementResult:
+    paired = [output.paired for output in comparison.outputs]
     found = [
-        judge(output.paired.ratio, output.paired.interval, requirement.limits[0], comparison.samples)
-        for output in comparison.outputs
-        if output.paired.ratio is not None and output.paired.interval is not None
+        judge(each.ratio, each.interval, requirement.limits[0], comparison.samples)
+        for each in paired
+        if each.ratio is not None and each.interval is not None
     ]
-    failed = comparison.failed > LARGEST_FAILED_SHARE * (comparison.failed + comparison.samples)
-    unforeseen = any(output.paired.verdict == Verdict.DIFFERS and output.paired.ratio is None
-                     for output in comparison.outputs)  # fmt: skip
+    unforeseen = any(each.verdict == Verdict.DIFFERS and each.ratio is None for each in paired)
     if not found:
         finding = Finding.NOT_MET if unforeseen else Finding.UNDECIDED
         return RequirementResult(
@@ -167,78 +163,62 @@ def _judge_ratios(requirement: Requirement, comparison: Comparison) -> Requireme
     worst = min(found, key=lambda each: (order.index(each.verdict), -abs((each.ratio or 1.0) - 1.0)))
     finding = Finding.NOT_MET if unforeseen else names[worst.verdict]
     remark = ""
-    if finding == Finding.MET and failed:
+    if finding == Finding.MET and comparison.failed > LARGEST_FAILED_SHARE * (comparison.failed + comparison.samples):
         finding, remark = Finding.UNDECIDED, "too many samples failed"
-    needed = max((each.samples_needed or 0 for each in found), default=0) or None
-    return RequirementResult(requirement, finding, worst.ratio or 1.0, worst.interval or (0.0, math.inf), 1.0, True,
-                  needed if finding == Finding.UNDECIDED else None, remark=remark)  # fmt: skip
+    undecided = [each.samples_needed or 0 for each in found if finding == Finding.UNDECIDED]
+    needed = max(undecided, default=0) or None
+    ratio, interval = worst.ratio or 1.0, worst.interval or (0.0, math.inf)
+    return RequirementResult(requirement, finding, ratio, interval, 1.0, True, needed, remark=remark)
 
 
 def _judge_size(
-    requirement: Requirement, model: Model, values: Array, confidence: float, remark: str
+    requirement: Requirement, model: Model, outcomes: Array, confidence: float, remark: str
 ) -> RequirementResult:
     """Judge a quantile of an output's absolute value, or of the distance from zero in two outputs."""
-    mean, covariance = _linear_moments(requirement, model)
-    limit, probability = requirement.limits[0], requirement.probability or 0.5
-    size = np.hypot(*values.T) if requirement.kind == "cep" else np.abs(values[:, 0])
-    failed = ~np.isfinite(size)
-    against, favouring = np.where(failed, np.inf, size), np.where(failed, 0.0, size)
-    successful = size[~failed]
-    estimate = float(np.quantile(successful, probability)) if len(successful) else math.nan
-    interval = (0.0, math.inf)
-    if not remark:
-        interval = (
-            max(order_statistics.lower_bound(favouring, probability, confidence), 0.0),
-            order_statistics.upper_bound(against, probability, confidence),
-        )
+    outputs, limit, probability = requirement.outputs, requirement.limits[0], requirement.probability or 0.5
+    sizes = error_sizes(outcomes, outputs)
+    ranked = RankedSizes.of(sizes)
+    interval = (0.0, math.inf) if remark else ranked.bounds(probability, confidence)
     finding = Finding.MET if interval[1] <= limit else Finding.NOT_MET if interval[0] > limit else Finding.UNDECIDED
-    linear = (
-        normal_circular_error_probable(mean, covariance)
-        if requirement.kind == "cep"
-        else absolute_normal_quantile(float(mean[0]), float(covariance[0, 0]) ** 0.5, probability)
-    )
+    linear = linear_quantile(model, outputs, probability)
     needed = None
-    if finding == Finding.UNDECIDED and not remark and len(size):
-        beyond = float(np.mean(against > limit))
-        needed = _needed(beyond, 1.0 - probability, confidence, len(size))
+    if finding == Finding.UNDECIDED and not remark and len(sizes):
+        needed = _needed(float(np.mean(~(sizes <= limit))), 1.0 - probability, confidence, len(sizes))
     largest = None
     if requirement.kind == "quantile":
-        sigma = _largest_sigma(float(mean[0]), limit, probability)
+        sigma = _largest_sigma(float(model.outcome_mean[outputs[0]]), limit, probability)
         if sigma is not None:
-            largest = largest_sigmas(model.partials[requirement.outputs[0]], model.covariance, sigma)
-    return RequirementResult(requirement, finding, estimate, interval, linear, linear <= limit, needed, largest, remark)
+            largest = largest_sigmas(model.partials[outputs[0]], model.covariance, sigma)
+    estimate, meets = ranked.estimate(probability), linear <= limit
+    return RequirementResult(requirement, finding, estimate, interval, linear, meets, needed, largest, remark)
 
 
 def _judge_box(
-    requirement: Requirement, model: Model, values: Array, confidence: float, remark: str
+    requirement: Requirement, model: Model, outcomes: Array, confidence: float, remark: str
 ) -> RequirementResult:
     """Judge the probability that several outputs lie within their limits together."""
     limits, probability = np.array(requirement.limits), requirement.probability or 0.5
-    failed = ~np.isfinite(values).all(axis=1)
-    inside = int(np.count_nonzero(np.all(np.abs(values[~failed]) <= limits, axis=1)))
-    count, lost = len(values), int(failed.sum())
-    interval = (0.0, 1.0)
+    values = outcomes[:, requirement.outputs]
+    inside = int(np.count_nonzero(np.all(np.abs(values) <= limits, axis=1)))
+    count, lost = len(values), int(np.count_nonzero(~np.isfinite(values).all(axis=1)))
+    low, high = 0.0, 1.0
     if not remark:
-        interval = (
-            proportions.lower_probability(inside, count, confidence),
-            proportions.upper_probability(inside + lost, count, confidence),
-        )
-    met = interval[0] >= probability
-    finding = Finding.MET if met else Finding.NOT_MET if interval[1] < probability else Finding.UNDECIDED
-    linear = normal_box_probability(*_linear_moments(requirement, model), limits)
+        low = proportions.lower_probability(inside, count, confidence)
+        high = proportions.upper_probability(inside + lost, count, confidence)
+    finding = Finding.MET if low >= probability else Finding.NOT_MET if high < probability else Finding.UNDECIDED
+    linear = normal_box_probability(*_linear_moments(model, requirement.outputs), limits)
     needed = None
     if finding == Finding.UNDECIDED and not remark and count:
         needed = _needed(1.0 - inside / count, 1.0 - probability, confidence, count)
     estimate = inside / (count - lost) if count > lost else math.nan
-    return RequirementResult(
-        requirement, finding, estimate, interval, linear, linear >= probability, needed, remark=remark
-    )
+    meets = linear >= probability
+    return RequirementResult(requirement, finding, estimate, (low, high), linear, meets, needed, remark=remark)
 
 
 def _needed(share: float, allowed: float, confidence: float, count: int) -> int | None:
     """Estimate the samples that would decide, if the share of samples beyond the limit stays the same."""
     if share == 0.0:
-        return max(count + 1, order_statistics.samples_for_upper_bound(1.0 - allowed, confidence))
+        return max(count + 1, samples_for_upper_bound(1.0 - allowed, confidence))
     if share == allowed:
         return None
     reach = float(special.ndtri(confidence)) * math.sqrt(allowed * (1.0 - allowed)) / abs(allowed - share)
@@ -254,12 +234,10 @@ def absolute_normal_quantile(mean: float, sigma: float, probability: float) -> f
     if sigma <= 0.0:
         return abs(mean)
 
-    from scipy.optimize import brentq  # slow to import: a fifth of a second
+    def within(size: float) -> float:
+        return float(special.ndtr((size - mean) / sigma) - special.ndtr((-size - mean) / sigma))
 
-    def excess(size: float) -> float:
-        return float(special.ndtr((size - mean) / sigma) - special.ndtr((-size - mean) / sigma)) - probability
-
-    return float(brentq(excess, 0.0, abs(mean) + 40.0 * sigma, xtol=1e-12 * (abs(mean) + sigma)))
+    return smallest_reaching(within, probability, 0.0, abs(mean) + 40.0 * sigma)
 
 
 def _largest_sigma(mean: float, limit: float, probability: float) -> float | None:
@@ -268,12 +246,8 @@ def _largest_sigma(mean: float, limit: float, probability: float) -> float | Non
         return None
     if mean == 0.0:
         return limit / float(special.ndtri(0.5 + 0.5 * probability))
-    from scipy.optimize import brentq
-
-    def excess(sigma: float) -> float:
-        return absolute_normal_quantile(mean, sigma, probability) - limit
-
-    return float(brentq(excess, 0.0, limit / float(special.ndtri(0.5 + 0.5 * probability)) * (1.0 + 1e-9)))
+    largest = limit / float(special.ndtri(0.5 + 0.5 * probability)) * (1.0 + 1e-9)
+    return smallest_reaching(lambda sigma: absolute_normal_quantile(mean, sigma, probability), limit, 0.0, largest)
 
 
 def normal_box_probability(mean: Array, covariance: Array, limits: Array) -> float:

@@ -15,19 +15,12 @@ import numpy as np
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import Model
 from mcnav.sampling.designs import SamplingDesign
-from mcnav.statistics.estimates import Estimate, blocked_mean
+from mcnav.statistics.estimates import Estimate, blocked_mean, paired_squares
 
 
 @dataclass(frozen=True)
 class SampleSet:
-    """Successful samples of one run.
-
-    Attributes
-    ----------
-    index : ndarray of int, shape (n,)
-    errors : ndarray, shape (n, sources)
-    outputs : ndarray, shape (n, outputs)
-    """
+    """Successful samples of one run: index, shape (n,), errors, shape (n, sources), and outputs, shape (n, outputs)."""
 
     model: Model
     index: IndexArray
@@ -43,20 +36,10 @@ class SampleSet:
 
 @dataclass(frozen=True)
 class Change:
-    """Change of one output from a run to a later one.
+    """Change of one output from a run to a later one, SI, with common draws or without.
 
-    Attributes
-    ----------
-    before, after : float
-        Paired sigmas, SI.
-    ratio : float
-        After over before; NaN where either is zero.
-    interval : tuple of float
-        Of the ratio.
-    mean : Estimate
-        Mean after less mean before, SI.
-    common : bool
-        Whether both runs used common draws.
+    The paired sigmas before and after have a ratio, NaN where either is zero; ``mean`` is the later mean less the
+    earlier one.
     """
 
     before: float
@@ -73,13 +56,7 @@ class Change:
 
 
 def change(before: SampleSet, after: SampleSet, outputs: tuple[int, int], common: bool, confidence: float) -> Change:
-    """Estimate the change of one output, given by its index in each run.
-
-    Parameters
-    ----------
-    common : bool
-        Whether samples of one index are common draws.
-    """
+    """Estimate the change of one output, given by its index in each run; samples of one index may be common draws."""
     squares, deviations, sigmas, means = [], [], [], []
     for samples, i in ((before, outputs[0]), (after, outputs[1])):
         square, deviation, linear, centre = _controlled(samples, i)
@@ -103,10 +80,8 @@ def _controlled(samples: SampleSet, i: int) -> tuple[Array, Array, float, float]
     """Return squares and deviations of simulated less linear errors, and the variance and mean that they correct."""
     model, simulated = samples.model, samples.outputs[:, i]
     linear = model.nominal[i] + samples.errors @ model.partials[i]
-    count = len(simulated)
-    unbiased = count / max(count - 1.0, 1.0)
-    square = unbiased * ((simulated - simulated.mean()) ** 2 - (linear - linear.mean()) ** 2)
-    return square, simulated - linear, float(model.outcome_covariance[i, i]), float(model.outcome_mean[i])
+    variance, mean = float(model.outcome_covariance[i, i]), float(model.outcome_mean[i])
+    return paired_squares(simulated, linear), simulated - linear, variance, mean
 
 
 def _difference(before: SampleSet, after: SampleSet, values: list[Array], common: bool) -> Estimate:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Final
@@ -12,11 +12,10 @@ import numpy as np
 
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import Criterion, Model
-from mcnav.analysis.requirements import absolute_normal_quantile, independent_samples
+from mcnav.analysis.requirements import error_sizes, independent_samples, linear_quantile
 from mcnav.analysis.verdict import Verdict, judge
-from mcnav.statistics.circular_error import normal_circular_error_probable
-from mcnav.statistics.interim_analyses import confidence_of_each
-from mcnav.statistics.order_statistics import lower_rank, upper_rank
+from mcnav.statistics.interim_sizes import confidence_of_each
+from mcnav.statistics.order_statistics import RankedSizes
 
 PROBABILITIES: Final = (0.95, 0.99, 0.9973)
 """Probabilities of the quantiles of an output's absolute value."""
@@ -30,8 +29,6 @@ class Quantile:
     ----------
     outputs : tuple of int
         One, or two.
-    estimate : float
-        SI.
     lower, upper : float
         One-sided distribution-free bounds; zero and infinite where the sample is too small or the design has too few
         independent replicates. Failed samples count as largest above, and as smallest below.
@@ -58,89 +55,26 @@ def tails(
 ) -> tuple[Quantile, ...]:
     """Estimate quantiles of every output that has a dispersion, and the CEP of every pair in one unit.
 
-    Parameters
-    ----------
-    outcomes : ndarray, shape (n, outputs)
-        Final errors of all samples; NaN in the row of one that failed.
-    blocks : ndarray of int, shape (n,)
-    units : sequence of str
-        Units of the outputs.
-    criterion : Criterion
-        Its confidence is that of each one-sided bound, and of all verdicts together; interim analyses widen the
-        intervals of the verdicts.
+    The criterion's confidence is that of each one-sided bound, and of all verdicts together; interim analyses widen the
+    intervals of the verdicts. The units are those of the outputs; for the other parameters see `judge_requirement`.
     """
-    mean, covariance = model.outcome_mean, model.outcome_covariance
     picked, remark = independent_samples(blocks)
-    dispersed = [i for i in range(len(mean)) if covariance[i, i] > 0.0]
-
+    dispersed = np.flatnonzero(np.diag(model.outcome_covariance) > 0.0).tolist()
     pairs = [(i, j) for i, j in combinations(dispersed, 2) if units[i] == units[j]]
-    family = max(len(PROBABILITIES) * len(dispersed) + len(pairs), 1)
+    wanted = [*(((i,), PROBABILITIES) for i in dispersed), *((pair, (0.5,)) for pair in pairs)]
+    family = max(sum(len(probabilities) for _, probabilities in wanted), 1)
     each = 1.0 - 0.5 * (1.0 - confidence_of_each(criterion.confidence, criterion.looks)) / family
-
-    def found(outputs: tuple[int, ...], sizes: Array, linear: Mapping[float, float]) -> list[Quantile]:
-        ranked = _Ranked.of(sizes)
-        apart = ranked if picked.all() else _Ranked.of(sizes[picked])
-
-        def bounds(probability: float, sure: float) -> tuple[float, float]:
-            return (0.0, math.inf) if remark else (apart.lower(probability, sure), apart.upper(probability, sure))
-
-        quantiles = []
-        for probability, quoted in linear.items():
-            estimate, together = ranked.estimate(probability), bounds(probability, each)
-            low, high = (bound / quoted for bound in together)
-            verdict = judge(estimate / quoted, (low, high), criterion.tolerance, len(sizes)).verdict
-            quantiles.append(
-                Quantile(
-                    outputs,
-                    probability,
-                    estimate,
-                    *bounds(probability, criterion.confidence),
-                    quoted,
-                    together,
-                    verdict,
-                )
-            )
-        return quantiles
-
     quantiles = []
-    for i in dispersed:
-        quoted = {p: absolute_normal_quantile(float(mean[i]), float(covariance[i, i]) ** 0.5, p) for p in PROBABILITIES}
-        quantiles += found((i,), np.abs(outcomes[:, i]), quoted)
-    for i, j in pairs:
-        both = [i, j]
-        circle = normal_circular_error_probable(mean[both], covariance[np.ix_(both, both)])
-        quantiles += found((i, j), np.hypot(outcomes[:, i], outcomes[:, j]), {0.5: circle})
+    for outputs, probabilities in wanted:
+        sizes = error_sizes(outcomes, outputs)
+        ranked = RankedSizes.of(sizes)
+        apart = ranked if picked.all() else RankedSizes.of(sizes[picked])
+        for probability in probabilities:
+            estimate, linear = ranked.estimate(probability), linear_quantile(model, outputs, probability)
+            bounds, together = (
+                (0.0, math.inf) if remark else apart.bounds(probability, sure) for sure in (criterion.confidence, each)
+            )
+            interval = together[0] / linear, together[1] / linear
+            verdict = judge(estimate / linear, interval, criterion.tolerance, len(sizes)).verdict
+            quantiles.append(Quantile(outputs, probability, estimate, *bounds, linear, together, verdict))
     return tuple(quantiles)
-
-
-@dataclass(frozen=True)
-class _Ranked:
-    """Sizes of the successful samples in rising order, and the number of failed ones."""
-
-    values: Array
-    failed: int
-
-    @classmethod
-    def of(cls, sizes: Array) -> _Ranked:
-        """Rank sizes that are NaN where a sample failed."""
-        ranked = np.sort(sizes)  # which puts them last
-        successful = len(ranked) - int(np.count_nonzero(np.isnan(ranked)))
-        return cls(ranked[:successful], len(ranked) - successful)
-
-    def estimate(self, probability: float) -> float:
-        """Interpolate between the two sizes next to the probability."""
-        if not len(self.values):
-            return math.nan
-        place = (len(self.values) - 1) * probability
-        below = int(place)
-        return float(np.quantile(self.values[below : below + 2], place - below))
-
-    def lower(self, probability: float, confidence: float) -> float:
-        """Bound the quantile from below; failed samples count as smallest."""
-        rank = lower_rank(len(self.values) + self.failed, probability, confidence)
-        return 0.0 if rank is None or rank <= self.failed else float(self.values[rank - self.failed - 1])
-
-    def upper(self, probability: float, confidence: float) -> float:
-        """Bound the quantile from above; failed samples count as largest."""
-        rank = upper_rank(len(self.values) + self.failed, probability, confidence)
-        return math.inf if rank is None or rank > len(self.values) else float(self.values[rank - 1])

@@ -24,6 +24,7 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.analysis.comparison import Comparison, Model
+from mcnav.lincov.covariance import propagated_variances
 
 TERMS: Final = ("sampled_sigmas", "sampled_correlations", "partials", "second_order", "third_order", "rest")
 """Terms of the breakdown, in order of presentation."""
@@ -92,32 +93,22 @@ class VarianceBreakdown:
 def split_difference(
     model: Model, drawn: Array, comparison: Comparison, predicted: Predicted
 ) -> VarianceBreakdown | None:
-    """Split the difference between the simulated and the linear variances.
+    """Split the difference between the simulated and the linear variances; none when nothing could be compared.
 
-    Parameters
-    ----------
-    drawn : ndarray, shape (sources, sources)
-        Sample covariance of the start errors of the samples that were compared.
-
-    Returns
-    -------
-    VarianceBreakdown or None
-        None when nothing could be compared.
+    ``drawn`` is the sample covariance of the start errors of the samples that were compared, shape (sources, sources).
     """
     if not comparison.outputs:
         return None
     linear = np.diag(comparison.covariance_linear)
     total = np.diag(comparison.covariance_sample) - linear
     excess = drawn - model.covariance
-    sampling = np.einsum("ij,jk,ik->i", model.partials, excess, model.partials)
+    sampling = propagated_variances(model.partials, excess)
     sigmas = np.einsum("ij,j,ij->i", model.partials, np.diag(excess), model.partials)
-    two_ways = np.einsum("ij,jk,ik->i", predicted.partials, model.covariance, predicted.partials) - np.einsum(
-        "ij,jk,ik->i", model.partials, model.covariance, model.partials
-    )
+    by_differences, by_model = (propagated_variances(each.partials, model.covariance) for each in (predicted, model))
     terms = {
         "sampled_sigmas": sigmas,
         "sampled_correlations": sampling - sigmas,
-        "partials": two_ways,
+        "partials": by_differences - by_model,
         "second_order": np.diag(predicted.quadratic),
         "third_order": np.diag(predicted.third_order),
     }

@@ -16,24 +16,19 @@ class Verdict(StrEnum):
     UNDECIDED = "undecided"
 
 
+ROUNDING: Final = 1e-12
+"""Difference of a ratio from one that may be rounding: 4,500 times that of a double."""
+
 HOPELESS: Final = 1e4
 """Ratio of half width to distance from the tolerance above which no number of samples is given (1e8 times as many)."""
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """Verdict and its basis.
+    """Verdict and its basis: Monte Carlo sigma over linear sigma, none when the linear one is zero, and its interval.
 
-    Attributes
-    ----------
-    ratio : float or None
-        Monte Carlo sigma over linear sigma; none when the linear one is zero.
-    interval : (float, float) or None
-        Interval of the ratio, at the stated confidence.
-    certain : bool
-        Whether the interval excludes 1: a difference can be certain and still lie within the tolerance.
-    samples_needed : int or None
-        Approximate number of samples that would decide an undecided case.
+    It is ``certain`` when the interval excludes 1: a difference can be certain and still lie within the tolerance.
+    ``samples_needed`` is the approximate number of samples that would decide an undecided case.
     """
 
     verdict: Verdict
@@ -53,7 +48,7 @@ def judge(ratio: float, interval: tuple[float, float], tolerance: float, samples
     'agrees'
     """
     low, high = interval
-    certain = not low <= 1.0 <= high
+    certain = not low - ROUNDING <= 1.0 <= high + ROUNDING
     if low >= 1.0 - tolerance and high <= 1.0 + tolerance:
         return Judgement(Verdict.AGREES, ratio, interval, certain)
     if low > 1.0 + tolerance or high < 1.0 - tolerance:

@@ -1,10 +1,14 @@
-"""Validation of the statistics as an HTML page."""
+"""Validation of the statistics as an HTML page with figures of measured and nominal rates."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Final
 
-from mcnav.calibration.drawing import measured
+import numpy as np
+
+from mcnav.report.figures.figure import HALF, Figure
+from mcnav.report.figures.marks import Axis, Mark, Panel, Points, Rule, Series
+from mcnav.report.figures.palette import FLOWN, INK, LINEAR, MUTED
 from mcnav.report.page import filled
 
 if TYPE_CHECKING:
@@ -25,13 +29,24 @@ FINDINGS: Final = {
 }
 """Tone, sign and meaning of each finding."""
 
+MARKS: Final = {
+    "as stated": Series("stated", "as stated", LINEAR, "dot"),
+    "safe": Series("safe", "safe", LINEAR, "triangle"),
+    "nearly": Series("nearly", "nearly", INK, "box"),
+    "remarked": Series("remarked", "remarked", INK, "onward"),
+    "off": Series("off", "off", FLOWN, "square"),
+    "withheld": Series("withheld", "withheld", MUTED, "ring"),
+    "": Series("power", "rate", LINEAR, "dot"),
+}
+"""Marks of each finding; a power has no finding."""
+
 
 def render(table: pd.DataFrame, trials: int) -> str:
     """Render the page from a table of `mcnav.calibration.table.rates`, with ``trials`` campaigns of each kind."""
     sizes = sorted(table["samples"].unique())
     sections = [
         {"title": title, "id": kind.replace(" ", "-"), "rows": _rows(table[table["kind"] == kind], sizes),
-         "figure": measured(table, kind, title)}
+         "figure": _figure(table, kind, title)}
         for kind, title in TITLES.items()
         if (table["kind"] == kind).any()
     ]  # fmt: skip
@@ -39,17 +54,11 @@ def render(table: pd.DataFrame, trials: int) -> str:
     return filled(
         "calibration.html",
         trials=trials,
-        campaigns=f"{_campaigns(table):,}",
+        campaigns=f"{table.groupby(['system', 'sources', 'design', 'samples'])['campaigns'].max().sum():,}",
         sizes=[f"{size:,}" for size in sizes],
         sections=sections,
         findings=[(name, int(counted.get(name, 0)), *words) for name, words in FINDINGS.items()],
     )
-
-
-def _campaigns(table: pd.DataFrame) -> int:
-    """Count the synthetic campaigns of a table."""
-    cells = table.groupby(["system", "sources", "design", "samples"])["campaigns"].max()
-    return int(cells.sum())
 
 
 def _rows(table: pd.DataFrame, sizes: list[int]) -> list[dict[str, Any]]:
@@ -62,10 +71,41 @@ def _rows(table: pd.DataFrame, sizes: list[int]) -> list[dict[str, Any]]:
             rate, interval = f"{100.0 * row['measured']:.1f}", f"{100.0 * row['low']:.1f} to {100.0 * row['high']:.1f}"
             cells[row["samples"]] = {"rate": rate, "interval": interval, "tone": tone, "sign": sign}
         nominal = group["nominal"].iloc[0]
-        rows.append(
-            {
-                "statement": statement, "system": system, "sources": sources, "design": design,
-                "cells": list(cells.values()), "nominal": "" if nominal != nominal else f"{100.0 * nominal:g}",
-            }
-        )  # fmt: skip
+        rows.append({"statement": statement, "system": system, "sources": sources, "design": design,
+                     "cells": list(cells.values()),
+                     "nominal": "" if nominal != nominal else f"{100.0 * nominal:g}"})  # fmt: skip
     return rows
+
+
+def _figure(table: pd.DataFrame, kind: str, title: str) -> Figure:
+    """Draw all rates of one kind, one row per statement, and separately those that the program reports."""
+    own = table[table["kind"] == kind]
+    statements = list(dict.fromkeys(own["statement"]))
+    found = [finding for finding in MARKS if (own["finding"] == finding).any()]
+    sizes = sorted(own["samples"].unique())
+
+    def panel(name: str, shown: pd.DataFrame) -> Panel:
+        marks: list[Mark] = [Rule(100.0 * nominal, colour=INK) for nominal in shown["nominal"].dropna().unique()]
+        for finding in found:
+            rates = shown[shown["finding"] == finding]
+            rows = np.array([statements.index(statement) for statement in rates["statement"]])
+            shifts = np.searchsorted(sizes, rates["samples"]) - 0.5 * (len(sizes) - 1)
+            marks.append(Points(MARKS[finding], 100.0 * rates["measured"], rows + 0.16 * shifts, 5.3))
+        return Panel(name, Axis("campaigns", "%"), Axis(names=statements), marks)
+
+    panels = [panel("All rates", own)]
+    if "withheld" in found:
+        panels.append(panel("Reported by the program", own[own["finding"] != "withheld"]))
+    return Figure(
+        name=kind.replace(" ", "-"),
+        title=title,
+        description=f"Measured rates ({kind}) for every statement, system, distribution, design and size; the line is "
+        "the nominal rate.",
+        panels=panels,
+        key=[MARKS[finding] for finding in found] if found != [""] else (),
+        columns=dict(own.drop(columns="kind").items()),
+        size=(HALF[0], 82.0 + 33.0 * len(statements)),
+        caption="One mark per system, distribution, design and number of samples, which increases downwards within a "
+        "row.",
+        file="calibration.csv",
+    )

@@ -31,15 +31,7 @@ BEND: Final = 0.2
 
 @dataclass(frozen=True)
 class Truth:
-    """Exact moments of the outputs.
-
-    Attributes
-    ----------
-    mean : ndarray, shape (2,)
-    covariance : ndarray, shape (2, 2)
-    skewness : float or None
-        Skewness of the first output; none when it does not exist or is not tested.
-    """
+    """Exact mean and covariance of the two outputs, and skewness of the first where it exists and is tested."""
 
     mean: Array
     covariance: Array
@@ -50,12 +42,8 @@ class Truth:
 class SyntheticSystem:
     """A simulated system, the linear model to test, and the exact moments.
 
-    Attributes
-    ----------
-    simulate : callable
-        Function of source values, shape (n, 3), and their fourth moment; returns outputs, shape (n, 2).
-    truth : callable
-        Function of the fourth and sixth moments of a source.
+    The simulation is a function of source values, shape (n, 3), and their fourth moment; it returns outputs, shape
+    (n, 2). The truth is a function of the fourth and sixth moments of a source.
     """
 
     simulate: Callable[[Array, float], Array]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Final
 
 from mcnav.calibration.trials import LEVEL, SOURCES, Cell
@@ -32,26 +33,13 @@ def rates(hits: Counter[Cell], made: Counter[Cell]) -> pd.DataFrame:
     import pandas as pd
 
     rows = []
-    for cell in sorted(made, key=lambda c: (c.kind, c.system, c.statement, c.sources, c.design, c.samples)):
+    for cell in sorted(made):
         count, hit = made[cell], hits[cell]
         nominal = NOMINAL.get(cell.kind)
         low, high = probability_interval(hit, count, 0.95)
-        rows.append(
-            {
-                "kind": cell.kind,
-                "system": cell.system,
-                "statement": cell.statement,
-                "sources": cell.sources,
-                "design": cell.design,
-                "samples": cell.samples,
-                "campaigns": count,
-                "nominal": nominal,
-                "measured": hit / count,
-                "low": low,
-                "high": high,
-                "finding": "" if nominal is None else _finding(cell, nominal, hit, count),
-            }
-        )
+        finding = "" if nominal is None else _finding(cell, nominal, hit, count)
+        rates = {"nominal": nominal, "measured": hit / count, "low": low, "high": high, "finding": finding}
+        rows.append(asdict(cell) | {"campaigns": count} | rates)
     return pd.DataFrame(rows)
 
 

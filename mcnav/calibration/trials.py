@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -42,40 +42,24 @@ HEAVIEST: Final = "student-t 5"
 """Distribution used with the quadratic system only, to show the effect of its tails."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, order=True)
 class Cell:
-    """One kind of campaign and one statement about it.
+    """One statement about one sort of campaign; its kind is ``coverage``, ``false alarm`` or ``power``."""
 
-    Attributes
-    ----------
-    kind : str
-        ``coverage`` or ``false alarm``, which have a nominal rate, or ``power``.
-    """
-
+    kind: str
     system: str
+    statement: str
     sources: str
     design: str
     samples: int
-    statement: str
-    kind: str
 
 
 def run_trials(
     trials: int, jobs: int, designs: Sequence[str], sizes: Sequence[int] = SIZES
 ) -> tuple[Counter[Cell], Counter[Cell]]:
-    """Simulate many campaigns and count.
+    """Simulate so many campaigns for each system, distribution, design and size, with seeds 0, 1, ...
 
-    Parameters
-    ----------
-    trials : int
-        Campaigns for each system, distribution, design and size; seeds are 0, 1, ...
-    jobs : int
-        Parallel processes.
-
-    Returns
-    -------
-    hits, made : Counter of Cell
-        How often a statement was right (an interval covered, a test rejected), and how often it was made.
+    Returns how often each statement was right (an interval covered, a test rejected), and how often it was made.
     """
     stretch = max(1, trials // (4 * jobs))
     pieces = [
@@ -84,12 +68,8 @@ def run_trials(
         for count in sizes
         for begin in range(0, trials, stretch)
     ]
-    hits: Counter[Cell] = Counter()
-    made: Counter[Cell] = Counter()
-    for some_hits, some_made in Parallel(n_jobs=jobs)(delayed(_piece)(*piece) for piece in pieces):
-        hits.update(some_hits)
-        made.update(some_made)
-    return hits, made
+    hits, made = zip(*Parallel(n_jobs=jobs)(delayed(_piece)(*piece) for piece in pieces), strict=True)
+    return sum(hits, Counter()), sum(made, Counter())
 
 
 def _piece(design: str, count: int, seeds: Sequence[int]) -> tuple[Counter[Cell], Counter[Cell]]:
@@ -109,7 +89,7 @@ def _piece(design: str, count: int, seeds: Sequence[int]) -> tuple[Counter[Cell]
                     found = compare(system.model, errors, outputs, CRITERION, SamplingDesign.of(design, count, normal))
                     truth = system.truth(fourth, sixth)
                     for statement, kind, hit in _statements(name, system, truth, found, outputs, blocks, sources):
-                        cell = Cell(name, sources, design, count, statement, kind)
+                        cell = Cell(kind, name, statement, sources, design, count)
                         made[cell] += 1
                         hits[cell] += hit
     return hits, made
@@ -119,14 +99,9 @@ Statement = tuple[str, str, bool]
 
 
 def _statements(
-    name: str,
-    system: SyntheticSystem,
-    truth: Truth,
-    found: Comparison,
-    outputs: Array,
-    blocks: IndexArray,
+    name: str, system: SyntheticSystem, truth: Truth, found: Comparison, outputs: Array, blocks: IndexArray,
     sources: str,
-) -> Iterator[Statement]:
+) -> Iterator[Statement]:  # fmt: skip
     if name == "corrupted":
         yield from _powers(found)
         return
@@ -182,9 +157,13 @@ def _alarms(name: str, found: Comparison, sources: str) -> Iterator[Statement]:
             "Mardia's skewness": normality.skewness_test if normality else None,
             "Mardia's kurtosis": normality.kurtosis_test if normality else None,
         }
+    yield from _rejections(tests, "false alarm")
+
+
+def _rejections(tests: Mapping[str, HypothesisTest | None], kind: str) -> Iterator[Statement]:
     for statement, test in tests.items():
         if test is not None:
-            yield statement, "false alarm", test.p_value < 1.0 - LEVEL
+            yield statement, kind, test.p_value < 1.0 - LEVEL
 
 
 def _tail(system: SyntheticSystem, found: Comparison, outputs: Array, blocks: IndexArray) -> Iterator[Statement]:
@@ -204,6 +183,4 @@ def _powers(found: Comparison) -> Iterator[Statement]:
     yield "verdict: differs by more than 1 %", "power", first.paired.verdict.value == "differs"
     if joint is not None:
         tests = {"covariance, likelihood ratio": joint.covariance, "covariance, paired": joint.covariance_paired}
-        for statement, test in tests.items():
-            if test is not None:
-                yield statement, "power", test.p_value < 1.0 - LEVEL
+        yield from _rejections(tests, "power")

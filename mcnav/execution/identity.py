@@ -11,13 +11,13 @@ from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from typing import Any, Final
 
-from mcnav.errors import RunFolderError
+from mcnav.errors import RunFolderError, shortened
 from mcnav.execution.chunks import PROBES
 from mcnav.files import to_json
 from mcnav.lincov.block_sums import block_size
 from mcnav.sampling.designs import REPLICATES, block_length
 from mcnav.scenarios.inputs import InputFile
-from mcnav.scenarios.protocol import Source
+from mcnav.scenarios.protocol import Scenario
 from mcnav.scenarios.user_code import SourceFile
 from mcnav.store.chunk_files import identities_in
 from mcnav.store.manifest import CodeRecord, Identity, json_digest
@@ -53,11 +53,16 @@ def identity_of(
     engine: str,
     code: SourceFile | None,
     inputs: Sequence[InputFile],
-    sources: Sequence[Source],
+    scenario: Scenario,
 ) -> Identity:
-    """Collect what the samples of a resolved campaign depend on; other entries are left out."""
+    """Collect what the samples of a resolved campaign depend on; other entries are left out.
+
+    A scenario whose samples have changed in their last digits counts these changes in an attribute ``revision``.
+    """
     optional: dict[str, Any] = {}
-    if later := [source.name for source in sources if source.later]:
+    if revision := getattr(scenario, "revision", None):
+        optional["revision"] = revision
+    if later := [source.name for source in scenario.sources if source.later]:
         optional["later_sources"] = later  # chunks of a run made before them do not have their columns
     if code is not None:
         optional["code"] = CodeRecord(file=code.file, sha256=code.digest)
@@ -141,7 +146,9 @@ def _refuse_changed(folder: RunFolder, earlier: Identity, identity: Identity, de
     if changed:
         lines = [f"{key} was {before.get(key, 'absent')}, is {now.get(key, 'absent')}" for key in changed[:SHOWN]]
         more = f" and {len(changed) - SHOWN} more" if len(changed) > SHOWN else ""
-        raise RunFolderError(f"{folder.path}: holds the results of another run ({'; '.join(lines)}{more}); {REMEDY}")
+        raise RunFolderError(
+            f"{folder.path}: holds the results of another run ({shortened('; '.join(lines))}{more}); {REMEDY}"
+        )
 
 
 def _refuse_other_samples(folder: RunFolder, identity: Identity, design: str, before: int, samples: int) -> None:

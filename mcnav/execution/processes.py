@@ -55,8 +55,11 @@ def _isolated_worker() -> ProcessPoolExecutor:
 
 
 def end_workers() -> None:
-    """End all worker processes."""
-    get_reusable_executor().shutdown(wait=True, kill_workers=True)
+    """Kill all worker processes: what they have simulated is stored, and an orderly end takes seconds.
+
+    Without ``reuse`` loky would let the workers of joblib's pool end in order and start another pool.
+    """
+    get_reusable_executor(reuse=True, kill_workers=True).shutdown(wait=True, kill_workers=True)
     end_workers_apart()
 
 

@@ -7,7 +7,7 @@ whatever the mean. Sums are additive: over chunks that share a block, and over t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Final
 
 import numpy as np
@@ -39,11 +39,10 @@ def block_size(samples: int, of_design: int) -> int:
 
 @dataclass(frozen=True)
 class Normalization:
-    """Normalization of samples before they are summed.
+    """Normalization of samples before they are summed, by the linear model.
 
     Attributes
     ----------
-    partials : ndarray, shape (outputs, sources)
     mean : ndarray, shape (sources,)
         Mean of the sources.
     centre, scale : ndarray, shape (outputs,)
@@ -96,14 +95,11 @@ class BlockSums:
         Number of the first block.
     blocks : ndarray, shape (blocks, column_count(outputs))
         Sums of normalised outputs.
-    errors : ndarray, shape (sources,)
-        Sum of the sources' errors about their mean, SI.
-    squares : ndarray, shape (sources, sources)
-        Sum of their products.
+    errors, squares : ndarray, shapes (sources,) and (sources, sources)
+        Sum of the sources' errors about their mean, SI, and of their products.
     within : ndarray, shape (levels,)
         Samples within each radius.
-    lost : ndarray, shape (sources,)
-    lost_squares : ndarray, shape (sources, sources)
+    lost, lost_squares : ndarray
         As ``errors`` and ``squares``, for the samples that failed.
     """
 
@@ -121,12 +117,5 @@ class BlockSums:
         blocks = np.zeros((len(self.blocks) + len(other.blocks) - shared, self.blocks.shape[1]))
         blocks[: len(self.blocks)] = self.blocks
         blocks[len(self.blocks) - shared :] += other.blocks
-        return BlockSums(
-            self.first,
-            blocks,
-            self.errors + other.errors,
-            self.squares + other.squares,
-            self.within + other.within,
-            self.lost + other.lost,
-            self.lost_squares + other.lost_squares,
-        )
+        totals = (getattr(self, each.name) + getattr(other, each.name) for each in fields(self)[2:])
+        return BlockSums(self.first, blocks, *totals)

@@ -10,8 +10,6 @@ from mcnav._types import Array
 def propagated_covariance(partials: Array, start_covariance: Array) -> Array:
     """Compute P S P^T, symmetric to the last bit, with P of shape (outputs, sources) and S (sources, sources).
 
-    Examples
-    --------
     >>> propagated_covariance(np.array([[1.0, 2.0]]), np.diag([9.0, 4.0]))
     array([[25.]])
     """
@@ -22,3 +20,8 @@ def propagated_covariance(partials: Array, start_covariance: Array) -> Array:
         )
     covariance = partials @ start_covariance @ partials.T
     return np.asarray(0.5 * (covariance + covariance.T))
+
+
+def propagated_variances(partials: Array, start_covariance: Array) -> Array:
+    """Compute the diagonal of P S P^T, shape (outputs,)."""
+    return np.asarray(np.einsum("ij,jk,ik->i", partials, start_covariance, partials))

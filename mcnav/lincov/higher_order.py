@@ -33,12 +33,8 @@ STEP: Final = 0.5
 class SecondOrder:
     """Derivatives along the principal directions of the start covariance, per sigma; r is its rank.
 
-    Attributes
-    ----------
-    gradients : ndarray, shape (outputs, r)
-    hessians : ndarray, shape (outputs, r, r)
-    cubic : ndarray, shape (outputs, r)
-        ``c``, the third derivatives contracted over two of their three directions.
+    Gradients have shape (outputs, r), hessians (outputs, r, r). ``cubic`` is c, the third derivatives contracted over
+    two of their three directions, shape (outputs, r).
     """
 
     gradients: Array
@@ -78,26 +74,17 @@ def principal_directions(covariance: Array) -> Array:
     if np.array_equal(correlation, np.eye(len(active))):
         return np.asarray(np.diag(sigma)[:, active])  # independent sources are their own directions
     values, vectors = np.linalg.eigh(correlation)
-    kept = values > 1e-12 * values[-1]
-    directions = np.zeros((len(sigma), int(kept.sum())))
-    directions[active] = sigma[active][:, None] * vectors[:, kept] * np.sqrt(values[kept])
+    positive = values > 1e-12 * values[-1]
+    directions = np.zeros((len(sigma), int(positive.sum())))
+    directions[active] = sigma[active][:, None] * vectors[:, positive] * np.sqrt(values[positive])
     return directions
 
 
 def second_order(propagate: Propagate, mean: Array, covariance: Array, step: float = STEP) -> SecondOrder:
     """Compute derivatives of the final errors by central differences in one batch of ``2 r^2 + 2 r + 1`` samples.
 
-    Parameters
-    ----------
-    mean, covariance : ndarray, shapes (sources,) and (sources, sources)
-        Of the start errors, SI.
-    step : float
-        In sigmas.
-
-    Raises
-    ------
-    SimulationFailed
-        When a sample fails.
+    The mean, shape (sources,), and the covariance are those of the start errors, SI; the step is in sigmas. Raises
+    `SimulationFailed` when a sample fails.
     """
     directions = principal_directions(covariance)
     rank = directions.shape[1]
@@ -112,11 +99,11 @@ def second_order(propagate: Propagate, mean: Array, covariance: Array, step: flo
     centre, outputs = simulated[0], simulated.shape[1]
     along = simulated[1 : 1 + 4 * rank].reshape(rank, 4, outputs) - centre
     mixed = simulated[1 + 4 * rank :].reshape(len(pairs), 4, outputs) - centre
-    plus, minus, far, farther = along.transpose(1, 0, 2)  # far: two steps up, farther: two steps down
-    gradients = (8.0 * (plus - minus) - (far - farther)) / (12.0 * step)
+    plus, minus, two_plus, two_minus = along.transpose(1, 0, 2)
+    gradients = (8.0 * (plus - minus) - (two_plus - two_minus)) / (12.0 * step)
     hessians = np.zeros((rank, rank, outputs))
-    hessians[range(rank), range(rank)] = (16.0 * (plus + minus) - (far + farther)) / (12.0 * step**2)
-    cubic = (far - 2.0 * plus + 2.0 * minus - farther) / (2.0 * step**3)
+    hessians[range(rank), range(rank)] = (16.0 * (plus + minus) - (two_plus + two_minus)) / (12.0 * step**2)
+    cubic = (two_plus - 2.0 * plus + 2.0 * minus - two_minus) / (2.0 * step**3)
     for (a, b), (both, first, second, neither) in zip(pairs, mixed, strict=True):
         hessians[a, b] = hessians[b, a] = (both - first - second + neither) / (4.0 * step**2)
         cubic[a] += (both + first - 2.0 * plus[a] - second - neither + 2.0 * minus[a]) / (2.0 * step**3)

@@ -7,12 +7,12 @@ only the physics.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.scenarios.protocol import SimulationResult, TimeHistoryEngine
+from mcnav.scenarios.protocol import Engine, SimulationResult, TimeHistoryEngine
 from mcnav.scenarios.timeouts import check_stopped
 
 Propagate = Callable[[Array], SimulationResult]
@@ -28,9 +28,26 @@ to a million times where the ten runs are nearly alike. The third-order term is 
 
 RUNS_SEED: Final = 1963
 
+QUICK: Final = 1_024
+"""Smallest chunk of an engine that is fast enough for tens of thousands of further simulations."""
+
 
 class SimulationFailed(ArithmeticError):
     """Failure of a sample that a derivative needs."""
+
+
+def computed_or_reason(compute: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+    """Return a computed table, or ``{"failed": reason}`` when a sample that it needs fails."""
+    try:
+        return compute()
+    except SimulationFailed as failure:
+        return {"failed": str(failure)}
+
+
+def require_fast(engine: Engine) -> None:
+    """Raise `SimulationFailed` for an engine that is too slow for tens of thousands of further simulations."""
+    if engine.chunk < QUICK:
+        raise SimulationFailed("the engine is too slow for so many flights on the side")
 
 
 def simulate_or_raise(propagate: Propagate, errors: Array) -> Array:
@@ -42,36 +59,22 @@ def simulate_or_raise(propagate: Propagate, errors: Array) -> Array:
     return outcomes.values
 
 
-def partials_by_differences(propagate: Propagate, nominal_sizes: Array, step: float = STEP) -> Array:
+def partials_by_differences(propagate: Propagate, sizes: Array) -> Array:
     """Compute P by central differences, one error at a time as NASA TN D-1772's ten runs, shape (outputs, sources).
 
-    Parameters
-    ----------
-    nominal_sizes : ndarray, shape (sources,)
-        Typical size of each error, SI.
-    step : float
-        Share of it by which each error is displaced to either side.
-
-    Raises
-    ------
-    SimulationFailed
-        When a sample fails.
+    Each error is displaced by the share `STEP` of its nominal size, shape (sources,), SI, to either side. Raises
+    `SimulationFailed` when a sample fails.
     """
-    steps = step * np.asarray(nominal_sizes)
-    count = len(steps)
-    values = simulate_or_raise(propagate, np.vstack([np.diag(steps), -np.diag(steps)]))
-    return np.asarray(((values[:count] - values[count:]) / (2.0 * steps[:, None])).T)
+    steps = STEP * sizes
+    up, down = np.split(simulate_or_raise(propagate, np.vstack([np.diag(steps), -np.diag(steps)])), 2)
+    return np.asarray(((up - down) / (2.0 * steps[:, None])).T)
 
 
 def partials_from_runs(start_errors: Array, final_errors: Array) -> Array:
     """Compute P = F S^-1 (NASA TN D-1772, eqs. 14-16), shape (outputs, sources).
 
-    Parameters
-    ----------
-    start_errors : ndarray, shape (sources, runs)
-        S: one independent set of start errors a column.
-    final_errors : ndarray, shape (outputs, runs)
-        F: the final errors of the same runs.
+    S has one independent set of start errors a column, shape (sources, runs), and F the final errors of the same runs,
+    shape (outputs, runs).
     """
     if start_errors.shape[0] != start_errors.shape[1] or final_errors.shape[1] != start_errors.shape[1]:
         raise ValueError(
@@ -81,54 +84,43 @@ def partials_from_runs(start_errors: Array, final_errors: Array) -> Array:
     return np.asarray(np.linalg.solve(start_errors.T, final_errors.T).T)
 
 
-def partials_by_independent_sets(propagate: Propagate, nominal_sizes: Array, step: float = STEP) -> Array:
+def partials_by_independent_sets(propagate: Propagate, sizes: Array) -> Array:
     """Compute P = F S^-1 from independent error sets in which all sources act at once, shape (outputs, sources).
 
     The sets are the columns of a random orthogonal matrix, scaled to the nominal sizes. Each is simulated with both
     signs and F is half the difference, so that the second-order term that one-sided runs leave in eq. (16) cancels.
-
-    Raises
-    ------
-    SimulationFailed
-        When a sample fails.
+    Raises `SimulationFailed` when a sample fails.
     """
-    sizes = np.asarray(nominal_sizes)
-    count = len(sizes)
-    sets = step * _orthogonal(count)
-    values = simulate_or_raise(propagate, np.vstack([sets.T * sizes, -sets.T * sizes]))
+    sets = STEP * _orthogonal(len(sizes))
+    plus, minus = np.split(simulate_or_raise(propagate, np.vstack([sets.T * sizes, -sets.T * sizes])), 2)
     # solved for the scaled sources, whose matrix is orthogonal: metres beside microradians would cost digits
-    return np.asarray(partials_from_runs(sets, 0.5 * (values[:count] - values[count:]).T) / sizes)
+    return np.asarray(partials_from_runs(sets, 0.5 * (plus - minus).T) / sizes)
 
 
-def partials_at_later_starts(
-    histories: Callable[[Array], tuple[Array, Array]], nominal_sizes: Array, step: float = HISTORY_STEP
-) -> Array:
+def partials_at_later_starts(histories: Callable[[Array], tuple[Array, Array]], sizes: Array) -> Array:
     """Compute P for every later start time from the histories of one set of runs, shape (times, outputs, sources).
 
     The errors at an instant are the start errors of navigation begun there (NASA TN D-1772, eqs. 14-16). Each set is
-    simulated with both signs, as in `partials_by_independent_sets`, and with two step sizes, which eliminates the error
-    of second order in the step.
+    simulated with both signs, as in `partials_by_independent_sets`, and with the steps `HISTORY_STEP` and twice that,
+    which eliminates the error of second order in the step.
 
     Parameters
     ----------
     histories : callable
         Errors, shape (n, sources), to the error sets in force at each start time, shape (times, n, sources), and the
         final errors, shape (n, outputs).
-    nominal_sizes : ndarray, shape (sources,)
-    step : float
-        The smaller step, as a share of the nominal sizes.
+    sizes : ndarray, shape (sources,)
+        Nominal size of each error.
     """
-    sizes = np.asarray(nominal_sizes)
-    count = len(sizes)
 
-    def estimate(size: float) -> Array:
-        runs = size * _orthogonal(count).T * sizes
+    def estimate(step: float) -> Array:
+        runs = step * _orthogonal(len(sizes)).T * sizes
         sets, final = histories(np.vstack([runs, -runs]))
-        halved = 0.5 * (sets[:, :count] - sets[:, count:]) / sizes
-        outcome = 0.5 * (final[:count] - final[count:]).T
-        return np.array([partials_from_runs(start.T, outcome) / sizes for start in halved])
+        (plus, minus), (end_plus, end_minus) = np.split(sets, 2, axis=1), np.split(final, 2)
+        outcome = 0.5 * (end_plus - end_minus).T
+        return np.array([partials_from_runs(start.T, outcome) / sizes for start in 0.5 * (plus - minus) / sizes])
 
-    return np.asarray((4.0 * estimate(step) - estimate(2.0 * step)) / 3.0)
+    return np.asarray((4.0 * estimate(HISTORY_STEP) - estimate(2.0 * HISTORY_STEP)) / 3.0)
 
 
 def _orthogonal(count: int) -> Array:
@@ -136,23 +128,12 @@ def _orthogonal(count: int) -> Array:
     return np.asarray(np.linalg.qr(np.random.default_rng(RUNS_SEED).standard_normal((count, count)))[0])
 
 
-def partials_throughout(engine: TimeHistoryEngine, nominal_sizes: Array, step: float = STEP) -> tuple[Array, Array]:
-    """Compute P at every epoch by central differences of histories, and the nominal errors.
+def partials_throughout(engine: TimeHistoryEngine, sizes: Array) -> tuple[Array, Array]:
+    """Compute P at m epochs, shape (m, outputs, sources), and the nominal errors, shape (m, outputs).
 
-    Parameters
-    ----------
-    nominal_sizes : ndarray, shape (sources,)
-        Typical size of each error, SI.
-    step : float
-        See `partials_by_differences`.
-
-    Returns
-    -------
-    partials : ndarray, shape (m, outputs, sources)
-    nominal : ndarray, shape (m, outputs)
+    P is by central differences of histories; see `partials_by_differences`.
     """
-    steps = step * np.asarray(nominal_sizes)
-    moved = np.concatenate([np.diag(steps), -np.diag(steps), np.zeros((1, len(steps)))])
-    errors = engine.histories(moved)
-    up, down, nominal = errors[: len(steps)], errors[len(steps) : -1], errors[-1]
-    return np.asarray(((up - down) / (2.0 * steps[:, None, None])).transpose(1, 2, 0)), nominal
+    steps = STEP * sizes
+    errors = engine.histories(np.concatenate([np.diag(steps), -np.diag(steps), np.zeros((1, len(steps)))]))
+    up, down = np.split(errors[:-1], 2)
+    return np.asarray(((up - down) / (2.0 * steps[:, None, None])).transpose(1, 2, 0)), errors[-1]

@@ -17,13 +17,7 @@ sets on the reference engine."""
 
 
 def partials_by(scenario: Scenario, method: str) -> Array:
-    """Compute partial derivatives by one of `METHODS`, shape (outputs, sources), SI.
-
-    Raises
-    ------
-    SimulationFailed
-        When a sample that they need fails.
-    """
+    """Compute partial derivatives by one of `METHODS`, shape (outputs, sources), SI; see `compare_partials`."""
     if method == "variational":
         return scenario.linear_model().partials
     sizes = np.array([source.nominal for source in scenario.sources])
@@ -34,12 +28,9 @@ def partials_by(scenario: Scenario, method: str) -> Array:
 
 
 def compare_partials(scenario: Scenario, methods: Sequence[str]) -> tuple[Array, dict[str, Array]]:
-    """Compute partial derivatives by the first of some methods, and the differences of the others from them.
+    """Compute partial derivatives by the first of some of `METHODS`, and the differences of the others from them.
 
-    Parameters
-    ----------
-    methods : sequence of str
-        Elements of `METHODS`.
+    Raises `SimulationFailed` when a sample that they need fails.
 
     Returns
     -------
@@ -48,11 +39,6 @@ def compare_partials(scenario: Scenario, methods: Sequence[str]) -> tuple[Array,
     differences : dict of str to ndarray, shape (outputs,)
         For each further method the largest difference in each row, as a share of the row's largest contribution of one
         source at its nominal size; NaN for an output that no source disturbs.
-
-    Raises
-    ------
-    SimulationFailed
-        When a sample that they need fails.
     """
     sizes = np.array([source.nominal for source in scenario.sources])
     first = partials_by(scenario, methods[0])

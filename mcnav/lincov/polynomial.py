@@ -19,8 +19,6 @@ from mcnav._types import Array, IndexArray
 from mcnav.lincov.partials import Propagate, simulate_or_raise
 from mcnav.physics.jit import compiled
 
-Integers = IndexArray
-
 LANES: Final = 16
 """Samples evaluated side by side."""
 
@@ -66,7 +64,7 @@ class PolynomialMap:
     order: int
     centre: Array
     scale: Array
-    exponents: Integers
+    exponents: IndexArray
     coefficients: Array
     error: float
     flights: int
@@ -83,14 +81,14 @@ class PolynomialMap:
         return values, np.asarray(distance <= self.reach**2)
 
 
-def monomials(sources: Integers, count: int, order: int) -> Integers:
+def monomials(sources: IndexArray, count: int, order: int) -> IndexArray:
     """List the exponents of all monomials up to an order in some of ``count`` sources, shape (terms, count)."""
     chosen = (combinations_with_replacement(sources.tolist(), degree) for degree in range(order + 1))
     rows = [np.bincount(np.array(row, dtype=int), minlength=count) for row in chain.from_iterable(chosen)]
     return np.array(rows, dtype=np.int64)
 
 
-def recipe(exponents: Integers) -> tuple[Integers, Integers]:
+def recipe(exponents: IndexArray) -> tuple[IndexArray, IndexArray]:
     """Return each monomial's parent, an earlier monomial, and the source that multiplies it."""
     places = {tuple(row): place for place, row in enumerate(exponents.tolist())}
     parents, factors = np.zeros(len(exponents), dtype=np.int64), np.zeros(len(exponents), dtype=np.int64)
@@ -103,7 +101,7 @@ def recipe(exponents: Integers) -> tuple[Integers, Integers]:
 
 @compiled
 def evaluate(
-    errors: Array, centre: Array, inverse: Array, parents: Integers, factors: Integers, coefficients: Array,
+    errors: Array, centre: Array, inverse: Array, parents: IndexArray, factors: IndexArray, coefficients: Array,
     values: Array, distance: Array,
 ) -> None:  # fmt: skip
     """Evaluate a polynomial for many samples, a block of lanes at a time.
@@ -144,13 +142,12 @@ class _FitSamples:
     spread: Array
     fitted: int
 
-    def solved(self, exponents: Integers) -> tuple[Array, float]:
+    def solved(self, exponents: IndexArray) -> tuple[Array, float]:
         """Compute coefficients by least squares, and the largest error on the points held out."""
         table = products(self.points, exponents)
-        orthogonal, triangle = qr(table[: self.fitted], mode="economic", check_finite=False)
-        coefficients = solve_triangular(triangle, orthogonal.T @ self.values[: self.fitted], check_finite=False)
+        coefficients = least_squares(table[: self.fitted], self.values[: self.fitted])
         missed = np.abs(table[self.fitted :] @ coefficients - self.values[self.fitted :])
-        return np.asarray(coefficients), float(missed.max())
+        return coefficients, float(missed.max())
 
 
 def _fit_samples(propagate: Propagate, centre: Array, scale: Array, terms: int) -> _FitSamples:
@@ -168,17 +165,9 @@ def _fit_samples(propagate: Propagate, centre: Array, scale: Array, terms: int) 
 def fit(propagate: Propagate, centre: Array, scale: Array, order: int, tolerance: float = 0.0) -> PolynomialMap:
     """Fit a polynomial of an order to simulations, and measure its error on others.
 
-    Parameters
-    ----------
-    centre, scale : ndarray, shape (sources,)
-        Means and standard deviations of the sources, SI.
-    tolerance : float
-        Share of the dispersion; if positive, terms that are not needed for it are left out.
-
-    Raises
-    ------
-    SimulationFailed
-        When a sample that it needs fails.
+    Centre and scale are the means and standard deviations of the sources, SI. With a positive tolerance, a share of the
+    dispersion, terms that are not needed for it are left out. Raises `SimulationFailed` when a sample that it needs
+    fails.
     """
     whole = exponents = monomials(np.flatnonzero(scale > 0.0), len(scale), order)
     samples = _fit_samples(propagate, centre, scale, len(exponents))
@@ -194,20 +183,25 @@ def fit(propagate: Propagate, centre: Array, scale: Array, order: int, tolerance
     return PolynomialMap(order, centre, scale, exponents, coefficients * samples.spread, error, samples.fitted, reach)
 
 
-def _needed(points: Array, exponents: Integers, coefficients: Array, spare: float) -> Integers:
+def _needed(points: Array, exponents: IndexArray, coefficients: Array, spare: float) -> IndexArray:
     """Select the largest terms, and those from which they are computed."""
     sizes = (np.abs(coefficients) * np.sqrt((products(points, exponents) ** 2).mean(axis=0))[:, None]).max(axis=1)
     rising = np.argsort(sizes)
-    kept = np.zeros(len(exponents), dtype=bool)
-    kept[rising[np.cumsum(sizes[rising]) > spare]] = True
-    kept[exponents.sum(axis=1) <= 2] = True  # few
+    needed = np.asarray(exponents.sum(axis=1) <= 2)  # few
+    needed[rising[np.cumsum(sizes[rising]) > spare]] = True
     parents, _ = recipe(exponents)
     for term in range(len(exponents) - 1, 0, -1):
-        kept[parents[term]] |= kept[term]
-    return np.flatnonzero(kept)
+        needed[parents[term]] |= needed[term]
+    return np.flatnonzero(needed)
 
 
-def products(points: Array, exponents: Integers) -> Array:
+def least_squares(table: Array, values: Array) -> Array:
+    """Solve ``table @ coefficients = values`` by QR decomposition, shape (terms, outputs)."""
+    orthogonal, triangle = qr(table, mode="economic", check_finite=False)
+    return np.asarray(solve_triangular(triangle, orthogonal.T @ values, check_finite=False))
+
+
+def products(points: Array, exponents: IndexArray) -> Array:
     """Evaluate every monomial at every point, shape (n, terms)."""
     parents, factors = recipe(exponents)
     found = np.ones((len(points), len(exponents)))
@@ -219,12 +213,7 @@ def products(points: Array, exponents: Integers) -> Array:
 def fitted_map(propagate: Propagate, centre: Array, scale: Array, tolerance: float) -> PolynomialMap:
     """Fit the polynomial of lowest order that meets a tolerance on samples that were not fitted.
 
-    Raises
-    ------
-    PolynomialFitError
-        When none of `ORDERS` does.
-    SimulationFailed
-        When a sample that it needs fails.
+    Raises `PolynomialFitError` when none of `ORDERS` does, and `SimulationFailed` when a sample that it needs fails.
     """
     tried = []
     for order in ORDERS:

@@ -22,13 +22,7 @@ MAP: Final = "map"
 
 @dataclass(frozen=True)
 class PolynomialEngine:
-    """Engine that evaluates a polynomial.
-
-    Attributes
-    ----------
-    exact : Engine
-        Engine to which it was fitted, which simulates the samples beyond the fitted ones.
-    """
+    """Engine that evaluates a polynomial fitted to an exact engine, which simulates samples beyond the fitted ones."""
 
     polynomial: PolynomialMap
     exact: Engine
@@ -48,24 +42,13 @@ class PolynomialEngine:
         return SimulationResult(values, failures, len(unknown))
 
 
-def fit_polynomial_engine(
-    exact: Engine, mean: Array, standard_deviations: Array, tolerance: float = TOLERANCE
-) -> PolynomialEngine:
-    """Fit a polynomial engine to an exact engine.
+def fit_polynomial_engine(exact: Engine, mean: Array, standard_deviations: Array) -> PolynomialEngine:
+    """Fit a polynomial engine to an exact engine, for errors of given means and standard deviations, SI.
 
-    Parameters
-    ----------
-    mean, standard_deviations : ndarray, shape (sources,)
-        Those of the errors to be simulated, SI.
-
-    Raises
-    ------
-    PolynomialFitError
-        When no polynomial meets the tolerance.
-    SimulationFailed
-        When a sample that the fit needs fails.
+    Raises `PolynomialFitError` when no polynomial meets `TOLERANCE`, and `SimulationFailed` when a sample that it
+    needs fails.
     """
-    polynomial = fitted_map(exact.propagate, mean, standard_deviations, tolerance)
+    polynomial = fitted_map(exact.propagate, mean, standard_deviations, TOLERANCE)
     accuracy = (
         f"polynomial map of order {polynomial.order}, {len(polynomial.exponents)} terms fitted to "
         f"{polynomial.flights:,} flights; largest error on flights not fitted, drawn wider than the samples, "
@@ -82,18 +65,7 @@ def engine_names(scenario: Scenario) -> tuple[str, ...]:
 def prepare_engine(scenario: Scenario, engine: str, probes: Array, mean: Array, standard_deviations: Array) -> Engine:
     """Prepare one of `engine_names` for errors of given means and standard deviations, shape (sources,), SI.
 
-    Parameters
-    ----------
-    probes : ndarray, shape (n, sources)
-        See `mcnav.scenarios.protocol.Scenario.engine`.
-    mean, standard_deviations : ndarray, shape (sources,)
-
-    Raises
-    ------
-    PolynomialFitError
-        When no polynomial fits.
-    SimulationFailed
-        When a sample for the fit fails.
+    For the probes see `mcnav.scenarios.protocol.Scenario.engine`, for what is raised `fit_polynomial_engine`.
     """
     if engine != MAP:
         return scenario.engine(engine, probes)

@@ -11,13 +11,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.linalg import qr, solve_triangular
 
 from mcnav._types import Array, IndexArray
-from mcnav.lincov.polynomial import PolynomialMap, monomials, products
+from mcnav.lincov.polynomial import PolynomialMap, least_squares, monomials, products
 from mcnav.physics.jit import compiled
-
-Integers = IndexArray
 
 HIGHEST_POWER: Final = 16
 """Four times the highest order of a polynomial map."""
@@ -33,14 +30,9 @@ DOUBLE_FACTORIALS: Final = np.array(
 
 @dataclass(frozen=True)
 class Moments:
-    """Moments of the outputs for normal sources.
+    """Moments of the outputs for normal sources, shape (outputs,); covariance (outputs, outputs).
 
-    Attributes
-    ----------
-    mean : ndarray, shape (outputs,)
-    covariance : ndarray, shape (outputs, outputs)
-    skewness, kurtosis : ndarray, shape (outputs,)
-        The kurtosis of a normal distribution is 3; NaN for an output without dispersion.
+    The kurtosis of a normal distribution is 3; skewness and kurtosis are NaN for an output without dispersion.
     """
 
     mean: Array
@@ -52,15 +44,8 @@ class Moments:
 def moments(polynomial: PolynomialMap, covariance: Array) -> Moments:
     """Compute mean, covariance, skewness and kurtosis of a polynomial's outputs for normal sources.
 
-    Parameters
-    ----------
-    polynomial : PolynomialMap
-        Its centre is the mean of the sources.
-    covariance : ndarray, shape (sources, sources)
-        Of the sources, SI.
+    The polynomial's centre is the mean of the sources, and the covariance is theirs, SI.
 
-    Examples
-    --------
     The square of a standard normal variable has mean 1, variance 2, skewness sqrt(8) and kurtosis 15:
 
     >>> square = PolynomialMap(2, np.zeros(1), np.ones(1), np.array([[0], [1], [2]]), np.array([[0.0], [0.0], [1.0]]),
@@ -86,7 +71,7 @@ def moments(polynomial: PolynomialMap, covariance: Array) -> Moments:
     return Moments(mean, found, skewness, kurtosis)
 
 
-def _in_independent(polynomial: PolynomialMap, covariance: Array) -> tuple[Integers, Array]:
+def _in_independent(polynomial: PolynomialMap, covariance: Array) -> tuple[IndexArray, Array]:
     """Transform the polynomial to independent standard normal variables.
 
     A polynomial stays one of its order under a linear change of variables: values at a few points determine the new
@@ -104,19 +89,18 @@ def _in_independent(polynomial: PolynomialMap, covariance: Array) -> tuple[Integ
     exponents = monomials(np.arange(len(active)), len(active), polynomial.order)
     points = np.random.Generator(np.random.Philox(1)).standard_normal((2 * len(exponents) + 8, len(active)))
     outcomes = products(points @ factor.T, polynomial.exponents) @ polynomial.coefficients
-    orthogonal, triangle = qr(products(points, exponents), mode="economic", check_finite=False)
-    coefficients = solve_triangular(triangle, orthogonal.T @ outcomes, check_finite=False)
+    coefficients = least_squares(products(points, exponents), outcomes)
     coefficients[np.abs(coefficients) <= NEGLIGIBLE * np.abs(coefficients).max(axis=0)] = 0.0
-    kept = coefficients.any(axis=1)
-    kept[0] = True
-    return exponents[kept], np.asarray(coefficients[kept])
+    needed = np.asarray(coefficients.any(axis=1))
+    needed[0] = True
+    return exponents[needed], coefficients[needed]
 
 
-def _expected(exponents: Integers, coefficients: Array) -> float:
+def _expected(exponents: IndexArray, coefficients: Array) -> float:
     return float((coefficients * DOUBLE_FACTORIALS[exponents].prod(axis=1)).sum())
 
 
-def _squared(exponents: Integers, coefficients: Array) -> tuple[Integers, Array]:
+def _squared(exponents: IndexArray, coefficients: Array) -> tuple[IndexArray, Array]:
     """Square a polynomial and collect equal monomials."""
     base = 2 * int(exponents.max(initial=0)) + 1
     if float(base) ** exponents.shape[1] < np.iinfo(np.int64).max:
@@ -130,24 +114,37 @@ def _squared(exponents: Integers, coefficients: Array) -> tuple[Integers, Array]
     return unique, np.asarray(np.bincount(place.ravel(), weights=weights, minlength=len(unique)), dtype=float)
 
 
-def _expected_product(exponents: Integers, coefficients: Array, others: Integers, their: Array) -> float:
+def _expected_product(exponents: IndexArray, coefficients: Array, others: IndexArray, their: Array) -> float:
     """Compute E[p q] of two polynomials given by their monomials."""
     weights = 1 << np.arange(exponents.shape[1], dtype=np.int64)
     parity, other_parity = (exponents % 2) @ weights, (others % 2) @ weights
-    total = 0.0
-    for own in np.unique(parity):
-        mine, yours = np.flatnonzero(parity == own), np.flatnonzero(other_parity == own)
-        total += _sum_over_pairs(exponents[mine], coefficients[mine], others[yours], their[yours], DOUBLE_FACTORIALS)
-    return total
+    order, other_order = np.argsort(parity, kind="stable"), np.argsort(other_parity, kind="stable")
+    keys = np.unique(parity)
+    bounds = [
+        np.searchsorted(ranked, keys, side)
+        for ranked in (parity[order], other_parity[other_order])
+        for side in ("left", "right")
+    ]
+    return _sum_over_pairs(
+        exponents[order], coefficients[order], others[other_order], their[other_order], np.array(bounds).T,
+        DOUBLE_FACTORIALS,
+    )  # fmt: skip
 
 
 @compiled
-def _sum_over_pairs(exponents: Integers, coefficients: Array, others: Integers, their: Array, table: Array) -> float:
+def _sum_over_pairs(
+    exponents: IndexArray, coefficients: Array, others: IndexArray, their: Array, groups: IndexArray, table: Array
+) -> float:
+    """Add up the products of monomials in each group, [begin, end) of either polynomial."""
     total = 0.0
-    for i in range(exponents.shape[0]):
-        for j in range(others.shape[0]):
-            value = coefficients[i] * their[j]
-            for variable in range(exponents.shape[1]):
-                value *= table[exponents[i, variable] + others[j, variable]]
-            total += value
+    for group in range(groups.shape[0]):
+        begin, end, other_begin, other_end = groups[group]
+        of_group = 0.0
+        for i in range(begin, end):
+            for j in range(other_begin, other_end):
+                value = coefficients[i] * their[j]
+                for variable in range(exponents.shape[1]):
+                    value *= table[exponents[i, variable] + others[j, variable]]
+                of_group += value
+        total += of_group
     return total

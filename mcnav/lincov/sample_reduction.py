@@ -10,13 +10,9 @@ from mcnav.physics.jit import compiled
 
 
 def reduce_samples(frame: Normalization, begin: int, errors: Array, outcomes: Array) -> BlockSums:
-    """Reduce a stretch of samples.
+    """Reduce a stretch of samples, from their errors, shape (n, sources), and their outcomes, shape (n, outputs).
 
-    Parameters
-    ----------
-    errors : ndarray, shape (n, sources)
-    outcomes : ndarray, shape (n, outputs)
-        NaN in the row of a sample that failed.
+    The outcomes of a sample that failed are NaN.
     """
     successful = np.isfinite(outcomes).all(axis=1)
     deviations = errors[successful] - frame.mean
@@ -46,14 +42,11 @@ def _add(
             sums[column + i] += y[row, i]
             sums[column + outputs + i] += z[row, i]
         column += 2 * outputs
-        for i in range(outputs):
-            for j in range(i, outputs):
-                sums[column] += y[row, i] * y[row, j]
-                column += 1
-        for i in range(outputs):
-            for j in range(i, outputs):
-                sums[column] += z[row, i] * z[row, j]
-                column += 1
+        for values in (y, z):
+            for i in range(outputs):
+                for j in range(i, outputs):
+                    sums[column] += values[row, i] * values[row, j]
+                    column += 1
         for i in range(outputs):
             square = y[row, i] * y[row, i]
             sums[column + i] += square * y[row, i]

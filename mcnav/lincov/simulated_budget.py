@@ -1,4 +1,4 @@
-"""Error budget by simulation: each source alone, and all but one, on the same draws.
+"""Error budgets by simulation: each source alone, all but one, and Sobol indices.
 
 A source alone has the paired variance ``var(y_j) - var(z_j) + P_ij^2 S_jj`` with z the linear errors of the same draws
 (see `mcnav.analysis.comparison`); so, with the linear variance of the others, have all sources but one. The others are
@@ -7,20 +7,58 @@ held at their means.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
 from typing import Any, Final
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
+from mcnav._types import Array
 from mcnav.lincov.covariance import propagated_covariance
-from mcnav.lincov.partials import Propagate, simulate_or_raise
+from mcnav.lincov.partials import Propagate, computed_or_reason, require_fast, simulate_or_raise
+from mcnav.lincov.sobol import estimate_sobol_indices
 from mcnav.sampling.designs import SamplingDesign
 from mcnav.sampling.error_model import ErrorModel
-from mcnav.statistics.estimates import Estimate, blocked_mean
+from mcnav.scenarios.protocol import Engine
+from mcnav.statistics.estimates import blocked_mean, paired_squares
 
 DRAWS: Final = 2_000
 """Draws that are simulated twice for each source."""
+
+PROBES: Final = 64
+"""Draws from which the engine's accuracy is set."""
+
+
+def simulated_budgets(
+    prepare: Callable[[Array], Engine], errors: ErrorModel, partials: Array, design: str, seed: int, samples: int
+) -> dict[str, Any]:
+    """Simulate the error budgets of single sources, of all sources but one, and by Sobol indices.
+
+    Parameters
+    ----------
+    prepare : callable
+        Function from probes, shape (n, sources), to an engine.
+    partials : ndarray, shape (outputs, sources)
+    samples : int
+        Samples of the campaign, an upper limit of the draws.
+
+    Returns
+    -------
+    dict
+        ``alone`` and ``sobol``: see `simulate_each_source_alone`, `mcnav.lincov.sobol.estimate_sobol_indices`; a table
+        ``{"failed": reason}`` when a sample that it needs fails, or the engine is too slow.
+    """
+    count = min(DRAWS, samples)
+    engine = prepare(errors.draw(design, seed, count, 0, min(PROBES, count)))
+
+    def alone() -> dict[str, Any]:
+        require_fast(engine)
+        return simulate_each_source_alone(engine.propagate, partials, errors, design, seed, count)
+
+    def sobol() -> dict[str, Any]:
+        require_fast(engine)
+        return estimate_sobol_indices(engine.propagate, errors, seed)
+
+    return {"alone": computed_or_reason(alone), "sobol": computed_or_reason(sobol)}
 
 
 def simulate_each_source_alone(
@@ -28,54 +66,32 @@ def simulate_each_source_alone(
 ) -> dict[str, Any]:
     """Estimate the variance of each output from each source alone and from all others, SI.
 
-    Parameters
-    ----------
-    partials : ndarray, shape (outputs, sources)
-    seed : int
-        Seed of the campaign, so that a random or antithetic campaign's own first draws are used.
+    With the seed of the campaign, a random or antithetic campaign's own first draws are used. Raises `SimulationFailed`
+    when a sample fails.
 
     Returns
     -------
     dict
         ``samples``, ``degrees_of_freedom``, and for ``alone`` and ``without`` each ``variance`` and ``standard_error``,
         shape (outputs, sources); a source without dispersion adds nothing and takes nothing away.
-
-    Raises
-    ------
-    SimulationFailed
-        When a sample fails.
     """
     drawn = errors.draw(design, seed, count, 0, count)
     sampling = SamplingDesign.of(design, count)
-    blocks, fewest = sampling.blocks(np.arange(count)), sampling.fewest_blocks
-    shape = partials.shape
-    tables = {key: (np.zeros(shape), np.zeros(shape)) for key in ("alone", "without")}
-    linear = np.diag(propagated_covariance(partials, errors.covariance))
-    tables["without"][0][:] = linear[:, None]
+    blocks = sampling.blocks(np.arange(count))
+    tables = {key: {"variance": np.zeros(partials.shape), "standard_error": np.zeros(partials.shape)}
+              for key in ("alone", "without")}  # fmt: skip
+    tables["without"]["variance"][:] = np.diag(propagated_covariance(partials, errors.covariance))[:, None]
     freedom = 0.0
     for j in np.flatnonzero(errors.standard_deviations > 0.0):
-        only = np.zeros(shape[1], dtype=bool)
-        only[j] = True
-        for key, kept in (("alone", only), ("without", ~only)):
-            some = np.where(kept, drawn, errors.mean)
-            covariance = np.where(np.outer(kept, kept), errors.covariance, 0.0)
+        only = np.arange(partials.shape[1]) == j
+        for key, varied in (("alone", only), ("without", ~only)):
+            some = np.where(varied, drawn, errors.mean)
+            covariance = np.where(np.outer(varied, varied), errors.covariance, 0.0)
             expected = np.diag(propagated_covariance(partials, covariance))
-            simulated, predicted = simulate_or_raise(propagate, some), some @ partials.T
-            for i in range(shape[0]):
-                found = _paired_variance(simulated[:, i], predicted[:, i], float(expected[i]), blocks, fewest)
-                tables[key][0][i, j], tables[key][1][i, j] = found.value, found.standard_error
-                freedom = found.degrees_of_freedom
-    return {
-        "samples": count,
-        "degrees_of_freedom": freedom,
-        **{key: {"variance": variance, "standard_error": error} for key, (variance, error) in tables.items()},
-    }
-
-
-def _paired_variance(
-    simulated: Array, predicted: Array, expected: float, blocks: IndexArray, fewest: float
-) -> Estimate:
-    unbiased = len(simulated) / (len(simulated) - 1.0)
-    squares = (simulated - simulated.mean()) ** 2 - (predicted - predicted.mean()) ** 2
-    difference = blocked_mean(unbiased * squares, blocks, fewest)
-    return replace(difference, value=expected + difference.value)
+            simulated, linear = simulate_or_raise(propagate, some), some @ partials.T
+            for i in range(len(partials)):
+                squares = paired_squares(simulated[:, i], linear[:, i])
+                found = blocked_mean(squares, blocks, sampling.fewest_blocks)
+                tables[key]["variance"][i, j] = expected[i] + found.value
+                tables[key]["standard_error"][i, j], freedom = found.standard_error, found.degrees_of_freedom
+    return {"samples": count, "degrees_of_freedom": freedom, **tables}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -10,8 +9,8 @@ from scipy.special import ndtri
 
 from mcnav._types import Array
 from mcnav.lincov.partials import Propagate, SimulationFailed, simulate_or_raise
-from mcnav.sampling.distributions import Distribution
 from mcnav.sampling.error_model import ErrorModel
+from mcnav.sampling.sobol_net import scrambled_net
 
 REPLICATES: Final = 8
 """Independent scrambled nets: their spread gives the indices' errors."""
@@ -19,60 +18,40 @@ REPLICATES: Final = 8
 POINTS: Final = 512
 """Points of each net; a power of two."""
 
-
-@dataclass(frozen=True)
-class _Quantile:
-    """Distribution in the form that `scipy.stats.sobol_indices` requires."""
-
-    distribution: Distribution
-
-    def ppf(self, probability: Array) -> Array:
-        """Return the quantiles of some probabilities."""
-        return self.distribution.transform(ndtri(np.clip(probability, 2.0**-54, 1.0 - 2.0**-53)))
+_BITS: Final = 64
+"""Binary digits of a coordinate."""
 
 
 def estimate_sobol_indices(propagate: Propagate, errors: ErrorModel, seed: int) -> dict[str, Any]:
     """Estimate first-order and total Sobol indices of every output (Saltelli et al., 2010; Jansen's total index).
 
-    Parameters
-    ----------
-    errors : ErrorModel
-        Errors of independent sources.
+    Raises `SimulationFailed` when the sources are correlated, so that the shares are undefined, or a sample fails.
 
     Returns
     -------
     dict
         ``replicates``, ``points``, and ``first_order``, ``total`` with their ``..._standard_error``, shape (outputs,
         sources); zero for a source without dispersion.
-
-    Raises
-    ------
-    SimulationFailed
-        When the sources are correlated, so that the shares are undefined, or a sample fails.
     """
-    from scipy.stats import sobol_indices  # slow to import: half a second
-
     active = np.flatnonzero(errors.standard_deviations > 0.0)
     if not errors.independent:
         raise SimulationFailed("the sources depend on one another: their shares of the variance are not defined")
     if active.size == 0:
         raise SimulationFailed("no source has a dispersion")
 
-    count = simulate_or_raise(propagate, errors.mean[None, :]).shape[1]
-
-    def outputs(values: Array) -> Array:
-        some = np.tile(errors.mean, (values.shape[1], 1))
-        some[:, active] = values.T
-        simulated = simulate_or_raise(propagate, some).T
-        return np.repeat(simulated, 2, axis=0) if count == 1 else simulated  # scipy fails for a single constant output
-
-    quantiles = [_Quantile(errors.distributions[j]) for j in active]
-    found: list[list[Array]] = []
+    found = []
     for replicate in range(REPLICATES):
         generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(replicate,)))
-        with np.errstate(invalid="ignore", divide="ignore"):  # an output that is constant has no shares
-            one = sobol_indices(func=outputs, n=POINTS, dists=quantiles, rng=generator)
-        found.append([np.reshape(order, (-1, active.size))[:count] for order in (one.first_order, one.total_order)])
+        uniforms = scrambled_net(generator, 2 * active.size, 0, POINTS, _BITS)
+        normals = ndtri(np.clip(uniforms, 2.0**-54, 1.0 - 2.0**-53))
+        a, b = np.tile(errors.mean, (2, POINTS, 1))
+        for place, j in enumerate(active):
+            a[:, j] = errors.distributions[j].transform(normals[:, place])
+            b[:, j] = errors.distributions[j].transform(normals[:, active.size + place])
+        exchanged = np.tile(a, (active.size, 1, 1))
+        exchanged[np.arange(active.size), :, active] = b[:, active].T
+        simulated = simulate_or_raise(propagate, np.concatenate([a, b, exchanged.reshape(-1, a.shape[1])]))
+        found.append(_indices(simulated.reshape(active.size + 2, POINTS, -1)))
     stacked: Array = np.array(found)  # (replicates, 2, outputs, active)
     mean, error = stacked.mean(axis=0), stacked.std(axis=0, ddof=1) / np.sqrt(REPLICATES)
     tables: dict[str, Any] = {"replicates": REPLICATES, "points": POINTS}
@@ -81,3 +60,23 @@ def estimate_sobol_indices(propagate: Propagate, errors: ErrorModel, seed: int) 
             tables[name] = np.zeros((values.shape[0], len(errors.names)))
             tables[name][:, active] = values
     return tables
+
+
+def _indices(simulated: Array) -> tuple[Array, Array]:
+    """Estimate first-order and total indices, shape (outputs, sources), zero for a constant output.
+
+    With the outputs f_A and f_B of two independent sets of errors, and f_j of the first with source j of the second,
+    ``S_j = mean(f_B (f_j - f_A)) / var`` and ``T_j = mean((f_A - f_j)^2) / (2 var)``, where var is that of both sets.
+
+    Parameters
+    ----------
+    simulated : ndarray, shape (2 + sources, points, outputs)
+        f_A, f_B and each f_j.
+    """
+    simulated = simulated - simulated[:2].mean(axis=(0, 1))
+    first, second, exchanged = simulated[0], simulated[1], simulated[2:]
+    variance = simulated[:2].var(axis=(0, 1))
+    with np.errstate(invalid="ignore", divide="ignore"):  # an output that is constant has no shares
+        shares = (second * (exchanged - first)).mean(axis=1) / variance
+        totals = 0.5 * ((first - exchanged) ** 2).mean(axis=1) / variance
+    return np.nan_to_num(shares, posinf=0.0, neginf=0.0).T, np.nan_to_num(totals, posinf=0.0, neginf=0.0).T

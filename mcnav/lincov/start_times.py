@@ -43,10 +43,8 @@ class StartTimeStudy:
         Convention of the reference axes.
     times : ndarray, shape (n,)
         Start times, s from the scenario's event.
-    partials : ndarray, shape (n, outputs, sources)
-        SI.
-    effects : ndarray, shape (n, outputs, sources)
-        Final error of each output due to one sigma of each source at that start time, SI.
+    partials, effects : ndarray, shape (n, outputs, sources)
+        Partial derivatives, and final errors due to one sigma of each source at that start time, SI.
     sigma : ndarray, shape (n, outputs)
         Dispersion, SI.
     weights : ndarray, shape (outputs,)
@@ -92,12 +90,10 @@ def study_start_times(
     schedule: ErrorSchedule | None = None,
     weights: Array | None = None,
 ) -> StartTimeStudy:
-    """Compute partial derivatives and dispersion for evenly spaced start times.
+    """Compute partial derivatives and dispersion for evenly spaced start times, for the stated errors' covariance.
 
     Parameters
     ----------
-    start_covariance : ndarray, shape (sources, sources)
-        Of the stated errors.
     axes : str
         ``start``: reference axes aligned at each start time; ``trajectory``: those of the first point throughout.
     schedule : ErrorSchedule, optional

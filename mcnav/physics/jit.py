@@ -2,6 +2,11 @@
 
 numba notices changes of the file that holds a compiled function, but not of constants and inlined functions that
 it takes from other files. The cache is therefore valid for one content of all files of this package.
+
+The code of a function contains a copy of each compiled function that it calls, optimised once more. A process that
+compiles both calls the original, and a process that loads the caller from disk calls the copy, which may fuse other
+multiplications with additions. `tests/cross/test_compiled.py` checks that both give the same bits. Where they do not,
+the function that is called must be `inlined`.
 """
 
 from __future__ import annotations

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-import pandas as pd
 
 from mcnav.analysis.run_comparison import Change
+from mcnav.errors import shortened
 from mcnav.report import sentences
 from mcnav.report.figures.figure import HALF, Figure
 from mcnav.report.figures.marks import Axis, Interval, Mark, Panel, Points, Rule, Series
@@ -20,6 +20,9 @@ from mcnav.report.page import filled
 from mcnav.statistics.estimates import Estimate
 from mcnav.store.manifest import Manifest
 from mcnav.units import conversion
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 ABSENT: Final = "–"
 NAN: Final = float("nan")
@@ -66,9 +69,12 @@ class Row:
 
 def inputs(manifests: Sequence[Manifest]) -> pd.DataFrame:
     """Tabulate the inputs that differ between runs: one row per key of the campaign, one column per run."""
+    import pandas as pd  # slow to import: a fifth of a second
+
     flat = [
         _flat(each.campaign)
         | {"engine": each.engine}
+        | ({} if each.revision is None else {"revision": str(each.revision)})
         | {f"version of {name}": text for name, text in each.versions.items()}
         | {f"files.{name}": f"SHA-256 {text}" for name, text in each.files.items()}
         for each in (manifest.identity for manifest in manifests)
@@ -95,6 +101,8 @@ def _flat(value: Any, prefix: str = "") -> dict[str, str]:
 
 def outputs(rows: Sequence[Row], titles: Sequence[str]) -> pd.DataFrame:
     """Tabulate the change of each output in the units shown: one row per output of a later run."""
+    import pandas as pd
+
     table = []
     for row in rows:
         known = row.change or NOTHING
@@ -166,7 +174,7 @@ def render(
         "between.html",
         titles=titles,
         runs=list(zip(titles, summaries, runs, strict=True)),
-        inputs=[(str(key), list(values)) for key, values in inputs(manifests).iterrows()],
+        inputs=[(str(key), [shortened(value) for value in values]) for key, values in inputs(manifests).iterrows()],
         rows=[{**cells, "name": humanize(cells["output"])} for cells in outputs(rows, titles).to_dict("records")],
         common=any(row.change is not None and row.change.common for row in rows),
         figure=ratios(rows, titles),

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from mcnav.analysis.verdict import ROUNDING
+
 SUPERSCRIPTS: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 LONGEST: Final = 6
@@ -47,7 +49,7 @@ def fixed(value: float | None, decimals: int) -> str:
     >>> fixed(-0.25, 3)
     '−0.250'
     """
-    return "–" if value is None else f"{value:+.{decimals}f}".replace("-", "−")
+    return "–" if value is None or not math.isfinite(value) else f"{value:+.{decimals}f}".replace("-", "−")
 
 
 def with_error(value: float, error: float, sign: bool = False) -> str:
@@ -88,10 +90,10 @@ def share(value: float) -> str:
 def percent(share: float) -> str:
     """Format a signed difference in per cent: two significant digits below 0.1 %, two decimals to 10 %, one above.
 
-    >>> percent(0.0312), percent(-0.0000213), percent(3.5341)
-    ('+3.12 %', '−0.0021 %', '+353.4 %')
+    >>> percent(0.0312), percent(-0.0000213), percent(3.5341), percent(-2e-16)
+    ('+3.12 %', '−0.0021 %', '+353.4 %', '+0.00 %')
     """
-    value = 100.0 * share
+    value = 0.0 if abs(share) < ROUNDING else 100.0 * share
     if not math.isfinite(value):
         return "–"
     size = abs(value)

@@ -12,10 +12,10 @@ import numpy as np
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.budget import ErrorBudget
 from mcnav.analysis.comparison import Comparison, Criterion, Model
-from mcnav.analysis.convergence import Convergence
 from mcnav.analysis.envelopes import Envelopes, envelopes_from
 from mcnav.analysis.failed_samples import FailureBias
 from mcnav.analysis.requirements import RequirementResult
+from mcnav.analysis.running_ratios import Convergence
 from mcnav.analysis.tails import Quantile
 from mcnav.analysis.variance_breakdown import VarianceBreakdown
 from mcnav.report.summary import summarise
@@ -104,7 +104,7 @@ class RunAnalysis:
 
     @property
     def higher_order(self) -> Mapping[str, Any] | None:
-        """Moments in closed form, SI; none where there are none: see `mcnav.lincov.corrections.higher_order`."""
+        """Moments in closed form, SI; none where there are none: see `mcnav.lincov.nonlinear_corrections`."""
         found: Mapping[str, Any] = self.summary.get("higher_order") or {}
         return found if "sigma" in found else None
 

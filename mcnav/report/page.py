@@ -12,6 +12,7 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from mcnav.errors import shortened
 from mcnav.report import format as formats
 from mcnav.report import sentences, tables
 from mcnav.report.failures import failure_rows
@@ -21,6 +22,7 @@ from mcnav.report.figures.figure import Figure
 from mcnav.report.figures.flight import flight
 from mcnav.report.model import RunAnalysis
 from mcnav.report.requirements import detailed_rows
+from mcnav.report.template_cache import TemplateCache
 
 FIGURES: Final = (
     "flight", "ratios", "nees", "matrices", "budget", "development", "envelopes", "scatter", "histograms", "quantiles",
@@ -30,6 +32,12 @@ FIGURES: Final = (
 
 FILTERS: Final = ("number", "signed", "fixed", "with_error", "interval", "share", "percent", "probability")
 """Functions of `mcnav.report.format` that templates use."""
+
+FOREMOST: Final = ("not met", "undecided", "met")
+"""Findings in the order in which requirements are listed above everything else."""
+
+REQUIREMENTS: Final = 4
+"""Requirements listed there; the section on requirements has all."""
 
 CONTENTS: Final = "<!-- contents -->"
 """Placeholder of the table of contents in the base template."""
@@ -62,9 +70,9 @@ def filled(template: str, **values: Any) -> str:
     """
     environment = Environment(
         loader=PackageLoader("mcnav.report", "templates"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
-        lstrip_blocks=True,
+        lstrip_blocks=True, bytecode_cache=TemplateCache(__file__),
     )  # fmt: skip
-    environment.filters |= {name: getattr(formats, name) for name in FILTERS}
+    environment.filters |= {name: getattr(formats, name) for name in FILTERS} | {"shortened": shortened}
     style, script = (_source(environment, name) for name in ("style.css", "script.js"))
     script = re.sub(r"(?m)^\s*(//.*)?\n?", "", script)
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
@@ -103,7 +111,9 @@ def render(content: RunAnalysis) -> str:
     """Render the report as one HTML page."""
     manifest, summary = content.manifest, content.summary
     drawn = figures(content)
+    contributions = tables.contributions(content) if content.dispersed else []
     simulated, seconds = (manifest.execution.samples, manifest.execution.seconds) if manifest.execution else (0, 0.0)
+    requirements = detailed_rows(content)
     remarks = (sentences.joint_explanation, sentences.certain_but_small, sentences.stopping)
     return filled(
         "campaign.html",
@@ -119,10 +129,14 @@ def render(content: RunAnalysis) -> str:
         outputs=tables.outputs(content) if content.dispersed else [],
         ellipsoid=tables.ellipsoid(content),
         tests=tables.multivariate(content),
-        requirements=detailed_rows(content),
-        terms=tables.variance_terms(content),
+        requirements=requirements,
+        first=sorted(requirements, key=lambda row: FOREMOST.index(row["finding"]))[:REQUIREMENTS],
+        terms=tables.variance_terms(content) if content.dispersed else None,
         simulated_budget=tables.simulated_budget(content),
+        contributions=contributions,
+        grouped=any(row["several"] for row in contributions),
         sources=tables.sources(content),
+        no_higher_order=(summary["higher_order"] or {}).get("failed"),
         means=bool(np.any(content.model.mean)),
         correlated=bool(np.nanmax(np.abs(content.budget.cross_terms), initial=0.0) > 1e-12),
         farthest=tables.farthest(content) if content.dispersed else [],
@@ -132,6 +146,7 @@ def render(content: RunAnalysis) -> str:
         tolerance=f"{100.0 * content.criterion.tolerance:g} %",
         speed=f"{simulated / max(seconds, 1e-3):,.0f}" if simulated == summary["samples"] else None,
         failed=failure_rows(content),
+        inputs=tables.input_files(manifest),
         campaign=content.campaign,
         rerun=f"mcnav run campaign.toml --engine {shlex.quote(summary['engine'])}",
     )

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
+from mcnav.analysis.verdict import ROUNDING
 from mcnav.report.format import percent
 from mcnav.report.model import humanize, labels_of
 from mcnav.report.summary import tally
@@ -223,7 +224,7 @@ def certain_but_small(summary: Mapping[str, Any]) -> str:
     found = [
         f"{humanize(output['name'])} ({percent(ratio - 1.0)})"
         for output, ratio, interval, verdict in zip(*(summary[key] for key in keys), strict=False)
-        if verdict == "agrees" and interval is not None and not interval[0] <= 1.0 <= interval[1]
+        if verdict == "agrees" and interval is not None and not interval[0] - ROUNDING <= 1.0 <= interval[1] + ROUNDING
     ]
     return f"Statistically significant, but within the tolerance: {_join(found)}." if found else ""
 

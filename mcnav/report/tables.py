@@ -7,12 +7,15 @@ from typing import Any, Final
 
 import numpy as np
 
+from mcnav._types import Array
 from mcnav.analysis.variance_breakdown import TERMS, VarianceBreakdown
 from mcnav.report import export, sentences
+from mcnav.report.figures.sources import SHOWN, contributors
 from mcnav.report.format import number, share, signed, with_error
 from mcnav.report.model import RunAnalysis
 from mcnav.statistics.estimates import Estimate
 from mcnav.statistics.hypothesis_test import HypothesisTest
+from mcnav.store.manifest import Manifest
 
 TERM_NAMES: Final = {
     "sampled_sigmas": "sampling: sigmas of the errors",
@@ -23,22 +26,31 @@ TERM_NAMES: Final = {
     "rest": "remainder",
 }
 
+LARGEST: Final = 3
+"""Sources named beside each output."""
+
+LEAST: Final = 0.005
+"""Smallest share of a source that is named there."""
+
 FARTHEST: Final = 5
 """Samples with the largest NEES that are listed."""
+
+NEGLIGIBLE: Final = 1e-3
+"""Share by every method below which a source is left out of long tables of shares."""
 
 INTERACTION: Final = 0.01
 """Excess of a total over a first-order Sobol index that counts as an interaction."""
 
 
 def outputs(content: RunAnalysis) -> list[dict[str, Any]]:
-    """List sigmas, ratios, verdict and bias of each output; see `mcnav.report.export.output_rows`."""
+    """List sigmas, ratios, verdict, bias and largest sources of each output; see `mcnav.report.export.output_rows`."""
     unscented, higher = content.summary["unscented"].get("covariance"), content.higher_order
     rows = []
     for i, row in enumerate(export.output_rows({"": content.summary})):
         scale, found = content.output_scale[i], content.comparison.outputs[i]
         bias, error = (100.0 * each / (found.sigma_linear or math.nan)
                        for each in (found.bias.value, found.bias.standard_error))  # fmt: skip
-        needed = found.paired.samples_needed
+        needed, shares = found.paired.samples_needed, np.nan_to_num(content.budget.shares[i])
         rows.append(
             row
             | {
@@ -49,25 +61,62 @@ def outputs(content: RunAnalysis) -> list[dict[str, Any]]:
                 "bias": with_error(bias, error).split(" ") if found.sigma_linear > 0.0 else [],
                 "sigma_unscented": None if unscented is None else math.sqrt(max(unscented[i][i], 0.0)) * scale,
                 "sigma_higher_order": higher["sigma"][i] * scale if higher else None,
+                "largest": [
+                    (content.source_names[j], f"{100.0 * shares[j]:.0f}")
+                    for j in np.argsort(-shares, kind="stable")[:LARGEST]
+                    if shares[j] >= LEAST
+                ],
             }
         )
     return rows
 
 
+def contributions(content: RunAnalysis) -> list[dict[str, Any]]:
+    """List the share of each contributor in the linear variance of each output, and its final error for one sigma."""
+    scale, found = content.output_scale, content.budget
+    rows = []
+    for each in contributors(content):
+        shares = found.shares[:, each.members].sum(axis=1)
+        if len(each.members) == 1:
+            final = found.contributions[:, each.members[0]] * scale
+        else:
+            final = np.sqrt((found.contributions[:, each.members] ** 2).sum(axis=1)) * scale
+        rows.append({"name": each.label, "several": len(each.members) > 1,
+                     "cells": list(zip(shares, final, strict=True))})  # fmt: skip
+    return rows
+
+
 def sources(content: RunAnalysis) -> list[dict[str, Any]]:
-    """List sigma and mean of each source, its contribution to each output, and its share of the linear variance."""
+    """List sigma and mean of each source, its contribution to each output, and its share of the linear variance.
+
+    The source with the largest mean share comes first.
+    """
     scale, sigma, mean = content.source_scale, np.sqrt(np.diag(content.model.covariance)), content.model.mean
-    contributions = content.budget.contributions * content.output_scale[:, None]
+    finals = content.budget.contributions * content.output_scale[:, None]
+    order = np.argsort(-np.nan_to_num(content.budget.shares).mean(axis=0), kind="stable")
     return [
         {
             "name": content.source_names[j],
             "unit": content.source_units[j],
             "sigma": sigma[j] * scale[j],
             "mean": mean[j] * scale[j],
-            "cells": list(zip(contributions[:, j], content.budget.shares[:, j], strict=True)),
+            "cells": list(zip(content.budget.shares[:, j], finals[:, j], strict=True)),
         }
-        for j in np.flatnonzero((sigma > 0.0) | (mean != 0.0))
+        for j in order
+        if sigma[j] > 0.0 or mean[j] != 0.0
     ]
+
+
+def input_files(manifest: Manifest) -> list[dict[str, Any]]:
+    """List the files of a run besides its campaign: a user's code, and what that reads."""
+    code, rows = manifest.identity.code, [
+        {"name": each.name, "use": each.setting or "opened by the scenario", "bytes": each.bytes, "sha256": each.sha256,
+         "copied": each.copied}
+        for each in manifest.files
+    ]  # fmt: skip
+    if code is not None:
+        rows.insert(0, {"name": code.file, "use": "the scenario", "bytes": None, "sha256": code.sha256, "copied": True})
+    return rows
 
 
 def ellipsoid(content: RunAnalysis) -> dict[str, str] | None:
@@ -101,20 +150,22 @@ def farthest(content: RunAnalysis) -> list[dict[str, Any]]:
 
 
 def variance_terms(content: RunAnalysis) -> dict[str, Any] | None:
-    """Split the difference of each output's variance, in per cent of the linear one; none when nothing was compared."""
+    """Split the difference of each variance that differs, in per cent of the linear one; none where none does."""
     found = content.causes
     linear = np.diag(content.comparison.covariance_linear)
-    if found is None or not (linear > 0.0).any():
+    shown = [i for i, each in enumerate(content.comparison.outputs) if linear[i] > 0.0 and each.paired.certain]
+    if found is None or not shown:
         return None
     per_cent = np.divide(100.0, linear, out=np.full_like(linear, np.nan), where=linear > 0.0)
-    rows = {TERM_NAMES[name]: [signed(value) for value in found.terms[name] * per_cent] for name in TERMS}
-    remainder = zip(found.terms["rest"] * per_cent, found.standard_error * per_cent, strict=True)
+    rows = {TERM_NAMES[name]: [signed(value) for value in (found.terms[name] * per_cent)[shown]] for name in TERMS}
+    remainder = zip((found.terms["rest"] * per_cent)[shown], (found.standard_error * per_cent)[shown], strict=True)
     rows[TERM_NAMES["rest"]] = [with_error(value, error, sign=True) for value, error in remainder]
     return {
+        "names": [content.output_names[i] for i in shown],
         "rows": rows,
-        "total": found.total * per_cent,
-        "paired": found.paired * per_cent,
-        "unscented": found.unscented * per_cent,
+        "total": (found.total * per_cent)[shown],
+        "paired": (found.paired * per_cent)[shown],
+        "unscented": (found.unscented * per_cent)[shown],
         "sentence": _largest_difference(content, found, per_cent),
         "normal_only": not content.manifest.normal,
     }
@@ -167,20 +218,33 @@ def simulated_budget(content: RunAnalysis) -> dict[str, Any] | None:
     if "failed" in alone:
         return {"failed": alone["failed"]}
     variances = np.diag(content.comparison.covariance_linear)
+    largest = _largest_shares(content, variances, alone, sobol)
     active = np.flatnonzero(np.diag(content.model.covariance) > 0.0)
+    least = NEGLIGIBLE if len(active) > SHOWN else 0.0
     return {
         "failed": None,
+        "least": f"{100.0 * least:g} %" if least else "",
         "samples": alone["samples"],
         "no_sobol": sobol.get("failed"),
         "interactions": "failed" not in sobol and _interacts(sobol),
         "tables": {
             content.output_names[i]: {
                 content.source_names[j]: _shares(content, int(i), int(j), float(variances[i]), alone, sobol)
-                for j in active
+                for j in active[np.argsort(-content.budget.shares[i, active], kind="stable")]
+                if largest[i, j] >= least
             }
             for i in np.flatnonzero(variances > 0.0)
         },
     }
+
+
+def _largest_shares(content: RunAnalysis, variances: Array, alone: dict[str, Any], sobol: dict[str, Any]) -> Array:
+    """Return the largest share by any method, shape (outputs, sources)."""
+    divisor = np.where(variances > 0.0, variances, np.nan)[:, None]
+    tables = [content.budget.shares, np.array(alone["alone"]["variance"], dtype=float) / divisor]
+    if "failed" not in sobol:
+        tables.append(np.array(sobol["total"], dtype=float))
+    return np.asarray(np.max(np.nan_to_num(tables), axis=0))
 
 
 def _interacts(sobol: dict[str, Any]) -> bool:
@@ -196,7 +260,8 @@ def _shares(
     """Format the share of source j in the variance of output i: alone, without it, and Sobol indices."""
 
     def shown(estimate: Estimate) -> str:
-        return f"{share(estimate.value)} ± {share(estimate.half_width(content.criterion.confidence))}"
+        half_width = share(estimate.half_width(content.criterion.confidence))
+        return f"{share(estimate.value)} ± {half_width}".replace(" ", "\N{NO-BREAK SPACE}")
 
     def simulated(key: str) -> str:
         error = alone[key]["standard_error"][i][j]

@@ -14,6 +14,7 @@ from mcnav._types import Array
 from mcnav.analysis.comparison import Comparison
 from mcnav.analysis.linearity import DispersionRange
 from mcnav.analysis.verdict import combine_verdicts
+from mcnav.errors import shortened
 from mcnav.lincov.start_times import StartTimeStudy
 from mcnav.report import sentences
 from mcnav.report.export import output_rows, partial_rows
@@ -88,7 +89,7 @@ def inputs(found: pd.DataFrame) -> RenderableType:
     """Tabulate the inputs that differ between runs, one line per key."""
     table = FittedTable("Changed inputs", texts("key", *found.columns))
     for key, values in found.iterrows():
-        table.add(str(key), *(str(value) for value in values))
+        table.add(str(key), *(shortened(value) for value in values))
     return table if table.rows else Text("The runs have the same campaign, engine and versions.")
 
 

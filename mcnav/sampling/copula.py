@@ -15,7 +15,6 @@ from functools import lru_cache
 from typing import Final
 
 import numpy as np
-from scipy.optimize import brentq
 
 from mcnav._types import Array
 from mcnav.sampling.distributions import Distribution, Normal
@@ -36,14 +35,7 @@ def hermite_coefficients(distribution: Distribution) -> Array:
     Scaling replaces the variance that the finite sum omits (1e-7 for a triangle's kink). The steps of a table omit
     more, which only matters for correlations near one: its coefficients are not scaled.
 
-    Returns
-    -------
-    ndarray, shape (121,)
-
-    Raises
-    ------
-    ValueError
-        When the tails are so heavy that the sum contains less than 99.9 % of the variance.
+    Raises `ValueError` when the tails are so heavy that the sum contains less than 99.9 % of the variance.
     """
     z = _ABSCISSAE
     weights = np.exp(-0.5 * z * z) * ((z[1] - z[0]) / math.sqrt(2.0 * math.pi))
@@ -67,11 +59,10 @@ def hermite_coefficients(distribution: Distribution) -> Array:
 def normal_correlation(first: Distribution, second: Distribution, wanted: float) -> float:
     """Find the correlation of the normals that gives two errors the wanted correlation.
 
-    Raises
-    ------
-    ValueError
-        When no copula reaches it; the message names the range that can be reached.
+    Raises `ValueError` when no copula reaches it; the message names the range that can be reached.
     """
+    from scipy.optimize import brentq  # slow to import: a tenth of a second
+
     if isinstance(first, Normal) and isinstance(second, Normal):
         return wanted
     lowest, highest = (error_correlation(first, second, end) for end in (-1.0, 1.0))
@@ -97,10 +88,7 @@ def semidefinite_factor(matrix: Array) -> Array:
 
     A pivot of zero, to rounding, gives a column of zeros; perfectly correlated errors can be drawn.
 
-    Raises
-    ------
-    ValueError
-        When the matrix has a negative eigenvalue.
+    Raises `ValueError` when the matrix has a negative eigenvalue.
     """
     smallest = float(np.linalg.eigvalsh(matrix)[0])
     if smallest < -ROUNDING:

@@ -18,6 +18,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from mcnav._types import Array, IndexArray
+from mcnav.sampling.sobol_net import scrambled_net
 
 DESIGNS: Final = ("random", "antithetic", "latin-hypercube", "sobol")
 REPLICATES: Final = 16
@@ -106,26 +107,13 @@ def _latin_hypercube(seed: int, block: int, length: int, dimensions: int) -> Arr
 
 def _sobol(seed: int, block: int, begin: int, end: int, dimensions: int) -> Array:
     """Draw points [begin, end) of one scrambled Sobol net."""
-    from scipy.stats import qmc  # the import takes half a second
-
-    net = qmc.Sobol(dimensions, scramble=True, rng=np.random.Generator(np.random.Philox(_key(seed, block))))
-    if begin:
-        net.fast_forward(begin)
-    count = end - begin
-    return np.asarray(net.random(1 << (count - 1).bit_length())[:count])  # a net is balanced at powers of two
+    return scrambled_net(np.random.Generator(np.random.Philox(_key(seed, block))), dimensions, begin, end)
 
 
 def standard_normals(design: str, seed: int, samples: int, begin: int, end: int, dimensions: int) -> Array:
     """Draw independent standard normals of samples [begin, end) of a campaign, shape (end - begin, dimensions).
 
-    Parameters
-    ----------
-    design : str
-        One of `DESIGNS`.
-    samples : int
-        Samples of the whole campaign, which determine the block length of the replicated designs.
-    dimensions : int
-        Variates per sample.
+    The samples of the whole campaign determine the block length of the replicated designs.
     """
     if design == "random":
         return np.asarray(ndtri(_random(seed, begin, end, dimensions)))
@@ -136,10 +124,9 @@ def standard_normals(design: str, seed: int, samples: int, begin: int, end: int,
         return np.stack([half, -half], axis=1).reshape(-1, dimensions)[begin - first * 2 : end - first * 2]
     parts = []
     for block in range(first, last):
-        low, high = max(begin, block * length) - block * length, min(end, (block + 1) * length) - block * length
+        low, high = max(begin - block * length, 0), min(end - block * length, length)
         if design == "latin-hypercube":
             parts.append(_latin_hypercube(seed, block, length, dimensions)[low:high])
         else:
             parts.append(_sobol(seed, block, low, high, dimensions))
-    uniforms = np.concatenate(parts)
-    return np.asarray(ndtri(np.clip(uniforms, 2.0**-54, 1.0 - 2.0**-53)))
+    return np.asarray(ndtri(np.clip(np.concatenate(parts), 2.0**-54, 1.0 - 2.0**-53)))

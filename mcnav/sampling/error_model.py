@@ -200,12 +200,9 @@ class ErrorModel:
         """
         first, groups = len(self._drawn), len(self._joint)
         variates = standard_normals(design, seed, samples, begin, end, first + groups + len(self._drawn_last))
+        drawn, of_groups, drawn_last = np.split(variates, [first, first + groups], axis=1)
         independent = np.zeros((end - begin, len(self.names)))
-        independent[:, self._drawn], independent[:, self._drawn_last] = (
-            variates[:, :first],
-            variates[:, first + groups :],
-        )
-        of_groups = variates[:, first : first + groups]
+        independent[:, self._drawn], independent[:, self._drawn_last] = drawn, drawn_last
         if design == "antithetic":  # a pair shares its scale: mirrored errors are the errors of mirrored normals
             of_groups[np.arange(begin, end) % 2 == 1] *= -1.0
         scales = [group.scale(of_groups[:, number]) for number, group in enumerate(self._joint)]

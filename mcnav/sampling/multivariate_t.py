@@ -25,7 +25,6 @@ from typing import Final
 
 import numpy as np
 from scipy import special
-from scipy.optimize import brentq
 
 from mcnav._types import Array
 
@@ -67,24 +66,23 @@ def _sines(one: MultivariateT | None, other: MultivariateT | None) -> tuple[Arra
     """Compute the values of the root in the equation of rho_S and their probabilities, shape (m,)."""
     weights = np.exp(-0.5 * _ABSCISSAE**2)
     weights /= weights.sum()
-    constant = np.zeros(1), np.ones(1)
-    normal = _ABSCISSAE, weights
 
-    def inverse(group: MultivariateT | None, z: Array) -> Array:
-        return np.ones_like(z) if group is None else 1.0 / _chi_square(group.degrees_of_freedom, z)
+    def inverse(group: MultivariateT | None) -> tuple[Array, Array]:
+        """Return values of 1 / W, one where there is no group, and their probabilities."""
+        if group is None:
+            return np.ones(1), np.ones(1)
+        return 1.0 / _chi_square(group.degrees_of_freedom, _ABSCISSAE), weights
 
-    (first, p), (second, q) = (constant if group is None else normal for group in (one, other))
-    s_1, s_2 = inverse(one, first)[:, None], inverse(one, first)
-    t_1, t_3 = inverse(other, second)[:, None], inverse(other, second)
-    left, right = s_1 / (s_1 + s_2), t_1 / (t_1 + t_3)  # first draw in rows, second draw in columns
+    (s, p), (t, q) = inverse(one), inverse(other)
+    left, right = s[:, None] / (s[:, None] + s), t[:, None] / (t[:, None] + t)  # first draw in rows, second in columns
     if one is not None and one == other:  # the first draw is shared
         sines = left[:, :, None] * right[:, None, :]
         probabilities = p[:, None, None] * p[None, :, None] * p
     else:
         sines = left[:, :, None, None] * right
         probabilities = p[:, None, None, None] * p[None, :, None, None] * q[:, None] * q
-    kept = probabilities.ravel() > 1e-16
-    return np.sqrt(sines.ravel()[kept]), probabilities.ravel()[kept]
+    relevant = probabilities > 1e-16
+    return np.sqrt(sines[relevant]), probabilities[relevant]
 
 
 def rank_correlation(normal: float, one: MultivariateT | None = None, other: MultivariateT | None = None) -> float:
@@ -102,11 +100,10 @@ def rank_correlation(normal: float, one: MultivariateT | None = None, other: Mul
 def normal_of_rank(wanted: float, one: MultivariateT | None = None, other: MultivariateT | None = None) -> float:
     """Find the correlation of the normals that gives a rank correlation; see `rank_correlation`.
 
-    Raises
-    ------
-    ValueError
-        When it cannot be reached; the message names the largest magnitude.
+    Raises `ValueError` when it cannot be reached; the message names the largest magnitude.
     """
+    from scipy.optimize import brentq  # slow to import: a tenth of a second
+
     if one is None and other is None:
         return 2.0 * math.sin(math.pi * wanted / 6.0)
     largest = rank_correlation(1.0, one, other)

@@ -36,21 +36,9 @@ def shape_names(name: str) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class ScipyDistribution:
-    """Continuous distribution of scipy.stats.
+    """Continuous distribution of scipy.stats, named by a key of `continuous_distributions`; nothing is evaluated.
 
-    Parameters
-    ----------
-    name : str
-        A key of `continuous_distributions`; nothing is evaluated.
-    shapes : tuple of (str, float)
-        Shape parameters by name.
-    loc, scale : float
-        SI.
-
-    Raises
-    ------
-    ValueError
-        When there is no such distribution, or it lacks a finite mean and a finite, positive variance.
+    Raises `ValueError` when there is no such distribution, or it lacks a finite mean and a finite, positive variance.
     """
 
     name: str
@@ -95,17 +83,9 @@ class ScipyDistribution:
 
 @dataclass(frozen=True)
 class EmpiricalDistribution:
-    """Equally likely values.
+    """Equally likely values, SI, in any order.
 
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        SI, in any order.
-
-    Raises
-    ------
-    ValueError
-        When fewer than two values differ, or one is not finite.
+    Raises `ValueError` when fewer than two values differ, or one is not finite.
     """
 
     values: Array = field(compare=False, repr=False)

@@ -19,10 +19,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array, IndexArray
+from mcnav._types import Array
 from mcnav.constants import STANDARD_GRAVITY
 from mcnav.physics.power_sums import PowerSums
-from mcnav.physics.steady.ensemble import simulate_ensemble, simulate_histories
+from mcnav.physics.steady.ensemble import ORDER, simulate_ensemble, simulate_histories
 from mcnav.physics.steady.linearized import linearize
 from mcnav.physics.steady.navigator import Diverged, simulate_indicated
 from mcnav.physics.steady.truth import SteadyFlight, navigation_error
@@ -91,8 +91,14 @@ EPOCHS: Final = 60
 TOLERANCE: Final = 1e-7
 """Largest numerical error of any probe, as a share of the probes' standard deviation in that output."""
 
-FEWEST_STEPS: Final = 64
-MOST_STEPS: Final = 16_384
+FEWEST_STEPS: Final = 12
+MOST_STEPS: Final = 4_096
+
+LONGEST_STEP: Final = 400.0
+"""Longest step of the time history of each error alone, s: a thirteenth of the natural period near the ground."""
+
+REVISION: Final = 2
+"""Counts the changes of the samples' last digits: 1 was a scheme of fourth order."""
 
 HAND_OVER_SHARE: Final = 0.01
 """When more of the probes leave the kernel's validity, the reference path will do most of the work, in processes."""
@@ -163,19 +169,19 @@ class EnsembleEngine:
         beyond = np.flatnonzero(~valid).tolist()
         return SimulationResult(values, self.navigation.simulate_reference(errors, beyond, values), len(beyond))
 
-    @cached_property
-    def _stops(self) -> IndexArray:
-        return np.unique(np.linspace(0, self.steps, EPOCHS).round().astype(np.int64))
-
     @property
     def epochs(self) -> Epochs:
-        """Steps of the flight, evenly spaced."""
-        return Epochs(HISTORY_TIME, self.navigation.flight.duration / 60.0 * self._stops / self.steps)
+        """Evenly spaced."""
+        return Epochs(HISTORY_TIME, np.linspace(0.0, self.navigation.flight.duration / 60.0, EPOCHS))
 
     def histories(self, errors: Array) -> Array:
-        """Simulate samples, shape (n, sources): their errors at every epoch, shape (n, m, outputs)."""
+        """Simulate samples, shape (n, sources): their errors at every epoch, shape (n, m, outputs).
+
+        The steps are at least as many as those for final errors, and the same number between all epochs.
+        """
         flight, whole = self.navigation.flight, self.navigation.whole(errors)
-        histories, valid = simulate_histories(flight, whole, self.steps, self._stops)
+        each = -(-self.steps // (EPOCHS - 1))
+        histories, valid = simulate_histories(flight, whole, each * (EPOCHS - 1), each * np.arange(EPOCHS))
         histories[~valid] = np.nan
         return histories[:, :, self.navigation.outputs]
 
@@ -193,6 +199,7 @@ class Cruise:
     """
 
     engines = ("ensemble", "reference")
+    revision = REVISION
 
     def __init__(self, flight: SteadyFlight) -> None:
         if flight.effective_gravity <= 0.0:
@@ -233,7 +240,7 @@ class Cruise:
             return ReferenceEngine(self.navigation)
         steps, error = self._refined(probes)
         accuracy = (
-            f"deviations in cartesian axes, Runge-Kutta order 4, {steps} steps; largest numerical error of "
+            f"deviations in cartesian axes, Runge-Kutta order {ORDER}, {steps} steps; largest numerical error of "
             f"{len(probes)} probe samples {error:.1e} of an output's dispersion"
         )
         ready = EnsembleEngine(self.navigation, steps, accuracy)
@@ -242,7 +249,11 @@ class Cruise:
         return ready
 
     def _refined(self, probes: Array) -> tuple[int, float]:
-        """Find the fewest steps that the probes allow, and their error, as the ensemble of reentry does."""
+        """Find the fewest steps that the probes allow, and their error.
+
+        With twice as many steps, the error of a scheme of order p falls to a share of 2^-p: that of the fewer steps is
+        the difference times ``2^p / (2^p - 1)``.
+        """
 
         def flown(steps: int) -> Array:
             values, valid = self.navigation.by_ensemble(probes, steps)
@@ -254,10 +265,10 @@ class Cruise:
             scale = fine.std(axis=0)
             scale = np.where(scale > 0.0, scale, np.abs(fine).max(axis=0))
             shares = np.abs(coarse - fine).max(axis=0)[scale > 0.0] / scale[scale > 0.0]
-            error = float(shares.max(initial=0.0)) * 16.0 / 15.0
+            error = float(shares.max(initial=0.0)) / (1.0 - 0.5**ORDER)
             if error <= TOLERANCE or steps >= MOST_STEPS:
                 return steps, error
-            wanted = int(np.ceil(1.1 * steps * (error / TOLERANCE) ** 0.25))
+            wanted = int(np.ceil(1.1 * steps * (error / TOLERANCE) ** (1.0 / ORDER)))
             steps = min(max(wanted, steps + 1), MOST_STEPS)
 
     def simulate_one(self, errors: Array) -> History:
@@ -282,11 +293,11 @@ class Cruise:
         labels = source_labels([source.name for source in self.sources], names)
         sizes = np.array([source.nominal for source in self.sources])
         times = np.linspace(0.0, flight.duration, HISTORY_POINTS)
-        steps = MOST_STEPS // 32
-        flown = np.zeros((len(times), len(sizes), len(names)))
-        for number, time in enumerate(times[1:], start=1):
-            shorter = replace(self.navigation, flight=replace(flight, duration=float(time)))
-            flown[number] = shorter.by_ensemble(np.diag(sizes), max(FEWEST_STEPS, steps * number // len(times)))[0]
+        intervals = HISTORY_POINTS - 1
+        each = int(np.ceil(flight.duration / (intervals * LONGEST_STEP)))
+        of_sizes = self.navigation.whole(np.diag(sizes))
+        histories, _ = simulate_histories(flight, of_sizes, each * intervals, each * np.arange(HISTORY_POINTS))
+        flown = histories[:, :, self.navigation.outputs].swapaxes(0, 1)
         columns = {HISTORY_TIME: times / 60.0, "range flown [km]": flight.speed * times / 1e3}
         panels = []
         for name in (name for name in names if not name.endswith("_rate")):

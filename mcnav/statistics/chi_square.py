@@ -52,16 +52,9 @@ def kolmogorov_p_value(distance: float, count: int) -> float:
 
 @dataclass(frozen=True)
 class Containment:
-    """Share of samples inside an ellipsoid of a given probability.
+    """Share of samples inside an ellipsoid whose probability is ``level`` if they are normal with a given covariance.
 
-    Attributes
-    ----------
-    level : float
-        Probability of the ellipsoid if the samples are normal with the given covariance.
-    share : float
-        Share of the samples.
-    interval : (float, float)
-        Exact interval of the probability (Clopper and Pearson).
+    The interval is that of the probability (Clopper and Pearson).
     """
 
     level: float

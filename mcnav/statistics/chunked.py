@@ -23,18 +23,8 @@ def stretches(samples: int) -> Iterator[slice]:
 def stretches_of_blocks(begins: IndexArray, samples: int) -> Iterator[tuple[slice, slice]]:
     """Slice samples into stretches of whole blocks, of about `STRETCH` samples each, in order.
 
-    Parameters
-    ----------
-    begins : ndarray of int, shape (blocks,)
-        First sample of each block.
+    The blocks are given by the first sample of each; yields the samples and the blocks of each stretch.
 
-    Yields
-    ------
-    rows, own : slice
-        Samples of the stretch, and its blocks.
-
-    Examples
-    --------
     >>> [(rows.stop, own.stop) for rows, own in stretches_of_blocks(np.array([0, 30_000, 60_000]), 90_000)]
     [(30000, 1), (60000, 2), (90000, 3)]
     """
@@ -68,11 +58,7 @@ def squared_distances(values: Array, centre: Array, given: Whitening) -> Array:
 class RunningScatter:
     """Number, mean and scatter of observations that are added in parts (Chan, Golub and LeVeque, 1983).
 
-    Attributes
-    ----------
-    mean : ndarray, shape (k,)
-    scatter : ndarray, shape (k, k)
-        ``sum (x - m)(x - m)^T``.
+    The scatter is ``sum (x - m)(x - m)^T``, shape (k, k).
     """
 
     count: int = 0

@@ -9,6 +9,7 @@ import numpy as np
 from scipy import special
 
 from mcnav._types import Array
+from mcnav.statistics.bisection import smallest_reaching
 
 _ANGLES: Final = 400
 """Nodes of the Gauss-Legendre rule: relative error below 1e-9 down to an axis ratio of 1:100."""
@@ -16,20 +17,14 @@ _ANGLES: Final = 400
 
 @lru_cache(maxsize=1)
 def _gauss_legendre() -> tuple[Array, Array]:
-    nodes, weights = np.polynomial.legendre.leggauss(_ANGLES)
-    return nodes, weights
+    return np.polynomial.legendre.leggauss(_ANGLES)
 
 
 def normal_probability_within(radius: float, mean: Array, covariance: Array) -> float:
     """Compute the probability that a bivariate normal variable lies within a circle about zero.
 
     In principal axes the integral over the lesser one is a difference of normal distributions; that over the greater is
-    done by Gauss-Legendre in ``x = R sin(t)``.
-
-    Parameters
-    ----------
-    mean, covariance : ndarray, shapes (2,) and (2, 2)
-        The covariance may be singular.
+    done by Gauss-Legendre in ``x = R sin(t)``. The covariance may be singular.
     """
     values, vectors = np.linalg.eigh(covariance)
     lesser, greater = np.sqrt(np.maximum(values, 0.0))
@@ -56,9 +51,7 @@ def normal_circular_error_probable(mean: Array, covariance: Array) -> float:
     >>> round(normal_circular_error_probable(np.zeros(2), np.eye(2)), 6)  # sqrt(2 ln 2)
     1.17741
     """
-    from scipy.optimize import brentq  # slow to import: a fifth of a second
-
     scale = float(np.sqrt(max(np.trace(covariance), 0.0)) + np.hypot(*mean))
     if scale == 0.0 or not np.isfinite(scale):
         return scale
-    return float(brentq(lambda r: normal_probability_within(r, mean, covariance) - 0.5, 1e-9 * scale, 3.0 * scale))
+    return smallest_reaching(lambda r: normal_probability_within(r, mean, covariance), 0.5, 1e-9 * scale, 3.0 * scale)

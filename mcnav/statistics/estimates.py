@@ -27,14 +27,10 @@ from mcnav._types import Array, IndexArray
 
 @dataclass(frozen=True)
 class Estimate:
-    """An estimated mean.
+    """An estimated mean with as many degrees of freedom as independent blocks less one.
 
-    Attributes
-    ----------
-    degrees_of_freedom : float
-        Independent blocks less one; with none the standard error is infinite.
-    asymmetry : float
-        ``a``: skewness of the blocks over the root of their number.
+    With none the standard error is infinite. The asymmetry ``a`` is the skewness of the blocks over the root of their
+    number.
     """
 
     value: float
@@ -83,15 +79,8 @@ def blocked_mean(values: Array, blocks: IndexArray, fewest: float = 2) -> Estima
     """Estimate the mean of one quantity over samples in independent blocks.
 
     With m_b the mean and n_b the size of block b, ``s.e.^2 = B / (B - 1) sum_b n_b^2 (m_b - m)^2 / n^2``: the ratio
-    estimator's error, which for blocks of one is the textbook s / sqrt(n).
-
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-    blocks : ndarray of int, shape (n,)
-        Block of each sample, not decreasing.
-    fewest : float
-        Blocks below which the standard error is infinite.
+    estimator's error, which for blocks of one is the textbook s / sqrt(n). With fewer than ``fewest`` blocks it is
+    infinite. The block of each sample, shape (n,), does not decrease.
     """
     count = len(values)
     if count == 0:
@@ -121,6 +110,15 @@ def summed_mean(totals: Array, counts: Array, fewest: float = 2) -> Estimate:
         return Estimate(float("nan"), float("inf"), 0.0)
     mean = float(np.sum(totals)) / count
     return _estimate(mean, totals - mean * counts, count, fewest)
+
+
+def paired_squares(simulated: Array, linear: Array) -> Array:
+    """Return the squares of simulated less those of linear errors, each about their mean, shape (n,).
+
+    Their mean is the difference of the unbiased sample variances.
+    """
+    unbiased = len(simulated) / max(len(simulated) - 1.0, 1.0)
+    return np.asarray(unbiased * ((simulated - simulated.mean()) ** 2 - (linear - linear.mean()) ** 2))
 
 
 def block_begins(blocks: IndexArray) -> IndexArray:

@@ -23,21 +23,14 @@ def hotelling(count: int, deviation: Array, covariance: Array) -> HypothesisTest
         T^2 = n m^T C^-1 m,        T^2 (n - p) / (p (n - 1))  is  F(p, n - p)
 
     (Anderson, *An Introduction to Multivariate Statistical Analysis*, 2003, section 5.2). The test is made in the range
-    of C; a mean outside it has an infinite statistic.
+    of C; a mean outside it has an infinite statistic. There is no test with fewer observations than dimensions.
 
     Parameters
     ----------
     count : int
         Observations n.
-    deviation : ndarray, shape (k,)
-        m.
-    covariance : ndarray, shape (k, k)
-        C.
-
-    Returns
-    -------
-    HypothesisTest or None
-        Its statistic is the F-distributed one; none with fewer observations than dimensions.
+    deviation, covariance : ndarray, shapes (k,) and (k, k)
+        m and C.
     """
     if not 0 < len(deviation) < count:
         return None

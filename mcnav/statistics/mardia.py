@@ -15,16 +15,9 @@ from mcnav.statistics.whitening import whitening
 
 @dataclass(frozen=True)
 class Mardia:
-    """Multivariate skewness and kurtosis of a sample.
+    """Multivariate skewness b_1, zero for a normal distribution, and kurtosis b_2, p (p + 2) for a normal distribution.
 
-    Attributes
-    ----------
-    skewness : float
-        b_1; zero for a normal distribution.
-    kurtosis : float
-        b_2; p (p + 2) for a normal distribution of p dimensions.
-    skewness_test, kurtosis_test : HypothesisTest
-        Against normality: chi-square and standard normal (two-sided).
+    The tests are against normality: chi-square and standard normal (two-sided).
     """
 
     skewness: float
@@ -34,7 +27,7 @@ class Mardia:
 
 
 def mardia(values: Array) -> Mardia | None:
-    """Compute Mardia's measures and their tests for independent samples.
+    """Compute Mardia's measures and their tests for independent samples, shape (n, k).
 
     With z the samples whitened by their own covariance (divisor n), in its range of dimension p,
 
@@ -42,16 +35,7 @@ def mardia(values: Array) -> Mardia | None:
 
     n k b_1 / 6 with ``k = (p+1)(n+1)(n+3) / (n [(n+1)(p+1) - 6])`` is chi-square of p (p+1) (p+2) / 6 degrees of
     freedom, and b_2 is normal with mean p (p+2) (n-1) / (n+1) and its exact variance (Mardia, Biometrika 57, 1970, 519;
-    Sankhya B 36, 1974, 115).
-
-    Parameters
-    ----------
-    values : ndarray, shape (n, k)
-
-    Returns
-    -------
-    Mardia or None
-        None without dispersion, or with too few samples.
+    Sankhya B 36, 1974, 115). There is none without dispersion, or with too few samples.
     """
     count = len(values)
     if count < 2:

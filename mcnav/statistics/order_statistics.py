@@ -8,6 +8,8 @@ section 7.1). Ranks count from one.
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import special
@@ -15,26 +17,13 @@ from scipy import special
 from mcnav._types import Array
 
 
-def samples_for_upper_bound(quantile: float, confidence: float, exceedances: int = 0) -> int:
-    """Return the smallest sample size whose largest sample but ``exceedances`` bounds a quantile from above.
+def samples_for_upper_bound(quantile: float, confidence: float) -> int:
+    """Return the smallest sample size whose largest sample bounds a quantile from above: ``1 - q^n >= confidence``.
 
-    Examples
-    --------
     >>> [samples_for_upper_bound(q, 0.90) for q in (0.99, 0.9973, 0.99865)], samples_for_upper_bound(0.95, 0.95)
     ([230, 852, 1705], 59)
     """
-    _check(quantile, confidence)
-    low = exceedances
-    high = max(1, math.ceil(math.log1p(-confidence) / math.log(quantile)))
-    while special.bdtrc(exceedances, high, 1.0 - quantile) < confidence:
-        low, high = high, 2 * high
-    while high - low > 1:  # the probability of more exceedances rises with the sample size
-        middle = (low + high) // 2
-        if special.bdtrc(exceedances, middle, 1.0 - quantile) >= confidence:
-            high = middle
-        else:
-            low = middle
-    return high
+    return max(1, math.ceil(math.log1p(-confidence) / math.log(quantile)))
 
 
 def upper_rank(count: int, quantile: float, confidence: float) -> int | None:
@@ -43,17 +32,11 @@ def upper_rank(count: int, quantile: float, confidence: float) -> int | None:
     >>> upper_rank(229, 0.99, 0.90), upper_rank(230, 0.99, 0.90), upper_rank(10_000, 0.99, 0.90)
     (None, 230, 9914)
     """
-    _check(quantile, confidence)
-    if count < 1 or special.bdtr(count - 1, count, quantile) < confidence:
-        return None
-    low, high = 0, count
-    while high - low > 1:
-        middle = (low + high) // 2
-        if special.bdtr(middle - 1, count, quantile) >= confidence:
-            high = middle
-        else:
-            low = middle
-    return high
+    for name, value in (("quantile", quantile), ("confidence", confidence)):
+        if not 0.0 < value < 1.0:
+            raise ValueError(f"{name} must lie between 0 and 1; got {value!r}")
+    below = bisect_left(range(count), confidence, key=lambda number: float(special.bdtr(number, count, quantile)))
+    return below + 1 if below < count else None
 
 
 def lower_rank(count: int, quantile: float, confidence: float) -> int | None:
@@ -65,19 +48,35 @@ def lower_rank(count: int, quantile: float, confidence: float) -> int | None:
     return None if rank is None else count + 1 - rank
 
 
-def upper_bound(values: Array, quantile: float, confidence: float) -> float:
-    """Bound a quantile of independent samples, shape (n,), from above; infinite with too few samples."""
-    rank = upper_rank(len(values), quantile, confidence)
-    return float("inf") if rank is None else float(np.partition(values, rank - 1)[rank - 1])
+@dataclass(frozen=True)
+class RankedSizes:
+    """Sizes, which are not negative, of the successful samples in rising order, and the number of failed ones."""
 
+    values: Array
+    failed: int
 
-def lower_bound(values: Array, quantile: float, confidence: float) -> float:
-    """Bound a quantile from below, as `upper_bound`; minus infinity with too few samples."""
-    rank = lower_rank(len(values), quantile, confidence)
-    return float("-inf") if rank is None else float(np.partition(values, rank - 1)[rank - 1])
+    @classmethod
+    def of(cls, sizes: Array) -> RankedSizes:
+        """Rank sizes that are NaN where a sample failed."""
+        ranked = np.sort(sizes)  # which puts them last
+        successful = len(ranked) - int(np.count_nonzero(np.isnan(ranked)))
+        return cls(ranked[:successful], len(ranked) - successful)
 
+    def estimate(self, quantile: float) -> float:
+        """Interpolate between the two sizes next to a quantile."""
+        if not len(self.values):
+            return math.nan
+        place = (len(self.values) - 1) * quantile
+        below = int(place)
+        return float(np.quantile(self.values[below : below + 2], place - below))
 
-def _check(quantile: float, confidence: float) -> None:
-    for name, value in (("quantile", quantile), ("confidence", confidence)):
-        if not 0.0 < value < 1.0:
-            raise ValueError(f"{name} must lie between 0 and 1; got {value!r}")
+    def bounds(self, quantile: float, confidence: float) -> tuple[float, float]:
+        """Bound a quantile from below and from above, each with the confidence.
+
+        Failed samples count as smallest below, and as largest above; with too few samples the bounds are zero and
+        infinity.
+        """
+        count = len(self.values) + self.failed
+        low, high = lower_rank(count, quantile, confidence), upper_rank(count, quantile, confidence)
+        lower = 0.0 if low is None or low <= self.failed else float(self.values[low - self.failed - 1])
+        return lower, math.inf if high is None or high > len(self.values) else float(self.values[high - 1])

@@ -42,14 +42,8 @@ def shape_of_sums(sums: Array, counts: Array, fewest: float = 2) -> tuple[Estima
     """Estimate skewness and excess kurtosis from block sums of powers; zero without dispersion.
 
     The errors are the jackknife's, leaving out one block at a time: at a few hundred samples those of the influence
-    function are too small. They are infinite with fewer than ``fewest`` blocks.
-
-    Parameters
-    ----------
-    sums : ndarray, shape (4, blocks)
-        Sums of the first four powers, in any origin and unit.
-    counts : ndarray, shape (blocks,)
-        Samples in each block.
+    function are too small. They are infinite with fewer than ``fewest`` blocks. The sums have shape (4, blocks) and any
+    origin and unit; ``counts`` are the samples in each block, shape (blocks,).
     """
     whole, count, number = sums.sum(axis=1), counts.sum(), sums.shape[1]
     if not whole[1] / count - (whole[0] / count) ** 2 > 0.0:

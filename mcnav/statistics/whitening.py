@@ -46,15 +46,10 @@ class Whitening:
 
 
 def whitening(covariance: Array) -> Whitening:
-    """Whiten a covariance by its eigenvectors, in units of the standard deviations.
+    """Whiten a positive semidefinite covariance by its eigenvectors, in units of the standard deviations.
 
-    Parameters
-    ----------
-    covariance : ndarray, shape (k, k)
-        Symmetric and positive semidefinite; rows of zeros are variables without dispersion.
+    Rows of zeros are variables without dispersion.
 
-    Examples
-    --------
     >>> whitening(np.array([[4.0, 0.0], [0.0, 0.0]])).matrix
     array([[0.5],
            [0. ]])
@@ -62,21 +57,13 @@ def whitening(covariance: Array) -> Whitening:
     sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     scale = np.divide(1.0, sigma, out=np.zeros_like(sigma), where=sigma > 0.0)
     values, vectors = np.linalg.eigh(covariance * np.outer(scale, scale))
-    kept = values > RANK_TOLERANCE * max(float(values[-1]), 0.0) if (sigma > 0.0).any() else values < 0.0
-    kept &= values > 0.0
-    directions = vectors[:, kept] / np.sqrt(values[kept])
-    return Whitening(scale[:, None] * directions, directions, vectors[:, ~kept])
+    positive = values > RANK_TOLERANCE * max(values[-1], 0.0)
+    directions = vectors[:, positive] / np.sqrt(values[positive])
+    return Whitening(scale[:, None] * directions, directions, vectors[:, ~positive])
 
 
 def leaves_range(of: Whitening, covariance: Array, sample: Array) -> bool:
-    """Return whether a sample covariance has dispersion where another covariance has none.
-
-    Parameters
-    ----------
-    of : Whitening
-        Whitening of ``covariance``.
-    covariance, sample : ndarray, shape (k, k)
-    """
+    """Return whether a sample covariance has dispersion where another covariance, also given whitened, has none."""
     if of.complement.shape[1] == 0:
         return False
     sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))

@@ -17,7 +17,7 @@ import pyarrow.parquet as pq
 from pydantic import Field
 
 from mcnav._types import Array, IndexArray
-from mcnav.files import arrow_array, arrow_texts, numbers_in, parquet_bytes, read_whole, write_whole
+from mcnav.files import arrow_array, arrow_texts, numbers_in, parquet_bytes, read_whole, repeated_text, write_whole
 from mcnav.scenarios.failure import OK, Failure
 
 _TEXT: Final = ("status",)
@@ -255,6 +255,6 @@ def put(table: pa.Table, layout: SampleSchema, samples: Samples, row: int) -> No
         for column, name in zip(array.T, names, strict=True):
             column[rows] = numbers_in(table.column(name))
     for chunk in table.column("status").chunks:
-        if chunk.unique().to_pylist() != [OK]:
+        if not chunk.equals(repeated_text(OK, len(chunk))):
             samples.status[row : row + len(chunk)] = chunk.to_pylist()
         row += len(chunk)

@@ -92,7 +92,7 @@ class PartialsRecord(Record):
 
 
 class ModelRecord(Record):
-    """The linear model, SI, and what further simulations add to it (`mcnav.lincov.corrections`)."""
+    """The linear model, SI, and what further simulations add to it (`mcnav.lincov.nonlinear_corrections`)."""
 
     sources: Annotated[tuple[Variable, ...], Field(min_length=1, max_length=1_000)]
     outputs: Annotated[tuple[Variable, ...], Field(min_length=1, max_length=1_000)]
@@ -160,6 +160,7 @@ class Identity(Record):
     engine: Words
     versions: dict[str, Words]
     chunks: int | None = None
+    revision: int | None = None
     code: CodeRecord | None = None
     files: dict[Words, Digest] = {}
 

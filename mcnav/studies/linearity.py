@@ -28,18 +28,11 @@ LARGEST_TOGETHER: Final = 50.0
 
 @dataclass(frozen=True)
 class LinearityStudy:
-    """Range of linearity of a campaign.
+    """Range of linearity of a campaign, from so many samples at each multiple.
 
-    Attributes
-    ----------
-    sizes : ndarray, shape (sources,)
-        One sigma of each source (the value of a fixed one), SI, to which the multiples refer.
-    contributions : ndarray, shape (sources, outputs)
-        Effect of ``sizes`` on each output by the linear model, SI.
-    alone : AloneRange
-        One direction per source, then all sources at plus one sigma.
-    samples : int
-        Samples at each multiple.
+    The multiples refer to ``sizes``, one sigma of each source (the value of a fixed one), shape (sources,), SI, whose
+    effect by the linear model is ``contributions``, shape (sources, outputs). ``alone`` has one direction per source,
+    then all sources at plus one sigma.
     """
 
     tolerance: float
@@ -60,14 +53,8 @@ def linearity_study(
 ) -> LinearityStudy:
     """Find a campaign's range of linearity.
 
-    Parameters
-    ----------
-    tolerance : float, optional
-        Relative difference allowed; the campaign's by default.
-    samples : int
-        Samples at each multiple of all errors together.
-    largest : float
-        Largest multiple of all errors together.
+    The tolerance is the campaign's by default; samples are those at each multiple of all errors together, up to the
+    largest multiple.
     """
     progress.phase(Phase.PREPARING)
     scenario, errors = campaign.scenario, campaign.errors
@@ -102,8 +89,8 @@ def linearity_study(
             SamplingDesign.of(campaign.design, samples),
             largest,
         )
-    contributions = (linear.partials * sizes).T
-    return LinearityStudy(criterion.tolerance, criterion.confidence, sizes, contributions, single, dispersion, samples)
+    effects = (linear.partials * sizes).T
+    return LinearityStudy(criterion.tolerance, criterion.confidence, sizes, effects, single, dispersion, samples)
 
 
 def write_linearity(
@@ -116,11 +103,8 @@ def write_linearity(
 ) -> tuple[LinearityStudy, list[Path]]:
     """Write the range of linearity as tables and a page; for the parameters see `linearity_study`.
 
-    Returns
-    -------
-    study : LinearityStudy
-    written : list of Path
-        ``linearity.csv`` (each source alone), ``linearity_dispersion.csv`` (all together) and ``linearity.html``.
+    The files are ``linearity.csv`` (each source alone), ``linearity_dispersion.csv`` (all together) and, last,
+    ``linearity.html``.
     """
     sources, outputs = campaign.scenario.sources, campaign.scenario.outputs
     study = linearity_study(campaign, tolerance, samples, largest, progress)

@@ -20,7 +20,6 @@ from mcnav.lincov.covariance import propagated_covariance
 from mcnav.lincov.start_times import StartTimeStudy, study_start_times
 from mcnav.progress import SILENT, Phase, Progress
 from mcnav.report import start_times as tables
-from mcnav.sampling.designs import SamplingDesign
 from mcnav.scenarios.protocol import ScenarioError, VariableStart
 
 EVENLY: Final = 6
@@ -29,14 +28,9 @@ EVENLY: Final = 6
 
 @dataclass(frozen=True)
 class StartTimesFound:
-    """Linear study of start times and its Monte Carlo checks.
+    """Linear study of start times and its Monte Carlo checks by start time, s.
 
-    Attributes
-    ----------
-    checks : mapping of float to Comparison
-        Monte Carlo results by start time, s.
-    own_sigma : ndarray, shape (outputs,)
-        Linear dispersion for the campaign's own start and stated errors, SI.
+    ``own_sigma`` is the linear dispersion for the campaign's own start and stated errors, shape (outputs,), SI.
     """
 
     study: StartTimeStudy
@@ -53,7 +47,7 @@ def _scenario(campaign: Campaign) -> VariableStart:
 def start_time_study(campaign: Campaign, axes: str | None = None, count: int | None = None) -> StartTimeStudy:
     """Run the linear study of a campaign's ``[start_times]``; arguments override its entries.
 
-    Raise `CampaignError` when the scenario has a fixed start time.
+    Raises `CampaignError` when the scenario has a fixed start time.
     """
     plan, covariance = campaign.start_times, campaign.errors.covariance
     axes, count = axes or plan.axes, count or plan.count
@@ -69,9 +63,9 @@ def checked_times(campaign: Campaign, study: StartTimeStudy) -> tuple[float, ...
 
 
 def check_start_time(campaign: Campaign, time: float, axes: str) -> Comparison:
-    """Simulate a campaign from a start time, with the errors of that time, and compare with the linear model.
+    """Simulate a campaign from a start time, s, with the errors of that time, and compare with the linear model.
 
-    Raise `CampaignError` when the time is not on the trajectory.
+    Raises `CampaignError` when the time is not on the trajectory.
     """
     plan, errors, design = campaign.start_times, campaign.errors, campaign.design
     try:
@@ -84,9 +78,8 @@ def check_start_time(campaign: Campaign, time: float, axes: str) -> Comparison:
     linear = started.linear_model()
     covariance = errors.covariance * np.outer(multiples, multiples)
     model = Model(linear.partials, linear.nominal, errors.mean * multiples, covariance)
-    sampling = SamplingDesign.of(campaign.design, plan.samples)
-    criterion = Criterion(campaign.tolerance, campaign.confidence)
-    return compare(model, draws, outcomes, criterion, sampling)
+    sampling = SamplingDesign.of(design, plan.samples)
+    return compare(model, draws, outcomes, Criterion(campaign.tolerance, campaign.confidence), sampling)
 
 
 def write_start_times(
@@ -97,13 +90,10 @@ def write_start_times(
     checks: bool = True,
     progress: Progress = SILENT,
 ) -> tuple[StartTimesFound, list[Path]]:
-    """Write a study of start times into a folder, with Monte Carlo checks or without; see `start_time_study`.
+    """Write a study of start times, with or without Monte Carlo checks, as tables and a page into a folder.
 
-    Returns
-    -------
-    found : StartTimesFound
-    written : list of Path
-        ``start_times.csv``, ``start_times_checks.csv`` (with checks) and ``start_times.html``.
+    Axes and count override the campaign's. The files are ``start_times.csv``, ``start_times_checks.csv`` (with checks)
+    and, last, ``start_times.html``.
     """
     sources, outputs = campaign.scenario.sources, campaign.scenario.outputs
     progress.phase(Phase.PREPARING)

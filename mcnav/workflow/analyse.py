@@ -10,9 +10,9 @@ from threadpoolctl import threadpool_limits
 from mcnav._subprocess import side_threads
 from mcnav.analysis.budget import error_budget
 from mcnav.analysis.comparison import Criterion, Model, compare_reduced, reduce_stored, reduce_summary
-from mcnav.analysis.convergence import convergence
 from mcnav.analysis.failed_samples import failure_bias
 from mcnav.analysis.requirements import judge_requirement, requirements_from
+from mcnav.analysis.running_ratios import convergence
 from mcnav.analysis.tails import tails
 from mcnav.analysis.variance_breakdown import predicted_from, split_difference
 from mcnav.errors import RunFolderError, reading_file

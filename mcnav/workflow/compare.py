@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from mcnav.analysis.run_comparison import SampleSet, change
@@ -17,6 +16,9 @@ from mcnav.report.model import RunAnalysis
 from mcnav.store.manifest import Manifest
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.analyse import analyse, summary_of
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,11 @@ from mcnav._types import Array
 from mcnav.errors import CampaignError, Problem
 from mcnav.execution.chunks import DrawPlan
 from mcnav.execution.processes import IsolatedEngine
-from mcnav.lincov.corrections import nonlinear_corrections, simulated_budgets
+from mcnav.lincov.nonlinear_corrections import nonlinear_corrections
 from mcnav.lincov.partials import SimulationFailed, partials_throughout
 from mcnav.lincov.polynomial import PolynomialFitError
-from mcnav.lincov.polynomial_engine import PolynomialEngine, prepare_engine
+from mcnav.lincov.polynomial_engine import MAP, PolynomialEngine, prepare_engine
+from mcnav.lincov.simulated_budget import simulated_budgets
 from mcnav.sampling.error_model import ErrorModel
 from mcnav.scenarios.protocol import (
     Engine,
@@ -49,6 +50,7 @@ class PreparedSystem:
 
     Attributes
     ----------
+    engine_name : str
     model : ModelRecord
         The linear model.
     unsettled : UnsettledRecord or None
@@ -62,6 +64,7 @@ class PreparedSystem:
     scenario: Scenario
     draws: DrawPlan
     engine: Engine
+    engine_name: str
     model: ModelRecord
     history: History
     unsettled: UnsettledRecord | None
@@ -74,11 +77,16 @@ class PreparedSystem:
         Raise `CampaignError` when the scenario or an engine cannot be simulated.
         """
         draws, scenario = self.draws, self.scenario
+
+        def first_engine(probes: Array) -> Engine:
+            own = self.engine.exact if isinstance(self.engine, PolynomialEngine) else self.engine
+            same = self.engine_name in (MAP, scenario.engines[0]) and np.array_equal(probes, draws.probes())
+            return _guarded(scenario, own, self.timeout) if same else _exact_engine(scenario, probes, self.timeout)
+
         with _scenario_errors(self.file):
             budget = simulated_budgets(
-                lambda probes: _exact_engine(scenario, probes, self.timeout),
-                draws.errors, self.model.partials, draws.design, draws.seed, draws.samples,
-            )  # fmt: skip
+                first_engine, draws.errors, self.model.partials, draws.design, draws.seed, draws.samples
+            )
             engine = _guarded(scenario, self.engine, self.timeout)
             return nonlinear_corrections(scenario, engine, draws.errors) | {"budget": budget}
 
@@ -143,7 +151,7 @@ def prepare_system(
         engine = prepare_engine(scenario, engine_name, probes, errors.mean, errors.standard_deviations)
         model, history = _linear(scenario, errors, engine), scenario.history()
     record = None if doubt is None else UnsettledRecord(**asdict(doubt))
-    return PreparedSystem(scenario, draws, engine, model, history, record, timeout, file)
+    return PreparedSystem(scenario, draws, engine, engine_name, model, history, record, timeout, file)
 
 
 def _exact_engine(scenario: Scenario, probes: Array, timeout: float | None) -> Engine:

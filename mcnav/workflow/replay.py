@@ -86,7 +86,8 @@ def replay(path: Path, index: int, campaign_file: Path | None = None) -> Replay:
         outcomes=tuple(outcomes),
         traceback=traceback,
         history=history,
-        notes=() if campaign_file is None or campaign_file.parent == path else _notes(folder, campaign),
+        notes=_revision_note(manifest, campaign)
+        + (() if campaign_file is None or campaign_file.parent == path else _notes(folder, campaign)),
     )
 
 
@@ -122,7 +123,7 @@ def _campaign_of(folder: RunFolder, manifest: Manifest, file: Path | None) -> tu
     }
     campaign = read_campaign(path, given, execute=file is not None, earlier=earlier)
     with threadpool_limits(1):
-        now = identity_of(campaign.resolved, then.engine, campaign.code, campaign.inputs(), campaign.scenario.sources)
+        now = identity_of(campaign.resolved, then.engine, campaign.code, campaign.inputs(), campaign.scenario)
     if (now.campaign, now.code) != (then.campaign, then.code):
         raise RunFolderError(f"{path}: is not the campaign that was flown in {folder.path}")
     changed = next((name for name, _ in sorted(then.files.items() ^ now.files.items())), None)
@@ -130,6 +131,14 @@ def _campaign_of(folder: RunFolder, manifest: Manifest, file: Path | None) -> tu
         change = f"{changed} was {then.files.get(changed, 'absent')}, is {now.files.get(changed, 'absent')}"
         raise RunFolderError(f"{path}: reads other files than when {folder.path} was made ({change}); restore the file")
     return campaign, then.engine
+
+
+def _revision_note(manifest: Manifest, campaign: Campaign) -> tuple[str, ...]:
+    """State that a run was stored when its scenario computed samples with other last digits."""
+    then, now = manifest.identity.revision or 1, getattr(campaign.scenario, "revision", None) or 1
+    if then == now:
+        return ()
+    return (f"the run is of revision {then} of its scenario; samples of revision {now} have other last digits",)
 
 
 def _notes(folder: RunFolder, campaign: Campaign) -> tuple[str, ...]:

@@ -108,7 +108,7 @@ def run_campaign(
     with folder.lock(), threadpool_limits(1):
         folder.remove_partial_files()
         inputs = campaign.inputs()
-        identity = identity_of(campaign.resolved, engine_name, campaign.code, inputs, campaign.scenario.sources)
+        identity = identity_of(campaign.resolved, engine_name, campaign.code, inputs, campaign.scenario)
         check_as_read(inputs)
         draws = DrawPlan(campaign.errors, campaign.design, campaign.seed, campaign.samples)
         notices = [] if fresh else check_resumable(folder, identity, draws.design, draws.samples)

@@ -10,7 +10,7 @@ from mcnav.config.stopping import StoppingRule
 from mcnav.execution.chunks import ChunkJob
 from mcnav.execution.runner import ChunkExecutor, run_chunks
 from mcnav.progress import Phase, Progress
-from mcnav.statistics.interim_analyses import interim_sizes
+from mcnav.statistics.interim_sizes import interim_sizes
 from mcnav.store.chunk_files import ChunkFile
 from mcnav.store.manifest import Manifest, StoppingRecord
 from mcnav.store.run_folder import RunFolder

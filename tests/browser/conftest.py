@@ -12,6 +12,7 @@ from typing import Any
 import pandas as pd
 import pytest
 
+import mcnav
 from mcnav.calibration import page as calibration_page
 from mcnav.reproduce.story_of_84_minutes import page as story_page
 from mcnav.reproduce.tn_d1772 import page as tn_page
@@ -28,6 +29,33 @@ CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shuti
 NAME = "Trajectory 4 </script> $\\frac{$ 🚀 تجربة"
 FOLDER = "run $frac{$ 🚀 تجربة"
 """Names that would break a page where they are not written as they are; the second one is a folder's."""
+
+
+AXES = ("north", "east", "down")
+SOURCES = [
+    f"{kind}_{axis}"
+    for kind in (*(f"{unit}_{kind}" for unit in ("gyro", "accelerometer") for kind in
+                   ("bias", "scale_factor", "misalignment", "noise", "g_sensitivity")),
+                 "initial_position", "initial_velocity", "initial_attitude", "gravity", "lever_arm")
+    for axis in AXES
+]  # fmt: skip
+OUTPUTS = {f"{kind}_{axis}": unit for kind, unit in (("position", "m"), ("velocity", "m/s"), ("attitude", "rad"))
+           for axis in AXES}  # fmt: skip
+MANY = f"""
+import numpy as np
+from mcnav import Output, Source
+
+
+class Many:
+    sources = tuple(Source(name, "m", "m", 1.0) for name in {SOURCES})
+    outputs = tuple(Output(name, unit, unit) for name, unit in {OUTPUTS}.items())
+    matrix = np.sin(np.arange(1, 406) ** 1.5).reshape(9, 45) * 0.9 ** np.arange(45)
+
+    def propagate(self, errors):
+        outputs = errors @ self.matrix.T
+        outputs[:, 6] += 0.5 * (errors[:, 2] ** 2 - 1.0)
+        return outputs
+"""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -66,6 +94,21 @@ def _report(folder: Path, _: Callable[[str], Path]) -> Path:
     return folder / FOLDER / "report.html"
 
 
+def _many(folder: Path, _: Callable[[str], Path]) -> Path:
+    """Nine outputs, 45 sources in groups, and requirements: the largest report."""
+    (folder / "many.py").write_text(MANY)
+    accept = "".join(
+        f'[[accept.quantile]]\noutput = "{name}"\nprobability = 0.95\nbelow = "9 {unit}"\n'
+        for name, unit in OUTPUTS.items()
+    )
+    errors = "".join(f'{name} = "1 m"\n' for name in SOURCES)
+    (folder / "many.toml").write_text(
+        f"name = '{NAME}'\nsamples = 1000\nseed = 4\n[scenario]\ntype = 'many.py:Many'\n[errors]\n{errors}{accept}"
+    )
+    mcnav.fly(folder / "many.toml", folder / "run")
+    return folder / "run" / "report.html"
+
+
 def _start_times(folder: Path, _: Callable[[str], Path]) -> Path:
     plan = {"count": 41, "samples": 200, "check": ["-60 min", "-30 min"]}
     return write_start_times(campaign(4, name=NAME, start_times=plan), folder)[1][-1]
@@ -90,7 +133,7 @@ def _tn(folder: Path, _: Callable[[str], Path]) -> Path:
     figures = {name: draw(data[name]) for name, (_, draw) in tn_page.FIGURES.items()}
     found = [Finding(NAME, "It is said in many words what is found of it. " * 5, "holds")]
     written = folder / tn_page.PAGE
-    written.write_text(tn_page.render(NAME, cells, figures, found, found), encoding="utf-8")
+    written.write_text(tn_page.render(cells, figures, found, found), encoding="utf-8")
     return written
 
 
@@ -120,7 +163,7 @@ def _index(_: Path, made: Callable[[str], Path]) -> Path:
 
 
 KINDS: dict[str, Callable[[Path, Callable[[str], Path]], Path]] = {
-    "report": _report, "replay": _replay, "comparison": _comparison, "index": _index, "start times": _start_times,
-    "linearity": _linearity, "calibration": _calibration, "story": _story, "tn": _tn,
+    "report": _report, "many": _many, "replay": _replay, "comparison": _comparison, "index": _index,
+    "start times": _start_times, "linearity": _linearity, "calibration": _calibration, "story": _story, "tn": _tn,
 }  # fmt: skip
 """What makes each kind of page, in a folder of its own."""

@@ -11,8 +11,8 @@ import pytest
 from tests.browser.conftest import FOLDER, KINDS, NAME
 
 FIGURES = {
-    "report": 11, "replay": 1, "comparison": 1, "index": 0, "start times": 5, "linearity": 2, "calibration": 3,
-    "story": 10, "tn": 13,
+    "report": 11, "many": 8, "replay": 1, "comparison": 1, "index": 0, "start times": 5, "linearity": 2,
+    "calibration": 3, "story": 10, "tn": 13,
 }  # fmt: skip
 SAID = {"comparison": FOLDER, "story": "The Story of 84 Minutes", "calibration": "Calibration", "index": "Runs"}
 """What the heading of a page says where it is not the campaign's name."""
@@ -53,8 +53,8 @@ DARK = ("report", "calibration", "story")
 class Opened:
     """A page in a window, with what it said and asked for."""
 
-    def __init__(self, browser: Any, path: Path, width: int, **options: Any) -> None:
-        self.page = browser.new_page(viewport={"width": width, "height": 900}, **options)
+    def __init__(self, browser: Any, path: Path, width: int, height: int = 900, **options: Any) -> None:
+        self.page = browser.new_page(viewport={"width": width, "height": height}, **options)
         self.said: list[str] = []
         self.asked: list[str] = []
         self.page.on("console", lambda message: self.said.append(message.text))
@@ -77,7 +77,9 @@ class Opened:
 
 def _every_figure_is_shown(page: Any, kind: str, width: int) -> None:
     assert page.locator("figure").count() == FIGURES[kind]
-    boxes = page.locator("figure svg").evaluate_all("all => all.map(each => each.getBoundingClientRect().toJSON())")
+    boxes = page.locator("figure .plot:not([hidden]) svg").evaluate_all(
+        "all => all.map(each => each.getBoundingClientRect().toJSON())"
+    )
     assert len(boxes) >= FIGURES[kind]
     for box in boxes:
         assert box["width"] > 200
@@ -147,6 +149,50 @@ def test_keys_hide_their_series(browser: Any, page_of: Callable[[str], Path], ki
             .some((one) => getComputedStyle(one).display !== "none");
         }).length""")
         assert left == 0
+
+
+@pytest.mark.parametrize("kind", ["report", "many"])
+def test_answers_stand_on_the_first_screen(browser: Any, page_of: Callable[[str], Path], kind: str) -> None:
+    """Verdict, requirements, sigmas by every method and largest sources: whole at a desk, not wider than a phone."""
+    with Opened(browser, page_of(kind), 1280, height=800) as page:
+        for part in (".verdict", ".asked", ".answers"):
+            box = page.locator(part).bounding_box()
+            assert box["y"] + box["height"] <= 800, part
+        rows = page.locator(".answers tbody tr").all_inner_texts()
+        assert len(rows) == page.locator("#matrices-0-c").count() + {"report": 4, "many": 9}[kind]
+        assert all("%" in row.split("\t")[-1] for row in rows[:-1])
+    with Opened(browser, page_of(kind), 380) as page:
+        boxes = page.locator(".answers td").evaluate_all("all => all.map(each => each.getBoundingClientRect().right)")
+        assert max(boxes) <= 380
+
+
+def test_one_of_many_pairs_is_chosen(browser: Any, page_of: Callable[[str], Path]) -> None:
+    """Without JavaScript all pairs are there; with it some, one, or all."""
+    with Opened(browser, page_of("many"), 1280, java_script_enabled=False) as page:
+        assert page.locator("#figure-scatter .plot").evaluate_all("all => all.every(each => each.offsetHeight > 0)")
+        count = page.locator("#figure-scatter .plot").count()
+    assert count == 36
+    with Opened(browser, page_of("many"), 1280) as page:
+        shown = page.locator("#figure-scatter .plot:visible")
+        assert 1 < shown.count() < count
+        chosen = page.locator("#figure-scatter").get_by_label("Show")
+        chosen.select_option("position north and attitude down")
+        assert shown.count() == 1
+        assert shown.locator("svg").get_attribute("data-y-label") == "attitude down"
+        chosen.select_option(f"all {count}")
+        assert shown.count() == count
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_tables_fit_a_desk(browser: Any, page_of: Callable[[str], Path], kind: str) -> None:
+    """No table outside of the data of figures is wider than its section at 1280 px, everything unfolded."""
+    opened = Opened(browser, page_of(kind), 1280)
+    with opened as page:
+        opened.unfold()
+        wide = page.evaluate("""() => Array.from(document.querySelectorAll(".scroll"))
+          .filter((each) => !each.closest("details.data") && each.scrollWidth > each.clientWidth)
+          .map((each) => `${each.textContent.trim().slice(0, 60)}: ${each.scrollWidth - each.clientWidth}`)""")
+        assert wide == []
 
 
 def test_the_same_bytes_again(page_of: Callable[[str], Path], tmp_path: Path) -> None:

@@ -219,7 +219,7 @@ def test_a_changed_file_is_refused_like_a_changed_campaign(where: str, tmp_path:
     run_campaign(read_campaign(campaign), tmp_path / "run", None, 1)
     before = sigma(tmp_path / "run")
     (tmp_path / "table.txt").write_text("3\n")
-    was, now = (hashlib.sha256(text).hexdigest() for text in (b"2\n", b"3\n"))
+    was, now = (hashlib.sha256(text).hexdigest()[:12] for text in (b"2\n", b"3\n"))
     with pytest.raises(RunFolderError) as refused:
         run_campaign(read_campaign(campaign), tmp_path / "run", None, 1)
     assert str(refused.value) == (
@@ -296,7 +296,7 @@ def test_replay_refuses_a_changed_file_that_was_only_noticed(tmp_path: Path) -> 
     run_campaign(read_campaign(campaign), tmp_path / "run", None, 1)
     assert as_stored(replay(tmp_path / "run", 5, campaign))
     (tmp_path / "table.txt").write_text("3\n")
-    with pytest.raises(RunFolderError, match=r"reads other files than when .* \(table\.txt was [0-9a-f]{64}, is "):
+    with pytest.raises(RunFolderError, match=r"reads other files than when .* \(table\.txt was [0-9a-f]{12}, is "):
         replay(tmp_path / "run", 5, campaign)
 
 

@@ -21,9 +21,11 @@ from mcnav.config.read import Campaign, parse_campaign, read_campaign
 from mcnav.errors import RunFolderBusy, RunFolderError
 from mcnav.progress import Phase
 from mcnav.scenarios import reentry
+from mcnav.scenarios.steady import Cruise
 from mcnav.store.provenance import commit
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.analyse import report_run, summary_of
+from mcnav.workflow.replay import replay
 from mcnav.workflow.run import run_campaign
 from tests.conftest import ROOT, RecordedProgress, campaign, content
 
@@ -175,6 +177,26 @@ def test_another_campaign_does_not_touch_earlier_results(tmp_path: Path) -> None
     assert {path.name: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
     summary = run_campaign(campaign(1, seed=5), folder, "ensemble", 1, fresh=True).summary
     assert summary["seed"] == 5
+
+
+def test_samples_with_other_last_digits_are_not_mixed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A run of cruise that was stored before its kernel changed is neither extended nor taken for the same run."""
+    described = {"scenario": {"type": "cruise", "speed": "250 m/s", "duration": "1 h"}, "errors": {"bias_x": "10 ug"}}
+    run = parse_campaign(described | {"samples": 100, "seed": 1}, "test.toml", "test")
+    now = Cruise.revision
+    monkeypatch.delattr(Cruise, "revision")
+    run_campaign(run, tmp_path / "run", "ensemble", 1)
+    monkeypatch.undo()
+    with pytest.raises(RunFolderError, match=rf"\(revision was absent, is {now}\)"):
+        run_campaign(run, tmp_path / "run", "ensemble", 1)
+    found = replay(tmp_path / "run", 7)
+    assert found.notes == (
+        f"the run is of revision 1 of its scenario; samples of revision {now} have other last digits",
+    )
+    (tmp_path / "run" / "manifest.json").unlink()
+    with pytest.raises(RunFolderError, match="holds samples of another run"):
+        run_campaign(run, tmp_path / "run", "ensemble", 1)
+    assert run_campaign(run, tmp_path / "run", "ensemble", 1, fresh=True).flown == 100
 
 
 @pytest.mark.parametrize(

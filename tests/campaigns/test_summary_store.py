@@ -21,8 +21,8 @@ from mcnav.analysis.comparison import (
     reduce_stored,
     reduce_summary,
 )
-from mcnav.analysis.convergence import convergence
 from mcnav.analysis.failed_samples import failure_bias
+from mcnav.analysis.running_ratios import convergence
 from mcnav.config.read import parse_campaign
 from mcnav.errors import CampaignError, RunFolderError
 from mcnav.lincov.block_sums import column_count

@@ -5,13 +5,17 @@ from __future__ import annotations
 import numpy as np
 import openturns as ot
 import pytest
+from filterpy.kalman import MerweScaledSigmaPoints, unscented_transform
 from filterpy.stats import NEES
 from scipy import optimize, stats
 
 from mcnav.analysis.comparison import Criterion, Model, compare
 from mcnav.lincov.covariance import propagated_covariance
+from mcnav.lincov.sobol import POINTS, REPLICATES, estimate_sobol_indices
 from mcnav.lincov.unscented import unscented_covariance
 from mcnav.sampling.distributions import Distribution, Normal, StudentT, Triangular, TruncatedNormal, Uniform
+from mcnav.sampling.error_model import ErrorModel
+from mcnav.sampling.sobol_net import scrambled_net
 from mcnav.scenarios.protocol import SimulationResult
 from mcnav.statistics.estimates import blocked_mean
 from tests.conftest import campaign, reentry
@@ -83,6 +87,50 @@ def test_unscented_transform_is_exact_for_a_quadratic() -> None:
     mean, found = unscented_covariance(propagate, np.zeros(3), covariance)
     np.testing.assert_allclose(mean, [0.1 * 4.0, 0.0], atol=1e-12)
     assert found[1, 1] == pytest.approx(0.25 + 0.25 * 4.0 - correlation * 2.0 * 0.5, rel=1e-12)
+
+
+def test_unscented_transform_is_filterpys() -> None:
+    """Bit for bit, with the modules as the package has them: for independent unit sigmas no factor intervenes."""
+    points = MerweScaledSigmaPoints(2, alpha=1.0, beta=2.0, kappa=0.0)
+    sigmas = points.sigma_points(np.zeros(2), np.eye(2))
+    expected = unscented_transform(np.exp(sigmas), points.Wm, points.Wc)
+    mean, found = unscented_covariance(lambda errors: SimulationResult(np.exp(errors)), np.zeros(2), np.eye(2))
+    np.testing.assert_array_equal(mean, expected[0])
+    np.testing.assert_array_equal(found, expected[1])
+
+
+@pytest.mark.parametrize("dimensions", [1, 2, 24, 50])
+@pytest.mark.parametrize(("begin", "end"), [(0, 1), (0, 512), (5, 9), (1_000, 1_023), (8_192, 16_384)])
+def test_sobol_nets_are_scipys(dimensions: int, begin: int, end: int) -> None:
+    net = stats.qmc.Sobol(dimensions, rng=np.random.default_rng(84))
+    if begin:
+        net.fast_forward(begin)
+    expected = net.random(1 << (end - begin - 1).bit_length())[: end - begin]
+    np.testing.assert_array_equal(scrambled_net(np.random.default_rng(84), dimensions, begin, end), expected)
+
+
+def test_sobol_indices_are_scipys() -> None:
+    """To rounding, 1e-12: the same nets of 64 bits and estimators, by `scipy.stats.sobol_indices`."""
+
+    def bent(errors: np.ndarray) -> np.ndarray:
+        a, b, c = errors[:, :3].T
+        return np.column_stack([a + a * b, b - c**2, np.ones_like(a)])
+
+    errors = ErrorModel(["a", "b", "c"], {"a": Normal(1.0), "b": Uniform(0.5), "c": Normal(2.0)})
+    found = estimate_sobol_indices(lambda rows: SimulationResult(bent(rows)), errors, 5)
+    laws = [stats.norm(), stats.uniform(-0.5, 1.0), stats.norm(scale=2.0)]
+    one = [
+        stats.sobol_indices(
+            func=lambda rows: bent(rows.T).T, n=POINTS, dists=laws,
+            rng=np.random.default_rng(np.random.SeedSequence(5, spawn_key=(replicate,))),
+        )
+        for replicate in range(REPLICATES)
+    ]  # fmt: skip
+    first, total = (
+        np.mean([getattr(found, order) for found in one], axis=0) for order in ("first_order", "total_order")
+    )
+    np.testing.assert_allclose(found["first_order"], first, atol=1e-12)
+    np.testing.assert_allclose(found["total"], total, atol=1e-12)
 
 
 def test_standard_error_of_independent_blocks_is_the_textbooks() -> None:

@@ -20,15 +20,18 @@ def test_quantile_intervals_against_scipy() -> None:
     values = np.random.default_rng(1).standard_normal(400)
     for quantile in (0.1, 0.5, 0.9):
         expected = stats.quantile_test(values, p=quantile).confidence_interval(0.95)
-        assert order_statistics.lower_bound(values, quantile, 0.975) == expected.low
-        assert order_statistics.upper_bound(values, quantile, 0.975) == expected.high
+        assert order_statistics.RankedSizes.of(values).bounds(quantile, 0.975) == (expected.low, expected.high)
 
 
 def test_sample_sizes_against_openturns() -> None:
     """Wilks' method."""
     for quantile, confidence, exceedances in ((0.95, 0.95, 0), (0.99, 0.90, 0), (0.9973, 0.90, 1), (0.95, 0.99, 3)):
         expected = ot.Wilks.ComputeSampleSize(quantile, confidence, exceedances)
-        assert order_statistics.samples_for_upper_bound(quantile, confidence, exceedances) == expected
+        assert order_statistics.upper_rank(expected, quantile, confidence) == expected - exceedances
+        fewer = order_statistics.upper_rank(expected - 1, quantile, confidence)
+        assert fewer is None or fewer > expected - 1 - exceedances
+        if exceedances == 0:
+            assert order_statistics.samples_for_upper_bound(quantile, confidence) == expected
 
 
 def test_kolmogorov_smirnov_against_scipy() -> None:

@@ -13,14 +13,14 @@ from mcnav.lincov.partials import partials_throughout
 from mcnav.physics.reentry.instruments import Error as PlanarError
 from mcnav.physics.reentry.instruments import indicated_force, measured_force
 from mcnav.physics.reentry.truth import motion
-from mcnav.physics.steady.ensemble import simulate_ensemble, simulate_histories
+from mcnav.physics.steady.ensemble import ORDER, simulate_ensemble, simulate_histories
 from mcnav.physics.steady.linearized import linearize
 from mcnav.physics.steady.navigator import Diverged, indicated_rates, simulate_indicated
 from mcnav.physics.steady.truth import Earth, Error, SteadyFlight
 from mcnav.reproduce.story_of_84_minutes.numbers import CROSS, RANGE, measured_period
 from mcnav.reproduce.story_of_84_minutes.schuler import schuler_period
 from mcnav.scenarios.protocol import TimeHistoryEngine
-from mcnav.scenarios.steady import SOURCES, Cruise
+from mcnav.scenarios.steady import SOURCES, TOLERANCE, Cruise
 
 SIZES = np.array([source.nominal for source in SOURCES])
 SPEED = 804.672
@@ -71,13 +71,35 @@ def test_in_the_plane_it_is_the_navigator_of_the_report(seed: int, time: float) 
 
 @pytest.mark.parametrize("multiple", [1.0, 100.0])
 def test_engines_agree(flight: SteadyFlight, multiple: float) -> None:
-    """To what the fourth-order scheme leaves at 4000 steps: 1e-10, and the reference's 1e-12 of an earth's radius."""
+    """To what the scheme leaves at 200 steps, 1e-12 and rounding, and the reference's 1e-12 of an earth's radius."""
     errors = _draws(6, multiple * (1.0 if flight.slaved else 0.1))
     reference = np.array([simulate_indicated(flight, row) for row in errors])
-    values, valid = simulate_ensemble(flight, errors, 4_000)
+    values, valid = simulate_ensemble(flight, errors, 200)
     assert valid.all()
     rounding = np.array([1e-5, 1e-5, 1e-5, 1e-8, 1e-8, 1e-8]) * (30.0 if not flight.slaved else 1.0)
     assert np.all(np.abs(values - reference) < 1e-7 * np.abs(reference).max(axis=0) + rounding)
+
+
+def test_the_scheme_is_of_eighth_order() -> None:
+    """Half the step leaves 2^-8 of the error, within the share h of the next order that a step of 10 minutes keeps."""
+    flight, errors = FLIGHTS["cruise, level platform"], _draws(16, 1.0)
+    exact = simulate_ensemble(flight, errors, 128)[0]
+    left = [
+        np.abs(simulate_ensemble(flight, errors, steps)[0] - exact).max(axis=0)[[RANGE, CROSS]] for steps in (16, 32)
+    ]
+    assert np.all(np.abs(np.log2(left[0] / left[1]) - ORDER) < 0.6)
+
+
+def test_the_stated_error_is_that_of_the_probes(flight: SteadyFlight) -> None:
+    """Twice the steps leave 2^-8 of it: to a tenth, or rounding. Eight times as many samples reach a little farther."""
+    scenario = Cruise(flight)
+    errors = _draws(512, 1.0 if flight.slaved else 0.1)[:, scenario.navigation.sources]
+    steps, stated = scenario._refined(errors[:64])
+    exact, _ = scenario.navigation.by_ensemble(errors, 8 * steps)
+    off = np.abs(scenario.navigation.by_ensemble(errors, steps)[0] - exact) / exact[:64].std(axis=0)
+    assert stated <= TOLERANCE
+    assert off[:64].max() == pytest.approx(stated, rel=0.1, abs=1e-12)
+    assert off.max() < 5.0 * TOLERANCE
 
 
 def test_no_errors_are_exactly_none(flight: SteadyFlight) -> None:
@@ -88,7 +110,7 @@ def test_no_errors_are_exactly_none(flight: SteadyFlight) -> None:
 def test_flights_at_small_errors_are_the_linear_ones(flight: SteadyFlight) -> None:
     """Odd part of flights at a thousandth of the usual sizes: what bends is of third order, 1e-9; asked for, 1e-6."""
     steps = np.diag(SIZES) * 1e-3
-    flown = 0.5 * (simulate_ensemble(flight, steps, 4_000)[0] - simulate_ensemble(flight, -steps, 4_000)[0]).T
+    flown = 0.5 * (simulate_ensemble(flight, steps, 200)[0] - simulate_ensemble(flight, -steps, 200)[0]).T
     expected = linearize(flight, np.array([flight.duration]))[0] * SIZES * 1e-3
     largest = np.abs(expected).max(axis=1, keepdims=True)
     assert np.all(np.abs(flown - expected) <= 1e-6 * largest)
@@ -163,7 +185,7 @@ def test_a_launch_in_a_wrong_direction_is_the_flight_turned(azimuth: float, angl
     flight = replace(flight, duration=angle / flight.rate)
     errors = np.zeros((1, len(SIZES)))
     errors[0, Error.AZIMUTH_MISALIGNMENT] = azimuth
-    values, _ = simulate_ensemble(flight, errors, 2_000)
+    values, _ = simulate_ensemble(flight, errors, 200)
     cross = values[0, CROSS] / flight.earth.radius
     assert np.sin(cross) == pytest.approx(np.sin(azimuth) * np.sin(angle), abs=1e-9)
 
@@ -175,7 +197,7 @@ def test_a_start_elsewhere_with_the_platform_to_match_is_the_flight_shifted(shif
     flight = SteadyFlight(0.0, SPEED, 6_000.0)
     errors = np.zeros((1, len(SIZES)))
     errors[0, Error.RANGE], errors[0, Error.MISALIGNMENT] = shift * flight.radius, -shift
-    values, _ = simulate_ensemble(flight, errors, 1_000)
+    values, _ = simulate_ensemble(flight, errors, 100)
     np.testing.assert_allclose(values[0], [0.0, shift * flight.radius, 0.0, 0.0, 0.0, 0.0], atol=1e-5)
 
 
@@ -201,14 +223,14 @@ def test_development_ends_with_the_partials() -> None:
 def test_histories_are_shorter_flights(flight: SteadyFlight) -> None:
     """At each stop what the flight that ends there gives with the same steps, and at the last one its very bits."""
     errors = _draws(40, 1.0)
-    stops = np.array([0, 30, 101, 240])
-    histories, valid = simulate_histories(flight, errors, 240, stops)
-    final, _ = simulate_ensemble(flight, errors, 240)
+    stops = np.array([0, 7, 25, 60])
+    histories, valid = simulate_histories(flight, errors, 60, stops)
+    final, _ = simulate_ensemble(flight, errors, 60)
     assert valid.all()
     np.testing.assert_array_equal(histories[:, -1], final)
     scale = np.abs(histories).max(axis=(0, 1))
     for number, stop in enumerate(stops[1:-1], start=1):
-        shorter = replace(flight, duration=flight.duration * stop / 240)
+        shorter = replace(flight, duration=flight.duration * stop / 60)
         expected, _ = simulate_ensemble(shorter, errors, int(stop))
         assert np.all(np.abs(histories[:, number] - expected) <= 1e-9 * scale + 1e-12)
 

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 import threading
+import time
+from multiprocessing import active_children
 from pathlib import Path
 from typing import Any
 
 import pytest
+from joblib import Parallel, delayed
 
 from mcnav._subprocess import side_threads
+from mcnav.execution.processes import end_workers
 from mcnav.scenarios.timeouts import Stopped, within_limit
 from mcnav.workflow import run
 from mcnav.workflow.run import run_campaign
@@ -67,6 +72,20 @@ def test_flights_on_the_side_are_stopped(tmp_path: Path, monkeypatch: pytest.Mon
     assert len(list((tmp_path / "run" / "samples").glob("part-*.parquet"))) == 1
     monkeypatch.undo()
     assert run.run_campaign(campaign(4, samples=100), tmp_path / "run", "ensemble", 1).simulated == 0
+
+
+def _linger() -> None:
+    """Keep the process that calls from ending in order for a while."""
+    threading.Thread(target=time.sleep, args=(60.0,)).start()
+
+
+def test_workers_are_killed() -> None:
+    """Not asked to end in order, for which a command would have to wait when it is interrupted meanwhile."""
+    Parallel(n_jobs=2, backend="loky")(delayed(_linger)() for _ in range(2))
+    workers = active_children()
+    end_workers()
+    assert workers
+    assert {worker.exitcode for worker in workers} == {-signal.SIGKILL}
 
 
 @pytest.mark.parametrize(("name", "status"), [("SIGINT", 130), ("SIGTERM", 143)])

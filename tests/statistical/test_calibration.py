@@ -61,10 +61,10 @@ def test_a_small_study(tmp_path: object) -> None:
 
 def test_findings() -> None:
     """Five hundred campaigns: 95 % is as stated, 99 % is safe, 92.5 % is nearly, 85 % is off; tails are withheld."""
-    cells = {share: Cell("linear", "normal", "random", 500, str(share), "coverage") for share in (475, 495, 455, 425)}
-    cells[1] = Cell("linear", "student-t 5", "random", 500, "1", "coverage")
-    cells[2] = Cell("corrupted", "normal", "random", 500, "2", "power")
-    cells[3] = Cell("linear", "normal", "random", 500, "3", "false alarm")
+    cells = {share: Cell("coverage", "linear", str(share), "normal", "random", 500) for share in (475, 495, 455, 425)}
+    cells[1] = Cell("coverage", "linear", "1", "student-t 5", "random", 500)
+    cells[2] = Cell("power", "corrupted", "2", "normal", "random", 500)
+    cells[3] = Cell("false alarm", "linear", "3", "normal", "random", 500)
     hits = Counter({cell: share for share, cell in cells.items()})
     table = rates(hits, Counter(dict.fromkeys(cells.values(), 500))).set_index("statement")
     assert table["finding"].to_dict() == {

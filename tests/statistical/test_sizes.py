@@ -15,6 +15,7 @@ from mcnav.statistics.chi_square import distribution_test
 from mcnav.statistics.covariance_tests import covariance_likelihood_ratio
 from mcnav.statistics.hotelling import hotelling
 from mcnav.statistics.mardia import mardia
+from mcnav.statistics.order_statistics import RankedSizes
 from mcnav.statistics.whitening import whitening
 
 TRIALS, FALSE_ALARM, LEVEL = 2_000, 1e-3, 0.05
@@ -67,7 +68,7 @@ def test_bounds_of_a_quantile_hold_for_any_distribution(quantile: float) -> None
     count, confidence = 400, 0.9
     truth = stats.lognorm(1.0).ppf(quantile)
     missed = sum(
-        order_statistics.upper_bound(np.exp(generator.standard_normal(count)), quantile, confidence) < truth
+        RankedSizes.of(np.exp(generator.standard_normal(count))).bounds(quantile, confidence)[1] < truth
         for _ in range(TRIALS)
     )
     rank = order_statistics.upper_rank(count, quantile, confidence)

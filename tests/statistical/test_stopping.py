@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mcnav.statistics.interim_analyses import confidence_of_each, interim_sizes
+from mcnav.statistics.interim_sizes import confidence_of_each, interim_sizes
 
 TRIALS, FALSE_ALARM = 4_000, 1e-3
 

@@ -126,7 +126,9 @@ def _read_file(value: object, key: str, context: FileContext) -> InputFile:
         return _identify_copy(earlier, name, key, f"{path} {_why_unreadable(failure)}")
     if earlier is None or found.digest == earlier.sha256:
         return found
-    return _identify_copy(earlier, name, key, f"{path} has changed since the run (its SHA-256 was {earlier.sha256})")
+    return _identify_copy(
+        earlier, name, key, f"{path} has changed since the run (its SHA-256 was {earlier.sha256[:12]})"
+    )
 
 
 def _identify_copy(earlier: EarlierFile, name: str, key: str, change: str) -> InputFile:

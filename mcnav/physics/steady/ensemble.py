@@ -11,9 +11,13 @@ One whose altitude is slaved keeps |p_i| = r, and moves as a point on that spher
     d'' = -rate^2 d - (2 p'.d' + d'.d') p_i / r^2 + (g_eff / r) (-d + (|d|^2 / 2 r^2) p_i) + dm - (dm . p_i) p_i / r^2.
 
 Both give exactly zero without errors. Neither shares an equation with the spherical coordinates of the reference path.
-The scheme is the classical Runge-Kutta one of fourth order. Samples go through in blocks of `LANES`, in one flat array
-``row * LANES + lane``: deviation (3), its rate (3), misalignment (3), drift (3), biases (3), scale factors (3), the
-smallest component along the actual position, then the stage's state (6) and the step's sum (6).
+The scheme is DOP853's of eighth order (Hairer, Norsett and Wanner, 1993) with equal steps. Twelve stages are worth it:
+24 steps in two hours of cruise leave 4e-8 of the dispersion, where the classical scheme of fourth order left 5e-8 after
+823 steps, at eight times the cost.
+
+Samples go through in blocks of `LANES`, in one flat array ``row * LANES + lane``: deviation (3), its rate (3),
+misalignment (3), drift (3), biases (3), scale factors (3), the smallest component along the actual position. Two more
+arrays hold the deviation and its rate at a stage, and the accelerations of the stages.
 """
 
 from __future__ import annotations
@@ -22,6 +26,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import DOP853
 
 from mcnav._types import Array, IndexArray
 from mcnav.physics.jit import compiled, inlined
@@ -29,8 +34,16 @@ from mcnav.physics.lanes import half_turn
 from mcnav.physics.reentry.ensemble.kernel import LANES, SMALLEST_COMPONENT
 from mcnav.physics.steady.truth import Error, SteadyFlight
 
-_ROWS: Final = 31
+_ROWS: Final = 19
 _TINY: Final = 1e-200
+
+STAGES: Final = DOP853.n_stages
+ORDER: Final = DOP853.order
+TIMES: Final = np.append(DOP853.C, 1.0)
+RATES: Final = np.vstack([DOP853.A, DOP853.B])
+PLACES: Final = RATES @ DOP853.A
+"""Times of the stages and of the step's end, as shares of the step; weights of the stages' accelerations in the rates
+and in the deviations at these times."""
 
 
 @inlined
@@ -63,31 +76,55 @@ def _instrument(force: float, change: float, bias: float, scale: float) -> float
     return change + bias + scale * (force + change + bias)
 
 
-@compiled
-def _advance(block: Array, nodes: Array, first: int, step: float, constants: Array, slaved: bool, level: bool) -> None:
+@inlined
+def _advance(
+    block: Array, stage: Array, forces: Array, nodes: Array, first: int, step: float, constants: Array, slaved: bool,
+    level: bool,
+) -> None:  # fmt: skip
     """Carry a block through steps of which the first has a number.
 
-    ``nodes``, shape (n, 3, 4), are at each stage sine and cosine of the range angle and the two times of
-    `SteadyFlight.drifted`.
+    Stage s of a step begins at ``x + c_s h v + h^2 sum (A^2)_sj a_j`` and ``v + h sum A_sj a_j``, with the acceleration
+    a_j of each earlier stage: a Runge-Kutta method for ``x' = v, v' = a`` with the rates v_j eliminated. The step's end
+    is one more stage, whose weights are b and b^T A.
+
+    Parameters
+    ----------
+    nodes : ndarray, shape (n, stages, 4)
+        Sine and cosine of the range angle, and the two times of `SteadyFlight.drifted`.
     """
     radius, rate, felt, mu = constants
     inverse, inverse_square = 1.0 / radius, 1.0 / (radius * radius)
     stiffness, pull = mu * inverse * inverse_square, felt * inverse
     speed = radius * rate
     for number in range(nodes.shape[0]):
-        for i in range(6 * LANES):
-            block[19 * LANES + i] = block[i]
-            block[25 * LANES + i] = 0.0
-        for stage in range(4):
-            place = (stage + 1) // 2
-            sine, cosine, early, late = nodes[number, place]
-            time = (first + number + 0.5 * place) * step
-            weight = step / 6.0 if stage == 0 or stage == 3 else step / 3.0
-            reach = step if stage == 2 else 0.5 * step
-            px, pu = radius * sine, radius * cosine
+        for s in range(STAGES + 1):
+            reach = TIMES[s] * step
             for i in range(LANES):
-                dx, dy, du = block[19 * LANES + i], block[20 * LANES + i], block[21 * LANES + i]
-                vx, vy, vu = block[22 * LANES + i], block[23 * LANES + i], block[24 * LANES + i]
+                for row in range(3):
+                    stage[row * LANES + i] = block[row * LANES + i] + reach * block[(3 + row) * LANES + i]
+                    stage[(3 + row) * LANES + i] = block[(3 + row) * LANES + i]
+            for j in range(s):
+                place, speed_up = PLACES[s, j] * step * step, RATES[s, j] * step
+                if place == 0.0 and speed_up == 0.0:
+                    continue
+                at = 3 * j * LANES
+                for i in range(LANES):
+                    fx, fy, fu = forces[at + i], forces[at + LANES + i], forces[at + 2 * LANES + i]
+                    stage[i] += place * fx
+                    stage[LANES + i] += place * fy
+                    stage[2 * LANES + i] += place * fu
+                    stage[3 * LANES + i] += speed_up * fx
+                    stage[4 * LANES + i] += speed_up * fy
+                    stage[5 * LANES + i] += speed_up * fu
+            if s == STAGES:
+                break
+            sine, cosine, early, late = nodes[number, s]
+            time = (first + number + TIMES[s]) * step
+            px, pu = radius * sine, radius * cosine
+            at = 3 * s * LANES
+            for i in range(LANES):
+                dx, dy, du = stage[i], stage[LANES + i], stage[2 * LANES + i]
+                vx, vy, vu = stage[3 * LANES + i], stage[4 * LANES + i], stage[5 * LANES + i]
                 ix, iy, iu = px + dx, dy, pu + du
                 flat = np.sqrt(ix * ix + iu * iu)
                 whole = np.sqrt(flat * flat + iy * iy)
@@ -129,24 +166,11 @@ def _advance(block: Array, nodes: Array, first: int, step: float, constants: Arr
                     ax = ex + stiffness * (share * ix - dx)
                     ay = ey + stiffness * (share * iy - dy)
                     au = eu + stiffness * (share * iu - du)
-                block[25 * LANES + i] += weight * vx
-                block[26 * LANES + i] += weight * vy
-                block[27 * LANES + i] += weight * vu
-                block[28 * LANES + i] += weight * ax
-                block[29 * LANES + i] += weight * ay
-                block[30 * LANES + i] += weight * au
-                block[19 * LANES + i] = block[i] + reach * vx
-                block[20 * LANES + i] = block[LANES + i] + reach * vy
-                block[21 * LANES + i] = block[2 * LANES + i] + reach * vu
-                block[22 * LANES + i] = block[3 * LANES + i] + reach * ax
-                block[23 * LANES + i] = block[4 * LANES + i] + reach * ay
-                block[24 * LANES + i] = block[5 * LANES + i] + reach * au
+                forces[at + i], forces[at + LANES + i], forces[at + 2 * LANES + i] = ax, ay, au
+                along = 1.0 + (sine * dx + cosine * du) * inverse
+                block[18 * LANES + i] = min(block[18 * LANES + i], along)
         for i in range(6 * LANES):
-            block[i] += block[25 * LANES + i]
-        sine, cosine = nodes[number, 2, 0], nodes[number, 2, 1]
-        for i in range(LANES):
-            along = 1.0 + (sine * block[i] + cosine * block[2 * LANES + i]) * inverse
-            block[18 * LANES + i] = min(block[18 * LANES + i], along)
+            block[i] = stage[i]
 
 
 @compiled
@@ -154,7 +178,7 @@ def _simulate(
     deviations: Array, equipment: Array, nodes: Array, first: int, step: float, constants: Array, slaved: bool,
     level: bool, component: Array,
 ) -> None:  # fmt: skip
-    block = np.empty(_ROWS * LANES)
+    block, stage, forces = np.empty(_ROWS * LANES), np.empty(6 * LANES), np.empty(3 * STAGES * LANES)
     for begin in range(0, deviations.shape[0], LANES):
         count = min(LANES, deviations.shape[0] - begin)
         block[:] = 0.0
@@ -164,7 +188,7 @@ def _simulate(
             for row in range(12):
                 block[(6 + row) * LANES + lane] = equipment[begin + lane, row]
             block[18 * LANES + lane] = component[begin + lane]
-        _advance(block, nodes, first, step, constants, slaved, level)
+        _advance(block, stage, forces, nodes, first, step, constants, slaved, level)
         for lane in range(count):
             for row in range(6):
                 deviations[begin + lane, row] = block[row * LANES + lane]
@@ -258,10 +282,10 @@ def simulate_histories(
         As for `simulate_ensemble`, until the last stop.
     """
     errors = np.asarray(errors, dtype=float)
-    halves = np.linspace(0.0, flight.duration, 2 * steps + 1)
-    angles = halves * flight.rate
-    known = np.column_stack([np.sin(angles), np.cos(angles), *flight.drifted(halves)])
-    nodes = np.stack([known[0:-1:2], known[1::2], known[2::2]], axis=1)
+    step = flight.duration / steps
+    times = step * (np.arange(steps)[:, None] + TIMES[:STAGES])
+    angles = times * flight.rate
+    nodes = np.stack([np.sin(angles), np.cos(angles), *flight.drifted(times)], axis=2)
     turns = [Error.ROLL_MISALIGNMENT, Error.MISALIGNMENT, Error.AZIMUTH_MISALIGNMENT]
     drifts = [Error.ROLL_DRIFT, Error.GYRO_DRIFT, Error.AZIMUTH_DRIFT]
     equipment = np.ascontiguousarray(np.hstack([errors[:, turns], errors[:, drifts], errors[:, Error.BIAS_X :]]))
@@ -271,7 +295,6 @@ def simulate_histories(
     within = (np.abs(shifts) < 0.5 * np.pi).all(axis=1)  # a start farther round would come out wrapped
     component = np.where(within, 1.0 + deviations[:, 2] / flight.radius, -1.0)
     constants = np.array([flight.radius, flight.rate, flight.effective_gravity, flight.earth.gravitational_parameter])
-    step = flight.duration / steps
     histories, reached = np.empty((len(errors), len(stops), 6)), 0
     for number, stop in enumerate(stops):
         ahead = nodes[reached:stop]

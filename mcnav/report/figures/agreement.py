@@ -8,8 +8,8 @@ import numpy as np
 from scipy import special
 
 from mcnav._types import Array, IndexArray
-from mcnav.analysis.convergence import Convergence, RunningRatio
-from mcnav.report.figures.figure import HALF, Figure
+from mcnav.analysis.running_ratios import Convergence, RunningRatio
+from mcnav.report.figures.figure import HALF, Figure, side_by_side
 from mcnav.report.figures.marks import Axis, Band, Interval, Line, Mark, Panel, Points, Rule, Series, Span, Steps, Text
 from mcnav.report.figures.palette import AREA, BAND, FLOWN, LINEAR, MUTED
 from mcnav.report.model import RunAnalysis
@@ -110,7 +110,7 @@ def running_ratios(content: RunAnalysis) -> Figure | None:
         panels=[_running(names[i], found, i, content.criterion.tolerance) for i in shown],
         key=(*RUNNING.values(), TOLERANCE),
         columns=columns,
-        size=(HALF[0], 225.0),
+        size=side_by_side(len(shown), 225.0),
         caption="Sigma ratio of the first n samples against n, with individual intervals.",
     )
 
@@ -213,5 +213,5 @@ def normal_quantiles(content: RunAnalysis) -> Figure | None:
         ],
         key=(dots, straight),
         columns={"normal quantile": expected} | {f"{names[i]} [{units[i]}]": found[i] for i in shown},
-        size=(HALF[0], 240.0),
+        size=side_by_side(len(shown), 240.0),
     )  # fmt: skip

@@ -11,7 +11,7 @@ from scipy import special
 
 from mcnav._types import Array
 from mcnav.analysis.comparison import correlations
-from mcnav.report.figures.figure import HALF, THIRD, Figure
+from mcnav.report.figures.figure import THIRD, Figure, side_by_side
 from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Points, Series, Steps, Text
 from mcnav.report.figures.palette import AREA, FLOWN, INK, LINEAR, POINT
 from mcnav.report.model import RunAnalysis
@@ -20,7 +20,10 @@ SCATTERED: Final = 3_000
 """Points in a scatter plot; statistics always use every sample."""
 
 PAIRS: Final = 10
-"""Scatter plots, at most: half of them the pairs that differ most from linear, half the most correlated."""
+"""Pairs with so many points; of more pairs, each has fewer."""
+
+NOTABLE: Final = 6
+"""Pairs shown first, of more than `PAIRS`: half those that differ most from linear, half the most correlated."""
 
 LABELLED: Final = 3
 """Farthest samples of a pair that carry their index."""
@@ -34,11 +37,8 @@ ELLIPSES_FLOWN: Final = Series("flown", "Monte Carlo (plain), 1 and 3 sigma", FL
 FARTHEST: Final = Series("farthest", "largest errors, with sample index", INK, "dot")
 
 
-def chosen_pairs(content: RunAnalysis) -> list[tuple[int, int]]:
-    """Return the pairs of outputs that are drawn, in their order.
-
-    Of more pairs than fit, half are those whose correlation differs most from the linear one, half the most correlated.
-    """
+def ordered_pairs(content: RunAnalysis) -> list[tuple[int, int]]:
+    """Return all pairs of outputs; of more than `PAIRS` the notable ones come first."""
     pairs = list(combinations(content.moving, 2))
     if len(pairs) <= PAIRS:
         return pairs
@@ -46,41 +46,31 @@ def chosen_pairs(content: RunAnalysis) -> list[tuple[int, int]]:
         np.nan_to_num(correlations(each))
         for each in (content.comparison.covariance_linear, content.comparison.covariance_paired)
     )
-    chosen = sorted(pairs, key=lambda pair: -abs(flown[pair] - linear[pair]))[: PAIRS // 2]
-    others = [pair for pair in pairs if pair not in chosen]
-    return sorted(chosen + sorted(others, key=lambda pair: -abs(flown[pair]))[: PAIRS - len(chosen)])
+    notable = sorted(pairs, key=lambda pair: -abs(flown[pair] - linear[pair]))[: NOTABLE // 2]
+    others = sorted(set(pairs) - set(notable), key=lambda pair: (-abs(flown[pair]), pair))
+    notable = sorted(notable + others[: NOTABLE - len(notable)])
+    return notable + [pair for pair in pairs if pair not in notable]
 
 
 def scatter(content: RunAnalysis) -> Figure | None:
     """Draw final errors of pairs of outputs with the linear and the sample ellipses; none without a pair."""
-    pairs, drawn = list(combinations(content.moving, 2)), chosen_pairs(content)
-    flown, names, units = content.flown, content.output_names, content.output_units
+    pairs, flown, names, units = ordered_pairs(content), content.flown, content.output_names, content.output_units
     if not pairs or len(flown) < 2:
         return None
-    points = flown[:: max(1, -(-len(flown) // SCATTERED))]
+    most = SCATTERED * PAIRS // max(PAIRS, len(pairs))
+    points = flown[:: max(1, -(-len(flown) // most))]
     numbers = content.index[np.isfinite(content.outputs).all(axis=1)]
     rows: list[tuple[object, ...]] = []
     panels = []
     for i, j in pairs:
         far = _farthest(content, flown, [i, j])
+        panels.append(_pair(content, points, (i, j), [(int(numbers[k]), flown[k, [i, j]]) for k, _ in far]))
         rows += [
-            (
-                f"{names[i]} and {names[j]}",
-                int(numbers[k]),
-                distance,
-                float(flown[k, i]),
-                units[i],
-                float(flown[k, j]),
-                units[j],
-            )
+            (f"{names[i]} and {names[j]}", int(numbers[k]), distance, float(flown[k, i]), units[i], float(flown[k, j]),
+             units[j])
             for k, distance in far
-        ]
-        if (i, j) in drawn:
-            panels.append(_pair(content, points, (i, j), [(int(numbers[k]), flown[k, [i, j]]) for k, _ in far]))
+        ]  # fmt: skip
     headings = ("pair", "sample", "distance, linear σ", "x", "x unit", "y", "y unit")
-    chosen = "" if len(drawn) == len(pairs) else (
-        f" Of {len(pairs)} pairs the {len(drawn)} are drawn that are most correlated or differ most from linear."
-    )  # fmt: skip
     return Figure(
         name="scatter",
         title="Final errors of pairs of outputs",
@@ -91,7 +81,8 @@ def scatter(content: RunAnalysis) -> Figure | None:
         columns=dict(zip(headings, zip(*rows, strict=True), strict=True)),
         size=THIRD,
         caption=f"{len(points):,} of {len(flown):,} samples are drawn; ellipses use all. The table lists the samples "
-        f"farthest from the mean.{chosen}",
+        "farthest from the mean.",
+        shown=NOTABLE if len(pairs) > PAIRS else 0,
     )
 
 
@@ -115,9 +106,7 @@ def _pair(content: RunAnalysis, points: Array, pair: tuple[int, int], marked: li
     far = np.array([place for _, place in marked])
     x, y = (Axis(content.output_names[k], content.output_units[k]) for k in pair)
     return Panel(
-        "",
-        x,
-        y,
+        "", x, y,
         [
             Points(FLIGHTS, points[:, i], points[:, j], 1.8, 0.6),
             *ellipses(ELLIPSES_LINEAR, linear, comparison.covariance_linear[pick] * square),
@@ -167,5 +156,5 @@ def histograms(content: RunAnalysis) -> Figure:
         panels=panels,
         key=(counted, normal),
         columns=columns,
-        size=(HALF[0], 230.0),
+        size=side_by_side(len(panels), 230.0),
     )

@@ -8,7 +8,7 @@ import numpy as np
 from scipy import special
 
 from mcnav.analysis.envelopes import Envelopes
-from mcnav.report.figures.figure import Figure
+from mcnav.report.figures.figure import Figure, side_by_side
 from mcnav.report.figures.marks import Axis, Band, Line, Panel, Rule, Series, axis
 from mcnav.report.figures.palette import AREA, FLOWN, LINEAR
 from mcnav.report.model import RunAnalysis
@@ -51,6 +51,7 @@ def envelopes(content: RunAnalysis) -> Figure | None:
         panels=[_envelope(names[i], known, i, float(scale[i]), units[i], series, reach) for i in moving],
         key=tuple(series.values()),
         columns=columns,
+        size=side_by_side(len(moving)),
         caption="Ranges are arc lengths on the earth's surface. Samples outside the fast engine's range of validity "
         f"are not included. Lines at ± {reach:.2f}σ: {low} % and {high} % of a normal distribution.",
     )

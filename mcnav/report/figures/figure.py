@@ -25,8 +25,17 @@ if TYPE_CHECKING:
 HALF, THIRD = (422.0, 260.0), (298.0, 278.0)
 """Sizes of a panel, px: two or three side by side on a wide page, and text of one size in both."""
 
+SEVERAL: Final = 4
+"""Panels up to which two stand side by side; more are three."""
+
 ROWS: Final = 200
 """Rows of the table behind a figure, at most: what is plotted more densely is thinned there."""
+
+
+def side_by_side(panels: int, height: float = 0.0) -> tuple[float, float]:
+    """Return the size of so many panels, px: few are large; ``height`` is by default that of the size."""
+    width, usual = HALF if panels <= SEVERAL else THIRD
+    return width, height or usual
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +58,8 @@ class Figure:
     caption : str
     file : str
         The same numbers in full beside the page; empty when there is none.
+    shown : int
+        Panels that the page shows until the reader chooses others, if not all.
     """
 
     name: str
@@ -60,6 +71,7 @@ class Figure:
     size: tuple[float, float] = HALF
     caption: str = ""
     file: str = ""
+    shown: int = 0
 
     @property
     def layout(self) -> str:

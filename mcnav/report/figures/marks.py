@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -46,8 +46,12 @@ class Series:
         """The colour as the style sheet names it."""
         return variable(self.colour)
 
+    def of_kind(self, kind: str) -> Series:
+        """Return the same series with other marks in the key."""
+        return replace(self, kind=kind)
 
-def numbered(number: int, label: str, kind: str = "") -> Series:
+
+def numbered(number: int, label: str) -> Series:
     """Return one of many series: the first sixty differ in colour or in the kind of line.
 
     >>> numbered(1, "range"), numbered(13, "bias x").kind
@@ -55,7 +59,7 @@ def numbered(number: int, label: str, kind: str = "") -> Series:
     """
     around, colour = divmod(number, len(SOURCE_COLOURS))
     lines = tuple(DASHES)
-    return Series(f"source-{number}", label, SOURCE_COLOURS[colour], kind or lines[(colour + 2 * around) % len(lines)])
+    return Series(f"source-{number}", label, SOURCE_COLOURS[colour], lines[(colour + 2 * around) % len(lines)])
 
 
 @dataclass(frozen=True)

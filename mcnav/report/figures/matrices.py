@@ -20,7 +20,7 @@ from mcnav.report.model import RunAnalysis
 Mask = NDArray[np.bool_]
 
 FEW: Final = 5
-"""Outputs whose matrices are three side by side; larger ones are two, so that their numbers can be read."""
+"""Outputs with six matrices, three side by side; of more, three large ones are drawn, whose numbers can be read."""
 
 NIL: Final = 5e-4
 """Covariances below this share of their sigmas' product are shown as zero; the table has their values."""
@@ -33,30 +33,21 @@ NEGATIVE: Final = Series("negative", "negative", LINEAR, "area")
 
 
 def matrices(content: RunAnalysis) -> Figure:
-    """Draw covariances over the linear sigmas and correlations: linear, Monte Carlo (paired), and difference."""
+    """Draw covariances over the linear sigmas and correlations: linear, Monte Carlo (paired), and difference.
+
+    Of more outputs than `FEW` the correlations are drawn, linear and Monte Carlo in one matrix, and the differences.
+    """
     comparison, names = content.comparison, content.output_names
-    square = np.outer(content.output_scale, content.output_scale)
+    few, square = len(names) <= FEW, np.outer(content.output_scale, content.output_scale)
     linear, flown = comparison.covariance_linear, comparison.covariance_paired
     sigma = np.sqrt(np.diag(linear))
     scaled = np.outer(sigma, sigma)
     relative = [np.divide(each, scaled, out=np.zeros_like(each), where=scaled > 0.0) for each in (linear, flown)]
     both = [correlations(linear), correlations(flown)]
-    columns: dict[str, list[object]] = {}
-    for i, j in product(range(len(names)), repeat=2):
-        row: dict[str, object] = (
-            {"row": names[i], "column": names[j],
-             "unit": f"{content.output_units[i]}·{content.output_units[j]}",
-             "covariance, linear": float(linear[i, j] * square[i, j]),
-             "covariance, Monte Carlo": float(flown[i, j] * square[i, j]),
-             "correlation, linear": float(both[0][i, j]), "correlation, Monte Carlo": float(both[1][i, j])}
-        )  # fmt: skip
-        for heading, value in row.items():
-            columns.setdefault(heading, []).append(value)
-    nil = np.abs(relative) < NIL
     change = 100.0 * (relative[1] - relative[0])
     apart = 1000.0 * (both[1] - both[0])
     np.fill_diagonal(apart, 0.0)
-    certain = certain_differences(content.comparison, content.criterion.confidence)
+    certain = certain_differences(comparison, content.criterion.confidence)
 
     def panel(title: str, colours: Array, values: Array, shown: Callable[[float], str]) -> Panel:
         texts = [[shown(value) for value in row] for row in values]
@@ -64,24 +55,32 @@ def matrices(content: RunAnalysis) -> Figure:
         return Panel(title, axis, axis, [Cells(POSITIVE, NEGATIVE, colours, texts, DEEPEST)])
 
     def coefficient(value: float) -> str:
-        return "0" if abs(value) < NIL else fixed(value, 3 if len(names) <= FEW else 2)
+        return "0" if abs(value) < NIL else fixed(value, 3 if few else 2)
 
+    def difference(value: float) -> str:
+        return number(value, 2) if few else "0" if abs(value) < 0.05 else fixed(value, 1)
+
+    def covariance(title: str, k: int) -> Panel:
+        values = np.where(np.abs(relative[k]) < NIL, 0.0, (linear, flown)[k] * square)
+        return panel(title, relative[k], values, lambda value: number(value, 3))
+
+    of_covariances = panel("Difference, % of σᵢσⱼ" if few else "Covariance: difference, % of σᵢσⱼ",
+                           _magnified(change, certain[0]), change, difference)  # fmt: skip
+    of_correlations = panel("Difference, thousandths" if few else "Correlation: difference, thousandths",
+                            _magnified(apart, certain[1]), apart, difference)  # fmt: skip
+    if few:
+        panels = [
+            covariance("Covariance, linear", 0), covariance("Covariance, paired", 1), of_covariances,
+            panel("Correlation, linear", both[0], both[0], coefficient),
+            panel("Correlation, paired", both[1], both[1], coefficient), of_correlations,
+        ]  # fmt: skip
+    else:
+        halves = np.tril(both[0]) + np.triu(both[1], 1)
+        title = "Correlation: linear below, paired above"
+        panels = [panel(title, halves, halves, coefficient), of_correlations, of_covariances]
+    pairs = list(product(range(len(names)), repeat=2))
+    rows, across = np.transpose(pairs)
     each, together = (f"{100.0 * level:.4g} %" for level in (comparison.confidence_each, content.criterion.confidence))
-    panels = [
-        panel(
-            "Covariance, linear", relative[0], np.where(nil[0], 0.0, linear * square), lambda value: number(value, 3)
-        ),
-        panel(
-            "Covariance, paired",
-            relative[1],
-            np.where(nil[1], 0.0, flown * square),
-            lambda value: number(value, 3),
-        ),
-        panel("Difference, % of σᵢσⱼ", _magnified(change, certain[0]), change, lambda value: number(value, 2)),
-        panel("Correlation, linear", both[0], both[0], coefficient),
-        panel("Correlation, paired", both[1], both[1], coefficient),
-        panel("Difference, thousandths", _magnified(apart, certain[1]), apart, lambda value: number(value, 2)),
-    ]
     return Figure(
         name="matrices",
         title="Covariances and correlations of the final errors",
@@ -89,12 +88,21 @@ def matrices(content: RunAnalysis) -> Figure:
         "difference, as numbers on coloured squares.",
         panels=panels,
         key=(POSITIVE, NEGATIVE),
-        columns=columns,
-        size=THIRD if len(names) <= FEW else (HALF[0], 60.0 + 36.0 * len(names)),
-        caption="Colours of covariances are in units of the linear sigmas. Differences are scaled to their largest "
-        f"entry and coloured only if their interval excludes zero (sigmas at {each} each, correlations jointly at "
-        f"{together}). Covariances below 0.0005 σᵢσⱼ are shown as zero.",
-    )  # fmt: skip
+        columns={
+            "row": [names[i] for i in rows],
+            "column": [names[j] for j in across],
+            "unit": [f"{content.output_units[i]}·{content.output_units[j]}" for i, j in pairs],
+            "covariance, linear": (linear * square)[rows, across],
+            "covariance, Monte Carlo": (flown * square)[rows, across],
+            "correlation, linear": both[0][rows, across],
+            "correlation, Monte Carlo": both[1][rows, across],
+        },
+        size=THIRD if few else (HALF[0], 60.0 + 36.0 * len(names)),
+        caption=("Colours of covariances are in units of the linear sigmas. " if few else "")
+        + "Differences are scaled to their largest entry and coloured only if their interval excludes zero (sigmas at "
+        f"{each} each, correlations jointly at {together}). "
+        + ("Covariances below 0.0005 σᵢσⱼ are shown as zero." if few else "The table has the covariances."),
+    )
 
 
 def certain_differences(comparison: Comparison, confidence: float) -> tuple[Mask, Mask]:

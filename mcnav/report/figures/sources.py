@@ -1,76 +1,161 @@
-"""Which source matters: shares of the variance, linear and Monte Carlo, and the error budget over time."""
+"""Contributors: shares of the variance, linear and Monte Carlo, and the error budget over time."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.report.figures.figure import HALF, Figure
+from mcnav.report.figures.figure import HALF, Figure, side_by_side
 from mcnav.report.figures.marks import Axis, Bars, Line, Mark, Panel, Rule, Series, axis, numbered
 from mcnav.report.figures.palette import INK, OTHER, SOURCE_COLOURS
 from mcnav.report.model import RunAnalysis
 
 SHOWN: Final = len(SOURCE_COLOURS)
-"""Sources with a colour; where there are more, those that matter least are drawn together, or not over time."""
+"""Contributors with a colour. Of more sources, those that differ only in their axis are one contributor."""
+
+SMALL: Final = 0.01
+"""Share of every output's variance below which contributors are combined."""
 
 NUMBERED: Final = 0.04
-"""Shares from this on carry their number, where it has room."""
+"""Smallest share whose number is written in its bar, where it has room."""
+
+AXES: Final = frozenset([
+    "x", "y", "z", "xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz", "north", "east", "down", "up", "roll", "pitch",
+    "yaw", "heading", "azimuth", "elevation", "vertical", "horizontal", "downrange", "crossrange", "1", "2", "3",
+])  # fmt: skip
+"""Last words of names that tell the axis."""
 
 
-def shown_sources(content: RunAnalysis) -> list[int]:
-    """Return the sources with a colour of their own: those with the largest share in any output, in their order."""
-    shares = np.nan_to_num(content.budget.shares).max(axis=0, initial=0.0)
-    known = content.development
-    if known is not None and len(known.partials):
-        parts = np.abs(known.partials) * np.sqrt(np.diag(content.model.covariance))
-        largest = parts.max(axis=0)[content.moving]
-        whole = np.sqrt((parts**2).sum(axis=2)).max(axis=0)[content.moving, None]
-        shares = np.maximum(
-            shares, (np.divide(largest, whole, out=np.zeros_like(largest), where=whole > 0.0) ** 2).max(axis=0)
-        )
-    return sorted(int(j) for j in np.argsort(-shares, kind="stable")[:SHOWN] if shares[j] > 0.0)
+@dataclass(frozen=True)
+class Contributor:
+    """One source, or several that are drawn and listed together.
+
+    Attributes
+    ----------
+    members : tuple of int
+        Indices of the sources.
+    other : bool
+        Whether these are all the small ones.
+    """
+
+    series: Series
+    members: tuple[int, ...]
+    other: bool = False
+
+    @property
+    def label(self) -> str:
+        """Name for people."""
+        return self.series.label
 
 
-def series_of(content: RunAnalysis, kind: str = "") -> dict[int, Series]:
-    """Return the series of each source that has a colour: the same in all figures."""
-    few = len(content.source_names) <= SHOWN
-    return {j: numbered(j if few else k, content.source_names[j], kind) for k, j in enumerate(shown_sources(content))}
+def groups(labels: Sequence[str], active: Sequence[int]) -> list[tuple[str, tuple[int, ...]]]:
+    """Group sources that differ only in their axis, where there are more than have a colour.
+
+    >>> groups(["bias x", "bias y", "drift"], [0, 1, 2])
+    [('bias x', (0,)), ('bias y', (1,)), ('drift', (2,))]
+    >>> groups([f"{name} {axis}" for name in "abcdef" for axis in "xyz"], range(18))[:2]
+    [('a (3)', (0, 1, 2)), ('b (3)', (3, 4, 5))]
+    """
+    if len(active) <= SHOWN:
+        return [(labels[j], (j,)) for j in active]
+    found: dict[str, list[int]] = {}
+    for j in active:
+        words = labels[j].split()
+        stem = " ".join(words[:-1]) if len(words) > 1 and words[-1] in AXES else labels[j]
+        found.setdefault(stem, []).append(j)
+    return [
+        (f"{stem} ({len(members)})", tuple(members)) if len(members) > 1 else (labels[members[0]], tuple(members))
+        for stem, members in found.items()
+    ]
+
+
+def contributors(content: RunAnalysis) -> list[Contributor]:
+    """Return all contributors, the largest mean share first; those that are small for every output are the last one.
+
+    Small ones are so in the linear budget, by Monte Carlo and over time.
+    """
+    labels, shares = content.source_names, np.nan_to_num(content.budget.shares)
+    flown = flown_shares(content)
+    sizes = shares if flown is None else np.maximum(shares, flown)
+    active = [int(j) for j in np.flatnonzero(np.diag(content.model.covariance) > 0.0)]
+    grouped = groups(labels, active)
+    mean = [float(shares[:, members].sum(axis=1).mean()) for _, members in grouped]
+    largest = np.array([sizes[:, members].sum(axis=1).max(initial=0.0) for _, members in grouped])
+    largest = np.maximum(largest, _largest_over_time(content, [members for _, members in grouped]))
+    falling = np.argsort(-largest, kind="stable")
+    kept = {int(k) for place, k in enumerate(falling) if largest[k] >= SMALL and place < SHOWN}
+    small = [k for k in range(len(grouped)) if k not in kept]
+    if len(small) == 1 and len(kept) < SHOWN:
+        kept, small = kept | set(small), []
+    few = len(labels) <= SHOWN  # then a source has the same colour in every run
+    chosen = sorted(kept, key=lambda k: (-mean[k], k))
+    found = [
+        Contributor(numbered(grouped[k][1][0] if few else place, grouped[k][0]), grouped[k][1])
+        for place, k in enumerate(chosen)
+    ]
+    if not small:
+        return found
+    rest = tuple(j for k in small for j in grouped[k][1])
+    return [*found, Contributor(Series("others", f"other {len(rest)} sources", OTHER), rest, other=True)]
+
+
+def _largest_over_time(content: RunAnalysis, members: Sequence[tuple[int, ...]]) -> Array:
+    """Return each group's share of the largest linear sigma over the flight, in the output where it is largest."""
+    known, found = content.development, np.zeros(len(members))
+    if known is None or not len(known.partials):
+        return found
+    whole = np.sqrt(_variance(content).max(axis=0))
+    for k, each in enumerate(members):
+        part = np.sqrt(_variance(content, each).max(axis=0))
+        shares = np.divide(part, whole, out=np.zeros_like(part), where=whole > 0.0) ** 2
+        found[k] = shares[content.moving].max(initial=0.0)
+    return found
+
+
+def _variance(content: RunAnalysis, members: Sequence[int] = ()) -> Array:
+    """Compute the linear variance over time due to some sources, or all, shape (times, outputs), SI."""
+    known, covariance = content.development, content.model.covariance
+    partials = np.empty((0, *content.model.partials.shape)) if known is None else known.partials
+    if members:
+        partials, covariance = partials[:, :, members], covariance[np.ix_(members, members)]
+    found: Array = np.einsum("tij,jk,tik->ti", partials, covariance, partials, optimize=True)
+    return np.maximum(found, 0.0)
 
 
 def budget(content: RunAnalysis) -> Figure:
-    """Draw shares of each source in each output's linear variance, by the linear model and by Monte Carlo if known."""
+    """Draw shares of each contributor in each output's linear variance: linear, and by Monte Carlo if known."""
     names, linear = content.output_names, np.nan_to_num(content.budget.shares)
-    flown = _flown_shares(content)
-    members = [j for j in range(linear.shape[1]) if (linear[:, j] > 0.0).any()]
-    series = {j: each for j, each in series_of(content, "area").items() if j in members}
-    rest = [j for j in members if j not in series]
-    other = Series("others", f"{len(rest)} others", OTHER, "area")
-    routes = {"linear": ("Linear", linear)} | (
-        {} if flown is None else {"Monte Carlo": ("Monte Carlo, each source alone", flown)}
-    )
+    found = [each for each in contributors(content) if (linear[:, each.members] > 0.0).any()]
+    routes = {"linear": ("Linear", linear)}
+    flown = flown_shares(content)
+    if flown is not None:
+        routes["Monte Carlo"] = ("Monte Carlo, each source alone", flown)
+    members = [j for each in found for j in each.members]
     columns: dict[str, list[object]] = {"source": [content.source_names[j] for j in members]}
-    panels = []
     reach = max(float(shares[:, members].sum(axis=1).max(initial=0.0)) for _, shares in routes.values())
     across = Axis("share of the linear variance", "%", low=0.0, high=100.0 * max(1.0, reach) * 1.02)
+    panels = []
     for route, (title, shares) in routes.items():
-        panels.append(Panel(title, across, Axis(names=names), _stacked(names, shares, series, other, rest)))
-        for i, name in enumerate(names):
-            columns[f"{name}, {route}, %"] = [float(100.0 * shares[i, j]) for j in members]
+        panels.append(Panel(title, across, Axis(names=names), _stacked(names, shares, found)))
+        columns |= {f"{name}, {route}, %": list(100.0 * shares[i, members]) for i, name in enumerate(names)}
     return Figure(
         name="budget",
         title="Error budget",
         description="Share of each error source in the variance of each output, in per cent of the linear variance.",
         panels=panels,
-        key=[*series.values(), *([other] if rest else [])],
+        key=[each.series.of_kind("area") for each in found],
         columns=columns,
         size=(HALF[0], 82.0 + 36.0 * len(names)),
-    )
+        caption="In brackets: the number of sources, which differ only in their axis."
+        if any(len(each.members) > 1 and not each.other for each in found) else "",
+    )  # fmt: skip
 
 
-def _flown_shares(content: RunAnalysis) -> Array | None:
+def flown_shares(content: RunAnalysis) -> Array | None:
     """Return the variance of each output with one source alone over the linear one; none where it is not known."""
     flown = content.manifest.model.budget
     if not flown or "failed" in flown["alone"]:
@@ -81,48 +166,44 @@ def _flown_shares(content: RunAnalysis) -> Array | None:
     return np.asarray(np.nan_to_num(alone / divisor[:, None]))
 
 
-def _stacked(
-    names: list[str], shares: Array, series: Mapping[int, Series], other: Series, rest: list[int]
-) -> list[Mark]:
+def _stacked(names: list[str], shares: Array, found: Sequence[Contributor]) -> list[Mark]:
     left, rows = np.zeros(len(names)), np.arange(len(names))
-    parts = [(each, shares[:, j]) for j, each in series.items()]
-    parts += [(other, shares[:, rest].sum(axis=1))] if rest else []
     marks: list[Mark] = []
-    for each, width in parts:
+    for each in found:
+        width = shares[:, each.members].sum(axis=1)
         texts = [f"{name}, {each.label}: {100.0 * share:.3g} %" for name, share in zip(names, width, strict=True)]
-        told = [f"{100.0 * share:.0f}" if share >= NUMBERED else "" for share in width]
-        marks.append(Bars(each, rows, 100.0 * left, 100.0 * (left + width), texts, told))
+        written = [f"{100.0 * share:.0f}" if share >= NUMBERED else "" for share in width]
+        marks.append(Bars(each.series, rows, 100.0 * left, 100.0 * (left + width), texts, written))
         left = left + width
     return [*marks, Rule(100.0, colour=INK, width=1.1)]
 
 
 def partials_history(content: RunAnalysis) -> Figure | None:
-    """Draw the linear sigma of each output over time, in total and by its largest sources."""
+    """Draw the linear sigma of each output over time, in total and by contributor."""
     known = content.development
     if known is None:
         return None
-    names, units, moving = content.output_names, content.output_units, content.moving
-    start, scale = content.model.covariance, content.output_scale
-    parts = np.abs(known.partials) * np.sqrt(np.diag(start)) * scale[:, None]
-    variance = np.einsum("tij,jk,tik->ti", known.partials, start, known.partials)
-    whole = np.sqrt(np.maximum(variance, 0.0)) * scale
-    series = {j: each for j, each in series_of(content).items() if parts[:, moving, j].max(initial=0.0) > 0.0}
-    together = Series("all", "all errors", INK)
+    names, units, moving, scale = content.output_names, content.output_units, content.moving, content.output_scale
+    curves = {Series("all", "all errors", INK): np.sqrt(_variance(content)) * scale}
+    for each in contributors(content):
+        part = np.sqrt(_variance(content, each.members)) * scale
+        if part[:, moving].max(initial=0.0) > 0.0:
+            curves[each.series] = part
     columns = {known.label: known.times}
     for i in moving:
-        columns[f"{names[i]}, all errors [{units[i]}]"] = whole[:, i]
-        columns |= {f"{names[i]}, {each.label} [{units[i]}]": parts[:, i, j] for j, each in series.items()}
+        columns |= {f"{names[i]}, {each.label} [{units[i]}]": part[:, i] for each, part in curves.items()}
     return Figure(
         name="development",
         title="Error budget over time",
-        description="Linear one-sigma error of each output over the flight, for all errors and for each source alone.",
+        description="Linear one-sigma error of each output over the flight, for all errors and for each contributor.",
         panels=[
             Panel(names[i], axis(known.label, margin=0.0, link=True), Axis("1σ", units[i], low=0.0),
-                  [Line(together, known.times, whole[:, i], 2.7),
-                   *(Line(each, known.times, parts[:, i, j]) for j, each in series.items())])
+                  [Line(each, known.times, part[:, i], 2.7 if each.name == "all" else 1.9)
+                   for each, part in curves.items()])
             for i in moving
         ],
-        key=(together, *series.values()),
+        key=tuple(curves),
         columns=columns,
+        size=side_by_side(len(moving)),
         caption="Linear model.",
     )  # fmt: skip

@@ -345,6 +345,28 @@
     return self;
   });
 
+  // Of many panels those that are chosen: the first ones, a single one, or all.
+  all("[data-shown]").forEach((list) => {
+    const panels = all(".plot", list);
+    const first = Number(list.dataset.shown);
+    const chosen = document.createElement("select");
+    const named = (plot) => ["x", "y"].map((name) => get(plot.querySelector("svg"), `data-${name}-label`)).join(" and ");
+    chosen.append(...[`the ${first} most correlated or most different`, ...panels.map(named), `all ${panels.length}`].map((text) => new Option(text)));
+    const show = () => {
+      const at = chosen.selectedIndex - 1;
+      panels.forEach((plot, k) => { plot.hidden = at < 0 ? k >= first : at < panels.length && k !== at; });
+      list.classList.toggle("one", at >= 0 && at < panels.length);
+    };
+    const label = document.createElement("label");
+    label.append("Show ", chosen);
+    const line = document.createElement("p");
+    line.className = "choice";
+    line.append(label);
+    list.before(line);
+    chosen.addEventListener("change", show);
+    show();
+  });
+
   // The table behind a figure as CSV.
   const quoted = (text) => (/[",\n]/.test(text) ? `"${text.replace(/"/g, '""')}"` : text);
   const csv = (table) => Array.from(table.rows)

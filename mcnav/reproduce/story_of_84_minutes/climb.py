@@ -27,14 +27,8 @@ def climb_periods(earth: Earth, force: float, times: Array) -> Array:
     """Compute the momentary period of the navigator's error during a climb, s, shape (n,).
 
     Two solutions with different start errors determine both coefficients of the linear equation
-    ``e'' + p e' + q e = 0`` at each time; the period is 2 pi / sqrt(q).
-
-    Parameters
-    ----------
-    force : float
-        Upward specific force, m/s^2.
-    times : ndarray, shape (n,)
-        Time from the start at rest on the surface, s; at least `HALF`.
+    ``e'' + p e' + q e = 0`` at each time; the period is 2 pi / sqrt(q). The force is the upward specific force, m/s^2;
+    times, shape (n,), are from the start at rest on the surface, s, and at least `HALF`.
     """
 
     def rates(time: float, state: Array) -> list[float]:
@@ -57,9 +51,7 @@ def climb_periods(earth: Earth, force: float, times: Array) -> Array:
     )
     periods = []
     for time in times:
-        before, now, after = (
-            solution.y[2:, np.argmin(np.abs(solution.t - at))] for at in (time - HALF, time, time + HALF)
-        )
+        before, now, after = (solution.y[2:, np.argmin(np.abs(solution.t - time - at))] for at in (-HALF, 0.0, HALF))
         turned = (after - before)[[1, 3]] / (2.0 * HALF)
         _, stiffness = np.linalg.solve(np.column_stack([now[[1, 3]], now[[0, 2]]]), -turned)
         periods.append(2.0 * np.pi / np.sqrt(stiffness))

@@ -101,14 +101,7 @@ def climb(found: pd.DataFrame) -> Figure:
         name="climb",
         title="Period during a climb at 9 g",
         description="Momentary period against the time of climb.",
-        panels=[
-            Panel(
-                "Climb at 9 g",
-                Axis("time of climb", "s"),
-                Axis("period", "min", low=0.0),
-                marks,
-            )
-        ],
+        panels=[Panel("Climb at 9 g", Axis("time of climb", "s"), Axis("period", "min", low=0.0), marks)],
         key=(),
         columns=dict(found.items()),
         caption="Footnote (a).",

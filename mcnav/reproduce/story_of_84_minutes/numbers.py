@@ -58,7 +58,7 @@ FLAT: Final = Earth.with_gravity(FLATTER * RADIUS, GRAVITY)
 SLIDE_RULE: Final = 5e-3
 """Relative error of a chain of slide rule readings."""
 
-STEPS: Final = 4_000
+STEPS: Final = 256
 
 
 class Standing(StrEnum):
@@ -71,24 +71,11 @@ class Standing(StrEnum):
 
 @dataclass(frozen=True)
 class Number:
-    """A printed number; computed values are in the printed unit.
+    """A printed number and its place in the document; computed values are in the printed unit.
 
-    Attributes
-    ----------
-    place : str
-        Place in the document.
-    formula : str
-        Formula of the document, corrected.
-    closed : float
-        Value of the formula.
-    linear, flown : float, optional
-        Linear analysis and simulation of a navigator at rest.
-    cruising : float, optional
-        Simulation at half a mile per second.
-    remark : str
-        Explanation of the printed number.
-    wrong : bool
-        Whether the remark explains a misprint.
+    ``closed`` is the value of the document's formula, corrected. ``linear`` and ``flown`` are linear analysis and
+    simulation of a navigator at rest, ``cruising`` is the simulation at half a mile per second. The remark explains the
+    printed number, or a misprint where this is ``wrong``.
     """
 
     place: str
@@ -117,11 +104,10 @@ class Number:
         unit = 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
         if "." not in mantissa and not exponent:  # zeros at the end of a whole number are no digits
             unit = 10.0 ** (len(mantissa) - len(mantissa.rstrip("0"))) if self.value else 1.0
-        if abs(self.closed - self.value) <= 0.5 * unit * (1.0 + 1e-9):
+        difference = abs(self.closed - self.value)
+        if difference <= 0.5 * unit * (1.0 + 1e-9):
             return Standing.DIGITS
-        return (
-            Standing.SLIDE_RULE if abs(self.closed - self.value) <= SLIDE_RULE * abs(self.value) else Standing.MISPRINT
-        )
+        return Standing.SLIDE_RULE if difference <= SLIDE_RULE * abs(self.value) else Standing.MISPRINT
 
 
 def at_rest(duration: float, earth: Earth = ROUND) -> SteadyFlight:
@@ -201,11 +187,8 @@ Runs = tuple[float | None, float | None, float | None]
 def _runs(source: Error, duration: float, unit: float, earth: Earth = ROUND, output: int = RANGE) -> Runs:
     """Compute an error by linear analysis at rest, simulation at rest, and simulation cruising."""
     rest, moving = at_rest(duration, earth), cruising(duration, earth)
-    return (
-        linear(rest, source, output) / unit,
-        simulated(rest, source, output) / unit,
-        simulated(moving, source, output) / unit,
-    )
+    found = linear(rest, source, output), simulated(rest, source, output), simulated(moving, source, output)
+    return found[0] / unit, found[1] / unit, found[2] / unit
 
 
 def _cruising_only(source: Error, earth: Earth) -> Runs:

@@ -60,12 +60,9 @@ RSS: Final = "altitude, root sum square of all [km]"
 
 @dataclass(frozen=True)
 class Finding:
-    """A statement of the report and what was found.
+    """A statement of the report, what was found, and the verdict.
 
-    Attributes
-    ----------
-    verdict : str
-        ``holds``, ``in part``, ``does not hold`` or ``settled`` (for what had to be decided to reproduce anything).
+    It is ``holds``, ``in part``, ``does not hold`` or ``settled`` (for what had to be decided to reproduce anything).
     """
 
     said: str
@@ -151,10 +148,6 @@ def linear_at_ten_times() -> Finding:
     )
 
 
-def _minutes(value: float, decimals: int = 1) -> str:
-    return f"{value:.{decimals}f}".replace("-", "−")
-
-
 def best_start(frame: pd.DataFrame) -> Finding:
     """Find when altitude dispersion is least."""
     start = frame.iloc[:, 0]
@@ -167,7 +160,7 @@ def best_start(frame: pd.DataFrame) -> Finding:
         more = float(frame[column][advised].max()) / least - 1.0
         reentry = float(frame[column][start <= 0.0].iloc[-1])
         words.append(
-            f"{name}: least {least:.1f} km at {_minutes(at)} min, at most {100 * more:.0f} % more from −30 to −20 min, "
+            f"{name}: least {least:.1f} km at {at:.1f} min, at most {100 * more:.0f} % more from −30 to −20 min, "
             f"{frame[column].iloc[0]:.1f} km at the first start, {reentry:.1f} km at reentry"
         )
     return Finding(
@@ -189,22 +182,19 @@ def worst_start(frame: pd.DataFrame) -> Finding:
     return Finding(
         "With an altitude error only, the worst time to start is just before the atmosphere is reached.",
         f"The effect of 5 km on final altitude grows from {effect.iloc[0]:.1f} km at the first start to "
-        f"{effect.max():.1f} km at {_minutes(worst['altitude'])} min; on final range it is greatest at "
-        f"{_minutes(worst['range'])} min.",
+        f"{effect.max():.1f} km at {worst['altitude']:.1f} min; on final range it is greatest at "
+        f"{worst['range']:.1f} min.",
         "holds",
     )
 
 
 def what_predominates(frame: pd.DataFrame) -> Finding:
     """Find which kind of error matters for early and for late starts."""
-    words = []
+    words, start = [], frame.iloc[:, 0]
     for name in ("altitude", "range"):
-        conditions, equipment = (
-            frame[f"{name}, sum of |{kind}| [km]"].to_numpy() for kind in ("initial conditions", "equipment")
-        )
-        before = frame.iloc[:, 0].to_numpy() <= 0.0
-        crossing = float(frame.iloc[:, 0].to_numpy()[np.argmax((conditions > equipment) & before)])
-        words.append(f"{_minutes(crossing)} min in {name}")
+        conditions, equipment = (frame[f"{name}, sum of |{kind}| [km]"] for kind in ("initial conditions", "equipment"))
+        crossing = start[np.argmax((conditions > equipment) & (start <= 0.0))]
+        words.append(f"{crossing:.1f} min in {name}")
     return Finding(
         "Started well before reentry, equipment errors predominate; started just before it, initial conditions do.",
         f"The sums of absolute values change order at {words[0]} and {words[1]}.",
@@ -293,8 +283,8 @@ def perigee_analogy(frame: pd.DataFrame) -> Finding:
         "The curves of final altitude are explained in part by those of the perigee radius of an ellipse.",
         f"The closed forms are correct: a trajectory without atmosphere has these partial derivatives (within "
         f"{100 * off:.2f} %, the rounding of the printed a and e). The shape in r is similar: the closed form peaks at "
-        f"{_minutes(float(time[closed.argmax()]))} min with {closed.max():.2f}, trajectory 4 at "
-        f"{_minutes(float(time[real.argmax()]))} min with {real.max():.2f}. The size differs, and for an early "
+        f"{time[closed.argmax()]:.1f} min with {closed.max():.2f}, trajectory 4 at "
+        f"{time[real.argmax()]:.1f} min with {real.max():.2f}. The size differs, and for an early "
         f"altitude-rate error so does the sign ({by_rate[0]:.0f} s against "
         f"{frame.iloc[0, 3]:+.0f} s at the first start).",
         "in part",
@@ -357,7 +347,7 @@ def start_of_table_v() -> Finding:
     return Finding(
         "Table V starts navigation 3.58 minutes before reentry.",
         f"Part (b) is reproduced within {100 * misfit(-3.58):.1f} % of each column's largest entry with this start, "
-        f"and within {100 * best.fun:.1f} % with a start at {_minutes(best.x, 2)} min. The printed time is therefore "
+        f"and within {100 * best.fun:.1f} % with a start at {best.x:.2f} min. The printed time is therefore "
         "not relative to the passage of 121.92 km.",
         "settled",
     )

@@ -18,11 +18,11 @@ from mcnav.constants import EARTH_RADIUS, REENTRY_ALTITUDE
 from mcnav.lincov.start_times import study_start_times
 from mcnav.physics.reentry.instruments import Error
 from mcnav.physics.reentry.shared_steps import speed_and_angle_errors
-from mcnav.physics.reentry.truth import airspeed_and_angle
+from mcnav.physics.reentry.truth import Trajectory, airspeed_and_angle
 from mcnav.physics.reentry.vehicle import ConstantLift, VariableLift, Vehicle
 from mcnav.reproduce.tn_d1772.ellipse import Ellipse, ellipse_of, perigee_by_rates, perigee_by_speed_and_angle
 from mcnav.reproduce.tn_d1772.printed import TO_PRINTED, sums, trajectories
-from mcnav.reproduce.tn_d1772.tables import INITIAL_CONDITIONS, TN_SOURCES, linear_model, table_i_scenario
+from mcnav.reproduce.tn_d1772.tables import TN_SOURCES, absolute_sums, linear_model, table_i_scenario
 from mcnav.scenarios.reentry import OUTPUTS, SOURCES, Flight, Reentry
 from mcnav.scenarios.table_i import (
     ALL_ERRORS,
@@ -65,20 +65,18 @@ SWITCHING_ALTITUDES: Final = (
 )  # fmt: skip
 
 
-def _times(scenario: Reentry, points: int = POINTS) -> Array:
+def _times(trajectory: Trajectory) -> Array:
     """Compute times from reentry over a flight, half of them before reentry."""
-    trajectory = scenario.trajectory
-    before = np.linspace(-trajectory.reentry_time, 0.0, points // 2, endpoint=False)
-    return np.concatenate([before, np.linspace(0.0, trajectory.final_time - trajectory.reentry_time, points // 2)])
+    before = np.linspace(-trajectory.reentry_time, 0.0, POINTS // 2, endpoint=False)
+    return np.concatenate([before, np.linspace(0.0, trajectory.final_time - trajectory.reentry_time, POINTS // 2)])
 
 
 def figure_1() -> pd.DataFrame:
     """Compute altitude against range of the seven trajectories, km."""
     parts = []
     for number in TABLE_I:
-        scenario = table_i_scenario(number)
-        trajectory = scenario.trajectory
-        states = trajectory.states(_times(scenario) + trajectory.reentry_time)
+        trajectory = table_i_scenario(number).trajectory
+        states = trajectory.states(_times(trajectory) + trajectory.reentry_time)
         at_reentry = trajectory.state(trajectory.reentry_time)
         reach = EARTH_RADIUS * (states[:, 1] - at_reentry[1]) / 1e3
         altitude = (states[:, 0] - EARTH_RADIUS) / 1e3
@@ -88,8 +86,8 @@ def figure_1() -> pd.DataFrame:
 
 def figure_2() -> pd.DataFrame:
     """Compute histories of trajectory 4: position and rates, speed and angle, force."""
-    scenario = table_i_scenario(EXAMPLE)
-    trajectory, times = scenario.trajectory, _times(scenario)
+    trajectory = table_i_scenario(EXAMPLE).trajectory
+    times = _times(trajectory)
     states = trajectory.states(times + trajectory.reentry_time)
     forces = trajectory.forces(times + trajectory.reentry_time)
     through_air = np.array([airspeed_and_angle(state) for state in states])
@@ -113,7 +111,7 @@ def figure_2() -> pd.DataFrame:
 def figure_3() -> pd.DataFrame:
     """Compute the error histories of trajectory 4 with all of the report's errors at once."""
     scenario = table_i_scenario(EXAMPLE)
-    times = _times(scenario)
+    times = _times(scenario.trajectory)
     actual, indicated, errors = scenario.error_histories(ALL_ERRORS[None, :], times)
     speed, angle = speed_and_angle_errors(actual, indicated[:, 0])
     return pd.DataFrame(
@@ -147,12 +145,10 @@ def figure_4() -> pd.DataFrame:
 
 def _summed(scenario: Reentry) -> dict[str, object]:
     """Compute the final range, and sums of absolute final altitude and range errors by P, km."""
-    sizes = np.abs(linear_model(scenario).partials[:2] * ERRORS) / 1e3
+    effects = linear_model(scenario).partials[:2] * ERRORS / 1e3
     found: dict[str, object] = {"final range [km]": range_from_reentry(scenario.trajectory) / 1e3}
-    for name, row in zip(("altitude", "range"), sizes, strict=True):
-        found[f"{name}, initial conditions [km]"] = float(row[:INITIAL_CONDITIONS].sum())
-        found[f"{name}, equipment [km]"] = float(row[INITIAL_CONDITIONS:].sum())
-        found[f"{name}, all [km]"] = float(row.sum())
+    for name, row in zip(("altitude", "range"), effects, strict=True):
+        found |= {f"{name}, {words} [km]": float(total) for words, total in absolute_sums(row).items()}
     return found
 
 
@@ -175,16 +171,13 @@ def figure_5() -> pd.DataFrame:
         errors = np.zeros((len(MULTIPLES), len(SOURCES)))
         errors[:, source] = MULTIPLES * ERROR_SIZES[source]
         flown = scenario.engine("ensemble", errors).propagate(errors).values
-        parts.append(
-            pd.DataFrame(
-                {
-                    "initial error in": SOURCES[source].name,
-                    "initial error [km]": errors[:, source] / 1e3,
-                    "final altitude error, flown [km]": flown[:, 0] / 1e3,
-                    "final altitude error, linear [km]": linear[0, source] * errors[:, source] / 1e3,
-                }
-            )
-        )
+        table = {
+            "initial error in": SOURCES[source].name,
+            "initial error [km]": errors[:, source] / 1e3,
+            "final altitude error, flown [km]": flown[:, 0] / 1e3,
+            "final altitude error, linear [km]": linear[0, source] * errors[:, source] / 1e3,
+        }
+        parts.append(pd.DataFrame(table))
     return pd.concat(parts, ignore_index=True)
 
 
@@ -254,15 +247,9 @@ def figure_11() -> pd.DataFrame:
     radii, minutes = _on_ellipse()
     speed, angle = PRINTED_ELLIPSE.speed(radii), PRINTED_ELLIPSE.flight_path_angle(radii)
     by_radius, by_speed, by_angle = perigee_by_speed_and_angle(radii, speed, angle)
-    return pd.DataFrame(
-        {
-            "time from 121.92 km [min]": minutes,
-            "radius [km]": radii / 1e3,
-            "by r [1]": by_radius,
-            "by V [s]": by_speed,
-            "by gamma [km/rad]": by_angle / 1e3,
-        }
-    )
+    position = {"time from 121.92 km [min]": minutes, "radius [km]": radii / 1e3}
+    partials = {"by r [1]": by_radius, "by V [s]": by_speed, "by gamma [km/rad]": by_angle / 1e3}
+    return pd.DataFrame(position | partials)
 
 
 def figure_12() -> pd.DataFrame:
@@ -273,10 +260,8 @@ def figure_12() -> pd.DataFrame:
         effects = own[:, row] * ERRORS * TO_PRINTED[row]
         for j, source in enumerate(TN_SOURCES):
             frame[f"{name} for {source.name} [km]"] = effects[:, j]
-        sizes = np.abs(effects)
-        frame[f"{name}, sum of |initial conditions| [km]"] = sizes[:, :INITIAL_CONDITIONS].sum(axis=1)
-        frame[f"{name}, sum of |equipment| [km]"] = sizes[:, INITIAL_CONDITIONS:].sum(axis=1)
-        frame[f"{name}, sum of |all| [km]"] = sizes.sum(axis=1)
+        for words, total in absolute_sums(effects.T).items():
+            frame[f"{name}, sum of |{words}| [km]"] = total
         frame[f"{name}, root sum square of all [km]"] = np.sqrt((effects**2).sum(axis=1))
     return frame
 

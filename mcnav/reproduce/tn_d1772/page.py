@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import pandas as pd
 
-from mcnav.files import write_whole
+from mcnav.files import write_texts
 from mcnav.report.figures.figure import Figure
 from mcnav.report.format import number
 from mcnav.report.page import filled
@@ -61,40 +61,23 @@ FIGURES: Final[Mapping[str, tuple[Callable[[], pd.DataFrame], Callable[[pd.DataF
 
 def table(cells: Sequence[Cell]) -> pd.DataFrame:
     """Tabulate the cells, a row for each printed number."""
-    return pd.DataFrame(
-        [
-            {
-                "table": cell.table,
-                "row": cell.row,
-                "column": cell.column,
-                "unit": cell.unit,
-                "printed": cell.printed,
-                "computed": cell.computed,
-                "ensemble engine": cell.second,
-                "difference": cell.difference,
-                "tolerance": cell.tolerance,
-                "mark": cell.mark.value,
-                "reason": cell.reason,
-            }
-            for cell in cells
-        ]
-    )
+    frame = pd.DataFrame(cells)
+    frame["difference"] = [cell.difference for cell in cells]
+    frame["mark"] = [cell.mark.value for cell in cells]
+    shown = ["table", "row", "column", "unit", "printed", "computed", "second", "difference", "tolerance", "mark",
+             "reason"]  # fmt: skip
+    return frame[shown].rename(columns={"second": "ensemble engine"})
 
 
 def _shown(cell: Cell) -> dict[str, Any]:
     """Format a cell for the template: one digit more than printed."""
     decimals = len(cell.printed.partition(".")[2]) + 1
-    return {
-        "table": cell.table,
-        "row": cell.row,
-        "column": cell.column,
-        "unit": cell.unit,
+    return vars(cell) | {
         "printed": cell.printed.replace("-", "−"),
         "shown": f"{round(cell.computed, decimals) + 0.0:.{decimals}f}".replace("-", "−"),  # and no negative zero
         "allowed": f"{cell.tolerance:.3g}",
         "mark": cell.mark.value,
         "kind": cell.mark.name.lower(),
-        "reason": cell.reason,
     }
 
 
@@ -105,11 +88,7 @@ def _between_engines(cells: Sequence[Cell]) -> str:
 
 
 def render(
-    title: str,
-    cells: Sequence[Cell],
-    figures: Mapping[str, Figure],
-    said: Sequence[Finding],
-    decided: Sequence[Finding],
+    cells: Sequence[Cell], figures: Mapping[str, Figure], said: Sequence[Finding], decided: Sequence[Finding]
 ) -> str:
     """Render the page; figures by number."""
     tables = []
@@ -123,7 +102,7 @@ def render(
     counted = Counter(cell.mark for cell in cells)
     return filled(
         "reproduction.html",
-        title=title,
+        title=TITLE,
         total=len(cells),
         counts=[(mark, f"{counted[mark]:,}") for mark in Mark if counted[mark]],
         phrases=PHRASES,
@@ -137,14 +116,9 @@ def render(
 
 
 def write_reproduction(path: Path) -> tuple[list[Cell], list[Path]]:
-    """Recompute the whole report and write it down.
+    """Recompute the whole report; return every number of Tables I to VI, and the files written.
 
-    Returns
-    -------
-    cells : list of Cell
-        Every number of Tables I to VI.
-    written : list of Path
-        The page, ``tables.csv``, ``findings.csv`` and ``figure_01.csv`` to ``figure_13.csv``.
+    They are the page, ``tables.csv``, ``findings.csv`` and ``figure_01.csv`` to ``figure_13.csv``.
     """
     cells = all_cells()
     data = {name: tabulate() for name, (tabulate, _) in FIGURES.items()}
@@ -153,12 +127,9 @@ def write_reproduction(path: Path) -> tuple[list[Cell], list[Path]]:
     found = [("claim", finding) for finding in said] + [("decision", finding) for finding in decided]
     findings = pd.DataFrame([{"kind": kind} | vars(finding) for kind, finding in found])
     files = {
-        PAGE: render(TITLE, cells, figures, said, decided),
+        PAGE: render(cells, figures, said, decided),
         "tables.csv": table(cells).to_csv(index=False),
         "findings.csv": findings.to_csv(index=False),
         **{figure.file: data[name].to_csv(index=False) for name, figure in figures.items()},
     }
-    path.mkdir(parents=True, exist_ok=True)
-    for name, text in files.items():
-        write_whole(path / name, text.encode())
-    return cells, [path / name for name in files]
+    return cells, write_texts(path, files)

@@ -42,22 +42,10 @@ class Mark(StrEnum):
 
 @dataclass(frozen=True)
 class Cell:
-    """One printed number.
+    """One printed number, which the report itself may contradict; computed numbers are in the printed unit.
 
-    Attributes
-    ----------
-    printed : str
-        As printed.
-    computed : float
-        In the printed unit.
-    tolerance : float
-        In the printed unit.
-    reason : str
-        Why the two differ, where that is known; else empty.
-    contradicted : bool
-        Whether the report itself contradicts the printed number.
-    second : float
-        The same on the ensemble engine, in the printed unit; NaN where only one engine computes it.
+    The reason says why printed and computed number differ, where that is known. ``second`` is the number computed on
+    the ensemble engine; NaN where only one engine computes it.
     """
 
     table: str
@@ -89,18 +77,9 @@ class Cell:
 
 @dataclass(frozen=True)
 class Case:
-    """A table of final errors: what was flown, and how closely it can be met.
+    """A table of final errors: a trajectory with options of `Flight`, flown with a multiple of the report's errors.
 
-    Attributes
-    ----------
-    multiple : float
-        Of the report's errors.
-    share : float
-        Tolerance as a share of the column's largest entry.
-    least : float
-        Smallest tolerance, in the printed unit.
-    options : mapping
-        Of `Flight`.
+    The tolerance is a share of the column's largest entry, and at least ``least``, in the printed unit.
     """
 
     table: str
@@ -125,18 +104,15 @@ CASES: Final = (
 CONTRADICTIONS: Final = {
     ("II(a)", "sum of |equipment|", "range rate"): "the six printed runs sum to {total:.2f}",
     ("II(a)", "sum of |all|", "range rate"): "the ten printed runs sum to {total:.2f}",
-    (
-        "IV(b)",
-        "algebraic sum",
-        "range",
-    ): "it counts run 8 with the sign reversed; the ten printed runs sum to {total:.2f}",
+    ("IV(b)", "algebraic sum", "range"):
+        "it counts run 8 with the sign reversed; the ten printed runs sum to {total:.2f}",
     ("VI", "1: altitude", "range rate"): "contradicts run 11 of the table, to which the ten printed runs do not sum",
     ("VI", "6: gyro drift", "range rate"): "contradicts run 11 of the table, to which the ten printed runs do not sum",
     ("VI", "algebraic sum", "range rate"): "sums the two runs that contradict run 11",
     ("VI", "sum of |initial conditions|", "range rate"): "sums run 1, which contradicts run 11",
     ("VI", "sum of |equipment|", "range rate"): "sums run 6, which contradicts run 11",
     ("VI", "sum of |all|", "range rate"): "sums the two runs that contradict run 11",
-}
+}  # fmt: skip
 """Printed numbers that contradict others of the report, and how; ``total`` is what the printed runs really sum to."""
 
 SUM_NAMES: Final = dict(
@@ -163,29 +139,33 @@ def linear_model(scenario: Reentry) -> LinearModel:
     return LinearModel(model.partials[:, COLUMNS], model.nominal)
 
 
+def absolute_sums(effects: Array) -> dict[str, Array]:
+    """Sum the sizes of ten effects, shape (10, ...): those of initial conditions, of the equipment, and all."""
+    sizes = np.abs(effects)
+    conditions, equipment = sizes[:INITIAL_CONDITIONS].sum(axis=0), sizes[INITIAL_CONDITIONS:].sum(axis=0)
+    return {"initial conditions": conditions, "equipment": equipment, "all": conditions + equipment}
+
+
 def _sums(values: Array) -> dict[str, Array]:
     """Compute the four summary rows of ten runs, shape (10, ...)."""
-    sizes = np.abs(values)
-    equipment = sizes[INITIAL_CONDITIONS:].sum(axis=0)
-    conditions = sizes[:INITIAL_CONDITIONS].sum(axis=0)
-    return dict(zip(SUMS, (values.sum(axis=0), conditions, equipment, conditions + equipment), strict=True))
+    return dict(zip(SUMS, (values.sum(axis=0), *absolute_sums(values).values()), strict=True))
 
 
-def final_error_cells(case: Case, engine: str = "reference", second: str = "ensemble") -> Iterator[Cell]:
-    """Compute a table of final errors and the sums under it by two engines; the first is compared.
+def final_error_cells(case: Case) -> Iterator[Cell]:
+    """Compute a table of final errors and the sums under it by two engines; the reference engine is compared.
 
     A sum's tolerance is that of an entry times the square root of the entries summed, their errors being independent.
     """
     errors = np.vstack([np.diag(ERRORS), ERRORS]) * case.multiple
     scenario = table_i_scenario(case.trajectory, **dict(case.options))
-    computed, other = (
-        propagator(scenario, name, errors)(errors).values * np.array(TO_PRINTED) for name in (engine, second)
-    )
+    by_engine = [propagator(scenario, name, errors)(errors).values for name in ("reference", "ensemble")]
+    both = np.stack(by_engine, axis=-1) * np.array(TO_PRINTED)[:, None]
     printed = final_errors(case.table)
     largest = np.abs(np.array(printed, dtype=float)).max(axis=0)
     tolerance = np.maximum(case.share * largest, case.least)
 
-    of_printed = _sums(np.array(printed[: len(ERRORS)], dtype=float))
+    runs = len(ERRORS)
+    of_printed = _sums(np.array(printed[:runs], dtype=float))
 
     def cell(row: str, column: int, text: str, values: Array, allowed: float, total: float = np.nan) -> Cell:
         name = NAMES[column]
@@ -193,12 +173,9 @@ def final_error_cells(case: Case, engine: str = "reference", second: str = "ense
         first, by_second = map(float, values)
         return Cell(case.table, row, name, UNITS[column], text, first, allowed, reason, bool(reason), by_second)
 
-    both = np.stack([computed, other], axis=-1)
-
     for run, entries in enumerate(printed):
         for column, text in enumerate(entries):
             yield cell(f"{run + 1}: {RUNS[run]}", column, text, both[run, column], float(tolerance[column]))
-    runs = len(ERRORS)
     counts = {"algebraic": runs, "ic": INITIAL_CONDITIONS, "equipment": runs - INITIAL_CONDITIONS, "all": runs}
     for name, values in _sums(both[:runs]).items():
         for column, text in enumerate(sums(case.table)[name]):
@@ -244,23 +221,16 @@ def _peak_loads(trajectory: Trajectory) -> tuple[float, float]:
     return float(np.hypot(force_x, force_z).max() / TN_GRAVITY), float(drag.max() / TN_GRAVITY)
 
 
-def table_iii_cells() -> Iterator[Cell]:
-    """Compute Table III, which repeats the altitude and range columns of the absolute sums of Table II."""
-    for case in CASES[: len(TABLE_I)]:
-        for cell in final_error_cells(case):
-            if cell.row.startswith("sum of") and cell.column in NAMES[:2]:
-                yield Cell(
-                    "III", f"trajectory {case.trajectory}: {cell.row}", cell.column, cell.unit, cell.printed,
-                    cell.computed, cell.tolerance,
-                )  # fmt: skip
-
-
 def all_cells() -> list[Cell]:
-    """Compute every cell of Tables I to VI in their order."""
-    cells = [*table_i_cells()]
-    by_table = {case.table: list(final_error_cells(case)) for case in CASES}
-    for table, found in by_table.items():
-        if table == "IV(a)":
-            cells += table_iii_cells()
-        cells += found
-    return cells
+    """Compute every cell of Tables I to VI in their order.
+
+    Table III repeats the altitude and range columns of the absolute sums of Table II.
+    """
+    second = [(case.trajectory, cell) for case in CASES[: len(TABLE_I)] for cell in final_error_cells(case)]
+    third = [
+        replace(cell, table="III", row=f"trajectory {trajectory}: {cell.row}", second=np.nan)
+        for trajectory, cell in second
+        if cell.row.startswith("sum of") and cell.column in NAMES[:2]
+    ]
+    others = [cell for case in CASES[len(TABLE_I) :] for cell in final_error_cells(case)]
+    return [*table_i_cells(), *(cell for _, cell in second), *third, *others]

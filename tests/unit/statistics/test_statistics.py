@@ -14,6 +14,7 @@ from mcnav.statistics.estimates import Estimate, blocked_mean
 from mcnav.statistics.hotelling import hotelling
 from mcnav.statistics.hypothesis_test import HypothesisTest
 from mcnav.statistics.mardia import mardia
+from mcnav.statistics.order_statistics import RankedSizes
 from mcnav.statistics.whitening import leaves_range, whitening
 
 COVARIANCE = np.array([[4.0, 1.0, 0.5], [1.0, 9.0, -2.0], [0.5, -2.0, 1.0]])
@@ -41,7 +42,8 @@ def _normal(count: int, covariance: np.ndarray, seed: int = 1) -> np.ndarray:
 )
 def test_published_sample_sizes(quantile: float, confidence: float, exceedances: int, samples: int) -> None:
     """No fewer samples do, and with so many the rank is the one that leaves just those exceedances."""
-    assert order_statistics.samples_for_upper_bound(quantile, confidence, exceedances) == samples
+    if exceedances == 0:
+        assert order_statistics.samples_for_upper_bound(quantile, confidence) == samples
     assert order_statistics.upper_rank(samples, quantile, confidence) == samples - exceedances
     fewer = order_statistics.upper_rank(samples - 1, quantile, confidence)
     assert fewer is None or fewer > samples - 1 - exceedances
@@ -60,15 +62,16 @@ def test_ranks_are_the_smallest_that_hold() -> None:
 
 def test_bounds_mirror_each_other() -> None:
     values = np.random.default_rng(5).standard_normal(500)
-    upper = order_statistics.upper_bound(values, 0.9, 0.95)
-    assert order_statistics.lower_bound(-values, 1.0 - 0.9, 0.95) == -upper
-    assert order_statistics.lower_bound(values, 0.9, 0.95) < np.quantile(values, 0.9) < upper
+    ranked, mirrored = RankedSizes.of(values), RankedSizes.of(-values)
+    lower, upper = ranked.bounds(0.9, 0.95)
+    assert mirrored.bounds(1.0 - 0.9, 0.95) == (-upper, -lower)
+    assert lower < np.quantile(values, 0.9) < upper
+    assert ranked.estimate(0.9) == pytest.approx(np.quantile(values, 0.9), rel=1e-14)
 
 
 def test_too_few_samples_bound_nothing() -> None:
     for values in (np.array([1.0]), np.array([])):
-        assert order_statistics.lower_bound(values, 0.5, 0.95) == -np.inf
-        assert order_statistics.upper_bound(values, 0.5, 0.95) == np.inf
+        assert RankedSizes.of(values).bounds(0.5, 0.95) == (0.0, np.inf)
     with pytest.raises(ValueError, match="quantile must lie between 0 and 1; got 1"):
         order_statistics.upper_rank(10, 1.0, 0.9)
 

@@ -20,13 +20,7 @@ POINTS: Final = 40
 
 @dataclass(frozen=True)
 class RunningRatio:
-    """Sigma ratios of one kind from growing parts of a campaign.
-
-    Attributes
-    ----------
-    ratio, low, high : ndarray, shape (sizes, outputs)
-        NaN for an output without linear dispersion.
-    """
+    """Sigma ratios from growing parts of a campaign, shape (sizes, outputs); NaN without linear dispersion."""
 
     ratio: Array
     low: Array
@@ -35,14 +29,9 @@ class RunningRatio:
 
 @dataclass(frozen=True)
 class Convergence:
-    """Sigma ratios against the number of samples.
+    """Sigma ratios against the number of samples, in whole blocks.
 
-    Attributes
-    ----------
-    sizes : ndarray of int, shape (sizes,)
-        Numbers of samples, in whole blocks.
-    plain, paired : RunningRatio
-        Each interval holds by itself at the confidence of the final one; all sizes together hold at less.
+    Each interval holds by itself at the confidence of the final one; all sizes together hold at less.
     """
 
     sizes: IndexArray
@@ -51,15 +40,10 @@ class Convergence:
 
 
 def convergence(moments: BlockMoments, comparison: Comparison, design: SamplingDesign) -> Convergence | None:
-    """Compute the sigma ratios of growing parts of a campaign.
+    """Compute the sigma ratios of growing parts of a campaign; none with too few blocks.
 
     Products are about the mean of all samples, which takes nothing from the intervals and makes the curves end at the
     comparison's ratios.
-
-    Returns
-    -------
-    Convergence or None
-        None with too few blocks.
     """
     if not comparison.outputs or len(moments.counts) < 2 * design.fewest_blocks:
         return None
@@ -71,11 +55,9 @@ def convergence(moments: BlockMoments, comparison: Comparison, design: SamplingD
     for i in np.flatnonzero(variances > 0.0).tolist():
         variance = float(variances[i])
         for kind, (sums, known) in enumerate(zip(moments.products(i, i), (0.0, variance), strict=True)):
-            estimates = _running_means(unbiased * sums, moments.counts, ends)
-            for row, estimate in enumerate(estimates):
-                ratio, interval = ratio_interval(
-                    replace(estimate, value=known + estimate.value), variance, comparison.confidence_each
-                )
+            for row, estimate in enumerate(_running_means(unbiased * sums, moments.counts, ends)):
+                estimate = replace(estimate, value=known + estimate.value)
+                ratio, interval = ratio_interval(estimate, variance, comparison.confidence_each)
                 running[kind, :, row, i] = ratio, *interval
     return Convergence(sizes, *(RunningRatio(*each) for each in running))
 

@@ -16,15 +16,8 @@ FEWEST: Final = 256
 
 
 def interim_sizes(chunk: int, at_most: int) -> tuple[int, ...]:
-    """List the sample sizes of the interim looks, rising; the last is the largest allowed.
+    """List the sample sizes of the interim looks, rising: a chunk times powers of two, and last the largest allowed.
 
-    Parameters
-    ----------
-    chunk : int
-        Size of which all but the last are multiples by powers of two.
-
-    Examples
-    --------
     >>> interim_sizes(8192, 50_000), interim_sizes(100, 1000), interim_sizes(8192, 500)
     ((8192, 16384, 32768, 50000), (400, 800, 1000), (500,))
     """

@@ -1,0 +1,43 @@
+"""Corrections to the linear model are made in proportion to their cost."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import comb
+
+import numpy as np
+import pytest
+
+from mcnav._types import Array
+from mcnav.lincov import corrections
+from mcnav.lincov.partials import SimulationFailed
+from mcnav.sampling.distributions import Normal
+from mcnav.sampling.error_model import ErrorModel
+from mcnav.scenarios.protocol import SimulationResult
+
+
+@dataclass(frozen=True)
+class Sums:
+    """Fast engine whose only output is the sum of the errors; counts what it simulates."""
+
+    parallel: str = "threads"
+    chunk: int = corrections.QUICK
+    accuracy: str = "exact"
+
+    def propagate(self, errors: Array) -> SimulationResult:
+        return SimulationResult(errors.sum(axis=1)[:, None])
+
+
+def _errors(count: int, still: int = 0) -> ErrorModel:
+    names = [f"source_{j}" for j in range(count + still)]
+    return ErrorModel(names, {name: Normal(1.0) for name in names[:count]})
+
+
+def test_too_many_terms_are_refused_before_a_simulation() -> None:
+    """The bound is on terms; sources without dispersion have none."""
+    order = corrections.HIGHER_ORDER
+    most = max(n for n in range(40) if comb(n + order, order) <= corrections.MOST_TERMS)
+    found = corrections.higher_order(Sums(), _errors(most, still=5))
+    np.testing.assert_allclose(found["sigma"], np.sqrt(most), rtol=1e-9)  # least squares of an exact sum
+    with pytest.raises(SimulationFailed, match=rf"with {most + 1} sources a polynomial of order 3 has \d+ terms, more"):
+        corrections.higher_order(Sums(), _errors(most + 1))
