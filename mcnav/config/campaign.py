@@ -81,7 +81,7 @@ class Campaign:
     def inputs(self) -> tuple[InputFile, ...]:
         """Return the files that a user-defined scenario reads; it is linearized to find them.
 
-        Raise `CampaignError` when it cannot be linearized.
+        Raises `CampaignError` when it cannot be linearized.
         """
         if not isinstance(self.scenario, UserScenario):
             return ()
@@ -93,7 +93,7 @@ class Campaign:
     def with_overrides(self, overrides: Mapping[str, Any]) -> Campaign:
         """Replace ``samples`` or ``seed``; files that the campaign names are not read again.
 
-        Raise `CampaignError` when another key is given, or a value is wrong.
+        Raises `CampaignError` when another key is given, or a value is wrong.
         """
         context = FileContext(self.file, Path())
         for key in overrides.keys() - {"samples", "seed"}:

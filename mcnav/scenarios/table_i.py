@@ -121,7 +121,7 @@ def range_from_reentry(trajectory: Trajectory) -> float:
 def solve_start_angle(number: int) -> float:
     """Solve for the start angle (deg) with which a trajectory has its printed final range: what `START_ANGLES` holds.
 
-    Raise `ValueError` when Table I prints no final range for the trajectory.
+    Raises `ValueError` when Table I prints no final range for the trajectory.
     """
     from scipy.optimize import brentq  # only a test solves
 

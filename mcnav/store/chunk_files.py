@@ -172,7 +172,7 @@ def tracebacks_in(table: pa.Table) -> dict[int, str]:
 def table_from(content: bytes, rows: int | None = None) -> pa.Table:
     """Read a parquet file with its checksums verified, unless it claims to be much larger than it is.
 
-    Raise `ValueError`, `OSError`, `pyarrow.ArrowException` when it cannot be read, or has not so many rows.
+    Raises `ValueError`, `OSError`, `pyarrow.ArrowException` when it cannot be read, or has not so many rows.
     """
     file = pq.ParquetFile(io.BytesIO(content), page_checksum_verification=True)
     described = file.metadata

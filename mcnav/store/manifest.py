@@ -246,7 +246,7 @@ class Manifest(Record):
     def from_json(cls, content: Mapping[str, Any]) -> Manifest:
         """Read the content of ``manifest.json``.
 
-        Raise `ManifestError` naming the first entry that is not as this program writes it.
+        Raises `ManifestError` naming the first entry that is not as this program writes it.
         """
         if content.get("format", FORMAT) != FORMAT:
             raise ManifestError(f"format: got {str(content['format'])[:20]!r}; this version reads format {FORMAT}")

@@ -89,7 +89,7 @@ class RunFolder:
     def lock(self) -> Iterator[None]:
         """Hold the folder's lock; it is freed by the end of the process, however it ends.
 
-        Raise `RunFolderBusy` when another process holds it; `RunFolderError` when the folder cannot be made or written
+        Raises `RunFolderBusy` when another process holds it; `RunFolderError` when the folder cannot be made or written
         to.
         """
         lock = filelock.FileLock(self.path / LOCK)
@@ -113,7 +113,7 @@ class RunFolder:
     def manifest(self) -> Manifest | None:
         """Read the manifest; none when nothing has been run here.
 
-        Raise `RunFolderError` when the manifest is damaged, or of a format that this version does not read.
+        Raises `RunFolderError` when the manifest is damaged, or of a format that this version does not read.
         """
         remedy = "run the campaign again to mend it"
         content = self._json(MANIFEST, remedy)
@@ -309,7 +309,7 @@ class RunFolder:
 
         A file is in memory only while it is copied.
 
-        Raise `RunFolderError` when a file is missing, or its content is not what the manifest says.
+        Raises `RunFolderError` when a file is missing, or its content is not what the manifest says.
         """
         chunks, stored_rows, folder = manifest.chunks, manifest.stored_rows, self.chunk_folder
         present = sorted(folder.iterdir())
@@ -353,7 +353,7 @@ class RunFolder:
     def epochs(self) -> tuple[dict[str, Array], dict[str, Any]] | None:
         """Read the columns of ``epochs.parquet`` and its description; none where the run has none.
 
-        Raise `RunFolderError` when it cannot be read.
+        Raises `RunFolderError` when it cannot be read.
         """
         path = self.path / EPOCHS
         if not path.exists():

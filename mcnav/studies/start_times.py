@@ -20,6 +20,7 @@ from mcnav.lincov.covariance import propagated_covariance
 from mcnav.lincov.start_times import StartTimeStudy, study_start_times
 from mcnav.progress import SILENT, Phase, Progress
 from mcnav.report import start_times as tables
+from mcnav.sampling.designs import SamplingDesign
 from mcnav.scenarios.protocol import ScenarioError, VariableStart
 
 EVENLY: Final = 6

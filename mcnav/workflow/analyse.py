@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 def report_run(path: str | Path) -> dict[str, Any]:
     """Analyse a finished run folder again and write its summary and report.
 
-    Raise `RunFolderError` when the folder holds no finished run, or a part of it is damaged.
+    Raises `RunFolderError` when the folder holds no finished run, or a part of it is damaged.
     """
     folder = RunFolder(Path(path))
     folder.existing_manifest()
@@ -47,7 +47,7 @@ def samples_of(path: str | Path) -> pd.DataFrame:
 
     Columns: ``index``, ``status``, ``error NAME [unit]``, ``output NAME [unit]``; SI units.
 
-    Raise `RunFolderError` when the run is not finished, or a part of it is damaged.
+    Raises `RunFolderError` when the run is not finished, or a part of it is damaged.
     """
     import pandas as pd
 
