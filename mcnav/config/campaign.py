@@ -73,10 +73,14 @@ class Campaign:
     store: str = "samples"
     file: str = ""
 
+    def to_toml(self) -> str:
+        """Write the resolved campaign as a campaign file."""
+        return tomli_w.dumps(dict(self.resolved))
+
     def stored_files(self) -> dict[str, bytes]:
         """Return the files that define the campaign in a run folder, by their path there: campaign, tables and code."""
         code = {} if self.code is None else {self.code.file: self.code.text.encode()}
-        return {**self.tables, CAMPAIGN: tomli_w.dumps(dict(self.resolved)).encode(), **code}
+        return {**self.tables, CAMPAIGN: self.to_toml().encode(), **code}
 
     def inputs(self) -> tuple[InputFile, ...]:
         """Return the files that a user-defined scenario reads; it is linearized to find them.
