@@ -226,10 +226,10 @@ class RunFolder:
             "mcnav.events": json.dumps(dict(history.events)),
             "mcnav.panels": json.dumps([asdict(panel) for panel in history.panels]),
         }
+        self.write_manifest(manifest)  # first: a folder with the user's code but no manifest would not be a run's
+        self.write(HISTORY, parquet_bytes(arrow_table(history.columns).replace_schema_metadata(marks)))
         for name, content in files.items():
             self.write(name, content)
-        self.write(HISTORY, parquet_bytes(arrow_table(history.columns).replace_schema_metadata(marks)))
-        self.write_manifest(manifest)
         for file in inputs:
             if file.size <= LARGEST_COPY:
                 self.write(f"{INPUTS}/{file.name}", _content_of(file))
