@@ -50,12 +50,12 @@ def nonlinear_corrections(scenario: Scenario, engine: Engine, errors: ErrorModel
         ),
         "partials_differences": lambda: {"partials": partials_by_differences(propagate, sizes)},
         "second_order": derivatives,
-        "higher_order": lambda: _polynomial_moments(engine, errors),
+        "higher_order": lambda: polynomial_moments(engine, errors),
     }
     return {key: computed_or_reason(study) for key, study in studies.items()}
 
 
-def _polynomial_moments(engine: Engine, errors: ErrorModel) -> dict[str, Any]:
+def polynomial_moments(engine: Engine, errors: ErrorModel) -> dict[str, Any]:
     """Compute moments of the final errors in closed form, from a polynomial fitted to simulations.
 
     A polynomial engine's own polynomial is used; to any other engine one of order `HIGHER_ORDER` is fitted. Raises

@@ -196,7 +196,7 @@ def test_samples_with_other_last_digits_are_not_mixed(tmp_path: Path, monkeypatc
     (tmp_path / "run" / "manifest.json").unlink()
     with pytest.raises(RunFolderError, match="holds samples of another run"):
         run_campaign(run, tmp_path / "run", "ensemble", 1)
-    assert run_campaign(run, tmp_path / "run", "ensemble", 1, fresh=True).flown == 100
+    assert run_campaign(run, tmp_path / "run", "ensemble", 1, fresh=True).simulated == 100
 
 
 @pytest.mark.parametrize(

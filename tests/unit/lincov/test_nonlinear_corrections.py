@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from mcnav._types import Array
-from mcnav.lincov import corrections
-from mcnav.lincov.partials import SimulationFailed
+from mcnav.lincov import nonlinear_corrections as corrections
+from mcnav.lincov.partials import QUICK, SimulationFailed
 from mcnav.sampling.distributions import Normal
 from mcnav.sampling.error_model import ErrorModel
 from mcnav.scenarios.protocol import SimulationResult
@@ -21,7 +21,7 @@ class Sums:
     """Fast engine whose only output is the sum of the errors; counts what it simulates."""
 
     parallel: str = "threads"
-    chunk: int = corrections.QUICK
+    chunk: int = QUICK
     accuracy: str = "exact"
 
     def propagate(self, errors: Array) -> SimulationResult:
@@ -37,7 +37,7 @@ def test_too_many_terms_are_refused_before_a_simulation() -> None:
     """The bound is on terms; sources without dispersion have none."""
     order = corrections.HIGHER_ORDER
     most = max(n for n in range(40) if comb(n + order, order) <= corrections.MOST_TERMS)
-    found = corrections.higher_order(Sums(), _errors(most, still=5))
+    found = corrections.polynomial_moments(Sums(), _errors(most, still=5))
     np.testing.assert_allclose(found["sigma"], np.sqrt(most), rtol=1e-9)  # least squares of an exact sum
     with pytest.raises(SimulationFailed, match=rf"with {most + 1} sources a polynomial of order 3 has \d+ terms, more"):
-        corrections.higher_order(Sums(), _errors(most + 1))
+        corrections.polynomial_moments(Sums(), _errors(most + 1))
