@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from mcnav.config.context import EarlierFile
 from mcnav.config.read import Campaign, read_campaign
-from mcnav.errors import CampaignError, Problem, RunFolderError
+from mcnav.errors import CampaignError, Problem, RunFolderError, shortened
 from mcnav.execution.chunks import DrawPlan
 from mcnav.execution.identity import chunk_digest, identity_of
 from mcnav.execution.processes import IsolatedEngine, end_workers
@@ -128,7 +128,7 @@ def _campaign_of(folder: RunFolder, manifest: Manifest, file: Path | None) -> tu
         raise RunFolderError(f"{path}: is not the campaign that was flown in {folder.path}")
     changed = next((name for name, _ in sorted(then.files.items() ^ now.files.items())), None)
     if changed is not None:
-        change = f"{changed} was {then.files.get(changed, 'absent')}, is {now.files.get(changed, 'absent')}"
+        change = shortened(f"{changed} was {then.files.get(changed, 'absent')}, is {now.files.get(changed, 'absent')}")
         raise RunFolderError(f"{path}: reads other files than when {folder.path} was made ({change}); restore the file")
     return campaign, then.engine
 
