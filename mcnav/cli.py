@@ -405,7 +405,7 @@ def partials(
     With --start-times, write P and the linear dispersion as functions of the start of navigation.
     """
     from mcnav.config.read import read_campaign
-    from mcnav.lincov.partials_agreement import compare_partials
+    from mcnav.lincov.partials import compare_partials
     from mcnav.report import export, terminal
 
     if start_times:
@@ -499,6 +499,73 @@ def check_scenario(campaign: CampaignFile) -> None:
     out.print(terminal.checks([(check.name, check.passed, check.told) for check in checks]))
     if not all(check.passed for check in checks):
         raise typer.Exit(CHECK_FAILED)
+
+
+@_command()
+def trajectory(
+    campaign: Annotated[
+        Path, typer.Argument(metavar="FILE", help="Trajectory file (CSV or parquet), or a campaign of type ins (TOML).")
+    ],
+    page: Annotated[Path | None, typer.Option("--out", help="Also write figures as an HTML page.")] = None,
+    column: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=COLUMN", help="Column of a trajectory file, such as 'lat=latitude [rad]'; repeat."),
+    ] = None,
+    form: FormatOption = "table",
+) -> None:
+    """Check and describe a trajectory: rows, ranges, largest force and turn rate, agreement of the velocities."""
+    from mcnav.files import write_texts
+    from mcnav.report import trajectory as described
+    from mcnav.workflow.trajectory import describe_campaign, describe_file
+
+    columns = dict[str, str]()
+    for each in column or []:
+        name, equals, written = each.partition("=")
+        if not equals:
+            raise _fail(f"--column: got {each!r}; expected NAME=COLUMN such as 'lat=latitude [rad]'", BAD_INPUT)
+        columns[name.strip()] = written.strip()
+    if campaign.suffix == ".toml" and columns:
+        raise _fail("--column: belongs to a trajectory file; the campaign names its columns itself", BAD_INPUT)
+    found = describe_campaign(campaign) if campaign.suffix == ".toml" else describe_file(campaign, columns)
+    if form != "table":
+        rows = described.fact_rows(found)
+        _export(form, rows, {"trajectory": rows})
+    else:
+        out.print(described.lines(found))
+    if page is not None:
+        _print_written(write_texts(page.parent, {page.name: described.page(found)}))
+
+
+@_command()
+def imu(
+    name: Annotated[
+        str | None,
+        typer.Argument(metavar="NAME", help="A grade or unit, such as navigation or STIM300 [default: all]."),
+    ] = None,
+    form: FormatOption = "table",
+) -> None:
+    """List the catalogue of inertial measurement units, or the values of one with their sources.
+
+    A campaign takes one with grade = "NAME" in [imu].
+    """
+    from mcnav.config.imu_catalogue import catalogue_units
+    from mcnav.errors import suggestion
+    from mcnav.report import instruments
+
+    units = {unit.name: unit for unit in catalogue_units()}
+    if name is not None and name not in units:
+        raise _fail(f"NAME: no grade or unit {name!r}{suggestion(name, list(units))}", BAD_INPUT)
+    values = [
+        instruments.value_row(unit.name, value.instrument, value.key, value.text, value.unit, value.source)
+        for unit in (units.values() if name is None else [units[name]])
+        for value in unit.values
+    ]
+    if form != "table":
+        _export(form, values, {"values": values})
+    elif name is None:
+        out.print(instruments.catalogue({unit.name: unit.title for unit in units.values()}, values))
+    else:
+        out.print(instruments.values(units[name].title, values))
 
 
 app.add_typer(new, name="new")

@@ -35,6 +35,13 @@ DIMENSIONS: Final = {
     "rad/s": Dimension("an angular rate", "0.2 deg/h"),
     "m^2/kg": Dimension("an area per mass", "4.1e-9 km^2/kg"),
     "s/m": Dimension("a time per length", "3.281 s/km"),
+    "rad/sqrt(s)": Dimension("an angle random walk", "0.002 deg/sqrt(h)"),
+    "rad/s/sqrt(s)": Dimension("a rate random walk", "0.01 deg/h/sqrt(h)"),
+    "m/s/sqrt(s)": Dimension("a velocity random walk", "0.03 m/s/sqrt(h)"),
+    "m/s^2/sqrt(s)": Dimension("an acceleration random walk", "5 ug/sqrt(h)"),
+    "rad/s/(m/s^2)": Dimension("an angular rate per acceleration", "1 deg/h/g"),
+    "(m/s^2)/(m/s^2)^2": Dimension("an acceleration per acceleration squared", "10 ug/g^2"),
+    "1/s": Dimension("a frequency", "10 Hz"),
     "1": Dimension("a pure number", "100 ppm"),
 }
 """Named dimensions by SI unit."""
@@ -71,13 +78,24 @@ def _registry() -> pint.UnitRegistry[float]:
     return pint.UnitRegistry(text.splitlines(), cache_folder=None)
 
 
+def _spelled(text: str) -> str:
+    """Spell the signs of data sheets in letters.
+
+    >>> _spelled("°/√h"), _spelled("m/s/h^0.5"), _spelled("deg/√(h)")
+    ('deg/sqrt(h)', 'm/s/sqrt(h)', 'deg/sqrt(h)')
+    """
+    text = re.sub(r"√(?:\(([^()]*)\)|([A-Za-z]+))", r"sqrt(\1\2)", text.replace("°", "deg").replace("²", "^2"))
+    return re.sub(r"([A-Za-z]+)\^0\.5(?!\d)", r"sqrt(\1)", text)
+
+
 @lru_cache(maxsize=1024)
 def _unit(text: str) -> pint.Unit:
     """Parse a unit: names, products, quotients, one-digit powers and square roots."""
-    if len(text) > _LONGEST or _UNIT.sub("", text):
+    spelled = _spelled(text) if len(text) <= _LONGEST else text
+    if len(text) > _LONGEST or _UNIT.sub("", spelled):
         raise UnitError(f"{_quoted(text)} is not a unit")
     try:
-        return _registry().Unit(re.sub(r"sqrt\(([^()]*)\)", r"(\1)**0.5", text) if text != "1" else "")
+        return _registry().Unit(re.sub(r"sqrt\(([^()]*)\)", r"(\1)**0.5", spelled) if text != "1" else "")
     except Exception:  # pint raises many types, even AssertionError, for text that is not a unit
         raise UnitError(f"{_quoted(text)} is not a known unit") from None
 

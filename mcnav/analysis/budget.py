@@ -1,4 +1,4 @@
-"""Error budget: contribution of each source to the variance of each output, by the linear model."""
+"""Error budget: contribution of each source to the variance of each output, by the linear model, and its inverse."""
 
 from __future__ import annotations
 
@@ -40,3 +40,34 @@ def error_budget(partials: Array, start_covariance: Array) -> ErrorBudget:
     shares = contributions**2 / divisor[:, None]
     crossed = 2.0 * partials * (partials @ start_covariance) / divisor[:, None]
     return ErrorBudget(shares, 1.0 - shares.sum(axis=1), contributions, crossed - shares)
+
+
+def largest_sigmas(row: Array, covariance: Array, limit: float) -> Array:
+    """Compute the largest sigma of each source with which an output's linear sigma stays within a limit.
+
+    The other sigmas and the correlation coefficients stay. With the sigma of source j multiplied by k, the variance is
+    ``k^2 A + k B + C``: A from the source alone, B its cross-terms, C the others. The result, shape (sources,), is
+    infinite where the output does not depend on the source, and NaN where the other sources exceed the limit.
+
+    Parameters
+    ----------
+    row : ndarray, shape (sources,)
+        Partial derivatives of the output.
+    covariance : ndarray, shape (sources, sources)
+        Start covariance S.
+
+    Examples
+    --------
+    >>> largest_sigmas(np.array([2.0, 1.0]), np.diag([1.0, 9.0]), 5.0)
+    array([2.        , 4.58257569])
+    """
+    sigma = np.sqrt(np.diag(covariance))
+    unit = np.where(sigma > 0.0, sigma, 1.0)  # a source that is absent now would be independent of the others
+    own = (row * unit) ** 2
+    others = row * ~np.eye(len(row), dtype=bool)
+    rest = np.einsum("ij,jk,ik->i", others, covariance, others)
+    cross = 2.0 * row * np.einsum("ij,ij->i", covariance, others)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        largest = (-cross + np.sqrt(cross**2 - 4.0 * own * (rest - limit**2))) / (2.0 * own)
+    irrelevant = np.where(rest <= limit**2, np.inf, np.nan)
+    return np.where(own == 0.0, irrelevant, np.where(largest >= 0.0, largest * unit, np.nan))

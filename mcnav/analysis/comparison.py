@@ -8,8 +8,8 @@ y and z share cancels (z is a control variate whose covariance is known). Its er
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -54,12 +54,15 @@ class Model:
         Final errors without start errors.
     mean, covariance : ndarray, shapes (sources,) and (sources, sources)
         Mean start errors, and start covariance S.
+    processes : mapping of str to ndarray, shape (outputs, outputs)
+        Covariance Q_j that each process of noise adds, by name.
     """
 
     partials: Array
     nominal: Array
     mean: Array
     covariance: Array
+    processes: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def outcome_mean(self) -> Array:
@@ -68,8 +71,12 @@ class Model:
 
     @property
     def outcome_covariance(self) -> Array:
-        """P S P^T, shape (outputs, outputs); zero in the rows and columns of outputs whose sigma is only rounding."""
+        """P S P^T + sum Q_j, shape (outputs, outputs).
+
+        Zero in the rows and columns of outputs whose sigma is only rounding.
+        """
         covariance = propagated_covariance(self.partials, self.covariance)
+        covariance = covariance + sum(self.processes.values(), np.zeros_like(covariance))
         dispersed = np.diag(covariance) > self.rounding**2
         return np.asarray(np.where(np.outer(dispersed, dispersed), covariance, 0.0), dtype=float)
 
@@ -222,7 +229,9 @@ def correlations(covariance: Array) -> Array:
     return np.asarray(covariance / np.outer(sigma, sigma))
 
 
-def reduce_stored(model: Model, errors: Array, outcomes: Array, blocks: IndexArray) -> ReducedSamples:
+def reduce_stored(
+    model: Model, errors: Array, outcomes: Array, blocks: IndexArray, linear: Array | None = None
+) -> ReducedSamples:
     """Reduce stored samples.
 
     Parameters
@@ -237,9 +246,14 @@ def reduce_stored(model: Model, errors: Array, outcomes: Array, blocks: IndexArr
     finite = np.isfinite(outcomes).all(axis=1)
     if not finite.all():
         errors, outcomes, blocks = errors[finite], outcomes[finite], blocks[finite]
+        linear = None if linear is None else linear[finite]
         successful = ErrorSums.of(errors)
-    y, z = np.asfortranarray(outcomes), (model.partials @ errors.T).T
-    z += model.nominal
+    y = np.asfortranarray(outcomes)
+    if linear is None:
+        z = (model.partials @ errors.T).T
+        z += model.nominal
+    else:
+        z = np.asfortranarray(linear)
     given = whitening(model.outcome_covariance)
     moments = SampleMoments(y, z, block_begins(blocks), model.outcome_mean, given)
     return ReducedSamples(moments, moments, drawn, successful)

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from mcnav._types import Array, IndexArray
-from mcnav.analysis.allocation import largest_sigmas
+from mcnav.analysis.budget import largest_sigmas
 from mcnav.analysis.comparison import LARGEST_FAILED_SHARE, Comparison, Model
 from mcnav.analysis.verdict import Verdict, judge
 from mcnav.statistics import proportions

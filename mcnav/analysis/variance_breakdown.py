@@ -26,8 +26,10 @@ from mcnav._types import Array
 from mcnav.analysis.comparison import Comparison, Model
 from mcnav.lincov.covariance import propagated_variances
 
-TERMS: Final = ("sampled_sigmas", "sampled_correlations", "partials", "second_order", "third_order", "rest")
-"""Terms of the breakdown, in order of presentation."""
+TERMS: Final = (
+    "sampled_sigmas", "sampled_correlations", "sampled_noise", "partials", "second_order", "third_order", "rest"
+)  # fmt: skip
+"""Terms of the breakdown, in order of presentation; that of noise is there where samples have any."""
 
 
 @dataclass(frozen=True)
@@ -102,12 +104,15 @@ def split_difference(
     linear = np.diag(comparison.covariance_linear)
     total = np.diag(comparison.covariance_sample) - linear
     excess = drawn - model.covariance
-    sampling = propagated_variances(model.partials, excess)
+    of_errors = propagated_variances(model.partials, excess)
+    paired = np.array([output.paired_variance.value for output in comparison.outputs]) - linear
+    sampling = total - paired if model.processes else of_errors
     sigmas = np.einsum("ij,j,ij->i", model.partials, np.diag(excess), model.partials)
     by_differences, by_model = (propagated_variances(each.partials, model.covariance) for each in (predicted, model))
     terms = {
         "sampled_sigmas": sigmas,
-        "sampled_correlations": sampling - sigmas,
+        "sampled_correlations": of_errors - sigmas,
+        **({"sampled_noise": sampling - of_errors} if model.processes else {}),
         "partials": by_differences - by_model,
         "second_order": np.diag(predicted.quadratic),
         "third_order": np.diag(predicted.third_order),

@@ -53,6 +53,8 @@ class Campaign:
         ``samples``: all samples are stored; ``summary``: sums for the analysis, of a size independent of their number.
     file : str
         Path of the campaign file as given, for messages.
+    files : tuple of InputFile
+        Files that its keys name and this program reads.
     """
 
     name: str
@@ -72,6 +74,7 @@ class Campaign:
     sample_timeout: float | None = None
     store: str = "samples"
     file: str = ""
+    files: tuple[InputFile, ...] = ()
 
     def to_toml(self) -> str:
         """Write the resolved campaign as a campaign file."""
@@ -83,12 +86,12 @@ class Campaign:
         return {**self.tables, CAMPAIGN: self.to_toml().encode(), **code}
 
     def inputs(self) -> tuple[InputFile, ...]:
-        """Return the files that a user-defined scenario reads; it is linearized to find them.
+        """Return the files that the scenario reads; a user-defined one is linearized to find them.
 
         Raises `CampaignError` when it cannot be linearized.
         """
         if not isinstance(self.scenario, UserScenario):
-            return ()
+            return self.files
         try:
             return self.scenario.inputs()
         except ScenarioError as wrong:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from mcnav.errors import CampaignError, Problem, suggestion
 from mcnav.units import UnitError, quantity
@@ -30,6 +31,8 @@ class FileContext:
         Folder that relative paths start from.
     earlier : mapping of str to EarlierFile
         Files of an earlier run by setting: a copy replaces a file that has changed since.
+    content : mapping
+        The whole file.
     problems : list of Problem
         Mistakes found so far; functions that read a table add theirs and go on.
     """
@@ -37,6 +40,7 @@ class FileContext:
     file: str
     folder: Path
     earlier: Mapping[str, EarlierFile] = field(default_factory=dict)
+    content: Mapping[str, Any] = field(default_factory=dict)
     problems: list[Problem] = field(default_factory=list)
 
     def problem(self, key: str, message: str) -> None:

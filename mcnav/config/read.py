@@ -12,15 +12,16 @@ from mcnav.config.empirical import stored_table
 from mcnav.config.requirements import read_requirements
 from mcnav.config.scenarios import SCENARIO_TYPES, USER, ScenarioSpec, scenario_type
 from mcnav.config.schema import CampaignTable, UntilTable
-from mcnav.config.sources import read_correlations, read_errors, read_joint
+from mcnav.config.sources import expand_groups, read_correlations, read_errors, read_joint
 from mcnav.config.start_times import read_start_times
 from mcnav.config.stopping import read_stopping_rule
 from mcnav.config.toml import load_file, load_mapping
 from mcnav.config.validation import validate
 from mcnav.errors import CampaignError, Problem
-from mcnav.sampling.distributions import Distribution
+from mcnav.sampling.distributions import Distribution, Normal
 from mcnav.sampling.error_model import CorrelationError, ErrorModel, JointError
 from mcnav.sampling.scipy_and_tables import EmpiricalDistribution
+from mcnav.scenarios.ins import Ins
 from mcnav.scenarios.protocol import ScenarioError, Source, VariableStart
 from mcnav.scenarios.user import UserScenario
 from mcnav.store.manifest import RequirementRecord
@@ -96,7 +97,7 @@ def parse_campaign(
 ) -> Campaign:
     """Check the content of a campaign file and build the campaign; see `read_campaign`."""
     content = {**content, **(overrides or {})}
-    context = FileContext(file, Path(file).parent, earlier or {})
+    context = FileContext(file, Path(file).parent, earlier or {}, content)
     rule: UntilTable | None = None
     plain = content
     if isinstance(content.get("samples"), dict):
@@ -106,7 +107,16 @@ def parse_campaign(
     described, sources = _read_scenario(content.get("scenario"), context)
     distributions: dict[str, Distribution] = {}
     if isinstance(content.get("errors"), dict) and sources is not None:
-        distributions = read_errors(content["errors"], sources, context)
+        distributions = read_errors(expand_groups(content["errors"], sources), sources, context)
+    sigmas = {} if described is None else described.sigmas
+    for name in sigmas.keys() & distributions.keys():
+        context.problem(f"errors.{name}", "is given in [imu] as well; keep one")
+    distributions = {**{name: Normal(sigma) for name, sigma in sigmas.items()}, **distributions}
+    ins = described.scenario if described is not None and isinstance(described.scenario, Ins) else None
+    if ins is not None and ins.processes and content.get("design") == "sobol":
+        context.problem("design", "got 'sobol'; a net has no place for noise, so choose another design")
+    if "imu" in content and described is not None and ins is None:
+        context.problem("imu", "this scenario has no inertial measurement unit; leave it out")
     if table is None or sources is None:
         raise context.error()
 
@@ -161,6 +171,7 @@ def parse_campaign(
         sample_timeout=table.sample_timeout,
         store=str(table.store),
         file=file,
+        files=described.inputs,
     )
 
 
@@ -197,6 +208,7 @@ def _resolve(content: Mapping[str, Any], table: CampaignTable, name: str, descri
         **({"store": table.store} if table.store != "samples" else {}),
         **({"sample_timeout": content["sample_timeout"]} if "sample_timeout" in content else {}),
         "scenario": dict(described.resolved),
+        **({"imu": content["imu"]} if "imu" in content else {}),
         "errors": content["errors"],
         "correlations": content.get("correlations", []),
         **({"joint": content["joint"]} if table.joint else {}),

@@ -28,6 +28,8 @@ Speed = Annotated[float, read_as("m/s")]
 Acceleration = Annotated[float, read_as("m/s^2")]
 AreaPerMass = Annotated[float, read_as("m^2/kg")]
 TimePerLength = Annotated[float, read_as("s/m")]
+AngularRate = Annotated[float, read_as("rad/s")]
+GravitationalParameter = Annotated[float, read_as("m^3/s^2")]
 Number = Annotated[float, read_as("1")]
 Probability = Annotated[Number, Field(gt=0.0, lt=1.0)]
 Text = Annotated[
@@ -120,6 +122,7 @@ class CampaignTable(Table):
     confidence: Annotated[Number, Field(ge=0.5, lt=1.0)] = 0.95
     sample_timeout: Annotated[Duration, Field(ge=0.001, le=1e6)] | None = None
     scenario: dict[str, Any]
+    imu: dict[str, Any] | None = None
     errors: dict[str, Any] = {}
     correlations: Annotated[list[CorrelationTable], Field(max_length=1_000)] = []
     joint: Annotated[list[JointTable], Field(max_length=100)] = []

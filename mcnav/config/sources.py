@@ -31,6 +31,16 @@ DISTRIBUTIONS: Final[Mapping[str, tuple[Callable[..., Distribution], Mapping[str
 """Each distribution with its keys and their units."""
 
 
+def expand_groups(entries: Mapping[str, Any], sources: Sequence[Source]) -> dict[str, Any]:
+    """Give the entry of a group, such as ``position``, to each of its sources that has no entry of its own."""
+    groups: dict[str, list[str]] = {}
+    for source in sources:
+        if source.group and source.group != source.name:
+            groups.setdefault(source.group, []).append(source.name)
+    given = {name: entry for group, entry in entries.items() for name in groups.get(group, ())}
+    return {**given, **{name: entry for name, entry in entries.items() if name not in groups}}
+
+
 def read_errors(entries: Mapping[str, Any], sources: Sequence[Source], context: FileContext) -> dict[str, Distribution]:
     """Read the distributions of ``[errors]``, by source; mistakes are added to the context."""
     known = {source.name: source for source in sources}

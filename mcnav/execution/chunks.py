@@ -18,7 +18,7 @@ from mcnav.physics.power_sums import PowerSums
 from mcnav.sampling.error_model import ErrorModel
 from mcnav.scenarios.failure import Failure, Reason
 from mcnav.scenarios.inputs import InputFile
-from mcnav.scenarios.protocol import Engine, SimulationResult, TimeHistoryEngine
+from mcnav.scenarios.protocol import Batch, Engine, SimulationResult, StochasticEngine, TimeHistoryEngine
 from mcnav.scenarios.sample_loop import simulate_alone
 from mcnav.scenarios.timeouts import SampleTimeout, time_limit
 from mcnav.store.chunk_files import ChunkFile, ChunkTotals, SampleSchema, verify_chunk, write_chunk
@@ -43,6 +43,11 @@ class DrawPlan:
     def draw(self, begin: int, end: int) -> Array:
         """Draw samples [begin, end), or fewer at the campaign's end, shape (n, sources)."""
         return self.errors.draw(self.design, self.seed, self.samples, begin, min(end, self.samples))
+
+    def batch(self, begin: int, end: int) -> Batch:
+        """Draw samples [begin, end), or fewer at the campaign's end, with what their noise depends on."""
+        errors = self.draw(begin, end)
+        return Batch(np.arange(begin, begin + len(errors)), errors, self.seed)
 
     def probes(self) -> Array:
         """Draw the samples on which an engine's accuracy is determined, shape (n, sources)."""
@@ -101,15 +106,18 @@ class SampleRange:
     end: int
 
 
-def simulate_errors(engine: Engine, timeout: float | None, outputs: int, errors: Array) -> SimulationResult:
-    """Simulate samples, shape (n, sources); what an engine raises fails only the samples that cause it."""
+def simulate_batch(engine: Engine, timeout: float | None, outputs: int, batch: Batch) -> SimulationResult:
+    """Simulate samples, with noise where the engine has any; what it raises fails only the samples that cause it."""
     with time_limit(timeout):
-        try:
-            result = engine.propagate(errors)
-        except MemoryError:
-            raise
-        except (Exception, SampleTimeout):
-            result = simulate_alone(engine.propagate, errors, outputs)
+        if isinstance(engine, StochasticEngine):
+            result = engine.simulate(batch)
+        else:
+            try:
+                result = engine.propagate(batch.errors)
+            except MemoryError:
+                raise
+            except (Exception, SampleTimeout):
+                result = simulate_alone(engine.propagate, batch.errors, outputs)
     lost = np.flatnonzero(~np.isfinite(result.values).all(axis=1))
     failures = {int(row): Failure.of(Reason.NOT_FINITE) for row in lost} | dict(result.failures)
     values = result.values.copy()
@@ -123,16 +131,15 @@ def simulate_chunk(work: ChunkJob, place: SampleRange) -> ChunkFile:
     outputs = len(work.layout.outputs)
     with threadpool_limits(1):
         pieces = draw_pieces(work, place)
-        return store(
-            work, place, ((errors, simulate_errors(work.engine, work.timeout, outputs, errors)) for errors in pieces)
-        )
+        results = ((batch.errors, simulate_batch(work.engine, work.timeout, outputs, batch)) for batch in pieces)
+        return store(work, place, results)
 
 
-def draw_pieces(work: ChunkJob, place: SampleRange) -> Iterator[Array]:
-    """Draw the errors of a chunk's samples, in pieces of the engine's own chunk."""
+def draw_pieces(work: ChunkJob, place: SampleRange) -> Iterator[Batch]:
+    """Draw a chunk's samples, in pieces of the engine's own chunk."""
     step = work.engine.chunk
     for begin in range(place.begin, place.end, step):
-        yield work.draws.draw(begin, min(begin + step, place.end))
+        yield work.draws.batch(begin, min(begin + step, place.end))
 
 
 def store(work: ChunkJob, place: SampleRange, results: Iterable[tuple[Array, SimulationResult]]) -> ChunkFile:
@@ -144,22 +151,26 @@ def store(work: ChunkJob, place: SampleRange, results: Iterable[tuple[Array, Sim
     begin, failed, fallback_count = place.begin, 0, 0
     summary: Summary | None = None
     power_sums: PowerSums | None = None
-    rows: list[tuple[Array, Array]] = []
+    rows: list[tuple[Array, Array, Array]] = []
     failures: dict[int, Failure] = {}
     tracebacks: dict[int, str] = {}
     for errors, result in results:
         count, first = min(max(stored - begin, 0), len(errors)), begin - place.begin
         by_row = dict(sorted(result.failures.items()))
-        rows.append((errors[:count].copy(), result.values[:count].copy()))
+        linear = np.empty((len(errors), 0)) if result.linear_values is None else result.linear_values
+        rows.append((errors[:count].copy(), result.values[:count].copy(), linear[:count].copy()))
         failures |= {first + row: failure for row, failure in by_row.items() if row < count}
         raised = ((first + row, failure.traceback) for row, failure in by_row.items() if failure.traceback)
         tracebacks |= dict(islice(raised, None if work.frame is None else MOST_REASONS - len(tracebacks)))
         if work.frame is not None:
             status = {begin + row: failure.status for row, failure in by_row.items()}
-            piece = Summary.of(reduce_samples(work.frame, begin, errors, result.values), len(errors), status)
+            block_sums = reduce_samples(work.frame, begin, errors, result.values, result.linear_values)
+            piece = Summary.of(block_sums, len(errors), status)
             summary = piece if summary is None else summary + piece
+        sums = None if result.history is None else PowerSums.about_zero(result.history)
         if isinstance(work.engine, TimeHistoryEngine):
             sums = work.engine.history_sums(errors)
+        if sums is not None:
             power_sums = sums if power_sums is None else power_sums + sums
         failed, fallback_count, begin = (
             failed + len(by_row),
@@ -167,7 +178,7 @@ def store(work: ChunkJob, place: SampleRange, results: Iterable[tuple[Array, Sim
             begin + len(errors),
         )
     marks = history_marks(power_sums) | ({} if summary is None else summary.marks(place.begin))
-    errors, values = (np.concatenate(columns) for columns in zip(*rows, strict=True))
+    errors, values, linear = (np.concatenate(columns) for columns in zip(*rows, strict=True))
     totals = ChunkTotals(place.end - place.begin, failed, fallback_count, tracebacks)
     check_not_cancelled(work)
     return write_chunk(
@@ -178,6 +189,7 @@ def store(work: ChunkJob, place: SampleRange, results: Iterable[tuple[Array, Sim
         work.layout,
         errors,
         values,
+        linear,
         failures,
         totals,
         marks,

@@ -27,12 +27,12 @@ from mcnav.execution.chunks import (
     check_not_cancelled,
     draw_pieces,
     find_chunk,
+    simulate_batch,
     simulate_chunk,
-    simulate_errors,
     store,
 )
 from mcnav.scenarios.failure import Failure, Reason
-from mcnav.scenarios.protocol import Engine, SimulationResult
+from mcnav.scenarios.protocol import Batch, Engine, SimulationResult
 from mcnav.scenarios.timeouts import timeout_message
 from mcnav.store.chunk_files import ChunkFile
 
@@ -117,13 +117,15 @@ def _ready() -> None:
 
 
 def _in_one_worker(task: Callable[..., Any], *arguments: Any) -> Any:
-    """Run a task in an isolated process; none when the process dies."""
+    """Run a task in an isolated process; none when the process dies. An interrupt kills the process."""
     try:
         return _isolated_worker().submit(task, *arguments).result()
-    except BrokenProcessPool:
+    except (BrokenProcessPool, KeyboardInterrupt) as end:
         executor = _isolated_executors.pop(threading.get_ident(), None)
         if executor is not None:
             executor.shutdown(wait=True, kill_workers=True)
+        if isinstance(end, KeyboardInterrupt):
+            raise
         return None
 
 
@@ -150,27 +152,31 @@ class IsolatedEngine:
         """See `Engine`."""
         return self.engine.accuracy
 
-    def in_one(self, errors: Array) -> SimulationResult | None:
-        """Simulate samples, shape (n, sources); none when the process dies."""
-        outcomes = _in_one_worker(simulate_errors, self.engine, self.timeout, self.outputs, errors)
+    def in_one(self, batch: Batch) -> SimulationResult | None:
+        """Simulate samples; none when the process dies."""
+        outcomes = _in_one_worker(simulate_batch, self.engine, self.timeout, self.outputs, batch)
         return outcomes if isinstance(outcomes, SimulationResult) else None
 
     def propagate(self, errors: Array) -> SimulationResult:
-        """Simulate samples, shape (n, sources)."""
+        """Simulate samples of an engine without noise, shape (n, sources)."""
+        return self.simulate(Batch(np.arange(len(errors)), errors, 0))
+
+    def simulate(self, batch: Batch) -> SimulationResult:
+        """Simulate samples."""
         _in_one_worker(_ready)  # starting the process takes time that is not the samples'
         began = time.monotonic()
-        result = self.in_one(errors)
+        result = self.in_one(batch)
         if result is not None:
             return result
         failure = Failure.of(Reason.PROCESS_DIED)
         if self.timeout is not None and time.monotonic() - began > self.timeout:
             failure = Failure(Reason.TIMEOUT, timeout_message(self.timeout))
-        values = np.full((len(errors), self.outputs), np.nan)
-        return SimulationResult(values, dict.fromkeys(range(len(errors)), failure))
+        count = len(batch.errors)
+        return SimulationResult(np.full((count, self.outputs), np.nan), dict.fromkeys(range(count), failure))
 
-    def propagate_each(self, errors: Array) -> SimulationResult:
+    def simulate_each(self, batch: Batch) -> SimulationResult:
         """Simulate samples one by one, so that only the one at fault fails."""
-        each = [self.propagate(row[None, :]) for row in errors]
+        each = [self.simulate(batch[row : row + 1]) for row in range(len(batch.errors))]
         return SimulationResult(
             np.concatenate([one.values for one in each]),
             {row: failure for row, one in enumerate(each) for failure in one.failures.values()},
@@ -187,7 +193,7 @@ def simulate_isolated(work: ChunkJob, place: SampleRange) -> ChunkFile:
     isolated = IsolatedEngine(work.engine, len(work.layout.outputs), work.timeout)
     several = place.end - place.begin > work.engine.chunk  # then another piece may be at fault
 
-    def simulate(errors: Array) -> SimulationResult:
-        return (isolated.in_one(errors) if several else None) or isolated.propagate_each(errors)
+    def simulate(batch: Batch) -> SimulationResult:
+        return (isolated.in_one(batch) if several else None) or isolated.simulate_each(batch)
 
-    return store(work, place, ((errors, simulate(errors)) for errors in draw_pieces(work, place)))
+    return store(work, place, ((batch.errors, simulate(batch)) for batch in draw_pieces(work, place)))

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from math import comb
 from typing import Any, Final
 
 import numpy as np
 
+from mcnav._types import Array
 from mcnav.lincov.higher_order import second_order
 from mcnav.lincov.partials import SimulationFailed, computed_or_reason, partials_by_differences, require_fast
 from mcnav.lincov.polynomial import fit
@@ -40,19 +41,37 @@ def nonlinear_corrections(scenario: Scenario, engine: Engine, errors: ErrorModel
     propagate, mean, covariance = engine.propagate, errors.mean, errors.covariance
     sizes = np.array([source.nominal for source in scenario.sources])
 
-    def derivatives() -> dict[str, Any]:
-        found = second_order(propagate, mean, covariance)
-        return {key: getattr(found, key) for key in ("mean_shift", "quadratic", "third_order", "skewness")}
-
     studies: dict[str, Callable[[], dict[str, Any]]] = {
         "unscented": lambda: dict(
             zip(("mean", "covariance"), unscented_covariance(propagate, mean, covariance), strict=True)
         ),
         "partials_differences": lambda: {"partials": partials_by_differences(propagate, sizes)},
-        "second_order": derivatives,
+        "second_order": lambda: _derivatives(engine, errors),
         "higher_order": lambda: polynomial_moments(engine, errors),
     }
     return {key: computed_or_reason(study) for key, study in studies.items()}
+
+
+def noise_corrections(engine: Engine, errors: ErrorModel, processes: Mapping[str, Array]) -> dict[str, Any]:
+    """Compute the unscented transform and second-order corrections of a scenario with noise, SI.
+
+    Both are of the constant errors without noise; the linear covariance of the noise, shape (outputs, outputs) for each
+    process, is added. Budgets by simulation and a polynomial's moments, of constant errors alone, are left out.
+    """
+    reason = {"failed": "of constant errors alone; the samples of this scenario have noise as well"}
+
+    def unscented() -> dict[str, Any]:
+        mean, covariance = unscented_covariance(engine.propagate, errors.mean, errors.covariance)
+        return {"mean": mean, "covariance": covariance + sum(processes.values(), np.zeros(covariance.shape))}
+
+    second = computed_or_reason(lambda: _derivatives(engine, errors))
+    found = {"unscented": computed_or_reason(unscented), "second_order": second}
+    return {**found, "budget": {"alone": reason, "sobol": reason}, "higher_order": reason}
+
+
+def _derivatives(engine: Engine, errors: ErrorModel) -> dict[str, Any]:
+    found = second_order(engine.propagate, errors.mean, errors.covariance)
+    return {key: getattr(found, key) for key in ("mean_shift", "quadratic", "third_order", "skewness")}
 
 
 def polynomial_moments(engine: Engine, errors: ErrorModel) -> dict[str, Any]:

@@ -1,18 +1,18 @@
 """Partial derivatives of the final errors by simulation: one error at a time, and from independent error sets.
 
 The third method, the variational equations, belongs to a scenario (`Scenario.linear_model`). The three methods share
-only the physics.
+only the physics; `compare_partials` computes how well they agree.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.scenarios.protocol import Engine, SimulationResult, TimeHistoryEngine
+from mcnav.scenarios.protocol import Engine, Scenario, SimulationResult, TimeHistoryEngine
 from mcnav.scenarios.timeouts import check_stopped
 
 Propagate = Callable[[Array], SimulationResult]
@@ -30,6 +30,11 @@ RUNS_SEED: Final = 1963
 
 QUICK: Final = 1_024
 """Smallest chunk of an engine that is fast enough for tens of thousands of further simulations."""
+
+
+METHODS: Final = ("variational", "differences", "runs")
+"""The equations of variation along the truth; one error at a time on the ensemble engine; F S^-1 from independent error
+sets on the reference engine."""
 
 
 class SimulationFailed(ArithmeticError):
@@ -137,3 +142,35 @@ def partials_throughout(engine: TimeHistoryEngine, sizes: Array) -> tuple[Array,
     errors = engine.histories(np.concatenate([np.diag(steps), -np.diag(steps), np.zeros((1, len(steps)))]))
     up, down = np.split(errors[:-1], 2)
     return np.asarray(((up - down) / (2.0 * steps[:, None, None])).transpose(1, 2, 0)), errors[-1]
+
+
+def partials_by(scenario: Scenario, method: str) -> Array:
+    """Compute partial derivatives by one of `METHODS`, shape (outputs, sources), SI; see `compare_partials`."""
+    if method == "variational":
+        return scenario.linear_model().partials
+    sizes = np.array([source.nominal for source in scenario.sources])
+    fast, slow = scenario.engines[0], scenario.engines[-1]
+    if method == "differences":
+        return partials_by_differences(scenario.engine(fast, np.diag(sizes)).propagate, sizes)
+    return partials_by_independent_sets(scenario.engine(slow, np.diag(sizes)).propagate, sizes)
+
+
+def compare_partials(scenario: Scenario, methods: Sequence[str]) -> tuple[Array, dict[str, Array]]:
+    """Compute partial derivatives by the first of some of `METHODS`, and the differences of the others from them.
+
+    Raises `SimulationFailed` when a sample that they need fails.
+
+    Returns
+    -------
+    partials : ndarray, shape (outputs, sources)
+        SI.
+    differences : dict of str to ndarray, shape (outputs,)
+        For each further method the largest difference in each row, as a share of the row's largest contribution of one
+        source at its nominal size; NaN for an output that no source disturbs.
+    """
+    sizes = np.array([source.nominal for source in scenario.sources])
+    first = partials_by(scenario, methods[0])
+    largest = np.abs(first * sizes).max(axis=1)
+    others = {method: partials_by(scenario, method) for method in methods[1:]}
+    shares = np.where(largest > 0.0, largest, np.nan)
+    return first, {name: np.abs((other - first) * sizes).max(axis=1) / shares for name, other in others.items()}

@@ -9,7 +9,7 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.lincov.polynomial import PolynomialMap, fitted_map
-from mcnav.scenarios.protocol import Engine, Scenario, SimulationResult
+from mcnav.scenarios.protocol import Engine, Scenario, SimulationResult, StochasticScenario
 
 TOLERANCE: Final = 1e-4
 """Largest error of the polynomial on samples that were not fitted, as a share of each output's dispersion."""
@@ -58,8 +58,8 @@ def fit_polynomial_engine(exact: Engine, mean: Array, standard_deviations: Array
 
 
 def engine_names(scenario: Scenario) -> tuple[str, ...]:
-    """List the names of a scenario's engines, the default first."""
-    return (*scenario.engines, MAP)
+    """List the names of a scenario's engines, the default first; a polynomial knows no noise."""
+    return scenario.engines if isinstance(scenario, StochasticScenario) else (*scenario.engines, MAP)
 
 
 def prepare_engine(scenario: Scenario, engine: str, probes: Array, mean: Array, standard_deviations: Array) -> Engine:

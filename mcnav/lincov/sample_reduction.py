@@ -9,15 +9,21 @@ from mcnav.lincov.block_sums import BlockSums, Normalization, column_count
 from mcnav.physics.jit import compiled
 
 
-def reduce_samples(frame: Normalization, begin: int, errors: Array, outcomes: Array) -> BlockSums:
+def reduce_samples(
+    frame: Normalization, begin: int, errors: Array, outcomes: Array, linear: Array | None = None
+) -> BlockSums:
     """Reduce a stretch of samples, from their errors, shape (n, sources), and their outcomes, shape (n, outputs).
 
-    The outcomes of a sample that failed are NaN.
+    The outcomes of a sample that failed are NaN. ``linear`` are those of the linear system, where they depend on noise
+    besides the errors.
     """
     successful = np.isfinite(outcomes).all(axis=1)
     deviations = errors[successful] - frame.mean
     y = (outcomes[successful] - frame.centre) / frame.scale
-    z = np.einsum("nj,ij->ni", deviations, frame.partials) / frame.scale
+    if linear is None:
+        z = np.einsum("nj,ij->ni", deviations, frame.partials) / frame.scale
+    else:
+        z = (linear[successful] - frame.centre) / frame.scale
     first, last = begin // frame.block, (begin + len(errors) - 1) // frame.block
     positions = (begin + np.flatnonzero(successful)) // frame.block - first
     blocks = np.zeros((last - first + 1, column_count(len(frame.centre))))

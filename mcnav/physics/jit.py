@@ -47,6 +47,14 @@ def compiled(function: Function) -> Function:
     return _compile(function, fastmath={"contract"})
 
 
+def uncontracted(function: Function) -> Function:
+    """Compile a function whose results are the same bits wherever the compiler inlines it.
+
+    Without a value of its own, numba would give it the caller's ``fastmath``.
+    """
+    return _compile(function, fastmath=False)
+
+
 def reduced_math(function: Function) -> Function:
     """Compile a sum over lanes, which may be taken in any order: the same one for the same lanes on one machine."""
     return _compile(function, fastmath={"contract", "reassoc"})

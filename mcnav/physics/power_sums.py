@@ -43,6 +43,11 @@ class PowerSums:
         powers = (away, away[:, :, rows] * away[:, :, columns], square * away, square * square)
         return cls(len(away), pivot, np.concatenate([power.sum(axis=0) for power in powers], axis=1))
 
+    @classmethod
+    def about_zero(cls, histories: Array) -> PowerSums:
+        """Sum the powers of histories, shape (n, m, k), that are finite throughout, about zero."""
+        return cls.of(histories[np.isfinite(histories).all(axis=(1, 2))], np.zeros(histories.shape[1:]))
+
     def __add__(self, other: PowerSums) -> PowerSums:
         return PowerSums(self.count + other.count, self.pivot, self.sums + other.sums)
 

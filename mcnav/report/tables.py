@@ -20,6 +20,7 @@ from mcnav.store.manifest import Manifest
 TERM_NAMES: Final = {
     "sampled_sigmas": "sampling: sigmas of the errors",
     "sampled_correlations": "sampling: correlations of the errors",
+    "sampled_noise": "sampling: noise",
     "partials": "partials: finite differences − variational",
     "second_order": "second order, ½ tr(HSHS)",
     "third_order": "third order",
@@ -157,7 +158,8 @@ def variance_terms(content: RunAnalysis) -> dict[str, Any] | None:
     if found is None or not shown:
         return None
     per_cent = np.divide(100.0, linear, out=np.full_like(linear, np.nan), where=linear > 0.0)
-    rows = {TERM_NAMES[name]: [signed(value) for value in (found.terms[name] * per_cent)[shown]] for name in TERMS}
+    rows = {TERM_NAMES[name]: [signed(value) for value in (found.terms[name] * per_cent)[shown]]
+        for name in TERMS if name in found.terms}  # fmt: skip
     remainder = zip((found.terms["rest"] * per_cent)[shown], (found.standard_error * per_cent)[shown], strict=True)
     rows[TERM_NAMES["rest"]] = [with_error(value, error, sign=True) for value, error in remainder]
     return {

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
-from mcnav._types import Array
+from mcnav._types import Array, IndexArray
 from mcnav.physics.power_sums import PowerSums
 from mcnav.scenarios.failure import Failure
 
@@ -26,6 +26,8 @@ class Source:
         A usual size, in the SI unit: the scale of the steps that differences take.
     later : bool
         Whether the scenario had other sources before this one: see `mcnav.sampling.error_model.ErrorModel`.
+    group : str
+        Sources that belong together; an entry of ``[errors]`` with this name holds for each.
     """
 
     name: str
@@ -33,6 +35,7 @@ class Source:
     shown_in: str
     nominal: float
     later: bool = False
+    group: str = ""
 
 
 @dataclass(frozen=True)
@@ -68,6 +71,28 @@ def source_labels(sources: Sequence[str], outputs: Sequence[str]) -> list[str]:
 
 
 @dataclass(frozen=True)
+class Batch:
+    """Samples to be simulated.
+
+    Attributes
+    ----------
+    index : ndarray of int, shape (n,)
+        Of each sample in its campaign: with the seed it is the key of the sample's noise.
+    errors : ndarray, shape (n, sources)
+        Constant errors, SI.
+    seed : int
+        Of the campaign.
+    """
+
+    index: IndexArray
+    errors: Array
+    seed: int
+
+    def __getitem__(self, rows: slice | IndexArray) -> Batch:
+        return Batch(self.index[rows], self.errors[rows], self.seed)
+
+
+@dataclass(frozen=True)
 class SimulationResult:
     """Final errors of some samples.
 
@@ -79,16 +104,22 @@ class SimulationResult:
         By row. A scenario of the user's own may give text in place of `Failure`.
     fallback_count : int
         Samples that left the fast engine's validity and were simulated on the reference path instead.
+    linear_values : ndarray, shape (n, outputs), optional
+        The same samples by the linear system, with the same noise; from an engine with noise alone.
+    history : ndarray, shape (n, m, outputs), optional
+        Errors at every epoch, from an engine with noise alone.
     """
 
     values: Array
     failures: Mapping[int, Failure] = field(default_factory=dict)
     fallback_count: int = 0
+    linear_values: Array | None = None
+    history: Array | None = None
 
 
 @dataclass(frozen=True)
 class LinearModel:
-    """Final errors as a linear function of the errors going in: ``nominal + partials @ errors``.
+    """Final errors as a linear function of the errors going in, ``nominal + partials @ errors``, and of noise.
 
     Attributes
     ----------
@@ -96,10 +127,13 @@ class LinearModel:
         SI units: the matrix P of NASA TN D-1772, eq. (13).
     nominal : ndarray, shape (outputs,)
         Final errors of a system without errors.
+    processes : mapping of str to ndarray, shape (outputs, outputs)
+        Covariance that each process of noise adds, by name.
     """
 
     partials: Array
     nominal: Array
+    processes: Mapping[str, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -168,11 +202,14 @@ class PartialsHistory:
     times : ndarray, shape (n,)
     partials : ndarray, shape (n, outputs, sources)
         SI.
+    processes : mapping of str to ndarray, shape (n, outputs, outputs)
+        Covariance that each process of noise has added, by name.
     """
 
     label: str
     times: Array
     partials: Array
+    processes: Mapping[str, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -281,6 +318,27 @@ class TimeHistoryEngine(Engine, Protocol):
 
     def history_sums(self, errors: Array) -> PowerSums:
         """Power sums over the samples that can be followed, at every epoch; nothing is kept of a single sample."""
+
+
+@runtime_checkable
+class StochasticEngine(Engine, Protocol):
+    """An engine whose samples have noise besides constant errors; `propagate` simulates without noise."""
+
+    @property
+    def epochs(self) -> Epochs:
+        """Instants of the histories."""
+
+    def simulate(self, batch: Batch) -> SimulationResult:
+        """Simulate samples with noise of their own: final errors, linear ones, and histories."""
+
+
+@runtime_checkable
+class StochasticScenario(Scenario, Protocol):
+    """A scenario with noise."""
+
+    @property
+    def processes(self) -> tuple[Output, ...]:
+        """Processes of its noise, by name."""
 
 
 class ScenarioError(ValueError):

@@ -67,27 +67,32 @@ class Samples:
         SI.
     outputs : ndarray, shape (n, outputs)
         SI; NaN in the row of a sample that failed.
+    linear : ndarray, shape (n, outputs) or (n, 0)
+        Outputs by the linear system with the same noise, SI; no columns where samples have no noise.
     """
 
     index: IndexArray
     status: list[str]
     errors: Array
     outputs: Array
+    linear: Array
 
 
 @dataclass(frozen=True)
 class SampleSchema:
-    """Columns of the sample files: ``error NAME [unit]`` and ``output NAME [unit]``."""
+    """Columns of the sample files: ``error NAME [unit]``, ``output NAME [unit]``, with noise ``linear NAME [unit]``."""
 
     errors: tuple[str, ...]
     outputs: tuple[str, ...]
+    linear: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, sources: Sequence[Any], outputs: Sequence[Any]) -> SampleSchema:
+    def of(cls, sources: Sequence[Any], outputs: Sequence[Any], noise: bool) -> SampleSchema:
         """Derive the columns from sources and outputs that have names and units."""
         return cls(
             tuple(f"error {source.name} [{source.unit}]" for source in sources),
             tuple(f"output {output.name} [{output.unit}]" for output in outputs),
+            tuple(f"linear {output.name} [{output.unit}]" for output in outputs) if noise else (),
         )
 
 
@@ -114,6 +119,7 @@ def write_chunk(
     layout: SampleSchema,
     errors: Array,
     outputs: Array,
+    linear: Array,
     failures: Mapping[int, Failure],
     totals: ChunkTotals,
     marks: Mapping[str, str],
@@ -126,7 +132,7 @@ def write_chunk(
         Index of the first sample.
     identity : str
         Digest of the run.
-    errors, outputs : ndarray, shapes (n, sources) and (n, outputs)
+    errors, outputs, linear : ndarray, shapes (n, sources), (n, outputs) and (n, outputs) or (n, 0)
     failures : mapping of int to Failure
         Failures by row.
     marks : mapping of str to str
@@ -138,6 +144,7 @@ def write_chunk(
     columns = {"index": arrow_array(np.arange(begin, begin + count)), "status": arrow_texts(status)}
     columns |= {name: arrow_array(values) for name, values in zip(layout.errors, errors.T, strict=True)}
     columns |= {name: arrow_array(values, failed) for name, values in zip(layout.outputs, outputs.T, strict=True)}
+    columns |= {name: arrow_array(values) for name, values in zip(layout.linear, linear.T, strict=False)}
     metadata = {"mcnav.identity": identity, "mcnav.handed_over": str(totals.fallback_count), **marks}
     if totals.tracebacks:
         metadata["mcnav.tracebacks"] = _packed({begin + row: text for row, text in totals.tracebacks.items()})
@@ -243,15 +250,16 @@ def samples_from(table: pa.Table, layout: SampleSchema) -> Samples:
 
 def room_for(count: int, layout: SampleSchema) -> Samples:
     """Allocate arrays for samples; those of errors and outputs have their columns contiguous."""
-    errors, outputs = (np.empty((len(names), count)).T for names in (layout.errors, layout.outputs))
-    return Samples(np.empty(count, dtype=np.int64), [OK] * count, errors, outputs)
+    blocks = (np.empty((len(names), count)).T for names in (layout.errors, layout.outputs, layout.linear))
+    return Samples(np.empty(count, dtype=np.int64), [OK] * count, *blocks)
 
 
 def put(table: pa.Table, layout: SampleSchema, samples: Samples, row: int) -> None:
     """Put the samples of a table among others, from a row on."""
     rows = slice(row, row + len(table))
     samples.index[rows] = numbers_in(table.column("index"))
-    for array, names in ((samples.errors, layout.errors), (samples.outputs, layout.outputs)):
+    blocks = (samples.errors, layout.errors), (samples.outputs, layout.outputs), (samples.linear, layout.linear)
+    for array, names in blocks:
         for column, name in zip(array.T, names, strict=True):
             column[rows] = numbers_in(table.column(name))
     for chunk in table.column("status").chunks:

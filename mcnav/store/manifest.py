@@ -28,7 +28,7 @@ from pydantic_core import CoreSchema, core_schema
 from mcnav._types import Array
 from mcnav.files import to_json
 from mcnav.sampling.designs import DESIGNS, SamplingDesign
-from mcnav.store.chunk_files import MOST_SAMPLES, ChunkFile, Count, Digest, Words
+from mcnav.store.chunk_files import MOST_SAMPLES, ChunkFile, Count, Digest, SampleSchema, Words
 
 FORMAT: Final = 1
 """Counts the changes after which an earlier program cannot read a manifest."""
@@ -84,15 +84,22 @@ class Variable(Record):
 
 
 class PartialsRecord(Record):
-    """Partial derivatives at many times; see `mcnav.scenarios.protocol.PartialsHistory`."""
+    """Partial derivatives at many times; see `mcnav.scenarios.protocol.PartialsHistory`.
+
+    ``processes`` are the variances that each process of noise has added, shape (n, outputs).
+    """
 
     label: Words
     times: Vector
     partials: Matrices
+    processes: Mapping[Words, Matrix] = {}
 
 
 class ModelRecord(Record):
-    """The linear model, SI, and what further simulations add to it (`mcnav.lincov.nonlinear_corrections`)."""
+    """The linear model, SI, and what further simulations add to it (`mcnav.lincov.nonlinear_corrections`).
+
+    ``processes`` are the covariances that each process of noise adds; none in a scenario without noise.
+    """
 
     sources: Annotated[tuple[Variable, ...], Field(min_length=1, max_length=1_000)]
     outputs: Annotated[tuple[Variable, ...], Field(min_length=1, max_length=1_000)]
@@ -100,6 +107,7 @@ class ModelRecord(Record):
     nominal: Vector
     start_mean: Vector
     start_covariance: Matrix
+    processes: Mapping[Words, Matrix] | None = None
     development: PartialsRecord | None = None
     unscented: Mapping[str, Any] | None = None
     partials_differences: Mapping[str, Any] | None = None
@@ -114,6 +122,9 @@ class ModelRecord(Record):
         for name, shape in zip(("partials", "nominal", "start_mean", "start_covariance"), shapes, strict=True):
             if getattr(self, name).shape != shape:
                 raise ValueError(f"{name}: is not of the shape that {rows} outputs and {columns} sources ask for")
+        for name, covariance in (self.processes or {}).items():
+            if covariance.shape != (rows, rows):
+                raise ValueError(f"processes.{name}: is not of the shape that {rows} outputs ask for")
         return self
 
 
@@ -257,6 +268,11 @@ class Manifest(Record):
             message = str(first["msg"]).removeprefix("Value error, ")
             place = ".".join(map(str, first["loc"]))
             raise ManifestError(": ".join(filter(None, (place, message[:1].lower() + message[1:])))) from None
+
+    @property
+    def sample_schema(self) -> SampleSchema:
+        """Columns of the sample files."""
+        return SampleSchema.of(self.model.sources, self.model.outputs, self.model.processes is not None)
 
     @property
     def sampling_design(self) -> SamplingDesign:

@@ -35,7 +35,6 @@ from mcnav.store.chunk_files import (
     MOST_ROWS,
     ChunkFile,
     Samples,
-    SampleSchema,
     in_order,
     put,
     room_for,
@@ -315,7 +314,7 @@ class RunFolder:
         present = sorted(folder.iterdir())
         if manifest.complete:
             _refuse_strangers(present, {chunk.file for chunk in chunks})
-        layout = SampleSchema.of(manifest.model.sources, manifest.model.outputs)
+        layout = manifest.sample_schema
         begins = list(accumulate((_rows_of(chunk, stored_rows) for chunk in chunks), initial=0))
         if begins[-1] > MOST_ROWS * sum(found.stat().st_size for found in present) and len(present) >= len(chunks):
             raise ValueError("it claims to have more samples than there is room for")

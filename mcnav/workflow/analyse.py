@@ -20,7 +20,6 @@ from mcnav.files import to_json
 from mcnav.lincov.block_sums import Normalization
 from mcnav.report.failures import failures_in, grouped
 from mcnav.report.model import RunAnalysis
-from mcnav.store.chunk_files import SampleSchema
 from mcnav.store.manifest import Manifest, ModelRecord
 from mcnav.store.run_folder import MANIFEST, REPORT, RunFolder
 from mcnav.store.run_folder import SUMMARY as SUMMARY_FILE
@@ -53,7 +52,7 @@ def samples_of(path: str | Path) -> pd.DataFrame:
 
     folder = RunFolder(Path(path))
     manifest = folder.finished_manifest()
-    samples, names = folder.samples(manifest), SampleSchema.of(manifest.model.sources, manifest.model.outputs)
+    samples, names = folder.samples(manifest), manifest.sample_schema
     columns = {"index": samples.index, "status": samples.status}
     columns |= dict(zip(names.errors, samples.errors.T, strict=True))
     return pd.DataFrame(columns | dict(zip(names.outputs, samples.outputs.T, strict=True)))
@@ -99,7 +98,8 @@ def analyse(folder: RunFolder, unfinished: Manifest | None = None) -> RunAnalysi
     blocks = design.blocks(samples.index)
     with side_threads(1) as beside:
         in_tails = beside.submit(tails, model, samples.outputs, blocks, units, criterion)
-        reduced = reduce_stored(model, samples.errors, samples.outputs, blocks)
+        linear = samples.linear if model.processes else None
+        reduced = reduce_stored(model, samples.errors, samples.outputs, blocks, linear)
         failures = failures_in(samples.status, samples.index.tolist())
         frame = summary_frame(manifest)
         if frame is not None:
@@ -156,4 +156,5 @@ def summary_frame(manifest: Manifest) -> Normalization | None:
 
 def linear_model(record: ModelRecord) -> Model:
     """Return the linear model of a manifest."""
-    return Model(record.partials, record.nominal, record.start_mean, record.start_covariance)
+    processes = record.processes or {}
+    return Model(record.partials, record.nominal, record.start_mean, record.start_covariance, processes)

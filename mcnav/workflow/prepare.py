@@ -14,7 +14,7 @@ from mcnav._types import Array
 from mcnav.errors import CampaignError, Problem
 from mcnav.execution.chunks import DrawPlan
 from mcnav.execution.processes import IsolatedEngine
-from mcnav.lincov.nonlinear_corrections import nonlinear_corrections
+from mcnav.lincov.nonlinear_corrections import noise_corrections, nonlinear_corrections
 from mcnav.lincov.partials import SimulationFailed, partials_throughout
 from mcnav.lincov.polynomial import PolynomialFitError
 from mcnav.lincov.polynomial_engine import MAP, PolynomialEngine, prepare_engine
@@ -28,6 +28,8 @@ from mcnav.scenarios.protocol import (
     Scenario,
     ScenarioError,
     Source,
+    StochasticEngine,
+    StochasticScenario,
     TimeHistoryEngine,
 )
 from mcnav.scenarios.soundness import find_unsettled
@@ -83,6 +85,8 @@ class PreparedSystem:
             same = self.engine_name in (MAP, scenario.engines[0]) and np.array_equal(probes, draws.probes())
             return _guarded(scenario, own, self.timeout) if same else _exact_engine(scenario, probes, self.timeout)
 
+        if isinstance(scenario, StochasticScenario):
+            return noise_corrections(self.engine, draws.errors, self.model.processes or {})
         with _scenario_errors(self.file):
             budget = simulated_budgets(
                 first_engine, draws.errors, self.model.partials, draws.design, draws.seed, draws.samples
@@ -99,6 +103,8 @@ class PreparedSystem:
             Content by file name; empty when the engine has no histories.
         """
         engine, errors, outputs = _time_history_engine(self.engine), self.draws.errors, self.scenario.outputs
+        if isinstance(self.engine, StochasticEngine):
+            return self._noisy_epoch_tables(self.engine, folder, chunks)
         if engine is None:
             return {}
         first = self.draws.draw(0, STORED)
@@ -108,6 +114,25 @@ class PreparedSystem:
             return {}
         partials, nominal = partials_throughout(engine, _sizes(self.scenario))
         linear = nominal + partials @ errors.mean, partials @ errors.covariance @ partials.swapaxes(1, 2)
+        return {
+            EPOCHS: epochs_table(epochs, outputs, sums, linear, histories),
+            HISTORIES: histories_table(epochs, outputs, histories),
+        }
+
+    def _noisy_epoch_tables(
+        self, engine: StochasticEngine, folder: Path, chunks: Sequence[ChunkFile]
+    ) -> dict[str, bytes]:
+        errors, outputs, epochs = self.draws.errors, self.scenario.outputs, engine.epochs
+        sums = read_power_sums(np.zeros((len(epochs.times), len(outputs))), folder, chunks)
+        histories = engine.simulate(self.draws.batch(0, STORED)).history
+        if sums is None or sums.count < FEWEST_FOLLOWED or histories is None:
+            return {}
+        if not isinstance(self.scenario, HasPartialsHistory):
+            return {HISTORIES: histories_table(epochs, outputs, histories)}
+        known = self.scenario.partials_history(len(epochs.times))
+        noise = sum(known.processes.values(), np.zeros((1, len(outputs), len(outputs))))
+        covariance = known.partials @ errors.covariance @ known.partials.swapaxes(1, 2) + noise
+        linear = known.partials @ errors.mean, covariance
         return {
             EPOCHS: epochs_table(epochs, outputs, sums, linear, histories),
             HISTORIES: histories_table(epochs, outputs, histories),
@@ -180,10 +205,13 @@ def _scenario_errors(file: str) -> Iterator[None]:
 def _linear(scenario: Scenario, errors: ErrorModel, engine: Engine) -> ModelRecord:
     """Compute the linear model, at the end and, where it is known, throughout the flight."""
     linear = scenario.linear_model()
-    optional: dict[str, Any] = {}
+    optional: dict[str, Any] = {"processes": dict(linear.processes)} if linear.processes else {}
     time_history_engine = _time_history_engine(engine)
     if isinstance(scenario, HasPartialsHistory):
-        optional["development"] = PartialsRecord(**asdict(scenario.partials_history(DEVELOPMENT_POINTS)))
+        known = scenario.partials_history(DEVELOPMENT_POINTS)
+        variances = {name: np.diagonal(each, axis1=1, axis2=2) for name, each in known.processes.items()}
+        noise: dict[str, Any] = {"processes": variances} if variances else {}
+        optional["development"] = PartialsRecord(label=known.label, times=known.times, partials=known.partials, **noise)
     elif time_history_engine is not None:
         partials, _ = partials_throughout(time_history_engine, _sizes(scenario))
         epochs = time_history_engine.epochs

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
@@ -20,8 +21,17 @@ from mcnav.lincov.polynomial import PolynomialFitError
 from mcnav.lincov.polynomial_engine import prepare_engine
 from mcnav.report.replay import Outcome, Replay, files
 from mcnav.scenarios.failure import OK
-from mcnav.scenarios.protocol import History, Replayable, ScenarioError, SimulationResult
-from mcnav.store.chunk_files import SampleSchema, chunk_name, samples_from, tracebacks_in, verify_chunk
+from mcnav.scenarios.histories import with_errors
+from mcnav.scenarios.protocol import (
+    History,
+    Output,
+    Replayable,
+    ScenarioError,
+    SimulationResult,
+    StochasticEngine,
+    StochasticScenario,
+)
+from mcnav.store.chunk_files import chunk_name, samples_from, tracebacks_in, verify_chunk
 from mcnav.store.inputs import INPUTS
 from mcnav.store.manifest import Manifest
 from mcnav.store.run_folder import CAMPAIGN, RunFolder
@@ -55,34 +65,40 @@ def replay(path: Path, index: int, campaign_file: Path | None = None) -> Replay:
         raise RunFolderError(f"{path}: has no sample {index}; they run from 0 to {campaign.samples - 1}")
     scenario, errors = campaign.scenario, campaign.errors
     draws = DrawPlan(errors, campaign.design, campaign.seed, campaign.samples)
-    sample = draws.draw(index, index + 1)
+    sample = draws.batch(index, index + 1)
     with threadpool_limits(1):
         try:
-            names = dict.fromkeys((engine_name, "reference" if "reference" in scenario.engines else engine_name))
+            others = () if isinstance(scenario, StochasticScenario) else ("reference",)  # it has noise of its own
+            names = dict.fromkeys((engine_name, *(name for name in others if name in scenario.engines)))
             engines = {
                 name: prepare_engine(scenario, name, draws.probes(), errors.mean, errors.standard_deviations)
                 for name in names
             }
-            linear = scenario.linear_model()
+            linear, history = scenario.linear_model(), History()
+            predicted = linear.nominal + linear.partials @ sample.errors[0]
             stored, traceback = _stored(folder, manifest, draws, index, engines[engine_name].chunk)
             outcomes = [] if stored is None else [stored]
             for name, engine in engines.items():
-                again = IsolatedEngine(engine, len(scenario.outputs), campaign.sample_timeout).propagate(sample)
+                again = IsolatedEngine(engine, len(scenario.outputs), campaign.sample_timeout).simulate(sample)
+                if isinstance(engine, StochasticEngine):
+                    predicted = predicted if again.linear_values is None else again.linear_values[0]
+                    history = _history(engine, again, scenario.outputs)
                 outcomes.append(_outcome(f"again, {name}", again))
                 traceback = traceback or (again.failures[0].traceback if again.failures else "")
         except (ScenarioError, PolynomialFitError) as wrong:
             raise CampaignError([Problem(campaign.file, "scenario", str(wrong))]) from None
         finally:
             end_workers()
-        history = scenario.simulate_one(sample[0]) if isinstance(scenario, Replayable) else History()
+        if isinstance(scenario, Replayable):
+            history = scenario.simulate_one(sample.errors[0])
     return Replay(
         campaign=campaign.name,
         index=index,
         sources=scenario.sources,
         outputs=scenario.outputs,
-        errors=sample[0],
+        errors=sample.errors[0],
         sigmas=errors.standard_deviations,
-        linear=linear.nominal + linear.partials @ sample[0],
+        linear=predicted,
         outcomes=tuple(outcomes),
         traceback=traceback,
         history=history,
@@ -128,8 +144,12 @@ def _campaign_of(folder: RunFolder, manifest: Manifest, file: Path | None) -> tu
         raise RunFolderError(f"{path}: is not the campaign that was flown in {folder.path}")
     changed = next((name for name, _ in sorted(then.files.items() ^ now.files.items())), None)
     if changed is not None:
-        change = shortened(f"{changed} was {then.files.get(changed, 'absent')}, is {now.files.get(changed, 'absent')}")
-        raise RunFolderError(f"{path}: reads other files than when {folder.path} was made ({change}); restore the file")
+        change = f"{changed} was {then.files.get(changed, 'absent')}, is {now.files.get(changed, 'absent')}"
+        record = next((record for record in manifest.files if record.name == changed and record.copied), None)
+        copy = folder.copy_of(record) if record is not None else None
+        remedy = "restore the file" if copy is None else f"restore the file from {copy}, or declare it as a setting"
+        made = f"{folder.path} was made ({shortened(change)})"
+        raise RunFolderError(f"{path}: reads other files than when {made}; {remedy}")
     return campaign, then.engine
 
 
@@ -164,12 +184,19 @@ def _stored(
             raise RunFolderError(f"{path}: is damaged, or of another run; run the campaign again to mend it")
         return None, ""
     table = pq.read_table(path)
-    samples = samples_from(table, SampleSchema.of(manifest.model.sources, manifest.model.outputs))
+    samples = samples_from(table, manifest.sample_schema)
     rows, traceback = np.flatnonzero(samples.index == index), tracebacks_in(table).get(index, "")
     if len(rows) == 0:
         return None, traceback
     row = int(rows[0])
     return Outcome(STORED, samples.outputs[row], samples.status[row]), traceback
+
+
+def _history(engine: StochasticEngine, again: SimulationResult, outputs: Sequence[Output]) -> History:
+    """Return the errors of one sample at the epochs; nothing of a sample that failed."""
+    if again.history is None or not np.isfinite(again.history).all():
+        return History()
+    return with_errors(History({engine.epochs.label: engine.epochs.times}), again.history[0], outputs)
 
 
 def _outcome(label: str, result: SimulationResult) -> Outcome:

@@ -25,7 +25,6 @@ from mcnav.progress import SILENT, Phase, Progress
 from mcnav.scenarios.conformance import Check, check_conformance
 from mcnav.scenarios.inputs import InputFile
 from mcnav.scenarios.timeouts import stopped_by
-from mcnav.store.chunk_files import SampleSchema
 from mcnav.store.inputs import check_as_read, check_unchanged, file_records
 from mcnav.store.manifest import FORMAT, CriterionRecord, ExecutionRecord, Identity, Manifest
 from mcnav.store.provenance import commit
@@ -120,7 +119,7 @@ def run_campaign(
             folder.clear([Path(file.path) for file in inputs])
         manifest = _first_manifest(campaign, system, identity, inputs)
         folder.begin(manifest, system.history, campaign.stored_files(), inputs)
-        layout, frame = SampleSchema.of(system.scenario.sources, system.scenario.outputs), summary_frame(manifest)
+        layout, frame = manifest.sample_schema, summary_frame(manifest)
         job = ChunkJob(draws, system.engine, folder, digest, layout, campaign.sample_timeout, frame, inputs=inputs)
         execution = Execution(job, jobs, progress, notices.append, most_failures, executor)
         with _computed_beside(system.corrections, before=campaign.code is not None) as corrections:

@@ -14,6 +14,10 @@ import pytest
 
 import mcnav
 from mcnav.calibration import page as calibration_page
+from mcnav.files import write_texts
+from mcnav.physics.ins.earth import WGS84
+from mcnav.physics.ins.segments import Climb, Hold, SpeedChange, Start, Turn, fly_segments
+from mcnav.report.trajectory import page as trajectory_page
 from mcnav.reproduce.story_of_84_minutes import page as story_page
 from mcnav.reproduce.tn_d1772 import page as tn_page
 from mcnav.reproduce.tn_d1772.claims import Finding
@@ -23,6 +27,7 @@ from mcnav.studies.start_times import write_start_times
 from mcnav.workflow import compare, index
 from mcnav.workflow.replay import replay, write_replay
 from mcnav.workflow.run import run_campaign
+from mcnav.workflow.trajectory import describe
 from tests.conftest import ROOT, campaign
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -133,7 +138,7 @@ def _tn(folder: Path, _: Callable[[str], Path]) -> Path:
     figures = {name: draw(data[name]) for name, (_, draw) in tn_page.FIGURES.items()}
     found = [Finding(NAME, "It is said in many words what is found of it. " * 5, "holds")]
     written = folder / tn_page.PAGE
-    written.write_text(tn_page.render(cells, figures, found, found), encoding="utf-8")
+    written.write_text(tn_page.render(NAME, cells, figures, found, found), encoding="utf-8")
     return written
 
 
@@ -158,6 +163,15 @@ def _comparison(folder: Path, made: Callable[[str], Path]) -> Path:
     return written
 
 
+def _trajectory(folder: Path, _: Callable[[str], Path]) -> Path:
+    start = Start(latitude=0.8, longitude=0.1, course=1.0)
+    rows = fly_segments(start, [Hold(20.0), SpeedChange(80.0), Climb(500.0), Turn(3.0), Climb(-300.0)], 5.0, WGS84)
+    truth = rows.truth(WGS84)
+    found = describe(NAME, truth, rows, {"start of navigation": 20.0})
+    (written,) = write_texts(folder, {"trajectory.html": trajectory_page(found)})
+    return written
+
+
 def _index(_: Path, made: Callable[[str], Path]) -> Path:
     return index.write_index(made("report").parent.parent)[0]
 
@@ -165,5 +179,6 @@ def _index(_: Path, made: Callable[[str], Path]) -> Path:
 KINDS: dict[str, Callable[[Path, Callable[[str], Path]], Path]] = {
     "report": _report, "many": _many, "replay": _replay, "comparison": _comparison, "index": _index,
     "start times": _start_times, "linearity": _linearity, "calibration": _calibration, "story": _story, "tn": _tn,
+    "trajectory": _trajectory,
 }  # fmt: skip
 """What makes each kind of page, in a folder of its own."""

@@ -26,6 +26,7 @@ from mcnav.workflow.index import write_index
 from mcnav.workflow.run import run_campaign
 from tests.conftest import ROOT, campaign
 from tests.processes import LONG, run_to_end, running
+from tests.unit.config.test_trajectory_file import flight, write_csv
 
 PAGES = ROOT / "mcnav"
 EXAMPLES = ROOT / "reports" / "examples"
@@ -97,6 +98,19 @@ def test_every_command_of_the_page_on_clusters(place: Path) -> None:
             stack.callback(process.wait, LONG)
             stack.callback(process.terminate)
     assert (place / "runs" / "first" / "report.html").exists()
+
+
+def test_every_trajectory_of_its_page(tmp_path: Path) -> None:
+    blocks = [tomllib.loads(block) for block in _blocks("TRAJECTORIES.md", "toml")]
+    assert len(blocks) == 6
+    other = {name: values for name, values in flight().items() if name not in ("lat", "lon", "alt")}
+    other |= {"latitude": np.radians(flight()["lat"]), "longitude": np.radians(flight()["lon"])}
+    other["height"] = flight()["alt"] / 0.3048
+    for block in blocks:
+        write_csv(tmp_path / "flight.csv", other if "columns" in block else flight())
+        entries = {"type": "ins", "trajectory": "flight.csv"} | block
+        content = {"scenario": entries, "errors": {"position_north": "10 m"}}
+        parse_campaign(content, str(tmp_path / "mine.toml"), "mine")
 
 
 def test_every_command_and_every_option_of_run_is_documented() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 import textwrap
 import threading
 from collections.abc import Callable
@@ -291,13 +292,34 @@ def test_replay_uses_the_files_of_the_run(change: Callable[[Path], None], tmp_pa
         replay(tmp_path / "run", 5, campaign)
 
 
-def test_replay_refuses_a_changed_file_that_was_only_noticed(tmp_path: Path) -> None:
-    campaign = noticed(tmp_path, "2\n")
+@pytest.mark.parametrize("where", ["executed", "made", "thread", "flown", "partials", "history"])
+def test_replay_refuses_a_changed_file_that_was_only_noticed(where: str, tmp_path: Path) -> None:
+    """One line that names the run's copy; restored from it, the file is the run's."""
+    campaign = noticed(tmp_path, "2\n", where)
     run_campaign(read_campaign(campaign), tmp_path / "run", None, 1)
     assert as_stored(replay(tmp_path / "run", 5, campaign))
     (tmp_path / "table.txt").write_text("3\n")
-    with pytest.raises(RunFolderError, match=r"reads other files than when .* \(table\.txt was [0-9a-f]{12}, is "):
+    with pytest.raises(RunFolderError) as refused:
         replay(tmp_path / "run", 5, campaign)
+    copy = tmp_path / "run" / "inputs" / "table.txt"
+    line = r"reads other files than when .* \(table\.txt was [0-9a-f]{12}, is [0-9a-f]{12}\); restore the file from "
+    assert re.fullmatch(rf".*{line}{re.escape(str(copy))}, or declare it as a setting", str(refused.value))
+    (tmp_path / "table.txt").write_bytes(copy.read_bytes())
+    assert as_stored(replay(tmp_path / "run", 5, campaign))
+    (tmp_path / "table.txt").write_text("3\n")
+    copy.write_text("3\n")
+    with pytest.raises(RunFolderError, match=r"is [0-9a-f]{12}\); restore the file$"):
+        replay(tmp_path / "run", 5, campaign)
+
+
+def test_replay_refuses_a_missing_file_that_was_only_noticed(tmp_path: Path) -> None:
+    campaign = noticed(tmp_path, "2\n")
+    run_campaign(read_campaign(campaign), tmp_path / "run", None, 1)
+    (tmp_path / "table.txt").unlink()
+    with pytest.raises(CampaignError) as refused:
+        replay(tmp_path / "run", 5, campaign)
+    (line,) = str(refused.value).splitlines()
+    assert "table.txt not found" in line
 
 
 class ChangingProgress(Silent):

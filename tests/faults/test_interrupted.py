@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 import threading
 import time
+from dataclasses import dataclass
 from multiprocessing import active_children
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from joblib import Parallel, delayed
 
 from mcnav._subprocess import side_threads
-from mcnav.execution.processes import end_workers
+from mcnav.execution.processes import IsolatedEngine, end_workers
+from mcnav.scenarios.protocol import SimulationResult
 from mcnav.scenarios.timeouts import Stopped, within_limit
 from mcnav.workflow import run
 from mcnav.workflow.run import run_campaign
 from tests.conftest import campaign
 from tests.faults.scenarios import OnAdvance, environment
-from tests.processes import LONG, run_to_end
+from tests.processes import LONG, run_to_end, wait_for
 
 
 def test_an_exception_does_not_wait_for_threads() -> None:
@@ -86,6 +90,42 @@ def test_workers_are_killed() -> None:
     end_workers()
     assert workers
     assert {worker.exitcode for worker in workers} == {-signal.SIGKILL}
+
+
+@dataclass(frozen=True)
+class Endless:
+    """An engine whose samples never end."""
+
+    under_way: Path
+    parallel: str = "processes"
+    chunk: int = 1
+    accuracy: str = ""
+
+    def propagate(self, errors: np.ndarray) -> SimulationResult:
+        self.under_way.touch()
+        time.sleep(LONG)
+        return SimulationResult(errors)
+
+
+def test_an_isolated_sample_is_killed(tmp_path: Path) -> None:
+    """Before samples are stored, too: a user's scenario is tried in a process of its own."""
+    before, workers = set(active_children()), list[Any]()
+
+    def interrupt() -> None:
+        wait_for((tmp_path / "under way").exists)
+        workers.extend(set(active_children()) - before)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    beside, handler = threading.Thread(target=interrupt), signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        beside.start()
+        with pytest.raises(KeyboardInterrupt):
+            IsolatedEngine(Endless(tmp_path / "under way"), 1).propagate(np.zeros((1, 1)))
+        assert [worker.exitcode for worker in workers] == [-signal.SIGKILL]
+    finally:
+        beside.join()
+        end_workers()
+        signal.signal(signal.SIGINT, handler)
 
 
 @pytest.mark.parametrize(("name", "status"), [("SIGINT", 130), ("SIGTERM", 143)])

@@ -8,14 +8,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from mcnav.config.scenarios import reentry, steady, user
+from mcnav.config.scenarios import ins, reentry, steady, user
 from mcnav.config.scenarios.base import ScenarioSpec, ScenarioType
+from mcnav.scenarios.ins import SOURCES as INS_SOURCES
 from mcnav.scenarios.reentry import SOURCES as REENTRY_SOURCES
 from mcnav.scenarios.steady import SOURCES as STEADY_SOURCES
 
 SCENARIO_TYPES: Final[Mapping[str, ScenarioType]] = {
     "reentry": ScenarioType(reentry.ReentryTable, reentry.read_scenario, REENTRY_SOURCES),
     "cruise": ScenarioType(steady.CruiseTable, steady.read_scenario, STEADY_SOURCES),
+    "ins": ScenarioType(ins.InsTable, ins.read_scenario, INS_SOURCES),
     "hover": ScenarioType(steady.HoverTable, steady.read_scenario, STEADY_SOURCES),
 }
 """Scenario types by the ``type`` of ``[scenario]``."""

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from mcnav.config.context import FileContext
 from mcnav.config.schema import Table
+from mcnav.scenarios.inputs import InputFile
 from mcnav.scenarios.protocol import Scenario, Source
 from mcnav.scenarios.user_code import SourceFile
 
@@ -22,11 +23,17 @@ class ScenarioSpec:
         Table with every default spelled out; it defines the same scenario.
     code : SourceFile, optional
         File of a user-defined scenario.
+    inputs : tuple of InputFile
+        Files that were read.
+    sigmas : mapping of str to float
+        Sigmas of normal sources that another table than ``[errors]`` gives, SI.
     """
 
     scenario: Scenario
     resolved: Mapping[str, Any]
     code: SourceFile | None = None
+    inputs: tuple[InputFile, ...] = ()
+    sigmas: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -8,30 +8,26 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any, Final
 
 from pydantic import ConfigDict
 
-from mcnav.config.context import EarlierFile, FileContext
+from mcnav.config.context import FileContext
+from mcnav.config.files import OUTSIDE, is_inside, read_file, why_unreadable
 from mcnav.config.scenarios.base import ScenarioSpec
 from mcnav.config.schema import Table
 from mcnav.errors import suggestion
 from mcnav.files import read_whole
-from mcnav.scenarios.inputs import LONGEST_NAME, InputFile, identify_file, safe_name
+from mcnav.scenarios.inputs import LONGEST_NAME, InputFile
 from mcnav.scenarios.protocol import ScenarioError
-from mcnav.scenarios.settings import Declared, SettingError, Value, display, read_value, settings_of
+from mcnav.scenarios.settings import Declared, SettingError, Value, read_value, settings_of
 from mcnav.scenarios.user import UserScenario
 from mcnav.scenarios.user_code import SourceFile, UserScenarioSpec
 from mcnav.store.inputs import INPUTS
 
 CLASS_IN_FILE: Final = re.compile(r"(?P<file>[^\x00-\x1f\x7f:]{1,200}\.py):(?P<name>[A-Za-z_][A-Za-z0-9_]{0,100})")
 """File and class."""
-
-FILE: Final = re.compile(r"[^\x00-\x1f\x7f]{1,200}")
-"""Path of a file in a setting."""
-
-OUTSIDE: Final = "the file must lie beside the campaign file, or in a folder beside it"
 
 LARGEST_FILE: Final = 1_000_000
 """Bytes."""
@@ -50,7 +46,7 @@ def read_code(path: Path) -> SourceFile:
     try:
         return SourceFile(path.name, read_whole(path, LARGEST_FILE).decode("utf-8-sig"))
     except OSError as failure:
-        raise ScenarioError("type", f"{path} {_why_unreadable(failure)}") from None
+        raise ScenarioError("type", f"{path} {why_unreadable(failure)}") from None
     except UnicodeDecodeError as failure:
         raise ScenarioError("type", f"{path.name} is not UTF-8 text (byte {failure.start})") from None
 
@@ -63,7 +59,7 @@ def read_scenario(table: UserTable, entries: Mapping[str, Any], context: FileCon
     named = CLASS_IN_FILE.fullmatch(table.type)
     if named is None:
         raise ScenarioError("type", "expected a file and class such as 'my_module.py:Boost'")
-    if not _is_inside(named["file"]):
+    if not is_inside(named["file"]):
         raise ScenarioError("type", f"got {table.type!r}; {OUTSIDE}")
     code = read_code(context.folder / named["file"])
     settings = _read_settings(entries, settings_of(code.load_class(named["name"])), context)
@@ -72,12 +68,6 @@ def read_scenario(table: UserTable, entries: Mapping[str, Any], context: FileCon
     scenario = UserScenario(UserScenarioSpec(code, named["name"], tuple(settings.items())))
     files = {key: f"{INPUTS}/{value.name}" for key, value in settings.items() if isinstance(value, InputFile)}
     return ScenarioSpec(scenario, {**entries, **files, "type": f"{code.file}:{named['name']}"}, code)
-
-
-def _is_inside(written: str) -> bool:
-    """Return whether a path stays in the folder of the campaign file."""
-    parts = PurePosixPath(written)
-    return not (parts.is_absolute() or ".." in parts.parts or "\\" in written)
 
 
 def _read_settings(
@@ -93,7 +83,7 @@ def _read_settings(
             continue
         try:
             wanted = declared[key]
-            found[key] = _read_file(entries[key], key, context) if wanted is Path else read_value(entries[key], wanted)
+            found[key] = read_file(entries[key], key, context) if wanted is Path else read_value(entries[key], wanted)
         except SettingError as wrong:
             entry = "" if wrong.entry is None else f" #{wrong.entry + 1}"
             context.problem(f"scenario.{key}{entry}", str(wrong))
@@ -109,39 +99,3 @@ def _with_unique_names(settings: dict[str, Value]) -> dict[str, Value]:
         key: replace(file, name=f"{key}.{file.name[-(LONGEST_NAME - len(key) - 1) :]}") for key, file in files.items()
     }
     return settings | renamed
-
-
-def _read_file(value: object, key: str, context: FileContext) -> InputFile:
-    """Identify the file of a setting; when a run is repeated and the file has changed, its copy in the run folder."""
-    if not isinstance(value, str):
-        raise SettingError(f"got {display(value)}; expected the path of a file in quotes")
-    if not FILE.fullmatch(value) or not _is_inside(value):
-        raise SettingError(f"got {display(value)}; {OUTSIDE}")
-    path, name, earlier = context.folder / value, safe_name(value), context.earlier.get(key)
-    try:
-        found = identify_file(str(path.absolute()), name, key)
-    except OSError as failure:
-        if earlier is None:
-            raise SettingError(f"{path} {_why_unreadable(failure)}") from None
-        return _identify_copy(earlier, name, key, f"{path} {_why_unreadable(failure)}")
-    if earlier is None or found.digest == earlier.sha256:
-        return found
-    return _identify_copy(
-        earlier, name, key, f"{path} has changed since the run (its SHA-256 was {earlier.sha256[:12]})"
-    )
-
-
-def _identify_copy(earlier: EarlierFile, name: str, key: str, change: str) -> InputFile:
-    """Identify the copy of a file in the folder of the run that read it."""
-    if earlier.copy is None:
-        raise SettingError(f"{change}, and the run folder has no copy of it; restore it")
-    try:
-        return identify_file(str(earlier.copy.absolute()), name, key)
-    except OSError as failure:
-        raise SettingError(f"{change}, and its copy {earlier.copy} {_why_unreadable(failure)}") from None
-
-
-def _why_unreadable(failure: OSError) -> str:
-    if isinstance(failure, FileNotFoundError):
-        return "does not exist; paths are relative to the campaign file"
-    return f"cannot be read: {failure.strerror or failure}"

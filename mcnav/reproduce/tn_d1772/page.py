@@ -88,8 +88,9 @@ def _between_engines(cells: Sequence[Cell]) -> str:
 
 
 def render(
-    cells: Sequence[Cell], figures: Mapping[str, Figure], said: Sequence[Finding], decided: Sequence[Finding]
-) -> str:
+    title: str, cells: Sequence[Cell], figures: Mapping[str, Figure], said: Sequence[Finding],
+    decided: Sequence[Finding],
+) -> str:  # fmt: skip
     """Render the page; figures by number."""
     tables = []
     for name, members in groupby(cells, key=lambda cell: cell.table):
@@ -102,7 +103,7 @@ def render(
     counted = Counter(cell.mark for cell in cells)
     return filled(
         "reproduction.html",
-        title=TITLE,
+        title=title,
         total=len(cells),
         counts=[(mark, f"{counted[mark]:,}") for mark in Mark if counted[mark]],
         phrases=PHRASES,
@@ -127,7 +128,7 @@ def write_reproduction(path: Path) -> tuple[list[Cell], list[Path]]:
     found = [("claim", finding) for finding in said] + [("decision", finding) for finding in decided]
     findings = pd.DataFrame([{"kind": kind} | vars(finding) for kind, finding in found])
     files = {
-        PAGE: render(cells, figures, said, decided),
+        PAGE: render(TITLE, cells, figures, said, decided),
         "tables.csv": table(cells).to_csv(index=False),
         "findings.csv": findings.to_csv(index=False),
         **{figure.file: data[name].to_csv(index=False) for name, figure in figures.items()},

@@ -8,8 +8,7 @@ import numpy as np
 import openturns as ot
 import pytest
 
-from mcnav.analysis.allocation import largest_sigmas
-from mcnav.analysis.budget import error_budget
+from mcnav.analysis.budget import error_budget, largest_sigmas
 from mcnav.lincov.partials import SimulationFailed
 from mcnav.lincov.simulated_budget import simulate_each_source_alone
 from mcnav.lincov.sobol import estimate_sobol_indices

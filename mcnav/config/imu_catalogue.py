@@ -1,0 +1,117 @@
+"""The catalogue of inertial measurement units: grades, and units whose data have a source.
+
+Values are kept as their sources write them; `KINDS` has the SI unit of each.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from typing import Any, Final
+
+INSTABILITY: Final = "bias_instability"
+
+GYRO: Final = {
+    "bias": "rad/s",
+    f"{INSTABILITY}.sigma": "rad/s",
+    f"{INSTABILITY}.allan_minimum": "rad/s",
+    f"{INSTABILITY}.correlation_time": "s",
+    "angle_random_walk": "rad/sqrt(s)",
+    "rate_random_walk": "rad/s/sqrt(s)",
+    "quantization": "rad/s",
+    "scale_factor": "1",
+    "misalignment": "rad",
+    "g_sensitivity": "rad/s/(m/s^2)",
+}
+"""SI unit of each value of the gyros, by its key in ``[imu.gyro]``."""
+
+ACCELEROMETER: Final = {
+    "bias": "m/s^2",
+    f"{INSTABILITY}.sigma": "m/s^2",
+    f"{INSTABILITY}.allan_minimum": "m/s^2",
+    f"{INSTABILITY}.correlation_time": "s",
+    "velocity_random_walk": "m/s/sqrt(s)",
+    "rate_random_walk": "m/s^2/sqrt(s)",
+    "quantization": "m/s^2",
+    "scale_factor": "1",
+    "misalignment": "rad",
+    "nonlinearity": "(m/s^2)/(m/s^2)^2",
+}
+"""SI unit of each value of the accelerometers, by its key in ``[imu.accelerometer]``."""
+
+KINDS: Final = {"gyro": GYRO, "accelerometer": ACCELEROMETER}
+
+
+@dataclass(frozen=True)
+class DataSheetValue:
+    """A value with its source.
+
+    Attributes
+    ----------
+    instrument : str
+        ``gyro`` or ``accelerometer``.
+    key : str
+        Such as ``bias`` or ``bias_instability.sigma``.
+    text : str
+        Quantity as written.
+    source : str
+    """
+
+    instrument: str
+    key: str
+    text: str
+    source: str
+
+    @property
+    def unit(self) -> str:
+        """SI unit."""
+        return KINDS[self.instrument][self.key]
+
+
+@dataclass(frozen=True)
+class CatalogueUnit:
+    """A grade, or a unit that can be bought."""
+
+    name: str
+    title: str
+    values: tuple[DataSheetValue, ...]
+
+    @property
+    def table(self) -> dict[str, dict[str, Any]]:
+        """The values as the tables ``[imu.gyro]`` and ``[imu.accelerometer]`` of a campaign."""
+        tables: dict[str, dict[str, Any]] = {instrument: {} for instrument in KINDS}
+        for value in self.values:
+            table, (first, _, second) = tables[value.instrument], value.key.partition(".")
+            if second:
+                table.setdefault(first, {})[second] = value.text
+            else:
+                table[first] = value.text
+        return tables
+
+
+@cache
+def catalogue_units() -> tuple[CatalogueUnit, ...]:
+    """Read the catalogue in its order: grades first."""
+    content = tomllib.loads(files("mcnav.config").joinpath("imu_catalogue.toml").read_text(encoding="utf-8"))
+    return tuple(
+        CatalogueUnit(unit["name"], unit["title"], tuple(_values(unit, content["sources"]))) for unit in content["unit"]
+    )
+
+
+def _values(unit: Mapping[str, Any], sources: Mapping[str, str]) -> Iterator[DataSheetValue]:
+    for instrument in KINDS:
+        for key, entry in unit.get(instrument, {}).items():
+            named = {f"{key}.{each}": pair for each, pair in entry.items()} if isinstance(entry, dict) else {key: entry}
+            yield from (DataSheetValue(instrument, name, text, sources[cited]) for name, (text, cited) in named.items())
+
+
+def catalogue() -> dict[str, dict[str, dict[str, Any]]]:
+    """Return the tables of ``[imu]`` by the name of grade or unit.
+
+    >>> catalogue()["HG9900"]["accelerometer"]
+    {'bias': '25 ug', 'scale_factor': '100 ppm'}
+    """
+    return {unit.name: unit.table for unit in catalogue_units()}

@@ -1,0 +1,1 @@
+"""Inertial navigation in three dimensions on a rotating, oblate earth."""

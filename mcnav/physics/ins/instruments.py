@@ -1,0 +1,101 @@
+"""Errors of an inertial measurement unit: their names in order, and the processes of its noise.
+
+An instrument measures ``true + bias + M true`` with ``M = [[s_x, m_xy, m_xz], [m_yx, s_y, m_yz], [m_zx, m_zy, s_z]]``
+of scale factors and misalignments, plus what its own error law and its processes add.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from mcnav._types import Array
+
+AXES: Final = ("x", "y", "z")
+CROSS_AXES: Final = ("xy", "xz", "yx", "yz", "zx", "zy")
+"""Pairs of axes: the first reads part of an input along the second."""
+
+OUTPUTS: Final = (
+    "position_north",
+    "position_east",
+    "position_down",
+    "velocity_north",
+    "velocity_east",
+    "velocity_down",
+    "tilt_north",
+    "tilt_east",
+    "heading",
+)
+"""Navigation errors, indicated less true; initial errors have the same names, order and definitions."""
+
+
+def _constants(instrument: str, law: str) -> Iterator[str]:
+    for kind, axes in (("bias", AXES), ("scale_factor", AXES), ("misalignment", CROSS_AXES), (law, AXES)):
+        yield from (f"{instrument}_{kind}_{axis}" for axis in axes)
+
+
+GYRO: Final = tuple(_constants("gyro", "g_sensitivity"))
+"""Constant errors of the gyros: rad/s, 1, 1, (rad/s) / (m/s^2)."""
+
+ACCELEROMETER: Final = tuple(_constants("accelerometer", "nonlinearity"))
+"""Constant errors of the accelerometers: m/s^2, 1, 1, (m/s^2) / (m/s^2)^2."""
+
+CONSTANTS: Final = (*OUTPUTS, *GYRO, *ACCELEROMETER)
+"""Constant error sources in order."""
+
+
+def _nothing() -> Array:
+    return np.zeros(3)
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Processes of three instruments, by axis; zero where there is none. Each array has shape (3,).
+
+    Attributes
+    ----------
+    random_walk : ndarray
+        N of white noise: the sigma of its integral over a time t is N sqrt(t). rad/sqrt(s), or m/s/sqrt(s).
+    instability : ndarray
+        Sigma of a first-order Gauss-Markov process that is stationary from the first instant. rad/s, or m/s^2.
+    correlation_time : ndarray
+        Of that process, s; positive.
+    rate_random_walk : ndarray
+        K of a bias whose sigma is K sqrt(t). rad/s/sqrt(s), or m/s^2/sqrt(s).
+    """
+
+    random_walk: Array = field(default_factory=_nothing)
+    instability: Array = field(default_factory=_nothing)
+    correlation_time: Array = field(default_factory=lambda: np.full(3, 3600.0))
+    rate_random_walk: Array = field(default_factory=_nothing)
+
+
+@dataclass(frozen=True)
+class Imu:
+    """The processes of gyros and accelerometers."""
+
+    gyro: Noise = field(default_factory=Noise)
+    accelerometer: Noise = field(default_factory=Noise)
+
+
+PROCESSES: Final = tuple(
+    f"{instrument}_{kind}_{axis}"
+    for instrument, walk in (("gyro", "angle_random_walk"), ("accelerometer", "velocity_random_walk"))
+    for kind in (walk, "bias_instability", "rate_random_walk")
+    for axis in AXES
+)
+"""Names of all processes in order."""
+
+
+def process_sizes(imu: Imu) -> dict[str, float]:
+    """Return the size of each process that is not zero, by name, in the unit of its attribute."""
+    sizes = [
+        size
+        for noise in (imu.gyro, imu.accelerometer)
+        for each in (noise.random_walk, noise.instability, noise.rate_random_walk)
+        for size in each
+    ]
+    return {name: float(size) for name, size in zip(PROCESSES, sizes, strict=True) if size > 0.0}

@@ -1,0 +1,147 @@
+"""The truth: the motion of a vehicle over the earth as smooth functions of time.
+
+Positions are a cubic spline in earth-fixed axes, so that the specific force is continuous; attitudes are a rotation
+spline with a continuous angular acceleration. A vehicle at rest is at rest exactly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.physics.ins.earth import Earth, local_axes
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
+    from scipy.spatial.transform import RotationSpline
+
+Platform = Literal["strapdown", "inertial", "level"]
+"""Carrier of the instruments: the body, a platform that keeps its inertial directions, or one that stays level."""
+
+
+@dataclass(frozen=True)
+class TruthStates:
+    """Truth at some instants, n of them.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+        s, in the trajectory's time.
+    position, velocity : ndarray, shape (n, 3)
+        Inertial axes, m and m/s.
+    axes : ndarray, shape (n, 3, 3)
+        From the instruments' axes to inertial ones.
+    force, rate : ndarray, shape (n, 3)
+        Specific force, m/s^2, and inertial angular rate, rad/s, in the instruments' axes.
+    """
+
+    time: Array
+    position: Array
+    velocity: Array
+    axes: Array
+    force: Array
+    rate: Array
+
+
+@dataclass(frozen=True)
+class Truth:
+    """The motion of a vehicle.
+
+    Attributes
+    ----------
+    times : ndarray, shape (n,)
+        Instants of the trajectory's rows, rising, s. Between them all functions are smooth.
+    position : CubicSpline
+        Earth-fixed position, m.
+    attitude : RotationSpline
+        Rotation from body (forward, right, down) to earth-fixed axes.
+    """
+
+    earth: Earth
+    times: Array
+    position: CubicSpline
+    attitude: RotationSpline
+
+    @classmethod
+    def through(
+        cls, earth: Earth, times: Array, latitude: Array, longitude: Array, altitude: Array, angles: Array
+    ) -> Truth:
+        """Interpolate the rows of a trajectory; all angles in rad.
+
+        Parameters
+        ----------
+        times, latitude, longitude, altitude : ndarray, shape (n,)
+            At least four rows.
+        angles : ndarray, shape (n, 3)
+            Heading, pitch, roll: successive rotations about down, right, forward.
+        """
+        from scipy.interpolate import CubicSpline
+        from scipy.spatial.transform import Rotation, RotationSpline
+
+        position = earth.from_geodetic(latitude, longitude, altitude)
+        to_level = Rotation.from_euler("ZYX", angles)
+        attitude = Rotation.from_matrix(local_axes(latitude, longitude)) * to_level
+        return cls(earth, times, CubicSpline(times, position), RotationSpline(times, attitude))
+
+    def earth_fixed(self, time: Array) -> tuple[Array, Array]:
+        """Compute earth-fixed positions, m, and velocities over the earth, m/s, each of shape (n, 3)."""
+        return np.asarray(self.position(time)), np.asarray(self.position(time, 1))
+
+    def geodetic(self, time: Array) -> Array:
+        """Compute latitude, longitude (rad) and altitude (m), shape (n, 3)."""
+        return self.earth.to_geodetic(np.asarray(self.position(time)))
+
+    def angles(self, time: Array) -> Array:
+        """Compute heading, pitch and roll, rad, shape (n, 3)."""
+        from scipy.spatial.transform import Rotation
+
+        latitude, longitude, _ = self.geodetic(time).T
+        to_level = Rotation.from_matrix(local_axes(latitude, longitude)).inv() * self.attitude(time)
+        return np.asarray(to_level.as_euler("ZYX", suppress_warnings=True))  # a vertical body has a heading, too
+
+    def states(self, time: Array, platform: Platform, start: float) -> TruthStates:
+        """Compute the truth at some instants, shape (n,), with the instruments on a platform.
+
+        Parameters
+        ----------
+        start : float
+            Instant at which navigation starts, and at which an inertial platform has the body's directions.
+        """
+        time = np.atleast_1d(np.asarray(time, dtype=float))
+        earth = self.earth
+        position, velocity = self.earth_fixed(time)
+        to_inertial = earth.turned(time - self.times[0])
+        spin = np.array([0.0, 0.0, earth.rotation_rate])
+        carried = velocity + np.cross(spin, position)
+        felt = self.position(time, 2) + np.cross(spin, velocity + carried) - earth.gravitation(position)
+        if platform == "level":
+            axes, rate = self._level(position, velocity)
+        else:
+            axes = self.attitude(time).as_matrix()
+            rate = self.attitude(time, 1) + axes[:, 2] * earth.rotation_rate
+        axes = to_inertial @ axes
+        if platform == "inertial":
+            first = earth.turned(np.array(start - self.times[0])) @ self.attitude(start).as_matrix()
+            axes, rate = np.broadcast_to(first, axes.shape), np.zeros_like(rate)
+        force = np.einsum("nji,nj->ni", axes, np.einsum("nij,nj->ni", to_inertial, felt))
+        return TruthStates(
+            time,
+            np.einsum("nij,nj->ni", to_inertial, position),
+            np.einsum("nij,nj->ni", to_inertial, carried),
+            np.ascontiguousarray(axes),
+            force,
+            np.ascontiguousarray(rate),
+        )
+
+    def _level(self, position: Array, velocity: Array) -> tuple[Array, Array]:
+        """Compute the local axes, n to e, and their inertial rate in n."""
+        latitude, longitude, altitude = self.earth.to_geodetic(position).T
+        axes = local_axes(latitude, longitude)
+        north, east, _ = np.einsum("nji,nj->in", axes, velocity)
+        meridian, prime = self.earth.curvature_radii(latitude)
+        turning = self.earth.rotation_rate + east / ((prime + altitude) * np.cos(latitude))
+        rate = [turning * np.cos(latitude), -north / (meridian + altitude), -turning * np.sin(latitude)]
+        return axes, np.stack(rate, axis=-1)

@@ -1,0 +1,137 @@
+"""Description of a trajectory for the terminal and as a page."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from rich.console import RenderableType
+
+from mcnav._types import Array
+from mcnav.constants import STANDARD_GRAVITY
+from mcnav.report.figures.flight import flight
+from mcnav.report.fitted_table import FittedTable, numbers, texts
+from mcnav.report.format import number
+from mcnav.report.page import filled
+from mcnav.scenarios.protocol import History
+
+
+@dataclass(frozen=True)
+class Extreme:
+    """A largest value and when it occurs, s."""
+
+    value: float
+    time: float
+
+
+@dataclass(frozen=True)
+class TrajectoryReport:
+    """Description of a trajectory.
+
+    Attributes
+    ----------
+    name : str
+        File, or what the trajectory is.
+    times : ndarray, shape (rows,)
+        s.
+    latitude, longitude, altitude, speed : (float, float)
+        Smallest and largest: deg, deg (continued beyond 180), m, m/s.
+    distance : float
+        Length of the path over the earth, m.
+    force, turn_rate : Extreme
+        Largest specific force, m/s^2, and inertial angular rate, rad/s, of the body.
+    roughness : float
+        Rms of what the specific force at a row departs from the mean of its neighbours, m/s^2: digits and noise.
+    disagreement : Extreme, optional
+        Largest difference of given velocities from the derivative of the positions, m/s.
+    disagreement_rms : float, optional
+        The same, rms.
+    departure : float, optional
+        Largest distance of the file's positions from the spline, m.
+    """
+
+    name: str
+    times: Array
+    latitude: tuple[float, float]
+    longitude: tuple[float, float]
+    altitude: tuple[float, float]
+    speed: tuple[float, float]
+    distance: float
+    force: Extreme
+    turn_rate: Extreme
+    roughness: float
+    history: History
+    disagreement: Extreme | None = None
+    disagreement_rms: float | None = None
+    departure: float | None = None
+
+
+def fact_rows(found: TrajectoryReport) -> list[dict[str, Any]]:
+    """Tabulate the facts: what, value, unit, and when."""
+    steps = np.diff(found.times)
+
+    def row(fact: str, value: float, unit: str, time: float | None = None) -> dict[str, Any]:
+        return {"fact": fact, "value": float(value), "unit": unit, "time": time}
+
+    place = int(np.argmax(steps))
+    rows = [
+        row("rows", len(found.times), ""),
+        row("first instant", found.times[0], "s"),
+        row("last instant", found.times[-1], "s"),
+        row("median step", np.median(steps), "s"),
+        row("shortest step", steps.min(), "s", float(found.times[int(np.argmin(steps))])),
+        row("longest step", steps[place], "s", float(found.times[place])),
+        row("lowest latitude", found.latitude[0], "deg"),
+        row("highest latitude", found.latitude[1], "deg"),
+        row("westernmost longitude", found.longitude[0], "deg"),
+        row("easternmost longitude", found.longitude[1], "deg"),
+        row("lowest altitude", found.altitude[0], "m"),
+        row("highest altitude", found.altitude[1], "m"),
+        row("lowest speed", found.speed[0], "m/s"),
+        row("highest speed", found.speed[1], "m/s"),
+        row("length of the path", found.distance / 1e3, "km"),
+        row("largest specific force", found.force.value / STANDARD_GRAVITY, "g", found.force.time),
+        row("roughness of the force (rms)", found.roughness / STANDARD_GRAVITY, "g"),
+        row("largest turn rate", math.degrees(found.turn_rate.value), "deg/s", found.turn_rate.time),
+    ]
+    if found.departure is not None:
+        rows.append(row("largest distance of rows from the spline", found.departure, "m"))
+    if found.disagreement is not None and found.disagreement_rms is not None:
+        rows.append(row("disagreement of the velocities (rms)", found.disagreement_rms, "m/s"))
+        rows.append(
+            row("largest disagreement of the velocities", found.disagreement.value, "m/s", found.disagreement.time)
+        )
+    return rows
+
+
+def _texts(row: dict[str, Any]) -> tuple[str, str, str, str]:
+    count = row["fact"] == "rows"
+    value = f"{row['value']:,.0f}" if count else _plain(row["value"])
+    return row["fact"], value, row["unit"], "" if row["time"] is None else _plain(row["time"])
+
+
+def _plain(value: float) -> str:
+    """Format a number with six digits, without zeros at its end."""
+    return number(value, 6) if value != 0.0 and not 1e-4 <= abs(value) < 1e8 else f"{value:,.6g}".replace("-", "−")
+
+
+def lines(found: TrajectoryReport) -> RenderableType:
+    """Tabulate the facts for the terminal."""
+    table = FittedTable(found.name, [*texts("trajectory"), *numbers("value"), *texts("unit"), *numbers("at, s")])
+    for row in fact_rows(found):
+        table.add(*_texts(row))
+    return table
+
+
+def page(found: TrajectoryReport) -> str:
+    """Render the HTML page."""
+    figure = flight(found.history)
+    title = f"Trajectory: {found.name}"
+    return filled(
+        "trajectory.html",
+        name=found.name,
+        facts=[_texts(row) for row in fact_rows(found)],
+        flight=None if figure is None else replace(figure, title=title),
+    )

@@ -1,0 +1,358 @@
+"""Inertial navigation in three dimensions as a scenario: a vehicle's trajectory, its instruments and their noise.
+
+Two engines simulate it. ``ensemble`` carries deviations from the truth over tables that all samples share;
+``reference`` mechanizes the navigator at the instruments' rate, sample by sample. They share no equation but the truth
+and the definition of their noise, which each draws by generators of its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcnav._types import Array
+from mcnav.constants import STANDARD_GRAVITY
+from mcnav.physics.ins.covariance import LinearErrors, propagate
+from mcnav.physics.ins.ensemble import EnsembleTables, simulate, tabulate
+from mcnav.physics.ins.fine_noise import draw_noise
+from mcnav.physics.ins.instruments import CONSTANTS, OUTPUTS, PROCESSES, Imu, process_sizes
+from mcnav.physics.ins.linear_noise import NoiseResponse
+from mcnav.physics.ins.mechanization import Diverged, Mechanization
+from mcnav.physics.ins.response import respond
+from mcnav.physics.ins.truth import Platform, Truth
+from mcnav.scenarios.failure import Failure, Reason
+from mcnav.scenarios.protocol import (
+    Batch,
+    Engine,
+    Epochs,
+    History,
+    LinearModel,
+    Output,
+    Panel,
+    PartialsHistory,
+    ScenarioError,
+    SimulationResult,
+    Source,
+)
+from mcnav.scenarios.sample_loop import simulate_each
+
+DEGREE: Final = np.pi / 180.0
+
+KINDS: Final = {
+    "position": ("m", "m", 10.0),
+    "velocity": ("m/s", "m/s", 0.1),
+    "tilt": ("rad", "arcsec", 1e-4),
+    "heading": ("rad", "arcsec", 1e-3),
+    "gyro_bias": ("rad/s", "deg/h", 0.01 * DEGREE / 3600.0),
+    "gyro_scale_factor": ("1", "ppm", 1e-5),
+    "gyro_misalignment": ("rad", "arcsec", 1e-5),
+    "gyro_g_sensitivity": ("rad/s/(m/s^2)", "deg/h/g", 0.01 * DEGREE / 3600.0 / STANDARD_GRAVITY),
+    "accelerometer_bias": ("m/s^2", "ug", 1e-4 * STANDARD_GRAVITY),
+    "accelerometer_scale_factor": ("1", "ppm", 1e-4),
+    "accelerometer_misalignment": ("rad", "arcsec", 1e-5),
+    "accelerometer_nonlinearity": ("(m/s^2)/(m/s^2)^2", "ug/g^2", 1e-5 / STANDARD_GRAVITY),
+}
+"""SI unit, unit shown and usual size of each kind of error source, by the beginning of its name."""
+
+SHOWN: Final = {"position": ("m", "m"), "velocity": ("m/s", "m/s"), "tilt": ("rad", "mrad"), "heading": ("rad", "mrad")}
+"""SI unit and unit shown of each kind of output."""
+
+PROCESS_UNITS: Final = {
+    "gyro_angle_random_walk": ("rad/sqrt(s)", "deg/sqrt(h)"),
+    "gyro_bias_instability": ("rad/s", "deg/h"),
+    "gyro_rate_random_walk": ("rad/s/sqrt(s)", "deg/h/sqrt(h)"),
+    "accelerometer_velocity_random_walk": ("m/s/sqrt(s)", "m/s/sqrt(h)"),
+    "accelerometer_bias_instability": ("m/s^2", "ug"),
+    "accelerometer_rate_random_walk": ("m/s^2/sqrt(s)", "ug/sqrt(h)"),
+}
+"""SI unit and unit shown of each kind of process."""
+
+
+def kind_of(name: str) -> str:
+    """Return the kind of a source, a beginning of its name in `KINDS`."""
+    return next(kind for kind in KINDS if name == kind or name.startswith(f"{kind}_"))
+
+
+SOURCES: Final = tuple(Source(name, *KINDS[kind_of(name)], group=kind_of(name)) for name in CONSTANTS)
+"""Constant error sources: initial errors, gyros, accelerometers."""
+
+NAVIGATION_ERRORS: Final = tuple(Output(name, *SHOWN[kind_of(name)]) for name in OUTPUTS)
+"""Final navigation errors."""
+
+NOISE: Final = tuple(Output(name, *PROCESS_UNITS[name.rpartition("_")[0]]) for name in PROCESSES)
+"""Processes of the instruments."""
+
+EPOCHS: Final = 60
+"""Intervals between instants at which the errors of all samples are read out; fewer in a shorter navigation."""
+
+HISTORY_TIME: Final = "time [min]"
+HISTORY_POINTS: Final = 401
+ENSEMBLE_CHUNK: Final = 2_048
+REFERENCE_CHUNK: Final = 8
+
+TOLERANCE: Final = 3e-6
+"""Largest numerical error of any probe at any epoch, as a share of the probes' standard deviation in that output."""
+
+MOST_STEPS: Final = 256
+"""Steps between two epochs."""
+
+SHORTEST: Final = 1.0
+"""Shortest navigation, s."""
+
+FEWEST_PROBES: Final = 2
+
+
+@dataclass(frozen=True)
+class Navigation:
+    """A navigation along a trajectory.
+
+    Attributes
+    ----------
+    start, end : float
+        In the trajectory's time, s.
+    imu : Imu
+        Processes of the instruments.
+    """
+
+    truth: Truth
+    platform: Platform
+    start: float
+    end: float
+    imu: Imu
+
+    @property
+    def times(self) -> Array:
+        """Epochs, the start first, s."""
+        return np.linspace(self.start, self.end, EPOCHS + 1)
+
+    @property
+    def epochs(self) -> Epochs:
+        """Epochs in minutes of navigation."""
+        return Epochs(HISTORY_TIME, (self.times - self.start) / 60.0)
+
+    def grid(self, steps: int) -> Array:
+        """Return the times of so many steps between epochs."""
+        return np.linspace(self.start, self.end, EPOCHS * steps + 1)
+
+    def tables(self, steps: int) -> EnsembleTables:
+        """Prepare the ensemble's tables."""
+        responses = respond(self.truth, self.platform, self.grid(steps), self.imu)
+        return tabulate(self.truth, self.platform, responses, self.imu, np.arange(EPOCHS + 1) * steps)
+
+    @cached_property
+    def linear(self) -> LinearErrors:
+        """The linear system at the epochs."""
+        responses = respond(self.truth, self.platform, self.times, self.imu)
+        return propagate(self.truth, responses, self.imu, np.arange(EPOCHS + 1))
+
+
+@dataclass(frozen=True)
+class EnsembleEngine:
+    """Deviations over shared tables; a sample beyond their validity fails."""
+
+    navigation: Navigation
+    tables: EnsembleTables
+    accuracy: str
+    parallel: str = "threads"
+    chunk: int = ENSEMBLE_CHUNK
+
+    @property
+    def epochs(self) -> Epochs:
+        """Instants of the histories."""
+        return self.navigation.epochs
+
+    def simulate(self, batch: Batch) -> SimulationResult:
+        """Simulate samples with their noise."""
+        found = simulate(
+            self.navigation.truth, self.navigation.start, self.tables, batch.errors, batch.seed, batch.index
+        )
+        values = np.where(found.valid[:, None, None], found.values, np.nan)
+        return SimulationResult(
+            values[:, -1], self._failures(found.valid), linear_values=found.linear[:, -1], history=values
+        )
+
+    def propagate(self, errors: Array) -> SimulationResult:
+        """Simulate samples without noise, shape (n, sources)."""
+        found = simulate(self.navigation.truth, self.navigation.start, self._quiet, errors, 0, np.arange(len(errors)))
+        values = np.where(found.valid[:, None, None], found.values, np.nan)
+        return SimulationResult(values[:, -1], self._failures(found.valid))
+
+    @cached_property
+    def _quiet(self) -> EnsembleTables:
+        return self.tables.without_noise().at_the_end()
+
+    def _failures(self, valid: NDArray[np.bool_]) -> dict[int, Failure]:
+        failure = Failure(Reason.STATED, "errors too large for the ensemble engine; the reference engine takes them")
+        return dict.fromkeys((int(row) for row in np.flatnonzero(~valid)), failure)
+
+
+@dataclass(frozen=True)
+class ReferenceEngine:
+    """The navigator's own equations at the instruments' rate, one sample at a time."""
+
+    navigation: Navigation
+    accuracy: str = "mechanization in earth-fixed axes, Gauss collocation of order 6 with steps of at most 0.1 s"
+    parallel: str = "threads"
+    chunk: int = REFERENCE_CHUNK
+
+    @property
+    def epochs(self) -> Epochs:
+        """Instants of the histories."""
+        return self.navigation.epochs
+
+    @cached_property
+    def mechanization(self) -> Mechanization:
+        """The navigator."""
+        navigation = self.navigation
+        return Mechanization(navigation.truth, navigation.platform, navigation.start, navigation.end, navigation.times)
+
+    @cached_property
+    def _response(self) -> NoiseResponse:
+        navigation = self.navigation
+        return NoiseResponse.along(
+            navigation.truth, navigation.platform, self.mechanization.step_times, navigation.times
+        )
+
+    def simulate(self, batch: Batch) -> SimulationResult:
+        """Simulate samples with their noise."""
+        partials = self.navigation.linear.partials
+        linear = np.einsum("mij,nj->nmi", partials, batch.errors)
+        noisy = bool(process_sizes(self.navigation.imu))
+        histories = np.full((len(batch.errors), len(self.navigation.times), len(OUTPUTS)), np.nan)
+
+        def simulate(row: int) -> Array:
+            noise: tuple[Array, ...] = ()
+            if noisy:
+                noise = draw_noise(
+                    self.navigation.imu, self.mechanization.step_times, batch.seed, int(batch.index[row])
+                )
+                linear[row] += self._response.respond(*noise)
+            histories[row] = self.mechanization.simulate(batch.errors[row], *noise)
+            return np.asarray(histories[row, -1])
+
+        values = np.empty((len(batch.errors), len(OUTPUTS)))
+        failures = simulate_each(simulate, range(len(values)), values, Diverged)
+        return SimulationResult(values, failures, linear_values=linear[:, -1], history=histories)
+
+    def propagate(self, errors: Array) -> SimulationResult:
+        """Simulate samples without noise, shape (n, sources)."""
+        values = np.empty((len(errors), len(OUTPUTS)))
+        rows = range(len(errors))
+        return SimulationResult(
+            values, simulate_each(lambda row: self.mechanization.simulate(errors[row])[-1], rows, values, Diverged)
+        )
+
+
+class Ins:
+    """The scenario.
+
+    Raises
+    ------
+    ScenarioError
+        When navigation does not lie within the trajectory.
+    """
+
+    engines = ("ensemble", "reference")
+    sources = SOURCES
+    outputs = NAVIGATION_ERRORS
+
+    def __init__(self, navigation: Navigation) -> None:
+        first, last = navigation.truth.times[[0, -1]]
+        for key, time in (("start", navigation.start), ("end", navigation.end)):
+            if not first <= time <= last:
+                raise ScenarioError(key, f"got {time:g} s; the trajectory has {first:g} to {last:g} s")
+        if navigation.end - navigation.start < SHORTEST:
+            raise ScenarioError(
+                "end", f"got {navigation.end:g} s with a start at {navigation.start:g} s; expected {SHORTEST:g} s more"
+            )
+        self.navigation = navigation
+
+    @property
+    def processes(self) -> tuple[Output, ...]:
+        """Processes of the noise that the instruments have."""
+        sizes = process_sizes(self.navigation.imu)
+        return tuple(process for process in NOISE if process.name in sizes)
+
+    def linear_model(self) -> LinearModel:
+        """Compute the linear model at the end of navigation by the variational equations."""
+        linear = self.navigation.linear
+        processes = {name: covariance[-1] for name, covariance in linear.processes.items()}
+        return LinearModel(linear.partials[-1], np.zeros(len(OUTPUTS)), processes)
+
+    def partials_history(self, count: int) -> PartialsHistory:
+        """Return the linear system at the epochs, whatever the count."""
+        linear = self.navigation.linear
+        return PartialsHistory(HISTORY_TIME, self.navigation.epochs.times, linear.partials, linear.processes)
+
+    def engine(self, engine: str, probes: Array) -> Engine:
+        """Prepare one of the engines; the ensemble's steps are halved until the probes, (n, sources), agree."""
+        if engine == "reference":
+            return ReferenceEngine(self.navigation)
+        steps, tables, error = self._refined(probes)
+        accuracy = (
+            f"deviations in inertial axes, {EPOCHS * steps} steps; largest numerical error of {len(probes)} probe "
+            f"samples {error:.1e} of an output's dispersion"
+        )
+        return EnsembleEngine(self.navigation, tables, accuracy)
+
+    def _refined(self, probes: Array) -> tuple[int, EnsembleTables, float]:
+        """Find the steps between epochs that the probes allow, and their error; the method is of second order."""
+        index, navigation = np.arange(len(probes)), self.navigation
+
+        def flown(tables: EnsembleTables) -> Array:
+            found = simulate(navigation.truth, navigation.start, tables.without_noise(), probes, 0, index)
+            return np.asarray(np.where(found.valid[:, None, None], found.values, 0.0))
+
+        steps = 1
+        tables = navigation.tables(steps)
+        coarse = flown(tables)
+        while True:
+            finer = navigation.tables(2 * steps)
+            fine = flown(finer)
+            scale = fine.std(axis=0) if len(probes) >= FEWEST_PROBES else np.abs(fine).max(axis=0, initial=0.0)
+            shares = np.abs(coarse - fine).max(axis=0, initial=0.0)[scale > 0.0] / scale[scale > 0.0]
+            error = float(shares.max(initial=0.0)) / 3.0  # of the finer one
+            if 4.0 * error <= TOLERANCE:
+                return steps, tables, 4.0 * error
+            if error <= TOLERANCE or 2 * steps >= MOST_STEPS:
+                return 2 * steps, finer, error
+            wanted = 2 * steps * 2 ** max(0, int(np.ceil(0.5 * np.log2(error / TOLERANCE))) - 1)
+            steps = min(wanted, MOST_STEPS // 2)
+            tables = finer if wanted == 2 * steps else navigation.tables(steps)
+            coarse = flown(tables)
+
+    def history(self) -> History:
+        """Tabulate track, altitude, speed, attitude, force and rate of the truth against time."""
+        navigation, truth = self.navigation, self.navigation.truth
+        times = np.linspace(navigation.start, navigation.end, HISTORY_POINTS)
+        states = truth.states(times, navigation.platform, navigation.start)
+        latitude, longitude, altitude = truth.geodetic(times).T
+        _, velocity = truth.earth_fixed(times)
+        heading, pitch, roll = np.degrees(truth.angles(times)).T
+        columns = {
+            HISTORY_TIME: (times - navigation.start) / 60.0,
+            "latitude [deg]": np.degrees(latitude),
+            "longitude [deg]": np.degrees(np.unwrap(longitude)),
+            "altitude [m]": altitude,
+            "speed [m/s]": np.linalg.norm(velocity, axis=1),
+            "heading [deg]": np.degrees(np.unwrap(np.radians(heading))),
+            "pitch [deg]": pitch,
+            "roll [deg]": roll,
+            "specific force [g]": np.linalg.norm(states.force, axis=1) / STANDARD_GRAVITY,
+            "angular rate [deg/s]": np.degrees(np.linalg.norm(states.rate, axis=1)),
+        }
+        return History(columns, {"end": float(columns[HISTORY_TIME][-1])}, PANELS)
+
+
+PANELS: Final = (
+    Panel("Ground track", "longitude [deg]", ("latitude [deg]",)),
+    Panel("Altitude", HISTORY_TIME, ("altitude [m]",)),
+    Panel("Speed over the earth", HISTORY_TIME, ("speed [m/s]",)),
+    Panel("Heading", HISTORY_TIME, ("heading [deg]",)),
+    Panel("Roll and pitch", HISTORY_TIME, ("roll [deg]", "pitch [deg]"), ("roll", "pitch"), "angle [deg]"),
+    Panel("Specific force", HISTORY_TIME, ("specific force [g]",)),
+)

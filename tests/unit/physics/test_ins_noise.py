@@ -1,0 +1,51 @@
+"""Counter-based normal variates: the published words of the generator, moments, and independence of order."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from mcnav._types import Array
+from mcnav.physics.ins.noise import draw_normals, philox_words
+
+ONES = 0xFFFFFFFF
+
+KNOWN = [
+    ((0, 0, 0, 0), (0, 0), (0x6627E8D5, 0xE169C58D, 0xBC57AC4C, 0x9B00DBD8)),
+    ((ONES, ONES, ONES, ONES), (ONES, ONES), (0x408F276D, 0x41C83B0E, 0xA20BC7C6, 0x6D5451FD)),
+    (
+        (0x243F6A88, 0x85A308D3, 0x13198A2E, 0x03707344),
+        (0xA4093822, 0x299F31D0),
+        (0xD16CFE09, 0x94FDCCEB, 0x5001E420, 0x24126EA1),
+    ),
+]
+"""Counter, key and words of Philox4x32-10 as published with Random123 (Salmon et al. 2011)."""
+
+
+def draw(seed: int, sample: int, count: int, stream: int = 1) -> Array:
+    found = np.empty(count)
+    draw_normals(np.uint64(seed), np.uint64(sample), stream, found)
+    return found
+
+
+@pytest.mark.parametrize(("counter", "key", "words"), KNOWN)
+def test_words_are_the_published_ones(counter: tuple[int, ...], key: tuple[int, ...], words: tuple[int, ...]) -> None:
+    found = philox_words(np.array(counter, dtype=np.uint64), np.array(key, dtype=np.uint64))
+    assert tuple(int(word) for word in found) == words
+
+
+def test_variates_are_normal() -> None:
+    """Kolmogorov's test at a false-alarm rate of 1e-4, and no correlation with the neighbour in order or in sample."""
+    values = np.concatenate([draw(20261122, sample, 1_000) for sample in range(200)])
+    assert stats.kstest(values, "norm").pvalue > 1e-4
+    limit = float(stats.norm.isf(0.5e-4)) / np.sqrt(len(values))
+    assert abs(np.mean(values[1:] * values[:-1])) < limit
+    assert abs(np.mean(values[1_000:] * values[:-1_000])) < limit
+
+
+def test_a_variate_depends_on_its_counter_alone() -> None:
+    longer = draw(7, 2**40 + 3, 11)
+    np.testing.assert_array_equal(draw(7, 2**40 + 3, 6), longer[:6])
+    for other in (draw(8, 2**40 + 3, 11), draw(7, 2**40 + 4, 11), draw(7, 3, 11), draw(7, 2**40 + 3, 11, stream=2)):
+        assert not np.any(other == longer)

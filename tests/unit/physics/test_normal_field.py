@@ -1,0 +1,69 @@
+"""Gravitation of the reference ellipsoid in closed form: a harmonic field whose level surface is the ellipsoid."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mcnav._types import Array
+from mcnav.physics.ins.earth import WGS84, ZONALS, Earth, local_axes
+from mcnav.physics.ins.normal_field import field_constants, normal_gravitation_at
+
+LATITUDES = np.radians([0.0, 1e-9, 15.0, 45.0, 51.0, 60.0, 89.9, 90.0, -30.0, -90.0])
+LONGITUDES = np.linspace(-3.0, 3.0, len(LATITUDES))
+ROUNDING = 20 * np.finfo(float).eps * 9.83
+"""Of a gravitation computed in some twenty operations, m/s^2."""
+
+
+def gravitation(position: Array, earth: Earth = WGS84) -> Array:
+    return normal_gravitation_at(field_constants(earth), position)
+
+
+def gravity(latitude: Array, longitude: Array) -> Array:
+    """Compute gravity on the ellipsoid along north, east, down."""
+    position = WGS84.from_geodetic(latitude, longitude, np.zeros_like(latitude))
+    pull = gravitation(position) + WGS84.rotation_rate**2 * position * [1.0, 1.0, 0.0]
+    return np.einsum("nji,nj->ni", local_axes(latitude, longitude), pull)
+
+
+def test_gravity_is_normal_to_the_ellipsoid() -> None:
+    """The ellipsoid is a level surface of gravity; a position's last digit turns the vertical by 1e-16 rad."""
+    level = gravity(LATITUDES, LONGITUDES)[:, :2]
+    assert np.max(np.abs(level)) <= ROUNDING
+
+
+@pytest.mark.parametrize(("latitude", "value"), [(45.0, 9.80619776934378), (51.0, 9.81159132687041)])
+def test_somigliana(latitude: float, value: float) -> None:
+    """Its gravity at the equator is printed with ten decimals, 9.7803253359 m/s^2: 5e-11, and a hundredth at 51 deg."""
+    assert gravity(np.radians([latitude]), np.zeros(1))[0, 2] == pytest.approx(value, abs=5.1e-11)
+
+
+def test_agrees_with_the_zonal_harmonics() -> None:
+    """The series leaves out J10 and what follows: 66 times J10 of gravitation at a pole, less elsewhere."""
+    squared = WGS84.eccentricity_squared
+    k = ZONALS + 1
+    share = 1.0 - k + 5.0 * k * WGS84.zonals[0] / squared
+    left_out = 3.0 * squared**k / ((2 * k + 1) * (2 * k + 3)) * abs(share) * (2 * k + 1) * (2 * k + 2) / 2
+    for altitude in (0.0, 1e4, 1e6):
+        position = WGS84.from_geodetic(LATITUDES, LONGITUDES, np.full(len(LATITUDES), altitude))
+        difference = gravitation(position) - WGS84.gravitation(position)
+        assert np.max(np.abs(difference)) <= 9.87 * left_out + ROUNDING
+
+
+def test_field_is_harmonic() -> None:
+    """Its gradient is symmetric and free of trace; differences over 2 km err by 1e-8 of it, and rounding by 1e-12."""
+    position = WGS84.from_geodetic(LATITUDES, LONGITUDES, np.full(len(LATITUDES), 3e4))
+    step = 1e3
+    columns = [(gravitation(position + step * e) - gravitation(position - step * e)) / (2.0 * step) for e in np.eye(3)]
+    gradient = np.stack(columns, axis=-1)
+    size = np.max(np.abs(gradient))
+    assert np.max(np.abs(np.trace(gradient, axis1=-2, axis2=-1))) <= 1e-7 * size
+    assert np.max(np.abs(gradient - np.swapaxes(gradient, -1, -2))) <= 1e-7 * size
+
+
+def test_sphere_is_central() -> None:
+    earth = Earth(6_371_000.0, 0.0, 3.986e14, 7.292115e-5)
+    position = WGS84.from_geodetic(LATITUDES, LONGITUDES, np.full(len(LATITUDES), 2e3))
+    radius = np.linalg.norm(position, axis=-1, keepdims=True)
+    expected = -earth.gravitational_parameter * position / radius**3
+    assert np.max(np.abs(gravitation(position, earth) - expected)) <= ROUNDING
