@@ -76,7 +76,7 @@ class TooManyFailures(Exception):
 def reading_file(path: Path) -> Iterator[None]:
     """Convert parsing errors into `RunFolderError` naming the file.
 
-    Raise `RunFolderError` in place of errors raised for unexpected numbers, names or shapes.
+    Raises `RunFolderError` in place of errors raised for unexpected numbers, names or shapes.
     """
     try:
         yield

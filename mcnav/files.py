@@ -36,7 +36,7 @@ _TEMPORARY: Final = re.compile(r"\..+\.[0-9a-f]{12}\.tmp")
 
 
 def is_temporary(name: str) -> bool:
-    """Whether a file of this name is one that `write_whole` did not finish."""
+    """Return whether a file of this name is one that `write_whole` did not finish."""
     return _TEMPORARY.fullmatch(name) is not None
 
 
@@ -56,7 +56,7 @@ def write_whole(path: Path, content: bytes) -> None:
 def read_whole(path: Path, most: int) -> bytes:
     """Read a regular file of at most so many bytes.
 
-    Raise `OSError` when it cannot be read, is no file (reading a pipe might never end), or is longer.
+    Raises `OSError` when it cannot be read, is no file (reading a pipe might never end), or is longer.
     """
     found = path.stat()
     if not stat.S_ISREG(found.st_mode):

@@ -70,7 +70,7 @@ class FlownRun:
 
     @property
     def summary(self) -> Mapping[str, Any]:
-        """What ``summary.json`` holds."""
+        """The content of ``summary.json``."""
         return self.content.summary
 
     @property
@@ -194,7 +194,7 @@ class FlownRun:
 def open_run(path: str | Path) -> FlownRun:
     """Open a finished run folder.
 
-    Raise `RunFolderError` when there is no such folder, or it holds no run, one that is not finished, or one that is
+    Raises `RunFolderError` when there is no such folder, or it holds no run, one that is not finished, or one that is
     damaged.
     """
     return FlownRun(Path(path))
@@ -245,6 +245,6 @@ def run_campaign(
 def check_scenario(campaign: str | Path | Campaign | Mapping[str, Any]) -> list[Check]:
     """Check the scenario of a campaign in any of the forms that `fly` takes; see `mcnav.scenarios.conformance`.
 
-    Raise `CampaignError` when the campaign cannot be read.
+    Raises `CampaignError` when the campaign cannot be read.
     """
     return workflow.check_scenario(campaign_from(campaign))

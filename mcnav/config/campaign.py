@@ -76,15 +76,19 @@ class Campaign:
     file: str = ""
     files: tuple[InputFile, ...] = ()
 
+    def to_toml(self) -> str:
+        """Write the resolved campaign as a campaign file."""
+        return tomli_w.dumps(dict(self.resolved))
+
     def stored_files(self) -> dict[str, bytes]:
         """Return the files that define the campaign in a run folder, by their path there: campaign, tables and code."""
         code = {} if self.code is None else {self.code.file: self.code.text.encode()}
-        return {**self.tables, CAMPAIGN: tomli_w.dumps(dict(self.resolved)).encode(), **code}
+        return {**self.tables, CAMPAIGN: self.to_toml().encode(), **code}
 
     def inputs(self) -> tuple[InputFile, ...]:
         """Return the files that the scenario reads; a user-defined one is linearized to find them.
 
-        Raise `CampaignError` when it cannot be linearized.
+        Raises `CampaignError` when it cannot be linearized.
         """
         if not isinstance(self.scenario, UserScenario):
             return self.files
@@ -96,7 +100,7 @@ class Campaign:
     def with_overrides(self, overrides: Mapping[str, Any]) -> Campaign:
         """Replace ``samples`` or ``seed``; files that the campaign names are not read again.
 
-        Raise `CampaignError` when another key is given, or a value is wrong.
+        Raises `CampaignError` when another key is given, or a value is wrong.
         """
         context = FileContext(self.file, Path())
         for key in overrides.keys() - {"samples", "seed"}:

@@ -51,7 +51,7 @@ def load_file(path: Path) -> dict[str, Any]:
 def load_mapping(described: Mapping[str, Any], file: str) -> dict[str, Any]:
     """Convert a mapping to the content of the campaign file with the same entries.
 
-    Raise `CampaignError` when TOML cannot represent an entry.
+    Raises `CampaignError` when TOML cannot represent an entry.
     """
     try:
         return tomllib.loads(tomli_w.dumps(described))

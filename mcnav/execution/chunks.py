@@ -65,7 +65,7 @@ class ChunkJob:
     timeout : float or None
         Time that one sample may take, s.
     frame : Normalization or None
-        How samples are reduced to sums, where only a summary is stored.
+        Normalization of the sums, where only a summary is stored.
     wanted : Path or None
         File that exists as long as the run lasts: later no worker may write into the folder.
     inputs : tuple of InputFile
@@ -145,7 +145,7 @@ def draw_pieces(work: ChunkJob, place: SampleRange) -> Iterator[Batch]:
 def store(work: ChunkJob, place: SampleRange, results: Iterable[tuple[Array, SimulationResult]]) -> ChunkFile:
     """Store a chunk that comes in pieces: its samples, or a summary with the rows of the campaign's first samples.
 
-    Of a summary one piece at a time is in memory.
+    With a summary, one piece at a time is in memory.
     """
     stored = place.end if work.frame is None else STORED_ROWS
     begin, failed, fallback_count = place.begin, 0, 0

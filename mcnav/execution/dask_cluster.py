@@ -79,7 +79,7 @@ class Cluster:
     def simulate(self, work: ChunkJob, missing: Sequence[SampleRange], jobs: int) -> Generator[ChunkFile, None, None]:
         """Simulate the missing chunks by the cluster's workers, whatever ``jobs``; yield files as they become ready.
 
-        Raise `ClusterError` when a worker is not compatible, or the cluster is lost.
+        Raises `ClusterError` when a worker is not compatible, or the cluster is lost.
         """
         if not missing:
             return
@@ -323,7 +323,7 @@ def open_executor(
 ) -> Iterator[tuple[ChunkExecutor | None, int, list[str]]]:
     """Yield the executor of a command's options, none for this machine; its workers, and notices for the user.
 
-    Raise `ClusterError` when the options contradict each other, or the cluster cannot be used.
+    Raises `ClusterError` when the options contradict each other, or the cluster cannot be used.
     """
     if scheduler is not None and workers is not None:
         raise ClusterError("--dask makes a cluster of its own, --scheduler names one that is there; give one of them")

@@ -60,7 +60,7 @@ def incompatibility(needed: Mapping[str, str], wanted: Path | None = None) -> st
 def simulate_on_worker(work: ChunkJob, places: Sequence[SampleRange], needed: Mapping[str, str]) -> list[ChunkFile]:
     """Draw, simulate and store some chunks, except those that another worker stored before it died.
 
-    Raise `ClusterError` when the worker is not compatible with the run.
+    Raises `ClusterError` when the worker is not compatible with the run.
     """
     fault = incompatibility(needed, work.wanted)
     if fault is not None:

@@ -100,7 +100,7 @@ def check_resumable(folder: RunFolder, identity: Identity, design: str, samples:
     Returns
     -------
     list of str
-        What the user should know, a line each.
+        Notices for the user.
     """
     damage: RunFolderError | None = None
     try:

@@ -1,1 +1,1 @@
-"""What a campaign flies: systems with named errors going in and named errors coming out."""
+"""Scenarios: systems with named error sources and named outputs."""

@@ -137,10 +137,10 @@ def _linear_near_zero(prepared: Engine, model: LinearModel, errors: Array, sizes
         return "no output depends on any error"
     shares = []
     for scale in (SMALL, SMALLER):
-        flown = prepared.propagate(scale * errors)
-        if flown.failures:
-            raise _Broken(f"a flight with {scale:g} of the errors failed: {next(iter(flown.failures.values()))}")
-        departure = np.abs(flown.values - model.nominal - scale * errors @ model.partials.T)
+        result = prepared.propagate(scale * errors)
+        if result.failures:
+            raise _Broken(f"a flight with {scale:g} of the errors failed: {next(iter(result.failures.values()))}")
+        departure = np.abs(result.values - model.nominal - scale * errors @ model.partials.T)
         shares.append(float((departure[:, moving] / (scale * spread[moving])).max()))
     if shares[1] > max(0.3 * shares[0], LEAST):
         raise _Broken(

@@ -25,7 +25,7 @@ SHORT: Final = 1e-3
 own effect at sigma, a kink by 1e-3, noise and jumps by their whole size. Central differences see none of it."""
 
 ROUNDING: Final = 100.0 * np.finfo(float).eps
-"""Share of an output's own size within which flights agree that differ by rounding alone."""
+"""Share of an output's own size within which samples agree that differ by rounding alone."""
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from mcnav.units import conversion
 def check_history(history: History) -> History:
     """Check that a history's columns are numbers of one length, and that its panels show existing columns.
 
-    Raise `TypeError`, `ValueError` when it is none; the message says why.
+    Raises `TypeError`, `ValueError` when it is none; the message says why.
     """
     columns = {str(name): np.asarray(column, dtype=float) for name, column in history.columns.items()}
     lengths = {column.shape for column in columns.values()}

@@ -86,7 +86,7 @@ _known: dict[str, tuple[tuple[int, ...], str]] = {}
 def content_of(path: str) -> tuple[str, int]:
     """Return SHA-256 and size of a regular file, which is read again only when its time stamp or size differ.
 
-    Raise `OSError` when it cannot be read, or is not a regular file.
+    Raises `OSError` when it cannot be read, or is not a regular file.
     """
     found = Path(path).stat()
     if not stat.S_ISREG(found.st_mode):
@@ -218,7 +218,7 @@ def is_input(path: str) -> bool:
 def find_inputs(found: OpenedFiles, code: str) -> dict[str, InputFile]:
     """Identify the inputs among recorded files, by path; files that no longer exist are left out.
 
-    Raise `ScenarioError` when one is not a regular file, such as a pipe, so that its content cannot be read again.
+    Raises `ScenarioError` when one is not a regular file, such as a pipe, so that its content cannot be read again.
     """
     files = {}
     for path in sorted(found.read - found.written):

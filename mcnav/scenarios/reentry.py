@@ -243,7 +243,7 @@ def _navigation(trajectory: Trajectory, start: float, axes: str) -> Navigation:
 class Reentry:
     """The scenario: a truth integrated once, and the engines that simulate a navigator along it.
 
-    Raise `ScenarioError` when the truth never comes down, or navigation would start outside it.
+    Raises `ScenarioError` when the truth never comes down, or navigation would start outside it.
     """
 
     sources = SOURCES
@@ -299,7 +299,7 @@ class Reentry:
     def started_at(self, time: float, axes: str) -> Reentry:
         """Start navigation of the same flight at another time (s from reentry); the truth is shared.
 
-        Raise `ScenarioError` when the time is not on the trajectory.
+        Raises `ScenarioError` when the time is not on the trajectory.
         """
         other = object.__new__(Reentry)
         other.navigation = _navigation(self.trajectory, time + self.trajectory.reentry_time, axes)

@@ -88,7 +88,7 @@ def check_unit(where: str, unit: object, shown_in: object) -> None:
 def read_value(value: object, declared: Declared) -> Value:
     """Read a value of a campaign file as the class declares it; the caller reads files.
 
-    Raise `SettingError` when the type or dimension is wrong, or a quantity is not finite.
+    Raises `SettingError` when the type or dimension is wrong, or a quantity is not finite.
 
     Examples
     --------

@@ -48,8 +48,8 @@ class Unsettled:
     Attributes
     ----------
     disagreement : float
-        Of neighbouring steps, or of the class's own derivative with differences; a share of the largest contribution
-        of one sigma to the output.
+        Disagreement of neighbouring steps, or of the class's own derivative with differences, as a share of the largest
+        one-sigma contribution to the output.
     limit : float
         The share that would do.
     own : bool
@@ -159,7 +159,7 @@ def find_unsettled(
         return None
     try:
         differences = differentiate(engine.propagate, scenario.sizes) if scenario.own_partials else scenario.differences
-    except ScenarioError:  # the class's own derivatives need no flights to either side
+    except ScenarioError:  # the class's own derivatives need no differences
         return None
     shares = differences.disagreement(varied)
     own = False
@@ -172,8 +172,8 @@ def find_unsettled(
     return Unsettled(*named, float(shares[output, source]), limit, own)
 
 
-def _off(own: LinearModel, flown: LinearModel, sizes: Array, varied: NDArray[np.bool_], moved: Array) -> Array:
+def _off(own: LinearModel, found: LinearModel, sizes: Array, varied: NDArray[np.bool_], moved: Array) -> Array:
     """Compare two linear models as a share of the largest one-sigma contribution, shape (outputs, sources)."""
     sizes = np.where(varied, sizes, 0.0)
-    scale = np.maximum(np.abs(flown.partials * sizes), moved.T * varied).max(axis=1)
-    return np.asarray(np.abs((own.partials - flown.partials) * sizes) / np.where(scale > 0.0, scale, 1.0)[:, None])
+    scale = np.maximum(np.abs(found.partials * sizes), moved.T * varied).max(axis=1)
+    return np.asarray(np.abs((own.partials - found.partials) * sizes) / np.where(scale > 0.0, scale, 1.0)[:, None])

@@ -203,7 +203,7 @@ class EnsembleEngine:
 class Cruise:
     """The scenario: steady flight along a great circle, or standing still, and a navigator that goes along.
 
-    Raise `ScenarioError` when nothing holds the vehicle down: at or beyond orbital speed.
+    Raises `ScenarioError` when nothing holds the vehicle down: at or beyond orbital speed.
     """
 
     engines = ("ensemble", "reference")

@@ -79,7 +79,7 @@ TABLE_I: Final = {
 }
 
 ANGLE_BRACKET: Final = 0.002
-"""How far from its printed value (deg) the start angle of a solved trajectory is sought."""
+"""Distance from its printed value (deg) in which the start angle of a solved trajectory is sought."""
 
 ANGLE_TOLERANCE: Final = 1e-13
 """Tolerance of the solution, deg."""
@@ -121,7 +121,7 @@ def range_from_reentry(trajectory: Trajectory) -> float:
 def solve_start_angle(number: int) -> float:
     """Solve for the start angle (deg) with which a trajectory has its printed final range: what `START_ANGLES` holds.
 
-    Raise `ValueError` when Table I prints no final range for the trajectory.
+    Raises `ValueError` when Table I prints no final range for the trajectory.
     """
     from scipy.optimize import brentq  # only a test solves
 

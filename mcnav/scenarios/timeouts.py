@@ -73,7 +73,7 @@ def time_limit(seconds: float | None) -> Iterator[None]:
 def within_limit(call: Callable[[], Result]) -> Result:
     """Return the result of a call.
 
-    Raise `SampleTimeout` when the call exceeds the limit; `Stopped` when its result is not needed any more.
+    Raises `SampleTimeout` when the call exceeds the limit; `Stopped` when its result is not needed any more.
     """
     check_stopped()
     if not _seconds or threading.current_thread() is not threading.main_thread():

@@ -98,7 +98,7 @@ class UserScenario:
     def inputs(self) -> tuple[InputFile, ...]:
         """Return the files that the scenario reads: those of its settings, and those noticed so far.
 
-        Raise `ScenarioError` when it cannot be linearized, or a file changes meanwhile.
+        Raises `ScenarioError` when it cannot be linearized, or a file changes meanwhile.
         """
         self.linear_model()
         self.history()
@@ -114,7 +114,7 @@ class UserScenario:
     def differences(self) -> DifferencedModel:
         """Partial derivatives by finite differences with automatic steps.
 
-        Raise `ScenarioError` when a simulation that they need fails.
+        Raises `ScenarioError` when a simulation that they need fails.
         """
         with self._object.recording(self.spec.code.file):
             return differentiate(self._engine.propagate, self.sizes)
@@ -122,7 +122,7 @@ class UserScenario:
     def linear_model(self) -> LinearModel:
         """Return the partial derivatives that the class provides, or finite differences; both include the nominal run.
 
-        Raise `ScenarioError` when a simulation that they need fails, or the partial derivatives of the class have the
+        Raises `ScenarioError` when a simulation that they need fails, or the partial derivatives of the class have the
         wrong shape.
         """
         return self._linear if self.own_partials else self.differences.model
@@ -148,7 +148,7 @@ class UserScenario:
     def engine(self, engine: str, probes: Array) -> Engine:
         """Return the only engine. Probes are not simulated here: only a worker may be ended by a sample.
 
-        Raise `ScenarioError` when the nominal run fails.
+        Raises `ScenarioError` when the nominal run fails.
         """
         self.linear_model()
         if self.own_partials:
@@ -163,7 +163,7 @@ class UserScenario:
     def history(self) -> History:
         """Return the history that the class provides, or an empty one.
 
-        Raise `ScenarioError` when it is not a valid history.
+        Raises `ScenarioError` when it is not a valid history.
         """
         return self._history if hasattr(self._instance, "history") else History()
 

@@ -41,7 +41,7 @@ class SourceFile:
     def load_class(self, name: str) -> type:
         """Execute the file and return one of its classes.
 
-        Raise `ScenarioError` when the file cannot be executed, or has no such class.
+        Raises `ScenarioError` when the file cannot be executed, or has no such class.
         """
         kind: type = _load_class(self, name).value
         return kind
@@ -58,7 +58,7 @@ class Loaded:
     def recording(self, code: str) -> Iterator[None]:
         """Record the files that the object reads.
 
-        Raise `ScenarioError` when a file changes while it is being read, or is not a regular file.
+        Raises `ScenarioError` when a file changes while it is being read, or is not a regular file.
         """
         with record_opened_files() as opened:
             try:
@@ -96,7 +96,7 @@ class UserScenarioSpec:
     def build_current(self) -> Loaded:
         """Return the object, built again when a file that it read has changed.
 
-        Raise `ScenarioError` when it cannot be built.
+        Raises `ScenarioError` when it cannot be built.
         """
         known = _objects.get(self)
         if known is not None and _unchanged(known.inputs) and all(file.unchanged for file in self.declared):

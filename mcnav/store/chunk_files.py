@@ -179,7 +179,7 @@ def tracebacks_in(table: pa.Table) -> dict[int, str]:
 def table_from(content: bytes, rows: int | None = None) -> pa.Table:
     """Read a parquet file with its checksums verified, unless it claims to be much larger than it is.
 
-    Raise `ValueError`, `OSError`, `pyarrow.ArrowException` when it cannot be read, or has not so many rows.
+    Raises `ValueError`, `OSError`, `pyarrow.ArrowException` when it cannot be read, or has not so many rows.
     """
     file = pq.ParquetFile(io.BytesIO(content), page_checksum_verification=True)
     described = file.metadata
@@ -235,7 +235,7 @@ def _described(number: int, begin: int, count: int, failed: int, fallback_count:
 
 
 def in_order(table: pa.Table, begin: int = 0) -> bool:
-    """Whether a table holds samples in the order of their index from the first on, each with a status."""
+    """Return whether a table holds samples in order of index from the first on, each with a status."""
     index, status = table.column("index"), table.column("status")
     whole = pa.types.is_integer(index.type) and pa.types.is_string(status.type) and status.null_count == 0
     return whole and np.array_equal(numbers_in(index), np.arange(begin, begin + len(table)))

@@ -23,7 +23,7 @@ from mcnav.store.chunk_files import ChunkFile
 
 MARK: Final = "mcnav.histories"
 PERCENTILES: Final = (1.0, 5.0, 50.0, 95.0, 99.0)
-"""Of the samples whose histories are stored."""
+"""Percentiles of the samples whose histories are stored."""
 
 STORED: Final = 2_000
 """Samples whose histories are stored in full: the first of the campaign."""

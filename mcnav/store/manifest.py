@@ -163,7 +163,7 @@ class FileRecord(Record):
 
 
 class Identity(Record):
-    """What a run's numbers depend on; see `mcnav.execution.identity`."""
+    """Everything that a run's numbers depend on; see `mcnav.execution.identity`."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -257,7 +257,7 @@ class Manifest(Record):
     def from_json(cls, content: Mapping[str, Any]) -> Manifest:
         """Read the content of ``manifest.json``.
 
-        Raise `ManifestError` naming the first entry that is not as this program writes it.
+        Raises `ManifestError` naming the first entry that is not as this program writes it.
         """
         if content.get("format", FORMAT) != FORMAT:
             raise ManifestError(f"format: got {str(content['format'])[:20]!r}; this version reads format {FORMAT}")

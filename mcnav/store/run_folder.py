@@ -88,7 +88,7 @@ class RunFolder:
     def lock(self) -> Iterator[None]:
         """Hold the folder's lock; it is freed by the end of the process, however it ends.
 
-        Raise `RunFolderBusy` when another process holds it; `RunFolderError` when the folder cannot be made or written
+        Raises `RunFolderBusy` when another process holds it; `RunFolderError` when the folder cannot be made or written
         to.
         """
         lock = filelock.FileLock(self.path / LOCK)
@@ -112,7 +112,7 @@ class RunFolder:
     def manifest(self) -> Manifest | None:
         """Read the manifest; none when nothing has been run here.
 
-        Raise `RunFolderError` when the manifest is damaged, or of a format that this version does not read.
+        Raises `RunFolderError` when the manifest is damaged, or of a format that this version does not read.
         """
         remedy = "run the campaign again to mend it"
         content = self._json(MANIFEST, remedy)
@@ -225,10 +225,10 @@ class RunFolder:
             "mcnav.events": json.dumps(dict(history.events)),
             "mcnav.panels": json.dumps([asdict(panel) for panel in history.panels]),
         }
+        self.write_manifest(manifest)  # first: a folder with the user's code but no manifest would not be a run's
+        self.write(HISTORY, parquet_bytes(arrow_table(history.columns).replace_schema_metadata(marks)))
         for name, content in files.items():
             self.write(name, content)
-        self.write(HISTORY, parquet_bytes(arrow_table(history.columns).replace_schema_metadata(marks)))
-        self.write_manifest(manifest)
         for file in inputs:
             if file.size <= LARGEST_COPY:
                 self.write(f"{INPUTS}/{file.name}", _content_of(file))
@@ -308,7 +308,7 @@ class RunFolder:
 
         A file is in memory only while it is copied.
 
-        Raise `RunFolderError` when a file is missing, or its content is not what the manifest says.
+        Raises `RunFolderError` when a file is missing, or its content is not what the manifest says.
         """
         chunks, stored_rows, folder = manifest.chunks, manifest.stored_rows, self.chunk_folder
         present = sorted(folder.iterdir())
@@ -352,7 +352,7 @@ class RunFolder:
     def epochs(self) -> tuple[dict[str, Array], dict[str, Any]] | None:
         """Read the columns of ``epochs.parquet`` and its description; none where the run has none.
 
-        Raise `RunFolderError` when it cannot be read.
+        Raises `RunFolderError` when it cannot be read.
         """
         path = self.path / EPOCHS
         if not path.exists():

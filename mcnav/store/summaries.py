@@ -57,7 +57,7 @@ def summary_chunk(engine_chunk: int, samples: int) -> int:
 
 @dataclass(frozen=True)
 class FailureCount:
-    """How many samples failed for one reason, and the first of them."""
+    """Number of samples that failed for one reason, and the first of them."""
 
     samples: int
     first: tuple[int, ...]

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 def report_run(path: str | Path) -> dict[str, Any]:
     """Analyse a finished run folder again and write its summary and report.
 
-    Raise `RunFolderError` when the folder holds no finished run, or a part of it is damaged.
+    Raises `RunFolderError` when the folder holds no finished run, or a part of it is damaged.
     """
     folder = RunFolder(Path(path))
     folder.existing_manifest()
@@ -46,7 +46,7 @@ def samples_of(path: str | Path) -> pd.DataFrame:
 
     Columns: ``index``, ``status``, ``error NAME [unit]``, ``output NAME [unit]``; SI units.
 
-    Raise `RunFolderError` when the run is not finished, or a part of it is damaged.
+    Raises `RunFolderError` when the run is not finished, or a part of it is damaged.
     """
     import pandas as pd
 
@@ -76,7 +76,7 @@ def analyse(folder: RunFolder, unfinished: Manifest | None = None) -> RunAnalysi
     Parameters
     ----------
     unfinished : Manifest, optional
-        Of a run that is still going on, in place of the stored one.
+        Manifest of a run in progress, in place of the stored one.
 
     Raises
     ------

@@ -28,11 +28,11 @@ class RunComparison:
     Attributes
     ----------
     titles : tuple of str
-        Of the runs.
+        Titles of the runs.
     rows : tuple of Row
         One for each output that the first run shares with another, for each of these.
     confidence : float
-        Of all intervals together (Bonferroni).
+        Confidence of all intervals together (Bonferroni).
     """
 
     titles: tuple[str, ...]
@@ -43,12 +43,12 @@ class RunComparison:
 
     @property
     def inputs(self) -> pd.DataFrame:
-        """What the campaigns do not have in common: one row a key, one column a run."""
+        """Inputs that differ: one row a key, one column a run."""
         return inputs(self.manifests).set_axis(list(self.titles), axis="columns")
 
     @property
     def outputs(self) -> pd.DataFrame:
-        """What has become of each output, in the units shown: one row an output of a later run."""
+        """Change of each output, in the units shown: one row an output of a later run."""
         return outputs(self.rows, self.titles)
 
     def _repr_html_(self) -> str:
@@ -63,7 +63,7 @@ class RunComparison:
 
 
 def compare_runs(paths: Sequence[str | Path]) -> RunComparison:
-    """Compare finished run folders with the first of them; nothing is flown.
+    """Compare finished run folders with the first of them; nothing is simulated.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def titles(paths: Sequence[str | Path]) -> tuple[str, ...]:
 
 
 def same_draws(one: RunAnalysis, other: RunAnalysis) -> bool:
-    """Whether samples of one index come from the same random numbers in both runs."""
+    """Return whether samples of one index come from the same random numbers in both runs."""
     first, second = (
         (each.seed, each.design, each.sampling_design.block_length, [source.name for source in each.model.sources])
         for each in (one.manifest, other.manifest)

@@ -31,7 +31,7 @@ def write_index(folder: Path) -> tuple[Path, int]:
     -------
     written : Path
     runs : int
-        How many it shows.
+        Number of runs on the page.
     """
     runs, others = [], []
     for place in _below(folder, DEEPEST):

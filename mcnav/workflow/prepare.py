@@ -76,7 +76,7 @@ class PreparedSystem:
     def corrections(self) -> dict[str, Any]:
         """Compute corrections to the linear model from further simulations, as fields of `ModelRecord`.
 
-        Raise `CampaignError` when the scenario or an engine cannot be simulated.
+        Raises `CampaignError` when the scenario or an engine cannot be simulated.
         """
         draws, scenario = self.draws, self.scenario
 

@@ -19,7 +19,7 @@ from mcnav.workflow.analyse import analyse
 
 @dataclass(frozen=True)
 class Execution:
-    """How the samples of a run are simulated; arguments of `run_chunks`."""
+    """Arguments of `run_chunks` for a run."""
 
     job: ChunkJob
     jobs: int
@@ -66,7 +66,7 @@ class Execution:
 
 
 def _precision(folder: RunFolder, manifest: Manifest, rule: StoppingRule) -> float:
-    """Half the width of the widest interval of an output's sigma ratio, at the confidence of the stopping rule."""
+    """Return half the width of the widest interval of a sigma ratio, at the confidence of the stopping rule."""
     criterion = manifest.criterion.model_copy(update={"confidence": rule.confidence})
     outputs = analyse(folder, manifest.model_copy(update={"criterion": criterion})).comparison.outputs
     ratios = [output.paired if rule.quantity.endswith("paired") else output.plain for output in outputs]

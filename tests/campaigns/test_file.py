@@ -369,7 +369,7 @@ def test_requirements() -> None:
         "box": [{"within": {"altitude": "100 km", "range_rate": "1 km/s"}, "probability": 0.99}],
     }
     found = parse_campaign(content(accept=accept), "test.toml", "test")
-    assert [dict(entry) for entry in found.requirements] == [
+    assert [entry.to_json() for entry in found.requirements] == [
         {"kind": "sigma_ratio", "outputs": ["altitude", "range", "altitude_rate", "range_rate"], "limits": [0.05],
          "probability": None},
         {"kind": "quantile", "outputs": ["altitude"], "limits": [120e3], "probability": 0.9973},

@@ -178,7 +178,7 @@ def test_a_million_samples_one_in_a_hundred_failing(tmp_path: Path) -> None:
     np.testing.assert_allclose(summary["excluded"]["sigma_ratio"], expected, rtol=1e-9)
     page = (tmp_path / "run" / "report.html").read_text()
     assert f"{failed:,} of 1,000,000 samples failed" in page
-    assert f'<th scope="row">ran dry at …</th><td>{failed:,}</td>' in page
+    assert f'<th scope="row" class="words">ran dry at …</th><td>{failed:,}</td>' in page
     for index in np.flatnonzero(~kept)[[0, -1]]:
         found = replay(tmp_path / "run", int(index), path)
         assert as_stored(found)

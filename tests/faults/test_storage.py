@@ -168,6 +168,24 @@ def test_signals_while_a_sample_hangs(sign: signal.Signals, times: int, place: s
     assert "Traceback" not in said
 
 
+@pytest.mark.parametrize("written", range(4))  # manifest, history, campaign, code
+def test_a_run_that_ends_while_it_begins_is_resumed(written: int, tmp_path: Path) -> None:
+    """Whatever is there of a user's campaign when its process ends, the folder is that of a run."""
+    run = read_campaign(write_campaign(tmp_path, "", VECTORISED, samples=20))
+    write, names = RunFolder.write, list[str]()
+
+    def write_some(folder: RunFolder, name: str, content: bytes) -> None:
+        if len(names) == written:
+            raise KeyboardInterrupt
+        names.append(name)
+        write(folder, name, content)
+
+    with patch.object(RunFolder, "write", write_some), pytest.raises(KeyboardInterrupt):
+        run_campaign(run, tmp_path / "run", None, 1)
+    assert {path.name for path in (tmp_path / "run").iterdir() if path.is_file()} == {*names, ".lock"}
+    assert run_campaign(run, tmp_path / "run", None, 1).simulated == 20
+
+
 def test_stale_files_are_swept(finished: Path, tmp_path: Path) -> None:
     shutil.copytree(finished, tmp_path / "run")
     stale = tmp_path / "run" / "samples" / ".part-00001.parquet.0123456789ab.tmp"

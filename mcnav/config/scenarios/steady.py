@@ -65,7 +65,7 @@ def _duration(table: CruiseTable | HoverTable) -> float:
 def read_scenario(table: CruiseTable | HoverTable, entries: Mapping[str, Any], context: FileContext) -> ScenarioSpec:
     """Build the scenario.
 
-    Raise `ScenarioError` when its duration is missing, stated twice or too long, or the flight is impossible.
+    Raises `ScenarioError` when its duration is missing, stated twice or too long, or the flight is impossible.
     """
     flight = SteadyFlight(
         altitude=table.altitude,

@@ -54,7 +54,7 @@ def read_code(path: Path) -> SourceFile:
 def read_scenario(table: UserTable, entries: Mapping[str, Any], context: FileContext) -> ScenarioSpec | None:
     """Build the scenario; mistakes in its settings are added to the context.
 
-    Raise `ScenarioError` when the file cannot be read or executed, or the class does not follow the protocol.
+    Raises `ScenarioError` when the file cannot be read or executed, or the class does not follow the protocol.
     """
     named = CLASS_IN_FILE.fullmatch(table.type)
     if named is None:

@@ -42,7 +42,7 @@ def _check_name(name: str) -> None:
 def new_campaign(name: str, folder: Path, kind: str) -> list[Path]:
     """Write a campaign file from the template of a type of scenario; return the path written, in a list.
 
-    Raise `CampaignError` when the name cannot be used, or the file exists.
+    Raises `CampaignError` when the name cannot be used, or the file exists.
     """
     _check_name(name)
     return _write(folder, {f"{name}.toml": _fill_in(f"{kind}.toml", {"NAME": name})})
@@ -51,7 +51,7 @@ def new_campaign(name: str, folder: Path, kind: str) -> list[Path]:
 def new_scenario(name: str, folder: Path) -> list[Path]:
     """Write a scenario, its campaign and its test; return the three paths in that order.
 
-    Raise `CampaignError` when the name cannot be used, or a file exists.
+    Raises `CampaignError` when the name cannot be used, or a file exists.
     """
     _check_name(name)
     changes = {"NAME": name, "CLASS": "".join(part[:1].upper() + part[1:] for part in name.split("_"))}
