@@ -39,8 +39,8 @@ Format = Literal["table", "csv", "json"]
 Axes = Literal["start", "trajectory"]
 TemplateType = Literal["reentry", "cruise", "hover"]
 Page = Literal[
-    "guide", "campaigns", "scenarios", "commands", "report", "notebook", "scaling", "notation", "architecture",
-    "tn-d1772", "story",
+    "guide", "campaigns", "scenarios", "trajectories", "commands", "report", "notebook", "scaling", "notation",
+    "architecture", "tn-d1772", "story",
 ]  # fmt: skip
 CampaignFile = Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file (TOML).")]
 Folder = Annotated[Path, typer.Argument(metavar="RUN", help="Run folder.")]

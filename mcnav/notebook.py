@@ -110,9 +110,9 @@ class FlownRun:
 
     @property
     def budget(self) -> pd.DataFrame:
-        """Share of each source (row) in each output's linear variance (column), a number without unit."""
-        shares = self.content.budget.shares.T
-        return pd.DataFrame(shares, index=self._keys("sources"), columns=self._keys("outputs"))
+        """Share of each source and process (row) in each output's linear variance (column), a number without unit."""
+        shares, causes = self.content.budget.shares.T, [*self._keys("sources"), *self.content.model.processes]
+        return pd.DataFrame(shares, index=causes, columns=self._keys("outputs"))
 
     @property
     def partials(self) -> pd.DataFrame:

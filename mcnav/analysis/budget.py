@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,16 +15,20 @@ from mcnav.lincov.covariance import propagated_variances
 class ErrorBudget:
     """Shares of each output's linear variance.
 
+    Causes are the sources and, after them, the processes of noise.
+
     Attributes
     ----------
-    shares : ndarray, shape (outputs, sources)
-        ``P_ij^2 S_jj / (P S P^T)_ii``; NaN in the row of an output without dispersion.
+    shares : ndarray, shape (outputs, causes)
+        ``P_ij^2 S_jj / C_ii`` of a source, ``(Q_j)_ii / C_ii`` of a process, with ``C = P S P^T + sum Q_j``; NaN in the
+        row of an output without dispersion.
     cross_terms : ndarray, shape (outputs,)
         Contribution of correlations between sources; shares and cross-terms sum to one.
-    contributions : ndarray, shape (outputs, sources)
-        ``P_ij sqrt(S_jj)`` with its sign: the final error due to a one-sigma error of that source alone.
-    saved : ndarray, shape (outputs, sources)
-        Share of the variance that vanishes without the source: its own share and its cross-terms.
+    contributions : ndarray, shape (outputs, causes)
+        ``P_ij sqrt(S_jj)`` with its sign: the final error due to a one-sigma error of that source alone, or sigma due
+        to a process.
+    saved : ndarray, shape (outputs, causes)
+        Share of the variance that vanishes without the cause: its own share and its cross-terms.
     """
 
     shares: Array
@@ -32,14 +37,17 @@ class ErrorBudget:
     saved: Array
 
 
-def error_budget(partials: Array, start_covariance: Array) -> ErrorBudget:
-    """Split the diagonal of P S P^T over the sources."""
+def error_budget(partials: Array, start_covariance: Array, processes: Sequence[Array] = ()) -> ErrorBudget:
+    """Split the diagonal of P S P^T, and of the covariance that each process adds, over their causes."""
+    noise = np.stack([np.diag(each) for each in processes], axis=1) if processes else np.zeros((len(partials), 0))
     contributions = partials * np.sqrt(np.diag(start_covariance))
-    variances = propagated_variances(partials, start_covariance)
-    divisor = np.where(variances > 0.0, variances, np.nan)
-    shares = contributions**2 / divisor[:, None]
-    crossed = 2.0 * partials * (partials @ start_covariance) / divisor[:, None]
-    return ErrorBudget(shares, 1.0 - shares.sum(axis=1), contributions, crossed - shares)
+    variances = propagated_variances(partials, start_covariance) + noise.sum(axis=1)
+    divisor = np.where(variances > 0.0, variances, np.nan)[:, None]
+    shares = contributions**2 / divisor
+    crossed = 2.0 * partials * (partials @ start_covariance) / divisor
+    whole = np.hstack([shares, noise / divisor])
+    sizes = np.hstack([contributions, np.sqrt(noise)])
+    return ErrorBudget(whole, 1.0 - whole.sum(axis=1), sizes, np.hstack([crossed - shares, noise / divisor]))
 
 
 def largest_sigmas(row: Array, covariance: Array, limit: float) -> Array:

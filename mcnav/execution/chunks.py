@@ -189,10 +189,10 @@ def store(work: ChunkJob, place: SampleRange, results: Iterable[tuple[Array, Sim
         work.layout,
         errors,
         values,
-        linear,
         failures,
         totals,
         marks,
+        linear,
     )
 
 

@@ -84,7 +84,9 @@ class RunAnalysis:
     def development(self) -> PartialsHistory | None:
         """Partial derivatives over time."""
         record = self.manifest.model.development
-        return None if record is None else PartialsHistory(record.label, record.times, record.partials)
+        return (
+            None if record is None else PartialsHistory(record.label, record.times, record.partials, record.processes)
+        )
 
     @property
     def outputs(self) -> Array:
@@ -119,6 +121,11 @@ class RunAnalysis:
     def source_names(self) -> list[str]:
         """Names of the sources for people."""
         return labels_of(self.manifest.model.sources, self.manifest.model.outputs)
+
+    @property
+    def cause_names(self) -> list[str]:
+        """Names of the sources and, after them, of the processes of noise for people."""
+        return [*self.source_names, *(humanize(name) for name in self.model.processes)]
 
     @property
     def output_names(self) -> list[str]:

@@ -52,6 +52,7 @@ def summarise(
     outputs, ellipsoid, record = comparison.outputs, comparison.ellipsoid, manifest.model
     variables = {"sources": record.sources, "outputs": record.outputs}
     named = {key: [{"name": each.name, "unit": each.unit} for each in entries] for key, entries in variables.items()}
+    processes = [{"name": name, "covariance": covariance} for name, covariance in model.processes.items()]
     return {
         "campaign": manifest.campaign,
         "verdict": "undecided" if manifest.unsettled else comparison.verdict.value,
@@ -76,6 +77,7 @@ def summarise(
         "partials": model.partials,
         "start_mean": model.mean,
         "start_covariance": model.covariance,
+        **({"processes": processes} if processes else {}),
         "mean_linear": model.outcome_mean,
         "mean_sample": comparison.mean_sample,
         "bias": [output.bias.value for output in outputs],

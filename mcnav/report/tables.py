@@ -64,7 +64,7 @@ def outputs(content: RunAnalysis) -> list[dict[str, Any]]:
                 "sigma_unscented": None if unscented is None else math.sqrt(max(unscented[i][i], 0.0)) * scale,
                 "sigma_higher_order": higher["sigma"][i] * scale if higher else None,
                 "largest": [
-                    (content.source_names[j], f"{100.0 * shares[j]:.0f}")
+                    (content.cause_names[j], f"{100.0 * shares[j]:.0f}")
                     for j in np.argsort(-shares, kind="stable")[:LARGEST]
                     if shares[j] >= LEAST
                 ],
@@ -93,19 +93,22 @@ def sources(content: RunAnalysis) -> list[dict[str, Any]]:
 
     The source with the largest mean share comes first.
     """
-    scale, sigma, mean = content.source_scale, np.sqrt(np.diag(content.model.covariance)), content.model.mean
+    noise = np.full(len(content.model.processes), np.nan)  # which has no sigma of one number
+    scale = np.append(content.source_scale, noise)
+    sigma = np.append(np.sqrt(np.diag(content.model.covariance)), noise)
+    mean, units = np.append(content.model.mean, noise), [*content.source_units, *("" for _ in noise)]
     finals = content.budget.contributions * content.output_scale[:, None]
     order = np.argsort(-np.nan_to_num(content.budget.shares).mean(axis=0), kind="stable")
     return [
         {
-            "name": content.source_names[j],
-            "unit": content.source_units[j],
+            "name": content.cause_names[j],
+            "unit": units[j],
             "sigma": sigma[j] * scale[j],
             "mean": mean[j] * scale[j],
             "cells": list(zip(content.budget.shares[:, j], finals[:, j], strict=True)),
         }
         for j in order
-        if sigma[j] > 0.0 or mean[j] != 0.0
+        if not sigma[j] <= 0.0 or mean[j] != 0.0
     ]
 
 

@@ -87,7 +87,7 @@ class SampleSchema:
     linear: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, sources: Sequence[Any], outputs: Sequence[Any], noise: bool) -> SampleSchema:
+    def of(cls, sources: Sequence[Any], outputs: Sequence[Any], noise: bool = False) -> SampleSchema:
         """Derive the columns from sources and outputs that have names and units."""
         return cls(
             tuple(f"error {source.name} [{source.unit}]" for source in sources),
@@ -119,10 +119,10 @@ def write_chunk(
     layout: SampleSchema,
     errors: Array,
     outputs: Array,
-    linear: Array,
     failures: Mapping[int, Failure],
     totals: ChunkTotals,
     marks: Mapping[str, str],
+    linear: Array | None = None,
 ) -> ChunkFile:
     """Write one chunk of samples as a file that is either there whole or not there.
 
@@ -132,11 +132,13 @@ def write_chunk(
         Index of the first sample.
     identity : str
         Digest of the run.
-    errors, outputs, linear : ndarray, shapes (n, sources), (n, outputs) and (n, outputs) or (n, 0)
+    errors, outputs : ndarray, shapes (n, sources) and (n, outputs)
     failures : mapping of int to Failure
         Failures by row.
     marks : mapping of str to str
         Further entries of the file's metadata.
+    linear : ndarray, shape (n, outputs), optional
+        Outputs by the linear system with the same noise, where the schema has columns for them.
     """
     count = len(errors)
     failed = np.array([row in failures for row in range(count)], dtype=bool)
@@ -144,7 +146,8 @@ def write_chunk(
     columns = {"index": arrow_array(np.arange(begin, begin + count)), "status": arrow_texts(status)}
     columns |= {name: arrow_array(values) for name, values in zip(layout.errors, errors.T, strict=True)}
     columns |= {name: arrow_array(values, failed) for name, values in zip(layout.outputs, outputs.T, strict=True)}
-    columns |= {name: arrow_array(values) for name, values in zip(layout.linear, linear.T, strict=False)}
+    if layout.linear and linear is not None:
+        columns |= {name: arrow_array(values) for name, values in zip(layout.linear, linear.T, strict=True)}
     metadata = {"mcnav.identity": identity, "mcnav.handed_over": str(totals.fallback_count), **marks}
     if totals.tracebacks:
         metadata["mcnav.tracebacks"] = _packed({begin + row: text for row, text in totals.tracebacks.items()})

@@ -23,7 +23,7 @@ STAGES: Final = {
     "read the campaign, fly its truth": ("mcnav.config.read:read_campaign",),
     "prepare: partials, grid, first draws": ("mcnav.workflow.run:prepare_system",),
     "draw": ("mcnav.sampling.error_model:ErrorModel.draw",),
-    "fly": ("mcnav.execution.chunks:simulate_errors",),
+    "fly": ("mcnav.execution.chunks:simulate_batch",),
     "errors at 60 epochs": ("mcnav.scenarios.reentry:EnsembleEngine.history_sums",),
     "store": (
         "mcnav.execution.chunks:write_chunk",

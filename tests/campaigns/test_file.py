@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -38,10 +39,15 @@ def _with(path: str, value: Any) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("path", CAMPAIGNS, ids=lambda path: path.stem)
-def test_every_campaign_is_valid_and_resolves_to_itself(path: Path) -> None:
+def test_every_campaign_is_valid_and_resolves_to_itself(path: Path, tmp_path: Path) -> None:
     campaign = read_campaign(path)
     assert path.read_text(encoding="utf-8").startswith("# Question:")
-    again = parse_campaign(tomllib.loads(campaign.to_toml()), str(path), path.stem)
+    place = path
+    for file in campaign.files:  # a run folder has them in a folder of its own
+        place = tmp_path / path.name
+        (tmp_path / "inputs").mkdir(exist_ok=True)
+        shutil.copy(file.path, tmp_path / "inputs" / file.name)
+    again = parse_campaign(tomllib.loads(campaign.to_toml()), str(place), path.stem)
     assert again.resolved == campaign.resolved
     assert np.array_equal(again.errors.covariance, campaign.errors.covariance)
     assert np.array_equal(again.scenario.linear_model().partials, campaign.scenario.linear_model().partials)
@@ -49,7 +55,7 @@ def test_every_campaign_is_valid_and_resolves_to_itself(path: Path) -> None:
 
 def test_there_is_a_campaign_for_every_trajectory() -> None:
     numbers = [tomllib.loads(path.read_text(encoding="utf-8"))["scenario"].get("trajectory") for path in CAMPAIGNS]
-    assert set(numbers) >= set(range(1, 8))
+    assert {number for number in numbers if isinstance(number, int)} >= set(range(1, 8))
     assert numbers[0] == 4
 
 
@@ -124,7 +130,7 @@ def test_distributions() -> None:
         ("name", "  ", "name: got '  '; expected some text"),
         ("errors.altitude", "1e300 km", "errors.altitude: got '1e300 km'; at most 5e+12 m makes sense"),
         ("scenario", None, "scenario: got None; expected a table"),
-        ("scenario.type", "orbit", "scenario.type: got 'orbit'; expected one of reentry, cruise, hover, or a file"),
+        ("scenario.type", "orbit", "scenario.type: got 'orbit'; expected one of reentry, cruise, hover, ins,"),
         ("scenario.trajectory", 8, "scenario.trajectory: got 8; expected a number less than or equal to 7"),
         ("scenario.axis", "start", "scenario.axis: unknown key; did you mean 'axes'?"),
         ("scenario.start", "-90 min", "scenario.start: -90 min from reentry is not on the trajectory, which runs from"),
@@ -189,8 +195,8 @@ HOVER = {"type": "hover", "duration": "20 min"}
         (HOVER | {"speed": "1 m/s"}, "scenario.speed: unknown key"),
         (HOVER | {"gravity": "1 km"}, "scenario.gravity: got '1 km', which is a length; expected an acceleration"),
         ({"type": "hover"}, "scenario.duration: is missing"),
-        ({"type": 3}, "scenario.type: got 3; expected one of reentry, cruise, hover, or a file and class such as"),
-        ({}, "scenario.type: is missing; it is one of reentry, cruise, hover, or a file and class such as"),
+        ({"type": 3}, "scenario.type: got 3; expected one of reentry, cruise, hover, ins, or a file and class such as"),
+        ({}, "scenario.type: is missing; it is one of reentry, cruise, hover, ins, or a file and class such as"),
     ],
 )
 def test_one_mistake_of_a_steady_flight(scenario: dict[str, Any], line: str) -> None:

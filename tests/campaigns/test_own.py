@@ -272,7 +272,7 @@ def test_what_cannot_be_flown_is_told_before_the_flight(before: str, after: str,
     ("kind", "message"),
     [
         ("nowhere.py:Mine", "nowhere.py does not exist; paths are relative to the campaign file"),
-        ("mine.py", "got 'mine.py'; expected one of reentry, cruise, hover, or a file and class"),
+        ("mine.py", "got 'mine.py'; expected one of reentry, cruise, hover, ins, or a file and class"),
         ("mine.py:not a class", "got 'mine.py:not a class'; expected one of"),
     ],
 )

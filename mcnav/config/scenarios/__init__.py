@@ -17,8 +17,8 @@ from mcnav.scenarios.steady import SOURCES as STEADY_SOURCES
 SCENARIO_TYPES: Final[Mapping[str, ScenarioType]] = {
     "reentry": ScenarioType(reentry.ReentryTable, reentry.read_scenario, REENTRY_SOURCES),
     "cruise": ScenarioType(steady.CruiseTable, steady.read_scenario, STEADY_SOURCES),
-    "ins": ScenarioType(ins.InsTable, ins.read_scenario, INS_SOURCES),
     "hover": ScenarioType(steady.HoverTable, steady.read_scenario, STEADY_SOURCES),
+    "ins": ScenarioType(ins.InsTable, ins.read_scenario, INS_SOURCES),
 }
 """Scenario types by the ``type`` of ``[scenario]``."""
 

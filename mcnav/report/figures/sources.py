@@ -70,10 +70,11 @@ def contributors(content: RunAnalysis) -> list[Contributor]:
 
     Small ones are so in the linear budget, by Monte Carlo and over time.
     """
-    labels, shares = content.source_names, np.nan_to_num(content.budget.shares)
+    labels, shares = content.cause_names, np.nan_to_num(content.budget.shares)
     flown = flown_shares(content)
     sizes = shares if flown is None else np.maximum(shares, flown)
-    active = [int(j) for j in np.flatnonzero(np.diag(content.model.covariance) > 0.0)]
+    sources = np.diag(content.model.covariance)
+    active = [j for j in range(len(labels)) if j >= len(sources) or sources[j] > 0.0]
     grouped = groups(labels, active)
     mean = [float(shares[:, members].sum(axis=1).mean()) for _, members in grouped]
     largest = np.array([sizes[:, members].sum(axis=1).max(initial=0.0) for _, members in grouped])
@@ -109,13 +110,16 @@ def _largest_over_time(content: RunAnalysis, members: Sequence[tuple[int, ...]])
 
 
 def _variance(content: RunAnalysis, members: Sequence[int] = ()) -> Array:
-    """Compute the linear variance over time due to some sources, or all, shape (times, outputs), SI."""
+    """Compute the linear variance over time due to some causes, or all, shape (times, outputs), SI."""
     known, covariance = content.development, content.model.covariance
     partials = np.empty((0, *content.model.partials.shape)) if known is None else known.partials
+    noise = [] if known is None else list(known.processes.values())
     if members:
-        partials, covariance = partials[:, :, members], covariance[np.ix_(members, members)]
+        noise = [noise[j - len(covariance)] for j in members if j >= len(covariance)]
+        sources = [j for j in members if j < len(covariance)]
+        partials, covariance = partials[:, :, sources], covariance[np.ix_(sources, sources)]
     found: Array = np.einsum("tij,jk,tik->ti", partials, covariance, partials, optimize=True)
-    return np.maximum(found, 0.0)
+    return np.maximum(found + sum(noise, np.zeros_like(found)), 0.0)
 
 
 def budget(content: RunAnalysis) -> Figure:
@@ -127,7 +131,7 @@ def budget(content: RunAnalysis) -> Figure:
     if flown is not None:
         routes["Monte Carlo"] = ("Monte Carlo, each source alone", flown)
     members = [j for each in found for j in each.members]
-    columns: dict[str, list[object]] = {"source": [content.source_names[j] for j in members]}
+    columns: dict[str, list[object]] = {"source": [content.cause_names[j] for j in members]}
     reach = max(float(shares[:, members].sum(axis=1).max(initial=0.0)) for _, shares in routes.values())
     across = Axis("share of the linear variance", "%", low=0.0, high=100.0 * max(1.0, reach) * 1.02)
     panels = []
