@@ -108,16 +108,17 @@ class SampleRange:
 
 def simulate_batch(engine: Engine, timeout: float | None, outputs: int, batch: Batch) -> SimulationResult:
     """Simulate samples, with noise where the engine has any; what it raises fails only the samples that cause it."""
+
+    def simulate(some: Batch) -> SimulationResult:
+        return engine.simulate(some) if isinstance(engine, StochasticEngine) else engine.propagate(some.errors)
+
     with time_limit(timeout):
-        if isinstance(engine, StochasticEngine):
-            result = engine.simulate(batch)
-        else:
-            try:
-                result = engine.propagate(batch.errors)
-            except MemoryError:
-                raise
-            except (Exception, SampleTimeout):
-                result = simulate_alone(engine.propagate, batch.errors, outputs)
+        try:
+            result = simulate(batch)
+        except MemoryError:
+            raise
+        except (Exception, SampleTimeout):
+            result = simulate_alone(lambda row: simulate(batch[row : row + 1]), len(batch.errors), outputs)
     lost = np.flatnonzero(~np.isfinite(result.values).all(axis=1))
     failures = {int(row): Failure.of(Reason.NOT_FINITE) for row in lost} | dict(result.failures)
     values = result.values.copy()

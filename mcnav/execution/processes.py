@@ -33,6 +33,7 @@ from mcnav.execution.chunks import (
 )
 from mcnav.scenarios.failure import Failure, Reason
 from mcnav.scenarios.protocol import Batch, Engine, SimulationResult
+from mcnav.scenarios.sample_loop import join_results
 from mcnav.scenarios.timeouts import timeout_message
 from mcnav.store.chunk_files import ChunkFile
 
@@ -176,12 +177,7 @@ class IsolatedEngine:
 
     def simulate_each(self, batch: Batch) -> SimulationResult:
         """Simulate samples one by one, so that only the one at fault fails."""
-        each = [self.simulate(batch[row : row + 1]) for row in range(len(batch.errors))]
-        return SimulationResult(
-            np.concatenate([one.values for one in each]),
-            {row: failure for row, one in enumerate(each) for failure in one.failures.values()},
-            sum(one.fallback_count for one in each),
-        )
+        return join_results([self.simulate(batch[row : row + 1]) for row in range(len(batch.errors))])
 
 
 def simulate_isolated(work: ChunkJob, place: SampleRange) -> ChunkFile:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import traceback
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -69,18 +70,41 @@ def simulate_each(
 
 
 def simulate_alone(
-    propagate: Callable[[Array], SimulationResult], errors: Array, outputs: int, file: str = ""
+    simulate: Callable[[int], SimulationResult], count: int, outputs: int, file: str = ""
 ) -> SimulationResult:
-    """Simulate samples, shape (n, sources), each by itself, so that only those at fault fail; see `simulate_each`."""
-    values = np.empty((len(errors), outputs))
+    """Simulate samples, each by itself, so that only those at fault fail; see `simulate_each`.
 
-    def simulate(row: int) -> Array:
-        result = propagate(errors[row : row + 1].copy())
-        if result.failures:
-            raise SampleFailed(result.failures[0])
-        return np.asarray(result.values[0])
+    ``simulate`` takes a row to the result of that sample.
+    """
+    values, found = np.empty((count, outputs)), [SimulationResult(np.full((1, outputs), np.nan))] * count
 
-    return SimulationResult(values, simulate_each(simulate, range(len(errors)), values, file=file))
+    def one(row: int) -> Array:
+        found[row] = simulate(row)
+        if found[row].failures:
+            raise SampleFailed(found[row].failures[0])
+        return np.asarray(found[row].values[0])
+
+    failures = simulate_each(one, range(count), values, file=file)
+    return replace(join_results(found), values=values, failures=failures)
+
+
+def join_results(results: Sequence[SimulationResult]) -> SimulationResult:
+    """Join the results of single samples; what one of them lacks, such as a history, is NaN."""
+
+    def joined(name: str) -> Array | None:
+        each = [getattr(result, name) for result in results]
+        known = next((values for values in each if values is not None), None)
+        if known is None:
+            return None
+        return np.concatenate([np.full_like(known, np.nan) if values is None else values for values in each])
+
+    return SimulationResult(
+        np.concatenate([result.values for result in results]),
+        {row: failure for row, result in enumerate(results) for failure in result.failures.values()},
+        sum(result.fallback_count for result in results),
+        joined("linear_values"),
+        joined("history"),
+    )
 
 
 def format_exception(failure: BaseException, file: str) -> str:

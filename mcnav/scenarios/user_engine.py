@@ -45,7 +45,8 @@ class UserEngine:
         except MemoryError:
             raise
         except (Exception, SystemExit, SampleTimeout):
-            return simulate_alone(propagate, errors, self.outputs, file)
+            rows = len(errors)
+            return simulate_alone(lambda row: propagate(errors[row : row + 1].copy()), rows, self.outputs, file)
 
     def _result(self, returned: Any, count: int) -> SimulationResult:
         """Check what ``propagate`` returned, and give every row without finite outputs a reason."""

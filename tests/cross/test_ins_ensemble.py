@@ -13,6 +13,7 @@ import pytest
 from scipy import stats
 
 from mcnav._types import Array
+from mcnav.execution.chunks import simulate_batch
 from mcnav.physics.ins.ensemble import simulate_given, tabulate
 from mcnav.physics.ins.fine_noise import draw_noise
 from mcnav.physics.ins.instruments import CONSTANTS, Imu, Noise
@@ -21,7 +22,7 @@ from mcnav.physics.ins.mechanization import Mechanization
 from mcnav.physics.ins.response import respond
 from mcnav.physics.ins.truth import Platform
 from mcnav.scenarios.ins import Ins, Navigation
-from mcnav.scenarios.protocol import Batch, StochasticEngine
+from mcnav.scenarios.protocol import Batch, SimulationResult, StochasticEngine
 from tests.flights import flight
 
 DEG_PER_HOUR = np.radians(1.0) / 3600.0
@@ -184,3 +185,28 @@ def test_a_sample_beyond_validity_fails_with_a_reason() -> None:
     assert "reference engine" in str(found.failures[1])
     assert np.isnan(found.values[1]).all()
     assert np.isfinite(found.values[0]).all()
+
+
+def test_samples_simulated_alone_keep_their_noise() -> None:
+    """What an engine raises fails only the sample that causes it; the others have what they have together."""
+
+    class Fragile:
+        """The ensemble engine, which sample 3 breaks."""
+
+        parallel, chunk, accuracy, epochs = "threads", 8, "", engine(noisy=True).epochs
+
+        def simulate(self, batch: Batch) -> SimulationResult:
+            if 3 in batch.index:
+                raise RuntimeError("broken")
+            return engine(noisy=True).simulate(batch)
+
+        def propagate(self, errors: Array) -> SimulationResult:
+            return engine(noisy=True).propagate(errors)
+
+    batch = Batch(np.arange(8), draws(8), 3)
+    whole, found = engine(noisy=True).simulate(batch), simulate_batch(Fragile(), None, 9, batch)
+    assert list(found.failures) == [3]
+    kept = [row for row in range(8) if row != 3]
+    for name in ("values", "linear_values", "history"):
+        np.testing.assert_array_equal(getattr(found, name)[kept], getattr(whole, name)[kept])
+        assert np.isnan(getattr(found, name)[3]).all()
