@@ -15,7 +15,7 @@ FIGURES = {
     "calibration": 3, "story": 10, "tn": 13, "trajectory": 1,
 }  # fmt: skip
 SAID = {
-    "comparison": FOLDER, "story": "The Story of 84 Minutes", "tn": "NASA TN D-1772", "calibration": "Calibration",
+    "comparison": FOLDER, "story": "The Story of 84 Minutes", "calibration": "Calibration",
     "index": "Runs",
 }  # fmt: skip
 """What the heading of a page says where it is not the campaign's name."""

@@ -131,7 +131,7 @@ def test_every_command_and_every_option_of_run_is_documented() -> None:
 @pytest.mark.parametrize("page", ["../README.md", "CAMPAIGNS.md", "GUIDE.md"])
 def test_every_campaign_is_valid(page: str) -> None:
     """Whole campaigns as they are, parts of one in place of those of a campaign of the same type."""
-    of_type = {"reentry": "01_tn_d1772_trajectory_4", "cruise": "11_cruise"}
+    of_type = {"reentry": "01_tn_d1772_trajectory_4", "cruise": "11_cruise", "ins": "15_flight_navigation_grade"}
     blocks = _blocks(page, "toml")
     assert blocks
     for block in blocks:
@@ -139,7 +139,7 @@ def test_every_campaign_is_valid(page: str) -> None:
         file = of_type[entries.get("scenario", {}).get("type", "reentry")]
         rest = tomllib.loads((ROOT / "campaigns" / f"{file}.toml").read_text(encoding="utf-8"))
         whole = {"name", "scenario", "errors"} <= entries.keys()
-        parse_campaign(entries if whole else rest | entries, page, "page")
+        parse_campaign(entries if whole else rest | entries, str(ROOT / "mcnav" / page), "page")
 
 
 @pytest.mark.parametrize("page", ["../README.md", "SCENARIOS.md"])

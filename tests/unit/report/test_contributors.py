@@ -20,7 +20,7 @@ def content(names: list[str], shares: Array, simulated: Array | None = None, sti
     sigma = np.where(np.arange(count) < count - still, 1.0, 0.0)
     alone = {"alone": {"alone": {"variance": None if simulated is None else simulated.tolist()}}}
     return SimpleNamespace(
-        source_names=names,
+        cause_names=names,
         moving=list(range(len(shares))),
         development=None,
         budget=SimpleNamespace(shares=shares * sigma),
