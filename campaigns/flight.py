@@ -47,7 +47,7 @@ def main() -> None:
     columns = [flown.time, *position.T, flown.altitude, *angles[:, ::-1].T]
     lines = ["time,lat,lon,alt,roll,pitch,heading"]
     for time, latitude, longitude, altitude, roll, pitch, heading in np.column_stack(columns)[:ROWS]:
-        place = f"{time:g},{latitude:.10f},{longitude:.10f},{altitude:.5f}"
+        place = f"{time:.6f},{latitude:.10f},{longitude:.10f},{altitude:.5f}"
         lines.append(f"{place},{roll:.6f},{pitch:.6f},{heading % 360.0:.6f}")
     Path(__file__).with_name("flight.csv").write_text("\n".join(lines) + "\n", encoding="ascii")
 
