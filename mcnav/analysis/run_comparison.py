@@ -51,7 +51,7 @@ class Change:
 
     @property
     def certain(self) -> bool:
-        """Whether the interval of the ratio excludes one."""
+        """Return whether the interval of the ratio excludes one."""
         return not self.interval[0] <= 1.0 <= self.interval[1]
 
 

@@ -84,7 +84,7 @@ class ChunkJob:
 
     @property
     def in_processes(self) -> bool:
-        """Whether chunks need worker processes: time limits use signals, which reach main threads only."""
+        """Return whether chunks need worker processes: time limits use signals, which reach main threads only."""
         return self.engine.parallel == "processes" or self.timeout is not None
 
     @property

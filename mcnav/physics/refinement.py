@@ -1,4 +1,4 @@
-"""How many steps an ensemble needs: settled by measurement on a campaign's own samples."""
+"""Number of steps of an ensemble: settled by measurement on a campaign's own samples."""
 
 from __future__ import annotations
 

@@ -106,7 +106,7 @@ class RunAnalysis:
 
     @property
     def dispersed(self) -> bool:
-        """Whether there is any dispersion to show: some output has one by linear analysis, and samples were flown."""
+        """Return whether there is dispersion to show: samples, and an output with a linear sigma."""
         return bool(self.comparison.outputs) and bool(np.any(np.diag(self.comparison.covariance_linear) > 0.0))
 
     @cached_property
@@ -144,12 +144,12 @@ class RunAnalysis:
 
     @property
     def source_scale(self) -> Array:
-        """What SI values of the sources are multiplied by to be shown."""
+        """Factors from SI values of the sources to those shown."""
         return scale_of(self.manifest.model.sources)
 
     @property
     def output_scale(self) -> Array:
-        """What SI values of the outputs are multiplied by to be shown."""
+        """Factors from SI values of the outputs to those shown."""
         return scale_of(self.manifest.model.outputs)
 
     @cached_property

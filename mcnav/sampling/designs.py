@@ -77,7 +77,7 @@ class SamplingDesign:
 
     @property
     def independent(self) -> bool:
-        """Whether each sample is independent of all others."""
+        """Return whether each sample is independent of all others."""
         return self.block_length == 1
 
     def blocks(self, index: IndexArray) -> IndexArray:

@@ -172,12 +172,12 @@ class ErrorModel:
 
     @property
     def independent(self) -> bool:
-        """Whether all sources are independent."""
+        """Return whether all sources are independent."""
         return not self._joint and np.array_equal(self._correlation, np.eye(len(self.names)))
 
     @property
     def normal(self) -> bool:
-        """Whether every source with dispersion is normal."""
+        """Return whether every source with dispersion is normal."""
         return all(isinstance(each, (Normal, Fixed)) for each in self.distributions)
 
     def heavy_tailed(self, design: str) -> tuple[str, ...]:

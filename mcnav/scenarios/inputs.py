@@ -66,7 +66,7 @@ class InputFile:
 
     @property
     def unchanged(self) -> bool:
-        """Whether the file still has this content."""
+        """Return whether the file still has this content."""
         try:
             return content_of(self.path) == (self.digest, self.size)
         except OSError:
@@ -155,7 +155,7 @@ class OpenedFiles:
 
     @property
     def concerned(self) -> bool:
-        """Whether the current thread runs the block, or was started since the block began."""
+        """Return whether the current thread runs the block, or was started since the block began."""
         present = threading.get_ident()
         return present == self.thread or present not in self.others
 

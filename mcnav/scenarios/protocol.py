@@ -1,4 +1,4 @@
-"""What every scenario offers to the rest of the program, whatever it flies."""
+"""Interface of a scenario to the rest of the program."""
 
 from __future__ import annotations
 
@@ -174,7 +174,7 @@ class Panel:
 
 @dataclass(frozen=True)
 class History:
-    """What was flown, for figures: named columns over time, and the diagrams that show them.
+    """Flight data for figures: named columns over time, and the diagrams that show them.
 
     Attributes
     ----------
@@ -299,7 +299,7 @@ class Engine(Protocol):
 
     @property
     def accuracy(self) -> str:
-        """What is known of its numerical error, in words for the report."""
+        """Numerical error, in words for the report."""
 
     def propagate(self, errors: Array) -> SimulationResult:
         """Fly samples, shape (n, sources), SI."""

@@ -86,7 +86,7 @@ EPOCHS: Final = 60
 """Instants at which errors are read out."""
 
 FEWEST_AFTER_REENTRY: Final = 24
-"""Of them, at least: the flight through the atmosphere is short and eventful."""
+"""Smallest number of them: the flight through the atmosphere is short and eventful."""
 
 HISTORY_NODES: Final = 1.5
 """Nodes for histories, as a multiple of those for final errors: remainders that stand in want them closer."""
@@ -100,7 +100,7 @@ PANELS: Final = (
 """Diagrams of the flight in a report."""
 
 HAND_OVER_SHARE: Final = 0.01
-"""When more of the probes leave the kernel's validity, the reference path will do most of the work, in processes."""
+"""Share of probes beyond the kernel's validity above which the reference path does the work, in processes."""
 
 
 @dataclass(frozen=True)

@@ -106,7 +106,7 @@ REVISION: Final = 2
 """Counts the changes of the samples' last digits: 1 was a scheme of fourth order."""
 
 HAND_OVER_SHARE: Final = 0.01
-"""When more of the probes leave the kernel's validity, the reference path will do most of the work, in processes."""
+"""Share of probes beyond the kernel's validity above which the reference path does the work, in processes."""
 
 LONGEST: Final = 10.0 * 86_400.0
 """Longest flight, s; longer ones are taken for mistakes."""

@@ -107,7 +107,7 @@ class UserScenario:
 
     @property
     def own_partials(self) -> bool:
-        """Whether the class provides its partial derivatives."""
+        """Return whether the class provides its partial derivatives."""
         return hasattr(self._instance, "partials")
 
     @cached_property

@@ -39,7 +39,7 @@ LONGEST_INTEGRATION: Final = 4.0
 """Longest step of the integration, s: within longer ones its interpolation of the velocity would show in the force."""
 
 Law = Literal["pitch", "velocity"]
-"""What the body follows: the pitch program, or its velocity over the earth."""
+"""Guidance of the body: the pitch program, or its velocity over the earth."""
 
 
 class BoostError(ValueError):

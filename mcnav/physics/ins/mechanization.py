@@ -54,7 +54,7 @@ class Diverged(ArithmeticError):
 
 @dataclass(frozen=True)
 class Readings:
-    """What perfect instruments measure at the Gauss points of all steps, S of them, and of the steps to the epochs.
+    """Readings of perfect instruments at the Gauss points of all steps, S of them, and of the steps to the epochs.
 
     Attributes
     ----------
@@ -101,7 +101,7 @@ class Mechanization:
 
     @cached_property
     def readings(self) -> Readings:
-        """What perfect instruments measure."""
+        """Readings of perfect instruments."""
         times = np.asarray(self.times, dtype=float)
         within = np.all(np.diff(times, prepend=self.start, append=self.end) >= 0.0)
         if not (self.start < self.end and len(times) and within):

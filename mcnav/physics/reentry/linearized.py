@@ -63,7 +63,7 @@ def variational_rates(
 
 
 SCALE: Final = np.array([1.0, EARTH_RADIUS, 1.0, EARTH_RADIUS])
-"""What turns errors of the polar state into those of altitude, range and their rates: m and m/s."""
+"""Factors that turn errors of the polar state into those of altitude, range and their rates: m and m/s."""
 
 
 def _stretches(

@@ -118,7 +118,7 @@ class Trajectory:
 
     @property
     def final_time(self) -> float:
-        """When the final altitude is reached, s from the first point."""
+        """Instant at which the final altitude is reached, s from the first point."""
         return self.phases[-1].end
 
     @cached_property

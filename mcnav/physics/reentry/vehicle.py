@@ -53,7 +53,7 @@ LiftLaw = ConstantLift | VariableLift
 
 @dataclass(frozen=True)
 class Vehicle:
-    """What the air acts on: ballistic coefficient C_D A / m (m^2/kg) and lift law."""
+    """Aerodynamics of a vehicle: ballistic coefficient C_D A / m (m^2/kg) and lift law."""
 
     lift_law: LiftLaw
     ballistic_coefficient: float = BALLISTIC_COEFFICIENT

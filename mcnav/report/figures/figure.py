@@ -61,7 +61,7 @@ class Figure:
 
     @property
     def layout(self) -> str:
-        """How many panels stand side by side: the style sheet's class."""
+        """Number of panels side by side: the style sheet's class."""
         return "thirds" if self.size[0] == THIRD[0] else "halves"
 
     @property
@@ -92,7 +92,7 @@ class Figure:
 
     @property
     def thinned(self) -> bool:
-        """Whether the page's table leaves rows out."""
+        """Return whether the page's table leaves rows out."""
         return self.rows > ROWS
 
     @property

@@ -1,4 +1,4 @@
-"""What NASA TN D-1772 claims, and what becomes of each claim when its own equations are solved again.
+"""Claims of NASA TN D-1772, each tested by solving its own equations again.
 
 Every number in these sentences is computed when they are written.
 """

@@ -28,11 +28,11 @@ RUNS: Final = (
     "altitude", "range", "altitude rate", "range rate", "misalignment", "gyro drift", "bias x", "bias z",
     "scale factor x", "scale factor z", "all",
 )  # fmt: skip
-"""What each run applies."""
+"""Error that each run applies."""
 
 
 class Mark(StrEnum):
-    """How a computed number stands to the printed one."""
+    """Relation of a computed number to the printed one."""
 
     DIGITS = "agrees to the printed digits"
     TOLERANCE = "within the tolerance"
@@ -66,7 +66,7 @@ class Cell:
 
     @property
     def mark(self) -> Mark:
-        """How the two stand to each other."""
+        """Relation of the two."""
         decimals = len(self.printed.partition(".")[2])
         if abs(self.difference) <= 0.5 * 10.0**-decimals * (1.0 + 1e-9):
             return Mark.DIGITS

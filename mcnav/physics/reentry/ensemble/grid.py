@@ -29,7 +29,7 @@ from mcnav.constants import GRAVITATIONAL_PARAMETER
 from mcnav.physics.reentry.ensemble.transition import Response, Tables
 
 DEGREE: Final = 6
-"""Of the polynomial between nodes."""
+"""Degree of the polynomial between nodes."""
 
 MEMORY: Final = 4
 """Nodes whose remainder is remembered: the cubic through them stands in for what is not yet known."""

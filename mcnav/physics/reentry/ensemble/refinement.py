@@ -1,4 +1,4 @@
-"""How many nodes the shared grid needs: settled by measurement on a campaign's own samples."""
+"""Number of nodes of the shared grid: settled by measurement on a campaign's own samples."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FINEST: Final = 384
 """Fewest and most nodes of a flight."""
 
 _HALVINGS: Final = 2
-"""How often the range between too few nodes and enough is halved, to save some."""
+"""Halvings of the range between too few nodes and enough, to save some."""
 
 
 @dataclass(frozen=True)
