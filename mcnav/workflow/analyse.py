@@ -44,7 +44,8 @@ def report_run(path: str | Path) -> dict[str, Any]:
 def samples_of(path: str | Path) -> pd.DataFrame:
     """Read the samples of a finished run folder as a table, their checksums verified.
 
-    Columns: ``index``, ``status``, ``error NAME [unit]``, ``output NAME [unit]``; SI units.
+    Columns: ``index``, ``status``, ``error NAME [unit]``, ``output NAME [unit]`` and, of samples with noise,
+    ``linear NAME [unit]``; SI units.
 
     Raises `RunFolderError` when the run is not finished, or a part of it is damaged.
     """
@@ -55,7 +56,8 @@ def samples_of(path: str | Path) -> pd.DataFrame:
     samples, names = folder.samples(manifest), manifest.sample_schema
     columns = {"index": samples.index, "status": samples.status}
     columns |= dict(zip(names.errors, samples.errors.T, strict=True))
-    return pd.DataFrame(columns | dict(zip(names.outputs, samples.outputs.T, strict=True)))
+    columns |= dict(zip(names.outputs, samples.outputs.T, strict=True))
+    return pd.DataFrame(columns | dict(zip(names.linear, samples.linear.T, strict=True)))
 
 
 def summary_of(path: str | Path) -> dict[str, Any]:

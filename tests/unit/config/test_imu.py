@@ -1,0 +1,114 @@
+"""The table ``[imu]``: values by axis, grades, conventions, and one line for each mistake."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mcnav.config.context import FileContext
+from mcnav.config.imu import ALLAN_MINIMUM, ImuSizes, read_imu
+from mcnav.config.imu_catalogue import catalogue
+from mcnav.physics.ins.instruments import process_sizes
+
+DEG_PER_HOUR = np.radians(1.0) / 3600.0
+
+
+def read(entries: Any) -> ImuSizes:
+    context = FileContext("mine.toml", Path())
+    found = read_imu(entries, context)
+    assert not context.problems, context.problems
+    assert found is not None
+    return found
+
+
+def mistakes(entries: Any) -> list[str]:
+    context = FileContext("mine.toml", Path())
+    assert read_imu(entries, context) is None
+    return [str(problem) for problem in context.problems]
+
+
+def test_a_value_holds_for_each_axis_or_some() -> None:
+    found = read(
+        {
+            "gyro": {"bias": "2 deg/h", "misalignment": ["1 mrad", "2 mrad", "3 mrad", "4 mrad", "5 mrad", "6 mrad"]},
+            "accelerometer": {"scale_factor": {"y": "300 ppm"}, "nonlinearity": "10 ug/g^2"},
+        }
+    ).sigmas
+    assert [found[f"gyro_bias_{axis}"] for axis in "xyz"] == pytest.approx([2.0 * DEG_PER_HOUR] * 3)
+    pairs = ("xy", "xz", "yx", "yz", "zx", "zy")
+    assert [found[f"gyro_misalignment_{pair}"] for pair in pairs] == pytest.approx([k * 1e-3 for k in range(1, 7)])
+    assert [found[f"accelerometer_scale_factor_{axis}"] for axis in "xyz"] == pytest.approx([0.0, 3e-4, 0.0])
+    assert found["accelerometer_nonlinearity_z"] == pytest.approx(1e-5 / 9.80665)
+
+
+def test_processes_in_the_units_of_data_sheets() -> None:
+    """A density per root hertz is N itself; an Allan minimum is 0.617 of the sigma of the process."""
+    instability = {"allan_minimum": "1 deg/h", "correlation_time": ["1 h", "2 h", "3 h"]}
+    found = read(
+        {
+            "gyro": {"angle_random_walk": "0.06 deg/sqrt(h)", "bias_instability": instability},
+            "accelerometer": {"velocity_random_walk": "100 ug/sqrt(Hz)", "rate_random_walk": "1 mg/sqrt(h)"},
+        }
+    ).processes
+    assert found.gyro.random_walk == pytest.approx(np.full(3, np.radians(0.001)))
+    assert found.gyro.instability == pytest.approx(np.full(3, DEG_PER_HOUR / ALLAN_MINIMUM))
+    assert found.gyro.correlation_time == pytest.approx([3600.0, 7200.0, 10800.0])
+    assert found.accelerometer.random_walk == pytest.approx(np.full(3, 1e-4 * 9.80665))
+    assert found.accelerometer.rate_random_walk == pytest.approx(np.full(3, 9.80665e-3 / 60.0))
+
+
+def test_the_maximum_of_the_allan_deviation() -> None:
+    """Of a Gauss-Markov process, from its closed form, to the five digits of the convention."""
+    x = np.linspace(1.8, 2.0, 20_001)
+    variance = (2.0 * x - 3.0 + 4.0 * np.exp(-x) - np.exp(-2.0 * x)) / x**2
+    assert np.sqrt(variance.max()) == pytest.approx(ALLAN_MINIMUM, abs=5e-6)
+    assert x[variance.argmax()] == pytest.approx(1.8926, abs=1e-4)
+
+
+@pytest.mark.parametrize("grade", catalogue())
+def test_every_grade_is_read_and_keys_replace_its_values(grade: str) -> None:
+    whole = read({"grade": grade})
+    assert any(size > 0.0 for size in (*whole.sigmas.values(), *process_sizes(whole.processes).values()))
+    own = read({"grade": grade, "gyro": {"bias": "7 deg/h"}})
+    assert own.sigmas["gyro_bias_y"] == pytest.approx(7.0 * DEG_PER_HOUR)
+    assert {**own.sigmas, **{f"gyro_bias_{axis}": 0.0 for axis in "xyz"}} == {
+        **whole.sigmas,
+        **{f"gyro_bias_{axis}": 0.0 for axis in "xyz"},
+    }
+
+
+@pytest.mark.parametrize(
+    ("entries", "line"),
+    [
+        ({"grade": "navigaton"}, "imu.grade: got 'navigaton'; did you mean 'navigation'?"),
+        ({"grade": 3}, "imu.grade: got 3"),
+        ({"gyros": {}}, "imu.gyros: unknown key; did you mean 'gyro'?"),
+        ({"gyro": 3}, "imu.gyro: expected a table"),
+        ({"gyro": {"bais": "1 deg/h"}}, "imu.gyro.bais: unknown key; did you mean 'bias'?"),
+        ({"gyro": {"nonlinearity": "1 ug"}}, "imu.gyro.nonlinearity: unknown key"),
+        ({"gyro": {"quantization": "1 deg/h"}}, "imu.gyro.quantization: is not modelled; leave it out"),
+        ({"gyro": {"bias": "1 mg"}}, "imu.gyro.bias: got '1 mg', which is an acceleration; expected an angular rate"),
+        ({"gyro": {"bias": 3.0}}, "imu.gyro.bias: got 3.0 without a unit; expected an angular rate"),
+        ({"gyro": {"bias": "-1 deg/h"}}, "imu.gyro.bias: got '-1 deg/h'; a size must not be negative"),
+        ({"gyro": {"bias": ["1 deg/h", "2 deg/h"]}}, "imu.gyro.bias: got a list of 2; expected 3, for x, y, z"),
+        ({"gyro": {"bias": ["1 deg/h", "x", "2 deg/h"]}}, "imu.gyro.bias #2: got 'x'"),
+        ({"gyro": {"bias": {"w": "1 deg/h"}}}, "imu.gyro.bias.w: unknown axis; expected x, y, z"),
+        ({"gyro": {"angle_random_walk": "0.1 deg/h"}}, "imu.gyro.angle_random_walk: got '0.1 deg/h', which is an"),
+        ({"gyro": {"bias_instability": "1 deg/h"}}, "imu.gyro.bias_instability: got '1 deg/h'; expected { sigma ="),
+        ({"gyro": {"bias_instability": {"sigma": "1 deg/h"}}}, "imu.gyro.bias_instability: got sigma; expected"),
+        (
+            {"gyro": {"bias_instability": {"sigma": "1 deg/h", "correlation_time": "-1 h"}}},
+            "imu.gyro.bias_instability.correlation_time: got '-1 h'; a size must not be negative",
+        ),
+        (
+            {"gyro": {"bias_instability": {"sigma": "1 deg/h", "correlation_time": "1 ms"}}},
+            "imu.gyro.bias_instability.correlation_time: got '1 ms'; expected at least 0.1 s, white noise is shorter",
+        ),
+    ],
+)  # fmt: skip
+def test_one_mistake_is_one_line(entries: Any, line: str) -> None:
+    (found,) = mistakes(entries)
+    assert found.startswith(f"mine.toml: {line}"), found
