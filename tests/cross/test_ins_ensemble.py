@@ -7,12 +7,14 @@ integrates the indicated state in earth-fixed axes at the instruments' rate, wit
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy import stats
 
 from mcnav._types import Array
+from mcnav.config.read import parse_campaign
 from mcnav.execution.chunks import simulate_batch
 from mcnav.physics.ins.ensemble import simulate_given, tabulate
 from mcnav.physics.ins.fine_noise import draw_noise
@@ -74,6 +76,35 @@ def test_engines_agree_on_constant_errors(platform: Platform) -> None:
     assert other is not None
     partials = scenario.partials_history(61).partials
     sigma = np.sqrt(np.einsum("mij,j->mi", partials**2, SIGMAS**2))
+    assert (np.abs(own - other)[:, 1:] / sigma[1:]).max() < 1e-5
+
+
+SPHERE = {"radius": "6378140 m", "gravitational_parameter": "3.986135e14 m^3/s^2", "rotation_rate": "0 rad/s"}
+START = {"latitude": "60 deg", "longitude": "20 deg", "altitude": "3 km", "speed": "150 m/s"}
+TRAJECTORIES: dict[str, dict[str, Any]] = {
+    "reentry": {"trajectory": {"reentry": 4}, "platform": "inertial", "earth": SPHERE},
+    "turns": {
+        "trajectory": {
+            "rate": "2 Hz",
+            "start": START,
+            "segments": [{"turn": "180 deg"}, {"climb": "2 km"}, {"turn": "-270 deg", "bank": "40 deg"}],
+        }
+    },
+}
+
+
+@pytest.mark.parametrize("kind", TRAJECTORIES)
+def test_engines_agree_on_other_trajectories(kind: str) -> None:
+    """A reentry with an inertial platform, and steep turns: to 1e-5 of each output's linear sigma at every epoch."""
+    scenario = parse_campaign({"scenario": {"type": "ins", **TRAJECTORIES[kind]}, "errors": {}}, "a.toml", "a").scenario
+    assert isinstance(scenario, Ins)
+    errors = draws(DRAWS)
+    made = [scenario.engine(name, errors[:64]) for name in scenario.engines]
+    histories = [
+        each.simulate(Batch(np.arange(DRAWS), errors, 0)).history for each in made if isinstance(each, StochasticEngine)
+    ]
+    own, other = (history for history in histories if history is not None)
+    sigma = np.sqrt(np.einsum("mij,j->mi", scenario.partials_history(61).partials ** 2, SIGMAS**2))
     assert (np.abs(own - other)[:, 1:] / sigma[1:]).max() < 1e-5
 
 
