@@ -13,6 +13,7 @@ from mcnav._types import Array
 from mcnav.analysis.comparison import Criterion, Model
 from mcnav.analysis.linearity import AloneRange, DispersionRange, alone, together
 from mcnav.config.read import Campaign
+from mcnav.errors import CampaignError, Problem
 from mcnav.execution.chunks import PROBES
 from mcnav.files import write_texts
 from mcnav.lincov.partials import Propagate
@@ -54,7 +55,7 @@ def linearity_study(
     """Find a campaign's range of linearity.
 
     The tolerance is the campaign's by default; samples are those at each multiple of all errors together, up to the
-    largest multiple.
+    largest multiple. Raises `CampaignError` when the scenario has noise.
     """
     progress.phase(Phase.PREPARING)
     scenario, errors = campaign.scenario, campaign.errors
@@ -63,6 +64,9 @@ def linearity_study(
     sizes = np.where(errors.standard_deviations > 0.0, errors.standard_deviations, errors.mean)
     directions = np.vstack([np.diag(sizes), sizes])
     linear = scenario.linear_model()
+    if linear.processes:
+        message = "has noise, and the range of linearity is that of constant errors; leave the processes out of [imu]"
+        raise CampaignError([Problem(campaign.file, "scenario", message)])
 
     def counted(probes: Array) -> Propagate:
         propagate = scenario.engine(scenario.engines[0], probes).propagate

@@ -13,6 +13,7 @@ import pytest
 from mcnav.config.read import parse_campaign
 from mcnav.errors import CampaignError
 from mcnav.notebook import open_run
+from mcnav.studies.linearity import linearity_study
 from mcnav.workflow.analyse import samples_of
 from mcnav.workflow.replay import as_stored, replay
 from mcnav.workflow.run import run_campaign
@@ -144,6 +145,13 @@ def test_an_imu_belongs_to_this_type_alone() -> None:
     scenario = {"type": "cruise", "speed": "250 m/s", "duration": "1 h"}
     with pytest.raises(CampaignError, match="imu: this scenario has no inertial measurement unit; leave it out"):
         parse_campaign({"scenario": scenario, "imu": {}, "errors": {}}, "test.toml", "test")
+
+
+def test_the_range_of_linearity_is_that_of_constant_errors() -> None:
+    with pytest.raises(
+        CampaignError, match="scenario: has noise, and the range of linearity is that of constant errors"
+    ):
+        linearity_study(parse_campaign(described(), "test.toml", "test"))
 
 
 def test_the_polynomial_engine_knows_no_noise(tmp_path: Path) -> None:
