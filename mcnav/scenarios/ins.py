@@ -16,8 +16,10 @@ from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.constants import STANDARD_GRAVITY
+from mcnav.physics.ins.aiding import Sensor
 from mcnav.physics.ins.covariance import LinearErrors, propagate
 from mcnav.physics.ins.ensemble import EnsembleTables, simulate, tabulate
+from mcnav.physics.ins.error_filter import FilterModel
 from mcnav.physics.ins.fine_noise import draw_noise
 from mcnav.physics.ins.instruments import CONSTANTS, OUTPUTS, PROCESSES, Imu, process_sizes
 from mcnav.physics.ins.linear_noise import NoiseResponse
@@ -116,6 +118,10 @@ class Navigation:
         In the trajectory's time, s.
     imu : Imu
         Processes of the instruments.
+    sensors : tuple of Sensor
+        Aiding.
+    filter : FilterModel, optional
+        Of an aided navigation.
     """
 
     truth: Truth
@@ -123,6 +129,8 @@ class Navigation:
     start: float
     end: float
     imu: Imu
+    sensors: tuple[Sensor, ...] = ()
+    filter: FilterModel | None = None
 
     @property
     def times(self) -> Array:

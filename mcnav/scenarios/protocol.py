@@ -9,6 +9,7 @@ from typing import Protocol, runtime_checkable
 from mcnav._types import Array, IndexArray
 from mcnav.physics.power_sums import PowerSums
 from mcnav.scenarios.failure import Failure
+from mcnav.scenarios.filter_record import FilterPrediction, FilterSchema
 
 
 @dataclass(frozen=True)
@@ -108,6 +109,8 @@ class SimulationResult:
         The same samples by the linear system, with the same noise; from an engine with noise alone.
     history : ndarray, shape (n, m, outputs), optional
         Errors at every epoch, from an engine with noise alone.
+    filter_values : ndarray, shape (n, m, width), optional
+        Records of the samples' filters at every epoch, from an engine with a filter alone; see `FilterSchema`.
     """
 
     values: Array
@@ -115,6 +118,7 @@ class SimulationResult:
     fallback_count: int = 0
     linear_values: Array | None = None
     history: Array | None = None
+    filter_values: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -330,6 +334,27 @@ class StochasticEngine(Engine, Protocol):
 
     def simulate(self, batch: Batch) -> SimulationResult:
         """Simulate samples with noise of their own: final errors, linear ones, and histories."""
+
+
+@runtime_checkable
+class FilterEngine(StochasticEngine, Protocol):
+    """An engine whose samples have a filter each; `SimulationResult.filter_values` are its records."""
+
+    @property
+    def filter_schema(self) -> FilterSchema | None:
+        """Columns of the records; none when there is no filter."""
+
+
+@runtime_checkable
+class FilterScenario(Scenario, Protocol):
+    """A scenario that may have a filter."""
+
+    @property
+    def filter_schema(self) -> FilterSchema | None:
+        """Columns of a record; none when there is no filter."""
+
+    def filter_prediction(self) -> FilterPrediction | None:
+        """Compute what linear analysis says of the filter at the epochs; none when there is no filter."""
 
 
 @runtime_checkable

@@ -1,0 +1,99 @@
+"""What filters say of themselves at the epochs of a campaign: names and places of the numbers of a record."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+
+from mcnav._types import Array
+
+BY_SENSOR: Final = ("nis", "accepted", "rejected", "lag", "lags")
+"""Numbers of each sensor, counted since the epoch before.
+
+Sum of the normalized innovations squared over all updates; updates accepted and rejected; sum over consecutive updates
+of the products of whitened innovations, by their size; and how many products.
+"""
+
+
+@dataclass(frozen=True)
+class FilterSchema:
+    """Columns of a record: one row of numbers for each sample and epoch, after the last update at or before it.
+
+    Attributes
+    ----------
+    groups : mapping of str to int
+        Groups of states whose normalized estimation error squared (NEES) is recorded, and their sizes: all,
+        navigation, position, velocity, attitude and, if there are other estimated states, sensors.
+    outputs : int
+        Outputs of which the filter has a covariance.
+    states : tuple of str
+        Other states of the filter, by the name of the error that each models; considered ones, too.
+    units : tuple of (str, str)
+        SI unit of each of these, and the unit in which it is shown.
+    sensors : mapping of str to int
+        Sensors, and the size of the measurements of each.
+    """
+
+    groups: Mapping[str, int]
+    outputs: int
+    states: tuple[str, ...] = ()
+    units: tuple[tuple[str, str], ...] = ()
+    sensors: Mapping[str, int] = field(default_factory=dict)
+
+    @cached_property
+    def places(self) -> Mapping[str, slice]:
+        """Places of the columns by what they hold; a sensor's columns have its name after a colon."""
+        sizes = {
+            "nees": len(self.groups),
+            "covariance": self.outputs * (self.outputs + 1) // 2,
+            "within_1": self.outputs,
+            "within_3": self.outputs,
+            "state_error": len(self.states),
+            "state_variance": len(self.states),
+            **{f"sensor:{name}": len(BY_SENSOR) for name in self.sensors},
+        }
+        ends = np.cumsum(list(sizes.values())).tolist()
+        return {name: slice(end - size, end) for (name, size), end in zip(sizes.items(), ends, strict=True)}
+
+    @property
+    def width(self) -> int:
+        """Numbers of a record."""
+        return int(max(place.stop for place in self.places.values()))
+
+    def covariance(self, records: Array) -> Array:
+        """Return the covariances of the outputs, shape (..., outputs, outputs), of records, shape (..., width)."""
+        rows, columns = np.tril_indices(self.outputs)
+        found = np.empty((*records.shape[:-1], self.outputs, self.outputs))
+        found[..., rows, columns] = found[..., columns, rows] = records[..., self.places["covariance"]]
+        return found
+
+
+@dataclass(frozen=True)
+class FilterPrediction:
+    """What linear analysis says of a filter at m epochs: its own covariance, and the truth about its other states.
+
+    Attributes
+    ----------
+    label : str
+        What the times are, as ``name [unit]``.
+    times : ndarray, shape (m,)
+    covariance : ndarray, shape (m, outputs, outputs)
+        The filter's own.
+    state_variance : ndarray, shape (m, q)
+        The filter's own, of its other states.
+    state_partials : ndarray, shape (m, q, sources)
+        Of the true errors of these states' estimates.
+    state_processes : mapping of str to ndarray, shape (m, q)
+        Variance that each process adds to them.
+    """
+
+    label: str
+    times: Array
+    covariance: Array
+    state_variance: Array
+    state_partials: Array
+    state_processes: Mapping[str, Array] = field(default_factory=dict)
