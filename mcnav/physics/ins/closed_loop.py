@@ -43,6 +43,8 @@ class ClosedLoop:
     first_updates : ndarray of int, shape (K + 2,)
         Number of the first update at each time.
     gains : ndarray, shape (U, 9 + q, M)
+    roots : ndarray, shape (U, M, M)
+        Cholesky factors of the innovations' covariance.
     """
 
     truth: Truth
@@ -55,6 +57,7 @@ class ClosedLoop:
     filter: FilterTables
     first_updates: IndexArray
     gains: Array
+    roots: Array
 
     @property
     def times(self) -> Array:
@@ -102,14 +105,15 @@ def close_loop(
     measurements = measure(truth, platform, float(times[0]), sensors)
     tables = tabulate_filter(truth, platform, imu, responses, model, measurements)
     first = np.append(np.searchsorted(measurements.times, times, side="left"), len(measurements.times))
-    gains = np.zeros((len(measurements.times), len(tables.corrected), measurements.components.shape[1]))
+    updates, most = measurements.components.shape
+    gains, roots = np.zeros((updates, len(tables.corrected), most)), np.zeros((updates, most, most))
     transition = transitions(responses)
     _design(
         transition, tables.coupling, tables.decay, tables.noise, tables.initial, measurements.rows, tables.rows,
-        tables.variances, tables.corrected, measurements.sizes, first, gains, np.zeros(0, np.int64),
+        tables.variances, tables.corrected, measurements.sizes, first, gains, roots, np.zeros(0, np.int64),
         np.zeros(0, np.bool_), np.zeros((0, *tables.initial.shape)),
     )  # fmt: skip
-    return ClosedLoop(truth, imu, sensors, model, responses, transition, measurements, tables, first, gains)
+    return ClosedLoop(truth, imu, sensors, model, responses, transition, measurements, tables, first, gains, roots)
 
 
 def propagate_closed_loop(loop: ClosedLoop, readings: IndexArray, after: Array) -> ClosedLoopErrors:
@@ -122,7 +126,7 @@ def propagate_closed_loop(loop: ClosedLoop, readings: IndexArray, after: Array) 
     after : ndarray of bool, shape (m,)
         Whether after the updates at that time, or before.
     """
-    own = _own_covariances(loop, readings, after)
+    own = own_covariances(loop, readings, after)
     partials, estimates = _propagate_constants(loop, readings, after)
     names, covariances = _propagate_processes(loop, readings, after)
     maps = np.stack([output_map(loop.truth, float(time)) for time in loop.times[readings]])
@@ -152,14 +156,14 @@ def propagate_closed_loop(loop: ClosedLoop, readings: IndexArray, after: Array) 
     )
 
 
-def _own_covariances(loop: ClosedLoop, readings: IndexArray, after: Array) -> Array:
+def own_covariances(loop: ClosedLoop, readings: IndexArray, after: Array) -> Array:
     """Compute the filter's covariance at readings, shape (m, 9 + q, 9 + q)."""
     tables, measurements = loop.filter, loop.measurements
     found = np.zeros((len(readings), *tables.initial.shape))
     _design(
         loop.transition, tables.coupling, tables.decay, tables.noise, tables.initial, measurements.rows, tables.rows,
         tables.variances, tables.corrected, measurements.sizes, loop.first_updates, np.zeros_like(loop.gains),
-        readings, after.astype(np.bool_), found,
+        np.zeros_like(loop.roots),         readings, after.astype(np.bool_), found,
     )  # fmt: skip
     return found
 
@@ -236,14 +240,15 @@ def _propagate_processes(loop: ClosedLoop, readings: IndexArray, after: Array) -
 @compiled
 def _design(
     transition: Array, coupling: Array, decay: Array, noise: Array, initial: Array, rows: Array, state_rows: Array,
-    variances: Array, corrected: Array, sizes: IndexArray, first: IndexArray, gains: Array, readings: IndexArray,
-    after: Array, covariances: Array,
+    variances: Array, corrected: Array, sizes: IndexArray, first: IndexArray, gains: Array, roots: Array,
+    readings: IndexArray, after: Array, covariances: Array,
 ) -> None:  # fmt: skip
     """Run the filter's covariance along the truth: Joseph form, states that are considered are not corrected."""
     size, most = len(initial), rows.shape[1]
     p = initial.copy()
     product, full = np.zeros((9, size)), np.zeros((most, size))
-    cross, gain, s = np.zeros((size, most)), np.zeros((size, most)), np.zeros((most, most))
+    cross, gain = np.zeros((size, most)), np.zeros((size, most))
+    s, root = np.zeros((most, most)), np.zeros((most, most))
     left = np.zeros((size, size))
     reached = 0
     for k in range(len(first) - 1):
@@ -268,13 +273,26 @@ def _design(
                         total += full[c, j] * cross[j, e]
                     s[c, e] = total
                 s[c, c] += variances[u, c]
-            inverse = np.linalg.inv(s[:m, :m].copy())
+            for c in range(m):
+                for e in range(c + 1):
+                    total = s[c, e]
+                    for j in range(e):
+                        total -= root[c, j] * root[e, j]
+                    root[c, e] = np.sqrt(total) if c == e else total / root[e, e]
+            roots[u] = root
             for i in range(size):
                 for c in range(m):
-                    total = 0.0
-                    for e in range(m):
-                        total += cross[i, e] * inverse[e, c]
-                    gain[i, c] = corrected[i] * total
+                    total = cross[i, c]
+                    for j in range(c):
+                        total -= gain[i, j] * root[c, j]
+                    gain[i, c] = total / root[c, c]
+                for c in range(m - 1, -1, -1):
+                    total = gain[i, c]
+                    for j in range(c + 1, m):
+                        total -= gain[i, j] * root[j, c]
+                    gain[i, c] = total / root[c, c]
+                for c in range(m):
+                    gain[i, c] *= corrected[i]
                     gains[u, i, c] = gain[i, c]
             for i in range(size):
                 for j in range(size):
