@@ -9,7 +9,7 @@ truth. The twin is linear, has the gains along the truth and the same noise.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -454,9 +454,9 @@ def _correct(
 
 @compiled
 def _run(
-    shared: tuple[Array, ...], filtered: tuple[Array, ...], measured: tuple[Array, ...], given: tuple[Array, ...],
+    shared: tuple[Any, ...], filtered: tuple[Any, ...], measured: tuple[Any, ...], given: tuple[Any, ...],
     seed: np.uint64, samples: NDArray[np.uint64], added_noise: Array, disturbances: Array, noisy: bool,
-    drifting: bool, own: bool, results: tuple[Array, ...],
+    drifting: bool, own: bool, results: tuple[Any, ...],
 ) -> None:  # fmt: skip
     (constants, epochs, durations, motion, force, thrust, inputs, biases, decays, sizes, factors, places, fields,
      gradients, output_maps) = shared  # fmt: skip

@@ -92,7 +92,8 @@ def tabulate_filter(
         at = NAVIGATION + place
         initial[at, at] = state.sigma**2
         decay[:, place] = np.exp(-durations / state.correlation_time)
-        name, modelled = state.name, (state.name,)
+        name = state.name
+        modelled: tuple[str, ...] = (name,)
         if name in sources:
             numbers[place] = sources[name]
             coupling[:, :, place] = _constant_response(responses, name)
