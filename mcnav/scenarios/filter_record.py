@@ -89,6 +89,9 @@ class FilterPrediction:
         Of the true errors of these states' estimates.
     state_processes : mapping of str to ndarray, shape (m, q)
         Variance that each process adds to them.
+    believed : mapping of str to float
+        Variance that the filter believes a source or process to have over its true variance: one where the filter
+        models it rightly, zero where it neglects it. Those missing are modelled rightly.
     """
 
     label: str
@@ -97,3 +100,4 @@ class FilterPrediction:
     state_variance: Array
     state_partials: Array
     state_processes: Mapping[str, Array] = field(default_factory=dict)
+    believed: Mapping[str, float] = field(default_factory=dict)
