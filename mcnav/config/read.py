@@ -125,7 +125,7 @@ def parse_campaign(
     joint = read_joint(table.joint, sources, context)
     requirements: list[RequirementRecord] = []
     if table.accept is not None and described is not None:
-        requirements = read_requirements(table.accept, described.scenario.outputs, context)
+        requirements = read_requirements(table.accept, described.scenario, context)
     until = read_stopping_rule(rule, str(table.design), context) if rule else None
     if rule and table.store == SUMMARY:
         context.problem("samples.until", "needs store = 'samples': the blocks of a summary are fixed for one size")

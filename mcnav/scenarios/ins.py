@@ -7,7 +7,7 @@ and the definition of their noise, which each draws by generators of its own.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
 
@@ -26,6 +26,7 @@ from mcnav.physics.ins.linear_noise import NoiseResponse
 from mcnav.physics.ins.mechanization import Diverged, Mechanization
 from mcnav.physics.ins.response import respond
 from mcnav.physics.ins.truth import Platform, Truth
+from mcnav.scenarios.aiding_sources import aiding_outputs, aiding_sources
 from mcnav.scenarios.failure import Failure, Reason
 from mcnav.scenarios.protocol import (
     Batch,
@@ -265,7 +266,6 @@ class Ins:
     """
 
     engines = ("ensemble", "reference")
-    sources = SOURCES
     outputs = NAVIGATION_ERRORS
 
     def __init__(self, navigation: Navigation) -> None:
@@ -280,10 +280,20 @@ class Ins:
         self.navigation = navigation
 
     @property
+    def sources(self) -> tuple[Source, ...]:
+        """Constant errors: initial ones, those of the instruments, those of the sensors."""
+        return SOURCES + aiding_sources(self.navigation.sensors)
+
+    @property
     def processes(self) -> tuple[Output, ...]:
-        """Processes of the noise that the instruments have."""
+        """Processes of the noise that the instruments and the sensors have."""
         sizes = process_sizes(self.navigation.imu)
-        return tuple(process for process in NOISE if process.name in sizes)
+        instruments = tuple(process for process in NOISE if process.name in sizes)
+        return instruments + aiding_outputs(self.navigation.sensors)
+
+    def with_filter(self, model: FilterModel) -> Ins:
+        """Return the same scenario with a filter."""
+        return Ins(replace(self.navigation, filter=model))
 
     def linear_model(self) -> LinearModel:
         """Compute the linear model at the end of navigation by the variational equations."""

@@ -190,12 +190,18 @@ class CriterionRecord(Record):
 
 
 class RequirementRecord(Record):
-    """See `mcnav.analysis.requirements.Requirement`; outputs by name."""
+    """See `mcnav.analysis.requirements.Requirement`; outputs by name.
+
+    ``epochs`` are those at each of which it holds, by number from zero, the start, and ``when`` has them in words; a
+    requirement without them holds at the end.
+    """
 
     kind: Words
     outputs: tuple[Words, ...]
     limits: tuple[float, ...]
     probability: float | None
+    when: Words | None = None
+    epochs: Annotated[tuple[Count, ...], Field(min_length=1)] | None = None
 
 
 class CodeRecord(Record):
