@@ -64,6 +64,18 @@ class FilterSchema:
         """Numbers of a record."""
         return int(max(place.stop for place in self.places.values()))
 
+    @property
+    def main_group(self) -> str:
+        """The group whose NEES is that of a sample: navigation, or the first."""
+        return "navigation" if "navigation" in self.groups else next(iter(self.groups))
+
+    def final(self, records: Array) -> Array:
+        """Return sigmas of the outputs and the NEES of the main group at the end, shape (n, outputs + 1)."""
+        last = records[:, -1]
+        variances = np.diagonal(self.covariance(last), axis1=1, axis2=2)
+        nees = last[:, self.places["nees"]][:, [list(self.groups).index(self.main_group)]]
+        return np.concatenate([np.sqrt(np.maximum(variances, 0.0)), nees], axis=1)
+
     def covariance(self, records: Array) -> Array:
         """Return the covariances of the outputs, shape (..., outputs, outputs), of records, shape (..., width)."""
         rows, columns = np.tril_indices(self.outputs)
