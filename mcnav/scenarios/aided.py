@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 
@@ -74,10 +74,10 @@ class AidedNavigation:
     epochs: Epochs
     times: Array
 
-    def grid(self, division: int) -> Array:
-        """Return the times of epochs and updates, each step between them divided."""
+    def grid(self, division: int, times: Array | None = None) -> Array:
+        """Return the times of epochs, or of others, and of updates, each step between them divided."""
         updates = [sensor.times for sensor in self.sensors]
-        knots = np.unique(np.concatenate([self.times, *updates]))
+        knots = np.unique(np.concatenate([self.times if times is None else times, *updates]))
         apart = np.concatenate([[True], np.diff(knots) > 1e-9])
         knots = knots[apart]
         if (len(knots) - 1) * division > MOST_STEPS:
@@ -105,6 +105,19 @@ class AidedNavigation:
         """The linear closed loop at the epochs, after the updates."""
         places = self.places(self.loop)
         return propagate_closed_loop(self.loop, places, np.ones(len(places)))
+
+    def read_out(self, times: Array) -> tuple[tuple[Literal["before", "after"] | None, ...], ClosedLoopErrors]:
+        """Propagate the linear closed loop and read it out at rising times; twice where an update falls on one."""
+        grid = self.grid(1, np.concatenate([[self.start], times]))
+        loop = close_loop(self.truth, self.platform, grid, self.imu, self.sensors, self.filter)
+        readings: list[int] = []
+        updates: list[Literal["before", "after"] | None] = []
+        for place in np.searchsorted(grid, times - 1e-9).tolist():
+            updated = loop.first_updates[place] < loop.first_updates[place + 1]
+            readings += [place, place] if updated else [place]
+            updates += ["before", "after"] if updated else [None]
+        after = np.array([update == "after" for update in updates])
+        return tuple(updates), propagate_closed_loop(loop, np.array(readings), after)
 
     def tables(self, division: int) -> AidedTables:
         """Prepare the tables of the ensemble."""

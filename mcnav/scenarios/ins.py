@@ -37,6 +37,7 @@ from mcnav.scenarios.protocol import (
     Epochs,
     History,
     LinearModel,
+    LinearReadings,
     Output,
     Panel,
     PartialsHistory,
@@ -365,6 +366,24 @@ class Ins:
         linear = self.navigation.linear
         processes = {name: covariance[-1] for name, covariance in linear.processes.items()}
         return LinearModel(linear.partials[-1], np.zeros(len(OUTPUTS)), processes)
+
+    def linear_readings(self, times: Array | None) -> LinearReadings:
+        """Read the linear system out at rising times of the trajectory, s, or at the epochs."""
+        navigation = self.navigation
+        wanted = navigation.times if times is None else times
+        for time in wanted:
+            if not navigation.start <= time <= navigation.end:
+                raise ScenarioError(
+                    "end",
+                    f"got {time:g} s to look at; navigation lasts from {navigation.start:g} to {navigation.end:g} s",
+                )
+        if navigation.aided is not None:
+            updates, closed = navigation.aided.read_out(wanted)
+            return LinearReadings(closed.times, updates, closed.partials, closed.processes, closed.own)
+        grid = np.union1d(navigation.times, wanted)
+        responses = respond(navigation.truth, navigation.platform, grid, navigation.imu)
+        linear = propagate(navigation.truth, responses, navigation.imu, np.searchsorted(grid, wanted))
+        return LinearReadings(linear.times, (None,) * len(wanted), linear.partials, linear.processes)
 
     def partials_history(self, count: int) -> PartialsHistory:
         """Return the linear system at the epochs, whatever the count."""
