@@ -45,7 +45,7 @@ def samples_of(path: str | Path) -> pd.DataFrame:
     """Read the samples of a finished run folder as a table, their checksums verified.
 
     Columns: ``index``, ``status``, ``error NAME [unit]``, ``output NAME [unit]`` and, of samples with noise,
-    ``linear NAME [unit]``; SI units.
+    ``linear NAME [unit]``, with a filter ``filter NAME [unit]`` and ``nees``; SI units.
 
     Raises `RunFolderError` when the run is not finished, or a part of it is damaged.
     """
@@ -57,7 +57,8 @@ def samples_of(path: str | Path) -> pd.DataFrame:
     columns = {"index": samples.index, "status": samples.status}
     columns |= dict(zip(names.errors, samples.errors.T, strict=True))
     columns |= dict(zip(names.outputs, samples.outputs.T, strict=True))
-    return pd.DataFrame(columns | dict(zip(names.linear, samples.linear.T, strict=True)))
+    columns |= dict(zip(names.linear, samples.linear.T, strict=True))
+    return pd.DataFrame(columns | dict(zip(names.filter, samples.filter.T, strict=True)))
 
 
 def summary_of(path: str | Path) -> dict[str, Any]:
