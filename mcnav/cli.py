@@ -678,12 +678,14 @@ def calibrate(
     The campaigns are synthetic and their moments known. Every measured rate has its binomial interval.
     """
     from mcnav.calibration import page
+    from mcnav.calibration.filter_trials import run_filter_trials
     from mcnav.calibration.table import rates
     from mcnav.calibration.trials import run_trials
     from mcnav.files import write_texts
     from mcnav.sampling.designs import DESIGNS
 
-    table = rates(*run_trials(trials, jobs, DESIGNS))
+    counted = zip(run_trials(trials, jobs, DESIGNS), run_filter_trials(trials, jobs), strict=True)
+    table = rates(*(campaigns + filters for campaigns, filters in counted))
     texts = {"calibration.html": page.render(table, trials)}
     texts["calibration.csv"] = table.to_csv(index=False, float_format="%.4f")
     files = write_texts(folder, texts)

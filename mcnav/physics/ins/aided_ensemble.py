@@ -182,7 +182,7 @@ def simulate_aided(
     linear = np.einsum("nj,ij->ni", errors[:, :9], shared.start_map)
     instruments, aiding = errors[:, 9 : len(CONSTANTS)], errors[:, len(CONSTANTS) :]
     active = np.flatnonzero(instruments.any(axis=0))
-    of_states = np.where(model.constants >= 0, errors[:, np.maximum(model.constants, 0)], 0.0)
+    of_states = np.ascontiguousarray(np.where(model.constants >= 0, errors[:, np.maximum(model.constants, 0)], 0.0))
     turns, deviations = np.empty((count, epochs, 4)), np.empty((count, epochs, 6))
     predicted, outcome = np.empty((count, epochs, 9)), np.zeros(count, dtype=np.int64)
     nees, covariance = np.zeros((count, epochs, 6)), np.zeros((count, epochs, 45))
