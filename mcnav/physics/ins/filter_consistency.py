@@ -78,7 +78,7 @@ class Groups:
         Raises
         ------
         LinAlgError
-            When the covariance is not positive semidefinite.
+            When the covariance is not positive semidefinite, but for rounding.
         """
         inertial = np.eye(len(deviation))
         inertial[VELOCITY, POSITION] = cross_matrix(np.array([0.0, 0.0, self.spin]))
@@ -88,7 +88,10 @@ class Groups:
 
 def _normalized(deviation: Array, covariance: Array) -> float:
     """Compute the squared norm of a deviation by a covariance, which may be singular."""
-    sigmas = np.sqrt(np.diag(covariance))
+    variances = np.diag(covariance)
+    if not np.all(variances >= 0.0):
+        raise LinAlgError("the covariance has negative variances")
+    sigmas = np.sqrt(variances)
     known = sigmas > 0.0
     scaled = covariance[np.ix_(known, known)] / np.outer(sigmas[known], sigmas[known])
     values, vectors = np.linalg.eigh(scaled)
