@@ -35,7 +35,7 @@ from mcnav.physics.ins.earth_fixed_errors import (
 )
 from mcnav.physics.ins.earth_fixed_sensors import Indicated, SensorModel, Surroundings
 from mcnav.physics.ins.error_filter import NAVIGATION, FilterModel
-from mcnav.physics.ins.filter_consistency import Groups, SensorCounts, record_row
+from mcnav.physics.ins.filter_consistency import SensorCounts, normalized_errors, record_row
 from mcnav.physics.ins.instruments import ACCELEROMETER, CONSTANTS, GYRO, OUTPUTS, Imu
 from mcnav.physics.ins.mechanization import (
     LONGEST_STEP,
@@ -246,7 +246,6 @@ class _Flight:
         self.state = navigator.indicated_start(errors[: len(OUTPUTS)])
         self.filter: Any = KalmanFilter(dim_x=self.model.size, dim_z=1)
         self.filter.P = self.model.initial_covariance(self._frame().to_outputs(self.state[4:7]))
-        self.groups = Groups.of(self.model, self.earth.rotation_rate)
         self.counts = [SensorCounts() for _ in engine.sensors]
         self.offsets = list(self._measurement_errors())
 
@@ -355,7 +354,7 @@ class _Flight:
         own = self.filter.P
         covariance = to_outputs @ own[:NAVIGATION, :NAVIGATION] @ to_outputs.T
         counts = [each.read() for each in self.counts]
-        nees = self.groups.nees(deviation, own)
+        nees = normalized_errors(self.model, deviation, own, to_outputs)
         return errors, record_row(nees, covariance, errors, states, np.diag(own)[NAVIGATION:], counts)
 
     def _true_values(self, epoch: int) -> Array:

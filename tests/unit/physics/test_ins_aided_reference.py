@@ -24,7 +24,7 @@ from mcnav.physics.ins.mechanization import Diverged, Mechanization
 from mcnav.physics.ins.sample_noise import SampleNoise
 from mcnav.physics.ins.truth import Platform, Truth
 from mcnav.scenarios.filter_record import FilterSchema
-from tests.aided import (
+from tests.every_sensor import (
     INITIAL,
     MICRO_G,
     SIZES,

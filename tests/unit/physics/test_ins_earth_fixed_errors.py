@@ -22,7 +22,7 @@ from mcnav.physics.ins.instruments import ACCELEROMETER, CONSTANTS, GYRO
 from mcnav.physics.ins.navigation_errors import EarthFixedStates, navigation_errors
 from mcnav.physics.ins.normal_field import field_constants
 from mcnav.physics.ins.truth import Platform
-from tests.aided import SIZES, UNIT, every_sensor, gnss, matched
+from tests.every_sensor import SIZES, UNIT, every_sensor, gnss, matched
 from tests.flights import flight
 
 PLATFORMS: tuple[Platform, ...] = ("strapdown", "inertial", "level")
