@@ -68,6 +68,9 @@ class Finding:
     verdict : Honesty
     factor : float or None
         The ratio at its worst epoch: that of the largest departure that is certain, else the farthest from one.
+    interval : (float, float) or None
+        Interval of the factor that holds together with those of all other epochs, so that choosing the worst leaves
+        its confidence.
     worst : int or None
         That epoch.
     begin, end : int or None
@@ -80,6 +83,7 @@ class Finding:
 
     verdict: Honesty
     factor: float | None = None
+    interval: tuple[float, float] | None = None
     worst: int | None = None
     begin: int | None = None
     end: int | None = None
@@ -274,6 +278,8 @@ class FilterConsistency:
         The group that decides, empty when none does.
     factor : float or None
         Its ratio at the worst epoch.
+    interval : (float, float) or None
+        Of the factor; see `Finding`.
     begin, end : float or None
         First and last time of a certain departure.
     worst : float or None
@@ -286,6 +292,8 @@ class FilterConsistency:
         Approximate number of samples that would decide an undecided case.
     remarks : tuple of str
         What else there is to say, a sentence each.
+    covariance : ndarray, shape (outputs, outputs), or None
+        Mean covariance that the samples' filters state at the end, after the last update; SI.
     """
 
     label: str
@@ -300,6 +308,7 @@ class FilterConsistency:
     verdict: Honesty
     group: str = ""
     factor: float | None = None
+    interval: tuple[float, float] | None = None
     begin: float | None = None
     end: float | None = None
     worst: float | None = None
@@ -307,3 +316,4 @@ class FilterConsistency:
     neglected: tuple[NeglectedError, ...] = ()
     samples_needed: int | None = None
     remarks: tuple[str, ...] = ()
+    covariance: Array | None = None

@@ -64,6 +64,7 @@ class RunAnalysis:
             self.requirements,
             self.tails,
             self.left_out,
+            self.filter,
         )
 
     @cached_property

@@ -20,7 +20,7 @@ class Means:
 
     value: Array
     standard_error: Array
-    count: IndexArray
+    count: Array
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class FilterSums:
         value = np.where(some, self.sums / np.where(some, count, 1.0), np.nan)
         spread = np.maximum(self.squares - self.sums * np.nan_to_num(value), 0.0)
         error = np.sqrt(spread / np.where(several, count * (count - 1.0), 1.0))
-        return Means(value, np.where(several, error, np.inf), count.astype(np.int64))
+        return Means(value, np.where(several, error, np.inf), count)
 
     def to_numbers(self) -> Array:
         """Return all numbers in one row, the number of samples last."""

@@ -103,8 +103,6 @@ class FilterPredictionRecord(Record):
     mean squares of the errors of the filter's other states, shape (m, q).
     """
 
-    label: Words
-    times: Vector
     covariance: Matrices
     true: Matrices | None = None
     state_variance: Matrix
@@ -113,7 +111,13 @@ class FilterPredictionRecord(Record):
 
 
 class FilterRecord(Record):
-    """The filter of a scenario; see `mcnav.scenarios.filter_record.FilterSchema`."""
+    """The filter of a scenario; see `mcnav.scenarios.filter_record.FilterSchema`.
+
+    ``times`` are the epochs of its records, and ``label`` is what they are, as ``name [unit]``.
+    """
+
+    label: Words
+    times: Vector
 
     groups: Annotated[Mapping[Words, Annotated[int, Field(ge=1)]], Field(min_length=1)]
     outputs: Annotated[int, Field(ge=1)]
@@ -129,7 +133,7 @@ class FilterRecord(Record):
         prediction = self.prediction
         if prediction is None:
             return self
-        instants, outputs, states = len(prediction.times), self.outputs, len(self.states)
+        instants, outputs, states = len(self.times), self.outputs, len(self.states)
         shapes = {"covariance": (outputs, outputs), "state_variance": (states,), "state_true": (states,)}
         if prediction.true is not None:
             shapes["true"] = (outputs, outputs)

@@ -24,6 +24,8 @@ from mcnav.scenarios.filter_record import FilterPrediction, FilterSchema
 from mcnav.scenarios.filter_sums import FilterMeans
 from mcnav.scenarios.protocol import (
     Engine,
+    Epochs,
+    FilterEngine,
     FilterScenario,
     HasPartialsHistory,
     History,
@@ -142,7 +144,7 @@ class PreparedSystem:
         if schema is not None and filter_sums is not None:
             means = FilterMeans.of(schema, filter_sums)
             tables[FILTER] = filter_table(epochs, outputs, means)
-            columns = filter_columns(outputs, means, self._filter_prediction(len(epochs.times)))
+            columns = filter_columns(outputs, means, _filter_prediction(self.scenario, epochs))
         if sums is None or sums.count < FEWEST_FOLLOWED or histories is None:
             return tables
         tables[HISTORIES] = histories_table(epochs, outputs, histories)
@@ -151,11 +153,6 @@ class PreparedSystem:
         known = self.scenario.partials_history(len(epochs.times))
         linear = known.partials @ errors.mean, _covariance_throughout(known, errors)
         return {EPOCHS: epochs_table(epochs, outputs, sums, linear, histories, columns), **tables}
-
-    def _filter_prediction(self, epochs: int) -> FilterPrediction | None:
-        """Return what linear analysis says of the filter at so many epochs; none where it says nothing of them."""
-        found = self.scenario.filter_prediction() if isinstance(self.scenario, FilterScenario) else None
-        return found if found is not None and len(found.times) == epochs else None
 
 
 def prepare_system(
@@ -235,9 +232,8 @@ def _linear(scenario: Scenario, errors: ErrorModel, engine: Engine) -> ModelReco
         partials, _ = partials_throughout(time_history_engine, _sizes(scenario))
         epochs = time_history_engine.epochs
         optional["development"] = PartialsRecord(label=epochs.label, times=epochs.times, partials=partials)
-    schema = filter_schema_of(engine)
-    if schema is not None:
-        optional["filter"] = _filter_record(schema, scenario, errors)
+    if isinstance(engine, FilterEngine) and engine.filter_schema is not None:
+        optional["filter"] = _filter_record(engine.filter_schema, engine.epochs, scenario, errors)
     return ModelRecord(
         sources=_variables(scenario.sources),
         outputs=_variables(scenario.outputs),
@@ -255,10 +251,22 @@ def _covariance_throughout(known: PartialsHistory, errors: ErrorModel) -> Array:
     return np.asarray(sum(known.processes.values(), covariance))
 
 
-def _filter_record(schema: FilterSchema, scenario: Scenario, errors: ErrorModel) -> FilterRecord:
-    """Describe a filter, with what linear analysis says of it and of the truth."""
+def _filter_prediction(scenario: Scenario, epochs: Epochs) -> FilterPrediction | None:
+    """Return what linear analysis says of the filter at the epochs; none where it says nothing of them."""
     found = scenario.filter_prediction() if isinstance(scenario, FilterScenario) else None
+    return found if found is not None and _same_times(found.times, epochs.times) else None
+
+
+def _same_times(one: Array, other: Array) -> bool:
+    return one.shape == other.shape and bool(np.allclose(one, other, rtol=1e-9))
+
+
+def _filter_record(schema: FilterSchema, epochs: Epochs, scenario: Scenario, errors: ErrorModel) -> FilterRecord:
+    """Describe a filter, with what linear analysis says of it and of the truth."""
+    found = _filter_prediction(scenario, epochs)
     record = FilterRecord(
+        label=epochs.label,
+        times=epochs.times,
         groups=dict(schema.groups),
         outputs=schema.outputs,
         states=schema.states,
@@ -271,13 +279,11 @@ def _filter_record(schema: FilterSchema, scenario: Scenario, errors: ErrorModel)
     true = None
     if isinstance(scenario, HasPartialsHistory):
         known = scenario.partials_history(len(found.times))
-        if np.array_equal(known.times, found.times):
+        if _same_times(known.times, found.times):
             mean = known.partials @ errors.mean
             true = _covariance_throughout(known, errors) + mean[:, :, None] * mean[:, None, :]
     state_true = np.einsum("mqk,kl,mql->mq", found.state_partials, about_zero, found.state_partials)
     prediction = FilterPredictionRecord(
-        label=found.label,
-        times=found.times,
         covariance=found.covariance,
         true=true,
         state_variance=found.state_variance,
