@@ -11,7 +11,7 @@ from mcnav._types import Array
 from mcnav.analysis.filter_consistency import FilterConsistency, Finding, SigmaConsistency
 from mcnav.report.figures.consistency import group_title
 from mcnav.report.figures.filter_errors import sigmas
-from mcnav.report.filter_verdict import TONES, instant
+from mcnav.report.filter_verdict import TONES, instant, worst_sigmas
 from mcnav.report.format import number, percent
 from mcnav.report.model import RunAnalysis, humanize
 from mcnav.report.sentences import more_samples
@@ -61,6 +61,17 @@ def _at(found: FilterConsistency, each: SigmaConsistency, place: int) -> dict[st
         "filter": whose["filter"],
         "ratio": float(each.ratio.value[place]),
     }
+
+
+def at_worst(found: FilterConsistency) -> str:
+    """Compare the true sigma of the worst output with the filter's at the worst epoch; empty where there is none."""
+    output = next((each for each in found.outputs if each.name == found.output), None)
+    if output is None or found.worst is None:
+        return ""
+    place = int(np.argmin(np.abs(found.times - found.worst)))
+    whose = {name: float(values[place]) for name, values in sigmas(output).items()}
+    when = instant(found.worst, found.label)
+    return worst_sigmas(output.name, when, whose["Monte Carlo"], whose["filter"], output.shown_in)
 
 
 def findings(found: FilterConsistency) -> dict[str, list[dict[str, Any]]]:

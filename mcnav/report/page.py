@@ -154,10 +154,11 @@ def _of_filter(content: RunAnalysis, outputs: Sequence[Mapping[str, Any]]) -> di
     found, summary = content.filter, content.summary
     if found is None:
         return {"filter_answers": []}
+    explained = filter_tables.at_worst(found), filter_verdict.explanation(summary)
     return {
         "filter_answers": filter_tables.answers(content, outputs),
         "filter_headline": filter_verdict.headline(summary),
-        "filter_explanation": filter_verdict.explanation(summary),
+        "filter_explanation": " ".join(filter(None, explained)),
         "filter_tone": filter_verdict.TONES[found.verdict.value],
         "filter_findings": filter_tables.findings(found),
         "filter_neglected": filter_tables.neglected(content),
