@@ -10,7 +10,7 @@ import numpy as np
 from scipy import special
 
 from mcnav._types import Array
-from mcnav.analysis.comparison import Criterion
+from mcnav.analysis.comparison import LARGEST_FAILED_SHARE, Criterion
 from mcnav.analysis.filter_causes import neglected_errors
 from mcnav.analysis.filter_consistency import (
     Band,
@@ -91,8 +91,9 @@ def assess_filter(evidence: FilterEvidence, criterion: Criterion) -> FilterConsi
     deciding = deciding_groups(groups)
     picked = deciding[combine([group.finding for group in deciding]) or 0]
     finding = picked.finding
-    if finding.verdict == Honesty.CONSISTENT and too_many_failed(evidence.samples, evidence.failed):
-        finding = replace(finding, verdict=Honesty.UNDECIDED, remark="too many samples failed")
+    doubt = _doubt(evidence, means, outputs)
+    if finding.verdict == Honesty.CONSISTENT and doubt:
+        finding = replace(finding, verdict=Honesty.UNDECIDED, remark=doubt)
     worst_output = _worst_output(outputs, picked, finding)
 
     def time(epoch: int | None) -> float | None:
@@ -124,6 +125,18 @@ def assess_filter(evidence: FilterEvidence, criterion: Criterion) -> FilterConsi
         remarks=remarks_on(finding.remark, means, groups, deciding, outputs, states, sensors),
         covariance=means.covariances[-1],
     )
+
+
+def _doubt(evidence: FilterEvidence, means: FilterMeans, outputs: Sequence[SigmaConsistency]) -> str:
+    """Return why a filter is not called consistent, although its ratios are; empty when there is no reason."""
+    if too_many_failed(evidence.samples, evidence.failed):
+        return "too many samples failed"
+    counts = means.at("nees").count[:-1]
+    if np.any((counts > 0.0) & (means.samples - counts > LARGEST_FAILED_SHARE * means.samples)):
+        return "the filter's covariance is singular in too many samples"
+    if any(np.any((each.filter <= 0.0) & (each.true > 0.0)) for each in outputs):
+        return "the filter believes in no error where there is one"
+    return ""
 
 
 def deciding_groups(groups: Sequence[GroupConsistency]) -> tuple[GroupConsistency, ...]:

@@ -11,17 +11,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
 from mcnav.config.context import FileContext
+from mcnav.config.instants import same_times, seconds, within
 from mcnav.config.schema import CircularTable, QuantileTable
 from mcnav.scenarios.ins import Ins, Navigation
 from mcnav.scenarios.protocol import Scenario
 
 KEYS: Final = ("after", "during", "at")
 OUTAGES: Final = "outages"
-
-SAME: Final = 1e-9
-"""Difference of two times that are the same, over the largest: epochs are computed, not written."""
 
 
 @dataclass(frozen=True)
@@ -64,20 +61,20 @@ def read_epochs(
 def _after(navigation: Navigation, time: float, key: str, context: FileContext) -> RequirementEpochs | None:
     if not _navigates(navigation, time, key, context):
         return None
-    return _found(f"from {_seconds(time)} on", navigation.times >= time - _tolerance(navigation))
+    return _found(f"from {seconds(time)} on", navigation.times >= time - same_times(navigation))
 
 
 def _at(navigation: Navigation, time: float, key: str, context: FileContext) -> RequirementEpochs | None:
     if not _navigates(navigation, time, key, context):
         return None
     times = navigation.times
-    same = np.abs(times - time) <= _tolerance(navigation)
+    same = np.abs(times - time) <= same_times(navigation)
     if not same.any():
         later = int(np.searchsorted(times, time))
-        neighbours = f"{_seconds(times[later - 1])} or {_seconds(times[later])}"
-        context.problem(key, f"got {_seconds(time)}, which lies between two epochs; expected {neighbours}")
+        neighbours = f"{seconds(times[later - 1])} or {seconds(times[later])}"
+        context.problem(key, f"got {seconds(time)}, which lies between two epochs; expected {neighbours}")
         return None
-    return _found(f"at {_seconds(time)}", same)
+    return _found(f"at {seconds(time)}", same)
 
 
 def _during(navigation: Navigation, entry: object, key: str, context: FileContext) -> RequirementEpochs | None:
@@ -95,43 +92,30 @@ def _during(navigation: Navigation, entry: object, key: str, context: FileContex
         if not begin < end:
             context.problem(key, f"got {entry[0]!r} to {entry[1]!r}; expected an end after its begin")
             return None
-        spans, words = [(begin, end)], f"from {_seconds(begin)} to {_seconds(end)}"
+        spans, words = [(begin, end)], f"from {seconds(begin)} to {seconds(end)}"
     else:
         context.problem(key, f'expected a begin and an end such as ["1200 s", "1500 s"], or "{OUTAGES}"')
         return None
     inside = np.zeros(len(navigation.times), dtype=bool)
     for begin, end in spans:
-        epochs = _within(navigation.times, begin, end, _tolerance(navigation))
+        epochs = within(navigation.times, begin, end, same_times(navigation))
         if not epochs.any():
-            apart = _seconds(float(np.max(np.diff(navigation.times))))
-            came = f"{_seconds(begin)} to {_seconds(end)}"
+            apart = seconds(float(np.max(np.diff(navigation.times))))
+            came = f"{seconds(begin)} to {seconds(end)}"
             context.problem(key, f"no epoch lies within {came}; errors are known at epochs that are {apart} apart")
             return None
         inside |= epochs
     return _found(words, inside)
 
 
-def _within(times: Array, begin: float, end: float, tolerance: float) -> NDArray[np.bool_]:
-    """Select epochs from a begin, included, to an end, not included."""
-    return np.asarray((times >= begin - tolerance) & (times < end - tolerance))
-
-
 def _navigates(navigation: Navigation, time: float, key: str, context: FileContext) -> bool:
-    tolerance = _tolerance(navigation)
+    tolerance = same_times(navigation)
     if navigation.start - tolerance <= time <= navigation.end + tolerance:
         return True
-    span = f"{_seconds(navigation.start)} to {_seconds(navigation.end)}"
-    context.problem(key, f"got {_seconds(time)}; navigation is from {span}")
+    span = f"{seconds(navigation.start)} to {seconds(navigation.end)}"
+    context.problem(key, f"got {seconds(time)}; navigation is from {span}")
     return False
-
-
-def _tolerance(navigation: Navigation) -> float:
-    return SAME * max(abs(navigation.start), abs(navigation.end))
 
 
 def _found(words: str, inside: NDArray[np.bool_]) -> RequirementEpochs:
     return RequirementEpochs(words, tuple(np.flatnonzero(inside).tolist()))
-
-
-def _seconds(time: float) -> str:
-    return f"{time:.10g} s"

@@ -125,7 +125,10 @@ class UntilTable(Table):
 
 
 class CampaignTable(Table):
-    """The whole file; `mcnav.config.read` reads ``[scenario]`` and ``[errors]`` by type and units."""
+    """The whole file; `mcnav.config.read` reads ``[scenario]`` and ``[errors]`` by type and units.
+
+    ``[[aiding]]`` and ``[filter]`` are read with the scenario.
+    """
 
     name: Text | None = None
     samples: Annotated[int, Field(ge=2, le=1_000_000_000_000)] = 20_000
@@ -137,6 +140,8 @@ class CampaignTable(Table):
     sample_timeout: Annotated[Duration, Field(ge=0.001, le=1e6)] | None = None
     scenario: dict[str, Any]
     imu: dict[str, Any] | None = None
+    aiding: Any = None
+    filter: Any = None
     errors: dict[str, Any] = {}
     correlations: Annotated[list[CorrelationTable], Field(max_length=1_000)] = []
     joint: Annotated[list[JointTable], Field(max_length=100)] = []

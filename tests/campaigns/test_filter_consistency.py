@@ -18,8 +18,8 @@ from mcnav.workflow.run import run_campaign
 from tests.scalar_filter import SCHEMA, campaign, steady_variance
 
 
-def run(folder: Path, samples: int = 300, jobs: int = 1, **changes: Any) -> dict[str, Any]:
-    return dict(run_campaign(campaign(samples, **changes), folder, None, jobs).summary)
+def run(folder: Path, samples: int = 300, jobs: int = 1, report: bool = True, **changes: Any) -> dict[str, Any]:
+    return dict(run_campaign(campaign(samples, **changes), folder, None, jobs, report=report).summary)
 
 
 def test_sums_are_the_same_bits_however_a_run_is_divided(tmp_path: Path) -> None:
@@ -98,3 +98,60 @@ def test_means_of_a_record_by_place(tmp_path: Path) -> None:
     assert fix["accepted"].value[-1] == 100.0
     assert fix["lags"].value[-1] == 99.0
     assert other["accepted"].value[-1] == 0.0
+
+
+def test_verdict_on_the_mismatched_scalar_filter(tmp_path: Path) -> None:
+    """True variance 2.0427120591, the filter's 0.8827822185; NEES 2.313948, NIS 1.372104; the walk is neglected."""
+    summary = run(tmp_path / "run", 1_000)
+    assert list(summary)[-7:] == [
+        "covariance_filter", "sigma_filter", "nees_filter_mean", "nees_filter_dimension", "nis_mean", "filter_verdict",
+        "filter",
+    ]  # fmt: skip
+    found = summary["filter"]
+    assert (found["verdict"], found["group"], found["output"], found["begin"], found["end"]) == (
+        "optimistic", "position", "position", 0.0, 100.0,
+    )  # fmt: skip
+    position, fix = found["groups"]["position"], found["sensors"]["fix"]
+    # epochs are one campaign's: one interval at 95 % would miss once in twenty; these hold over 42 statements
+    low, high = found["factor_interval"]
+    assert low < np.sqrt(2.313948) < high
+    assert fix["nis_interval"][0] < 1.372104 < fix["nis_interval"][1]
+    assert summary["nees_filter_mean"] == pytest.approx(2.313948, abs=5.0 * 2.313948 * np.sqrt(2.0 / 1_000))
+    assert summary["nis_mean"] == {"fix": fix["nis_mean"], "spare": None}
+    assert summary["covariance_filter"][0][0] == pytest.approx(0.8827822185, abs=1e-10)
+    assert summary["sigma_filter"][0] ** 2 == pytest.approx(0.8827822185, abs=1e-10)
+    assert summary["sigma_linear"][0] ** 2 == pytest.approx(2.0427120591, abs=1e-10)
+    assert position["ratio_linear"] == pytest.approx(np.sqrt(2.313948), abs=1e-6)
+    assert found["outputs"]["position"]["ratio_linear"] == pytest.approx(np.sqrt(2.313948), abs=1e-6)
+    assert found["neglected"][0]["name"] == "walk"
+    assert sum(each["share"] for each in found["neglected"]) == pytest.approx(1.0, rel=1e-12)
+    missing = sum(each["true"] - each["believed"] for each in found["neglected"])
+    assert missing == pytest.approx(2.0427120591 - 0.8827822185, abs=1e-9)
+    assert fix["nis_beyond"]
+    assert fix["correlation_beyond"]
+    assert summary["filter_verdict"].startswith("The filter is optimistic by a factor of 1.")
+    assert summary["verdict"] == "agrees"  # linear analysis is right about a filter that is not
+
+
+def test_verdict_on_the_matched_scalar_filter(tmp_path: Path) -> None:
+    """Of 6,000 samples the farthest of 21 ratios is within ±5 % with its interval of ±1.8 %."""
+    summary = run(tmp_path / "run", 6_000, walk=1.0, report=False)
+    assert summary["filter"]["verdict"] == "consistent"
+    assert not summary["filter"]["sensors"]["fix"]["nis_beyond"]
+    assert not summary["filter"]["sensors"]["fix"]["correlation_beyond"]
+    assert summary["filter"]["neglected"] == []
+
+
+def test_degenerate_campaigns_have_words_and_no_nan(tmp_path: Path) -> None:
+    """Too few samples; every sample fails; a summary in place of samples has the same verdict."""
+    few = run(tmp_path / "few", 15)
+    assert few["filter"]["verdict"] == "undecided"
+    assert few["filter_verdict"] == "Undecided: 15 samples are too few for an interval; expected 20 or more."
+    lost = run(tmp_path / "lost", 30, failing=range(30))
+    assert lost["filter_verdict"] == "Undecided: every sample failed."
+    assert lost["sigma_filter"] is None
+    for name in ("few", "lost"):
+        assert "NaN" not in (tmp_path / name / "summary.json").read_text()
+    whole, reduced = run(tmp_path / "whole"), run(tmp_path / "reduced", store="summary")
+    assert whole["filter"]["factor"] == pytest.approx(reduced["filter"]["factor"], rel=1e-12)
+    assert whole["filter_verdict"] == reduced["filter_verdict"]
