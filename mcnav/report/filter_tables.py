@@ -9,9 +9,10 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.analysis.filter_consistency import FilterConsistency, Finding, SigmaConsistency
+from mcnav.analysis.filter_remarks import instant
 from mcnav.report.figures.consistency import group_title
 from mcnav.report.figures.filter_errors import sigmas
-from mcnav.report.filter_verdict import TONES, instant, worst_sigmas
+from mcnav.report.filter_verdict import TONES, worst_sigmas
 from mcnav.report.format import number, percent
 from mcnav.report.model import RunAnalysis, humanize
 from mcnav.report.sentences import more_samples

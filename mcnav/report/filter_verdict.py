@@ -47,16 +47,6 @@ def _neglected(found: Mapping[str, Any]) -> str:
     return f"Neglected errors: {', '.join(shares)}." if len(shares) > 1 else ""
 
 
-def instant(time: float, label: str) -> str:
-    """Format an instant in the unit of a label ``name [unit]``.
-
-    >>> instant(1500.0, "time [s]"), instant(24.5, "time [min]"), instant(20.0, "")
-    ('1,500 s', '24.5 min', '20')
-    """
-    unit = label.partition(" [")[2].removesuffix("]")
-    return f"{time:,.5g} {unit}".rstrip().replace("-", "−")
-
-
 def worst_sigmas(name: str, when: str, true: float, stated: float, unit: str) -> str:
     """Compare the true sigma of an output at an instant with the filter's.
 

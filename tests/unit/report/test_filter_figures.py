@@ -67,7 +67,7 @@ def test_every_figure_is_whole(draw: Callable[[Any], Figure | None], factor: flo
     assert "nan" not in text
     assert "inf" not in text
     assert {len(values) for values in figure.columns.values()} == {len(TIMES)}
-    assert f"outage of gnss: {OUTAGE[0]:.2f} to {OUTAGE[1]:.2f} min" in text
+    assert f"outage of gnss: {OUTAGE[0]:g} to {OUTAGE[1]:g} min" in text
 
 
 @pytest.mark.parametrize("draw", DRAWINGS)
