@@ -16,7 +16,7 @@ from mcnav.analysis.linearity import DispersionRange
 from mcnav.analysis.verdict import combine_verdicts
 from mcnav.errors import shortened
 from mcnav.lincov.start_times import StartTimeStudy
-from mcnav.report import sentences
+from mcnav.report import filter_verdict, sentences
 from mcnav.report.export import output_rows, partial_rows
 from mcnav.report.fitted_table import FittedTable, numbers, texts
 from mcnav.report.format import interval
@@ -36,13 +36,18 @@ ELSEWHERE = "report.html or --format csv"
 
 
 def verdict(summary: Mapping[str, Any]) -> RenderableType:
-    """State the verdict in sentences."""
+    """State the verdict in sentences, that on a filter as well."""
     lines = [Text(sentences.headline(summary), style=f"bold {COLOURS[sentences.standing(summary)]}")]
     remarks = (
         sentences.explanation, sentences.joint_explanation, sentences.certain_but_small, sentences.stopping,
         sentences.caveat, sentences.failures,
     )  # fmt: skip
-    return Group(*lines, *(Text(sentence) for sentence in (remark(summary) for remark in remarks) if sentence))
+    lines += [Text(sentence) for sentence in (remark(summary) for remark in remarks) if sentence]
+    filtered = filter_verdict.verdict(summary)
+    if filtered:
+        lines.append(Text(filter_verdict.headline(summary), style=f"bold {COLOURS[filter_verdict.TONES[filtered]]}"))
+        lines += [Text(sentence) for sentence in [filter_verdict.explanation(summary)] if sentence]
+    return Group(*lines)
 
 
 def comparison(runs: Mapping[str, Mapping[str, Any]]) -> RenderableType:

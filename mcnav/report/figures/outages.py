@@ -1,0 +1,30 @@
+"""Outages of aiding sensors, shaded in diagrams over time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+from mcnav.report.figures.marks import Series, Span
+from mcnav.report.figures.palette import OUTAGE
+from mcnav.report.format import number
+from mcnav.report.model import RunAnalysis, humanize
+
+SHADED: Final = Series("outage", "outage", OUTAGE, "area")
+
+
+def outages(content: RunAnalysis, sensors: Sequence[str] = ()) -> list[Span]:
+    """Return the outages of some sensors by name, by default of all."""
+    history = content.history
+    unit = next(iter(history.columns), "").partition(" [")[2].removesuffix("]")
+    return [
+        Span(SHADED, begin, end, text=f"outage of {humanize(name)}: {number(begin)} to {number(end)} {unit}".rstrip())
+        for name, spans in history.outages.items()
+        if not sensors or name in sensors
+        for begin, end in spans
+    ]
+
+
+def shading_key(spans: Sequence[Span]) -> list[Series]:
+    """Return the entry of a figure's key for outages; empty without any."""
+    return [SHADED] if spans else []
