@@ -65,23 +65,21 @@ def _on_zero_variances(sigmas: Sequence[SigmaConsistency]) -> Iterator[str]:
 
 def _on_sensors(sensors: Sequence[SensorConsistency]) -> Iterator[str]:
     for sensor in sensors:
-        name, white, nis = _spoken(sensor.name), sensor.whiteness, sensor.nis_whole
-        if nis is None:
+        name = _spoken(sensor.name)
+        if sensor.nis_whole is None:
             yield f"{name[:1].upper()}{name[1:]} never updated the filter."
-            continue
-        if sensor.finding.remark and not sensor.updates[0] > 0.0:
+        elif sensor.finding.remark and not sensor.updates[0] > 0.0:
             yield f"Every measurement of {name} was rejected."
-        if sensor.beyond:
-            low, high = sensor.bounds_whole
-            yield (
-                f"The mean NIS of {name} is {nis:.4g}; that of a consistent filter lies between {low:.4g} and "
-                f"{high:.4g}."
-            )
-        if white.beyond and white.correlation is not None:
-            yield (
-                f"Innovations of {name} are not white: the correlation of consecutive ones is {white.correlation:.2g}, "
-                f"beyond ±{white.bound:.2g}."
-            )
+    beyond = [
+        f"{_spoken(sensor.name)} {sensor.nis_whole:.4g} for {sensor.size}"
+        for sensor in sensors
+        if sensor.beyond and sensor.nis_whole is not None
+    ]
+    if beyond:
+        yield f"The mean NIS is beyond the bounds of a consistent filter: {', '.join(beyond)}."
+    coloured = [_spoken(sensor.name) for sensor in sensors if sensor.whiteness.beyond]
+    if coloured:
+        yield f"Innovations of {' and '.join(coloured)} are not white."
 
 
 def sentence(found: FilterConsistency) -> str:

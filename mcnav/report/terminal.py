@@ -43,11 +43,16 @@ def verdict(summary: Mapping[str, Any]) -> RenderableType:
         sentences.caveat, sentences.failures,
     )  # fmt: skip
     lines += [Text(sentence) for sentence in (remark(summary) for remark in remarks) if sentence]
-    filtered = filter_verdict.verdict(summary)
-    if filtered:
-        lines.append(Text(filter_verdict.headline(summary), style=f"bold {COLOURS[filter_verdict.TONES[filtered]]}"))
-        lines += [Text(sentence) for sentence in [filter_verdict.explanation(summary)] if sentence]
-    return Group(*lines)
+    return Group(*lines, *filter_lines(summary))
+
+
+def filter_lines(summary: Mapping[str, Any]) -> list[Text]:
+    """List the sentences on a filter; none without a filter."""
+    found = filter_verdict.verdict(summary)
+    if not found:
+        return []
+    stated = Text(filter_verdict.headline(summary), style=f"bold {COLOURS[filter_verdict.TONES[found]]}")
+    return [stated, *(Text(sentence) for sentence in [filter_verdict.explanation(summary)] if sentence)]
 
 
 def comparison(runs: Mapping[str, Mapping[str, Any]]) -> RenderableType:
