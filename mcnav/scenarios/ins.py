@@ -456,7 +456,13 @@ class Ins:
             "specific force [g]": np.linalg.norm(states.force, axis=1) / STANDARD_GRAVITY,
             "angular rate [deg/s]": np.degrees(np.linalg.norm(states.rate, axis=1)),
         }
-        return History(columns, {"end": float(columns[HISTORY_TIME][-1])}, PANELS)
+        outages = {
+            sensor.name: tuple(
+                ((begin - navigation.start) / 60.0, (end - navigation.start) / 60.0) for begin, end in sensor.outages
+            )
+            for sensor in navigation.sensors if sensor.outages
+        }  # fmt: skip
+        return History(columns, {"end": float(columns[HISTORY_TIME][-1])}, PANELS, outages)
 
 
 PANELS: Final = (
