@@ -99,10 +99,13 @@ class StochasticUserScenario(UserScenario):
 
     @property
     def processes(self) -> tuple[Output, ...]:
-        """Processes of the noise, by name; `ScenarioError` when their covariance cannot be had."""
+        """Processes of the noise, by name; one without a name when the class's covariance of them is wrong."""
         if not self.noisy:
             return ()
-        return tuple(Output(name, "1", "1") for name in self.noise) if self.gives_noise_covariance else (_UNNAMED,)
+        try:
+            return tuple(Output(name, "1", "1") for name in self.noise) if self.gives_noise_covariance else (_UNNAMED,)
+        except ScenarioError:  # what asks whether there is noise is not told why its covariance is wrong
+            return (_UNNAMED,)
 
     @property
     def gives_noise_covariance(self) -> bool:

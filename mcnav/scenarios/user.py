@@ -2,7 +2,8 @@
 
 The class declares ``sources`` and ``outputs``. ``propagate`` simulates many samples at once, in threads, and must not
 change ``self``; ``fly`` simulates one, in worker processes. Both take and return SI units. Optional attributes are
-``settings``, ``partials``, ``history`` and ``chunk``.
+``settings``, ``partials``, ``history`` and ``chunk``. Noise, errors over time and filters are in
+`mcnav.scenarios.stochastic_user`.
 
 The file may import installed packages, but no file in its folder. Its text is part of the run's identity, and so are
 the files that it reads: those that settings name, and those that it opens while it is built, linearized and asked for

@@ -94,7 +94,7 @@ class PreparedSystem:
             same = self.engine_name in (MAP, scenario.engines[0]) and np.array_equal(probes, draws.probes())
             return _guarded(scenario, own, self.timeout) if same else _exact_engine(scenario, probes, self.timeout)
 
-        if isinstance(scenario, StochasticScenario):
+        if isinstance(scenario, StochasticScenario) and not _without_noise(scenario):
             engine = _guarded(scenario, self.engine, self.timeout)
             return noise_corrections(engine, draws.errors, self.model.processes or {})
         with _scenario_errors(self.file):
@@ -231,6 +231,11 @@ def _find_unsettled(
 def unsettled_record(doubt: Unsettled) -> UnsettledRecord:
     """Convert a doubt about the linear model to its record."""
     return UnsettledRecord(**{key: value for key, value in asdict(doubt).items() if (key, value) != ("noise", "")})
+
+
+def _without_noise(scenario: Scenario) -> bool:
+    """Return whether a scenario is a user's class with errors over time, but without noise."""
+    return isinstance(scenario, StochasticUserScenario) and not scenario.noisy
 
 
 def _exact_engine(scenario: Scenario, probes: Array, timeout: float | None) -> Engine:
