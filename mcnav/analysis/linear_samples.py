@@ -31,9 +31,10 @@ class NoiseDoubt:
 def doubt_noise(model: Model, errors: Array, linear: Array, limit: float) -> NoiseDoubt | None:
     """Test the covariance of the noise in linear outcomes.
 
-    What remains of ``linear`` without the effect of the errors must have the covariance ``sum Q_j``, along each output
-    and along the axes of that covariance. A variance estimated from n normal values is distributed as chi-square with n
-    degrees of freedom; the limits are Bonferroni's.
+    What remains of ``linear`` without the effect of the errors must have the covariance ``sum Q_j``: along each output,
+    and in coordinates in which it is the identity along each, and along the sum and the difference of any two. A
+    variance estimated from n normal values is distributed as chi-square with n degrees of freedom; the limits are
+    Bonferroni's.
 
     Parameters
     ----------
@@ -56,7 +57,10 @@ def doubt_noise(model: Model, errors: Array, linear: Array, limit: float) -> Noi
     if len(silent):
         return NoiseDoubt(int(silent[0]), np.inf)
     scale = np.divide(1.0, sigmas, out=np.zeros(size), where=sigmas > 0.0)
-    axes = np.hstack([np.diag(scale), whitening(covariance).matrix])
+    white = whitening(covariance).matrix
+    pairs = np.triu_indices(white.shape[1], 1)
+    sums, differences = (white[:, pairs[0]] + sign * white[:, pairs[1]] for sign in (1.0, -1.0))
+    axes = np.hstack([np.diag(scale), white, np.sqrt(0.5) * sums, np.sqrt(0.5) * differences])
     axes = axes[:, np.any(axes != 0.0, axis=0)]
     count = len(noise)
     if count == 0 or axes.shape[1] == 0:

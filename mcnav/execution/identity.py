@@ -173,4 +173,9 @@ def _refuse_other_samples(folder: RunFolder, identity: Identity, design: str, be
 def _flat(value: Any, prefix: str = "") -> dict[str, Any]:
     if isinstance(value, Mapping):
         return {key: leaf for name, entry in value.items() for key, leaf in _flat(entry, f"{prefix}{name}.").items()}
+    if isinstance(value, list) and value and all(isinstance(entry, Mapping) for entry in value):
+        at = prefix.removesuffix(".")
+        return {
+            key: leaf for number, entry in enumerate(value, 1) for key, leaf in _flat(entry, f"{at} #{number}.").items()
+        }
     return {prefix.removesuffix(".").removeprefix("campaign."): value}

@@ -18,6 +18,9 @@ from mcnav.scenarios.settings import NAME
 ALL: Final = "all"
 """Group of all outputs."""
 
+INDEFINITE: Final = 1e-9
+"""Share of a unit eigenvalue by which rounding may make that of a correlation matrix negative."""
+
 SAME_TIME: Final = 1e-9
 """Share of the time between first and last epoch by which an update may be later than an epoch and belong to it: times
 that were computed in two ways differ by rounding, some 1e-13 of it."""
@@ -89,6 +92,9 @@ def schema_of(flown: Flown, outputs: Sequence[str], groups: Mapping[str, Sequenc
     for name, members in groups.items():
         if name == ALL or isinstance(members, str) or not members or not set(members) <= set(outputs):
             raise ValueError(f"groups: {name!r} must list outputs and cannot be called {ALL!r}; got {members!r:.80}")
+        named = {output for output in outputs if output.startswith(name)}  # the analysis takes them for the group's
+        if named and named != set(members):
+            raise ValueError(f"groups: {name!r} must list the outputs whose names begin with it, or have another name")
     sizes = {name: _columns(name, each)[1].shape[1] for name, each in flown.innovations.items()}
     return FilterSchema(
         groups={ALL: len(outputs)} | {name: len(members) for name, members in groups.items()},
@@ -105,7 +111,7 @@ def record_of(
     Raises
     ------
     SampleFailed
-        When errors are not finite, or a covariance is not positive definite.
+        When errors are not finite, or a covariance is indefinite.
     ValueError
         When shapes or sensors are wrong.
     """
@@ -124,9 +130,9 @@ def record_of(
     records, places = np.zeros((count, schema.width)), schema.places
     for column, members in enumerate((outputs, *groups.values())):
         chosen = [list(outputs).index(name) for name in members]
-        factors = _factors(covariance[:, chosen][:, :, chosen], epochs.times, "covariance", epochs.label)
-        white = np.linalg.solve(factors, errors[:, chosen, None])[:, :, 0]
-        records[:, places["nees"].start + column] = np.sum(white**2, axis=1)
+        records[:, places["nees"].start + column] = _nees(
+            errors[:, chosen], covariance[:, chosen][:, :, chosen], epochs
+        )
     rows, columns = np.tril_indices(size)
     records[:, places["covariance"]] = covariance[:, rows, columns]
     sigmas = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
@@ -144,16 +150,37 @@ def _check_finite(values: Array, epochs: Epochs, what: str) -> None:
         raise SampleFailed(Failure(Reason.STATED, f"{what}: not finite at {epochs.label} = {time:g}"))
 
 
-def _factors(matrices: Array, times: Array, what: str, label: str) -> Array:
-    """Factor covariances, shape (n, k, k), at so many times."""
+def _nees(errors: Array, covariance: Array, epochs: Epochs) -> Array:
+    """Compute the NEES at every epoch, shape (m,); NaN where the covariance is singular.
+
+    Raises `SampleFailed` where it is indefinite: a variance is negative, or an eigenvalue of the correlation matrix.
+    """
+    size = errors.shape[1]
+    variance = np.diagonal(covariance, axis1=1, axis2=2)
+    scale = 1.0 / np.sqrt(np.where(variance > 0.0, variance, 1.0))
+    correlation = covariance * scale[:, :, None] * scale[:, None, :]
+    lowest = np.linalg.eigvalsh(correlation)[:, 0]
+    negative = (variance < 0.0).any(axis=1) | (lowest < -INDEFINITE * size)
+    if negative.any():
+        time = epochs.times[np.argmax(negative)]
+        raise SampleFailed(
+            Failure(Reason.STATED, f"the filter's covariance is not positive definite at {epochs.label} = {time:g}")
+        )
+    regular = (variance > 0.0).all(axis=1) & (lowest > size * np.finfo(float).eps)
+    correlation[~regular] = np.eye(size)
+    deviations = (errors * scale)[:, :, None]
+    squares = np.sum(deviations * np.linalg.solve(correlation, deviations), axis=(1, 2))
+    return np.asarray(np.where(regular, squares, np.nan))
+
+
+def _factors(matrices: Array, times: Array, name: str, label: str) -> Array:
+    """Factor the innovation covariances of a sensor, shape (k, size, size)."""
     try:
         return np.asarray(np.linalg.cholesky(matrices))
     except np.linalg.LinAlgError:
-        lowest = np.linalg.eigvalsh(matrices).min(axis=1)
-        time = times[np.argmax(lowest <= 0.0)]
-        raise SampleFailed(
-            Failure(Reason.STATED, f"the filter's {what} is not positive definite at {label} = {time:g}")
-        ) from None
+        time = times[np.argmax(np.linalg.eigvalsh(matrices).min(axis=1) <= 0.0)]
+        message = f"the filter's innovation covariance of {name} is not positive definite at {label} = {time:g}"
+        raise SampleFailed(Failure(Reason.STATED, message)) from None
 
 
 def _columns(name: str, innovations: Innovations) -> tuple[Array, Array, Array, Array]:
@@ -184,7 +211,7 @@ def _counted(name: str, innovations: Innovations, size: int, epochs: Epochs) -> 
         raise ValueError(f"innovations of {name!r}: times must not fall, nor lie after the last epoch")
     if not np.isfinite(values).all() or not np.isfinite(covariance).all():
         raise SampleFailed(Failure(Reason.STATED, f"innovations of {name}: not finite"))
-    factors = _factors(covariance, times, f"innovation covariance of {name}", epochs.label)
+    factors = _factors(covariance, times, name, epochs.label)
     white = np.linalg.solve(factors, values[:, :, None])[:, :, 0]
     along = np.append(0.0, np.sum(white[1:] * white[:-1], axis=1) / size)[: len(white)]
     later = (np.arange(len(white)) > 0).astype(float)

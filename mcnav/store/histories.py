@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -59,7 +59,12 @@ def histories_table(epochs: Epochs, outputs: Sequence[Output], histories: Array)
 
 
 def epochs_table(
-    epochs: Epochs, outputs: Sequence[Output], sums: PowerSums, linear: tuple[Array, Array], histories: Array
+    epochs: Epochs,
+    outputs: Sequence[Output],
+    sums: PowerSums,
+    linear: tuple[Array, Array],
+    histories: Array,
+    further: Mapping[str, Array] | None = None,
 ) -> bytes:
     """Tabulate moments of all samples, linear moments and percentiles of the stored histories at every epoch.
 
@@ -71,6 +76,8 @@ def epochs_table(
     linear : (ndarray, ndarray), shapes (m, outputs) and (m, outputs, outputs)
         Linear mean and covariance.
     histories : ndarray, shape (n, m, outputs)
+    further : mapping of str to ndarray, shape (m,), optional
+        Further columns.
     """
     covariance, third, fourth = sums.covariance, sums.third, sums.fourth
     complete = histories[np.isfinite(histories).all(axis=(1, 2))]
@@ -92,5 +99,6 @@ def epochs_table(
         for j, other in enumerate(outputs[:i]):
             unit = f"({other.unit})({one.unit})"
             columns[f"covariance {other.name}, {one.name} [{unit}]"] = covariance[:, i, j]
+    columns |= further or {}
     described = {"events": dict(epochs.events), "samples": sums.count, "stored": len(complete)}
     return parquet_bytes(arrow_table(columns).replace_schema_metadata({"mcnav.epochs": json.dumps(described)}))

@@ -1,11 +1,11 @@
 """The run folder: what a run leaves behind, and all that a report needs.
 
 ``campaign.toml`` (resolved), ``manifest.json``, ``samples/part-*.parquet``, ``history.parquet``, where the engine knows
-errors throughout the flight ``epochs.parquet`` and ``histories.parquet``, ``summary.json``, ``report.html``, and the
-Python file of a scenario of the user's own, which only ``mcnav run`` on the campaign beside it ever executes, with the
-small files that it reads in ``inputs/``. A file is written under a temporary name and renamed when it is complete, so
-that a file that is there is whole. The file of a chunk has the identity of its run and its place in it; it is verified
-by its content, not because the manifest lists it.
+errors throughout the flight ``epochs.parquet`` and ``histories.parquet``, with a filter ``filter.parquet``,
+``summary.json``, ``report.html``, and the Python file of a scenario of the user's own, which only ``mcnav run`` on the
+campaign beside it ever executes, with the small files that it reads in ``inputs/``. A file is written under a temporary
+name and renamed when it is complete, so that a file that is there is whole. The file of a chunk has the identity of its
+run and its place in it; it is verified by its content, not because the manifest lists it.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ from mcnav.store.manifest import FileRecord, Manifest, ManifestError, json_diges
 
 CAMPAIGN, MANIFEST, SUMMARY, REPORT = "campaign.toml", "manifest.json", "summary.json", "report.html"
 HISTORY, SAMPLES, LOCK = "history.parquet", "samples", ".lock"
-EPOCHS, HISTORIES = "epochs.parquet", "histories.parquet"
-FILES: Final = (MANIFEST, SUMMARY, REPORT, HISTORY, EPOCHS, HISTORIES, CAMPAIGN)
+EPOCHS, HISTORIES, FILTER = "epochs.parquet", "histories.parquet", "filter.parquet"
+FILES: Final = (MANIFEST, SUMMARY, REPORT, HISTORY, EPOCHS, HISTORIES, FILTER, CAMPAIGN)
 TABLES: Final = "tables"
 """Folder of a run with the tables of its campaign."""
 

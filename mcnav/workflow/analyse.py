@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import zlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+import pyarrow as pa
 from threadpoolctl import threadpool_limits
 
 from mcnav._subprocess import side_threads
+from mcnav._types import Array
 from mcnav.analysis.budget import error_budget
 from mcnav.analysis.comparison import Criterion, Model, compare_reduced, reduce_stored, reduce_summary
 from mcnav.analysis.failed_samples import failure_bias
+from mcnav.analysis.filter_assessment import assess_filter
+from mcnav.analysis.filter_evidence import FilterEvidence, LinearFilter, MeanSquares
 from mcnav.analysis.requirements import judge_requirement, requirements_from
 from mcnav.analysis.running_ratios import convergence
 from mcnav.analysis.tails import tails
@@ -20,7 +26,11 @@ from mcnav.files import to_json
 from mcnav.lincov.block_sums import Normalization
 from mcnav.report.failures import failures_in, grouped
 from mcnav.report.model import RunAnalysis
-from mcnav.store.manifest import Manifest, ModelRecord
+from mcnav.scenarios.filter_sums import FilterMeans
+from mcnav.scenarios.protocol import Output
+from mcnav.store.filters import read_filter_sums
+from mcnav.store.histories import read_power_sums
+from mcnav.store.manifest import FilterRecord, Manifest, ModelRecord
 from mcnav.store.run_folder import MANIFEST, REPORT, RunFolder
 from mcnav.store.run_folder import SUMMARY as SUMMARY_FILE
 from mcnav.store.summaries import SUMMARY, collect_summary
@@ -45,7 +55,7 @@ def samples_of(path: str | Path) -> pd.DataFrame:
     """Read the samples of a finished run folder as a table, their checksums verified.
 
     Columns: ``index``, ``status``, ``error NAME [unit]``, ``output NAME [unit]`` and, of samples with noise,
-    ``linear NAME [unit]``; SI units.
+    ``linear NAME [unit]``, with a filter ``filter NAME [unit]`` and ``nees``; SI units.
 
     Raises `RunFolderError` when the run is not finished, or a part of it is damaged.
     """
@@ -57,7 +67,8 @@ def samples_of(path: str | Path) -> pd.DataFrame:
     columns = {"index": samples.index, "status": samples.status}
     columns |= dict(zip(names.errors, samples.errors.T, strict=True))
     columns |= dict(zip(names.outputs, samples.outputs.T, strict=True))
-    return pd.DataFrame(columns | dict(zip(names.linear, samples.linear.T, strict=True)))
+    columns |= dict(zip(names.linear, samples.linear.T, strict=True))
+    return pd.DataFrame(columns | dict(zip(names.filter, samples.filter.T, strict=True)))
 
 
 def summary_of(path: str | Path) -> dict[str, Any]:
@@ -109,6 +120,7 @@ def analyse(folder: RunFolder, unfinished: Manifest | None = None) -> RunAnalysi
             reduced = reduce_summary(model, frame, whole.sums, whole.samples, reduced.stored)
             failures = grouped({reason: (each.samples, each.first) for reason, each in whole.failures.items()})
         comparison = compare_reduced(model, reduced, criterion, design)
+        filtered = filter_evidence(folder, manifest, comparison.failed)
     return RunAnalysis(
         folder=folder,
         manifest=manifest,
@@ -126,6 +138,53 @@ def analyse(folder: RunFolder, unfinished: Manifest | None = None) -> RunAnalysi
             for requirement in requirements
         ),
         failures=failures,
+        filter=None if filtered is None else assess_filter(filtered, criterion),
+    )
+
+
+def filter_evidence(folder: RunFolder, manifest: Manifest, failed: int) -> FilterEvidence | None:
+    """Collect what is known of the filter of a run, of whose samples so many failed; none without a filter.
+
+    Raises `RunFolderError` when a chunk's sums are damaged.
+    """
+    record, outputs = manifest.model.filter, manifest.model.outputs
+    if record is None:
+        return None
+    schema, chunks = record.columns, manifest.chunks
+    try:
+        sums = read_filter_sums(schema, folder.chunk_folder, chunks)
+        true = read_power_sums(np.zeros((len(record.times), len(outputs))), folder.chunk_folder, chunks)
+        if sums is not None and len(sums.counts) != len(record.times) + 1:
+            raise ValueError(f"{len(sums.counts) - 1} epochs in place of {len(record.times)}")
+    except (OSError, ValueError, pa.ArrowException, zlib.error) as failure:
+        raise RunFolderError(f"{folder.chunk_folder}: sums of filters are damaged ({failure})") from None
+    return FilterEvidence(
+        label=record.label,
+        times=record.times,
+        outputs=tuple(Output(each.name, each.unit, each.shown_in) for each in outputs),
+        means=FilterMeans.of(schema, sums) if sums is not None and sums.samples else None,
+        true=MeanSquares.of(true) if true is not None and true.count else None,
+        failed=failed,
+        design=manifest.design,
+        sampling=manifest.sampling_design,
+        linear=linear_filter(manifest.model, record),
+    )
+
+
+def linear_filter(model: ModelRecord, record: FilterRecord) -> LinearFilter | None:
+    """Return what linear analysis says of a filter; none where a manifest has nothing of it."""
+    known, development = record.prediction, model.development
+    if known is None:
+        return None
+    contributions: dict[str, Array] = {}
+    if development is not None and np.array_equal(development.times, record.times):
+        partials = development.partials
+        by_source = partials * (partials @ model.start_covariance)
+        names = [source.name for source in model.sources]
+        contributions = {name: by_source[:, :, k] for k, name in enumerate(names) if np.any(by_source[:, :, k])}
+        contributions |= development.processes
+    return LinearFilter(
+        known.covariance, known.state_variance, known.true, known.state_true, contributions, known.believed
     )
 
 

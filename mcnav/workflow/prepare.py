@@ -15,7 +15,7 @@ from mcnav._types import Array
 from mcnav.analysis.comparison import Model
 from mcnav.analysis.linear_samples import doubt_noise
 from mcnav.errors import CampaignError, Problem
-from mcnav.execution.chunks import DrawPlan
+from mcnav.execution.chunks import DrawPlan, filter_schema_of
 from mcnav.execution.processes import IsolatedEngine
 from mcnav.lincov.nonlinear_corrections import noise_corrections, nonlinear_corrections
 from mcnav.lincov.partials import SimulationFailed, partials_throughout
@@ -23,12 +23,18 @@ from mcnav.lincov.polynomial import PolynomialFitError
 from mcnav.lincov.polynomial_engine import MAP, PolynomialEngine, prepare_engine
 from mcnav.lincov.simulated_budget import simulated_budgets
 from mcnav.sampling.error_model import ErrorModel
+from mcnav.scenarios.filter_record import FilterPrediction, FilterSchema
+from mcnav.scenarios.filter_sums import FilterMeans
 from mcnav.scenarios.noise_soundness import find_unsettled_noise
 from mcnav.scenarios.protocol import (
     Engine,
+    Epochs,
+    FilterEngine,
+    FilterScenario,
     HasPartialsHistory,
     History,
     Output,
+    PartialsHistory,
     Scenario,
     ScenarioError,
     Source,
@@ -41,9 +47,17 @@ from mcnav.scenarios.stochastic_user import NOISE, StochasticUserScenario
 from mcnav.scenarios.stochastic_user_engine import StochasticUserEngine
 from mcnav.scenarios.user import UserScenario
 from mcnav.store.chunk_files import ChunkFile, Samples
+from mcnav.store.filters import filter_columns, filter_table, read_filter_sums
 from mcnav.store.histories import STORED, epochs_table, histories_table, read_power_sums
-from mcnav.store.manifest import ModelRecord, PartialsRecord, UnsettledRecord, Variable
-from mcnav.store.run_folder import EPOCHS, HISTORIES
+from mcnav.store.manifest import (
+    FilterPredictionRecord,
+    FilterRecord,
+    ModelRecord,
+    PartialsRecord,
+    UnsettledRecord,
+    Variable,
+)
+from mcnav.store.run_folder import EPOCHS, FILTER, HISTORIES
 
 DEVELOPMENT_POINTS: Final = 61
 """Times of the error budget's history, where the scenario has partial derivatives throughout the flight."""
@@ -161,21 +175,21 @@ class PreparedSystem:
     ) -> dict[str, bytes]:
         errors, outputs, epochs = self.draws.errors, self.scenario.outputs, engine.epochs
         sums = read_power_sums(np.zeros((len(epochs.times), len(outputs))), folder, chunks)
-        if len(epochs.times) == 0:
-            return {}
-        histories = self._first_histories(engine)
+        histories = self._first_histories(engine) if len(epochs.times) else None
+        schema, tables, columns = filter_schema_of(engine), {}, {}
+        filter_sums = None if schema is None else read_filter_sums(schema, folder, chunks)
+        if schema is not None and filter_sums is not None:
+            means = FilterMeans.of(schema, filter_sums)
+            tables[FILTER] = filter_table(epochs, outputs, means)
+            columns = filter_columns(outputs, means, _filter_prediction(self.scenario, epochs))
         if sums is None or sums.count < FEWEST_FOLLOWED or histories is None:
-            return {}
+            return tables
+        tables[HISTORIES] = histories_table(epochs, outputs, histories)
         if not isinstance(self.scenario, HasPartialsHistory):
-            return {HISTORIES: histories_table(epochs, outputs, histories)}
+            return tables
         known = self.scenario.partials_history(len(epochs.times))
-        noise = sum(known.processes.values(), np.zeros((1, len(outputs), len(outputs))))
-        covariance = known.partials @ errors.covariance @ known.partials.swapaxes(1, 2) + noise
-        linear = known.partials @ errors.mean, covariance
-        return {
-            EPOCHS: epochs_table(epochs, outputs, sums, linear, histories),
-            HISTORIES: histories_table(epochs, outputs, histories),
-        }
+        linear = known.partials @ errors.mean, _covariance_throughout(known, errors)
+        return {EPOCHS: epochs_table(epochs, outputs, sums, linear, histories, columns), **tables}
 
 
 def prepare_system(
@@ -275,6 +289,8 @@ def _linear(scenario: Scenario, errors: ErrorModel, engine: Engine) -> ModelReco
         partials, _ = partials_throughout(time_history_engine, _sizes(scenario))
         epochs = time_history_engine.epochs
         optional["development"] = PartialsRecord(label=epochs.label, times=epochs.times, partials=partials)
+    if isinstance(engine, FilterEngine) and engine.filter_schema is not None:
+        optional["filter"] = _filter_record(engine.filter_schema, engine.epochs, scenario, errors)
     return ModelRecord(
         sources=_variables(scenario.sources),
         outputs=_variables(scenario.outputs),
@@ -284,6 +300,54 @@ def _linear(scenario: Scenario, errors: ErrorModel, engine: Engine) -> ModelReco
         start_covariance=errors.covariance,
         **optional,
     )
+
+
+def _covariance_throughout(known: PartialsHistory, errors: ErrorModel) -> Array:
+    """Compute the linear covariance at every epoch, P S P^T and what noise has added, shape (m, outputs, outputs)."""
+    covariance = known.partials @ errors.covariance @ known.partials.swapaxes(1, 2)
+    return np.asarray(sum(known.processes.values(), covariance))
+
+
+def _filter_prediction(scenario: Scenario, epochs: Epochs) -> FilterPrediction | None:
+    """Return what linear analysis says of the filter at the epochs; none where it says nothing of them."""
+    found = scenario.filter_prediction() if isinstance(scenario, FilterScenario) else None
+    return found if found is not None and _same_times(found.times, epochs.times) else None
+
+
+def _same_times(one: Array, other: Array) -> bool:
+    return one.shape == other.shape and bool(np.allclose(one, other, rtol=1e-9))
+
+
+def _filter_record(schema: FilterSchema, epochs: Epochs, scenario: Scenario, errors: ErrorModel) -> FilterRecord:
+    """Describe a filter, with what linear analysis says of it and of the truth."""
+    found = _filter_prediction(scenario, epochs)
+    record = FilterRecord(
+        label=epochs.label,
+        times=epochs.times,
+        groups=dict(schema.groups),
+        outputs=schema.outputs,
+        states=schema.states,
+        units=schema.units,
+        sensors=dict(schema.sensors),
+    )
+    if found is None:
+        return record
+    about_zero = errors.covariance + np.outer(errors.mean, errors.mean)
+    true = None
+    if isinstance(scenario, HasPartialsHistory):
+        known = scenario.partials_history(len(found.times))
+        if _same_times(known.times, found.times):
+            mean = known.partials @ errors.mean
+            true = _covariance_throughout(known, errors) + mean[:, :, None] * mean[:, None, :]
+    state_true = np.einsum("mqk,kl,mql->mq", found.state_partials, about_zero, found.state_partials)
+    prediction = FilterPredictionRecord(
+        covariance=found.covariance,
+        true=true,
+        state_variance=found.state_variance,
+        state_true=sum(found.state_processes.values(), state_true),
+        believed=dict(found.believed),
+    )
+    return record.model_copy(update={"prediction": prediction})
 
 
 def _variables(entries: Sequence[Source | Output]) -> tuple[Variable, ...]:

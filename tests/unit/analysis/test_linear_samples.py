@@ -47,7 +47,7 @@ def test_what_is_within_the_limit_is_not_doubted() -> None:
 
 
 def test_a_wrong_correlation_is_found() -> None:
-    """Sigmas of single outputs are right: the axes of the stated covariance tell."""
+    """Sigmas of single outputs are right: sums and differences of two tell."""
     assert _found(_model(np.diag([4.0, 9.0, 0.0])), 0.01, 1) is not None
     assert _found(_model(), 0.01, 1, np.diag([4.0, 9.0, 0.0])) is not None
 

@@ -59,6 +59,18 @@ def test_no_updates_and_times_that_differ_by_rounding() -> None:
     assert records[2, schema.places["sensor:pair"]][0] == pytest.approx(2.0)
 
 
+def test_a_singular_covariance_has_no_nees() -> None:
+    """Nothing is known of the first epoch, whose state is given exactly; the others count."""
+    covariance = COVARIANCE.copy()
+    covariance[0] = 0.0
+    covariance[1, :2, :2] = [[1.0, 2.0], [2.0, 4.0]]
+    schema = schema_of(_flown(), NAMES, GROUPS)
+    assert schema is not None
+    records = _record(_flown(covariance=covariance))
+    np.testing.assert_allclose(records[:, schema.places["nees"]], [[np.nan] * 2, [np.nan] * 2, [4.0, 3.0]])
+    np.testing.assert_array_equal(records[0, schema.places["within_1"]], [1, 1, 1])
+
+
 def test_without_a_covariance_there_is_no_record() -> None:
     assert schema_of(Flown(ERRORS), NAMES, {}) is None
     with pytest.raises(ValueError, match="need the filter's covariance"):
