@@ -27,7 +27,14 @@ from mcnav.physics.ins.linear_noise import NoiseResponse
 from mcnav.physics.ins.mechanization import Diverged, Mechanization
 from mcnav.physics.ins.response import respond
 from mcnav.physics.ins.truth import Platform, Truth
-from mcnav.scenarios.aided import PROBES, AidedEngine, AidedNavigation, believed_shares, filter_schema
+from mcnav.scenarios.aided import (
+    PROBES,
+    AidedEngine,
+    AidedNavigation,
+    AidedReferenceEngine,
+    believed_shares,
+    filter_schema,
+)
 from mcnav.scenarios.aiding_sources import aiding_outputs, aiding_sources
 from mcnav.scenarios.failure import Failure, Reason
 from mcnav.scenarios.filter_record import FilterPrediction, FilterSchema
@@ -317,7 +324,7 @@ class Ins:
         """Names of the engines."""
         if self.navigation.filter is None:
             return ("ensemble", "reference")
-        return ("ensemble", "shared-gains")
+        return ("ensemble", "shared-gains", "reference")
 
     @property
     def sources(self) -> tuple[Source, ...]:
@@ -392,9 +399,11 @@ class Ins:
 
     def engine(self, engine: str, probes: Array) -> Engine:
         """Prepare one of the engines; the ensemble's steps are halved until the probes, (n, sources), agree."""
-        if engine == "reference":
-            return ReferenceEngine(self.navigation)
         aided, schema = self.navigation.aided, self.filter_schema
+        if engine == "reference":
+            if aided is not None and schema is not None:
+                return AidedReferenceEngine(aided, schema)
+            return ReferenceEngine(self.navigation)
         if aided is not None and schema is not None:
             shared, error = aided.refined(probes)
             gains = "gains of each sample's own" if engine == "ensemble" else "gains along the truth"
