@@ -219,7 +219,7 @@ class AidedReferenceEngine:
     filter_schema: FilterSchema
     accuracy: str = (
         "mechanization in earth-fixed axes, Gauss collocation of order 6 with steps of at most 0.1 s; filter of its "
-        "own in earth-fixed axes with steps of at most 0.5 s"
+        "own in earth-fixed axes with steps of at most 0.2 s"
     )
     parallel: str = "threads"
     chunk: int = REFERENCE_CHUNK

@@ -216,8 +216,7 @@ def fill_row(kind: int, direction: Array, arm: Array, spin: float, turned: Array
         rx = turned[0, 0] * dx + turned[0, 1] * dy + turned[0, 2] * dz
         ry = turned[1, 0] * dx + turned[1, 1] * dy + turned[1, 2] * dz
         rz = turned[2, 0] * dx + turned[2, 1] * dy + turned[2, 2] * dz
-        share = 0.5 if kind == ATTITUDE else 1.0  # a rotation vector changes along a direction half turned
-        dx, dy, dz = dx + share * (rx - dx), dy + share * (ry - dy), dz + share * (rz - dz)
+        dx, dy, dz = rx, ry, rz
     ax, ay, az = arm[0], arm[1], arm[2]
     if kind in (POSITION, VELOCITY):
         lx = turned[0, 0] * ax + turned[0, 1] * ay + turned[0, 2] * az
