@@ -57,7 +57,7 @@ def read_scenario(table: InsTable, entries: Mapping[str, Any], context: FileCont
         When navigation does not lie within the trajectory.
     """
     instruments = context.content.get("imu", {})
-    sizes = read_imu(instruments if isinstance(instruments, dict) else {}, context)  # the whole file's table told it
+    sizes = read_imu(instruments if isinstance(instruments, dict) else {}, context)  # validation has reported others
     trajectory = read_trajectory(table.trajectory, _read_earth(table.earth), context, table.columns)
     if trajectory is None:
         return None
