@@ -12,6 +12,13 @@ from mcnav.report.format import number
 from mcnav.report.model import RunAnalysis, humanize
 from mcnav.units import conversion
 
+RADII: Final = {
+    "cep": "circular error probable",
+    "r95": "radius of 95 % of the errors",
+    "sep": "spherical error probable",
+}
+"""Radii about zero that requirements limit, by kind."""
+
 TONES: Final = {"met": "agrees", "not met": "differs", "undecided": "undecided"}
 
 
@@ -25,15 +32,16 @@ def stated(entry: Mapping[str, Any], shown_in: Mapping[str, tuple[float, str]]) 
     names, limits = entry["outputs"], entry["limits"]
     if entry["kind"] == "sigma_ratio":
         return f"every sigma within ±{100.0 * limits[0]:g} % of the linear one"
-    if entry["kind"] == "cep":
+    when = f", {entry['when']}" if entry.get("when") else ""
+    if entry["kind"] in RADII:
         scale, unit = shown_in[names[0]]
-        pair = " and ".join(humanize(name) for name in names)
-        return f"circular error probable of {pair} below {limits[0] * scale:g} {unit}"
+        together = f"{', '.join(map(humanize, names[:-1]))} and {humanize(names[-1])}"
+        return f"{RADII[entry['kind']]} of {together} below {limits[0] * scale:g} {unit}{when}"
     sides = []
     for name, limit in zip(names, limits, strict=True):
         scale, unit = shown_in[name]
         sides.append(f"|{humanize(name)}| below {limit * scale:g} {unit}")
-    return f"{' and '.join(sides)} in {100.0 * entry['probability']:g} % of samples"
+    return f"{' and '.join(sides)} in {100.0 * entry['probability']:g} % of samples{when}"
 
 
 def shown_units(summary: Mapping[str, Any]) -> dict[str, tuple[float, str]]:
