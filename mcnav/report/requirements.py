@@ -73,6 +73,7 @@ def detailed_rows(content: RunAnalysis) -> list[dict[str, Any]]:
             | {"estimate": shown(entry["estimate"], "–"), "low": shown(low), "high": shown(high)}
             | {
                 "tone": TONES[row["finding"]],
+                "largest_at": _largest_at(content, entry),
                 "linear": shown(entry["linear"]),
                 "gaussian": "–" if entry["kind"] == "sigma_ratio" else "met" if entry["linear_meets"] else "not met",
                 "needed": needed and sentences.more_samples(needed, summary["samples"]),
@@ -80,6 +81,14 @@ def detailed_rows(content: RunAnalysis) -> list[dict[str, Any]]:
             }
         )
     return rows
+
+
+def _largest_at(content: RunAnalysis, entry: Mapping[str, Any]) -> str:
+    """Return when a requirement over time has its largest estimate, and of how many samples; else empty."""
+    if entry.get("time") is None or content.development is None:
+        return ""
+    unit = content.development.label.partition(" [")[2].removesuffix("]")
+    return f"largest at {entry['time']:.4g} {unit}, of {entry['samples']:,} samples"
 
 
 def _shown(kind: str, scale: float, unit: str, value: float | None, missing: str = "∞") -> str:
