@@ -283,7 +283,9 @@ def _linear(scenario: Scenario, errors: ErrorModel, engine: Engine) -> ModelReco
     if isinstance(scenario, HasPartialsHistory):
         known = scenario.partials_history(DEVELOPMENT_POINTS)
         variances = {name: np.diagonal(each, axis1=1, axis2=2) for name, each in known.processes.items()}
-        noise: dict[str, Any] = {"processes": variances} if variances else {}
+        noise: dict[str, Any] = {}
+        if variances:
+            noise = {"processes": variances, "covariance": _covariance_throughout(known, errors)}
         optional["development"] = PartialsRecord(label=known.label, times=known.times, partials=known.partials, **noise)
     elif time_history_engine is not None:
         partials, _ = partials_throughout(time_history_engine, _sizes(scenario))
@@ -333,16 +335,9 @@ def _filter_record(schema: FilterSchema, epochs: Epochs, scenario: Scenario, err
     if found is None:
         return record
     about_zero = errors.covariance + np.outer(errors.mean, errors.mean)
-    true = None
-    if isinstance(scenario, HasPartialsHistory):
-        known = scenario.partials_history(len(found.times))
-        if _same_times(known.times, found.times):
-            mean = known.partials @ errors.mean
-            true = _covariance_throughout(known, errors) + mean[:, :, None] * mean[:, None, :]
     state_true = np.einsum("mqk,kl,mql->mq", found.state_partials, about_zero, found.state_partials)
     prediction = FilterPredictionRecord(
         covariance=found.covariance,
-        true=true,
         state_variance=found.state_variance,
         state_true=sum(found.state_processes.values(), state_true),
         believed=dict(found.believed),

@@ -97,5 +97,6 @@ def test_the_committed_study_is_good() -> None:
     assert not (normal["finding"] == "off").any()
     assert (normal["finding"] == "nearly").mean() < 0.1
     power = table[(table["statement"] == "filter optimistic, in position") & (table["samples"] == 100)]
-    assert power["measured"].astype(float).tolist() > [0.9]  # 20 % with 100 runs
+    assert len(power) == 1
+    assert float(power["measured"].iloc[0]) >= 0.9  # 20 % with 100 runs
     assert (COMMITTED.parent / "calibration.html").exists()
