@@ -272,6 +272,7 @@ class UnsettledRecord(Record):
     disagreement: Number
     limit: float
     own: bool
+    noise: Literal["", "response", "fly_linear", "noise_covariance"] = ""
 
 
 class Manifest(Record):
