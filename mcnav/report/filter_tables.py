@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.analysis.filter_consistency import FilterConsistency, Finding, SigmaConsistency
+from mcnav.analysis.filter_consistency import FilterConsistency, Finding, NeglectedError, SigmaConsistency
 from mcnav.analysis.filter_remarks import instant
 from mcnav.report.figures.consistency import group_title
 from mcnav.report.figures.filter_errors import sigmas
-from mcnav.report.filter_verdict import TONES, worst_sigmas
+from mcnav.report.filter_verdict import LEAST, TONES, worst_sigmas
 from mcnav.report.format import number, percent
 from mcnav.report.model import RunAnalysis, humanize
 from mcnav.report.sentences import more_samples
@@ -137,19 +137,29 @@ def sensors(found: FilterConsistency) -> list[dict[str, Any]]:
 
 
 def neglected(content: RunAnalysis) -> list[dict[str, str]]:
-    """List the neglected errors: sigma of the worst output that each adds, what the filter believes of it, share."""
+    """List the neglected errors: sigma of the worst output that each adds, what the filter believes of it, share.
+
+    Those with small shares are one row.
+    """
     found = content.filter
     output = next((each for each in found.outputs if each.name == found.output), None) if found else None
     if found is None or output is None:
         return []
     labels = dict(zip((each.name for each in content.manifest.model.sources), content.source_names, strict=True))
+    large = [(labels.get(each.name, humanize(each.name)), each) for each in found.neglected if each.share >= LEAST]
+    rest = [each for each in found.neglected if each.share < LEAST]
+    if len(rest) == 1:
+        large.append((labels.get(rest[0].name, humanize(rest[0].name)), rest[0]))
+    elif rest:
+        variances = (sum(getattr(each, key) for each in rest) for key in ("true", "believed", "share"))
+        large.append((f"{len(rest)} others", NeglectedError("", *variances)))
     scale, unit = conversion(output.unit, output.shown_in), output.shown_in
     return [
         {
-            "name": labels.get(each.name, humanize(each.name)),
+            "name": name,
             "true": f"{number(float(np.sqrt(max(each.true, 0.0))) * scale)} {unit}",
             "believed": f"{number(float(np.sqrt(max(each.believed, 0.0))) * scale)} {unit}",
             "share": percent(each.share).removeprefix("+"),
         }
-        for each in found.neglected
+        for name, each in large
     ]

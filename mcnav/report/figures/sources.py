@@ -100,7 +100,8 @@ def origins(content: RunAnalysis, found: FilterConsistency) -> list[Contributor]
     outputs = {each.name for each in record.outputs}
     names = [*(each.name for each in record.sources), *content.model.processes]
     sigmas = np.diag(content.model.covariance)
-    members: dict[str, list[int]] = {}
+    first = ("initial errors", *INSTRUMENTS, *(humanize(each.name) for each in found.sensors))
+    members: dict[str, list[int]] = {origin: [] for origin in first}
     for j, (name, label) in enumerate(zip(names, content.cause_names, strict=True)):
         if j < len(sigmas) and not sigmas[j] > 0.0:
             continue
@@ -108,7 +109,7 @@ def origins(content: RunAnalysis, found: FilterConsistency) -> list[Contributor]
         sensors = [each.name for each in found.sensors if name.startswith(f"{each.name}_")]
         origin = "initial errors" if name in outputs else instrument or humanize(max(sensors, key=len, default=""))
         members.setdefault(origin or stem(label), []).append(j)
-    listed = list(members.items())
+    listed = [(origin, each) for origin, each in members.items() if each]
     rest = tuple(j for _, each in listed[SHOWN:] for j in each)
     others = [Contributor(Series("others", f"other {len(rest)} sources", OTHER), rest, other=True)] if rest else []
     return [

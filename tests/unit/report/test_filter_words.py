@@ -63,6 +63,11 @@ def test_an_optimistic_filter_and_what_it_neglects() -> None:
         {"name": "initial tilt error", "true": "20.00 m", "believed": "10.00 m", "share": "29.6 %"},
         {"name": "gnss noise", "true": "0.7071 m", "believed": "0.6325 m", "share": "0.40 %"},
     ]
+    small = [*NEGLECTED, NeglectedError("lever_arm", 12.0, 3.6, 0.002)]
+    content.filter = consistency(3.3, neglected=small)
+    assert filter_tables.neglected(content)[2:] == [  # √12.5 and 2
+        {"name": "2 others", "true": "3.536 m", "believed": "2.000 m", "share": "0.60 %"},
+    ]
 
 
 def test_a_single_neglected_error_is_named_once() -> None:
