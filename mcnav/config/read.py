@@ -155,7 +155,8 @@ def parse_campaign(
         raise context.error()
 
     if ins is not None and described.filter is not None:
-        scenario = ins.with_filter(described.filter.completed(model))
+        true = dict(zip(model.names, model.standard_deviations.tolist(), strict=True))
+        scenario = ins.with_filter(described.filter.completed(model), true)
     columns = {
         source.name: stored_table(source, each)
         for source in sources

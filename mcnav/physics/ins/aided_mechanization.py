@@ -35,7 +35,7 @@ from mcnav.physics.ins.earth_fixed_errors import (
 )
 from mcnav.physics.ins.earth_fixed_sensors import Indicated, SensorModel, Surroundings
 from mcnav.physics.ins.error_filter import NAVIGATION, FilterModel
-from mcnav.physics.ins.filter_record import Groups, SensorCounts, record_row
+from mcnav.physics.ins.filter_consistency import SensorCounts, normalized_errors, record_row
 from mcnav.physics.ins.instruments import ACCELEROMETER, CONSTANTS, GYRO, OUTPUTS, Imu
 from mcnav.physics.ins.mechanization import (
     LONGEST_STEP,
@@ -246,25 +246,27 @@ class _Flight:
         self.state = navigator.indicated_start(errors[: len(OUTPUTS)])
         self.filter: Any = KalmanFilter(dim_x=self.model.size, dim_z=1)
         self.filter.P = self.model.initial_covariance(self._frame().to_outputs(self.state[4:7]))
-        self.groups = Groups.of(self.model, self.earth.rotation_rate)
         self.counts = [SensorCounts() for _ in engine.sensors]
         self.offsets = list(self._measurement_errors())
 
     def fly(self) -> tuple[Array, Array]:
-        found, records = [], []
+        """Simulate the sample; results as those of `AidedMechanization.simulate`."""
+        found = []
         for stop in self.engine.stops:
             try:
-                if stop.steps is not None:
-                    self._advance(stop, stop.steps)
-                for sensor, row in stop.updates:
-                    self._update(sensor, row)
-                for epoch in stop.epochs:
-                    errors, record = self._read(epoch)
-                    found.append(errors)
-                    records.append(record)
+                with np.errstate(over="ignore", invalid="ignore"):  # what breaks down is told as such
+                    found += self._pass(stop)
             except LinAlgError:
                 raise Diverged(f"the filter's covariance lost its definiteness at {stop.time:.1f} s") from None
-        return np.array(found), np.array(records)
+        return np.array([errors for errors, _ in found]), np.array([record for _, record in found])
+
+    def _pass(self, stop: Stop) -> list[tuple[Array, Array]]:
+        """Navigate to a stop and return what is read there."""
+        if stop.steps is not None:
+            self._advance(stop, stop.steps)
+        for sensor, row in stop.updates:
+            self._update(stop, sensor, row)
+        return [self._read(epoch) for epoch in stop.epochs]
 
     def _measurement_errors(self) -> Iterator[tuple[Array, Array, Array]]:
         """Arrange the sample's errors of each sensor's measurements."""
@@ -306,17 +308,19 @@ class _Flight:
         self.estimates = self.estimates * np.exp(-self.model.decay_rates * (stop.time - self.estimated_at))
         self.estimated_at = stop.time
 
-    def _update(self, sensor: int, row: int) -> None:
+    def _update(self, stop: Stop, sensor: int, row: int) -> None:
         """Update the filter by a measurement and correct the navigator."""
         model = self.engine.sensor_models[sensor]
         frame = self._frame()
         indicated = Indicated(self.state[7:], self.state[4:7], matrices(self.state[None, :4])[0], frame)
         offsets, factors, arm = self.offsets[sensor]
         innovation, response = model.innovation(row, indicated, self.estimates, offsets[row], factors, arm)
+        if not np.all(np.isfinite(innovation)):
+            raise Diverged(f"an innovation of {model.sensor.name} ceased to be finite at {stop.time:.1f} s")
         variances = np.diag(model.variances)
         covariance = response @ self.filter.P @ response.T + variances
         whitened = np.asarray(np.linalg.solve(np.linalg.cholesky(covariance), innovation))
-        accepted = bool(whitened @ whitened <= _gate(model.sensor.gate, model.size))
+        accepted = bool(whitened @ whitened <= model.threshold)
         self.counts[sensor].add(whitened, accepted)
         if not accepted:
             return
@@ -350,7 +354,7 @@ class _Flight:
         own = self.filter.P
         covariance = to_outputs @ own[:NAVIGATION, :NAVIGATION] @ to_outputs.T
         counts = [each.read() for each in self.counts]
-        nees = self.groups.nees(deviation, own)
+        nees = normalized_errors(self.model, deviation, own, to_outputs)
         return errors, record_row(nees, covariance, errors, states, np.diag(own)[NAVIGATION:], counts)
 
     def _true_values(self, epoch: int) -> Array:
@@ -378,13 +382,6 @@ def _correct(
         kalman.x = kalman.x + gain @ innovation[:, None]
         kalman.P = left @ kalman.P @ left.T + gain @ variances @ gain.T
     kalman.P = 0.5 * (kalman.P + kalman.P.T)
-
-
-def _gate(probability: float | None, size: int) -> float:
-    """Return the largest NIS of an accepted measurement."""
-    from scipy.special import gammaincinv
-
-    return np.inf if probability is None else 2.0 * float(gammaincinv(0.5 * size, probability))
 
 
 def _turned_back(quaternion: Array, vector: Array) -> Array:

@@ -120,6 +120,14 @@ class SensorModel:
         return np.array([component.noise**2 for component in self.believed.components])
 
     @cached_property
+    def threshold(self) -> float:
+        """Largest normalized innovation squared of an accepted measurement."""
+        from scipy.special import gammaincinv
+
+        gate = self.sensor.gate
+        return np.inf if gate is None else 2.0 * float(gammaincinv(0.5 * self.size, gate))
+
+    @cached_property
     def _quantities(self) -> dict[Quantity, tuple[IndexArray, IndexArray]]:
         """Measured quantities: the components that measure each, and their axes."""
         found = {}

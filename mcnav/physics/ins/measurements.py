@@ -26,7 +26,7 @@ from mcnav._types import Array, IndexArray
 from mcnav.physics.ins.aiding import SCALED, Quantity, Sensor, aiding_constants
 from mcnav.physics.ins.earth import geodetic, local_axes
 from mcnav.physics.ins.truth import Platform, Truth
-from mcnav.physics.jit import compiled, inlined, uncontracted
+from mcnav.physics.jit import compiled, uncontracted
 
 POSITION, VELOCITY, ALTITUDE, ATTITUDE, BODY_VELOCITY, HEADING = range(6)
 
@@ -207,7 +207,7 @@ class _Surroundings:
         return along if quantity == "position" else np.cross(along, self.turning)
 
 
-@inlined
+@uncontracted
 def fill_row(kind: int, direction: Array, arm: Array, spin: float, turned: Array, out: Array) -> None:
     """Compute the response of an innovation to psi, v, x of a navigator that has turned by R, shape (3, 3)."""
     out[:] = 0.0
@@ -281,7 +281,7 @@ def heading_change(axes: Array, over: Array, response: Array, away: Array) -> fl
     return float(np.arctan2(across, north * (north + more_north) + east * (east + more_east)) + turn)
 
 
-@inlined
+@uncontracted
 def innovate(
     kind: int, direction: Array, arm: Array, spin: float, over: Array, psi: Array, velocity: Array, away: Array
 ) -> float:

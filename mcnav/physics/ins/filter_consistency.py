@@ -8,14 +8,13 @@ states, and five counts of each sensor.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.linalg import LinAlgError
 
-from mcnav._types import Array, IndexArray
-from mcnav.physics.ins.earth_fixed_errors import ATTITUDE, POSITION, VELOCITY, ErrorModel, cross_matrix
+from mcnav._types import Array
+from mcnav.physics.ins.earth_fixed_errors import ErrorModel
 from mcnav.physics.ins.error_filter import NAVIGATION
 from mcnav.physics.ins.instruments import OUTPUTS
 
@@ -24,6 +23,10 @@ SINGULAR: Final = 1e-12
 
 COUNTS: Final = 5
 """Counts of a sensor: sum of NIS, accepted, rejected, sum of lagged products, products."""
+
+
+OUTPUT_GROUPS: Final = (slice(0, 3), slice(3, 6), slice(6, 9))
+"""Outputs of position, velocity and attitude."""
 
 
 class SensorCounts:
@@ -48,47 +51,44 @@ class SensorCounts:
         return found
 
 
-@dataclass(frozen=True)
-class Groups:
-    """Groups of states whose NEES is recorded.
+def normalized_errors(errors: ErrorModel, deviation: Array, covariance: Array, to_outputs: Array) -> Array:
+    """Compute the NEES of each group of states.
 
-    Attributes
+    The groups are all estimated states, navigation, position, velocity and attitude as they are in the outputs to first
+    order, and, if there are any, the other estimated states.
+
+    Parameters
     ----------
-    places : tuple of ndarray of int
-        All estimated states, navigation, position, velocity, attitude and, if there are any, other estimated states.
-    spin : float
-        The earth's rate, rad/s: velocities are compared in inertial axes.
+    deviation : ndarray, shape (9 + q,)
+        True values of the filter's states, whose estimates have been taken away.
+    covariance : ndarray, shape (9 + q, 9 + q)
+    to_outputs : ndarray, shape (9, 9)
+        Map of psi, dv, dr to the outputs.
+
+    Raises
+    ------
+    LinAlgError
+        When the covariance is not positive semidefinite, but for rounding.
     """
-
-    places: tuple[IndexArray, ...]
-    spin: float
-
-    @classmethod
-    def of(cls, errors: ErrorModel, spin: float) -> Groups:
-        """Find the groups of a filter's states."""
-        everything = np.arange(errors.size)
-        estimated = np.setdiff1d(everything, errors.considered)
-        parts = [everything[each] for each in (POSITION, VELOCITY, ATTITUDE)]
-        others = estimated[NAVIGATION:]
-        return cls((estimated, everything[:NAVIGATION], *parts, *([others] if len(others) else [])), spin)
-
-    def nees(self, deviation: Array, covariance: Array) -> Array:
-        """Compute the NEES of each group from the deviation, shape (9 + q,), and its covariance.
-
-        Raises
-        ------
-        LinAlgError
-            When the covariance is not positive semidefinite.
-        """
-        inertial = np.eye(len(deviation))
-        inertial[VELOCITY, POSITION] = cross_matrix(np.array([0.0, 0.0, self.spin]))
-        deviation, covariance = inertial @ deviation, inertial @ covariance @ inertial.T
-        return np.array([_normalized(deviation[each], covariance[np.ix_(each, each)]) for each in self.places])
+    estimated = np.setdiff1d(np.arange(errors.size), errors.considered)
+    outputs = to_outputs @ deviation[:NAVIGATION]
+    mapped = to_outputs @ covariance[:NAVIGATION, :NAVIGATION] @ to_outputs.T
+    found = [
+        _normalized(deviation[each], covariance[np.ix_(each, each)]) for each in (estimated, estimated[:NAVIGATION])
+    ]
+    found += [_normalized(outputs[each], mapped[each, each]) for each in OUTPUT_GROUPS]
+    others = estimated[NAVIGATION:]
+    if len(others):
+        found.append(_normalized(deviation[others], covariance[np.ix_(others, others)]))
+    return np.array(found)
 
 
 def _normalized(deviation: Array, covariance: Array) -> float:
     """Compute the squared norm of a deviation by a covariance, which may be singular."""
-    sigmas = np.sqrt(np.diag(covariance))
+    variances = np.diag(covariance)
+    if not np.all(variances >= 0.0):
+        raise LinAlgError("the covariance has negative variances")
+    sigmas = np.sqrt(variances)
     known = sigmas > 0.0
     scaled = covariance[np.ix_(known, known)] / np.outer(sigmas[known], sigmas[known])
     values, vectors = np.linalg.eigh(scaled)
