@@ -296,6 +296,20 @@ class TimedUserScenario(StochasticUserScenario):
             message = f"{self.spec.name}.groups must list outputs for each name; got {given!r:.80}"
             raise ScenarioError("type", message) from None
 
+    @property
+    def believed(self) -> Mapping[str, float]:
+        """Return the class's shares of variances that its filter believes in; `ScenarioError` when they are wrong."""
+        given = getattr(self._instance, "believed", {})
+        known = {source.name for source in self.sources} | self.noise.keys()
+        try:
+            shares = {name: float(share) for name, share in given.items()}
+        except (AttributeError, TypeError, ValueError):
+            shares = {"": np.nan}
+        if not shares.keys() <= known or not all(0.0 <= share < np.inf for share in shares.values()):
+            message = "must give a share of variance, from zero on, for names of sources and processes"
+            raise ScenarioError("type", f"{self.spec.name}.believed {message}; got {given!r:.80}")
+        return shares
+
     @cached_property
     def _nominal(self) -> Flown:
         with self._object.recording(self.spec.code.file):
@@ -333,6 +347,7 @@ class TimedUserScenario(StochasticUserScenario):
             state_variance=np.zeros((len(times), 0)),
             state_partials=np.zeros((len(times), 0, len(self.sources))),
             state_processes={name: np.zeros((len(times), 0)) for name in self.noise},
+            believed=self.believed,
         )
 
     def engine(self, engine: str, probes: Array) -> Engine:

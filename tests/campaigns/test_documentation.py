@@ -166,6 +166,8 @@ def test_the_scenario_with_noise_and_a_filter_runs(tmp_path: Path) -> None:
     )
     summary = run_campaign(read_campaign(campaign), tmp_path / "run", None, 1).summary
     assert (summary["verdict"], summary["unsettled"], summary["failed"]) == ("agrees", None, 0)
+    assert summary["filter"]["verdict"] == "optimistic"
+    assert summary["filter"]["neglected"][0]["name"] == "gyro_bias"
     assert all(check.passed for check in mcnav.check_scenario(campaign))
 
 

@@ -29,6 +29,7 @@ class Mine:
     outputs = (Output("b", "m", "m"), Output("c", "m", "m"))
     epochs = Epochs("time [s]", np.arange(61.0))
     groups = {"first": ("b",)}
+    believed = {"walk": 0.25}
 
     def __init__(self):
         self.q, self.r, believed = 1.0, 4.0, 0.25
@@ -119,6 +120,19 @@ def test_a_campaign_of_it(tmp_path: Path) -> None:
     assert summary["verdict"] == "agrees"
     assert summary["sigma_linear"][0] == pytest.approx(np.sqrt(TRUE), rel=1e-9)
     assert [process["name"] for process in summary["processes"]] == ["walk", "measurement"]
+    found = summary["filter"]
+    assert (found["verdict"], found["output"]) == ("optimistic", "b")
+    assert found["factor"] == pytest.approx(np.sqrt(NEES), rel=5.0 * np.sqrt(0.5 / 200))
+    assert found["neglected"][0]["name"] == "walk"
+
+
+@pytest.mark.parametrize("believed", ['{"nothing": 1.0}', '{"walk": -1.0}', '"walk"', '{"walk": None}'])
+def test_beliefs_that_are_wrong_are_told(believed: str, tmp_path: Path) -> None:
+    path = _written(tmp_path)
+    code = (tmp_path / "mine.py").read_text().replace('{"walk": 0.25}', believed)
+    (tmp_path / "mine.py").write_text(code)
+    with pytest.raises(CampaignError, match=r"Mine.believed must give a share of variance, from zero on, for names"):
+        run_campaign(read_campaign(path), tmp_path / "run", None, 1)
 
 
 def test_a_filter_that_loses_definiteness_is_told_in_words(tmp_path: Path) -> None:

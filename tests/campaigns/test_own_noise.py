@@ -174,6 +174,20 @@ def test_linear_sigmas_pairs_and_budget(tmp_path: Path) -> None:
     assert "linear outcomes by differences of fly with its noise scaled down" in page
 
 
+def test_partials_of_its_own_at_every_epoch(tmp_path: Path) -> None:
+    """Those at the end are checked against differences; without any error going in the walk is left."""
+    more = COVARIANCE + "    def partials(self): return np.tile([[1.0], [2.0]], (9, 1, 1))\n"
+    path = _written(tmp_path, more=more)
+    for errors, budget in (("1 m", 1.0), ("0 m", 0.0)):
+        path.write_text(path.read_text().replace('a = "1 m"', f'a = "{errors}"'))
+        summary = run_campaign(read_campaign(path), tmp_path / errors, None, 1).summary
+        np.testing.assert_allclose(summary["sigma_linear"], [np.sqrt(budget + 2.0), 2.0 * budget], rtol=1e-12)
+        epochs = pq.read_table(tmp_path / errors / "epochs.parquet").to_pandas()
+        np.testing.assert_allclose(epochs["linear sigma c [m]"], 2.0 * budget, rtol=1e-12)
+    wrong = _written(tmp_path / "wrong", more=more.replace("2.0]]", "2.2]]"))
+    assert "the class's own partial derivative of output 'c' to source 'a' is" in _refused(wrong, tmp_path / "run")
+
+
 def test_own_linear_simulations_are_those_of_differences(tmp_path: Path) -> None:
     for name, more in (("differences", COVARIANCE), ("own", COVARIANCE + TWIN)):
         run_campaign(read_campaign(_written(tmp_path / name, more=more)), tmp_path / name / "run", None, 1)
