@@ -485,6 +485,39 @@ def linearity(
     _print_written(files)
 
 
+@_command()
+def lincov(
+    campaign: CampaignFile,
+    folder: Annotated[Path | None, typer.Option("--out", help="Output folder [default: reports/NAME_lincov].")] = None,
+    at: Annotated[
+        str | None, typer.Option(metavar="TIMES", help="Times of the trajectory, such as '600 s, 1500 s'.")
+    ] = None,
+    form: FormatOption = "table",
+) -> None:
+    """Compute the linear covariance of an inertial navigation over time, without any simulation.
+
+    With aiding, it is that of the closed loop: true sigmas and those that the filter states, twice where an update
+    falls on a time.
+    """
+    from mcnav.config.read import read_campaign
+    from mcnav.report import lincov as tables
+    from mcnav.studies.lincov import read_times, write_lincov
+
+    times = None if at is None else read_times(at)
+    content = read_campaign(campaign)
+    found, files = write_lincov(content, folder or Path("reports") / f"{campaign.stem}_lincov", times)
+    outputs, last = content.scenario.outputs, len(found.readings.times) - 1
+    if form != "table":
+        rows = tables.sigma_rows(found, outputs)
+        _export(form, rows, {"sigmas": rows, "contributors": tables.contributor_rows(found, outputs, last)})
+        return
+    out.print(tables.sigma_table(found, outputs, times is not None))
+    out.print()
+    out.print(tables.contributor_table(found, outputs, last))
+    out.print()
+    _print_written(files)
+
+
 @_command("check-scenario")
 def check_scenario(campaign: CampaignFile) -> None:
     """Check a campaign's scenario: determinism, shapes, units, linearity near zero, partials against differences.
@@ -585,13 +618,17 @@ def new_campaign(
 
 
 @_command("scenario", new)
-def new_scenario(name: Name, into: Into = Path()) -> None:
+def new_scenario(
+    name: Name,
+    stochastic: Annotated[bool, typer.Option("--stochastic", help="With noise and errors over time.")] = False,
+    into: Into = Path(),
+) -> None:
     """Write a scenario class, a campaign that uses it, and its test."""
     from mcnav.config.templates import new_scenario
 
-    code, campaign, test = new_scenario(name, into)
+    code, campaign, test = new_scenario(name, into, stochastic)
     _print_written((code, campaign, test))
-    _print(f"\nnext: mcnav run {campaign}, then change propagate in {code}")
+    _print(f"\nnext: mcnav run {campaign}, then change {'fly' if stochastic else 'propagate'} in {code}")
 
 
 @app.command()
@@ -645,12 +682,14 @@ def calibrate(
     The campaigns are synthetic and their moments known. Every measured rate has its binomial interval.
     """
     from mcnav.calibration import page
+    from mcnav.calibration.filter_trials import run_filter_trials
     from mcnav.calibration.table import rates
     from mcnav.calibration.trials import run_trials
     from mcnav.files import write_texts
     from mcnav.sampling.designs import DESIGNS
 
-    table = rates(*run_trials(trials, jobs, DESIGNS))
+    counted = zip(run_trials(trials, jobs, DESIGNS), run_filter_trials(trials, jobs), strict=True)
+    table = rates(*(campaigns + filters for campaigns, filters in counted))
     texts = {"calibration.html": page.render(table, trials)}
     texts["calibration.csv"] = table.to_csv(index=False, float_format="%.4f")
     files = write_texts(folder, texts)

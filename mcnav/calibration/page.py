@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from mcnav.calibration.filter_trials import FILTER
 from mcnav.report.figures.figure import HALF, Figure
 from mcnav.report.figures.marks import Axis, Mark, Panel, Points, Rule, Series
 from mcnav.report.figures.palette import FLOWN, INK, LINEAR, MUTED
@@ -15,10 +16,15 @@ if TYPE_CHECKING:
     import pandas as pd
 
 TITLES: Final = {
-    "coverage": "Coverage of intervals",
-    "false alarm": "False alarms of tests",
-    "power": "Power against a linear model that is 5 % wrong",
+    (False, "coverage"): "Coverage of intervals",
+    (False, "false alarm"): "False alarms of tests",
+    (False, "power"): "Power against a linear model that is 5 % wrong",
+    (True, "coverage"): "Filters: coverage of intervals",
+    (True, "false alarm"): "Filters: false alarms",
+    (True, "power"): "Filters: power against position errors that are 20 % larger than stated, and for consistent ones",
 }
+"""Titles of the sections by whether they are of campaigns with a filter, and by kind of rate."""
+
 FINDINGS: Final = {
     "as stated": ("agrees", "", "the nominal rate is within the binomial interval (99.9 %)"),
     "safe": ("agrees", "+", "outside, on the conservative side"),
@@ -43,22 +49,34 @@ MARKS: Final = {
 
 def render(table: pd.DataFrame, trials: int) -> str:
     """Render the page from a table of `mcnav.calibration.table.rates`, with ``trials`` campaigns of each kind."""
-    sizes = sorted(table["samples"].unique())
+    filtered = table["system"].str.startswith(FILTER)
     sections = [
-        {"title": title, "id": kind.replace(" ", "-"), "rows": _rows(table[table["kind"] == kind], sizes),
-         "figure": _figure(table, kind, title)}
-        for kind, title in TITLES.items()
-        if (table["kind"] == kind).any()
-    ]  # fmt: skip
+        _section(table[(filtered == of_filters) & (table["kind"] == kind)], of_filters, kind, title)
+        for (of_filters, kind), title in TITLES.items()
+        if ((filtered == of_filters) & (table["kind"] == kind)).any()
+    ]
     counted = table[table["finding"] != ""]["finding"].value_counts()
     return filled(
         "calibration.html",
         trials=trials,
         campaigns=f"{table.groupby(['system', 'sources', 'design', 'samples'])['campaigns'].max().sum():,}",
-        sizes=[f"{size:,}" for size in sizes],
         sections=sections,
+        filters=bool(filtered.any()),
         findings=[(name, int(counted.get(name, 0)), *words) for name, words in FINDINGS.items()],
     )
+
+
+def _section(table: pd.DataFrame, of_filters: bool, kind: str, title: str) -> dict[str, Any]:
+    sizes, name = sorted(table["samples"].unique()), kind.replace(" ", "-")
+    name = f"filter-{name}" if of_filters else name
+    figure = _figure(table, name, kind, title)
+    return {
+        "title": title,
+        "id": name,
+        "rows": _rows(table, sizes),
+        "figure": figure,
+        "sizes": [f"{size:,}" for size in sizes],
+    }
 
 
 def _rows(table: pd.DataFrame, sizes: list[int]) -> list[dict[str, Any]]:
@@ -77,9 +95,8 @@ def _rows(table: pd.DataFrame, sizes: list[int]) -> list[dict[str, Any]]:
     return rows
 
 
-def _figure(table: pd.DataFrame, kind: str, title: str) -> Figure:
-    """Draw all rates of one kind, one row per statement, and separately those that the program reports."""
-    own = table[table["kind"] == kind]
+def _figure(own: pd.DataFrame, name: str, kind: str, title: str) -> Figure:
+    """Draw rates of one kind, one row per statement, and separately those that the program reports."""
     statements = list(dict.fromkeys(own["statement"]))
     found = [finding for finding in MARKS if (own["finding"] == finding).any()]
     sizes = sorted(own["samples"].unique())
@@ -97,7 +114,7 @@ def _figure(table: pd.DataFrame, kind: str, title: str) -> Figure:
     if "withheld" in found:
         panels.append(panel("Reported by the program", own[own["finding"] != "withheld"]))
     return Figure(
-        name=kind.replace(" ", "-"),
+        name=name,
         title=title,
         description=f"Measured rates ({kind}) for every statement, system, distribution, design and size; the line is "
         "the nominal rate.",

@@ -6,13 +6,14 @@ A value holds for each axis. A list gives the axes one by one (three, or for mis
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.config.axes import read_axes
 from mcnav.config.context import FileContext
 from mcnav.config.imu_catalogue import INSTABILITY, KINDS, catalogue
 from mcnav.errors import suggestion
@@ -45,18 +46,25 @@ class ImuSizes:
     processes: Imu
 
 
-def read_imu(entries: object, context: FileContext) -> ImuSizes | None:
-    """Read ``[imu]``; mistakes are added to the context."""
+def read_imu(entries: object, context: FileContext, place: str = "imu", replaced: Imu | None = None) -> ImuSizes | None:
+    """Read ``[imu]``, or a table like it at another place; mistakes are added to the context.
+
+    Parameters
+    ----------
+    replaced : Imu, optional
+        Processes whose values the table replaces, one by one. The sigmas found are then of the axes that it names.
+    """
     before = len(context.problems)
     if not isinstance(entries, dict):
-        context.problem("imu", "expected a table")
+        context.problem(place, "expected a table")
         return None
-    tables = _with_grade(entries, context)
+    tables = _with_grade(entries, place, context)
+    missing = 0.0 if replaced is None else np.nan
     sigmas: dict[str, float] = {}
     noises: dict[str, Noise] = {}
     for instrument, kinds in KINDS.items():
         table = tables.get(instrument, {})
-        key = f"imu.{instrument}"
+        key = f"{place}.{instrument}"
         if not isinstance(table, dict):
             context.problem(key, "expected a table")
             continue
@@ -71,31 +79,42 @@ def read_imu(entries: object, context: FileContext) -> ImuSizes | None:
             if name in (walk, "rate_random_walk", INSTABILITY):
                 continue
             axes = CROSS_AXES if name == "misalignment" else AXES
-            sizes = _read_axes(table[name], kinds[name], axes, f"{key}.{name}", context)
-            sigmas |= {f"{instrument}_{name}_{axis}": size for axis, size in zip(axes, sizes, strict=True)}
+            sizes = read_axes(table[name], kinds[name], axes, f"{key}.{name}", context, missing)
+            found = {f"{instrument}_{name}_{axis}": float(size) for axis, size in zip(axes, sizes, strict=True)}
+            sigmas |= {source: size for source, size in found.items() if not np.isnan(size)}
 
         def process(
             name: str, table: Mapping[str, Any] = table, kinds: Mapping[str, str] = kinds, key: str = key
         ) -> Array:
-            return _read_axes(table.get(name, {}), kinds[name], AXES, f"{key}.{name}", context)
+            return read_axes(table.get(name, {}), kinds[name], AXES, f"{key}.{name}", context, missing)
 
-        instability, correlation = _read_instability(table.get(INSTABILITY), kinds, f"{key}.{INSTABILITY}", context)
-        noises[instrument] = Noise(process(walk), instability, correlation, process("rate_random_walk"))
+        below = None if replaced is None else getattr(replaced, instrument)
+        instability = _read_instability(table.get(INSTABILITY), kinds, f"{key}.{INSTABILITY}", context, below)
+        noises[instrument] = _replace(Noise(process(walk), *instability, process("rate_random_walk")), below)
     if len(context.problems) > before:
         return None
     return ImuSizes(sigmas, Imu(noises["gyro"], noises["accelerometer"]))
 
 
-def _with_grade(entries: Mapping[str, Any], context: FileContext) -> dict[str, Any]:
+def _replace(noise: Noise, replaced: Noise | None) -> Noise:
+    """Put values in place of those that are missing."""
+    if replaced is None:
+        return noise
+    names = ("random_walk", "instability", "correlation_time", "rate_random_walk")
+    pairs = ((getattr(noise, name), getattr(replaced, name)) for name in names)
+    return Noise(*(np.where(np.isnan(found), below, found) for found, below in pairs))
+
+
+def _with_grade(entries: Mapping[str, Any], place: str, context: FileContext) -> dict[str, Any]:
     """Put the values of the catalogue below those of the file."""
     for name in entries.keys() - {"grade", *KINDS}:
-        context.problem(f"imu.{name}", f"unknown key{suggestion(name, ['grade', *KINDS])}")
+        context.problem(f"{place}.{name}", f"unknown key{suggestion(name, ['grade', *KINDS])}")
     grade = entries.get("grade")
     if grade is None:
         return dict(entries)
     known = catalogue()
     if not isinstance(grade, str) or grade not in known:
-        context.problem("imu.grade", f"got {grade!r}{suggestion(str(grade), list(known))}; mcnav imu lists them")
+        context.problem(f"{place}.grade", f"got {grade!r}{suggestion(str(grade), list(known))}; mcnav imu lists them")
         return dict(entries)
     below = {
         instrument: {name: value for name, value in known[grade].get(instrument, {}).items() if name != NOT_MODELLED}
@@ -108,37 +127,14 @@ def _with_grade(entries: Mapping[str, Any], context: FileContext) -> dict[str, A
     }
 
 
-def _read_axes(entry: object, unit: str, axes: Sequence[str], key: str, context: FileContext) -> Array:
-    """Read the sizes of some axes, shape (axes,); zero where none is given."""
-    found = np.zeros(len(axes))
-    if isinstance(entry, dict):
-        for axis in entry.keys() - set(axes):
-            context.problem(f"{key}.{axis}", f"unknown axis; expected {', '.join(axes)}")
-        given = {axis: (f"{key}.{axis}", value) for axis, value in entry.items() if axis in axes}
-    elif isinstance(entry, list):
-        if len(entry) != len(axes):
-            context.problem(key, f"got a list of {len(entry)}; expected {len(axes)}, for {', '.join(axes)}")
-            return found
-        given = {
-            axis: (f"{key} #{number}", each) for number, (axis, each) in enumerate(zip(axes, entry, strict=True), 1)
-        }
-    else:
-        given = dict.fromkeys(axes, (key, entry))
-    problems = len(context.problems)
-    for number, axis in enumerate(axes):
-        if axis not in given or len(context.problems) > problems:
-            continue
-        at, value = given[axis]
-        size = context.quantity(value, unit, at)
-        if size is not None and size < 0.0:
-            context.problem(at, f"got {value!r}; a size must not be negative")
-        found[number] = size or 0.0
-    return found
+def _read_instability(
+    entry: object, kinds: Mapping[str, str], key: str, context: FileContext, replaced: Noise | None
+) -> tuple[Array, Array]:
+    """Read a first-order Gauss-Markov process by axis: sigma and correlation time.
 
-
-def _read_instability(entry: object, kinds: Mapping[str, str], key: str, context: FileContext) -> tuple[Array, Array]:
-    """Read a first-order Gauss-Markov process by axis: sigma and correlation time."""
-    none = np.zeros(3), np.full(3, 3600.0)
+    Where it replaces another one, one of the two may be missing.
+    """
+    none = (np.zeros(3), np.full(3, 3600.0)) if replaced is None else (np.full(3, np.nan), np.full(3, np.nan))
     if entry is None:
         return none
     expected = 'expected { sigma = "0.003 deg/h", correlation_time = "1 h" }, or allan_minimum in place of sigma'
@@ -149,19 +145,24 @@ def _read_instability(entry: object, kinds: Mapping[str, str], key: str, context
     for name in entry.keys() - set(names):
         context.problem(f"{key}.{name}", f"unknown key{suggestion(name, list(names))}")
     sizes = [name for name in names[:2] if name in entry]
-    if len(sizes) != 1 or "correlation_time" not in entry:
+    complete = len(sizes) == 1 and "correlation_time" in entry
+    if not complete and (replaced is None or len(sizes) > 1 or not entry.keys() & set(names)):
         context.problem(key, f"got {', '.join(sorted(entry)) or 'nothing'}; {expected}")
         return none
-    problems = len(context.problems)
-    sigma = _read_axes(entry[sizes[0]], kinds[f"{INSTABILITY}.{sizes[0]}"], AXES, f"{key}.{sizes[0]}", context)
-    if sizes[0] == "allan_minimum":
-        sigma = sigma / ALLAN_MINIMUM
+    problems, (sigma, correlation), missing = len(context.problems), none, float(none[0][0])
+    for name in sizes:
+        sigma = read_axes(entry[name], kinds[f"{INSTABILITY}.{name}"], AXES, f"{key}.{name}", context, missing)
+        sigma = sigma / ALLAN_MINIMUM if name == "allan_minimum" else sigma
     at = f"{key}.correlation_time"
-    correlation = _read_axes(entry["correlation_time"], "s", AXES, at, context)
-    if len(context.problems) == problems and np.any(correlation < SHORTEST_CORRELATION):
-        context.problem(
-            at,
-            f"got {entry['correlation_time']!r}; expected at least {SHORTEST_CORRELATION:g} s, white noise is shorter",
-        )
+    if "correlation_time" in entry:
+        correlation = read_axes(entry["correlation_time"], "s", AXES, at, context, missing)
+    if len(context.problems) > problems:
         return none
-    return (sigma, correlation) if len(context.problems) == problems else none
+    if np.any(correlation < SHORTEST_CORRELATION):
+        came = f"got {entry['correlation_time']!r}"
+        context.problem(at, f"{came}; expected at least {SHORTEST_CORRELATION:g} s, white noise is shorter")
+    elif replaced is not None and np.any((sigma > 0.0) & (replaced.instability == 0.0) & np.isnan(correlation)):
+        context.problem(at, "is missing, and the instrument itself has no such process; give it")
+    else:
+        return sigma, correlation
+    return none

@@ -18,11 +18,13 @@ from mcnav.config.stopping import read_stopping_rule
 from mcnav.config.toml import load_file, load_mapping
 from mcnav.config.validation import validate
 from mcnav.errors import CampaignError, Problem
+from mcnav.physics.ins.instruments import CONSTANTS
 from mcnav.sampling.distributions import Distribution, Normal
 from mcnav.sampling.error_model import CorrelationError, ErrorModel, JointError
 from mcnav.sampling.scipy_and_tables import EmpiricalDistribution
 from mcnav.scenarios.ins import Ins
-from mcnav.scenarios.protocol import ScenarioError, Source, VariableStart
+from mcnav.scenarios.protocol import Scenario, ScenarioError, Source, VariableStart
+from mcnav.scenarios.stochastic_user import StochasticUserScenario
 from mcnav.scenarios.user import UserScenario
 from mcnav.store.manifest import RequirementRecord
 from mcnav.store.summaries import SUMMARY
@@ -110,13 +112,18 @@ def parse_campaign(
         distributions = read_errors(expand_groups(content["errors"], sources), sources, context)
     sigmas = {} if described is None else described.sigmas
     for name in sigmas.keys() & distributions.keys():
-        context.problem(f"errors.{name}", "is given in [imu] as well; keep one")
+        other = "[imu]" if name in CONSTANTS else "[[aiding]]"
+        context.problem(f"errors.{name}", f"is given in {other} as well; keep one")
     distributions = {**{name: Normal(sigma) for name, sigma in sigmas.items()}, **distributions}
     ins = described.scenario if described is not None and isinstance(described.scenario, Ins) else None
-    if ins is not None and ins.processes and content.get("design") == "sobol":
+    if described is not None and _has_noise(described.scenario) and content.get("design") == "sobol":
         context.problem("design", "got 'sobol'; a net has no place for noise, so choose another design")
     if "imu" in content and described is not None and ins is None:
         context.problem("imu", "this scenario has no inertial measurement unit; leave it out")
+    if described is not None and ins is None:
+        for name in ("aiding", "filter"):
+            if name in content:
+                context.problem(name, "this scenario cannot be aided, which those of type ins can; leave it out")
     if table is None or sources is None:
         raise context.error()
 
@@ -125,7 +132,7 @@ def parse_campaign(
     joint = read_joint(table.joint, sources, context)
     requirements: list[RequirementRecord] = []
     if table.accept is not None and described is not None:
-        requirements = read_requirements(table.accept, described.scenario.outputs, context)
+        requirements = read_requirements(table.accept, described.scenario, context)
     until = read_stopping_rule(rule, str(table.design), context) if rule else None
     if rule and table.store == SUMMARY:
         context.problem("samples.until", "needs store = 'samples': the blocks of a summary are fixed for one size")
@@ -140,13 +147,16 @@ def parse_campaign(
             context.problem(f"joint #{wrong.entry + 1}.sources", str(wrong))
     if described is None:
         raise context.error()
-    scenario = described.scenario
+    scenario: Scenario = described.scenario
     if "start_times" in content and not isinstance(scenario, VariableStart):
         context.problem("start_times", "this scenario has no start times to choose from; leave it out")
     start_times = read_start_times(table.start_times, sources, scenario.outputs, distributions, context)
     if model is None or context.problems:
         raise context.error()
 
+    if ins is not None and described.filter is not None:
+        true = dict(zip(model.names, model.standard_deviations.tolist(), strict=True))
+        scenario = ins.with_filter(described.filter.completed(model), true)
     columns = {
         source.name: stored_table(source, each)
         for source in sources
@@ -175,6 +185,13 @@ def parse_campaign(
     )
 
 
+def _has_noise(scenario: Scenario) -> bool:
+    """Return whether the samples of a scenario have noise; a user's class is not asked for its covariance."""
+    if isinstance(scenario, StochasticUserScenario):
+        return scenario.noisy
+    return isinstance(scenario, Ins) and bool(scenario.processes)
+
+
 def _read_scenario(entries: Any, context: FileContext) -> tuple[ScenarioSpec | None, Sequence[Source] | None]:
     """Read the scenario, and the sources that ``[errors]`` may name; mistakes are added to the context."""
     if not isinstance(entries, dict):
@@ -188,11 +205,14 @@ def _read_scenario(entries: Any, context: FileContext) -> tuple[ScenarioSpec | N
     table = validate(kind.table, entries, context, "scenario")
     if table is None:
         return None, kind.sources
+    before = len(context.problems)
     try:
         described = kind.read(table, entries, context)
     except ScenarioError as wrong:
         context.problem(f"scenario.{wrong.key}", str(wrong))
         described = None
+    if "aiding" in context.content and len(context.problems) > before:
+        return described, None  # sources of sensors are not known
     return described, kind.sources if described is None else described.scenario.sources
 
 
@@ -208,7 +228,7 @@ def _resolve(content: Mapping[str, Any], table: CampaignTable, name: str, descri
         **({"store": table.store} if table.store != "samples" else {}),
         **({"sample_timeout": content["sample_timeout"]} if "sample_timeout" in content else {}),
         "scenario": dict(described.resolved),
-        **({"imu": content["imu"]} if "imu" in content else {}),
+        **{key: content[key] for key in ("imu", "aiding", "filter") if key in content},
         "errors": content["errors"],
         "correlations": content.get("correlations", []),
         **({"joint": content["joint"]} if table.joint else {}),

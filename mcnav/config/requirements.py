@@ -2,21 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
 
 from mcnav.config.context import FileContext
+from mcnav.config.requirement_times import RequirementEpochs, read_epochs
 from mcnav.config.schema import AcceptTable
-from mcnav.scenarios.protocol import Output
+from mcnav.scenarios.protocol import Scenario
 from mcnav.store.manifest import RequirementRecord
 
+RADII: Final = {"cep": 0.5, "r95": 0.95, "sep": 0.5}
+"""Probability of the errors within a radius, by the kind of requirement."""
 
-def read_requirements(table: AcceptTable, outputs: Sequence[Output], context: FileContext) -> list[RequirementRecord]:
+
+def read_requirements(table: AcceptTable, scenario: Scenario, context: FileContext) -> list[RequirementRecord]:
     """Read all requirements; mistakes are added to the context."""
-    units = {output.name: output.unit for output in outputs}
+    units = {output.name: output.unit for output in scenario.outputs}
     found: list[RequirementRecord] = []
 
-    def require(kind: str, names: list[str], limits: list[float], probability: float | None) -> None:
-        found.append(RequirementRecord(kind=kind, outputs=tuple(names), limits=tuple(limits), probability=probability))
+    def require(
+        kind: str, names: Sequence[str], limits: list[float], probability: float | None,
+        epochs: RequirementEpochs | None = None,
+    ) -> None:  # fmt: skip
+        over_time: dict[str, Any] = {} if epochs is None else {"when": epochs.words, "epochs": epochs.numbers}
+        record = RequirementRecord(
+            kind=kind, outputs=tuple(names), limits=tuple(limits), probability=probability, **over_time
+        )
+        found.append(record)
 
     def limit(written: object, name: str, key: str) -> float:
         value = context.quantity(written, units[name], key)
@@ -33,18 +45,14 @@ def read_requirements(table: AcceptTable, outputs: Sequence[Output], context: Fi
         key = f"accept.quantile #{number}"
         if known([entry.output], f"{key}.output"):
             largest = limit(entry.below, entry.output, f"{key}.below")
-            require("quantile", [entry.output], [largest], entry.probability)
-    for number, circle in enumerate(table.cep, start=1):
-        key = f"accept.cep #{number}"
-        if not known(circle.outputs, f"{key}.outputs"):
-            continue
-        first, second = circle.outputs
-        if first == second:
-            context.problem(f"{key}.outputs", f"got {first!r} twice; expected two different outputs")
-        elif units[first] != units[second]:
-            context.problem(f"{key}.outputs", f"{first} and {second} have different units; a circle needs two of one")
-        else:
-            require("cep", [first, second], [limit(circle.below, first, f"{key}.below")], 0.5)
+            epochs = read_epochs(entry, scenario, key, context)
+            require("quantile", [entry.output], [largest], entry.probability, epochs)
+    for kind, probability in RADII.items():
+        for number, radius in enumerate(getattr(table, kind), start=1):
+            key = f"accept.{kind} #{number}"
+            if known(radius.outputs, f"{key}.outputs") and _alike(radius.outputs, units, f"{key}.outputs", context):
+                largest = limit(radius.below, radius.outputs[0], f"{key}.below")
+                require(kind, radius.outputs, [largest], probability, read_epochs(radius, scenario, key, context))
     for number, box in enumerate(table.box, start=1):
         key = f"accept.box #{number}"
         if not box.within:
@@ -53,3 +61,15 @@ def read_requirements(table: AcceptTable, outputs: Sequence[Output], context: Fi
             limits = [limit(written, name, f"{key}.within.{name}") for name, written in box.within.items()]
             require("box", list(box.within), limits, box.probability)
     return found
+
+
+def _alike(names: Sequence[str], units: Mapping[str, str], key: str, context: FileContext) -> bool:
+    """Add a mistake when outputs are not different ones of one unit; return whether they are."""
+    twice = next((name for name in names if names.count(name) > 1), None)
+    other = next((name for name in names if units[name] != units[names[0]]), None)
+    shape = "a circle needs two" if len(names) == 2 else "a sphere needs three"
+    if twice is not None:
+        context.problem(key, f"got {twice!r} twice; expected {'two' if len(names) == 2 else 'three'} different outputs")
+    elif other is not None:
+        context.problem(key, f"{names[0]} and {other} have different units; {shape} of one")
+    return twice is None and other is None

@@ -77,13 +77,25 @@ class QuantileTable(Table):
     output: str
     probability: Probability
     below: Any
+    after: Duration | None = None
+    during: Any = None
+    at: Duration | None = None
 
 
 class CircularTable(Table):
-    """``[[accept.cep]]``: the circular error probable of two outputs lies below a limit."""
+    """``[[accept.cep]]`` and ``[[accept.r95]]``: 50 or 95 % of all errors in two outputs lie within a circle."""
 
     outputs: Annotated[list[str], Field(min_length=2, max_length=2)]
     below: Any
+    after: Duration | None = None
+    during: Any = None
+    at: Duration | None = None
+
+
+class SphericalTable(CircularTable):
+    """``[[accept.sep]]``: half of all errors in three outputs lie within a sphere."""
+
+    outputs: Annotated[list[str], Field(min_length=3, max_length=3)]
 
 
 class BoxTable(Table):
@@ -99,6 +111,8 @@ class AcceptTable(Table):
     sigma_ratio: Annotated[Number, Field(gt=0.0, lt=1.0)] | None = None
     quantile: Annotated[list[QuantileTable], Field(max_length=100)] = []
     cep: Annotated[list[CircularTable], Field(max_length=100)] = []
+    r95: Annotated[list[CircularTable], Field(max_length=100)] = []
+    sep: Annotated[list[SphericalTable], Field(max_length=100)] = []
     box: Annotated[list[BoxTable], Field(max_length=100)] = []
 
 
@@ -111,7 +125,10 @@ class UntilTable(Table):
 
 
 class CampaignTable(Table):
-    """The whole file; `mcnav.config.read` reads ``[scenario]`` and ``[errors]`` by type and units."""
+    """The whole file; `mcnav.config.read` reads ``[scenario]`` and ``[errors]`` by type and units.
+
+    ``[[aiding]]`` and ``[filter]`` are read with the scenario.
+    """
 
     name: Text | None = None
     samples: Annotated[int, Field(ge=2, le=1_000_000_000_000)] = 20_000
@@ -123,6 +140,8 @@ class CampaignTable(Table):
     sample_timeout: Annotated[Duration, Field(ge=0.001, le=1e6)] | None = None
     scenario: dict[str, Any]
     imu: dict[str, Any] | None = None
+    aiding: Any = None
+    filter: Any = None
     errors: dict[str, Any] = {}
     correlations: Annotated[list[CorrelationTable], Field(max_length=1_000)] = []
     joint: Annotated[list[JointTable], Field(max_length=100)] = []

@@ -17,11 +17,21 @@ from mcnav.lincov.sample_reduction import reduce_samples
 from mcnav.physics.power_sums import PowerSums
 from mcnav.sampling.error_model import ErrorModel
 from mcnav.scenarios.failure import Failure, Reason
+from mcnav.scenarios.filter_record import FilterSchema
+from mcnav.scenarios.filter_sums import FilterSums
 from mcnav.scenarios.inputs import InputFile
-from mcnav.scenarios.protocol import Batch, Engine, SimulationResult, StochasticEngine, TimeHistoryEngine
+from mcnav.scenarios.protocol import (
+    Batch,
+    Engine,
+    FilterEngine,
+    SimulationResult,
+    StochasticEngine,
+    TimeHistoryEngine,
+)
 from mcnav.scenarios.sample_loop import simulate_alone
 from mcnav.scenarios.timeouts import SampleTimeout, time_limit
 from mcnav.store.chunk_files import ChunkFile, ChunkTotals, SampleSchema, verify_chunk, write_chunk
+from mcnav.store.filters import filter_marks
 from mcnav.store.histories import history_marks
 from mcnav.store.inputs import check_unchanged
 from mcnav.store.run_folder import RunFolder
@@ -152,14 +162,18 @@ def store(work: ChunkJob, place: SampleRange, results: Iterable[tuple[Array, Sim
     begin, failed, fallback_count = place.begin, 0, 0
     summary: Summary | None = None
     power_sums: PowerSums | None = None
-    rows: list[tuple[Array, Array, Array]] = []
+    filter_sums: FilterSums | None = None
+    schema = filter_schema_of(work.engine)
+    rows: list[tuple[Array, ...]] = []
     failures: dict[int, Failure] = {}
     tracebacks: dict[int, str] = {}
     for errors, result in results:
         count, first = min(max(stored - begin, 0), len(errors)), begin - place.begin
         by_row = dict(sorted(result.failures.items()))
-        linear = np.empty((len(errors), 0)) if result.linear_values is None else result.linear_values
-        rows.append((errors[:count].copy(), result.values[:count].copy(), linear[:count].copy()))
+        linear = np.full((len(errors), len(work.layout.linear)), np.nan)  # nothing of samples whose process died
+        linear = linear if result.linear_values is None else result.linear_values
+        filters = _final_filters(schema, result)
+        rows.append(tuple(each[:count].copy() for each in (errors, result.values, linear, filters)))
         failures |= {first + row: failure for row, failure in by_row.items() if row < count}
         raised = ((first + row, failure.traceback) for row, failure in by_row.items() if failure.traceback)
         tracebacks |= dict(islice(raised, None if work.frame is None else MOST_REASONS - len(tracebacks)))
@@ -173,13 +187,18 @@ def store(work: ChunkJob, place: SampleRange, results: Iterable[tuple[Array, Sim
             sums = work.engine.history_sums(errors)
         if sums is not None:
             power_sums = sums if power_sums is None else power_sums + sums
+        if schema is not None and result.filter_values is not None:
+            simulated = np.delete(result.filter_values, list(by_row), axis=0) if by_row else result.filter_values
+            piece_sums = FilterSums.of(schema, simulated)
+            filter_sums = piece_sums if filter_sums is None else filter_sums + piece_sums
         failed, fallback_count, begin = (
             failed + len(by_row),
             fallback_count + result.fallback_count,
             begin + len(errors),
         )
-    marks = history_marks(power_sums) | ({} if summary is None else summary.marks(place.begin))
-    errors, values, linear = (np.concatenate(columns) for columns in zip(*rows, strict=True))
+    marks = history_marks(power_sums) | filter_marks(filter_sums)
+    marks |= {} if summary is None else summary.marks(place.begin)
+    errors, values, linear, filters = (np.concatenate(columns) for columns in zip(*rows, strict=True))
     totals = ChunkTotals(place.end - place.begin, failed, fallback_count, tracebacks)
     check_not_cancelled(work)
     return write_chunk(
@@ -194,7 +213,22 @@ def store(work: ChunkJob, place: SampleRange, results: Iterable[tuple[Array, Sim
         totals,
         marks,
         linear,
+        filters,
     )
+
+
+def filter_schema_of(engine: Engine) -> FilterSchema | None:
+    """Return the columns of the records of an engine's filter; none when it has no filter."""
+    return engine.filter_schema if isinstance(engine, FilterEngine) else None
+
+
+def _final_filters(schema: FilterSchema | None, result: SimulationResult) -> Array:
+    """Return what the samples' filters say at the end, shape (n, outputs + 1), or without a filter (n, 0)."""
+    if schema is None:
+        return np.empty((len(result.values), 0))
+    if result.filter_values is None:
+        return np.full((len(result.values), schema.outputs + 1), np.nan)
+    return schema.final(result.filter_values)
 
 
 def check_not_cancelled(work: ChunkJob) -> None:

@@ -64,6 +64,11 @@ class PowerSums:
         return np.asarray(central / (self.count - 1))
 
     @property
+    def mean_powers(self) -> tuple[Array, Array]:
+        """Mean second and fourth powers about the pivot, each of shape (m, k)."""
+        return self._squares, np.asarray(self.sums[:, -self._outputs :] / self.count)
+
+    @property
     def third(self) -> Array:
         """Mean third power about the mean, shape (m, k)."""
         offset, second = self._offset, self._squares
@@ -73,7 +78,7 @@ class PowerSums:
     def fourth(self) -> Array:
         """Mean fourth power about the mean, shape (m, k)."""
         offset, second = self._offset, self._squares
-        fourth = self.sums[:, -self._outputs :] / self.count
+        fourth = self.mean_powers[1]
         return np.asarray(fourth - 4.0 * offset * self._cubes + 6.0 * offset**2 * second - 3.0 * offset**4)
 
     @property

@@ -14,6 +14,7 @@ from mcnav.analysis.budget import ErrorBudget
 from mcnav.analysis.comparison import Comparison, Criterion, Model
 from mcnav.analysis.envelopes import Envelopes, envelopes_from
 from mcnav.analysis.failed_samples import FailureBias
+from mcnav.analysis.filter_consistency import FilterConsistency
 from mcnav.analysis.requirements import RequirementResult
 from mcnav.analysis.running_ratios import Convergence
 from mcnav.analysis.tails import Quantile
@@ -31,7 +32,7 @@ class RunAnalysis:
     """A run with its samples and all that is concluded from them; what only a report shows is read when it is used.
 
     Of a run that stores a summary, ``samples`` are the first ones. ``failures`` gives for each reason how many samples
-    failed, and the indices of the first of them.
+    failed, and the indices of the first of them. ``filter`` is none of a scenario without a filter.
     """
 
     folder: RunFolder
@@ -47,6 +48,7 @@ class RunAnalysis:
     tails: tuple[Quantile, ...]
     left_out: FailureBias | None
     failures: Mapping[str, tuple[int, Sequence[int]]]
+    filter: FilterConsistency | None = None
 
     @cached_property
     def summary(self) -> Mapping[str, Any]:
@@ -62,6 +64,7 @@ class RunAnalysis:
             self.requirements,
             self.tails,
             self.left_out,
+            self.filter,
         )
 
     @cached_property

@@ -11,10 +11,12 @@ import numpy as np
 from mcnav.analysis.budget import ErrorBudget
 from mcnav.analysis.comparison import Comparison, Criterion, Model
 from mcnav.analysis.failed_samples import FailureBias
+from mcnav.analysis.filter_consistency import FilterConsistency
 from mcnav.analysis.multivariate import MultivariateTests
 from mcnav.analysis.requirements import RequirementResult
 from mcnav.analysis.tails import Quantile
 from mcnav.analysis.variance_breakdown import VarianceBreakdown
+from mcnav.report.filter_summary import filter_entries
 from mcnav.statistics.hypothesis_test import HypothesisTest
 from mcnav.store.manifest import Manifest
 
@@ -44,6 +46,7 @@ def summarise(
     requirements: Sequence[RequirementResult],
     tails: Sequence[Quantile],
     left_out: FailureBias | None = None,
+    filtered: FilterConsistency | None = None,
 ) -> dict[str, Any]:
     """Collect results in SI units, rows and columns in the order of outputs and sources.
 
@@ -119,6 +122,7 @@ def summarise(
         "requirements": [_requirement(judged, named["outputs"]) for judged in requirements],
         "requirements_met": tally(judged.finding.value for judged in requirements),
         "budget": {**asdict(budget), "flown": record.budget},
+        **({} if filtered is None else filter_entries(filtered)),
     }
 
 
@@ -127,11 +131,13 @@ def _named(entry: dict[str, Any], outputs: Sequence[Mapping[str, str]]) -> dict[
 
 
 def _requirement(judged: RequirementResult, outputs: Sequence[Mapping[str, str]]) -> dict[str, Any]:
-    return {
+    entry = {
         **_named(asdict(judged.requirement), outputs),
         "finding": judged.finding.value,
         **{key: value for key, value in asdict(judged).items() if key not in ("requirement", "finding")},
     }
+    at_the_end = () if judged.requirement.epochs else ("when", "epochs", "time", "samples")
+    return {key: value for key, value in entry.items() if key not in at_the_end}
 
 
 def _joint(joint: MultivariateTests | None, outputs: int) -> dict[str, Any]:

@@ -64,6 +64,18 @@ class FilterSchema:
         """Numbers of a record."""
         return int(max(place.stop for place in self.places.values()))
 
+    @property
+    def main_group(self) -> str:
+        """The group whose NEES is that of a sample: navigation, or the first."""
+        return "navigation" if "navigation" in self.groups else next(iter(self.groups))
+
+    def final(self, records: Array) -> Array:
+        """Return sigmas of the outputs and the NEES of the main group at the end, shape (n, outputs + 1)."""
+        last = records[:, -1]
+        variances = np.diagonal(self.covariance(last), axis1=1, axis2=2)
+        nees = last[:, self.places["nees"]][:, [list(self.groups).index(self.main_group)]]
+        return np.concatenate([np.sqrt(np.maximum(variances, 0.0)), nees], axis=1)
+
     def covariance(self, records: Array) -> Array:
         """Return the covariances of the outputs, shape (..., outputs, outputs), of records, shape (..., width)."""
         rows, columns = np.tril_indices(self.outputs)
@@ -89,6 +101,9 @@ class FilterPrediction:
         Of the true errors of these states' estimates.
     state_processes : mapping of str to ndarray, shape (m, q)
         Variance that each process adds to them.
+    believed : mapping of str to float
+        Variance that the filter believes a source or process to have over its true variance: one where the filter
+        models it rightly, zero where it neglects it. Those missing are modelled rightly.
     """
 
     label: str
@@ -97,3 +112,4 @@ class FilterPrediction:
     state_variance: Array
     state_partials: Array
     state_processes: Mapping[str, Array] = field(default_factory=dict)
+    believed: Mapping[str, float] = field(default_factory=dict)

@@ -7,7 +7,8 @@ and the definition of their noise, which each draws by generators of its own.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Final
 
@@ -26,13 +27,24 @@ from mcnav.physics.ins.linear_noise import NoiseResponse
 from mcnav.physics.ins.mechanization import Diverged, Mechanization
 from mcnav.physics.ins.response import respond
 from mcnav.physics.ins.truth import Platform, Truth
+from mcnav.scenarios.aided import (
+    PROBES,
+    AidedEngine,
+    AidedNavigation,
+    AidedReferenceEngine,
+    believed_shares,
+    filter_schema,
+)
+from mcnav.scenarios.aiding_sources import aiding_outputs, aiding_sources
 from mcnav.scenarios.failure import Failure, Reason
+from mcnav.scenarios.filter_record import FilterPrediction, FilterSchema
 from mcnav.scenarios.protocol import (
     Batch,
     Engine,
     Epochs,
     History,
     LinearModel,
+    LinearReadings,
     Output,
     Panel,
     PartialsHistory,
@@ -88,6 +100,9 @@ NAVIGATION_ERRORS: Final = tuple(Output(name, *SHOWN[kind_of(name)]) for name in
 NOISE: Final = tuple(Output(name, *PROCESS_UNITS[name.rpartition("_")[0]]) for name in PROCESSES)
 """Processes of the instruments."""
 
+BEFORE_OUTAGES_END: Final = 1.0
+"""Time before the end of an outage at which errors are read out, s; less in a short outage."""
+
 EPOCHS: Final = 60
 """Intervals between instants at which the errors of all samples are read out; fewer in a shorter navigation."""
 
@@ -122,6 +137,8 @@ class Navigation:
         Aiding.
     filter : FilterModel, optional
         Of an aided navigation.
+    sigmas : mapping of str to float
+        True standard deviations of the constant sources, where they are known: what a filter believes is compared.
     """
 
     truth: Truth
@@ -131,16 +148,38 @@ class Navigation:
     imu: Imu
     sensors: tuple[Sensor, ...] = ()
     filter: FilterModel | None = None
+    sigmas: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def times(self) -> Array:
-        """Epochs, the start first, s."""
-        return np.linspace(self.start, self.end, EPOCHS + 1)
+        """Epochs, the start first, s; begin and end of each outage are among them."""
+        times = np.linspace(self.start, self.end, EPOCHS + 1)
+        for begin, end in (outage for sensor in self.sensors for outage in sensor.outages):
+            just_before = end - min(BEFORE_OUTAGES_END, 0.01 * (end - begin))
+            inside = [time for time in (begin, just_before) if self.start < time < self.end]
+            far = [time for time in inside if np.abs(times - time).min() > 1e-6]
+            times = np.union1d(times, far)
+        return times
 
     @property
     def epochs(self) -> Epochs:
         """Epochs in minutes of navigation."""
-        return Epochs(HISTORY_TIME, (self.times - self.start) / 60.0)
+        events = {
+            f"{sensor.name} outage {number} {edge}": (float(time) - self.start) / 60.0
+            for sensor in self.sensors
+            for number, outage in enumerate(sensor.outages, 1)
+            for edge, time in zip(("begins", "ends"), outage, strict=True)
+        }
+        return Epochs(HISTORY_TIME, (self.times - self.start) / 60.0, events)
+
+    @cached_property
+    def aided(self) -> AidedNavigation | None:
+        """The navigation with its filter; none without."""
+        if self.filter is None:
+            return None
+        return AidedNavigation(
+            self.truth, self.platform, self.start, self.imu, self.sensors, self.filter, self.epochs, self.times
+        )
 
     def grid(self, steps: int) -> Array:
         """Return the times of so many steps between epochs."""
@@ -153,7 +192,10 @@ class Navigation:
 
     @cached_property
     def linear(self) -> LinearErrors:
-        """The linear system at the epochs."""
+        """The linear system at the epochs, after their updates."""
+        if self.aided is not None:
+            closed = self.aided.linear
+            return LinearErrors(closed.times, closed.partials, closed.processes)
         responses = respond(self.truth, self.platform, self.times, self.imu)
         return propagate(self.truth, responses, self.imu, np.arange(EPOCHS + 1))
 
@@ -264,8 +306,6 @@ class Ins:
         When navigation does not lie within the trajectory.
     """
 
-    engines = ("ensemble", "reference")
-    sources = SOURCES
     outputs = NAVIGATION_ERRORS
 
     def __init__(self, navigation: Navigation) -> None:
@@ -280,16 +320,77 @@ class Ins:
         self.navigation = navigation
 
     @property
+    def engines(self) -> tuple[str, ...]:
+        """Names of the engines."""
+        if self.navigation.filter is None:
+            return ("ensemble", "reference")
+        return ("ensemble", "shared-gains", "reference")
+
+    @property
+    def sources(self) -> tuple[Source, ...]:
+        """Constant errors: initial ones, those of the instruments, those of the sensors."""
+        return SOURCES + aiding_sources(self.navigation.sensors)
+
+    @property
     def processes(self) -> tuple[Output, ...]:
-        """Processes of the noise that the instruments have."""
+        """Processes of the noise that the instruments and the sensors have."""
         sizes = process_sizes(self.navigation.imu)
-        return tuple(process for process in NOISE if process.name in sizes)
+        instruments = tuple(process for process in NOISE if process.name in sizes)
+        return instruments + aiding_outputs(self.navigation.sensors)
+
+    def with_filter(self, model: FilterModel, sigmas: Mapping[str, float] | None = None) -> Ins:
+        """Return the same scenario with a filter, and the true standard deviations of the constant sources."""
+        return Ins(replace(self.navigation, filter=model, sigmas=sigmas or {}))
+
+    @property
+    def filter_schema(self) -> FilterSchema | None:
+        """Columns of the filters' records."""
+        navigation = self.navigation
+        if navigation.filter is None:
+            return None
+        known: list[Source | Output] = [*self.sources, *NOISE, *aiding_outputs(navigation.filter.beliefs.sensors)]
+        units = {each.name: (each.unit, each.shown_in) for each in known}
+        return filter_schema(navigation.sensors, navigation.filter, units)
+
+    def filter_prediction(self) -> FilterPrediction | None:
+        """Compute what linear analysis says of the filter at the epochs."""
+        navigation = self.navigation
+        if navigation.aided is None or navigation.filter is None:
+            return None
+        linear = navigation.aided.linear
+        return FilterPrediction(
+            HISTORY_TIME,
+            navigation.epochs.times,
+            linear.own,
+            linear.own_variances,
+            linear.state_partials,
+            linear.state_variances,
+            believed_shares(navigation.imu, navigation.sensors, navigation.filter, navigation.sigmas),
+        )
 
     def linear_model(self) -> LinearModel:
         """Compute the linear model at the end of navigation by the variational equations."""
         linear = self.navigation.linear
         processes = {name: covariance[-1] for name, covariance in linear.processes.items()}
         return LinearModel(linear.partials[-1], np.zeros(len(OUTPUTS)), processes)
+
+    def linear_readings(self, times: Array | None) -> LinearReadings:
+        """Read the linear system out at rising times of the trajectory, s, or at the epochs."""
+        navigation = self.navigation
+        wanted = navigation.times if times is None else times
+        for time in wanted:
+            if not navigation.start <= time <= navigation.end:
+                raise ScenarioError(
+                    "end",
+                    f"got {time:g} s to look at; navigation lasts from {navigation.start:g} to {navigation.end:g} s",
+                )
+        if navigation.aided is not None:
+            updates, closed = navigation.aided.read_out(wanted)
+            return LinearReadings(closed.times, updates, closed.partials, closed.processes, closed.own)
+        grid = np.union1d(navigation.times, wanted)
+        responses = respond(navigation.truth, navigation.platform, grid, navigation.imu)
+        linear = propagate(navigation.truth, responses, navigation.imu, np.searchsorted(grid, wanted))
+        return LinearReadings(linear.times, (None,) * len(wanted), linear.partials, linear.processes)
 
     def partials_history(self, count: int) -> PartialsHistory:
         """Return the linear system at the epochs, whatever the count."""
@@ -298,8 +399,19 @@ class Ins:
 
     def engine(self, engine: str, probes: Array) -> Engine:
         """Prepare one of the engines; the ensemble's steps are halved until the probes, (n, sources), agree."""
+        aided, schema = self.navigation.aided, self.filter_schema
         if engine == "reference":
+            if aided is not None and schema is not None:
+                return AidedReferenceEngine(aided, schema)
             return ReferenceEngine(self.navigation)
+        if aided is not None and schema is not None:
+            shared, error = aided.refined(probes)
+            gains = "gains of each sample's own" if engine == "ensemble" else "gains along the truth"
+            accuracy = (
+                f"deviations in inertial axes, {len(shared.ensemble.durations)} steps, {gains}; largest numerical "
+                f"error of {min(len(probes), PROBES)} probe samples {error:.1e} of the filter's sigma"
+            )
+            return AidedEngine(aided, shared, schema, engine == "ensemble", accuracy)
         steps, tables, error = self._refined(probes)
         accuracy = (
             f"deviations in inertial axes, {EPOCHS * steps} steps; largest numerical error of {len(probes)} probe "
@@ -353,7 +465,13 @@ class Ins:
             "specific force [g]": np.linalg.norm(states.force, axis=1) / STANDARD_GRAVITY,
             "angular rate [deg/s]": np.degrees(np.linalg.norm(states.rate, axis=1)),
         }
-        return History(columns, {"end": float(columns[HISTORY_TIME][-1])}, PANELS)
+        outages = {
+            sensor.name: tuple(
+                ((begin - navigation.start) / 60.0, (end - navigation.start) / 60.0) for begin, end in sensor.outages
+            )
+            for sensor in navigation.sensors if sensor.outages
+        }  # fmt: skip
+        return History(columns, {"end": float(columns[HISTORY_TIME][-1])}, PANELS, outages)
 
 
 PANELS: Final = (

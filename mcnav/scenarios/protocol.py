@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol, runtime_checkable
+from typing import Literal, Protocol, runtime_checkable
 
 from mcnav._types import Array, IndexArray
 from mcnav.physics.power_sums import PowerSums
@@ -188,11 +188,15 @@ class History:
         Named instants, in the unit of the first column.
     panels : tuple of Panel
         None when there is nothing to show.
+    outages : mapping of str to tuple of (float, float)
+        Begin and end of the intervals in which an aiding sensor is silent, by its name, in the unit of the first
+        column.
     """
 
     columns: Mapping[str, Array] = field(default_factory=dict)
     events: Mapping[str, float] = field(default_factory=dict)
     panels: tuple[Panel, ...] = ()
+    outages: Mapping[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -214,6 +218,30 @@ class PartialsHistory:
     times: Array
     partials: Array
     processes: Mapping[str, Array] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class LinearReadings:
+    """The linear system read out at some times, r of them, before or after updates of aiding.
+
+    Attributes
+    ----------
+    times : ndarray, shape (r,)
+        In the scenario's own time, s.
+    updates : tuple of str or None
+        ``before`` or ``after`` where an update falls on the time.
+    partials : ndarray, shape (r, outputs, sources)
+    processes : mapping of str to ndarray, shape (r, outputs, outputs)
+        Covariance that each process of noise has added, by name.
+    own : ndarray, shape (r, outputs, outputs), optional
+        Covariance that the navigator's filter states.
+    """
+
+    times: Array
+    updates: tuple[Literal["before", "after"] | None, ...]
+    partials: Array
+    processes: Mapping[str, Array] = field(default_factory=dict)
+    own: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -280,6 +308,14 @@ class HasPartialsHistory(Protocol):
 
     def partials_history(self, count: int) -> PartialsHistory:
         """Partial derivatives at so many rising times, from the start to the end."""
+
+
+@runtime_checkable
+class HasLinearReadings(Protocol):
+    """A scenario whose linear system can be read out at any time."""
+
+    def linear_readings(self, times: Array | None) -> LinearReadings:
+        """Read the linear system out at rising times, s, or at the scenario's epochs; `ScenarioError` outside."""
 
 
 @runtime_checkable

@@ -104,6 +104,7 @@ def join_results(results: Sequence[SimulationResult]) -> SimulationResult:
         sum(result.fallback_count for result in results),
         joined("linear_values"),
         joined("history"),
+        joined("filter_values"),
     )
 
 

@@ -69,6 +69,8 @@ class Samples:
         SI; NaN in the row of a sample that failed.
     linear : ndarray, shape (n, outputs) or (n, 0)
         Outputs by the linear system with the same noise, SI; no columns where samples have no noise.
+    filter : ndarray, shape (n, outputs + 1) or (n, 0)
+        Sigmas of the outputs that the sample's filter states at the end, SI, and the NEES; no columns without a filter.
     """
 
     index: IndexArray
@@ -76,23 +78,32 @@ class Samples:
     errors: Array
     outputs: Array
     linear: Array
+    filter: Array
 
 
 @dataclass(frozen=True)
 class SampleSchema:
-    """Columns of the sample files: ``error NAME [unit]``, ``output NAME [unit]``, with noise ``linear NAME [unit]``."""
+    """Columns of the sample files.
+
+    ``error NAME [unit]``, ``output NAME [unit]``; with noise ``linear NAME [unit]``; with a filter ``filter NAME
+    [unit]``, its sigma, and ``nees``.
+    """
 
     errors: tuple[str, ...]
     outputs: tuple[str, ...]
     linear: tuple[str, ...] = ()
+    filter: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, sources: Sequence[Any], outputs: Sequence[Any], noise: bool = False) -> SampleSchema:
+    def of(
+        cls, sources: Sequence[Any], outputs: Sequence[Any], noise: bool = False, filtered: bool = False
+    ) -> SampleSchema:
         """Derive the columns from sources and outputs that have names and units."""
         return cls(
             tuple(f"error {source.name} [{source.unit}]" for source in sources),
             tuple(f"output {output.name} [{output.unit}]" for output in outputs),
             tuple(f"linear {output.name} [{output.unit}]" for output in outputs) if noise else (),
+            (*(f"filter {output.name} [{output.unit}]" for output in outputs), "nees") if filtered else (),
         )
 
 
@@ -123,6 +134,7 @@ def write_chunk(
     totals: ChunkTotals,
     marks: Mapping[str, str],
     linear: Array | None = None,
+    filters: Array | None = None,
 ) -> ChunkFile:
     """Write one chunk of samples as a file that is either there whole or not there.
 
@@ -139,6 +151,8 @@ def write_chunk(
         Further entries of the file's metadata.
     linear : ndarray, shape (n, outputs), optional
         Outputs by the linear system with the same noise, where the schema has columns for them.
+    filters : ndarray, shape (n, outputs + 1), optional
+        Final sigmas of the samples' filters and the NEES, where the schema has columns for them.
     """
     count = len(errors)
     failed = np.array([row in failures for row in range(count)], dtype=bool)
@@ -148,6 +162,8 @@ def write_chunk(
     columns |= {name: arrow_array(values, failed) for name, values in zip(layout.outputs, outputs.T, strict=True)}
     if layout.linear and linear is not None:
         columns |= {name: arrow_array(values) for name, values in zip(layout.linear, linear.T, strict=True)}
+    if layout.filter and filters is not None:
+        columns |= {name: arrow_array(values, failed) for name, values in zip(layout.filter, filters.T, strict=True)}
     metadata = {"mcnav.identity": identity, "mcnav.handed_over": str(totals.fallback_count), **marks}
     if totals.tracebacks:
         metadata["mcnav.tracebacks"] = _packed({begin + row: text for row, text in totals.tracebacks.items()})
@@ -253,7 +269,9 @@ def samples_from(table: pa.Table, layout: SampleSchema) -> Samples:
 
 def room_for(count: int, layout: SampleSchema) -> Samples:
     """Allocate arrays for samples; those of errors and outputs have their columns contiguous."""
-    blocks = (np.empty((len(names), count)).T for names in (layout.errors, layout.outputs, layout.linear))
+    blocks = (
+        np.empty((len(names), count)).T for names in (layout.errors, layout.outputs, layout.linear, layout.filter)
+    )
     return Samples(np.empty(count, dtype=np.int64), [OK] * count, *blocks)
 
 
@@ -261,7 +279,12 @@ def put(table: pa.Table, layout: SampleSchema, samples: Samples, row: int) -> No
     """Put the samples of a table among others, from a row on."""
     rows = slice(row, row + len(table))
     samples.index[rows] = numbers_in(table.column("index"))
-    blocks = (samples.errors, layout.errors), (samples.outputs, layout.outputs), (samples.linear, layout.linear)
+    blocks = (
+        (samples.errors, layout.errors),
+        (samples.outputs, layout.outputs),
+        (samples.linear, layout.linear),
+        (samples.filter, layout.filter),
+    )
     for array, names in blocks:
         for column, name in zip(array.T, names, strict=True):
             column[rows] = numbers_in(table.column(name))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -27,6 +27,9 @@ PERCENTILES: Final = (1.0, 5.0, 50.0, 95.0, 99.0)
 
 STORED: Final = 2_000
 """Samples whose histories are stored in full: the first of the campaign."""
+
+MOST_EPOCHS: Final = 10_000
+"""Epochs up to which as many samples are read as are asked for."""
 
 
 def history_marks(power_sums: PowerSums | None) -> dict[str, str]:
@@ -59,7 +62,12 @@ def histories_table(epochs: Epochs, outputs: Sequence[Output], histories: Array)
 
 
 def epochs_table(
-    epochs: Epochs, outputs: Sequence[Output], sums: PowerSums, linear: tuple[Array, Array], histories: Array
+    epochs: Epochs,
+    outputs: Sequence[Output],
+    sums: PowerSums,
+    linear: tuple[Array, Array],
+    histories: Array,
+    further: Mapping[str, Array] | None = None,
 ) -> bytes:
     """Tabulate moments of all samples, linear moments and percentiles of the stored histories at every epoch.
 
@@ -71,6 +79,8 @@ def epochs_table(
     linear : (ndarray, ndarray), shapes (m, outputs) and (m, outputs, outputs)
         Linear mean and covariance.
     histories : ndarray, shape (n, m, outputs)
+    further : mapping of str to ndarray, shape (m,), optional
+        Further columns.
     """
     covariance, third, fourth = sums.covariance, sums.third, sums.fourth
     complete = histories[np.isfinite(histories).all(axis=(1, 2))]
@@ -92,5 +102,23 @@ def epochs_table(
         for j, other in enumerate(outputs[:i]):
             unit = f"({other.unit})({one.unit})"
             columns[f"covariance {other.name}, {one.name} [{unit}]"] = covariance[:, i, j]
+    columns |= further or {}
     described = {"events": dict(epochs.events), "samples": sums.count, "stored": len(complete)}
     return parquet_bytes(arrow_table(columns).replace_schema_metadata({"mcnav.epochs": json.dumps(described)}))
+
+
+def first_histories(path: Path, samples: int) -> tuple[str, Array, dict[str, Array]]:
+    """Read the first samples of a table of histories: label and times of the epochs, errors of each output.
+
+    Raises what pyarrow raises, or `ValueError`, when the file holds no such table.
+    """
+    with pq.ParquetFile(path, page_checksum_verification=True) as file:
+        first = next(file.iter_batches(batch_size=samples * MOST_EPOCHS), None)
+        if first is None:
+            raise ValueError("it has no rows")
+        index, label, *outputs = first.schema.names
+        numbers = {name: first.column(name).to_numpy(zero_copy_only=False) for name in first.schema.names}
+    epochs = int(np.count_nonzero(numbers[index] == numbers[index][0]))
+    known = min(len(numbers[index]) // epochs, samples)
+    shaped = {name: numbers[name][: known * epochs].reshape(known, epochs).astype(float) for name in outputs}
+    return label, numbers[label][:epochs].astype(float), shaped

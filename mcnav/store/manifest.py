@@ -28,6 +28,7 @@ from pydantic_core import CoreSchema, core_schema
 from mcnav._types import Array
 from mcnav.files import to_json
 from mcnav.sampling.designs import DESIGNS, SamplingDesign
+from mcnav.scenarios.filter_record import FilterSchema
 from mcnav.store.chunk_files import MOST_SAMPLES, ChunkFile, Count, Digest, SampleSchema, Words
 
 FORMAT: Final = 1
@@ -86,19 +87,70 @@ class Variable(Record):
 class PartialsRecord(Record):
     """Partial derivatives at many times; see `mcnav.scenarios.protocol.PartialsHistory`.
 
-    ``processes`` are the variances that each process of noise has added, shape (n, outputs).
+    ``processes`` are the variances that each process of noise has added, shape (n, outputs). ``covariance`` is the
+    whole linear covariance, where it is not that of the sources alone, shape (n, outputs, outputs).
     """
 
     label: Words
     times: Vector
     partials: Matrices
     processes: Mapping[Words, Matrix] = {}
+    covariance: Matrices | None = None
+
+
+class FilterPredictionRecord(Record):
+    """What linear analysis says of a filter; see `mcnav.scenarios.filter_record.FilterPrediction`.
+
+    ``state_true`` are the true mean squares of the errors of the filter's other states, shape (m, q).
+    """
+
+    covariance: Matrices
+    state_variance: Matrix
+    state_true: Matrix
+    believed: Mapping[Words, float] = {}
+
+
+class FilterRecord(Record):
+    """The filter of a scenario; see `mcnav.scenarios.filter_record.FilterSchema`.
+
+    ``times`` are the epochs of its records, and ``label`` is what they are, as ``name [unit]``.
+    """
+
+    label: Words
+    times: Vector
+
+    groups: Annotated[Mapping[Words, Annotated[int, Field(ge=1)]], Field(min_length=1)]
+    outputs: Annotated[int, Field(ge=1)]
+    states: tuple[Words, ...] = ()
+    units: tuple[tuple[Words, Words], ...] = ()
+    sensors: Mapping[Words, Annotated[int, Field(ge=1)]] = {}
+    prediction: FilterPredictionRecord | None = None
+
+    @model_validator(mode="after")
+    def _shapes(self) -> Self:
+        if len(self.units) != len(self.states):
+            raise ValueError("units: is not of the length of the states")
+        prediction = self.prediction
+        if prediction is None:
+            return self
+        instants, outputs, states = len(self.times), self.outputs, len(self.states)
+        shapes = {"covariance": (outputs, outputs), "state_variance": (states,), "state_true": (states,)}
+        for name, shape in shapes.items():
+            if getattr(prediction, name).shape != (instants, *shape):
+                raise ValueError(f"prediction.{name}: is not of the shape that {instants} epochs ask for")
+        return self
+
+    @property
+    def columns(self) -> FilterSchema:
+        """Columns of the filter's records."""
+        return FilterSchema(self.groups, self.outputs, self.states, self.units, self.sensors)
 
 
 class ModelRecord(Record):
     """The linear model, SI, and what further simulations add to it (`mcnav.lincov.nonlinear_corrections`).
 
-    ``processes`` are the covariances that each process of noise adds; none in a scenario without noise.
+    ``processes`` are the covariances that each process of noise adds; none in a scenario without noise. ``filter`` is
+    none in a scenario without a filter.
     """
 
     sources: Annotated[tuple[Variable, ...], Field(min_length=1, max_length=1_000)]
@@ -108,6 +160,7 @@ class ModelRecord(Record):
     start_mean: Vector
     start_covariance: Matrix
     processes: Mapping[Words, Matrix] | None = None
+    filter: FilterRecord | None = None
     development: PartialsRecord | None = None
     unscented: Mapping[str, Any] | None = None
     partials_differences: Mapping[str, Any] | None = None
@@ -125,6 +178,8 @@ class ModelRecord(Record):
         for name, covariance in (self.processes or {}).items():
             if covariance.shape != (rows, rows):
                 raise ValueError(f"processes.{name}: is not of the shape that {rows} outputs ask for")
+        if self.filter is not None and self.filter.outputs != rows:
+            raise ValueError(f"filter.outputs: is {self.filter.outputs}, not {rows}")
         return self
 
 
@@ -137,12 +192,18 @@ class CriterionRecord(Record):
 
 
 class RequirementRecord(Record):
-    """See `mcnav.analysis.requirements.Requirement`; outputs by name."""
+    """See `mcnav.analysis.requirements.Requirement`; outputs by name.
+
+    ``epochs`` are those at each of which it holds, by number from zero, the start, and ``when`` has them in words; a
+    requirement without them holds at the end.
+    """
 
     kind: Words
     outputs: tuple[Words, ...]
     limits: tuple[float, ...]
     probability: float | None
+    when: Words | None = None
+    epochs: Annotated[tuple[Count, ...], Field(min_length=1)] | None = None
 
 
 class CodeRecord(Record):
@@ -209,6 +270,7 @@ class UnsettledRecord(Record):
     disagreement: Number
     limit: float
     own: bool
+    noise: Literal["", "response", "fly_linear", "noise_covariance"] = ""
 
 
 class Manifest(Record):
@@ -272,7 +334,8 @@ class Manifest(Record):
     @property
     def sample_schema(self) -> SampleSchema:
         """Columns of the sample files."""
-        return SampleSchema.of(self.model.sources, self.model.outputs, self.model.processes is not None)
+        model = self.model
+        return SampleSchema.of(model.sources, model.outputs, model.processes is not None, model.filter is not None)
 
     @property
     def sampling_design(self) -> SamplingDesign:

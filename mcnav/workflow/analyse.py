@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import zlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+import pyarrow as pa
 from threadpoolctl import threadpool_limits
 
 from mcnav._subprocess import side_threads
+from mcnav._types import Array
 from mcnav.analysis.budget import error_budget
 from mcnav.analysis.comparison import Criterion, Model, compare_reduced, reduce_stored, reduce_summary
 from mcnav.analysis.failed_samples import failure_bias
-from mcnav.analysis.requirements import judge_requirement, requirements_from
+from mcnav.analysis.filter_assessment import assess_filter
+from mcnav.analysis.filter_evidence import FilterEvidence, LinearFilter, MeanSquares
+from mcnav.analysis.requirements import Requirement, RequirementResult, judge_requirement, requirements_from
+from mcnav.analysis.requirements_over_time import ErrorHistories, judge_over_time
 from mcnav.analysis.running_ratios import convergence
 from mcnav.analysis.tails import tails
 from mcnav.analysis.variance_breakdown import predicted_from, split_difference
@@ -20,7 +27,12 @@ from mcnav.files import to_json
 from mcnav.lincov.block_sums import Normalization
 from mcnav.report.failures import failures_in, grouped
 from mcnav.report.model import RunAnalysis
-from mcnav.store.manifest import Manifest, ModelRecord
+from mcnav.sampling.designs import SamplingDesign
+from mcnav.scenarios.filter_sums import FilterMeans
+from mcnav.scenarios.protocol import Output
+from mcnav.store.filters import read_filter_sums
+from mcnav.store.histories import STORED, read_power_sums
+from mcnav.store.manifest import FilterRecord, Manifest, ModelRecord, PartialsRecord
 from mcnav.store.run_folder import MANIFEST, REPORT, RunFolder
 from mcnav.store.run_folder import SUMMARY as SUMMARY_FILE
 from mcnav.store.summaries import SUMMARY, collect_summary
@@ -45,7 +57,7 @@ def samples_of(path: str | Path) -> pd.DataFrame:
     """Read the samples of a finished run folder as a table, their checksums verified.
 
     Columns: ``index``, ``status``, ``error NAME [unit]``, ``output NAME [unit]`` and, of samples with noise,
-    ``linear NAME [unit]``; SI units.
+    ``linear NAME [unit]``, with a filter ``filter NAME [unit]`` and ``nees``; SI units.
 
     Raises `RunFolderError` when the run is not finished, or a part of it is damaged.
     """
@@ -57,7 +69,8 @@ def samples_of(path: str | Path) -> pd.DataFrame:
     columns = {"index": samples.index, "status": samples.status}
     columns |= dict(zip(names.errors, samples.errors.T, strict=True))
     columns |= dict(zip(names.outputs, samples.outputs.T, strict=True))
-    return pd.DataFrame(columns | dict(zip(names.linear, samples.linear.T, strict=True)))
+    columns |= dict(zip(names.linear, samples.linear.T, strict=True))
+    return pd.DataFrame(columns | dict(zip(names.filter, samples.filter.T, strict=True)))
 
 
 def summary_of(path: str | Path) -> dict[str, Any]:
@@ -109,6 +122,15 @@ def analyse(folder: RunFolder, unfinished: Manifest | None = None) -> RunAnalysi
             reduced = reduce_summary(model, frame, whole.sums, whole.samples, reduced.stored)
             failures = grouped({reason: (each.samples, each.first) for reason, each in whole.failures.items()})
         comparison = compare_reduced(model, reduced, criterion, design)
+        filtered = filter_evidence(folder, manifest, comparison.failed)
+    over_time = any(requirement.epochs for requirement in requirements)
+    histories = error_histories(folder, manifest, design) if over_time and unfinished is None else None
+
+    def judged(requirement: Requirement) -> RequirementResult:
+        if requirement.epochs:
+            return judge_over_time(requirement, histories, criterion.confidence)
+        return judge_requirement(requirement, model, samples.outputs, blocks, comparison, criterion.confidence)
+
     return RunAnalysis(
         folder=folder,
         manifest=manifest,
@@ -121,12 +143,85 @@ def analyse(folder: RunFolder, unfinished: Manifest | None = None) -> RunAnalysi
         convergence=convergence(reduced.moments, comparison, design),
         tails=in_tails.result(),
         left_out=failure_bias(model, reduced),
-        requirements=tuple(
-            judge_requirement(requirement, model, samples.outputs, blocks, comparison, criterion.confidence)
-            for requirement in requirements
-        ),
+        requirements=tuple(map(judged, requirements)),
         failures=failures,
+        filter=None if filtered is None else assess_filter(filtered, criterion),
     )
+
+
+def filter_evidence(folder: RunFolder, manifest: Manifest, failed: int) -> FilterEvidence | None:
+    """Collect what is known of the filter of a run, of whose samples so many failed; none without a filter.
+
+    Raises `RunFolderError` when a chunk's sums are damaged.
+    """
+    record, outputs = manifest.model.filter, manifest.model.outputs
+    if record is None:
+        return None
+    schema, chunks = record.columns, manifest.chunks
+    try:
+        sums = read_filter_sums(schema, folder.chunk_folder, chunks)
+        true = read_power_sums(np.zeros((len(record.times), len(outputs))), folder.chunk_folder, chunks)
+        if sums is not None and len(sums.counts) != len(record.times) + 1:
+            raise ValueError(f"{len(sums.counts) - 1} epochs in place of {len(record.times)}")
+    except (OSError, ValueError, pa.ArrowException, zlib.error) as failure:
+        raise RunFolderError(f"{folder.chunk_folder}: sums of filters are damaged ({failure})") from None
+    return FilterEvidence(
+        label=record.label,
+        times=record.times,
+        outputs=tuple(Output(each.name, each.unit, each.shown_in) for each in outputs),
+        means=FilterMeans.of(schema, sums) if sums is not None and sums.samples else None,
+        true=MeanSquares.of(true) if true is not None and true.count else None,
+        failed=failed,
+        design=manifest.design,
+        sampling=manifest.sampling_design,
+        linear=linear_filter(manifest.model, record),
+    )
+
+
+def linear_moments(model: ModelRecord, development: PartialsRecord) -> tuple[Array, Array]:
+    """Return linear mean and covariance over time, shapes (n, outputs) and (n, outputs, outputs)."""
+    partials, covariance = development.partials, development.covariance
+    if covariance is None:
+        covariance = partials @ model.start_covariance @ partials.swapaxes(1, 2)
+    return partials @ model.start_mean, covariance
+
+
+def error_histories(folder: RunFolder, manifest: Manifest, design: SamplingDesign) -> ErrorHistories | None:
+    """Read the histories of a run's first samples, with the linear moments where these are known at the same epochs."""
+    found = folder.histories(STORED)
+    if found is None:
+        return None
+    _, times, by_output = found
+    model, development = manifest.model, manifest.model.development
+    names = [f"{output.name} [{output.unit}]" for output in model.outputs]
+    if list(by_output) != names:
+        raise RunFolderError(f"{folder.path}: histories are not of this run's outputs; run the campaign again")
+    errors = np.stack([by_output[name] for name in names], axis=2)[: manifest.samples]
+    known = development is not None and same_times(development.times, times)
+    mean, covariance = linear_moments(model, development) if development is not None and known else (None, None)
+    return ErrorHistories(times, errors, design.blocks(np.arange(len(errors))), mean, covariance, STORED)
+
+
+def same_times(one: Array, other: Array) -> bool:
+    """Return whether two lists of times are the same."""
+    return one.shape == other.shape and bool(np.allclose(one, other, rtol=1e-9))
+
+
+def linear_filter(model: ModelRecord, record: FilterRecord) -> LinearFilter | None:
+    """Return what linear analysis says of a filter; none where a manifest has nothing of it."""
+    known, development = record.prediction, model.development
+    if known is None:
+        return None
+    contributions: dict[str, Array] = {}
+    true = None
+    if development is not None and same_times(development.times, record.times):
+        partials, mean, covariance = development.partials, *linear_moments(model, development)
+        true = covariance + mean[:, :, None] * mean[:, None, :]
+        by_source = partials * (partials @ model.start_covariance)
+        names = [source.name for source in model.sources]
+        contributions = {name: by_source[:, :, k] for k, name in enumerate(names) if np.any(by_source[:, :, k])}
+        contributions |= development.processes
+    return LinearFilter(known.covariance, known.state_variance, true, known.state_true, contributions, known.believed)
 
 
 def write_results(folder: RunFolder, analysis: RunAnalysis, report: bool = True) -> dict[str, Any]:

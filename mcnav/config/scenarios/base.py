@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from mcnav.config.context import FileContext
+from mcnav.config.filter import FilterPlan
 from mcnav.config.schema import Table
 from mcnav.scenarios.inputs import InputFile
 from mcnav.scenarios.protocol import Scenario, Source
@@ -27,6 +28,8 @@ class ScenarioSpec:
         Files that were read.
     sigmas : mapping of str to float
         Sigmas of normal sources that another table than ``[errors]`` gives, SI.
+    filter : FilterPlan, optional
+        Filter of the scenario, which lacks the statistics of ``[errors]``.
     """
 
     scenario: Scenario
@@ -34,6 +37,7 @@ class ScenarioSpec:
     code: SourceFile | None = None
     inputs: tuple[InputFile, ...] = ()
     sigmas: Mapping[str, float] = field(default_factory=dict)
+    filter: FilterPlan | None = None
 
 
 @dataclass(frozen=True)

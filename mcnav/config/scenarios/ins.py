@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field
 
+from mcnav.config.aiding import Aiding, read_aiding, read_gate, with_gate
 from mcnav.config.context import FileContext
+from mcnav.config.filter import FilterPlan, read_filter
 from mcnav.config.imu import read_imu
 from mcnav.config.scenarios.base import ScenarioSpec
 from mcnav.config.schema import AngularRate, Duration, GravitationalParameter, Length, Table
@@ -53,7 +56,8 @@ def read_scenario(table: InsTable, entries: Mapping[str, Any], context: FileCont
     ScenarioError
         When navigation does not lie within the trajectory.
     """
-    sizes = read_imu(context.content.get("imu", {}), context)
+    instruments = context.content.get("imu", {})
+    sizes = read_imu(instruments if isinstance(instruments, dict) else {}, context)  # validation has reported others
     trajectory = read_trajectory(table.trajectory, _read_earth(table.earth), context, table.columns)
     if trajectory is None:
         return None
@@ -62,8 +66,28 @@ def read_scenario(table: InsTable, entries: Mapping[str, Any], context: FileCont
     start = first if table.start is None else table.start
     end = last if table.end is None else table.end
     imu = Imu() if sizes is None else sizes.processes
-    scenario = Ins(Navigation(truth, table.platform, start, end, imu))
+    navigation = Ins(Navigation(truth, table.platform, start, end, imu)).navigation
+    aiding, plan = _read_aiding(navigation, context)
+    scenario = Ins(replace(navigation, sensors=aiding.sensors))
     defaults = {"platform": table.platform, "earth": "wgs84", "start": f"{start!r} s", "end": f"{end!r} s"}
     resolved = {**defaults, **entries, TRAJECTORY: trajectory.resolved}
     inputs = () if trajectory.file is None else (trajectory.file,)
-    return ScenarioSpec(scenario, resolved, inputs=inputs, sigmas={} if sizes is None else sizes.sigmas)
+    sigmas = {**({} if sizes is None else sizes.sigmas), **aiding.sigmas}
+    return ScenarioSpec(scenario, resolved, inputs=inputs, sigmas=sigmas, filter=plan)
+
+
+def _read_aiding(navigation: Navigation, context: FileContext) -> tuple[Aiding, FilterPlan | None]:
+    """Read ``[[aiding]]`` and ``[filter]``; mistakes are added to the context."""
+    none = Aiding((), {})
+    sensors, entries = context.content.get("aiding", []), context.content.get("filter")
+    aiding = read_aiding(sensors, navigation, context)
+    if entries is None and sensors:
+        context.problem("aiding", "needs a [filter], which says what is estimated from its measurements")
+    if entries is None or aiding is None:
+        return aiding or none, None
+    if not aiding.sensors:
+        context.problem("filter", "needs [[aiding]], the sensors whose measurements it uses")
+        return aiding, None
+    gate = read_gate(entries, "filter", context) if isinstance(entries, dict) else None
+    aiding = replace(aiding, sensors=with_gate(aiding.sensors, gate))
+    return aiding, read_filter(entries, aiding.sensors, navigation.imu, context)

@@ -150,6 +150,31 @@ def _pushed(
 
 
 @compiled
+def _stepped(
+    constants: Array, spin: float, lowest: float, duration: float, reading: Array, gyro: Array, accelerometer: Array,
+    gyro_noise: Array, accelerometer_noise: Array, state: Array, low: Array, slow: Array, slopes: Array, points: Array,
+    change: Array,
+) -> int:  # fmt: skip
+    """Advance a state, and its low-order digits, by one step in place; why not, if it cannot (see `REASONS`)."""
+    if not _turned(spin, duration, reading, gyro, gyro_noise, state, slopes, points, change):
+        return 2
+    _pushed(constants, spin, duration, reading, accelerometer, accelerometer_noise, state, low, points, slow, change)
+    square = 0.0
+    for part in range(STATE):
+        added = change[part] + low[part]
+        total = state[part] + added
+        low[part] = added - (total - state[part])
+        state[part] = total
+        if part >= 7:
+            square += total * total
+    if not np.isfinite(square):
+        return 3
+    if square < lowest * lowest:
+        return 1
+    return WENT_ON
+
+
+@compiled
 def navigate(
     constants: Array, spin: float, lowest: float, step_times: Array, values: Array, epoch_steps: IndexArray,
     epoch_durations: Array, gyro: Array, accelerometer: Array, gyro_noise: Array, accelerometer_noise: Array,
@@ -173,23 +198,41 @@ def navigate(
                 )  # fmt: skip
                 states[epoch] += change
             epoch += 1
-        duration = step_times[step + 1] - step_times[step]
-        if not _turned(spin, duration, values[step], gyro, gyro_noise[step], state, slopes, points, change):
-            return 2, step
-        _pushed(
-            constants, spin, duration, values[step], accelerometer, accelerometer_noise[step], state, low, points,
-            slow, change,
+        outcome = _stepped(
+            constants, spin, lowest, step_times[step + 1] - step_times[step], values[step], gyro, accelerometer,
+            gyro_noise[step], accelerometer_noise[step], state, low, slow, slopes, points, change,
         )  # fmt: skip
-        square = 0.0
-        for part in range(STATE):
-            added = change[part] + low[part]
-            total = state[part] + added
-            low[part] = added - (total - state[part])
-            state[part] = total
-            if part >= 7:
-                square += total * total
-        if not np.isfinite(square):
-            return 3, step
-        if square < lowest * lowest:
-            return 1, step
+        if outcome != WENT_ON:
+            return outcome, step
     return WENT_ON, steps
+
+
+@compiled
+def advance(
+    constants: Array, spin: float, lowest: float, durations: Array, readings: Array, state: Array, states: Array
+) -> tuple[int, int]:
+    """Integrate a state, shape (10,), over n steps from readings without further errors.
+
+    Parameters
+    ----------
+    readings : ndarray, shape (n, 3, 6)
+        Inertial rate and specific force at the Gauss points.
+    states : ndarray, shape (n, 10)
+        Filled with the states at the ends of the steps.
+
+    Returns
+    -------
+    tuple of int
+        Why it ended (see `REASONS`), and at which step.
+    """
+    now, low, change, nothing = state.copy(), np.zeros(STATE), np.empty(STATE), np.zeros((3, 5))
+    slopes, points, slow = np.empty((3, 4)), np.empty((3, 4)), np.zeros((3, 3))
+    for step in range(len(durations)):
+        outcome = _stepped(
+            constants, spin, lowest, durations[step], readings[step], nothing, nothing, nothing[0, :3], nothing[0, :3],
+            now, low, slow, slopes, points, change,
+        )  # fmt: skip
+        if outcome != WENT_ON:
+            return outcome, step
+        states[step] = now
+    return WENT_ON, len(durations)

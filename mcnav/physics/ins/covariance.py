@@ -117,6 +117,11 @@ def process_systems(responses: StepResponses, imu: Imu) -> dict[str, tuple[Array
     return {name: found[name] for name in process_sizes(imu)}
 
 
+def biased_processes(responses: StepResponses, imu: Imu) -> tuple[str, ...]:
+    """Return the names of the processes that are biases, in order."""
+    return tuple(name for name, (response, _, _) in process_systems(responses, imu).items() if response.any())
+
+
 def propagate(truth: Truth, responses: StepResponses, imu: Imu, epochs: IndexArray) -> LinearErrors:
     """Propagate the linear system along the truth.
 

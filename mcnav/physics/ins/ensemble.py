@@ -25,7 +25,7 @@ from mcnav.physics.ins.instruments import Imu
 from mcnav.physics.ins.noise import IMU_STREAM, draw_normals
 from mcnav.physics.ins.response import StepResponses
 from mcnav.physics.ins.truth import Platform, Truth
-from mcnav.physics.jit import compiled, uncontracted
+from mcnav.physics.jit import compiled, inlined, uncontracted
 
 LANES: Final = 8
 LARGEST_TURN: Final = 0.5
@@ -268,7 +268,7 @@ def _simulate(
 
 
 @uncontracted
-def _bend(constants: Array, place: Array, field: Array, gradient: Array, x: Array, out: Array) -> None:
+def bend(constants: Array, place: Array, field: Array, gradient: Array, x: Array, out: Array) -> None:
     """Compute the change of gravitation by deviations, shape (3, LANES), beyond its linear part.
 
     Without deviations it is exactly zero: not contracted, as the field of the truth.
@@ -279,6 +279,128 @@ def _bend(constants: Array, place: Array, field: Array, gradient: Array, x: Arra
         out[0, i] = (gx - field[0]) - (gradient[0, 0] * a + gradient[0, 1] * b + gradient[0, 2] * c)
         out[1, i] = (gy - field[1]) - (gradient[1, 0] * a + gradient[1, 1] * b + gradient[1, 2] * c)
         out[2, i] = (gz - field[2]) - (gradient[2, 0] * a + gradient[2, 1] * b + gradient[2, 2] * c)
+
+
+@inlined
+def room() -> tuple[Array, Array, Array, Array, Array, Array, Array, Array]:
+    """Allocate what `advance` works in: R - I, the same without its linear part, and deviations within a step."""
+    return (
+        np.zeros((9, LANES)), np.zeros((9, LANES)), np.zeros((6, LANES)), np.zeros((6, LANES)), np.zeros((9, LANES)),
+        np.zeros((3, LANES)), np.zeros((3, LANES)), np.zeros((3, LANES)),
+    )  # fmt: skip
+
+
+@inlined
+def advance(
+    k: int, constants: Array, durations: Array, motion: Array, force: Array, thrust: Array, places: Array,
+    fields: Array, gradients: Array, local: Array, z: Array, turn: Array, d: Array, first: Array, here: Array,
+    scratch: tuple[Array, Array, Array, Array, Array, Array, Array, Array], sound: NDArray[np.bool_],
+) -> None:  # fmt: skip
+    """Take LANES samples over step k, with the linear response ``local`` to their errors in it.
+
+    A sample is its rotation ``turn``, a linear deviation ``z`` (psi, v, x) and what v and x have beyond it, ``d``. The
+    remainder of gravity at the deviation ``here`` is ``first``.
+    """
+    over, beyond, extra, moved, moved_linear, middle, last, there = scratch
+    floor = (SMALLEST_RADIUS * constants[0]) ** 2
+    h = durations[k]
+    for i in range(LANES):
+        a, b, c, e = turn[0, i], turn[1, i], turn[2, i], turn[3, i]
+        over[0, i], over[4, i], over[8, i] = (
+            -2.0 * (c * c + e * e), -2.0 * (b * b + e * e), -2.0 * (b * b + c * c)
+        )  # fmt: skip
+        over[1, i], over[2, i] = 2.0 * (b * c - a * e), 2.0 * (b * e + a * c)
+        over[3, i], over[5, i] = 2.0 * (b * c + a * e), 2.0 * (c * e - a * b)
+        over[6, i], over[7, i] = 2.0 * (b * e - a * c), 2.0 * (c * e + a * b)
+    for r in range(9):
+        for i in range(LANES):
+            beyond[r, i] = over[r, i]
+    for i in range(LANES):
+        beyond[1, i] += z[2, i]
+        beyond[2, i] -= z[1, i]
+        beyond[3, i] -= z[2, i]
+        beyond[5, i] += z[0, i]
+        beyond[6, i] += z[1, i]
+        beyond[7, i] -= z[0, i]
+    # products of errors within the step, of which the rotation grows evenly
+    for half in range(2):
+        of_force, of_input = (1.0 / 6.0, 0.5) if half == 0 else (1.0 / 12.0, 1.0 / 3.0)
+        for i in range(LANES):
+            ax, ay, az = local[0, i], local[1, i], local[2, i]
+            fx, fy, fz = thrust[k, 3 * half], thrust[k, 3 * half + 1], thrust[k, 3 * half + 2]
+            tx, ty, tz = ay * fz - az * fy, az * fx - ax * fz, ax * fy - ay * fx
+            lx, ly, lz = local[3 + 3 * half, i], local[4 + 3 * half, i], local[5 + 3 * half, i]
+            # of the step's linear response, what is not turned force; the force turns by a half on average
+            share = 0.5 if half == 0 else 1.0 / 3.0
+            ux, uy, uz = lx - share * tx, ly - share * ty, lz - share * tz
+            px = of_force * (ay * tz - az * ty) + of_input * (ay * uz - az * uy)
+            py = of_force * (az * tx - ax * tz) + of_input * (az * ux - ax * uz)
+            pz = of_force * (ax * ty - ay * tx) + of_input * (ax * uy - ay * ux)
+            qx, qy, qz = px + lx, py + ly, pz + lz
+            extra[3 * half, i] = px + (over[0, i] * qx + over[1, i] * qy + over[2, i] * qz)
+            extra[3 * half + 1, i] = py + (over[3, i] * qx + over[4, i] * qy + over[5, i] * qz)
+            extra[3 * half + 2, i] = pz + (over[6, i] * qx + over[7, i] * qy + over[8, i] * qz)
+    for r in range(6):
+        for c in range(9):
+            weight = force[k, r, c]
+            for i in range(LANES):
+                extra[r, i] += weight * beyond[c, i]
+        for i in range(LANES):
+            moved[r, i] = extra[r, i]
+            moved_linear[3 + r, i] = local[3 + r, i]
+        for c in range(9):
+            weight = motion[k, r, c]
+            for i in range(LANES):
+                moved_linear[3 + r, i] += weight * z[c, i]
+        for c in range(6):
+            weight = motion[k, r, 3 + c]
+            for i in range(LANES):
+                moved[r, i] += weight * d[c, i]
+    for r in range(3):
+        for i in range(LANES):
+            moved_linear[r, i] = z[r, i] + local[r, i]
+            there[r, i] = moved_linear[6 + r, i] + moved[3 + r, i] + (0.5 * h * h) * first[r, i]
+            change = (z[3 + r, i] + d[r, i]) - (moved_linear[3 + r, i] + moved[r, i] + h * first[r, i])
+            here[r, i] = 0.5 * (here[r, i] + there[r, i]) + 0.125 * h * change
+    bend(constants, places[2 * k + 1], fields[2 * k + 1], gradients[2 * k + 1], here, middle)
+    bend(constants, places[2 * k + 2], fields[2 * k + 2], gradients[2 * k + 2], there, last)
+    # Simpson's rule for the remainder, and for what its velocity and position change in gravity
+    for i in range(LANES):
+        for r in range(3):
+            pushed = pulled = 0.0
+            for c in range(3):
+                gradient = gradients[2 * k + 1, r, c]
+                pushed += gradient * (first[c, i] + middle[c, i])
+                pulled += gradient * (2.0 * first[c, i] + middle[c, i])
+            d[r, i] = moved[r, i] + h * (
+                (first[r, i] + 4.0 * middle[r, i] + last[r, i]) / 6.0 + (h * h / 12.0) * pushed
+            )
+            d[3 + r, i] = moved[3 + r, i] + h * h * ((first[r, i] + 2.0 * middle[r, i]) / 6.0 + (h * h / 72.0) * pulled)
+    for r in range(3):
+        for i in range(LANES):
+            first[r, i] = last[r, i]
+    for r in range(9):
+        for i in range(LANES):
+            z[r, i] = moved_linear[r, i]
+    for i in range(LANES):
+        for r in range(3):
+            here[r, i] = z[6 + r, i] + d[3 + r, i]
+        x, y, w = local[0, i], local[1, i], local[2, i]
+        square = x * x + y * y + w * w
+        t = 0.25 * square
+        cosine = 1.0 - t * (1 / 2 - t * (1 / 24 - t * (1 / 720 - t * (1 / 40320 - t / 3628800))))
+        sine = 0.5 * (1.0 - t * (1 / 6 - t * (1 / 120 - t * (1 / 5040 - t * (1 / 362880 - t / 39916800)))))
+        x, y, w = sine * x, sine * y, sine * w
+        a, b, c, e = turn[0, i], turn[1, i], turn[2, i], turn[3, i]
+        turn[0, i] = a * cosine - (b * x + c * y + e * w)
+        turn[1, i] = b * cosine + (a * x + c * w - e * y)
+        turn[2, i] = c * cosine + (a * y + e * x - b * w)
+        turn[3, i] = e * cosine + (a * w + b * y - c * x)
+        sound[i] &= square < LARGEST_TURN * LARGEST_TURN
+        total = 0.0
+        for r in range(3):
+            total += (places[2 * k + 2, r] + here[r, i]) ** 2
+        sound[i] &= total > floor
 
 
 @compiled
@@ -292,15 +414,10 @@ def _run(
     normals = np.zeros((LANES, (count + steps * width) if noisy else 0))
     theta = np.zeros((inputs.shape[1], LANES))
     z, turn, d = np.zeros((9, LANES)), np.zeros((4, LANES)), np.zeros((6, LANES))
-    bias, drawn = np.zeros((count, LANES)), np.zeros((width, LANES))
-    local, extra = np.zeros((9, LANES)), np.zeros((6, LANES))
-    moved, moved_linear = np.zeros((6, LANES)), np.zeros((9, LANES))
-    over = np.zeros((9, LANES))  # R - I at the beginning of a step
-    beyond = np.zeros((9, LANES))  # the same without its linear part
-    first, middle, last = np.zeros((3, LANES)), np.zeros((3, LANES)), np.zeros((3, LANES))
-    here, there = np.zeros((3, LANES)), np.zeros((3, LANES))
+    bias, drawn, normal = np.zeros((count, LANES)), np.zeros((width, LANES)), np.zeros(LANES)
+    local, first, here = np.zeros((9, LANES)), np.zeros((3, LANES)), np.zeros((3, LANES))
+    scratch = room()
     sound = np.zeros(LANES, dtype=np.bool_)
-    floor = (SMALLEST_RADIUS * constants[0]) ** 2
     for begin in range(0, len(state), LANES):
         lanes = min(LANES, len(state) - begin)
         for i in range(LANES):
@@ -321,7 +438,7 @@ def _run(
         for r in range(3):
             for i in range(LANES):
                 here[r, i] = z[6 + r, i] + d[3 + r, i]
-        _bend(constants, places[0], fields[0], gradients[0], here, first)
+        bend(constants, places[0], fields[0], gradients[0], here, first)
         reached = 0
         for k in range(steps + 1):
             if reached < len(epochs) and epochs[reached] == k:
@@ -338,7 +455,6 @@ def _run(
                 reached += 1
             if k == steps:
                 break
-            h = durations[k]
             local[:] = 0.0
             for p in range(len(theta)):
                 for r in range(9):
@@ -361,115 +477,20 @@ def _run(
                     drawn[:] = 0.0
                     for c in range(width):
                         for i in range(LANES):
-                            there[0, i] = normals[i, count + k * width + c]
+                            normal[i] = normals[i, count + k * width + c]
                         for r in range(c, width):
                             weight = factors[k, r, c]
                             for i in range(LANES):
-                                drawn[r, i] += weight * there[0, i]
+                                drawn[r, i] += weight * normal[i]
                 for r in range(9):
                     for i in range(LANES):
                         local[r, i] += drawn[r, i]
                 for b in range(count):
                     for i in range(LANES):
                         bias[b, i] += drawn[9 + b, i]
-            for i in range(LANES):
-                a, b, c, e = turn[0, i], turn[1, i], turn[2, i], turn[3, i]
-                over[0, i], over[4, i], over[8, i] = (
-                    -2.0 * (c * c + e * e), -2.0 * (b * b + e * e), -2.0 * (b * b + c * c)
-                )  # fmt: skip
-                over[1, i], over[2, i] = 2.0 * (b * c - a * e), 2.0 * (b * e + a * c)
-                over[3, i], over[5, i] = 2.0 * (b * c + a * e), 2.0 * (c * e - a * b)
-                over[6, i], over[7, i] = 2.0 * (b * e - a * c), 2.0 * (c * e + a * b)
-            for r in range(9):
-                for i in range(LANES):
-                    beyond[r, i] = over[r, i]
-            for i in range(LANES):
-                beyond[1, i] += z[2, i]
-                beyond[2, i] -= z[1, i]
-                beyond[3, i] -= z[2, i]
-                beyond[5, i] += z[0, i]
-                beyond[6, i] += z[1, i]
-                beyond[7, i] -= z[0, i]
-            # products of errors within the step, of which the rotation grows evenly
-            for half in range(2):
-                of_force, of_input = (1.0 / 6.0, 0.5) if half == 0 else (1.0 / 12.0, 1.0 / 3.0)
-                for i in range(LANES):
-                    ax, ay, az = local[0, i], local[1, i], local[2, i]
-                    fx, fy, fz = thrust[k, 3 * half], thrust[k, 3 * half + 1], thrust[k, 3 * half + 2]
-                    tx, ty, tz = ay * fz - az * fy, az * fx - ax * fz, ax * fy - ay * fx
-                    lx, ly, lz = local[3 + 3 * half, i], local[4 + 3 * half, i], local[5 + 3 * half, i]
-                    # of the step's linear response, what is not turned force; the force turns by a half on average
-                    share = 0.5 if half == 0 else 1.0 / 3.0
-                    ux, uy, uz = lx - share * tx, ly - share * ty, lz - share * tz
-                    px = of_force * (ay * tz - az * ty) + of_input * (ay * uz - az * uy)
-                    py = of_force * (az * tx - ax * tz) + of_input * (az * ux - ax * uz)
-                    pz = of_force * (ax * ty - ay * tx) + of_input * (ax * uy - ay * ux)
-                    qx, qy, qz = px + lx, py + ly, pz + lz
-                    extra[3 * half, i] = px + (over[0, i] * qx + over[1, i] * qy + over[2, i] * qz)
-                    extra[3 * half + 1, i] = py + (over[3, i] * qx + over[4, i] * qy + over[5, i] * qz)
-                    extra[3 * half + 2, i] = pz + (over[6, i] * qx + over[7, i] * qy + over[8, i] * qz)
-            for r in range(6):
-                for c in range(9):
-                    weight = force[k, r, c]
-                    for i in range(LANES):
-                        extra[r, i] += weight * beyond[c, i]
-                for i in range(LANES):
-                    moved[r, i] = extra[r, i]
-                    moved_linear[3 + r, i] = local[3 + r, i]
-                for c in range(9):
-                    weight = motion[k, r, c]
-                    for i in range(LANES):
-                        moved_linear[3 + r, i] += weight * z[c, i]
-                for c in range(6):
-                    weight = motion[k, r, 3 + c]
-                    for i in range(LANES):
-                        moved[r, i] += weight * d[c, i]
-            for r in range(3):
-                for i in range(LANES):
-                    moved_linear[r, i] = z[r, i] + local[r, i]
-                    there[r, i] = moved_linear[6 + r, i] + moved[3 + r, i] + (0.5 * h * h) * first[r, i]
-                    change = (z[3 + r, i] + d[r, i]) - (moved_linear[3 + r, i] + moved[r, i] + h * first[r, i])
-                    here[r, i] = 0.5 * (here[r, i] + there[r, i]) + 0.125 * h * change
-            _bend(constants, places[2 * k + 1], fields[2 * k + 1], gradients[2 * k + 1], here, middle)
-            _bend(constants, places[2 * k + 2], fields[2 * k + 2], gradients[2 * k + 2], there, last)
-            # Simpson's rule for the remainder, and for what its velocity and position change in gravity
-            for i in range(LANES):
-                for r in range(3):
-                    pushed = pulled = 0.0
-                    for c in range(3):
-                        gradient = gradients[2 * k + 1, r, c]
-                        pushed += gradient * (first[c, i] + middle[c, i])
-                        pulled += gradient * (2.0 * first[c, i] + middle[c, i])
-                    d[r, i] = moved[r, i] + h * (
-                        (first[r, i] + 4.0 * middle[r, i] + last[r, i]) / 6.0 + (h * h / 12.0) * pushed
-                    )
-                    d[3 + r, i] = moved[3 + r, i] + h * h * (
-                        (first[r, i] + 2.0 * middle[r, i]) / 6.0 + (h * h / 72.0) * pulled
-                    )
-            for r in range(3):
-                for i in range(LANES):
-                    first[r, i] = last[r, i]
-            for r in range(9):
-                for i in range(LANES):
-                    z[r, i] = moved_linear[r, i]
-            for i in range(LANES):
-                for r in range(3):
-                    here[r, i] = z[6 + r, i] + d[3 + r, i]
-                x, y, w = local[0, i], local[1, i], local[2, i]
-                square = x * x + y * y + w * w
-                t = 0.25 * square
-                cosine = 1.0 - t * (1 / 2 - t * (1 / 24 - t * (1 / 720 - t * (1 / 40320 - t / 3628800))))
-                sine = 0.5 * (1.0 - t * (1 / 6 - t * (1 / 120 - t * (1 / 5040 - t * (1 / 362880 - t / 39916800)))))
-                x, y, w = sine * x, sine * y, sine * w
-                a, b, c, e = turn[0, i], turn[1, i], turn[2, i], turn[3, i]
-                turn[0, i] = a * cosine - (b * x + c * y + e * w)
-                turn[1, i] = b * cosine + (a * x + c * w - e * y)
-                turn[2, i] = c * cosine + (a * y + e * x - b * w)
-                turn[3, i] = e * cosine + (a * w + b * y - c * x)
-                sound[i] &= square < LARGEST_TURN * LARGEST_TURN
-                total = 0.0
-                for r in range(3):
-                    total += (places[2 * k + 2, r] + here[r, i]) ** 2
-                sound[i] &= total > floor
+            advance(
+                k, constants, durations, motion, force, thrust, places, fields, gradients, local, z, turn, d, first,
+                here, scratch, sound,
+            )  # fmt: skip
         for i in range(lanes):
             valid[begin + i] = sound[i]

@@ -10,8 +10,8 @@ from typing import Final
 
 import numpy as np
 
-from mcnav._types import Array
-from mcnav.physics.ins.instruments import Imu, Noise
+from mcnav._types import Array, IndexArray
+from mcnav.physics.ins.instruments import AXES, Imu, Noise
 from mcnav.physics.jit import compiled
 
 SERIES_BELOW: Final = 0.1
@@ -42,6 +42,35 @@ def draw_noise(imu: Imu, step_times: Array, seed: int, index: int) -> tuple[Arra
     return _drawn(imu.gyro, durations, (seed, index), 0), _drawn(imu.accelerometer, durations, (seed, index), 1)
 
 
+def process_values(imu: Imu, step_times: Array, at: IndexArray, seed: int, index: int) -> dict[str, Array]:
+    """Draw the values of the biases that processes drive, in the sample that `draw_noise` draws.
+
+    Parameters
+    ----------
+    at : ndarray of int, shape (m,)
+        Boundaries of steps.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (m,)
+        By the name of the process; those that are zero are missing.
+    """
+    durations, key, found = np.diff(step_times), (seed, index), {}
+    for instrument, (name, noise) in enumerate((("gyro", imu.gyro), ("accelerometer", imu.accelerometer))):
+        for axis, letter in enumerate(AXES):
+            if noise.instability[axis] > 0.0:
+                first, variates = _instability_variates(key, instrument, axis, len(durations))
+                decay, _, factor = _gauss_markov(durations / noise.correlation_time[axis])
+                values = boundary_values(decay, factor[:, 0].copy(), first, variates[:, 0].copy())[at]
+                found[f"{name}_bias_instability_{letter}"] = noise.instability[axis] * values
+            if noise.rate_random_walk[axis] > 0.0:
+                decay, _, factor = _random_walk(durations)
+                variates = _walk_variates(key, instrument, axis, len(durations))
+                values = boundary_values(decay, factor[:, 0].copy(), 0.0, variates[:, 0].copy())[at]
+                found[f"{name}_rate_random_walk_{letter}"] = noise.rate_random_walk[axis] * values
+    return found
+
+
 def _drawn(noise: Noise, durations: Array, key: tuple[int, int], instrument: int) -> Array:
     """Add up the processes of three instruments, shape (S, 3)."""
     total = np.zeros((len(durations), 3))
@@ -50,15 +79,25 @@ def _drawn(noise: Noise, durations: Array, key: tuple[int, int], instrument: int
             white = _generator(key, instrument, 0, axis).standard_normal(len(durations))
             total[:, axis] += noise.random_walk[axis] * white / np.sqrt(durations)
         if noise.instability[axis] > 0.0:
-            generator = _generator(key, instrument, 1, axis)
-            first, variates = generator.standard_normal(), generator.standard_normal((len(durations), 2))
+            first, variates = _instability_variates(key, instrument, axis, len(durations))
             unit = _means(*_gauss_markov(durations / noise.correlation_time[axis]), first, variates)
             total[:, axis] += noise.instability[axis] * unit
         if noise.rate_random_walk[axis] > 0.0:
-            variates = _generator(key, instrument, 2, axis).standard_normal((len(durations), 2))
+            variates = _walk_variates(key, instrument, axis, len(durations))
             unit = _means(*_random_walk(durations), 0.0, variates)
             total[:, axis] += noise.rate_random_walk[axis] * unit
     return total
+
+
+def _instability_variates(key: tuple[int, int], instrument: int, axis: int, steps: int) -> tuple[float, Array]:
+    """Draw the variates of the first value of a bias instability and of its steps."""
+    generator = _generator(key, instrument, 1, axis)
+    return generator.standard_normal(), generator.standard_normal((steps, 2))
+
+
+def _walk_variates(key: tuple[int, int], instrument: int, axis: int, steps: int) -> Array:
+    """Draw the variates of the steps of a rate random walk."""
+    return _generator(key, instrument, 2, axis).standard_normal((steps, 2))
 
 
 def _generator(key: tuple[int, int], instrument: int, process: int, axis: int) -> np.random.Generator:
@@ -111,3 +150,13 @@ def _means(decay: Array, share: Array, factor: Array, first: float, variates: Ar
         means[step] = share[step] * now + factor[step, 1] * one + factor[step, 2] * two
         now = decay[step] * now + factor[step, 0] * one
     return means
+
+
+@compiled
+def boundary_values(decay: Array, driven: Array, first: float, variates: Array) -> Array:
+    """Compute the values at the boundaries of S steps, shape (S + 1,), of a process that starts at a value."""
+    values = np.empty(len(decay) + 1)
+    values[0] = first
+    for step in range(len(decay)):
+        values[step + 1] = decay[step] * values[step] + driven[step] * variates[step]
+    return values

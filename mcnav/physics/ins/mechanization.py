@@ -18,7 +18,7 @@ doubles an error every 400 s, makes 1e-7 m in an hour of each unit in the last p
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Final
 
@@ -43,6 +43,9 @@ LOWEST_SHARE: Final = 0.15
 
 NEAREST_POLE: Final = 1e-3
 """Smallest distance of an epoch's indicated position from the earth's axis, as a share of the equatorial radius."""
+
+SAME_INSTANT: Final = 1e-7
+"""Instants that are no further apart are one, s."""
 
 BLOCK: Final = 20_000
 """Instants at which the truth is evaluated at once."""
@@ -85,6 +88,8 @@ class Mechanization:
         Epochs in order, from start to end; at least one.
     longest_step : float
         s; noise is constant over a step.
+    stops : ndarray, shape (s,)
+        Rising instants after the start, up to the end, at which steps end besides the truth's rows, s.
     """
 
     truth: Truth
@@ -93,6 +98,7 @@ class Mechanization:
     end: float
     times: Array
     longest_step: float = LONGEST_STEP
+    stops: Array = field(default_factory=lambda: np.zeros(0))
 
     @property
     def step_times(self) -> Array:
@@ -121,10 +127,10 @@ class Mechanization:
     @cached_property
     def true_states(self) -> EarthFixedStates:
         """The truth at the start and, after it, at the epochs."""
-        return self._earth_fixed(np.concatenate([[self.start], self.times]))
+        return self.earth_fixed(np.concatenate([[self.start], self.times]))
 
     @cached_property
-    def field(self) -> Array:
+    def gravitation(self) -> Array:
         """Constants of the gravitation."""
         return field_constants(self.truth.earth)
 
@@ -161,15 +167,15 @@ class Mechanization:
         for each in noises:
             if each.shape != (steps, 3):
                 raise ValueError(f"noise must have shape ({steps}, 3), one row for each step; got {each.shape}")
-        start = self._indicated_start(errors[: len(OUTPUTS)])
+        start = self.indicated_start(errors[: len(OUTPUTS)])
         instruments = errors[len(OUTPUTS) :]
         gyro, accelerometer = instruments[: len(GYRO)], instruments[-len(ACCELEROMETER) :]
         states = np.empty((len(self.times), STATE))
         lowest = LOWEST_SHARE * self.truth.earth.radius
         readings = self.readings
         outcome, step = navigate(
-            self.field, self.truth.earth.rotation_rate, lowest, readings.step_times, readings.values,
-            readings.epoch_steps, readings.epoch_durations, _response(gyro), _response(accelerometer),
+            self.gravitation, self.truth.earth.rotation_rate, lowest, readings.step_times, readings.values,
+            readings.epoch_steps, readings.epoch_durations, response_matrix(gyro), response_matrix(accelerometer),
             np.ascontiguousarray(noises[0]), np.ascontiguousarray(noises[1]), start, states,
         )  # fmt: skip
         if outcome != WENT_ON:
@@ -178,11 +184,11 @@ class Mechanization:
         if np.any(away):
             raise Diverged(f"the indicated position came near a pole at {self.times[np.argmax(away)]:.1f} s")
         true = self.true_states
-        found = EarthFixedStates(states[:, 7:], states[:, 4:7], _matrix(states[:, :4]))
+        found = EarthFixedStates(states[:, 7:], states[:, 4:7], matrices(states[:, :4]))
         at_epochs = EarthFixedStates(true.position[1:], true.velocity[1:], true.axes[1:])
         return navigation_errors(self.truth.earth, at_epochs, found)
 
-    def _indicated_start(self, errors: Array) -> Array:
+    def indicated_start(self, errors: Array) -> Array:
         """Compute the state, shape (10,), that has the initial errors."""
         from scipy.spatial.transform import Rotation
 
@@ -201,6 +207,8 @@ class Mechanization:
         rows = self.truth.times
         inner = rows[(rows > self.start) & (rows < self.end)]
         knots = np.concatenate([[self.start], inner, [self.end]])
+        if len(self.stops):
+            knots = _with_stops(knots, self.stops)
         knots = _divide(knots, np.diff(knots) / (self.longest_step * (1.0 + 1e-9)))
         widths = np.diff(knots)
         at = (knots[:-1, None] + widths[:, None] * NODES).ravel()
@@ -210,7 +218,7 @@ class Mechanization:
         # of n parts each errs by 1 / n^7 of it
         return _divide(knots, (errors / LARGEST_TURN_ERROR) ** (1.0 / 7.0))
 
-    def _earth_fixed(self, times: Array) -> EarthFixedStates:
+    def earth_fixed(self, times: Array) -> EarthFixedStates:
         """Evaluate the truth in earth-fixed axes."""
         position, velocity = self.truth.earth_fixed(times)
         to_inertial = self.truth.earth.turned(times - self.truth.times[0])
@@ -219,11 +227,11 @@ class Mechanization:
 
     def _measured(self, times: Array) -> Array:
         """Compute inertial rates and specific forces in the instruments' axes, shape (n, 6)."""
-        state = self._earth_fixed(times)
+        state = self.earth_fixed(times)
         spin = np.array([0.0, 0.0, self.truth.earth.rotation_rate])
         carried = 2.0 * state.velocity + np.cross(spin, state.position)
         acceleration = self.truth.position(times, 2) + np.cross(spin, carried)
-        felt = acceleration - normal_gravitation_at(self.field, state.position)
+        felt = acceleration - normal_gravitation_at(self.gravitation, state.position)
         rate = self.truth.states(times, self.platform, self.start).rate
         return np.concatenate([rate, np.einsum("nji,nj->ni", state.axes, felt)], axis=-1)
 
@@ -249,6 +257,14 @@ def _turn_error(rates: Array, widths: Array) -> Array:
     return np.asarray((even + odd) / 100_800.0)
 
 
+def _with_stops(knots: Array, stops: Array) -> Array:
+    """Merge stops into knots; a stop replaces a knot next to it."""
+    at = np.searchsorted(stops, knots)
+    before, after = stops[np.maximum(at - 1, 0)], stops[np.minimum(at, len(stops) - 1)]
+    distance = np.minimum(np.abs(knots - before), np.abs(knots - after))
+    return np.unique(np.concatenate([knots[distance > SAME_INSTANT], stops]))
+
+
 def _divide(knots: Array, shares: Array) -> Array:
     """Divide each interval between knots into equal parts, at least as many as its share."""
     parts: IndexArray = np.maximum(np.ceil(shares), 1.0).astype(np.int64)
@@ -258,14 +274,14 @@ def _divide(knots: Array, shares: Array) -> Array:
     return np.concatenate([inner, knots[-1:]])
 
 
-def _response(constants: Array) -> Array:
+def response_matrix(constants: Array) -> Array:
     """Arrange an instrument's fifteen constants: M, bias and the third law's coefficients, shape (3, 5)."""
     bias, scale, (xy, xz, yx, yz, zx, zy), law = np.split(constants, [3, 6, 12])
     matrix = np.array([[scale[0], xy, xz], [yx, scale[1], yz], [zx, zy, scale[2]]])
     return np.concatenate([matrix, bias[:, None], law[:, None]], axis=1)
 
 
-def _matrix(quaternion: Array) -> Array:
+def matrices(quaternion: Array) -> Array:
     """Compute the matrices of quaternions, shape (n, 4), scalar first."""
     w, x, y, z = (quaternion / np.linalg.norm(quaternion, axis=-1, keepdims=True)).T
     rows = [

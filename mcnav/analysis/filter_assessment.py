@@ -1,0 +1,385 @@
+"""Assessment of a filter: each statistic of its consistency over time, and the verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from scipy import special
+
+from mcnav._types import Array
+from mcnav.analysis.comparison import LARGEST_FAILED_SHARE, Criterion
+from mcnav.analysis.filter_causes import neglected_errors
+from mcnav.analysis.filter_consistency import (
+    Band,
+    FilterConsistency,
+    Finding,
+    GroupConsistency,
+    Honesty,
+    NeglectedError,
+    SensorConsistency,
+    SigmaConsistency,
+    Whiteness,
+)
+from mcnav.analysis.filter_evidence import FilterEvidence, LinearFilter, MeanSquares
+from mcnav.analysis.filter_judgement import (
+    Rates,
+    combine,
+    find,
+    mean_square_band,
+    root_ratio,
+    too_many_failed,
+    undecidable,
+)
+from mcnav.analysis.filter_remarks import remarks_on
+from mcnav.scenarios.filter_sums import FilterMeans, Means
+from mcnav.statistics.mean_square import mean_square_bounds, share_bounds, share_intervals
+
+WITHIN: Final = {"within_1": float(special.erf(np.sqrt(0.5))), "within_3": float(special.erf(3.0 * np.sqrt(0.5)))}
+"""Probability of a normal error within one and three sigmas."""
+
+WHOLE: Final = ("navigation", "all")
+"""Groups that hold every output."""
+
+NOT_NAVIGATION: Final = ("all", "sensors")
+"""Groups that do not decide, where there are others."""
+
+OUTPUTS_OF: Final[Mapping[str, tuple[str, ...]]] = {"attitude": ("tilt", "heading")}
+"""Beginnings of the names of a group's outputs, where they are not the group's name."""
+
+
+@dataclass(frozen=True)
+class _Basis:
+    """Evidence, criterion, and why nothing can be decided, if so."""
+
+    evidence: FilterEvidence
+    criterion: Criterion
+    remark: str
+
+    @property
+    def tolerance(self) -> float:
+        return self.criterion.tolerance
+
+    def count(self, samples: Array) -> Array:
+        """Return the number of independent samples."""
+        return np.asarray(samples * self.evidence.weight)
+
+    def error(self, error: Array) -> Array:
+        """Return the standard error of a mean over so many independent samples fewer."""
+        weight = self.evidence.weight
+        return np.asarray(error / np.sqrt(weight)) if weight else np.full_like(error, np.inf)
+
+    def find(self, ratio: Band, samples: int, remark: str = "") -> Finding:
+        """Judge a ratio over time."""
+        return find(ratio, self.tolerance, samples, self.remark or remark)
+
+
+def assess_filter(evidence: FilterEvidence, criterion: Criterion) -> FilterConsistency:
+    """Assess the consistency of a filter; the tolerance is that of the ratio of true sigma to the filter's."""
+    basis = _Basis(evidence, criterion, undecidable(evidence.samples, evidence.failed, evidence.weight))
+    means = evidence.means
+    if means is None:
+        return FilterConsistency(
+            evidence.label, evidence.times, 0, criterion.confidence, criterion.tolerance, (), (), (), (),
+            Honesty.UNDECIDED, remarks=(f"{basis.remark[:1].upper()}{basis.remark[1:]}.",),
+        )  # fmt: skip
+    groups = _groups(basis, means)
+    outputs = () if evidence.true is None else _outputs(basis, means, evidence.true)
+    states, sensors = _states(basis, means), _sensors(basis, means)
+    deciding = deciding_groups(groups)
+    picked = deciding[combine([group.finding for group in deciding]) or 0]
+    finding = picked.finding
+    doubt = _doubt(evidence, means, outputs)
+    if finding.verdict == Honesty.CONSISTENT and doubt:
+        finding = replace(finding, verdict=Honesty.UNDECIDED, remark=doubt)
+    worst_output = _worst_output(outputs, picked, finding)
+
+    def time(epoch: int | None) -> float | None:
+        return None if epoch is None else float(evidence.times[epoch])
+
+    neglected: tuple[NeglectedError, ...] = ()
+    if finding.verdict == Honesty.OPTIMISTIC and evidence.linear is not None and worst_output is not None:
+        neglected = neglected_errors(evidence.linear, finding.worst or 0, worst_output)
+    return FilterConsistency(
+        label=evidence.label,
+        times=evidence.times,
+        samples=evidence.samples,
+        confidence=criterion.confidence,
+        tolerance=criterion.tolerance,
+        groups=groups,
+        outputs=outputs,
+        states=states,
+        sensors=sensors,
+        verdict=finding.verdict,
+        group="" if finding.factor is None else picked.name,
+        factor=finding.factor,
+        interval=finding.interval,
+        begin=time(finding.begin),
+        end=time(finding.end),
+        worst=time(finding.worst),
+        output="" if worst_output is None else outputs[worst_output].name,
+        neglected=neglected,
+        samples_needed=finding.samples_needed,
+        remarks=remarks_on(finding.remark, means, groups, deciding, outputs, states, sensors),
+        covariance=means.covariances[-1],
+    )
+
+
+def _doubt(evidence: FilterEvidence, means: FilterMeans, outputs: Sequence[SigmaConsistency]) -> str:
+    """Return why a filter is not called consistent, although its ratios are; empty when there is no reason."""
+    if too_many_failed(evidence.samples, evidence.failed):
+        return "too many samples failed"
+    counts = means.at("nees").count[:-1]
+    if np.any((counts > 0.0) & (means.samples - counts > LARGEST_FAILED_SHARE * means.samples)):
+        return "the filter's covariance is singular in too many samples"
+    if any(np.any((each.filter <= 0.0) & (each.true > 0.0)) for each in outputs):
+        return "the filter believes in no error where there is one"
+    return ""
+
+
+def deciding_groups(groups: Sequence[GroupConsistency]) -> tuple[GroupConsistency, ...]:
+    """Return the groups on which the verdict is: those of navigation errors; all, where navigation is no group."""
+    left_out = NOT_NAVIGATION if any(group.name == "navigation" for group in groups) else ("sensors",)
+    return tuple(group for group in groups if group.name not in left_out) or tuple(groups)
+
+
+def outputs_of(group: str, names: Sequence[str]) -> tuple[int, ...]:
+    """Return the outputs of a group, all of them where none is named after it.
+
+    >>> outputs_of("attitude", ["position_north", "tilt_east", "heading"])
+    (1, 2)
+    """
+    beginnings = OUTPUTS_OF.get(group, (group,))
+    found = tuple(number for number, name in enumerate(names) if name.startswith(beginnings))
+    return found if found and group not in WHOLE else tuple(range(len(names)))
+
+
+def _groups(basis: _Basis, means: FilterMeans) -> tuple[GroupConsistency, ...]:
+    """Compare the mean NEES of each group with its size, at every epoch."""
+    nees, evidence = means.at("nees"), basis.evidence
+    epochs, sizes = len(evidence.times), means.schema.groups
+    rates = Rates.of(basis.criterion, int(np.count_nonzero(np.isfinite(nees.value[:-1]))))
+    names = [output.name for output in evidence.outputs]
+    found = []
+    for number, (name, size) in enumerate(sizes.items()):
+        count = basis.count(nees.count[:epochs, number])
+        band = mean_square_band(
+            nees.value[:epochs, number], basis.error(nees.standard_error[:epochs, number]), count, count * size, rates
+        )
+        ratio = root_ratio(band, float(size))
+        freedom = np.array(means.samples * evidence.weight * size)
+        bounds_each, bounds_together = (
+            _pair(mean_square_bounds(float(size), freedom, each)) for each in (rates.each, rates.together)
+        )
+        linear = _linear_ratio(evidence.linear, outputs_of(name, names), size)
+        found.append(
+            GroupConsistency(
+                name,
+                size,
+                band,
+                bounds_each,
+                bounds_together,
+                ratio,
+                linear,
+                basis.find(ratio, means.samples),
+            )
+        )
+    return tuple(found)
+
+
+def _linear_ratio(linear: LinearFilter | None, outputs: tuple[int, ...], size: int) -> Array | None:
+    """Return the root of the mean NEES of some outputs by linear analysis over their number, shape (m,).
+
+    With T the true mean squares and P the filter's covariance, the mean NEES is the trace of P^-1 T; NaN where P is
+    singular. None where the outputs are not the whole group.
+    """
+    if linear is None or linear.true is None or len(outputs) != size:
+        return None
+    picked = np.ix_(range(len(linear.covariance)), outputs, outputs)
+    own, true = linear.covariance[picked], linear.true[picked]
+    sigma = np.sqrt(np.maximum(np.diagonal(own, axis1=1, axis2=2), 0.0))
+    regular = np.asarray((sigma > 0.0).all(axis=1))
+    scale = np.where(regular[:, None], sigma, 1.0)
+    scales = scale[:, :, None] * scale[:, None, :]
+    own, true = np.where(regular[:, None, None], own / scales, np.eye(size)), true / scales
+    regular &= np.linalg.eigvalsh(own)[:, 0] > size * np.finfo(float).eps
+    own[~regular] = np.eye(size)
+    nees = np.trace(np.linalg.solve(own, true), axis1=1, axis2=2)
+    return np.asarray(np.where(regular, np.sqrt(np.maximum(nees, 0.0) / size), np.nan))
+
+
+def _ratio(basis: _Basis, squares: Means, variances: Means, rates: Rates) -> Band:
+    """Return the roots of mean squares over mean variances; their errors add up, whatever their correlation."""
+    known = (variances.value > 0.0) & np.isfinite(variances.standard_error)
+    relative = np.where(known, variances.standard_error / np.where(known, variances.value, 1.0), 0.0)
+    error = basis.error(squares.standard_error + squares.value * relative)
+    count = basis.count(squares.count)
+    return root_ratio(mean_square_band(squares.value, error, count, count, rates), variances.value)
+
+
+def _outputs(basis: _Basis, means: FilterMeans, true: MeanSquares) -> tuple[SigmaConsistency, ...]:
+    """Compare the true sigma of each output with the filters', and count the samples within."""
+    evidence, epochs = basis.evidence, len(basis.evidence.times)
+    variances, linear = means.variances, evidence.linear
+    rates = Rates.of(basis.criterion, int(np.count_nonzero(variances.value[:-1] > 0.0)))
+    shares = {name: means.at(name) for name in WITHIN}
+    halves = Rates.of(basis.criterion, 2 * len(evidence.outputs) * epochs)
+    independent = means.samples * evidence.weight
+    bounds_1, bounds_3 = (share_bounds(each, independent, halves.together) for each in WITHIN.values())
+    found = []
+    for i, output in enumerate(evidence.outputs):
+        squares = Means(true.value[:, i], true.standard_error[:, i], np.full(epochs, float(true.samples)))
+        own = Means(variances.value[:epochs, i], variances.standard_error[:epochs, i], variances.count[:epochs, i])
+        ratio = _ratio(basis, squares, own, rates)
+        within_1, within_3 = (
+            _share_band(shares[name].value[:epochs, i], basis.count(shares[name].count[:epochs, i]), halves)
+            for name in WITHIN
+        )
+        linear_true = None if linear is None or linear.true is None else _root(linear.true[:, i, i])
+        found.append(
+            SigmaConsistency(
+                output.name,
+                output.unit,
+                output.shown_in,
+                _root(squares.value),
+                _root(own.value),
+                ratio,
+                linear_true,
+                None if linear is None else _root(linear.covariance[:, i, i]),
+                within_1,
+                within_3,
+                bounds_1,
+                bounds_3,
+                basis.find(ratio, means.samples),
+            )
+        )
+    return tuple(found)
+
+
+def _states(basis: _Basis, means: FilterMeans) -> tuple[SigmaConsistency, ...]:
+    """Compare the sigma of the errors of the filter's other states with the filters'."""
+    evidence, epochs, schema = basis.evidence, len(basis.evidence.times), means.schema
+    squares, variances = means.squared_state_errors, means.at("state_variance")
+    rates = Rates.of(basis.criterion, int(np.count_nonzero(variances.value[:-1] > 0.0)))
+    found = []
+    for i, (name, (unit, shown_in)) in enumerate(zip(schema.states, schema.units, strict=True)):
+        true, own = (
+            Means(each.value[:epochs, i], each.standard_error[:epochs, i], each.count[:epochs, i])
+            for each in (squares, variances)
+        )
+        ratio, linear = _ratio(basis, true, own, rates), evidence.linear
+        found.append(
+            SigmaConsistency(
+                name,
+                unit,
+                shown_in,
+                _root(true.value),
+                _root(own.value),
+                ratio,
+                None if linear is None else _root(linear.state_true[:, i]),
+                None if linear is None else _root(linear.state_variance[:, i]),
+                None,
+                None,
+                (0.0, 1.0),
+                (0.0, 1.0),
+                basis.find(ratio, means.samples),
+            )
+        )
+    return tuple(found)
+
+
+def _sensors(basis: _Basis, means: FilterMeans) -> tuple[SensorConsistency, ...]:
+    """Compare the mean NIS of each sensor with the size of its measurements, and its innovations with white ones."""
+    sensors = list(means.sensors())
+    whole = Rates.of(basis.criterion, 2 * len(sensors))
+    intervals = sum(np.count_nonzero(found["nis"].value[:-1] > 0.0) for _, _, found in sensors)
+    over_time = Rates.of(basis.criterion, int(intervals))
+    return tuple(_sensor(basis, means.samples, *sensor, over_time, whole) for sensor in sensors)
+
+
+def _sensor(
+    basis: _Basis, samples: int, name: str, size: int, found: Mapping[str, Means], over_time: Rates, whole: Rates
+) -> SensorConsistency:
+    """Assess one sensor over the intervals between epochs and over the whole flight (the last row of all columns)."""
+    accepted, rejected = found["accepted"].value, found["rejected"].value
+    updates = accepted + rejected
+    spread = found["accepted"].standard_error + found["rejected"].standard_error
+    some = updates > 0.0
+    per = np.where(some, updates, 1.0)
+    nis = np.where(some, found["nis"].value / per, np.nan)
+    error = basis.error((found["nis"].standard_error + np.nan_to_num(nis) * spread) / per)
+    count = basis.count(found["nis"].count)
+    freedom = count * per * size
+    band = mean_square_band(nis[:-1], error[:-1], count[:-1], freedom[:-1], over_time)
+    total = mean_square_band(nis[-1:], error[-1:], count[-1:], freedom[-1:], whole)
+    bounds = np.where(some[:-1, None], mean_square_bounds(float(size), freedom[:-1], over_time.together), np.nan)
+    bounds_whole = mean_square_bounds(float(size), freedom[-1], whole.together)
+    normal = basis.evidence.sampling.normal
+    low, high = total.together[0] if not normal else bounds_whole
+    tested = float(size) if not normal else float(nis[-1])
+    remark = ""
+    if not some[-1]:
+        remark = "never updated"
+    elif not accepted[-1] > 0.0:
+        remark = "every measurement was rejected"
+    return SensorConsistency(
+        name=name,
+        size=size,
+        accepted=accepted[:-1],
+        rejected=rejected[:-1],
+        nis=band,
+        bounds=bounds,
+        nis_whole=float(nis[-1]) if some[-1] else None,
+        interval_whole=_pair(total.together[0]),
+        bounds_whole=_pair(bounds_whole) if some[-1] else (0.0, np.inf),
+        beyond=bool(some[-1] and not basis.remark and not low <= tested <= high),
+        whiteness=_whiteness(basis, size, float(nis[-1]), found, whole),
+        finding=basis.find(root_ratio(total, float(size)), samples, remark),
+    )
+
+
+def _whiteness(basis: _Basis, size: int, nis: float, found: Mapping[str, Means], rates: Rates) -> Whiteness:
+    """Estimate the correlation of consecutive innovations over the whole flight.
+
+    With u the whitened innovations, it is the mean of u_k·u_(k-1) over that of u_k·u_k. White ones have a mean product
+    with the standard error 1 / sqrt(number of products × size).
+    """
+    lag, lags = found["lag"], found["lags"]
+    pairs = float(lags.value[-1])
+    if not pairs > 0.0 or not nis > 0.0:
+        return Whiteness(None, (-1.0, 1.0), 1.0, beyond=False)
+    mean, count = float(lag.value[-1]) / pairs, float(basis.count(lag.count[-1]))
+    spread = float(basis.error(lag.standard_error[-1] + abs(mean) * lags.standard_error[-1])) / pairs
+    correlation, tail = mean * size / nis, 0.5 + 0.5 * rates.together
+    if basis.remark:
+        return Whiteness(correlation, (-1.0, 1.0), 1.0, beyond=False)
+    reach = float(special.stdtrit(count - 1.0, tail)) * spread * size / nis
+    bound = float(special.ndtri(tail)) / np.sqrt(count * pairs * size)
+    interval = max(correlation - reach, -1.0), min(correlation + reach, 1.0)
+    return Whiteness(correlation, interval, float(bound), beyond=bool(abs(correlation) > bound))
+
+
+def _share_band(share: Array, count: Array, rates: Rates) -> Band:
+    return Band(share, share_intervals(share, count, rates.each), share_intervals(share, count, rates.together))
+
+
+def _worst_output(outputs: Sequence[SigmaConsistency], group: GroupConsistency, finding: Finding) -> int | None:
+    """Return the output of a group whose ratio is farthest, in the direction of the verdict, at the worst epoch."""
+    if finding.worst is None or not outputs:
+        return None
+    picked = outputs_of(group.name, [output.name for output in outputs])
+    ratios = np.array([outputs[i].ratio.value[finding.worst] for i in picked])
+    if not np.isfinite(ratios).any():
+        return None
+    away = {Honesty.OPTIMISTIC: ratios, Honesty.PESSIMISTIC: -ratios}.get(finding.verdict, np.abs(ratios - 1.0))
+    return int(picked[int(np.nanargmax(np.where(np.isfinite(ratios), away, np.nan)))])
+
+
+def _pair(bounds: Array) -> tuple[float, float]:
+    return float(bounds[0]), float(bounds[1])
+
+
+def _root(values: Array) -> Array:
+    return np.asarray(np.sqrt(np.maximum(values, 0.0)))

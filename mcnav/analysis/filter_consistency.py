@@ -1,0 +1,319 @@
+"""Whether a filter's own covariance is honest: its consistency with the true errors of all samples, over time.
+
+The mean normalized estimation error squared (NEES) of a group of d states is d when the filter's covariance is that of
+its errors, and the root of NEES / d is then one: the sigma of the errors over the filter's, averaged over directions.
+The normalized innovation squared (NIS) of a sensor is that of what the filter predicts of its measurements
+(Bar-Shalom, Li and Kirubarajan, 2001, section 5.4).
+
+Every statement over epochs has two intervals. *Each* holds at one epoch at the confidence of the campaign;
+*together* all of them hold at that confidence, over epochs and groups, outputs, states or sensors (Bonferroni). Errors
+of neighbouring epochs are strongly correlated, so that the actual confidence is higher: these intervals are
+conservative.
+
+A filter is *optimistic* or *pessimistic* when an interval of the second sort lies beyond the tolerance: with the stated
+confidence there is no false alarm. It is *consistent* when all intervals of the first sort lie within the tolerance:
+were the ratio beyond it at any epoch, this one interval would have to miss it, so that no correction is needed (an
+intersection-union test; Berger, 1982).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcnav._types import Array
+
+
+class Honesty(StrEnum):
+    """Verdict on the ratio of true sigma to the filter's sigma."""
+
+    CONSISTENT = "consistent"
+    OPTIMISTIC = "optimistic"
+    PESSIMISTIC = "pessimistic"
+    UNDECIDED = "undecided"
+
+
+@dataclass(frozen=True)
+class Band:
+    """A statistic at m epochs, NaN where it is not known, with its intervals.
+
+    Attributes
+    ----------
+    value : ndarray, shape (m,)
+    each : ndarray, shape (m, 2)
+        Intervals, each at the confidence.
+    together : ndarray, shape (m, 2)
+        Intervals that all hold together at the confidence.
+    """
+
+    value: Array
+    each: Array
+    together: Array
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """Return where the statistic is known, shape (m,)."""
+        return np.isfinite(self.value)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Verdict on a ratio of sigmas over time.
+
+    Attributes
+    ----------
+    verdict : Honesty
+    factor : float or None
+        The ratio at its worst epoch: that of the largest departure that is certain, else the farthest from one.
+    interval : (float, float) or None
+        Interval of the factor that holds together with those of all other epochs, so that choosing the worst leaves
+        its confidence.
+    worst : int or None
+        That epoch.
+    begin, end : int or None
+        First and last epoch at which the departure is certain.
+    samples_needed : int or None
+        Approximate number of samples that would decide an undecided case.
+    remark : str
+        Reason why nothing could be decided, other than too few samples.
+    """
+
+    verdict: Honesty
+    factor: float | None = None
+    interval: tuple[float, float] | None = None
+    worst: int | None = None
+    begin: int | None = None
+    end: int | None = None
+    samples_needed: int | None = None
+    remark: str = ""
+
+
+@dataclass(frozen=True)
+class GroupConsistency:
+    """NEES of a group of states over time.
+
+    Attributes
+    ----------
+    name : str
+        all, navigation, position, velocity, attitude or sensors.
+    size : int
+        States of the group: the NEES that is expected.
+    nees : Band
+        Mean over the samples.
+    bounds_each, bounds_together : (float, float)
+        Where the mean NEES of so many samples of a consistent filter lies, at one epoch and at all together.
+    ratio : Band
+        Root of NEES / size.
+    linear : ndarray, shape (m,), or None
+        The same ratio by linear analysis, without sampling error; NaN where it is not known.
+    finding : Finding
+    """
+
+    name: str
+    size: int
+    nees: Band
+    bounds_each: tuple[float, float]
+    bounds_together: tuple[float, float]
+    ratio: Band
+    linear: Array | None
+    finding: Finding
+
+
+@dataclass(frozen=True)
+class SigmaConsistency:
+    """True and filter sigma of an output, or of another state of the filter, over time; SI.
+
+    Sigmas are roots of mean squares about zero, as the filter's are: a mean error counts.
+
+    Attributes
+    ----------
+    name, unit, shown_in : str
+    true : ndarray, shape (m,)
+        Of all samples.
+    filter : ndarray, shape (m,)
+        Root of the mean variance that the samples' filters state.
+    ratio : Band
+        True over filter sigma.
+    true_linear, filter_linear : ndarray, shape (m,), or None
+        By linear analysis, without sampling error.
+    within_1, within_3 : Band or None
+        Share of samples whose error lies within one and three sigmas of their own filter; none for other states.
+    bounds_1, bounds_3 : (float, float)
+        Where these shares of so many samples of a consistent filter lie, at all epochs together.
+    finding : Finding
+    """
+
+    name: str
+    unit: str
+    shown_in: str
+    true: Array
+    filter: Array
+    ratio: Band
+    true_linear: Array | None
+    filter_linear: Array | None
+    within_1: Band | None
+    within_3: Band | None
+    bounds_1: tuple[float, float]
+    bounds_3: tuple[float, float]
+    finding: Finding
+
+    @property
+    def linear(self) -> Array | None:
+        """True over filter sigma by linear analysis, shape (m,); NaN where the filter's is zero."""
+        if self.true_linear is None or self.filter_linear is None:
+            return None
+        positive = self.filter_linear > 0.0
+        return np.asarray(np.where(positive, self.true_linear / np.where(positive, self.filter_linear, 1.0), np.nan))
+
+
+@dataclass(frozen=True)
+class Whiteness:
+    """Correlation of a sensor's consecutive innovations, over the whole flight.
+
+    Attributes
+    ----------
+    correlation : float or None
+        Mean product of whitened innovations that follow one another, over their mean square; none without two.
+    interval : (float, float)
+    bound : float
+        Largest absolute value that so many white innovations have at the confidence.
+    beyond : bool
+        Whether the correlation is beyond the bound.
+    """
+
+    correlation: float | None
+    interval: tuple[float, float]
+    bound: float
+    beyond: bool
+
+
+@dataclass(frozen=True)
+class SensorConsistency:
+    """Innovations of a sensor, over the intervals that end at the epochs and over the whole flight.
+
+    Attributes
+    ----------
+    name : str
+    size : int
+        Components of a measurement: the NIS that is expected.
+    accepted, rejected : ndarray, shape (m,)
+        Mean number of updates of a sample since the epoch before.
+    nis : Band
+        Mean over updates and samples; NaN where there was no update.
+    bounds : ndarray, shape (m, 2)
+        Where it lies for a consistent filter, over all intervals together; NaN where there was no update.
+    nis_whole : float or None
+        Mean over the whole flight; none without updates.
+    interval_whole, bounds_whole : (float, float)
+        Its interval, and where it lies for a consistent filter.
+    beyond : bool
+        Whether the mean over the whole flight is beyond these bounds.
+    whiteness : Whiteness
+    finding : Finding
+        On the root of NIS / size over the whole flight.
+    """
+
+    name: str
+    size: int
+    accepted: Array
+    rejected: Array
+    nis: Band
+    bounds: Array
+    nis_whole: float | None
+    interval_whole: tuple[float, float]
+    bounds_whole: tuple[float, float]
+    beyond: bool
+    whiteness: Whiteness
+    finding: Finding
+
+    @property
+    def updates(self) -> tuple[float, float]:
+        """Mean number of updates accepted and rejected in a sample's flight."""
+        return float(np.sum(self.accepted)), float(np.sum(self.rejected))
+
+
+@dataclass(frozen=True)
+class NeglectedError:
+    """Share of one cause in the difference of true and filter variance, at the worst epoch of the worst output.
+
+    Attributes
+    ----------
+    name : str
+        Of the source or process.
+    true, believed : float
+        Variance that it contributes by linear analysis, and what the filter believes of it; SI.
+    share : float
+        Their difference, over the sum of all differences.
+    """
+
+    name: str
+    true: float
+    believed: float
+    share: float
+
+
+@dataclass(frozen=True)
+class FilterConsistency:
+    """Consistency of the filter of a campaign.
+
+    Attributes
+    ----------
+    label : str
+        What the times are, as ``name [unit]``.
+    times : ndarray, shape (m,)
+    samples : int
+        Samples that did not fail.
+    confidence, tolerance : float
+        Of the verdict.
+    groups : tuple of GroupConsistency
+    outputs, states : tuple of SigmaConsistency
+        Outputs of the scenario, and other states of the filter.
+    sensors : tuple of SensorConsistency
+    verdict : Honesty
+        On the groups of navigation errors.
+    group : str
+        The group that decides, empty when none does.
+    factor : float or None
+        Its ratio at the worst epoch.
+    interval : (float, float) or None
+        Of the factor; see `Finding`.
+    begin, end : float or None
+        First and last time of a certain departure.
+    worst : float or None
+        Time of the worst epoch.
+    output : str
+        Output of this group with the farthest ratio at the worst epoch, empty when none.
+    neglected : tuple of NeglectedError
+        What makes an optimistic filter optimistic, the largest share first; empty where it is not known.
+    samples_needed : int or None
+        Approximate number of samples that would decide an undecided case.
+    remarks : tuple of str
+        What else there is to say, a sentence each.
+    covariance : ndarray, shape (outputs, outputs), or None
+        Mean covariance that the samples' filters state at the end, after the last update; SI.
+    """
+
+    label: str
+    times: Array
+    samples: int
+    confidence: float
+    tolerance: float
+    groups: tuple[GroupConsistency, ...]
+    outputs: tuple[SigmaConsistency, ...]
+    states: tuple[SigmaConsistency, ...]
+    sensors: tuple[SensorConsistency, ...]
+    verdict: Honesty
+    group: str = ""
+    factor: float | None = None
+    interval: tuple[float, float] | None = None
+    begin: float | None = None
+    end: float | None = None
+    worst: float | None = None
+    output: str = ""
+    neglected: tuple[NeglectedError, ...] = ()
+    samples_needed: int | None = None
+    remarks: tuple[str, ...] = ()
+    covariance: Array | None = None

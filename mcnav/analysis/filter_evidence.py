@@ -1,0 +1,119 @@
+"""What is known of a filter: what the samples' filters say, the true errors, and what linear analysis says of both."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.physics.power_sums import PowerSums
+from mcnav.sampling.designs import SamplingDesign
+from mcnav.scenarios.filter_sums import FilterMeans
+from mcnav.scenarios.protocol import Output
+
+
+@dataclass(frozen=True)
+class MeanSquares:
+    """Mean squares of the true errors at m epochs about zero, SI.
+
+    Attributes
+    ----------
+    samples : int
+    value, standard_error : ndarray, shape (m, outputs)
+    """
+
+    samples: int
+    value: Array
+    standard_error: Array
+
+    @classmethod
+    def of(cls, sums: PowerSums) -> MeanSquares:
+        """Take them from power sums about zero."""
+        squares, fourths = sums.mean_powers
+        spread = np.maximum(fourths - squares**2, 0.0)
+        error = np.sqrt(spread / (sums.count - 1.0)) if sums.count > 1 else np.full_like(squares, np.inf)
+        return cls(sums.count, squares, error)
+
+
+@dataclass(frozen=True)
+class LinearFilter:
+    """What linear analysis says of a filter and of the truth at m epochs, SI; see `FilterPrediction`.
+
+    Attributes
+    ----------
+    covariance : ndarray, shape (m, outputs, outputs)
+        The filter's own.
+    state_variance : ndarray, shape (m, q)
+        The filter's own, of its other states.
+    true : ndarray, shape (m, outputs, outputs), optional
+        True mean squares and products.
+    state_true : ndarray, shape (m, q)
+        True mean squares of the errors of these states.
+    contributions : mapping of str to ndarray, shape (m, outputs)
+        Variance that each source and process contributes to the truth.
+    believed : mapping of str to float
+        Variance that the filter believes each of these to have, over the true one; one for those missing.
+    """
+
+    covariance: Array
+    state_variance: Array
+    true: Array | None
+    state_true: Array
+    contributions: Mapping[str, Array] = field(default_factory=dict)
+    believed: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class FilterEvidence:
+    """All that a verdict on a filter rests on.
+
+    Attributes
+    ----------
+    label : str
+        What the times are, as ``name [unit]``.
+    times : ndarray, shape (m,)
+    outputs : tuple of Output
+    means : FilterMeans, optional
+        Of what the samples' filters say; none when every sample failed.
+    true : MeanSquares, optional
+        Of the errors of the samples.
+    failed : int
+        Samples that failed.
+    design : str
+        One of `mcnav.sampling.designs.DESIGNS`.
+    sampling : SamplingDesign
+        What it and the sources' distributions allow.
+    linear : LinearFilter, optional
+    """
+
+    label: str
+    times: Array
+    outputs: tuple[Output, ...]
+    means: FilterMeans | None
+    true: MeanSquares | None
+    failed: int
+    design: str = "random"
+    sampling: SamplingDesign = field(default_factory=SamplingDesign)
+    linear: LinearFilter | None = None
+
+    @property
+    def samples(self) -> int:
+        """Samples that did not fail."""
+        return 0 if self.means is None else self.means.samples
+
+    @property
+    def weight(self) -> float:
+        """Independent samples that a sample counts for, at least; zero where nothing is known.
+
+        The two of an antithetic pair may have equal squares: they count as one. A hypercube of L samples gives means
+        that vary by no more than L / (L - 1) times those of independent samples (Owen, Annals of Statistics 25, 1997,
+        1541). Of a net nothing of the sort is known, nor of sources with heavy tails.
+        """
+        length = self.sampling.block_length
+        if np.isinf(self.sampling.fewest_blocks) or self.design == "sobol":
+            return 0.0
+        if self.design == "latin-hypercube":
+            return max(length - 1.0, 1.0) / length
+        return 1.0 / length

@@ -1,0 +1,59 @@
+"""Linear covariance over time: sigmas, the filter's own, and the variance that each cause contributes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.lincov.covariance import propagated_variances
+from mcnav.scenarios.protocol import LinearReadings
+
+
+@dataclass(frozen=True)
+class LinearCovariance:
+    """Linear covariance at r readings.
+
+    Attributes
+    ----------
+    readings : LinearReadings
+    sigma : ndarray, shape (r, outputs)
+        SI.
+    sigma_filter : ndarray, shape (r, outputs), or None
+        As the navigator's filter states them.
+    variances : mapping of str to ndarray, shape (r, outputs)
+        Contribution of each source and process that has any, by name.
+    correlations : ndarray, shape (r, outputs)
+        Contribution of correlations between sources; with the others it adds up to the variance.
+    """
+
+    readings: LinearReadings
+    sigma: Array
+    sigma_filter: Array | None
+    variances: Mapping[str, Array]
+    correlations: Array
+
+
+def linear_covariance(readings: LinearReadings, sources: tuple[str, ...], covariance: Array) -> LinearCovariance:
+    """Propagate the covariance of the sources, ``C(t) = P S P^T + sum Q_j``, and split its diagonal over causes.
+
+    Parameters
+    ----------
+    sources : tuple of str
+        Names.
+    covariance : ndarray, shape (sources, sources)
+        S.
+    """
+    partials = readings.partials
+    by_source = partials**2 * np.diag(covariance)
+    variances = {
+        name: by_source[:, :, number] for number, name in enumerate(sources) if covariance[number, number] > 0.0
+    }
+    correlations = np.stack([propagated_variances(each, covariance) for each in partials]) - by_source.sum(axis=2)
+    for name, added in readings.processes.items():
+        variances[name] = np.diagonal(added, axis1=1, axis2=2)
+    total = correlations + sum(variances.values(), np.zeros(partials.shape[:2]))
+    own = None if readings.own is None else np.sqrt(np.maximum(np.diagonal(readings.own, axis1=1, axis2=2), 0.0))
+    return LinearCovariance(readings, np.sqrt(np.maximum(total, 0.0)), own, variances, correlations)

@@ -1,0 +1,349 @@
+"""Engines of an aided navigation, and what linear analysis says of it and of its filter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final, Literal
+
+import numpy as np
+
+from mcnav._types import Array, IndexArray
+from mcnav.physics.ins.aided_ensemble import (
+    BEYOND,
+    INDEFINITE,
+    SOUND,
+    AidedErrors,
+    AidedTables,
+    GivenNoise,
+    simulate_aided,
+    tabulate_aided,
+)
+from mcnav.physics.ins.aided_mechanization import AidedMechanization
+from mcnav.physics.ins.aiding import Sensor, aiding_constants, aiding_processes
+from mcnav.physics.ins.closed_loop import ClosedLoop, ClosedLoopErrors, close_loop, propagate_closed_loop
+from mcnav.physics.ins.covariance import biased_processes
+from mcnav.physics.ins.ensemble import tabulate
+from mcnav.physics.ins.error_filter import NAVIGATION, FilterModel
+from mcnav.physics.ins.instruments import CONSTANTS, OUTPUTS, Imu, process_sizes
+from mcnav.physics.ins.linear_noise import respond_from_rest
+from mcnav.physics.ins.mechanization import Diverged
+from mcnav.physics.ins.sample_noise import SampleNoise
+from mcnav.physics.ins.truth import Platform, Truth
+from mcnav.scenarios.failure import Failure, Reason
+from mcnav.scenarios.filter_record import BY_SENSOR, FilterSchema
+from mcnav.scenarios.protocol import Batch, Epochs, ScenarioError, SimulationResult
+from mcnav.scenarios.sample_loop import simulate_each
+
+OWN_CHUNK: Final = 64
+REFERENCE_CHUNK: Final = 8
+SHARED_CHUNK: Final = 256
+
+MOST_STEPS: Final = 50_000
+"""Steps of the grid, of which the tables take some 15 kB each."""
+
+PROBES: Final = 8
+"""Samples on which the steps are settled."""
+
+TOLERANCE: Final = 3e-6
+"""Largest numerical error of any probe at any epoch, as a share of the filter's standard deviation."""
+
+LARGEST_DIVISION: Final = 16
+
+WORDS: Final = {
+    BEYOND: "errors too large for the ensemble engine; the reference engine takes them",
+    INDEFINITE: "the filter's covariance lost its definiteness",
+}
+
+
+@dataclass(frozen=True)
+class AidedNavigation:
+    """An aided navigation along a trajectory.
+
+    Attributes
+    ----------
+    start : float
+        s, in the trajectory's time.
+    epochs : Epochs
+        In minutes of navigation.
+    times : ndarray, shape (m,)
+        Epochs in the trajectory's time, the start first, s.
+    """
+
+    truth: Truth
+    platform: Platform
+    start: float
+    imu: Imu
+    sensors: tuple[Sensor, ...]
+    filter: FilterModel
+    epochs: Epochs
+    times: Array
+
+    def grid(self, division: int, times: Array | None = None) -> Array:
+        """Return the times of epochs, or of others, and of updates, each step between them divided."""
+        updates = [sensor.times for sensor in self.sensors]
+        knots = np.unique(np.concatenate([self.times if times is None else times, *updates]))
+        apart = np.concatenate([[True], np.diff(knots) > 1e-9])
+        knots = knots[apart]
+        if (len(knots) - 1) * division > MOST_STEPS:
+            raise ScenarioError(
+                "aiding", f"got {len(knots)} instants of updates and epochs; at most {MOST_STEPS} can be handled"
+            )
+        parts = np.arange(division) / division
+        inner = knots[:-1, None] + parts * np.diff(knots)[:, None]
+        return np.append(inner.ravel(), knots[-1])
+
+    @cached_property
+    def loop(self) -> ClosedLoop:
+        """The closed loop on the coarsest grid."""
+        return self._close(1)
+
+    def _close(self, division: int) -> ClosedLoop:
+        return close_loop(self.truth, self.platform, self.grid(division), self.imu, self.sensors, self.filter)
+
+    def places(self, loop: ClosedLoop) -> IndexArray:
+        """Return the numbers of the epochs in a loop's grid."""
+        return np.asarray(np.searchsorted(loop.times, self.times - 1e-9), dtype=np.int64)
+
+    @cached_property
+    def linear(self) -> ClosedLoopErrors:
+        """The linear closed loop at the epochs, after the updates."""
+        places = self.places(self.loop)
+        return propagate_closed_loop(self.loop, places, np.ones(len(places)))
+
+    def read_out(self, times: Array) -> tuple[tuple[Literal["before", "after"] | None, ...], ClosedLoopErrors]:
+        """Propagate the linear closed loop and read it out at rising times; twice where an update falls on one."""
+        grid = self.grid(1, np.concatenate([[self.start], times]))
+        loop = close_loop(self.truth, self.platform, grid, self.imu, self.sensors, self.filter)
+        readings: list[int] = []
+        updates: list[Literal["before", "after"] | None] = []
+        for place in np.searchsorted(grid, times - 1e-9).tolist():
+            updated = loop.first_updates[place] < loop.first_updates[place + 1]
+            readings += [place, place] if updated else [place]
+            updates += ["before", "after"] if updated else [None]
+        after = np.array([update == "after" for update in updates])
+        return tuple(updates), propagate_closed_loop(loop, np.array(readings), after)
+
+    def tables(self, division: int) -> AidedTables:
+        """Prepare the tables of the ensemble."""
+        loop = self.loop if division == 1 else self._close(division)
+        shared = tabulate(self.truth, self.platform, loop.responses, self.imu, self.places(loop))
+        return tabulate_aided(loop, shared, biased_processes(loop.responses, self.imu))
+
+    def refined(self, probes: Array) -> tuple[AidedTables, float]:
+        """Divide the steps until probes without noise, shape (n, sources), agree; return the tables and the error."""
+        probes = probes[:PROBES]
+        division, tables = 1, self.tables(1)
+        coarse = self._without_noise(tables, probes)
+        while True:
+            if (len(tables.loop.times) - 1) * 2 > MOST_STEPS:
+                return tables, float("nan")
+            finer = self.tables(2 * division)
+            fine = self._without_noise(finer, probes)
+            scale = np.sqrt(np.diagonal(self.linear.own, axis1=1, axis2=2))
+            sizes = np.where(scale > 0.0, scale, 1.0)
+            error = float((np.abs(coarse - fine) / sizes).max(initial=0.0)) / 3.0  # of the finer one
+            if 4.0 * error <= TOLERANCE:
+                return tables, 4.0 * error
+            if error <= TOLERANCE or 2 * division >= LARGEST_DIVISION:
+                return finer, error
+            division, tables, coarse = 2 * division, finer, fine
+
+    def _without_noise(self, tables: AidedTables, probes: Array) -> Array:
+        found = simulate_aided(tables, probes, 0, np.arange(len(probes)), False, self._silence(tables, len(probes)))
+        return np.asarray(np.where((found.outcome == SOUND)[:, None, None], found.values, 0.0))
+
+    def _silence(self, tables: AidedTables, count: int) -> GivenNoise:
+        steps, width = tables.ensemble.factors.shape[:2]
+        updates, most = tables.white.shape
+        return GivenNoise(np.zeros((count, steps, width)), np.zeros((count, updates, most)))
+
+    def simulate_silently(self, tables: AidedTables, errors: Array, own: bool) -> AidedErrors:
+        """Simulate samples without noise, shape (n, sources)."""
+        silence = self._silence(tables, len(errors))
+        return simulate_aided(tables, errors, 0, np.arange(len(errors)), own, silence)
+
+
+def filter_schema(
+    sensors: tuple[Sensor, ...], model: FilterModel, units: Mapping[str, tuple[str, str]]
+) -> FilterSchema:
+    """Return the columns of a filter's records.
+
+    Parameters
+    ----------
+    units : mapping of str to (str, str)
+        Of constant sources and processes: SI unit, and unit shown.
+    """
+    states = model.states
+    estimated = sum(not state.considered for state in states)
+    groups = {"all": NAVIGATION + estimated, "navigation": NAVIGATION, "position": 3, "velocity": 3, "attitude": 3}
+    if estimated:
+        groups["sensors"] = estimated
+    names = tuple(state.name for state in states)
+    sizes = {sensor.name: len(sensor.components) for sensor in sensors}
+    return FilterSchema(groups, len(OUTPUTS), names, tuple(units[name] for name in names), sizes)
+
+
+def believed_shares(
+    imu: Imu, sensors: tuple[Sensor, ...], model: FilterModel, sigmas: Mapping[str, float]
+) -> dict[str, float]:
+    """Return the variance that a filter believes of each cause over the true one; zero for what it neglects.
+
+    Parameters
+    ----------
+    sigmas : mapping of str to float
+        True standard deviations of the constant sources.
+    """
+    beliefs, states = model.beliefs, {state.name: state for state in model.states}
+    found: dict[str, float] = {}
+    for name in (*CONSTANTS, *aiding_constants(sensors)):
+        true = sigmas.get(name, 0.0)
+        known = name in OUTPUTS or name in states
+        if true > 0.0:
+            found[name] = (beliefs.sigmas.get(name, 0.0) / true) ** 2 if known else 0.0
+    believed = process_sizes(beliefs.imu) | aiding_processes(beliefs.sensors)
+    for name, true in (process_sizes(imu) | aiding_processes(sensors)).items():
+        white = name.rpartition("_")[0].endswith(("angle_random_walk", "velocity_random_walk", "noise"))
+        walks = "rate_random_walk" in name and name.replace("_rate_random_walk_", "_bias_") in states
+        known = white or walks or name in states or name.endswith("_noise")
+        found[name] = (believed.get(name, 0.0) / true) ** 2 if known else 0.0
+    return found
+
+
+@dataclass(frozen=True)
+class AidedReferenceEngine:
+    """The navigator's own equations at the instruments' rate, with filterpy's filter: one sample at a time."""
+
+    navigation: AidedNavigation
+    filter_schema: FilterSchema
+    accuracy: str = (
+        "mechanization in earth-fixed axes, Gauss collocation of order 6 with steps of at most 0.1 s; filter of its "
+        "own in earth-fixed axes with steps of at most 0.2 s"
+    )
+    parallel: str = "threads"
+    chunk: int = REFERENCE_CHUNK
+
+    @property
+    def epochs(self) -> Epochs:
+        """Instants of the histories."""
+        return self.navigation.epochs
+
+    @cached_property
+    def mechanization(self) -> AidedMechanization:
+        """The navigator."""
+        navigation = self.navigation
+        end = float(navigation.times[-1])
+        return AidedMechanization(
+            navigation.truth, navigation.platform, navigation.start, end, navigation.times, navigation.sensors,
+            navigation.filter,
+        )  # fmt: skip
+
+    @cached_property
+    def _tables(self) -> AidedTables:
+        return self.navigation.tables(1)
+
+    def simulate(self, batch: Batch) -> SimulationResult:
+        """Simulate samples with their noise; the linear ones by the closed loop along the truth."""
+        count, epochs = len(batch.errors), len(self.navigation.times)
+        histories, linear = np.full((2, count, epochs, len(OUTPUTS)), np.nan)
+        records = np.full((count, epochs, self.filter_schema.width), np.nan)
+
+        def simulate(row: int) -> Array:
+            noise = self.mechanization.draw(self.navigation.imu, batch.seed, int(batch.index[row]))
+            linear[row] = self.linear(batch.errors[row], noise)
+            histories[row], records[row] = self.mechanization.simulate(batch.errors[row], noise)
+            return np.asarray(histories[row, -1])
+
+        values = np.empty((count, len(OUTPUTS)))
+        failures = simulate_each(simulate, range(count), values, Diverged)
+        return SimulationResult(values, failures, linear_values=linear[:, -1], history=histories, filter_values=records)
+
+    def linear(self, errors: Array, noise: SampleNoise) -> Array:
+        """Simulate one sample by the linear closed loop with given noise, shape (m, 9)."""
+        return np.asarray(
+            simulate_aided(self._tables, errors[None], 0, np.zeros(1, int), False, self.given(noise)).linear[0]
+        )
+
+    def given(self, noise: SampleNoise) -> GivenNoise:
+        """Arrange the noise of one sample for the ensemble's steps and updates."""
+        navigation, tables = self.navigation, self._tables
+        steps, width = tables.ensemble.factors.shape[:2]
+        added = np.zeros((1, steps, width))
+        added[0, :, :NAVIGATION] = respond_from_rest(
+            navigation.truth, navigation.platform, self.mechanization.step_times, tables.loop.times, noise.gyro,
+            noise.accelerometer,
+        )  # fmt: skip
+        measured = np.zeros((1, *tables.white.shape))
+        for number, sensor in enumerate(navigation.sensors):
+            rows = np.flatnonzero(tables.loop.measurements.sensors == number)
+            if sensor.name in noise.measurements:
+                measured[0, rows, : len(sensor.components)] = noise.measurements[sensor.name]
+        return GivenNoise(added, measured)
+
+    def propagate(self, errors: Array) -> SimulationResult:
+        """Simulate samples without noise, shape (n, sources)."""
+        values = np.empty((len(errors), len(OUTPUTS)))
+        rows = range(len(errors))
+        failures = simulate_each(lambda row: self.mechanization.simulate(errors[row])[0][-1], rows, values, Diverged)
+        return SimulationResult(values, failures)
+
+
+@dataclass(frozen=True)
+class AidedEngine:
+    """Deviations over shared tables, with a filter in the loop: of each sample's own gains, or of shared ones."""
+
+    navigation: AidedNavigation
+    tables: AidedTables
+    filter_schema: FilterSchema
+    own: bool
+    accuracy: str
+    parallel: str = "threads"
+
+    @property
+    def chunk(self) -> int:
+        """Samples per chunk."""
+        return OWN_CHUNK if self.own else SHARED_CHUNK
+
+    @property
+    def epochs(self) -> Epochs:
+        """Instants of the histories."""
+        return self.navigation.epochs
+
+    def simulate(self, batch: Batch) -> SimulationResult:
+        """Simulate samples with their noise."""
+        found = simulate_aided(self.tables, batch.errors, batch.seed, batch.index, self.own)
+        return self._result(found)
+
+    def propagate(self, errors: Array) -> SimulationResult:
+        """Simulate samples without noise, shape (n, sources)."""
+        found = self._result(self.navigation.simulate_silently(self.tables, errors, self.own))
+        return SimulationResult(found.values, found.failures)
+
+    def _result(self, found: AidedErrors) -> SimulationResult:
+        good = found.outcome == SOUND
+        values = np.where(good[:, None, None], found.values, np.nan)
+        failures = {int(row): Failure(Reason.STATED, WORDS[int(found.outcome[row])]) for row in np.flatnonzero(~good)}
+        return SimulationResult(
+            values[:, -1],
+            failures,
+            linear_values=found.linear[:, -1],
+            history=values,
+            filter_values=self._records(found, values),
+        )
+
+    def _records(self, found: AidedErrors, values: Array) -> Array:
+        """Arrange the records of the filters, shape (n, m, width)."""
+        places = self.filter_schema.places
+        records = np.empty((*values.shape[:2], self.filter_schema.width))
+        records[..., places["nees"]] = found.nees[..., : len(self.filter_schema.groups)]
+        records[..., places["covariance"]] = found.covariance
+        diagonal = np.cumsum(np.arange(1, len(OUTPUTS) + 1)) - 1
+        sigma = np.sqrt(np.maximum(found.covariance[..., diagonal], 0.0))
+        records[..., places["within_1"]] = np.abs(values) <= sigma
+        records[..., places["within_3"]] = np.abs(values) <= 3.0 * sigma
+        records[..., places["state_error"]] = found.state_error
+        records[..., places["state_variance"]] = found.state_variance
+        for number, name in enumerate(self.filter_schema.sensors):
+            records[..., places[f"sensor:{name}"]] = found.counted[:, :, number, : len(BY_SENSOR)]
+        return records

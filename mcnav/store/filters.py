@@ -1,0 +1,97 @@
+"""What filters say of themselves over a flight: sums in the chunks' files, and the tables made of their total."""
+
+from __future__ import annotations
+
+import base64
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import pyarrow.parquet as pq
+
+from mcnav._types import Array
+from mcnav.files import arrow_table, parquet_bytes
+from mcnav.scenarios.filter_record import FilterPrediction, FilterSchema
+from mcnav.scenarios.filter_sums import FilterMeans, FilterSums
+from mcnav.scenarios.protocol import Epochs, Output
+from mcnav.store.chunk_files import ChunkFile
+
+MARK: Final = "mcnav.filter"
+
+LARGEST: Final = 100_000_000
+"""Bytes of a chunk's sums, at most."""
+
+
+def filter_marks(sums: FilterSums | None) -> dict[str, str]:
+    """Encode sums as metadata of a chunk's file; counts that are all the same take no room."""
+    if sums is None:
+        return {}
+    return {MARK: base64.b64encode(zlib.compress(sums.to_numbers().astype("<f8").tobytes(), 1)).decode()}
+
+
+def read_filter_sums(schema: FilterSchema, folder: Path, chunks: Sequence[ChunkFile]) -> FilterSums | None:
+    """Add up the sums of chunks in order of index; none without any.
+
+    Raises `OSError`, `ValueError`, `pyarrow.ArrowException`, `zlib.error` when a file cannot be read.
+    """
+    total = None
+    for chunk in chunks:
+        text = (pq.read_schema(folder / chunk.file).metadata or {}).get(MARK.encode())
+        if text is not None:
+            content = zlib.decompressobj().decompress(base64.b64decode(text), LARGEST)
+            sums = FilterSums.from_numbers(schema, np.frombuffer(content, dtype="<f8").astype(float))
+            total = sums if total is None else total + sums
+    return total
+
+
+def filter_columns(
+    outputs: Sequence[Output], means: FilterMeans, prediction: FilterPrediction | None
+) -> dict[str, Array]:
+    """Return columns of ``epochs.parquet``: sigmas of the filters, and of the filter of linear analysis.
+
+    ``filter sigma`` is the root of the mean variance of all samples' filters.
+    """
+    variances, columns = means.variances.value[:-1], {}
+    for i, output in enumerate(outputs):
+        columns[f"filter sigma {output.name} [{output.unit}]"] = np.sqrt(np.maximum(variances[:, i], 0.0))
+    if prediction is not None:
+        for i, output in enumerate(outputs):
+            own = np.sqrt(np.maximum(prediction.covariance[:, i, i], 0.0))
+            columns[f"linear filter sigma {output.name} [{output.unit}]"] = own
+    return columns
+
+
+def filter_table(epochs: Epochs, outputs: Sequence[Output], means: FilterMeans) -> bytes:
+    """Tabulate the means over all samples' filters at every epoch.
+
+    Columns: ``nees GROUP`` and its standard error; ``within 1 sigma`` and ``within 3 sigma`` of each output, as shares;
+    ``error`` (root mean square) and ``filter sigma`` of the filter's other states; for each sensor, since the epoch
+    before, ``accepted`` and ``rejected`` updates of a sample, and means over updates: ``nis`` and, of consecutive
+    updates, ``lag`` (product of whitened innovations by size).
+    """
+    schema, columns = means.schema, {epochs.label: epochs.times}
+    nees = means.at("nees")
+    for i, group in enumerate(schema.groups):
+        columns[f"nees {group}"] = nees.value[:-1, i]
+        columns[f"nees standard error {group}"] = nees.standard_error[:-1, i]
+    for name in ("within_1", "within_3"):
+        shares = means.at(name).value[:-1]
+        for i, output in enumerate(outputs):
+            columns[f"{name.replace('_', ' ')} sigma {output.name}"] = shares[:, i]
+    errors, variances = means.squared_state_errors.value[:-1], means.at("state_variance").value[:-1]
+    for i, (state, (unit, _)) in enumerate(zip(schema.states, schema.units, strict=True)):
+        columns[f"error {state} [{unit}]"] = np.sqrt(np.maximum(errors[:, i], 0.0))
+        columns[f"filter sigma {state} [{unit}]"] = np.sqrt(np.maximum(variances[:, i], 0.0))
+    for sensor, _, found in means.sensors():
+        accepted, rejected = found["accepted"].value[:-1], found["rejected"].value[:-1]
+        columns[f"accepted {sensor}"], columns[f"rejected {sensor}"] = accepted, rejected
+        columns[f"nis {sensor}"] = _over(found["nis"].value[:-1], accepted + rejected)
+        columns[f"lag {sensor}"] = _over(found["lag"].value[:-1], found["lags"].value[:-1])
+    return parquet_bytes(arrow_table(columns))
+
+
+def _over(sums: Array, counts: Array) -> Array:
+    """Divide where there is something to divide by, else NaN."""
+    return np.where(counts > 0.0, sums / np.where(counts > 0.0, counts, 1.0), np.nan)

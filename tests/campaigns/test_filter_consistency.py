@@ -1,0 +1,157 @@
+"""Campaigns of a scenario with a filter, from samples to verdict: the scalar filter of `tests.scalar_filter`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from mcnav.scenarios.filter_sums import FilterMeans
+from mcnav.store.filters import read_filter_sums
+from mcnav.store.run_folder import RunFolder
+from mcnav.workflow.analyse import samples_of
+from mcnav.workflow.run import run_campaign
+from tests.scalar_filter import SCHEMA, campaign, steady_variance
+
+
+def run(folder: Path, samples: int = 300, jobs: int = 1, report: bool = True, **changes: Any) -> dict[str, Any]:
+    return dict(run_campaign(campaign(samples, **changes), folder, None, jobs, report=report).summary)
+
+
+def test_sums_are_the_same_bits_however_a_run_is_divided(tmp_path: Path) -> None:
+    """Two jobs, an extension, and a summary in place of samples: all of chunks of 100 samples."""
+    found = []
+    for name, sizes, changes in (
+        ("whole", (700,), {}),
+        ("jobs", (700,), {"jobs": 2}),
+        ("parts", (300, 700), {}),
+        ("summary", (700,), {"store": "summary"}),
+    ):
+        for samples in sizes:
+            run(tmp_path / name, samples, **changes)
+        folder = RunFolder(tmp_path / name)
+        sums = read_filter_sums(SCHEMA, folder.chunk_folder, folder.finished_manifest().chunks)
+        assert sums is not None
+        assert sums.samples == 700
+        found.append(sums.to_numbers())
+    for other in found[1:3]:
+        np.testing.assert_array_equal(other, found[0])
+    np.testing.assert_allclose(found[3], found[0], rtol=1e-13)  # in another order: 700 roundings
+    for name in ("epochs.parquet", "filter.parquet"):
+        whole = (tmp_path / "whole" / name).read_bytes()
+        assert all((tmp_path / other / name).read_bytes() == whole for other in ("jobs", "parts"))
+
+
+def test_samples_and_tables_have_what_the_filters_say(tmp_path: Path) -> None:
+    """One sample fails; nothing of it is counted."""
+    folder = tmp_path / "run"
+    run(folder, failing=(7,))
+    samples, own = samples_of(folder), np.sqrt(steady_variance(0.25))
+    known = samples["status"] == "ok"
+    assert known.sum() == 299
+    assert samples.loc[~known, ["filter position [m]", "nees"]].isna().all(axis=None)
+    np.testing.assert_allclose(samples.loc[known, "filter position [m]"], own, rtol=1e-15)
+    errors = samples.loc[known, "output position [m]"]
+    np.testing.assert_allclose(samples.loc[known, "nees"], (errors / own) ** 2, rtol=1e-13)
+    table = pq.read_table(folder / "filter.parquet").to_pandas()
+    assert table["nees position"].iloc[-1] == pytest.approx(np.mean((errors / own) ** 2), rel=1e-12)
+    assert table["nees standard error position"].iloc[-1] == pytest.approx(
+        np.std((errors / own) ** 2, ddof=1) / np.sqrt(299), rel=1e-9
+    )
+    assert table["accepted fix"].tolist() == [0.0] + [5.0] * 20
+    assert table["nis spare"].isna().all()
+    epochs = pq.read_table(folder / "epochs.parquet").to_pandas()
+    for column in ("filter sigma position [m]", "linear filter sigma position [m]"):
+        np.testing.assert_allclose(epochs[column], own, rtol=1e-12)  # a sum of 299 equal terms
+
+
+def test_folders_without_a_filter_open_as_before(tmp_path: Path) -> None:
+    """The manifest of a scenario without a filter has no word of one, and its samples no columns."""
+    from mcnav.config.read import parse_campaign
+
+    entries = {
+        "samples": 200,
+        "scenario": {"type": "reentry", "trajectory": 1},
+        "errors": {"range": "1 m"},
+    }
+    run_campaign(parse_campaign(entries, "test.toml", "test"), tmp_path / "run", None, 1)
+    assert "filter" not in json.loads((tmp_path / "run" / "manifest.json").read_text())["model"]
+    assert not (tmp_path / "run" / "filter.parquet").exists()
+    assert "nees" not in samples_of(tmp_path / "run")
+
+
+def test_means_of_a_record_by_place(tmp_path: Path) -> None:
+    """Means and standard errors of what `FilterMeans` returns are numpy's."""
+    run(tmp_path / "run", 200)
+    folder = RunFolder(tmp_path / "run")
+    sums = read_filter_sums(SCHEMA, folder.chunk_folder, folder.finished_manifest().chunks)
+    assert sums is not None
+    means = FilterMeans.of(SCHEMA, sums)
+    np.testing.assert_allclose(np.sqrt(means.variances.value[:-1, 0]), np.sqrt(steady_variance(0.25)), rtol=1e-12)
+    np.testing.assert_allclose(means.covariances[:, 0, 0], means.variances.value[:-1, 0], rtol=0.0)
+    (name, size, fix), (spare, _, other) = means.sensors()
+    assert (name, size, spare) == ("fix", 1, "spare")
+    assert fix["accepted"].value[-1] == 100.0
+    assert fix["lags"].value[-1] == 99.0
+    assert other["accepted"].value[-1] == 0.0
+
+
+def test_verdict_on_the_mismatched_scalar_filter(tmp_path: Path) -> None:
+    """True variance 2.0427120591, the filter's 0.8827822185; NEES 2.313948, NIS 1.372104; the walk is neglected."""
+    summary = run(tmp_path / "run", 1_000)
+    assert list(summary)[-7:] == [
+        "covariance_filter", "sigma_filter", "nees_filter_mean", "nees_filter_dimension", "nis_mean", "filter_verdict",
+        "filter",
+    ]  # fmt: skip
+    found = summary["filter"]
+    assert (found["verdict"], found["group"], found["output"], found["begin"], found["end"]) == (
+        "optimistic", "position", "position", 0.0, 100.0,
+    )  # fmt: skip
+    position, fix = found["groups"]["position"], found["sensors"]["fix"]
+    # epochs are one campaign's: one interval at 95 % would miss once in twenty; these hold over 42 statements
+    low, high = found["factor_interval"]
+    assert low < np.sqrt(2.313948) < high
+    assert fix["nis_interval"][0] < 1.372104 < fix["nis_interval"][1]
+    assert summary["nees_filter_mean"] == pytest.approx(2.313948, abs=5.0 * 2.313948 * np.sqrt(2.0 / 1_000))
+    assert summary["nis_mean"] == {"fix": fix["nis_mean"], "spare": None}
+    assert summary["covariance_filter"][0][0] == pytest.approx(0.8827822185, abs=1e-10)
+    assert summary["sigma_filter"][0] ** 2 == pytest.approx(0.8827822185, abs=1e-10)
+    assert summary["sigma_linear"][0] ** 2 == pytest.approx(2.0427120591, abs=1e-10)
+    assert position["ratio_linear"] == pytest.approx(np.sqrt(2.313948), abs=1e-6)
+    assert found["outputs"]["position"]["ratio_linear"] == pytest.approx(np.sqrt(2.313948), abs=1e-6)
+    assert found["neglected"][0]["name"] == "walk"
+    assert sum(each["share"] for each in found["neglected"]) == pytest.approx(1.0, rel=1e-12)
+    missing = sum(each["true"] - each["believed"] for each in found["neglected"])
+    assert missing == pytest.approx(2.0427120591 - 0.8827822185, abs=1e-9)
+    assert fix["nis_beyond"]
+    assert fix["correlation_beyond"]
+    assert summary["filter_verdict"].startswith("The filter is optimistic by a factor of 1.")
+    assert summary["verdict"] == "agrees"  # linear analysis is right about a filter that is not
+
+
+def test_verdict_on_the_matched_scalar_filter(tmp_path: Path) -> None:
+    """Of 6,000 samples the farthest of 21 ratios is within ±5 % with its interval of ±1.8 %."""
+    summary = run(tmp_path / "run", 6_000, walk=1.0, report=False)
+    assert summary["filter"]["verdict"] == "consistent"
+    assert not summary["filter"]["sensors"]["fix"]["nis_beyond"]
+    assert not summary["filter"]["sensors"]["fix"]["correlation_beyond"]
+    assert summary["filter"]["neglected"] == []
+
+
+def test_degenerate_campaigns_have_words_and_no_nan(tmp_path: Path) -> None:
+    """Too few samples; every sample fails; a summary in place of samples has the same verdict."""
+    few = run(tmp_path / "few", 15)
+    assert few["filter"]["verdict"] == "undecided"
+    assert few["filter_verdict"] == "Undecided: 15 samples are too few for an interval; expected 20 or more."
+    lost = run(tmp_path / "lost", 30, failing=range(30))
+    assert lost["filter_verdict"] == "Undecided: every sample failed."
+    assert lost["sigma_filter"] is None
+    for name in ("few", "lost"):
+        assert "NaN" not in (tmp_path / name / "summary.json").read_text()
+    whole, reduced = run(tmp_path / "whole"), run(tmp_path / "reduced", store="summary")
+    assert whole["filter"]["factor"] == pytest.approx(reduced["filter"]["factor"], rel=1e-12)
+    assert whole["filter_verdict"] == reduced["filter_verdict"]

@@ -1,0 +1,256 @@
+"""Assessment of filters whose consistency is known, and of those of which nothing can be said."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mcnav._types import Array
+from mcnav.analysis.comparison import Criterion
+from mcnav.analysis.filter_assessment import assess_filter, outputs_of
+from mcnav.analysis.filter_causes import neglected_errors
+from mcnav.analysis.filter_consistency import Band, FilterConsistency, Finding, Honesty
+from mcnav.analysis.filter_evidence import FilterEvidence, LinearFilter, MeanSquares
+from mcnav.analysis.filter_judgement import Rates, combine, find
+from mcnav.analysis.filter_remarks import sentence
+from mcnav.calibration.filter_trials import OUTPUTS, SCHEMA, evidence
+from mcnav.physics.power_sums import PowerSums
+from mcnav.sampling.designs import SamplingDesign
+from mcnav.scenarios.filter_record import FilterSchema
+from mcnav.scenarios.filter_sums import FilterMeans, FilterSums
+from mcnav.scenarios.protocol import Output
+
+CRITERION = Criterion(tolerance=0.05, confidence=0.95)
+
+
+def drawn(samples: int, scale: Array | None = None, seed: int = 1) -> FilterEvidence:
+    """Five epochs of nine errors of a filter that states unit covariances."""
+    generator = np.random.default_rng(seed)
+    normals = generator.standard_normal((samples, 5, 9))
+    return evidence(normals, generator.standard_normal((samples, 4, 3, 3)), np.ones(9) if scale is None else scale)
+
+
+def scalar(errors: Array, variances: Array, **columns: Array) -> FilterEvidence:
+    """One output with errors and stated variances of shape (n, m); columns by their place."""
+    schema = FilterSchema(
+        {"position": 1}, outputs=1, states=("bias",), units=(("m", "m"),), sensors={"fix": 1, "spare": 1}
+    )
+    records = np.zeros((*errors.shape, schema.width))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        records[:, :, schema.places["nees"]] = (errors**2 / variances)[:, :, None]
+    records[:, :, schema.places["covariance"]] = variances[:, :, None]
+    for name, values in columns.items():
+        records[:, :, schema.places[name.replace("sensor_", "sensor:")]] = values
+    return FilterEvidence(
+        "time [min]",
+        np.arange(float(errors.shape[1])),
+        (Output("position", "m", "m"),),
+        FilterMeans.of(schema, FilterSums.of(schema, records)),
+        MeanSquares.of(PowerSums.about_zero(errors[:, :, None])),
+        failed=0,
+    )
+
+
+def assessed(given: FilterEvidence) -> FilterConsistency:
+    return assess_filter(given, CRITERION)
+
+
+def test_a_matched_filter_is_consistent_with_enough_samples() -> None:
+    """With 10,000 samples intervals of three components are ±0.8 %, far within the tolerance."""
+    found = assessed(drawn(10_000))
+    assert found.verdict == Honesty.CONSISTENT
+    assert {group.finding.verdict for group in found.groups} == {Honesty.CONSISTENT}
+    assert found.sensors[0].finding.verdict == Honesty.CONSISTENT
+    assert found.remarks == ()
+    assert sentence(found).startswith("The filter is consistent")
+    few = assessed(drawn(200))
+    assert few.verdict == Honesty.UNDECIDED
+    assert few.samples_needed is not None
+    assert 500 < few.samples_needed < 20_000  # (interval ±10 % and the farthest of 20 ratios) / 5 %, squared, times 200
+
+
+def test_an_optimistic_filter_is_found_where_it_is() -> None:
+    """Velocity errors are 1.5 times as large as stated: 2,000 samples find the group, and the ratio within 5 %."""
+    found = assessed(drawn(2_000, np.repeat([1.0, 1.5, 1.0], 3)))
+    assert (found.verdict, found.group) == (Honesty.OPTIMISTIC, "velocity")
+    assert found.output.startswith("velocity_")
+    assert found.factor == pytest.approx(1.5, rel=0.05)  # five standard errors of 0.9 %
+    assert found.interval is not None
+    assert found.interval[0] < 1.5 < found.interval[1]
+    assert (found.begin, found.end) == (0.0, 4.0)
+    by_name = {group.name: group.finding.verdict for group in found.groups}
+    assert by_name["navigation"] == Honesty.OPTIMISTIC
+    assert Honesty.OPTIMISTIC not in (by_name["position"], by_name["attitude"])
+    assert "optimistic by a factor of 1.5" in sentence(found)
+
+
+def test_a_pessimistic_filter_and_one_that_is_both() -> None:
+    found = assessed(drawn(2_000, np.repeat([1.0, 0.7, 1.0], 3)))
+    assert (found.verdict, found.group) == (Honesty.PESSIMISTIC, "velocity")
+    assert found.factor == pytest.approx(0.7, rel=0.05)
+    both = assessed(drawn(2_000, np.repeat([1.4, 0.7, 1.0], 3)))
+    assert (both.verdict, both.group) == (Honesty.OPTIMISTIC, "position")
+    assert "Of velocity the filter is pessimistic." in both.remarks
+
+
+def test_a_departure_has_a_begin_and_an_end() -> None:
+    """Errors are twice as large as stated at epochs 2 and 3 of six."""
+    errors = np.random.default_rng(2).standard_normal((1_000, 6))
+    errors[:, 2:4] *= 2.0
+    found = assessed(scalar(errors, np.ones((1_000, 6))))
+    assert (found.verdict, found.begin, found.end) == (Honesty.OPTIMISTIC, 2.0, 3.0)
+    assert "in position from 2 to 3 min." in sentence(found)
+
+
+def test_too_few_failed_and_dependent_samples_leave_it_undecided_in_words() -> None:
+    """No verdict, whatever the ratio, and no number that is not one."""
+    wrong = np.full(9, 3.0)
+    cases = {
+        "19 samples are too few": drawn(19, wrong),
+        "not independent": replace(drawn(500, wrong), design="sobol", sampling=SamplingDesign(32)),
+        "heavy tails": replace(drawn(500, wrong), sampling=SamplingDesign(fewest_blocks=np.inf)),
+        "every sample failed": replace(drawn(500, wrong), means=None, true=None, failed=500),
+    }
+    for words, given in cases.items():
+        found = assessed(given)
+        assert found.verdict == Honesty.UNDECIDED
+        assert words in " ".join(found.remarks).lower()
+        assert words in sentence(found)
+    failed = assessed(replace(drawn(10_000), failed=100))
+    assert failed.verdict == Honesty.UNDECIDED
+    assert "Too many samples failed." in failed.remarks
+
+
+def test_sensors_that_never_update_and_those_that_reject_everything() -> None:
+    """Both are told in words, and have no NIS or no verdict."""
+    errors = np.random.default_rng(3).standard_normal((300, 4))
+    rejected = np.zeros((300, 4, 5))
+    rejected[:, :, 0], rejected[:, :, 2] = 400.0, 2.0
+    found = assessed(scalar(errors, np.ones((300, 4)), sensor_fix=rejected))
+    fix, spare = found.sensors
+    assert fix.updates == (0.0, 8.0)
+    assert fix.nis_whole == 200.0
+    assert fix.finding.remark == "every measurement was rejected"
+    assert spare.nis_whole is None
+    assert spare.finding.remark == "never updated"
+    assert {"Every measurement of fix was rejected.", "Spare never updated the filter."} <= set(found.remarks)
+    assert "The filter was never updated." in assessed(scalar(errors, np.ones((300, 4)))).remarks
+
+
+def test_variances_of_zero_are_told_in_words() -> None:
+    """At epoch 0 error and variance are zero, at epoch 1 the variance alone."""
+    errors = np.random.default_rng(4).standard_normal((300, 4))
+    errors[:, 0] = 0.0
+    variances = np.ones((300, 4))
+    variances[:, :2] = 0.0
+    found = assessed(scalar(errors, variances))
+    assert np.isnan(found.outputs[0].ratio.value[:2]).all()
+    assert np.isfinite(found.outputs[0].ratio.value[2:]).all()
+    assert "The filter has no variance of position where its error is not zero." in found.remarks
+    assert any("is not a number in all samples at 2 epochs" in remark for remark in found.remarks)
+    assert found.factor is not None
+    many = np.random.default_rng(4).standard_normal((10_000, 2))
+    assert assessed(scalar(many, np.ones((10_000, 2)))).verdict == Honesty.CONSISTENT
+    doubtful = assessed(scalar(many, np.tile([0.0, 1.0], (10_000, 1))))
+    assert doubtful.verdict == Honesty.UNDECIDED
+    assert "The filter believes in no error where there is one." in doubtful.remarks
+    lost = np.ones((10_000, 2))
+    lost[:100, 1] = 0.0
+    singular = assessed(scalar(many, lost))
+    assert "The filter's covariance is singular in too many samples." in singular.remarks
+
+
+def test_linear_ratio_is_the_trace_of_the_normalized_truth() -> None:
+    """For P of positions with correlation and T = 4 P the ratio is two; singular P give NaN."""
+    given = drawn(100)
+    own = np.tile(np.eye(9), (5, 1, 1))
+    own[:, 0, 1] = own[:, 1, 0] = 0.5
+    true = 4.0 * own
+    own[0, 2, 2] = 0.0
+    linear = LinearFilter(own, np.empty((5, 0)), true, np.empty((5, 0)))
+    found = assessed(replace(given, linear=linear))
+    for group in found.groups:
+        assert group.linear is not None
+        np.testing.assert_allclose(group.linear[1:], 2.0, rtol=1e-13)  # rounding
+        assert np.isnan(group.linear[0]) == (group.name in ("all", "navigation", "position"))
+    assert found.outputs[0].linear is not None
+    np.testing.assert_allclose(found.outputs[0].linear, 2.0, rtol=1e-13)
+
+
+def test_neglected_errors_share_what_the_filter_does_not_believe() -> None:
+    """True 9 = 4 + 3 + 2; believed 4 + 0.75 + 0 = 4.75: the rest of 4.25 is 2.25 and 2."""
+    contributions = {name: np.full((1, 1), value) for name, value in (("walk", 3.0), ("scale", 2.0), ("noise", 4.0))}
+    linear = LinearFilter(
+        np.full((1, 1, 1), 4.75), np.empty((1, 0)), np.full((1, 1, 1), 9.0), np.empty((1, 0)), contributions,
+        {"walk": 0.25, "scale": 0.0},
+    )  # fmt: skip
+    found = neglected_errors(linear, 0, 0)
+    assert [each.name for each in found] == ["walk", "scale"]
+    assert [each.share for each in found] == pytest.approx([2.25 / 4.25, 2.0 / 4.25], rel=1e-15)
+    assert sum(each.true - each.believed for each in found) == pytest.approx(9.0 - 4.75, rel=1e-15)
+    assert neglected_errors(replace(linear, believed={}), 0, 0) == ()
+
+
+def test_bands_judge_departures_together_and_consistency_each() -> None:
+    """One epoch: consistency asks the narrower interval, a departure the wider one."""
+
+    def band(value: float, each: float, together: float) -> Band:
+        return Band(*(np.array(entry) for entry in (
+            [value], [[value - each, value + each]], [[value - together, value + together]],
+        )))  # fmt: skip
+
+    assert find(band(1.01, 0.03, 0.2), 0.05, 100).verdict == Honesty.CONSISTENT
+    assert find(band(1.3, 0.1, 0.2), 0.05, 100).verdict == Honesty.OPTIMISTIC
+    assert find(band(1.3, 0.1, 0.3), 0.05, 100).verdict == Honesty.UNDECIDED
+    assert find(band(0.7, 0.1, 0.2), 0.05, 100).verdict == Honesty.PESSIMISTIC
+    assert find(band(np.nan, 0.1, 0.2), 0.05, 100).verdict == Honesty.UNDECIDED
+    undecided = find(band(1.02, 0.08, 0.2), 0.05, 100)  # (0.1 / 0.05)² times as many
+    assert undecided.samples_needed == pytest.approx(400, abs=1)  # rounded up
+
+
+def test_the_most_optimistic_finding_decides() -> None:
+    findings = [
+        Finding(Honesty.CONSISTENT, 1.01),
+        Finding(Honesty.PESSIMISTIC, 0.5),
+        Finding(Honesty.OPTIMISTIC, 1.2),
+        Finding(Honesty.OPTIMISTIC, 1.4),
+        Finding(Honesty.UNDECIDED, 1.1),
+    ]
+    assert combine(findings) == 3
+    assert combine(findings[:2]) == 1
+    assert combine([findings[0], findings[4]]) == 1
+    assert combine([]) is None
+    assert Rates.of(Criterion(confidence=0.9, looks=2), 5) == Rates(pytest.approx(0.95), pytest.approx(0.99))
+
+
+def test_outputs_of_groups() -> None:
+    names = [output.name for output in OUTPUTS]
+    assert outputs_of("attitude", names) == (6, 7, 8)
+    assert outputs_of("navigation", names) == tuple(range(9))
+    assert outputs_of("sensors", ["altitude", "range"]) == (0, 1)
+
+
+def test_sums_leave_out_what_is_not_finite() -> None:
+    """A NEES that is no number is counted; squares of the errors of other states are kept."""
+    schema = FilterSchema({"all": 1}, outputs=1, states=("bias",), units=(("m", "m"),))
+    records = np.random.default_rng(5).standard_normal((50, 3, schema.width))
+    records[4, 1, 0] = np.nan
+    sums = FilterSums.of(schema, records)
+    means = FilterMeans.of(schema, sums)
+    assert means.at("nees").count[:, 0].tolist() == [50, 49, 50, 50]
+    assert means.at("nees").value[1, 0] == pytest.approx(np.nanmean(records[:, 1, 0]), rel=1e-13)
+    bias = records[:, :, schema.places["state_error"]][:, :, 0]
+    np.testing.assert_allclose(means.squared_state_errors.value[:-1, 0], np.mean(bias**2, axis=0), rtol=1e-13)
+    np.testing.assert_allclose(
+        means.at("state_variance").standard_error[:-1, 0],
+        records[:, :, schema.places["state_variance"]][:, :, 0].std(axis=0, ddof=1) / np.sqrt(50),
+        rtol=1e-12,  # the difference of a sum of squares and the square of a sum of the same order
+    )
+    halves = FilterSums.of(schema, records[:20]) + FilterSums.of(schema, records[20:])
+    np.testing.assert_allclose(halves.to_numbers(), sums.to_numbers(), rtol=1e-12, atol=1e-13)
+    again = FilterSums.from_numbers(schema, sums.to_numbers())
+    np.testing.assert_array_equal(again.to_numbers(), sums.to_numbers())
+    assert SCHEMA.main_group == "navigation"
+    assert schema.main_group == "all"

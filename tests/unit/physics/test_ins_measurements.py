@@ -1,0 +1,121 @@
+"""Innovations of aiding sensors: their responses against differences, and none without errors."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from mcnav._types import Array
+from mcnav.physics.ins.aiding import Sensor, aiding_constants
+from mcnav.physics.ins.measurements import (
+    ALTITUDE,
+    ATTITUDE,
+    HEADING,
+    Measurements,
+    altitude_change,
+    fill_row,
+    heading_change,
+    innovate,
+    measure,
+)
+from tests.aided import make_sensor
+from tests.flights import flight
+
+SENSORS = (
+    make_sensor("gnss", np.array([700.0]), {"position": 3.0, "velocity": 0.1}, lever_arm=(2.0, 0.3, -1.0)),
+    make_sensor("altimeter", np.array([700.0]), {"altitude": 5.0}),
+    make_sensor("stars", np.array([700.0]), {"attitude": 2e-5}),
+    make_sensor("doppler", np.array([700.0]), {"body_velocity": 0.2}),
+    make_sensor("compass", np.array([700.0]), {"heading": 0.02}),
+)
+
+
+def tabulated(sensors: tuple[Sensor, ...] = SENSORS) -> Measurements:
+    return measure(flight(1.0), "strapdown", 300.0, sensors)
+
+
+def innovations(found: Measurements, turn: Array, velocity: Array, away: Array) -> Array:
+    """Compute all innovations of a navigator whose deviations are given."""
+    earth = flight(1.0).earth
+    over = Rotation.from_rotvec(turn).as_matrix() - np.eye(3)
+    values = []
+    for u in range(len(found.times)):
+        for c in range(found.sizes[u]):
+            kind, direction, arm = found.kinds[u, c], found.directions[u, c], found.arms[u, c]
+            if kind == ALTITUDE:
+                values.append(altitude_change(earth.constants, found.places[u], away))
+            elif kind == HEADING:
+                values.append(heading_change(found.forward[u], over, arm, away))
+            else:
+                values.append(innovate(kind, direction, arm, earth.rotation_rate, over, turn, velocity, away))
+    return np.array(values)
+
+
+def all_rows(found: Measurements, turned: Array) -> Array:
+    """Compute the responses of all innovations of a navigator that has turned."""
+    rows = np.zeros((sum(found.sizes), 9))
+    places = [(u, c) for u in range(len(found.times)) for c in range(found.sizes[u])]
+    for row, (u, c) in zip(rows, places, strict=True):
+        spin = flight(1.0).earth.rotation_rate
+        fill_row(found.kinds[u, c], found.directions[u, c], found.arms[u, c], spin, turned, row)
+    return rows
+
+
+@pytest.mark.parametrize("turn", [np.zeros(3), np.array([0.01, -0.02, 0.015])])
+def test_rows_are_the_derivatives_of_the_innovations(turn: Array) -> None:
+    """Central differences with steps of 1e-4 rad, 1 m/s and 100 m about the attitude of the navigator.
+
+    Their error is the third derivative's, (1e-4)^2 / 6 of a row for an angle and (100 m / 6.4e6 m)^2 for an altitude.
+    With a turn, the row of a rotation vector is that along the indicated axes, which differs by half the turn, and that
+    of a heading is the row along the truth.
+    """
+    found, base = tabulated(), Rotation.from_rotvec(turn)
+    rows = all_rows(found, base.as_matrix())
+    steps = np.concatenate([np.full(3, 1e-4), np.full(3, 1.0), np.full(3, 100.0)])
+    numerical = np.empty_like(rows)
+    for j, step in enumerate(steps):
+        change = np.zeros(9)
+        change[j] = step
+        sides = [
+            innovations(found, (Rotation.from_rotvec(each[:3]) * base).as_rotvec(), each[3:6], each[6:])
+            for each in (change, -change)
+        ]
+        numerical[:, j] = (sides[0] - sides[1]) / (2.0 * step)
+    kinds = np.concatenate([found.kinds[u, : found.sizes[u]] for u in range(len(found.times))])
+    size = np.linalg.norm(turn)
+    allowed = 5e-9 + np.where(np.isin(kinds, [ATTITUDE, HEADING]), size, 0.0)
+    for part in (slice(0, 3), slice(3, 6), slice(6, 9)):
+        scale = np.abs(rows[:, part]).max(axis=1)
+        assert np.all(np.abs(numerical[:, part] - rows[:, part]).max(axis=1) <= allowed * scale + 1e-15)
+
+
+def test_no_errors_give_no_innovations() -> None:
+    assert not innovations(tabulated(), np.zeros(3), np.zeros(3), np.zeros(3)).any()
+
+
+def test_updates_are_in_order_of_time_and_of_the_sensors() -> None:
+    sensors = (
+        make_sensor("late", np.array([600.0, 700.0]), {"altitude": 1.0}),
+        make_sensor("early", np.array([500.0, 700.0]), {"heading": 0.01}),
+    )
+    found = tabulated(sensors)
+    assert found.times.tolist() == [500.0, 600.0, 700.0, 700.0]
+    assert found.sensors.tolist() == [1, 0, 0, 1]
+    assert found.components[:, 0].tolist() == [1, 0, 0, 1]
+
+
+def test_scale_factors_and_lever_arms_act_on_what_is_measured() -> None:
+    found = tabulated()
+    names = aiding_constants(SENSORS)
+    truth = flight(1.0)
+    altitude = truth.geodetic(np.array([700.0]))[0, 2]
+    assert found.constants[1, 0, names.index("altimeter_scale_factor")] == pytest.approx(-altitude, rel=1e-12)
+    speed = np.linalg.norm(truth.earth_fixed(np.array([700.0]))[1])
+    scaled = [found.constants[3, c, names.index(f"doppler_scale_factor_{axis}")] for c, axis in enumerate("xyz")]
+    assert np.linalg.norm(scaled) == pytest.approx(speed, rel=1e-12)
+    arm = [names.index(f"gnss_lever_arm_{axis}") for axis in "xyz"]
+    lever = np.array([2.0, 0.3, -1.0])
+    # the position's innovation by an error of the arm is that of the arm itself turned: directions are the same
+    shown = found.constants[0, :3][:, arm] @ lever
+    assert np.linalg.norm(shown) == pytest.approx(np.linalg.norm(lever), rel=1e-12)
