@@ -50,7 +50,7 @@ from mcnav.physics.ins.navigation_errors import EarthFixedStates, navigation_err
 from mcnav.physics.ins.sample_noise import SampleNoise, draw_sample_noise
 from mcnav.physics.ins.truth import Platform, Truth
 
-LONGEST_FILTER_STEP: Final = 0.5
+LONGEST_FILTER_STEP: Final = 0.2
 """Longest step of the filter's covariance, s."""
 
 SHARE_OF_CORRELATION: Final = 0.1
