@@ -1,8 +1,8 @@
 """The aided navigator of the reference engine against pyins' feedback filter.
 
-pyins integrates in local axes from increments, and its filter has the modified phi-angle model in local axes (Scherzinger
-and Reid 1994) with states of its own. Its gravity falls by 2 h / a and points straight down, so that runs with errors are
-compared by their difference from one without.
+pyins integrates in local axes from increments, and its filter has the modified phi-angle model in local axes
+(Scherzinger and Reid 1994) with states of its own. Its gravity falls by 2 h / a and points straight down, so that a run
+with errors is compared by its difference from one without.
 """
 
 from __future__ import annotations
@@ -143,9 +143,8 @@ def run_pyins(engine: AidedMechanization, errors: Array, noise: SampleNoise) -> 
 def test_sigmas_and_errors_are_those_of_pyins() -> None:
     """One sample: biases, random walks, white noise, and measurements with noise, the same in both.
 
-    Both filters are linearized along their own indicated trajectories. pyins' model neglects what is of second order in
-    attitude errors, 3e-4 rad at first, and takes the middle of 0.2 s for the whole, in which the roll of 40 degrees
-    turns the force by 1e-3 of it at most: sigmas differ by a share of these. Gains that differ by 3e-4 of them, at
+    The filters are linearized along their own indicated trajectories. Attitudes and noisy readings err by some 1e-4 of
+    what they multiply in the equations, and sigmas differ by a share of this. Gains that differ by 3e-4 of them, at
     innovations of several sigmas, leave ten times as much in the errors.
     """
     engine = reference()

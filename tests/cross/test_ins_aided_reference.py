@@ -14,11 +14,11 @@ import pytest
 from mcnav._types import Array
 from mcnav.physics.ins.aided_ensemble import GivenNoise, simulate_aided
 from mcnav.physics.ins.aided_mechanization import AidedMechanization
+from mcnav.physics.ins.aided_twin_noise import TwinNoise
 from mcnav.physics.ins.aiding import Sensor, aiding_constants
 from mcnav.physics.ins.closed_loop import close_loop, propagate_closed_loop
 from mcnav.physics.ins.error_filter import FilterModel
 from mcnav.physics.ins.instruments import CONSTANTS, Imu, Noise
-from mcnav.physics.ins.linear_noise import respond_from_rest
 from mcnav.physics.ins.truth import Platform
 from mcnav.scenarios.aided import AidedEngine, filter_schema
 from mcnav.scenarios.filter_record import FilterSchema
@@ -152,24 +152,13 @@ def test_samples_are_those_of_the_ensemble_fed_the_same_noise() -> None:
     _, ensemble, reference = aided()
     model, generator = reference.model, np.random.default_rng(1963)
     errors = np.stack([errors_of(model, generator) for _ in range(SAMPLES)])
-    loop = ensemble.tables.loop
-    measurements = loop.measurements
-    added, measured, found = [], [], []
+    twin, width = TwinNoise.along(reference, ensemble.tables.loop), ensemble.tables.ensemble.factors.shape[1]
+    arranged, found = [], []
     for index in range(SAMPLES):
         noise = reference.draw(WALK, 7, index)
-        added.append(
-            respond_from_rest(
-                reference.truth, "strapdown", reference.step_times, loop.times, noise.gyro, noise.accelerometer
-            )
-        )
-        disturbances, row = np.zeros(measurements.components.shape), np.zeros(len(reference.sensors), dtype=int)
-        for update, sensor in enumerate(measurements.sensors):
-            given = noise.measurements[reference.sensors[sensor].name][row[sensor]]
-            disturbances[update, : len(given)] = given
-            row[sensor] += 1
-        measured.append(disturbances)
+        arranged.append(twin.arrange(noise, width))
         found.append(reference.simulate(errors[index], noise))
-    given = GivenNoise(np.array(added), np.array(measured))
+    given = GivenNoise(*(np.stack(each) for each in zip(*arranged, strict=True)))
     expected = simulate_aided(ensemble.tables, errors, 0, np.arange(SAMPLES), True, given)
     values, records = (np.stack(each) for each in zip(*found, strict=True))
     record = ensemble.filter_schema
