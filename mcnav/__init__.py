@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from mcnav.config.read import Campaign, read_campaign
     from mcnav.errors import CampaignError, RunFolderError
     from mcnav.notebook import FlownRun, check_scenario, fly, open_run, run_campaign
-    from mcnav.scenarios.protocol import History, Output, Panel, SimulationResult, Source
+    from mcnav.scenarios.flown import Flown, Innovations
+    from mcnav.scenarios.protocol import Epochs, History, Output, Panel, SimulationResult, Source
     from mcnav.workflow.analyse import report_run, samples_of, summary_of
     from mcnav.workflow.compare import RunComparison, compare_runs
 
@@ -34,8 +35,11 @@ _HOMES = {
     "RunComparison": "mcnav.workflow.compare",
     "Campaign": "mcnav.config.read",
     "CampaignError": "mcnav.errors",
+    "Epochs": "mcnav.scenarios.protocol",
+    "Flown": "mcnav.scenarios.flown",
     "FlownRun": "mcnav.notebook",
     "History": "mcnav.scenarios.protocol",
+    "Innovations": "mcnav.scenarios.flown",
     "SimulationResult": "mcnav.scenarios.protocol",
     "Output": "mcnav.scenarios.protocol",
     "Panel": "mcnav.scenarios.protocol",
@@ -55,8 +59,11 @@ _HOMES = {
 __all__ = [
     "Campaign",
     "CampaignError",
+    "Epochs",
+    "Flown",
     "FlownRun",
     "History",
+    "Innovations",
     "Output",
     "Panel",
     "RunComparison",

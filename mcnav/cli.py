@@ -618,13 +618,17 @@ def new_campaign(
 
 
 @_command("scenario", new)
-def new_scenario(name: Name, into: Into = Path()) -> None:
+def new_scenario(
+    name: Name,
+    stochastic: Annotated[bool, typer.Option("--stochastic", help="With noise and errors over time.")] = False,
+    into: Into = Path(),
+) -> None:
     """Write a scenario class, a campaign that uses it, and its test."""
     from mcnav.config.templates import new_scenario
 
-    code, campaign, test = new_scenario(name, into)
+    code, campaign, test = new_scenario(name, into, stochastic)
     _print_written((code, campaign, test))
-    _print(f"\nnext: mcnav run {campaign}, then change propagate in {code}")
+    _print(f"\nnext: mcnav run {campaign}, then change {'fly' if stochastic else 'propagate'} in {code}")
 
 
 @app.command()

@@ -140,8 +140,9 @@ def _doubt(evidence: FilterEvidence, means: FilterMeans, outputs: Sequence[Sigma
 
 
 def deciding_groups(groups: Sequence[GroupConsistency]) -> tuple[GroupConsistency, ...]:
-    """Return the groups on which the verdict is: those of navigation errors, or all where there are no others."""
-    return tuple(group for group in groups if group.name not in NOT_NAVIGATION) or tuple(groups)
+    """Return the groups on which the verdict is: those of navigation errors; all, where navigation is no group."""
+    left_out = NOT_NAVIGATION if any(group.name == "navigation" for group in groups) else ("sensors",)
+    return tuple(group for group in groups if group.name not in left_out) or tuple(groups)
 
 
 def outputs_of(group: str, names: Sequence[str]) -> tuple[int, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -14,6 +15,7 @@ from mcnav.analysis.filter_consistency import (
     SigmaConsistency,
 )
 from mcnav.scenarios.filter_sums import FilterMeans
+from mcnav.statistics.power import sensible_step
 
 
 def remarks_on(
@@ -63,23 +65,21 @@ def _on_zero_variances(sigmas: Sequence[SigmaConsistency]) -> Iterator[str]:
 
 def _on_sensors(sensors: Sequence[SensorConsistency]) -> Iterator[str]:
     for sensor in sensors:
-        name, white, nis = _spoken(sensor.name), sensor.whiteness, sensor.nis_whole
-        if nis is None:
+        name = _spoken(sensor.name)
+        if sensor.nis_whole is None:
             yield f"{name[:1].upper()}{name[1:]} never updated the filter."
-            continue
-        if sensor.finding.remark and not sensor.updates[0] > 0.0:
+        elif sensor.finding.remark and not sensor.updates[0] > 0.0:
             yield f"Every measurement of {name} was rejected."
-        if sensor.beyond:
-            low, high = sensor.bounds_whole
-            yield (
-                f"The mean NIS of {name} is {nis:.4g}; that of a consistent filter lies between {low:.4g} and "
-                f"{high:.4g}."
-            )
-        if white.beyond and white.correlation is not None:
-            yield (
-                f"Innovations of {name} are not white: the correlation of consecutive ones is {white.correlation:.2g}, "
-                f"beyond ±{white.bound:.2g}."
-            )
+    beyond = [
+        f"{_spoken(sensor.name)} {sensor.nis_whole:.4g} for {sensor.size}"
+        for sensor in sensors
+        if sensor.beyond and sensor.nis_whole is not None
+    ]
+    if beyond:
+        yield f"The mean NIS is beyond the bounds of a consistent filter: {', '.join(beyond)}."
+    coloured = [_spoken(sensor.name) for sensor in sensors if sensor.whiteness.beyond]
+    if coloured:
+        yield f"Innovations of {' and '.join(coloured)} are not white."
 
 
 def sentence(found: FilterConsistency) -> str:
@@ -90,33 +90,46 @@ def sentence(found: FilterConsistency) -> str:
     if found.verdict == Honesty.UNDECIDED or found.factor is None:
         if found.remarks and found.factor is None:
             return f"Undecided: {found.remarks[0][:1].lower()}{found.remarks[0][1:]}"
-        needed = "" if found.samples_needed is None else f"; about {found.samples_needed:,} samples would decide"
-        return f"Undecided: {found.samples:,} samples do not tell whether the filter is consistent{needed}."
+        needed = found.samples_needed and f"; about {sensible_step(found.samples_needed, found.samples):,} would decide"
+        return f"Undecided: {found.samples:,} samples do not tell whether the filter is consistent{needed or ''}."
     within = f"±{100.0 * found.tolerance:g} %"
     if found.verdict == Honesty.CONSISTENT:
         return f"The filter is consistent: the true sigmas are within {within} of its own at every epoch."
-    unit = found.label.rpartition(" ")[2].strip("[]")
-    place = f"{_spoken(found.group)} ({_spoken(found.output)})" if found.output else _spoken(found.group)
-    last = found.times[np.isfinite(found.times)][-1]
-    span = f"from {_number(found.begin)} {unit} on"
-    if found.end is not None and found.end < last:
-        span = f"between {_number(found.begin)} and {_number(found.end)} {unit}"
-    if found.begin == found.end:
-        span = f"at {_number(found.begin)} {unit}"
-    by = f"by a factor of {found.factor:.3g}" if found.factor >= 1.0 else f"by a factor of {_inverse(found.factor)}"
+    size = f"{found.factor:.3g}" if found.factor >= 1.0 else _inverse(found.factor)
     largest = ""
     if found.neglected:
         cause = found.neglected[0]
-        largest = f"; {100.0 * cause.share:.0f} % of what it neglects is {_spoken(cause.name)}"
-    return f"The filter is {found.verdict.value} {by} in {place}, {span}{largest}."
+        largest = f"; the largest error that it neglects is {_spoken(cause.name)} ({100.0 * cause.share:.0f} %)"
+    return (
+        f"The filter is {found.verdict.value} by a factor of {size} in {_spoken(found.group)}{_when(found)}{largest}."
+    )
 
 
 def _inverse(factor: float) -> str:
     return f"{1.0 / factor:.3g}" if factor > 0.0 else "infinity: the errors are zero"
 
 
-def _number(value: float | None) -> str:
-    return "?" if value is None else f"{value:.6g}"
+def _when(found: FilterConsistency) -> str:
+    """Say from when to when the departure is certain; empty where nothing is."""
+    if found.begin is None or found.end is None:
+        return ""
+    begin, end = instant(found.begin, found.label), instant(found.end, found.label)
+    if found.end >= found.times[np.isfinite(found.times)][-1]:
+        return f" from {begin} on"
+    return f" at {begin}" if begin == end else f" from {instant(found.begin, '')} to {end}"
+
+
+def instant(time: float, label: str) -> str:
+    """Format an instant to three digits, in the unit of a label ``name [unit]``.
+
+    >>> instant(1503.2, "time [s]"), instant(24.0926, "time [min]"), instant(59.98, "")
+    ('1,503 s', '24.1 min', '60')
+    """
+    size = abs(time)
+    decimals = max(0, 2 - math.floor(math.log10(size))) if size > 0.0 else 0
+    digits = f"{time:,.{decimals}f}".replace("-", "−")
+    unit = label.partition(" [")[2].removesuffix("]")
+    return f"{digits.rstrip('0').rstrip('.') if '.' in digits else digits} {unit}".rstrip()
 
 
 def _spoken(name: str) -> str:

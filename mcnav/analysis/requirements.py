@@ -27,7 +27,11 @@ from mcnav.analysis.comparison import LARGEST_FAILED_SHARE, Comparison, Model
 from mcnav.analysis.verdict import Verdict, judge
 from mcnav.statistics import proportions
 from mcnav.statistics.bisection import smallest_reaching
-from mcnav.statistics.circular_error import normal_circular_error_probable
+from mcnav.statistics.circular_error import (
+    normal_error_radius,
+    normal_probability_within,
+    normal_probability_within_sphere,
+)
 from mcnav.statistics.order_statistics import RankedSizes, samples_for_upper_bound
 
 
@@ -41,18 +45,24 @@ class Finding(StrEnum):
 
 @dataclass(frozen=True)
 class Requirement:
-    """Requirement on the final errors, SI.
+    """Requirement on the final errors, or on those at each of several epochs; SI.
 
     Its kinds are ``sigma_ratio``: the paired sigma ratio of every output departs from one by no more than the limit;
     ``quantile``: the output's absolute value at a probability lies below the limit; ``cep``: half of all errors in two
-    outputs lie within a circle of that radius about zero; ``box``: the absolute values of several outputs lie within
-    their limits together, with a probability.
+    outputs lie within a circle of that radius about zero; ``r95``: 95 % of them do; ``sep``: half of all errors in
+    three outputs lie within a sphere; ``box``: the absolute values of several outputs lie within their limits together,
+    with a probability.
+
+    ``epochs`` are those at each of which it holds, by number; ``when`` has them in words. Without any it is on the
+    final errors.
     """
 
     kind: str
     outputs: tuple[int, ...]
     limits: tuple[float, ...]
     probability: float | None
+    when: str = ""
+    epochs: tuple[int, ...] = ()
 
 
 def requirements_from(
@@ -62,7 +72,8 @@ def requirements_from(
     at = {entry["name"]: number for number, entry in enumerate(outputs)}
     return tuple(
         Requirement(entry["kind"], tuple(at[name] for name in entry["outputs"]),
-                    tuple(map(float, entry["limits"])), entry["probability"])
+                    tuple(map(float, entry["limits"])), entry["probability"],
+                    entry.get("when") or "", tuple(entry.get("epochs") or ()))
         for entry in entries
     )  # fmt: skip
 
@@ -85,6 +96,10 @@ class RequirementResult:
         For a quantile, the largest sigma of each source by linear analysis, the others unchanged.
     remark : str
         Reason why nothing could be decided, other than too few samples.
+    time : float or None
+        Of several epochs, that of the largest estimate, in the unit of the run's histories.
+    samples : int or None
+        Samples with histories that it was judged by.
     """
 
     requirement: Requirement
@@ -96,6 +111,8 @@ class RequirementResult:
     samples_needed: int | None = None
     largest_sigmas: Array | None = None
     remark: str = ""
+    time: float | None = None
+    samples: int | None = None
 
 
 def judge_requirement(
@@ -127,16 +144,36 @@ def independent_samples(blocks: IndexArray) -> tuple[NDArray[np.bool_], str]:
 
 
 def error_sizes(outcomes: Array, outputs: tuple[int, ...]) -> Array:
-    """Return the absolute values of one output, or the distances from zero in two, shape (n,)."""
+    """Return the absolute values of one output, or the distances from zero in two or three, shape (n,)."""
+    if len(outputs) == 3:
+        return np.asarray(np.sqrt(np.sum(outcomes[:, outputs] ** 2, axis=1)))
     return np.abs(outcomes[:, outputs[0]]) if len(outputs) == 1 else np.hypot(*(outcomes[:, i] for i in outputs))
 
 
+def size_probability(requirement: Requirement) -> float:
+    """Return the probability of a quantile or radius."""
+    return 0.5 if requirement.probability is None else requirement.probability
+
+
 def linear_quantile(model: Model, outputs: tuple[int, ...], probability: float) -> float:
-    """Compute a quantile of the sizes of one output's errors by the linear model, or the CEP of two outputs."""
-    mean, covariance = _linear_moments(model, outputs)
-    if len(outputs) == 2:
-        return normal_circular_error_probable(mean, covariance)
+    """Compute a quantile of the sizes of errors in one, two or three outputs by the linear model."""
+    return normal_quantile(*_linear_moments(model, outputs), probability)
+
+
+def normal_quantile(mean: Array, covariance: Array, probability: float) -> float:
+    """Compute a quantile of the distance from zero of a normal variable in one, two or three dimensions."""
+    if len(mean) > 1:
+        return normal_error_radius(mean, covariance, probability)
     return absolute_normal_quantile(float(mean[0]), float(covariance[0, 0]) ** 0.5, probability)
+
+
+def normal_share(mean: Array, covariance: Array, size: float) -> float:
+    """Compute the share of a normal variable in one, two or three dimensions that lies within a distance from zero."""
+    if len(mean) == 3:
+        return normal_probability_within_sphere(size, mean, covariance)
+    if len(mean) == 2:
+        return normal_probability_within(size, mean, covariance)
+    return normal_box_probability(mean, covariance, np.array([size]))
 
 
 def _linear_moments(model: Model, outputs: tuple[int, ...]) -> tuple[Array, Array]:
@@ -174,8 +211,8 @@ def _judge_ratios(requirement: Requirement, comparison: Comparison) -> Requireme
 def _judge_size(
     requirement: Requirement, model: Model, outcomes: Array, confidence: float, remark: str
 ) -> RequirementResult:
-    """Judge a quantile of an output's absolute value, or of the distance from zero in two outputs."""
-    outputs, limit, probability = requirement.outputs, requirement.limits[0], requirement.probability or 0.5
+    """Judge a quantile of an output's absolute value, or of the distance from zero in two or three outputs."""
+    outputs, limit, probability = requirement.outputs, requirement.limits[0], size_probability(requirement)
     sizes = error_sizes(outcomes, outputs)
     ranked = RankedSizes.of(sizes)
     interval = (0.0, math.inf) if remark else ranked.bounds(probability, confidence)
@@ -183,7 +220,7 @@ def _judge_size(
     linear = linear_quantile(model, outputs, probability)
     needed = None
     if finding == Finding.UNDECIDED and not remark and len(sizes):
-        needed = _needed(float(np.mean(~(sizes <= limit))), 1.0 - probability, confidence, len(sizes))
+        needed = samples_needed(float(np.mean(~(sizes <= limit))), 1.0 - probability, confidence, len(sizes))
     largest = None
     if requirement.kind == "quantile":
         sigma = _largest_sigma(float(model.outcome_mean[outputs[0]]), limit, probability)
@@ -209,13 +246,13 @@ def _judge_box(
     linear = normal_box_probability(*_linear_moments(model, requirement.outputs), limits)
     needed = None
     if finding == Finding.UNDECIDED and not remark and count:
-        needed = _needed(1.0 - inside / count, 1.0 - probability, confidence, count)
+        needed = samples_needed(1.0 - inside / count, 1.0 - probability, confidence, count)
     estimate = inside / (count - lost) if count > lost else math.nan
     meets = linear >= probability
     return RequirementResult(requirement, finding, estimate, (low, high), linear, meets, needed, remark=remark)
 
 
-def _needed(share: float, allowed: float, confidence: float, count: int) -> int | None:
+def samples_needed(share: float, allowed: float, confidence: float, count: int) -> int | None:
     """Estimate the samples that would decide, if the share of samples beyond the limit stays the same."""
     if share == 0.0:
         return max(count + 1, samples_for_upper_bound(1.0 - allowed, confidence))

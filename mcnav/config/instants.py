@@ -15,6 +15,9 @@ from mcnav.scenarios.ins import Navigation
 MOST_MEASUREMENTS: Final = 500_000
 """Measurements of all sensors together: each is an update of every sample's filter."""
 
+MOST_OUTAGES: Final = 100
+"""Of a sensor: each adds epochs."""
+
 DECIMALS: Final = 9
 """Of an instant in s: sensors that measure at one instant have the same one to the last bit."""
 
@@ -129,6 +132,9 @@ def _read_outages(entry: object, key: str, context: FileContext) -> tuple[tuple[
     expected = 'expected pairs of begin and end such as [["1200 s", "1500 s"]]'
     if not isinstance(entry, list):
         context.problem(key, expected)
+        return ()
+    if len(entry) > MOST_OUTAGES:
+        context.problem(key, f"got {len(entry)}; expected at most {MOST_OUTAGES}")
         return ()
     found = []
     for number, pair in enumerate(entry, start=1):

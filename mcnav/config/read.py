@@ -24,6 +24,7 @@ from mcnav.sampling.error_model import CorrelationError, ErrorModel, JointError
 from mcnav.sampling.scipy_and_tables import EmpiricalDistribution
 from mcnav.scenarios.ins import Ins
 from mcnav.scenarios.protocol import Scenario, ScenarioError, Source, VariableStart
+from mcnav.scenarios.stochastic_user import StochasticUserScenario
 from mcnav.scenarios.user import UserScenario
 from mcnav.store.manifest import RequirementRecord
 from mcnav.store.summaries import SUMMARY
@@ -115,7 +116,7 @@ def parse_campaign(
         context.problem(f"errors.{name}", f"is given in {other} as well; keep one")
     distributions = {**{name: Normal(sigma) for name, sigma in sigmas.items()}, **distributions}
     ins = described.scenario if described is not None and isinstance(described.scenario, Ins) else None
-    if ins is not None and ins.processes and content.get("design") == "sobol":
+    if described is not None and _has_noise(described.scenario) and content.get("design") == "sobol":
         context.problem("design", "got 'sobol'; a net has no place for noise, so choose another design")
     if "imu" in content and described is not None and ins is None:
         context.problem("imu", "this scenario has no inertial measurement unit; leave it out")
@@ -154,7 +155,8 @@ def parse_campaign(
         raise context.error()
 
     if ins is not None and described.filter is not None:
-        scenario = ins.with_filter(described.filter.completed(model))
+        true = dict(zip(model.names, model.standard_deviations.tolist(), strict=True))
+        scenario = ins.with_filter(described.filter.completed(model), true)
     columns = {
         source.name: stored_table(source, each)
         for source in sources
@@ -181,6 +183,13 @@ def parse_campaign(
         file=file,
         files=described.inputs,
     )
+
+
+def _has_noise(scenario: Scenario) -> bool:
+    """Return whether the samples of a scenario have noise; a user's class is not asked for its covariance."""
+    if isinstance(scenario, StochasticUserScenario):
+        return scenario.noisy
+    return isinstance(scenario, Ins) and bool(scenario.processes)
 
 
 def _read_scenario(entries: Any, context: FileContext) -> tuple[ScenarioSpec | None, Sequence[Source] | None]:

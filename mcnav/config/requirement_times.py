@@ -79,9 +79,13 @@ def _at(navigation: Navigation, time: float, key: str, context: FileContext) -> 
 
 def _during(navigation: Navigation, entry: object, key: str, context: FileContext) -> RequirementEpochs | None:
     if entry == OUTAGES:
-        spans = sorted({outage for sensor in navigation.sensors for outage in sensor.outages})
+        spans = [
+            outage
+            for outage in sorted({outage for sensor in navigation.sensors for outage in sensor.outages})
+            if outage[0] <= navigation.end and outage[1] > navigation.start
+        ]
         if not spans:
-            context.problem(key, f"got {entry!r}; no sensor has one")
+            context.problem(key, f"got {entry!r}; no sensor has one within the navigation")
             return None
         words = "during outages"
     elif isinstance(entry, list) and len(entry) == 2:

@@ -170,7 +170,8 @@ def store(work: ChunkJob, place: SampleRange, results: Iterable[tuple[Array, Sim
     for errors, result in results:
         count, first = min(max(stored - begin, 0), len(errors)), begin - place.begin
         by_row = dict(sorted(result.failures.items()))
-        linear = np.empty((len(errors), 0)) if result.linear_values is None else result.linear_values
+        linear = np.full((len(errors), len(work.layout.linear)), np.nan)  # nothing of samples whose process died
+        linear = linear if result.linear_values is None else result.linear_values
         filters = _final_filters(schema, result)
         rows.append(tuple(each[:count].copy() for each in (errors, result.values, linear, filters)))
         failures |= {first + row: failure for row, failure in by_row.items() if row < count}

@@ -171,6 +171,11 @@ def _refuse_other_samples(folder: RunFolder, identity: Identity, design: str, be
 
 
 def _flat(value: Any, prefix: str = "") -> dict[str, Any]:
+    """Flatten nested tables and lists of tables, with keys as messages have them.
+
+    >>> _flat({"campaign": {"errors": {"altitude": "5 km"}, "aiding": [{"type": "gnss"}]}, "engine": "ensemble"})
+    {'errors.altitude': '5 km', 'aiding #1.type': 'gnss', 'engine': 'ensemble'}
+    """
     if isinstance(value, Mapping):
         return {key: leaf for name, entry in value.items() for key, leaf in _flat(entry, f"{prefix}{name}.").items()}
     if isinstance(value, list) and value and all(isinstance(entry, Mapping) for entry in value):

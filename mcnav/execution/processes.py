@@ -11,7 +11,7 @@ import os
 import threading
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -32,7 +32,7 @@ from mcnav.execution.chunks import (
     store,
 )
 from mcnav.scenarios.failure import Failure, Reason
-from mcnav.scenarios.protocol import Batch, Engine, SimulationResult
+from mcnav.scenarios.protocol import Batch, Engine, SimulationResult, StochasticEngine
 from mcnav.scenarios.sample_loop import join_results
 from mcnav.scenarios.timeouts import timeout_message
 from mcnav.store.chunk_files import ChunkFile
@@ -131,6 +131,32 @@ def _in_one_worker(task: Callable[..., Any], *arguments: Any) -> Any:
 
 
 @dataclass(frozen=True)
+class _WithoutNoise:
+    """An engine with noise, reduced to simulations without."""
+
+    engine: Engine
+
+    @property
+    def parallel(self) -> str:
+        """See `Engine`."""
+        return self.engine.parallel
+
+    @property
+    def chunk(self) -> int:
+        """See `Engine`."""
+        return self.engine.chunk
+
+    @property
+    def accuracy(self) -> str:
+        """See `Engine`."""
+        return self.engine.accuracy
+
+    def propagate(self, errors: Array) -> SimulationResult:
+        """Simulate samples, shape (n, sources)."""
+        return self.engine.propagate(errors)
+
+
+@dataclass(frozen=True)
 class IsolatedEngine:
     """An engine in a process of its own: when that dies, its samples have failed."""
 
@@ -159,8 +185,9 @@ class IsolatedEngine:
         return outcomes if isinstance(outcomes, SimulationResult) else None
 
     def propagate(self, errors: Array) -> SimulationResult:
-        """Simulate samples of an engine without noise, shape (n, sources)."""
-        return self.simulate(Batch(np.arange(len(errors)), errors, 0))
+        """Simulate samples without noise, shape (n, sources)."""
+        quiet = replace(self, engine=_WithoutNoise(self.engine)) if isinstance(self.engine, StochasticEngine) else self
+        return quiet.simulate(Batch(np.arange(len(errors)), errors, 0))
 
     def simulate(self, batch: Batch) -> SimulationResult:
         """Simulate samples."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from mcnav.analysis.run_comparison import Change
 from mcnav.errors import shortened
-from mcnav.report import sentences
+from mcnav.report import filter_verdict, sentences
 from mcnav.report.figures.agreement import forest
 from mcnav.report.figures.figure import HALF, Figure
 from mcnav.report.figures.marks import Axis, Mark, Panel, Rule, Series
@@ -145,13 +145,16 @@ def render(
 ) -> str:
     """Render the comparison as an HTML page."""
     runs = [
-        {"headline": sentences.headline(each), "tone": sentences.tone(each), "standing": sentences.standing(each)}
+        {"headline": sentences.headline(each), "tone": sentences.tone(each), "standing": sentences.standing(each),
+         "filter": filter_verdict.verdict(each), "filter_headline": filter_verdict.headline(each),
+         "filter_tone": filter_verdict.TONES.get(filter_verdict.verdict(each), "")}
         for each in summaries
-    ]
+    ]  # fmt: skip
     return filled(
         "between.html",
         titles=titles,
         runs=list(zip(titles, summaries, runs, strict=True)),
+        filters=any(run["filter"] for run in runs),
         inputs=[(str(key), [shortened(value) for value in values]) for key, values in inputs(manifests).iterrows()],
         rows=[{**cells, "name": humanize(cells["output"])} for cells in outputs(rows, titles).to_dict("records")],
         common=any(row.change is not None and row.change.common for row in rows),
@@ -162,7 +165,7 @@ def render(
 
 
 def _budgets(manifests: Sequence[Manifest], summaries: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """List for each output of the first run the linear effect of one sigma of each source, run by run."""
+    """List for each output of the first run the linear effect of one sigma of each source and process, run by run."""
     tables = []
     for output in manifests[0].model.outputs:
         scale = conversion(output.unit, output.shown_in)
@@ -172,7 +175,8 @@ def _budgets(manifests: Sequence[Manifest], summaries: Sequence[Mapping[str, Any
             if output.name not in names:
                 continue
             contributions = summary["budget"]["contributions"][names.index(output.name)]
-            for label, value in zip(labels_in(summary), contributions, strict=True):
+            labels = [*labels_in(summary), *(humanize(each["name"]) for each in summary.get("processes", ()))]
+            for label, value in zip(labels, contributions, strict=True):
                 rows.setdefault(label, [ABSENT] * len(manifests))[at] = number(value * scale, 4)
         shown = [(label, cells) for label, cells in rows.items() if set(cells) - {"0", ABSENT}]
         tables.append({"name": humanize(output.name), "unit": output.shown_in, "rows": shown})

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.report import sentences
+from mcnav.report import filter_verdict, sentences
 from mcnav.report.requirements import shown_units
 from mcnav.scenarios.protocol import Output, Source
 from mcnav.units import conversion
@@ -78,7 +78,10 @@ def run_rows(runs: Mapping[str, Mapping[str, Any]]) -> list[Row]:
     """List the verdicts, one row per run."""
     same = ("campaign", "samples", "failed", "engine", "seed", "design", "verdict", "verdict_matrix")
     return [
-        {"run": title} | {key: run.get(key) for key in same} | {"headline": sentences.headline(run)}
+        {"run": title}
+        | {key: run.get(key) for key in same}
+        | {"headline": sentences.headline(run)}
+        | ({"filter": filter_verdict.verdict(run)} if run.get("filter") else {})
         for title, run in runs.items()
     ]
 

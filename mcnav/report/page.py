@@ -6,7 +6,7 @@ import base64
 import hashlib
 import re
 import shlex
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -14,11 +14,12 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from mcnav.errors import shortened
+from mcnav.report import filter_tables, filter_verdict, sentences, tables
 from mcnav.report import format as formats
-from mcnav.report import sentences, tables
 from mcnav.report.failures import failure_rows
-from mcnav.report.figures import agreement, dispersion, matrices, sources
+from mcnav.report.figures import agreement, consistency, dispersion, matrices, sources
 from mcnav.report.figures.envelopes import envelopes
+from mcnav.report.figures.estimation import estimation
 from mcnav.report.figures.figure import Figure
 from mcnav.report.figures.flight import flight
 from mcnav.report.model import RunAnalysis
@@ -29,7 +30,9 @@ FIGURES: Final[dict[str, Callable[[RunAnalysis], Figure | None]]] = {
     "ratios": agreement.sigma_ratios, "nees": agreement.nees, "matrices": matrices.matrices, "budget": sources.budget,
     "development": sources.partials_history, "envelopes": envelopes, "scatter": dispersion.scatter,
     "histograms": dispersion.histograms, "quantiles": agreement.normal_quantiles,
-    "convergence": agreement.running_ratios,
+    "convergence": agreement.running_ratios, "nees_history": consistency.nees_over_time,
+    "nis_history": consistency.nis_over_time, "sigma_history": consistency.sigma_ratios_over_time,
+    "within_history": consistency.shares_within, "estimation": estimation,
 }  # fmt: skip
 """Figures of the report besides the nominal flight: none where a run has nothing to show."""
 
@@ -106,6 +109,7 @@ def render(content: RunAnalysis) -> str:
     contributions = tables.contributions(content) if content.dispersed else []
     simulated, seconds = (manifest.execution.samples, manifest.execution.seconds) if manifest.execution else (0, 0.0)
     requirements = detailed_rows(content)
+    outputs = tables.outputs(content) if content.dispersed else []
     remarks = (sentences.joint_explanation, sentences.certain_but_small, sentences.stopping)
     return filled(
         "campaign.html",
@@ -118,7 +122,8 @@ def render(content: RunAnalysis) -> str:
         remarks=[remark(summary) for remark in remarks],
         warnings=[warning(summary) for warning in (sentences.caveat, sentences.failures)],
         figures={key: drawn.get(key) for key in ("flight", *FIGURES)},
-        outputs=tables.outputs(content) if content.dispersed else [],
+        outputs=outputs,
+        **_of_filter(content, outputs),
         ellipsoid=tables.ellipsoid(content),
         tests=tables.multivariate(content),
         requirements=requirements,
@@ -142,3 +147,20 @@ def render(content: RunAnalysis) -> str:
         campaign=content.campaign,
         rerun=f"mcnav run campaign.toml --engine {shlex.quote(summary['engine'])}",
     )
+
+
+def _of_filter(content: RunAnalysis, outputs: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return what the template shows of a filter; without one nothing."""
+    found, summary = content.filter, content.summary
+    if found is None:
+        return {"filter_answers": []}
+    explained = filter_tables.at_worst(found), filter_verdict.explanation(summary)
+    return {
+        "filter_answers": filter_tables.answers(content, outputs),
+        "filter_headline": filter_verdict.headline(summary),
+        "filter_explanation": " ".join(filter(None, explained)),
+        "filter_tone": filter_verdict.TONES[found.verdict.value],
+        "filter_findings": filter_tables.findings(found),
+        "filter_neglected": filter_tables.neglected(content),
+        "filter_sensors": filter_tables.sensors(found),
+    }

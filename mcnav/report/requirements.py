@@ -12,6 +12,13 @@ from mcnav.report.format import number
 from mcnav.report.model import RunAnalysis, humanize
 from mcnav.units import conversion
 
+RADII: Final = {
+    "cep": "circular error probable",
+    "r95": "radius of 95 % of the errors",
+    "sep": "spherical error probable",
+}
+"""Radii about zero that requirements limit, by kind."""
+
 TONES: Final = {"met": "agrees", "not met": "differs", "undecided": "undecided"}
 
 
@@ -25,15 +32,16 @@ def stated(entry: Mapping[str, Any], shown_in: Mapping[str, tuple[float, str]]) 
     names, limits = entry["outputs"], entry["limits"]
     if entry["kind"] == "sigma_ratio":
         return f"every sigma within ±{100.0 * limits[0]:g} % of the linear one"
-    if entry["kind"] == "cep":
+    when = f", {entry['when']}" if entry.get("when") else ""
+    if entry["kind"] in RADII:
         scale, unit = shown_in[names[0]]
-        pair = " and ".join(humanize(name) for name in names)
-        return f"circular error probable of {pair} below {limits[0] * scale:g} {unit}"
+        together = f"{', '.join(map(humanize, names[:-1]))} and {humanize(names[-1])}"
+        return f"{RADII[entry['kind']]} of {together} below {limits[0] * scale:g} {unit}{when}"
     sides = []
     for name, limit in zip(names, limits, strict=True):
         scale, unit = shown_in[name]
         sides.append(f"|{humanize(name)}| below {limit * scale:g} {unit}")
-    return f"{' and '.join(sides)} in {100.0 * entry['probability']:g} % of samples"
+    return f"{' and '.join(sides)} in {100.0 * entry['probability']:g} % of samples{when}"
 
 
 def shown_units(summary: Mapping[str, Any]) -> dict[str, tuple[float, str]]:
@@ -65,6 +73,7 @@ def detailed_rows(content: RunAnalysis) -> list[dict[str, Any]]:
             | {"estimate": shown(entry["estimate"], "–"), "low": shown(low), "high": shown(high)}
             | {
                 "tone": TONES[row["finding"]],
+                "largest_at": _largest_at(content, entry),
                 "linear": shown(entry["linear"]),
                 "gaussian": "–" if entry["kind"] == "sigma_ratio" else "met" if entry["linear_meets"] else "not met",
                 "needed": needed and sentences.more_samples(needed, summary["samples"]),
@@ -72,6 +81,14 @@ def detailed_rows(content: RunAnalysis) -> list[dict[str, Any]]:
             }
         )
     return rows
+
+
+def _largest_at(content: RunAnalysis, entry: Mapping[str, Any]) -> str:
+    """Return when a requirement over time has its largest estimate, and of how many samples; else empty."""
+    if entry.get("time") is None or content.development is None:
+        return ""
+    unit = content.development.label.partition(" [")[2].removesuffix("]")
+    return f"largest at {entry['time']:.4g} {unit}, of {entry['samples']:,} samples"
 
 
 def _shown(kind: str, scale: float, unit: str, value: float | None, missing: str = "∞") -> str:

@@ -120,7 +120,14 @@ def unsettled(summary: Mapping[str, Any]) -> str:
     share = 100.0 * (found["disagreement"] or math.inf)
     size = f"{share:,.0f} %" if share >= 10.0 else f"{share:.2g} %"
     where = f"{humanize(found['output'])} by {humanize(found['source'])}: {size}"
-    if found["own"]:
+    if noise := found.get("noise"):
+        named = f"{humanize(found['output'])}: {size} of its sigma"
+        causes = {
+            "fly_linear": "The scenario's own linear simulations disagree with its simulations",
+            "noise_covariance": "The scenario's own noise covariance disagrees with its linear simulations",
+        }
+        cause = f"{causes.get(noise, 'The response to noise is not linear')} ({named})"
+    elif found["own"]:
         cause = f"The scenario's own partial derivatives disagree with finite differences ({where})"
     else:
         cause = f"Partial derivatives do not converge ({where})"

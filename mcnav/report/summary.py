@@ -131,11 +131,13 @@ def _named(entry: dict[str, Any], outputs: Sequence[Mapping[str, str]]) -> dict[
 
 
 def _requirement(judged: RequirementResult, outputs: Sequence[Mapping[str, str]]) -> dict[str, Any]:
-    return {
+    entry = {
         **_named(asdict(judged.requirement), outputs),
         "finding": judged.finding.value,
         **{key: value for key, value in asdict(judged).items() if key not in ("requirement", "finding")},
     }
+    at_the_end = () if judged.requirement.epochs else ("when", "epochs", "time", "samples")
+    return {key: value for key, value in entry.items() if key not in at_the_end}
 
 
 def _joint(joint: MultivariateTests | None, outputs: int) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from mcnav.analysis.linearity import DispersionRange
 from mcnav.analysis.verdict import combine_verdicts
 from mcnav.errors import shortened
 from mcnav.lincov.start_times import StartTimeStudy
-from mcnav.report import sentences
+from mcnav.report import filter_verdict, sentences
 from mcnav.report.export import output_rows, partial_rows
 from mcnav.report.fitted_table import FittedTable, numbers, texts
 from mcnav.report.format import interval
@@ -36,13 +36,23 @@ ELSEWHERE = "report.html or --format csv"
 
 
 def verdict(summary: Mapping[str, Any]) -> RenderableType:
-    """State the verdict in sentences."""
+    """State the verdict in sentences, that on a filter as well."""
     lines = [Text(sentences.headline(summary), style=f"bold {COLOURS[sentences.standing(summary)]}")]
     remarks = (
         sentences.explanation, sentences.joint_explanation, sentences.certain_but_small, sentences.stopping,
         sentences.caveat, sentences.failures,
     )  # fmt: skip
-    return Group(*lines, *(Text(sentence) for sentence in (remark(summary) for remark in remarks) if sentence))
+    lines += [Text(sentence) for sentence in (remark(summary) for remark in remarks) if sentence]
+    return Group(*lines, *filter_lines(summary))
+
+
+def filter_lines(summary: Mapping[str, Any]) -> list[Text]:
+    """List the sentences on a filter; none without a filter."""
+    found = filter_verdict.verdict(summary)
+    if not found:
+        return []
+    stated = Text(filter_verdict.headline(summary), style=f"bold {COLOURS[filter_verdict.TONES[found]]}")
+    return [stated, *(Text(sentence) for sentence in [filter_verdict.explanation(summary)] if sentence)]
 
 
 def comparison(runs: Mapping[str, Mapping[str, Any]]) -> RenderableType:

@@ -20,18 +20,24 @@ from mcnav.physics.ins.aided_ensemble import (
     simulate_aided,
     tabulate_aided,
 )
+from mcnav.physics.ins.aided_mechanization import AidedMechanization
 from mcnav.physics.ins.aiding import Sensor, aiding_constants, aiding_processes
 from mcnav.physics.ins.closed_loop import ClosedLoop, ClosedLoopErrors, close_loop, propagate_closed_loop
 from mcnav.physics.ins.covariance import biased_processes
 from mcnav.physics.ins.ensemble import tabulate
 from mcnav.physics.ins.error_filter import NAVIGATION, FilterModel
 from mcnav.physics.ins.instruments import CONSTANTS, OUTPUTS, Imu, process_sizes
+from mcnav.physics.ins.linear_noise import respond_from_rest
+from mcnav.physics.ins.mechanization import Diverged
+from mcnav.physics.ins.sample_noise import SampleNoise
 from mcnav.physics.ins.truth import Platform, Truth
 from mcnav.scenarios.failure import Failure, Reason
 from mcnav.scenarios.filter_record import BY_SENSOR, FilterSchema
 from mcnav.scenarios.protocol import Batch, Epochs, ScenarioError, SimulationResult
+from mcnav.scenarios.sample_loop import simulate_each
 
 OWN_CHUNK: Final = 64
+REFERENCE_CHUNK: Final = 8
 SHARED_CHUNK: Final = 256
 
 MOST_STEPS: Final = 50_000
@@ -203,6 +209,84 @@ def believed_shares(
         known = white or walks or name in states or name.endswith("_noise")
         found[name] = (believed.get(name, 0.0) / true) ** 2 if known else 0.0
     return found
+
+
+@dataclass(frozen=True)
+class AidedReferenceEngine:
+    """The navigator's own equations at the instruments' rate, with filterpy's filter: one sample at a time."""
+
+    navigation: AidedNavigation
+    filter_schema: FilterSchema
+    accuracy: str = (
+        "mechanization in earth-fixed axes, Gauss collocation of order 6 with steps of at most 0.1 s; filter of its "
+        "own in earth-fixed axes with steps of at most 0.2 s"
+    )
+    parallel: str = "threads"
+    chunk: int = REFERENCE_CHUNK
+
+    @property
+    def epochs(self) -> Epochs:
+        """Instants of the histories."""
+        return self.navigation.epochs
+
+    @cached_property
+    def mechanization(self) -> AidedMechanization:
+        """The navigator."""
+        navigation = self.navigation
+        end = float(navigation.times[-1])
+        return AidedMechanization(
+            navigation.truth, navigation.platform, navigation.start, end, navigation.times, navigation.sensors,
+            navigation.filter,
+        )  # fmt: skip
+
+    @cached_property
+    def _tables(self) -> AidedTables:
+        return self.navigation.tables(1)
+
+    def simulate(self, batch: Batch) -> SimulationResult:
+        """Simulate samples with their noise; the linear ones by the closed loop along the truth."""
+        count, epochs = len(batch.errors), len(self.navigation.times)
+        histories, linear = np.full((2, count, epochs, len(OUTPUTS)), np.nan)
+        records = np.full((count, epochs, self.filter_schema.width), np.nan)
+
+        def simulate(row: int) -> Array:
+            noise = self.mechanization.draw(self.navigation.imu, batch.seed, int(batch.index[row]))
+            linear[row] = self.linear(batch.errors[row], noise)
+            histories[row], records[row] = self.mechanization.simulate(batch.errors[row], noise)
+            return np.asarray(histories[row, -1])
+
+        values = np.empty((count, len(OUTPUTS)))
+        failures = simulate_each(simulate, range(count), values, Diverged)
+        return SimulationResult(values, failures, linear_values=linear[:, -1], history=histories, filter_values=records)
+
+    def linear(self, errors: Array, noise: SampleNoise) -> Array:
+        """Simulate one sample by the linear closed loop with given noise, shape (m, 9)."""
+        return np.asarray(
+            simulate_aided(self._tables, errors[None], 0, np.zeros(1, int), False, self.given(noise)).linear[0]
+        )
+
+    def given(self, noise: SampleNoise) -> GivenNoise:
+        """Arrange the noise of one sample for the ensemble's steps and updates."""
+        navigation, tables = self.navigation, self._tables
+        steps, width = tables.ensemble.factors.shape[:2]
+        added = np.zeros((1, steps, width))
+        added[0, :, :NAVIGATION] = respond_from_rest(
+            navigation.truth, navigation.platform, self.mechanization.step_times, tables.loop.times, noise.gyro,
+            noise.accelerometer,
+        )  # fmt: skip
+        measured = np.zeros((1, *tables.white.shape))
+        for number, sensor in enumerate(navigation.sensors):
+            rows = np.flatnonzero(tables.loop.measurements.sensors == number)
+            if sensor.name in noise.measurements:
+                measured[0, rows, : len(sensor.components)] = noise.measurements[sensor.name]
+        return GivenNoise(added, measured)
+
+    def propagate(self, errors: Array) -> SimulationResult:
+        """Simulate samples without noise, shape (n, sources)."""
+        values = np.empty((len(errors), len(OUTPUTS)))
+        rows = range(len(errors))
+        failures = simulate_each(lambda row: self.mechanization.simulate(errors[row])[0][-1], rows, values, Diverged)
+        return SimulationResult(values, failures)
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,11 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.scenarios.finite_differences import differentiate
 from mcnav.scenarios.histories import check_history
-from mcnav.scenarios.protocol import Engine, LinearModel, Scenario, ScenarioError
+from mcnav.scenarios.noise_soundness import check_noise, check_without_noise, find_unsettled_noise
+from mcnav.scenarios.protocol import Batch, Engine, LinearModel, Scenario, ScenarioError
 from mcnav.scenarios.soundness import SAME, SEED, apart, same
+from mcnav.scenarios.stochastic_user import StochasticUserScenario
+from mcnav.scenarios.stochastic_user_engine import StochasticUserEngine
 from mcnav.units import conversion
 
 TRIED: Final = 16
@@ -25,6 +28,12 @@ AGREEMENT: Final = 1e-3
 SMALL, SMALLER = 0.1, 0.01
 """Shares of sigma at which departures from linear are compared: ten times smaller errors must bend ten times less. A
 kink at zero bends as much at any size."""
+
+TRIED_NOISE: Final = 400
+"""Samples of noise from which a covariance is measured: a sigma to 3.5 %."""
+
+CHANCE: Final = 5.0
+"""Standard errors by which a measured sigma may differ from the stated one: by chance one in two million does."""
 
 LEAST: Final = 1e-4
 """Departures below this share of an output's dispersion are numerical noise, of whatever size."""
@@ -78,6 +87,10 @@ def check_conformance(scenario: Scenario, sizes: Array) -> list[Check]:
     tried("linear near zero", lambda: _linear_near_zero(prepared, scenario.linear_model(), errors, sizes))
     tried("partials against differences", lambda: _partials(prepared, scenario.linear_model(), sizes))
     tried("history", lambda: _history(scenario))
+    if isinstance(scenario, StochasticUserScenario) and scenario.noisy and isinstance(prepared, StochasticUserEngine):
+        tried("noise from its generator", lambda: _noise(scenario, prepared, sizes))
+        tried("linear in the noise", lambda: _linear_in_noise(scenario, prepared, sizes))
+        tried("covariance of the noise", lambda: _noise_covariance(scenario, prepared))
     return found
 
 
@@ -160,6 +173,38 @@ def _partials(prepared: Engine, model: LinearModel, sizes: Array) -> str:
     if gap > AGREEMENT:
         raise _Broken(f"partial derivatives differ from differences by {gap:.1e} of their row's largest contribution")
     return f"agree to {max(gap, differences.error):.1e}"
+
+
+def _noise(scenario: StochasticUserScenario, prepared: StochasticUserEngine, sizes: Array) -> str:
+    check_noise(prepared, sizes)
+    check_without_noise(scenario)
+    return "the same bits for the same noise, none without it"
+
+
+def _linear_in_noise(scenario: StochasticUserScenario, prepared: StochasticUserEngine, sizes: Array) -> str:
+    doubt = find_unsettled_noise(scenario, prepared, sizes > 0.0, 1.0)
+    if doubt is not None:
+        raise _Broken(str(doubt))
+    return "fly_linear agrees with differences" if scenario.own_linear else "differences at two scales agree"
+
+
+def _noise_covariance(scenario: StochasticUserScenario, prepared: StochasticUserEngine) -> str:
+    if not scenario.gives_noise_covariance:
+        return "measured; return it from noise_covariance to have it exactly, and its processes in the budget"
+    none = np.zeros((TRIED_NOISE, len(scenario.sources)))
+    found = prepared.simulate(Batch(np.arange(TRIED_NOISE), none, SEED))
+    if found.failures or found.linear_values is None:
+        raise _Broken(f"a sample without errors failed: {next(iter(found.failures.values()), '')}")
+    model = scenario.linear_model()
+    expected = np.diag(sum(model.processes.values(), np.zeros((len(model.nominal),) * 2)))
+    measured = np.mean((found.linear_values - model.nominal) ** 2, axis=0)
+    unknown = np.where(measured > 0.0, np.inf, 1.0)
+    ratios = np.sqrt(np.divide(measured, expected, out=unknown, where=expected > 0.0))
+    chance = CHANCE / np.sqrt(2.0 * TRIED_NOISE)
+    for output, ratio in zip(scenario.outputs, ratios, strict=True):
+        if abs(ratio - 1.0) > chance:
+            raise _Broken(f"sigma of {output.name} by linear simulations is {ratio:.2f} of that of noise_covariance")
+    return f"sigmas of {TRIED_NOISE} linear simulations are {ratios.min():.2f} to {ratios.max():.2f} of it"
 
 
 def _history(scenario: Scenario) -> str:

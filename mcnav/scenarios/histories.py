@@ -29,7 +29,12 @@ def check_history(history: History) -> History:
     events = {str(name): float(value) for name, value in history.events.items()}
     if any(mark not in events for panel in history.panels for mark in panel.marks):
         raise ValueError("a panel marks an event that the history does not have")
-    return History(columns, events, history.panels)
+    outages = {
+        str(name): tuple((float(begin), float(end)) for begin, end in each) for name, each in history.outages.items()
+    }
+    if any(not begin <= end for each in outages.values() for begin, end in each):
+        raise ValueError("an outage must not end before it begins")
+    return History(columns, events, history.panels, outages)
 
 
 def with_errors(history: History, errors: Array, outputs: Sequence[Output]) -> History:

@@ -27,7 +27,14 @@ from mcnav.physics.ins.linear_noise import NoiseResponse
 from mcnav.physics.ins.mechanization import Diverged, Mechanization
 from mcnav.physics.ins.response import respond
 from mcnav.physics.ins.truth import Platform, Truth
-from mcnav.scenarios.aided import PROBES, AidedEngine, AidedNavigation, believed_shares, filter_schema
+from mcnav.scenarios.aided import (
+    PROBES,
+    AidedEngine,
+    AidedNavigation,
+    AidedReferenceEngine,
+    believed_shares,
+    filter_schema,
+)
 from mcnav.scenarios.aiding_sources import aiding_outputs, aiding_sources
 from mcnav.scenarios.failure import Failure, Reason
 from mcnav.scenarios.filter_record import FilterPrediction, FilterSchema
@@ -317,7 +324,7 @@ class Ins:
         """Names of the engines."""
         if self.navigation.filter is None:
             return ("ensemble", "reference")
-        return ("ensemble", "shared-gains")
+        return ("ensemble", "shared-gains", "reference")
 
     @property
     def sources(self) -> tuple[Source, ...]:
@@ -392,9 +399,11 @@ class Ins:
 
     def engine(self, engine: str, probes: Array) -> Engine:
         """Prepare one of the engines; the ensemble's steps are halved until the probes, (n, sources), agree."""
-        if engine == "reference":
-            return ReferenceEngine(self.navigation)
         aided, schema = self.navigation.aided, self.filter_schema
+        if engine == "reference":
+            if aided is not None and schema is not None:
+                return AidedReferenceEngine(aided, schema)
+            return ReferenceEngine(self.navigation)
         if aided is not None and schema is not None:
             shared, error = aided.refined(probes)
             gains = "gains of each sample's own" if engine == "ensemble" else "gains along the truth"
@@ -456,7 +465,13 @@ class Ins:
             "specific force [g]": np.linalg.norm(states.force, axis=1) / STANDARD_GRAVITY,
             "angular rate [deg/s]": np.degrees(np.linalg.norm(states.rate, axis=1)),
         }
-        return History(columns, {"end": float(columns[HISTORY_TIME][-1])}, PANELS)
+        outages = {
+            sensor.name: tuple(
+                ((begin - navigation.start) / 60.0, (end - navigation.start) / 60.0) for begin, end in sensor.outages
+            )
+            for sensor in navigation.sensors if sensor.outages
+        }  # fmt: skip
+        return History(columns, {"end": float(columns[HISTORY_TIME][-1])}, PANELS, outages)
 
 
 PANELS: Final = (

@@ -188,11 +188,15 @@ class History:
         Named instants, in the unit of the first column.
     panels : tuple of Panel
         None when there is nothing to show.
+    outages : mapping of str to tuple of (float, float)
+        Begin and end of the intervals in which an aiding sensor is silent, by its name, in the unit of the first
+        column.
     """
 
     columns: Mapping[str, Array] = field(default_factory=dict)
     events: Mapping[str, float] = field(default_factory=dict)
     panels: tuple[Panel, ...] = ()
+    outages: Mapping[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -54,6 +54,9 @@ class Unsettled:
         The share that would do.
     own : bool
         Whether it is the class's own derivative that disagrees with differences, which are settled.
+    noise : str
+        What is in doubt about the noise, in place of a derivative: its ``response``, ``fly_linear`` or
+        ``noise_covariance`` of the class. The disagreement is then a share of the output's linear sigma.
     """
 
     source: str
@@ -61,6 +64,7 @@ class Unsettled:
     disagreement: float
     limit: float
     own: bool
+    noise: str = ""
 
     def __str__(self) -> str:
         share = 100.0 * self.disagreement
@@ -68,6 +72,17 @@ class Unsettled:
         off += " % of the output's largest one-sigma contribution"
         where = f"of output {self.output!r} to source {self.source!r}"
         most = f"(limit {100.0 * self.limit:g} %)"
+        if self.noise == "fly_linear":
+            return (
+                f"fly_linear() differs from simulations with small errors and noise, in output {self.output!r} by "
+                f"{100.0 * self.disagreement:.2g} % of its linear sigma {most}: correct it, omit it, or use --force"
+            )
+        if self.noise:
+            return (
+                f"the response of output {self.output!r} to the noise is not linear, so there is no linear model to "
+                f"compare with: differences at two scales of the noise disagree by {100.0 * self.disagreement:.2g} % "
+                f"of its linear sigma {most}; remove jumps, integrate more precisely, or use --force"
+            )
         if self.own:
             return (
                 f"the class's own partial derivative {where} is {off} away from the finite difference {most}: "

@@ -2,7 +2,8 @@
 
 The class declares ``sources`` and ``outputs``. ``propagate`` simulates many samples at once, in threads, and must not
 change ``self``; ``fly`` simulates one, in worker processes. Both take and return SI units. Optional attributes are
-``settings``, ``partials``, ``history`` and ``chunk``.
+``settings``, ``partials``, ``history`` and ``chunk``. Noise, errors over time and filters are in
+`mcnav.scenarios.stochastic_user`.
 
 The file may import installed packages, but no file in its folder. Its text is part of the run's identity, and so are
 the files that it reads: those that settings name, and those that it opens while it is built, linearized and asked for
@@ -25,6 +26,7 @@ from mcnav.scenarios.inputs import InputFile, with_unique_names
 from mcnav.scenarios.protocol import Engine, History, LinearModel, Output, ScenarioError, Source
 from mcnav.scenarios.sample_loop import format_exception
 from mcnav.scenarios.settings import NAME, check_unit
+from mcnav.scenarios.stochastic_user_engine import StochasticUserEngine
 from mcnav.scenarios.user_code import UserScenarioSpec
 from mcnav.scenarios.user_engine import UserEngine
 
@@ -82,18 +84,23 @@ class UserScenario:
 
     def with_sigmas(self, sizes: Array) -> UserScenario:
         """Return the scenario with the sigmas of a campaign's errors, shape (sources,), SI."""
-        return UserScenario(self.spec, sizes)
+        return type(self)(self.spec, sizes)
 
     @cached_property
-    def _engine(self) -> UserEngine:
+    def _engine(self) -> UserEngine | StochasticUserEngine:
         vectorised = self.engines[0] == "vectorised"
-        chunk = getattr(self._instance, "chunk", VECTORISED_CHUNK if vectorised else SINGLE_CHUNK)
-        if not isinstance(chunk, int) or isinstance(chunk, bool) or not 1 <= chunk <= 1_000_000:
-            message = f"{self.spec.name}.chunk must be a whole number from 1 to 1,000,000; got {chunk!r}"
-            raise ScenarioError("type", message)
+        chunk = self.chunk(VECTORISED_CHUNK if vectorised else SINGLE_CHUNK)
         accuracy = f"{self.spec.code.file}, class {self.spec.name}, {'many at once' if vectorised else 'one by one'}"
         parallel = "threads" if vectorised else "processes"
         return UserEngine(self.spec.pinned(self._object), len(self.outputs), parallel, chunk, accuracy)
+
+    def chunk(self, default: int) -> int:
+        """Return the samples of a chunk that the class declares; `ScenarioError` when it is no such number."""
+        chunk = getattr(self._instance, "chunk", default)
+        if not isinstance(chunk, int) or isinstance(chunk, bool) or not 1 <= chunk <= 1_000_000:
+            message = f"{self.spec.name}.chunk must be a whole number from 1 to 1,000,000; got {chunk!r}"
+            raise ScenarioError("type", message)
+        return chunk
 
     def inputs(self) -> tuple[InputFile, ...]:
         """Return the files that the scenario reads: those of its settings, and those noticed so far.
@@ -104,6 +111,11 @@ class UserScenario:
         self.history()
         declared = self.spec.declared
         return declared + with_unique_names(self._object.inputs.values(), declared)
+
+    @property
+    def leading_shape(self) -> tuple[int, ...]:
+        """Return the axes that partial derivatives have before outputs and sources."""
+        return ()
 
     @property
     def own_partials(self) -> bool:
@@ -128,19 +140,26 @@ class UserScenario:
         return self._linear if self.own_partials else self.differences.model
 
     @cached_property
-    def _linear(self) -> LinearModel:
-        """Partial derivatives that the class provides."""
-        shape = (len(self.outputs), len(self.sources))
+    def given_partials(self) -> Array:
+        """Partial derivatives that the class provides, shape (*leading_shape, outputs, sources)."""
+        shape = (*self.leading_shape, len(self.outputs), len(self.sources))
         with self._object.recording(self.spec.code.file):
             try:
                 partials = np.array(self._instance.partials(), dtype=float)
             except (Exception, SystemExit) as failure:
                 message = f"partials: {format_exception(failure, self.spec.code.file)}"
                 raise ScenarioError("type", message) from failure
-            if partials.shape != shape or not np.isfinite(partials).all():
-                message = f"partials must return finite numbers of shape {shape}; got {partials.shape}"
-                raise ScenarioError("type", message)
-            nominal = self._engine.propagate(np.zeros((1, shape[1])))
+        if partials.shape != shape or not np.isfinite(partials).all():
+            message = f"partials must return finite numbers of shape {shape}; got {partials.shape}"
+            raise ScenarioError("type", message)
+        return partials
+
+    @cached_property
+    def _linear(self) -> LinearModel:
+        """Linear model from the partial derivatives that the class provides."""
+        partials = self.given_partials.reshape(-1, len(self.outputs), len(self.sources))[-1]
+        with self._object.recording(self.spec.code.file):
+            nominal = self._engine.propagate(np.zeros((1, len(self.sources))))
         if nominal.failures:
             raise ScenarioError("type", f"its flight without any error failed: {nominal.failures[0]}")
         return LinearModel(partials, nominal.values[0])
@@ -151,14 +170,18 @@ class UserScenario:
         Raises `ScenarioError` when the nominal run fails.
         """
         self.linear_model()
+        return replace(self._engine, spec=self.spec.pinned(self._object), accuracy=self.accuracy)
+
+    @property
+    def accuracy(self) -> str:
+        """Describe how samples are simulated and linearized."""
         if self.own_partials:
             derivatives = "partial derivatives are the class's own"
         else:
             error = self.differences.error
             trust = "" if error <= SETTLED else ": not converged, so that linear results are not reliable"
             derivatives = f"partial derivatives by central differences, steps agree to {error:.1e}{trust}"
-        accuracy = f"{self._engine.accuracy}; {derivatives}"
-        return replace(self._engine, spec=self.spec.pinned(self._object), accuracy=accuracy)
+        return f"{self._engine.accuracy}; {derivatives}"
 
     def history(self) -> History:
         """Return the history that the class provides, or an empty one.

@@ -28,6 +28,9 @@ PERCENTILES: Final = (1.0, 5.0, 50.0, 95.0, 99.0)
 STORED: Final = 2_000
 """Samples whose histories are stored in full: the first of the campaign."""
 
+MOST_EPOCHS: Final = 10_000
+"""Epochs up to which as many samples are read as are asked for."""
+
 
 def history_marks(power_sums: PowerSums | None) -> dict[str, str]:
     """Encode power sums as metadata of a chunk's file."""
@@ -102,3 +105,20 @@ def epochs_table(
     columns |= further or {}
     described = {"events": dict(epochs.events), "samples": sums.count, "stored": len(complete)}
     return parquet_bytes(arrow_table(columns).replace_schema_metadata({"mcnav.epochs": json.dumps(described)}))
+
+
+def first_histories(path: Path, samples: int) -> tuple[str, Array, dict[str, Array]]:
+    """Read the first samples of a table of histories: label and times of the epochs, errors of each output.
+
+    Raises what pyarrow raises, or `ValueError`, when the file holds no such table.
+    """
+    with pq.ParquetFile(path, page_checksum_verification=True) as file:
+        first = next(file.iter_batches(batch_size=samples * MOST_EPOCHS), None)
+        if first is None:
+            raise ValueError("it has no rows")
+        index, label, *outputs = first.schema.names
+        numbers = {name: first.column(name).to_numpy(zero_copy_only=False) for name in first.schema.names}
+    epochs = int(np.count_nonzero(numbers[index] == numbers[index][0]))
+    known = min(len(numbers[index]) // epochs, samples)
+    shaped = {name: numbers[name][: known * epochs].reshape(known, epochs).astype(float) for name in outputs}
+    return label, numbers[label][:epochs].astype(float), shaped

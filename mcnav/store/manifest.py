@@ -87,24 +87,24 @@ class Variable(Record):
 class PartialsRecord(Record):
     """Partial derivatives at many times; see `mcnav.scenarios.protocol.PartialsHistory`.
 
-    ``processes`` are the variances that each process of noise has added, shape (n, outputs).
+    ``processes`` are the variances that each process of noise has added, shape (n, outputs). ``covariance`` is the
+    whole linear covariance, where it is not that of the sources alone, shape (n, outputs, outputs).
     """
 
     label: Words
     times: Vector
     partials: Matrices
     processes: Mapping[Words, Matrix] = {}
+    covariance: Matrices | None = None
 
 
 class FilterPredictionRecord(Record):
     """What linear analysis says of a filter; see `mcnav.scenarios.filter_record.FilterPrediction`.
 
-    ``true`` are the true mean squares and products of the outputs, shape (m, outputs, outputs), and ``state_true`` the
-    mean squares of the errors of the filter's other states, shape (m, q).
+    ``state_true`` are the true mean squares of the errors of the filter's other states, shape (m, q).
     """
 
     covariance: Matrices
-    true: Matrices | None = None
     state_variance: Matrix
     state_true: Matrix
     believed: Mapping[Words, float] = {}
@@ -135,8 +135,6 @@ class FilterRecord(Record):
             return self
         instants, outputs, states = len(self.times), self.outputs, len(self.states)
         shapes = {"covariance": (outputs, outputs), "state_variance": (states,), "state_true": (states,)}
-        if prediction.true is not None:
-            shapes["true"] = (outputs, outputs)
         for name, shape in shapes.items():
             if getattr(prediction, name).shape != (instants, *shape):
                 raise ValueError(f"prediction.{name}: is not of the shape that {instants} epochs ask for")
@@ -272,6 +270,7 @@ class UnsettledRecord(Record):
     disagreement: Number
     limit: float
     own: bool
+    noise: Literal["", "response", "fly_linear", "noise_covariance"] = ""
 
 
 class Manifest(Record):

@@ -40,6 +40,7 @@ from mcnav.store.chunk_files import (
     room_for,
     table_from,
 )
+from mcnav.store.histories import first_histories
 from mcnav.store.inputs import INPUTS, LARGEST_COPY
 from mcnav.store.manifest import FileRecord, Manifest, ManifestError, json_digest
 
@@ -221,12 +222,8 @@ class RunFolder:
         RunFolderError
             When an input has changed meanwhile, or the disk refuses a file.
         """
-        marks = {
-            "mcnav.events": json.dumps(dict(history.events)),
-            "mcnav.panels": json.dumps([asdict(panel) for panel in history.panels]),
-        }
         self.write_manifest(manifest)  # first: a folder with the user's code but no manifest would not be a run's
-        self.write(HISTORY, parquet_bytes(arrow_table(history.columns).replace_schema_metadata(marks)))
+        self.write(HISTORY, history_table(history))
         for name, content in files.items():
             self.write(name, content)
         for file in inputs:
@@ -347,7 +344,8 @@ class RunFolder:
             panels = tuple(
                 Panel(**entry | {key: tuple(entry[key]) for key in ("y", "legend", "marks")}) for entry in described
             )
-            return check_history(History(_columns(table), events, panels))
+            outages = json.loads(marks.get(b"mcnav.outages", b"{}"))
+            return check_history(History(_columns(table), events, panels, outages))
 
     def epochs(self) -> tuple[dict[str, Array], dict[str, Any]] | None:
         """Read the columns of ``epochs.parquet`` and its description; none where the run has none.
@@ -360,6 +358,39 @@ class RunFolder:
         with _reading(path, "is damaged"):
             table = table_from(read_whole(path, LARGEST_JSON))
             return _columns(table), json.loads((table.schema.metadata or {})[b"mcnav.epochs"])
+
+    def histories(self, samples: int) -> tuple[str, Array, dict[str, Array]] | None:
+        """Read the errors of the first samples at every epoch; none where the run has no histories.
+
+        Returns
+        -------
+        label : str
+            What the times are, as ``name [unit]``.
+        times : ndarray, shape (m,)
+        errors : dict of str to ndarray, shape (n, m)
+            Of each output, keyed ``name [unit]``, SI; NaN where unknown.
+
+        Raises
+        ------
+        RunFolderError
+            When they cannot be read.
+        """
+        path = self.path / HISTORIES
+        if not path.exists():
+            return None
+        with _reading(path, "is damaged"):
+            return first_histories(path, samples)
+
+
+def history_table(history: History) -> bytes:
+    """Tabulate a history of the truth; events, panels and outages are metadata."""
+    marks = {
+        "mcnav.events": json.dumps(dict(history.events)),
+        "mcnav.panels": json.dumps([asdict(panel) for panel in history.panels]),
+    }
+    if history.outages:
+        marks["mcnav.outages"] = json.dumps(dict(history.outages))
+    return parquet_bytes(arrow_table(history.columns).replace_schema_metadata(marks))
 
 
 def _columns(table: pa.Table) -> dict[str, Array]:

@@ -65,7 +65,8 @@ def linearity_study(
     directions = np.vstack([np.diag(sizes), sizes])
     linear = scenario.linear_model()
     if linear.processes:
-        message = "has noise, and the range of linearity is that of constant errors; leave the processes out of [imu]"
+        remedy = "" if campaign.code is not None else "; leave the processes out of [imu]"
+        message = f"has noise, and the range of linearity is that of constant errors{remedy}"
         raise CampaignError([Problem(campaign.file, "scenario", message)])
 
     def counted(probes: Array) -> Propagate:

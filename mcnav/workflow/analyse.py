@@ -17,7 +17,8 @@ from mcnav.analysis.comparison import Criterion, Model, compare_reduced, reduce_
 from mcnav.analysis.failed_samples import failure_bias
 from mcnav.analysis.filter_assessment import assess_filter
 from mcnav.analysis.filter_evidence import FilterEvidence, LinearFilter, MeanSquares
-from mcnav.analysis.requirements import judge_requirement, requirements_from
+from mcnav.analysis.requirements import Requirement, RequirementResult, judge_requirement, requirements_from
+from mcnav.analysis.requirements_over_time import ErrorHistories, judge_over_time
 from mcnav.analysis.running_ratios import convergence
 from mcnav.analysis.tails import tails
 from mcnav.analysis.variance_breakdown import predicted_from, split_difference
@@ -26,11 +27,12 @@ from mcnav.files import to_json
 from mcnav.lincov.block_sums import Normalization
 from mcnav.report.failures import failures_in, grouped
 from mcnav.report.model import RunAnalysis
+from mcnav.sampling.designs import SamplingDesign
 from mcnav.scenarios.filter_sums import FilterMeans
 from mcnav.scenarios.protocol import Output
 from mcnav.store.filters import read_filter_sums
-from mcnav.store.histories import read_power_sums
-from mcnav.store.manifest import FilterRecord, Manifest, ModelRecord
+from mcnav.store.histories import STORED, read_power_sums
+from mcnav.store.manifest import FilterRecord, Manifest, ModelRecord, PartialsRecord
 from mcnav.store.run_folder import MANIFEST, REPORT, RunFolder
 from mcnav.store.run_folder import SUMMARY as SUMMARY_FILE
 from mcnav.store.summaries import SUMMARY, collect_summary
@@ -121,6 +123,14 @@ def analyse(folder: RunFolder, unfinished: Manifest | None = None) -> RunAnalysi
             failures = grouped({reason: (each.samples, each.first) for reason, each in whole.failures.items()})
         comparison = compare_reduced(model, reduced, criterion, design)
         filtered = filter_evidence(folder, manifest, comparison.failed)
+    over_time = any(requirement.epochs for requirement in requirements)
+    histories = error_histories(folder, manifest, design) if over_time and unfinished is None else None
+
+    def judged(requirement: Requirement) -> RequirementResult:
+        if requirement.epochs:
+            return judge_over_time(requirement, histories, criterion.confidence)
+        return judge_requirement(requirement, model, samples.outputs, blocks, comparison, criterion.confidence)
+
     return RunAnalysis(
         folder=folder,
         manifest=manifest,
@@ -133,10 +143,7 @@ def analyse(folder: RunFolder, unfinished: Manifest | None = None) -> RunAnalysi
         convergence=convergence(reduced.moments, comparison, design),
         tails=in_tails.result(),
         left_out=failure_bias(model, reduced),
-        requirements=tuple(
-            judge_requirement(requirement, model, samples.outputs, blocks, comparison, criterion.confidence)
-            for requirement in requirements
-        ),
+        requirements=tuple(map(judged, requirements)),
         failures=failures,
         filter=None if filtered is None else assess_filter(filtered, criterion),
     )
@@ -171,21 +178,50 @@ def filter_evidence(folder: RunFolder, manifest: Manifest, failed: int) -> Filte
     )
 
 
+def linear_moments(model: ModelRecord, development: PartialsRecord) -> tuple[Array, Array]:
+    """Return linear mean and covariance over time, shapes (n, outputs) and (n, outputs, outputs)."""
+    partials, covariance = development.partials, development.covariance
+    if covariance is None:
+        covariance = partials @ model.start_covariance @ partials.swapaxes(1, 2)
+    return partials @ model.start_mean, covariance
+
+
+def error_histories(folder: RunFolder, manifest: Manifest, design: SamplingDesign) -> ErrorHistories | None:
+    """Read the histories of a run's first samples, with the linear moments where these are known at the same epochs."""
+    found = folder.histories(STORED)
+    if found is None:
+        return None
+    _, times, by_output = found
+    model, development = manifest.model, manifest.model.development
+    names = [f"{output.name} [{output.unit}]" for output in model.outputs]
+    if list(by_output) != names:
+        raise RunFolderError(f"{folder.path}: histories are not of this run's outputs; run the campaign again")
+    errors = np.stack([by_output[name] for name in names], axis=2)[: manifest.samples]
+    known = development is not None and same_times(development.times, times)
+    mean, covariance = linear_moments(model, development) if development is not None and known else (None, None)
+    return ErrorHistories(times, errors, design.blocks(np.arange(len(errors))), mean, covariance, STORED)
+
+
+def same_times(one: Array, other: Array) -> bool:
+    """Return whether two lists of times are the same."""
+    return one.shape == other.shape and bool(np.allclose(one, other, rtol=1e-9))
+
+
 def linear_filter(model: ModelRecord, record: FilterRecord) -> LinearFilter | None:
     """Return what linear analysis says of a filter; none where a manifest has nothing of it."""
     known, development = record.prediction, model.development
     if known is None:
         return None
     contributions: dict[str, Array] = {}
-    if development is not None and np.array_equal(development.times, record.times):
-        partials = development.partials
+    true = None
+    if development is not None and same_times(development.times, record.times):
+        partials, mean, covariance = development.partials, *linear_moments(model, development)
+        true = covariance + mean[:, :, None] * mean[:, None, :]
         by_source = partials * (partials @ model.start_covariance)
         names = [source.name for source in model.sources]
         contributions = {name: by_source[:, :, k] for k, name in enumerate(names) if np.any(by_source[:, :, k])}
         contributions |= development.processes
-    return LinearFilter(
-        known.covariance, known.state_variance, known.true, known.state_true, contributions, known.believed
-    )
+    return LinearFilter(known.covariance, known.state_variance, true, known.state_true, contributions, known.believed)
 
 
 def write_results(folder: RunFolder, analysis: RunAnalysis, report: bool = True) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from urllib.parse import quote
 
 from mcnav.errors import RunFolderError
 from mcnav.files import write_whole
-from mcnav.report import sentences
+from mcnav.report import filter_verdict, sentences
 from mcnav.report.format import number
 from mcnav.report.model import humanize
 from mcnav.report.page import filled
@@ -40,7 +40,8 @@ def write_index(folder: Path) -> tuple[Path, int]:
         else:
             others += [_link(folder, page) for page in sorted(place.glob("*.html")) if page.name != INDEX]
     written = folder / INDEX
-    write_whole(written, filled("index.html", runs=runs, others=others).encode())
+    filters = any(run.get("filter") for run in runs)
+    write_whole(written, filled("index.html", runs=runs, others=others, filters=filters).encode())
     return written, len(runs)
 
 
@@ -73,6 +74,9 @@ def _entry(folder: Path, place: Path) -> dict[str, Any]:
             "standing": sentences.standing(summary),
             "headline": sentences.headline(summary),
             "warning": sentences.unsettled(summary),
+            "filter": filter_verdict.verdict(summary),
+            "filter_tone": filter_verdict.TONES.get(filter_verdict.verdict(summary), ""),
+            "filter_headline": filter_verdict.headline(summary),
             "samples": f"{summary['samples']:,}",
             "failed": f"{summary['failed']:,}",
             "sigmas": [

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mcnav._types import Array
+from mcnav.analysis.comparison import Model
+from mcnav.analysis.linear_samples import doubt_noise
 from mcnav.errors import CampaignError, Problem
 from mcnav.execution.chunks import DrawPlan, filter_schema_of
 from mcnav.execution.processes import IsolatedEngine
@@ -22,6 +25,7 @@ from mcnav.lincov.simulated_budget import simulated_budgets
 from mcnav.sampling.error_model import ErrorModel
 from mcnav.scenarios.filter_record import FilterPrediction, FilterSchema
 from mcnav.scenarios.filter_sums import FilterMeans
+from mcnav.scenarios.noise_soundness import find_unsettled_noise
 from mcnav.scenarios.protocol import (
     Engine,
     Epochs,
@@ -38,9 +42,11 @@ from mcnav.scenarios.protocol import (
     StochasticScenario,
     TimeHistoryEngine,
 )
-from mcnav.scenarios.soundness import find_unsettled
+from mcnav.scenarios.soundness import LARGEST, SHARE, Unsettled, find_unsettled
+from mcnav.scenarios.stochastic_user import NOISE, StochasticUserScenario
+from mcnav.scenarios.stochastic_user_engine import StochasticUserEngine
 from mcnav.scenarios.user import UserScenario
-from mcnav.store.chunk_files import ChunkFile
+from mcnav.store.chunk_files import ChunkFile, Samples
 from mcnav.store.filters import filter_columns, filter_table, read_filter_sums
 from mcnav.store.histories import STORED, epochs_table, histories_table, read_power_sums
 from mcnav.store.manifest import (
@@ -55,6 +61,9 @@ from mcnav.store.run_folder import EPOCHS, FILTER, HISTORIES
 
 DEVELOPMENT_POINTS: Final = 61
 """Times of the error budget's history, where the scenario has partial derivatives throughout the flight."""
+
+FOLLOWED: Final = 512
+"""Samples of a user's class with noise whose histories are stored: they are simulated one by one, and again."""
 
 FEWEST_FOLLOWED: Final = 2
 """Samples with a history, below which there are no moments."""
@@ -99,14 +108,29 @@ class PreparedSystem:
             same = self.engine_name in (MAP, scenario.engines[0]) and np.array_equal(probes, draws.probes())
             return _guarded(scenario, own, self.timeout) if same else _exact_engine(scenario, probes, self.timeout)
 
-        if isinstance(scenario, StochasticScenario):
-            return noise_corrections(self.engine, draws.errors, self.model.processes or {})
+        if isinstance(scenario, StochasticScenario) and not _without_noise(scenario):
+            engine = _guarded(scenario, self.engine, self.timeout)
+            return noise_corrections(engine, draws.errors, self.model.processes or {})
         with _scenario_errors(self.file):
             budget = simulated_budgets(
                 first_engine, draws.errors, self.model.partials, draws.design, draws.seed, draws.samples
             )
             engine = _guarded(scenario, self.engine, self.timeout)
             return nonlinear_corrections(scenario, engine, draws.errors) | {"budget": budget}
+
+    def doubt_samples(self, stored: Callable[[], Samples], tolerance: float) -> UnsettledRecord | None:
+        """Test stored linear outcomes against the noise covariance that a user's class states; none without doubt."""
+        scenario, model = self.scenario, self.model
+        if not (isinstance(scenario, StochasticUserScenario) and scenario.noisy and scenario.gives_noise_covariance):
+            return None
+        limit, samples = min(LARGEST, SHARE * tolerance), stored()
+        known = np.isfinite(samples.outputs).all(axis=1)
+        linear = Model(model.partials, model.nominal, model.start_mean, model.start_covariance, model.processes or {})
+        doubt = doubt_noise(linear, samples.errors[known], samples.linear[known], limit)
+        if doubt is None:
+            return None
+        named = self.scenario.outputs[doubt.output].name
+        return unsettled_record(Unsettled(NOISE, named, doubt.disagreement, limit, True, "noise_covariance"))
 
     def epoch_tables(self, folder: Path, chunks: Sequence[ChunkFile]) -> dict[str, bytes]:
         """Tabulate moments of all samples at every epoch, with a polynomial of the first ones, and their histories.
@@ -133,12 +157,25 @@ class PreparedSystem:
             HISTORIES: histories_table(epochs, outputs, histories),
         }
 
+    def _first_histories(self, engine: StochasticEngine) -> Array | None:
+        """Simulate the first samples again for their histories, shape (n, m, outputs); fewer of a user's class."""
+        if not isinstance(engine, StochasticUserEngine):
+            return engine.simulate(self.draws.batch(0, STORED)).history
+        guarded = IsolatedEngine(replace(engine, linear=None), len(self.scenario.outputs), self.timeout)
+        histories = np.full((min(FOLLOWED, self.draws.samples), *engine.shape), np.nan)
+        for begin in range(0, len(histories), engine.chunk):
+            end = min(begin + engine.chunk, len(histories))
+            found = guarded.simulate(self.draws.batch(begin, end)).history
+            if found is not None:
+                histories[begin:end] = found
+        return histories
+
     def _noisy_epoch_tables(
         self, engine: StochasticEngine, folder: Path, chunks: Sequence[ChunkFile]
     ) -> dict[str, bytes]:
         errors, outputs, epochs = self.draws.errors, self.scenario.outputs, engine.epochs
         sums = read_power_sums(np.zeros((len(epochs.times), len(outputs))), folder, chunks)
-        histories = engine.simulate(self.draws.batch(0, STORED)).history
+        histories = self._first_histories(engine) if len(epochs.times) else None
         schema, tables, columns = filter_schema_of(engine), {}, {}
         filter_sums = None if schema is None else read_filter_sums(schema, folder, chunks)
         if schema is not None and filter_sums is not None:
@@ -186,13 +223,33 @@ def prepare_system(
     with _scenario_errors(file):
         if isinstance(scenario, UserScenario):
             varied = (errors.standard_deviations > 0.0) | (errors.mean != 0.0)
-            doubt = find_unsettled(scenario, _exact_engine(scenario, probes, timeout), varied, tolerance)
+            doubt = _find_unsettled(scenario, _exact_engine(scenario, probes, timeout), varied, tolerance)
             if doubt is not None and not force:
                 raise CampaignError([Problem(file, "scenario", str(doubt))])
         engine = prepare_engine(scenario, engine_name, probes, errors.mean, errors.standard_deviations)
         model, history = _linear(scenario, errors, engine), scenario.history()
-    record = None if doubt is None else UnsettledRecord(**asdict(doubt))
+    record = None if doubt is None else unsettled_record(doubt)
     return PreparedSystem(scenario, draws, engine, engine_name, model, history, record, timeout, file)
+
+
+def _find_unsettled(
+    scenario: UserScenario, engine: IsolatedEngine | Engine, varied: NDArray[np.bool_], tolerance: float
+) -> Unsettled | None:
+    """Check the noise of a user-defined scenario after its partial derivatives."""
+    doubt = find_unsettled(scenario, engine, varied, tolerance)
+    if doubt is None and isinstance(scenario, StochasticUserScenario) and isinstance(engine, IsolatedEngine):
+        doubt = find_unsettled_noise(scenario, engine, varied, tolerance)
+    return doubt
+
+
+def unsettled_record(doubt: Unsettled) -> UnsettledRecord:
+    """Convert a doubt about the linear model to its record."""
+    return UnsettledRecord(**{key: value for key, value in asdict(doubt).items() if (key, value) != ("noise", "")})
+
+
+def _without_noise(scenario: Scenario) -> bool:
+    """Return whether a scenario is a user's class with errors over time, but without noise."""
+    return isinstance(scenario, StochasticUserScenario) and not scenario.noisy
 
 
 def _exact_engine(scenario: Scenario, probes: Array, timeout: float | None) -> Engine:
@@ -226,7 +283,9 @@ def _linear(scenario: Scenario, errors: ErrorModel, engine: Engine) -> ModelReco
     if isinstance(scenario, HasPartialsHistory):
         known = scenario.partials_history(DEVELOPMENT_POINTS)
         variances = {name: np.diagonal(each, axis1=1, axis2=2) for name, each in known.processes.items()}
-        noise: dict[str, Any] = {"processes": variances} if variances else {}
+        noise: dict[str, Any] = {}
+        if variances:
+            noise = {"processes": variances, "covariance": _covariance_throughout(known, errors)}
         optional["development"] = PartialsRecord(label=known.label, times=known.times, partials=known.partials, **noise)
     elif time_history_engine is not None:
         partials, _ = partials_throughout(time_history_engine, _sizes(scenario))
@@ -276,16 +335,9 @@ def _filter_record(schema: FilterSchema, epochs: Epochs, scenario: Scenario, err
     if found is None:
         return record
     about_zero = errors.covariance + np.outer(errors.mean, errors.mean)
-    true = None
-    if isinstance(scenario, HasPartialsHistory):
-        known = scenario.partials_history(len(found.times))
-        if _same_times(known.times, found.times):
-            mean = known.partials @ errors.mean
-            true = _covariance_throughout(known, errors) + mean[:, :, None] * mean[:, None, :]
     state_true = np.einsum("mqk,kl,mql->mq", found.state_partials, about_zero, found.state_partials)
     prediction = FilterPredictionRecord(
         covariance=found.covariance,
-        true=true,
         state_variance=found.state_variance,
         state_true=sum(found.state_processes.values(), state_true),
         believed=dict(found.believed),

@@ -134,6 +134,9 @@ def run_campaign(
             progress.phase(Phase.ANALYSING)
             model = system.model.model_copy(update=corrections())
         tables = system.epoch_tables(folder.chunk_folder, manifest.chunks)
+        if manifest.unsettled is None:
+            doubt = system.doubt_samples(lambda: folder.samples(manifest), campaign.tolerance)
+            manifest = manifest if doubt is None else manifest.model_copy(update={"unsettled": doubt})
         check_unchanged(inputs, folder.path)
         record = ExecutionRecord(jobs=jobs, seconds=seconds, samples=simulated)
         folder.finish(manifest.model_copy(update={"model": model, "complete": True, "execution": record}), tables)

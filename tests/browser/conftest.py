@@ -63,6 +63,54 @@ class Many:
 """
 
 
+AIDED = """
+name = "NAME"
+samples = 120
+seed = 7
+
+[scenario]
+type = "ins"
+trajectory = "flight.csv"
+platform = "strapdown"
+start = "300 s"
+end = "900 s"
+
+[imu]
+grade = "tactical"
+[imu.gyro]
+scale_factor = "3000 ppm"
+
+[errors]
+position = "10 m"
+velocity = "0.1 m/s"
+tilt = "0.5 mrad"
+heading = "3 mrad"
+
+[[aiding]]
+type = "gnss"
+interval = "5 s"
+position = "3 m"
+velocity = "0.1 m/s"
+outages = [["500 s", "600 s"]]
+
+[[aiding]]
+type = "altimeter"
+interval = "30 s"
+altitude = "5 m"
+bias = "10 m"
+gate = 0.9
+
+[filter]
+estimates = ["position", "velocity", "attitude", "gyro_bias", "accelerometer_bias", "altimeter_bias"]
+
+[[accept.quantile]]
+output = "heading"
+probability = 0.95
+below = "3 mrad"
+"""
+"""An aided navigation, with everything that a report has of one."""
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Everything here needs a browser, and is left out where there is none unless it is said to be required."""
     missing = CHROMIUM is None and os.environ.get("MCNAV_BROWSER") != "required"
@@ -123,6 +171,14 @@ def _linearity(folder: Path, _: Callable[[str], Path]) -> Path:
     return write_linearity(campaign(4, name=NAME), folder, samples=200, largest=12.0)[1][-1]
 
 
+def _aided(folder: Path, _: Callable[[str], Path]) -> Path:
+    """Ten minutes with a turn and an outage, and a filter that neglects scale factors."""
+    shutil.copy(ROOT / "campaigns" / "flight.csv", folder)
+    (folder / "aided.toml").write_text(AIDED.replace("NAME", NAME.replace("\\", "\\\\")), encoding="utf-8")
+    run_campaign(mcnav.read_campaign(folder / "aided.toml"), folder / "run", "ensemble", 2)
+    return folder / "run" / "report.html"
+
+
 def _story(folder: Path, _: Callable[[str], Path]) -> Path:
     return story_page.write(folder)[0]
 
@@ -177,7 +233,7 @@ def _index(_: Path, made: Callable[[str], Path]) -> Path:
 
 
 KINDS: dict[str, Callable[[Path, Callable[[str], Path]], Path]] = {
-    "report": _report, "many": _many, "replay": _replay, "comparison": _comparison, "index": _index,
+    "report": _report, "many": _many, "aided": _aided, "replay": _replay, "comparison": _comparison, "index": _index,
     "start times": _start_times, "linearity": _linearity, "calibration": _calibration, "story": _story, "tn": _tn,
     "trajectory": _trajectory,
 }  # fmt: skip

@@ -11,7 +11,7 @@ import pytest
 from tests.browser.conftest import FOLDER, KINDS, NAME
 
 FIGURES = {
-    "report": 11, "many": 8, "replay": 1, "comparison": 1, "index": 0, "start times": 5, "linearity": 2,
+    "report": 11, "many": 8, "aided": 15, "replay": 1, "comparison": 1, "index": 0, "start times": 5, "linearity": 2,
     "calibration": 3, "story": 10, "tn": 13, "trajectory": 1,
 }  # fmt: skip
 SAID = {
@@ -49,7 +49,7 @@ REPRESENTATIVE = {"exclude": [["tbody tr:nth-child(n + 6)"], ["details.data tbod
 """What axe looks at: of long tables the first rows, which the others are like, and of figures their names and roles."""
 
 
-DARK = ("report", "calibration", "story")
+DARK = ("report", "aided", "calibration", "story")
 """Pages that show every colour there is between them."""
 
 

@@ -70,7 +70,7 @@ def test_every_command_of_the_guide(place: Path) -> None:
 
 @pytest.mark.slow
 def test_every_command_of_the_page_on_scenarios(place: Path) -> None:
-    assert _run_every_command("SCENARIOS.md", place) == 3
+    assert _run_every_command("SCENARIOS.md", place) == 4
 
 
 @pytest.mark.slow
@@ -145,13 +145,29 @@ def test_every_campaign_is_valid(page: str) -> None:
 @pytest.mark.parametrize("page", ["../README.md", "SCENARIOS.md"])
 def test_every_scenario_runs(page: str, tmp_path: Path) -> None:
     """As printed, with the campaign that ``mcnav new`` writes less the settings that the class does not have."""
-    (shown,) = _blocks(page, "python")
+    shown = _blocks(page, "python")[0]
     _, campaign, _ = new_scenario("my_system", tmp_path)
     (tmp_path / "my_system.py").write_text(shown)
     settings = ("angle",) if "settings" in shown else ("speed", "angle")
     lines = campaign.read_text().splitlines(keepends=True)
     campaign.write_text("".join(line for line in lines if not line.startswith(settings)))
     assert run_campaign(read_campaign(campaign, {"samples": 500}), tmp_path / "run", None, 1).summary["failed"] == 0
+    assert all(check.passed for check in mcnav.check_scenario(campaign))
+
+
+def test_the_scenario_with_noise_and_a_filter_runs(tmp_path: Path) -> None:
+    """As printed, and its checks: linear analysis is right about a filter that neglects a bias."""
+    _, shown = _blocks("SCENARIOS.md", "python")
+    (tmp_path / "attitude.py").write_text(shown)
+    campaign = tmp_path / "attitude.toml"
+    campaign.write_text(
+        'samples = 300\n[scenario]\ntype = "attitude.py:Attitude"\n'
+        '[errors]\nangle = "20 arcsec"\ngyro_bias = "0.05 deg/h"\n'
+    )
+    summary = run_campaign(read_campaign(campaign), tmp_path / "run", None, 1).summary
+    assert (summary["verdict"], summary["unsettled"], summary["failed"]) == ("agrees", None, 0)
+    assert summary["filter"]["verdict"] == "optimistic"
+    assert summary["filter"]["neglected"][0]["name"] == "gyro_bias"
     assert all(check.passed for check in mcnav.check_scenario(campaign))
 
 

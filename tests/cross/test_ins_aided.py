@@ -6,12 +6,14 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
+import pytest
 from scipy import stats
 
 from mcnav._types import Array
+from mcnav.physics.ins.aided_ensemble import simulate_aided
 from mcnav.physics.ins.aiding import Sensor
 from mcnav.physics.ins.instruments import Imu, Noise
-from mcnav.scenarios.aided import AidedEngine
+from mcnav.scenarios.aided import AidedEngine, AidedReferenceEngine
 from mcnav.scenarios.ins import Ins, Navigation
 from mcnav.scenarios.protocol import Batch, SimulationResult
 from tests.aided import make_filter, make_sensor, sized
@@ -214,3 +216,30 @@ def test_errors_beyond_the_engine_are_failures_with_a_reason() -> None:
     assert list(result.failures) == [1]
     assert np.isnan(result.values[1]).all()
     assert np.isfinite(result.values[[0, 2]]).all()
+
+
+@pytest.mark.parametrize("sensors", [("gnss",), ("gnss", "altimeter", "stars", "doppler", "compass")])
+def test_the_ensemble_agrees_with_the_reference_fed_the_same_noise(sensors: tuple[str, ...]) -> None:
+    """25 samples with every sensor and 25 with one: 1e-4 of the filter's sigma at every epoch.
+
+    The engines share no equation. The reference's filter has steps of 0.2 s whose transition is of second order: with
+    0.5 s they differ by 1e-4 in heading, and the difference falls as the square.
+    """
+    of = scenario(sensors)
+    reference = of.engine("reference", np.zeros((1, 1)))
+    assert isinstance(reference, AidedReferenceEngine)
+    own = of.filter_prediction()
+    assert own is not None
+    sigma = np.sqrt(np.diagonal(own.covariance, axis1=1, axis2=2))
+    tables = of.navigation.aided.tables(1)  # type: ignore[union-attr]
+    errors = draw(25, SIGMAS, 17, of)
+    for number in range(25):
+        noise = reference.mechanization.draw(WALK, 17, number)
+        row = errors[number : number + 1]
+        found = simulate_aided(tables, row, 0, np.zeros(1, int), True, reference.given(noise))
+        expected, records = reference.mechanization.simulate(errors[number], noise)
+        assert np.all(np.abs(found.values[0] - expected) < 1e-4 * sigma)
+        assert reference.linear(errors[number], noise) == pytest.approx(found.linear[0], abs=1e-12)
+        places = of.filter_schema.places  # type: ignore[union-attr]
+        # navigation's NEES: twice the difference of errors in sigmas, times the error in sigmas, some 5 at most
+        assert records[:, places["nees"]][:, 1] == pytest.approx(found.nees[0, :, 1], rel=2e-3, abs=2e-3)

@@ -56,6 +56,63 @@ def test_a_bad_campaign(command: str, case: str, tmp_path: Path, monkeypatch: py
     _refused([command, "bad.toml"], f"bad.toml: {message}")
 
 
+INS = """samples = 100
+[scenario]
+type = "ins"
+[scenario.trajectory]
+rate = "1 Hz"
+start = { latitude = "47 deg", longitude = "9 deg", course = "80 deg", speed = "60 m/s" }
+segments = [{ hold = "60 s" }, { straight = "6 km" }]
+[errors]
+position = "5 m"
+"""
+GNSS = '[[aiding]]\ntype = "gnss"\ninterval = "1 s"\nposition = "3 m"\n'
+FILTER = '[filter]\nestimates = ["position", "velocity", "attitude"]\n'
+AIDED = INS + GNSS + FILTER
+
+AIDING = {
+    "no filter": (INS + GNSS, "aiding: needs a [filter], which says what is estimated from its measurements"),
+    "no sensors": (INS + FILTER, "filter: needs [[aiding]], the sensors whose measurements it uses"),
+    "one table": (AIDED.replace("[[aiding]]", "[aiding]"), "aiding: expected tables [[aiding]]"),
+    "text for a table": (INS.replace("[scenario]", 'filter = "ekf"\n[scenario]', 1) + GNSS, "filter: expected a table"),
+    "no such type": (AIDED.replace('"gnss"', '"gps"'), "aiding #1.type: got 'gps'; expected one of gnss, altimeter"),
+    "twice": (INS + GNSS + GNSS + FILTER, "aiding #2.name: got 'gnss' twice; give one of the sensors another name"),
+    "no noise": (AIDED.replace("3 m", "0 m"), "aiding #1.position: got '0 m'; expected a sigma above zero"),
+    "moving": (
+        AIDED.replace('"gnss"', '"zero-velocity"').replace('position = "3 m"', 'velocity = "1 cm/s"'),
+        "aiding #1: the vehicle moves at 60 m/s at 1 s; expected instants at rest, at most 0.1 m/s",
+    ),
+    "an error of a sensor that is not there": (
+        AIDED.replace('"attitude"', '"attitude", "radar_bias"'),
+        "filter.estimates: got 'radar_bias'; no sensor of [[aiding]] is named 'radar'",
+    ),
+    "belief in a sensor that is not there": (
+        AIDED + '[filter.believes.aiding.gps]\nposition = "9 m"\n',
+        "filter.believes.aiding.gps: no sensor has this name; expected one of gnss",
+    ),
+    "an outage that does not begin": (
+        AIDED.replace('"3 m"', '"3 m"\noutages = [["9 s", "3 s"]]'),
+        "aiding #1.outages #1: got '9 s' to '3 s'; expected an end after its begin",
+    ),
+    "not a number": (AIDED.replace('"3 m"', "nan"), "aiding #1.position: got nan without a unit; expected a length"),
+    "infinite": (AIDED.replace('"1 s"', "inf"), "aiding #1.interval: got inf without a unit; expected a time"),
+    "of another scenario": (REENTRY + GNSS, "aiding: this scenario cannot be aided, which those of type ins can"),
+    "a requirement between epochs": (
+        AIDED + '[[accept.cep]]\noutputs = ["position_north", "position_east"]\nbelow = "9 m"\nat = "50.5 s"\n',
+        "accept.cep #1.at: got 50.5 s, which lies between two epochs; expected ",
+    ),
+}
+
+
+@pytest.mark.parametrize("command", ["run", "lincov"])
+@pytest.mark.parametrize("case", AIDING)
+def test_bad_aiding(command: str, case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text, message = AIDING[case]
+    monkeypatch.chdir(tmp_path)
+    Path("bad.toml").write_text(text)
+    _refused([command, "bad.toml"], f"bad.toml: {message}")
+
+
 CODES = {
     "random": ("return errors + np.random.standard_normal(errors.shape)", ["run"]),
     "not settled": ("return errors + (errors > 0.0)", ["run"]),

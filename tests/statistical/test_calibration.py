@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 
 from mcnav.calibration import page
+from mcnav.calibration.filter_trials import run_filter_trials
 from mcnav.calibration.systems import SYSTEMS
 from mcnav.calibration.table import rates
 from mcnav.calibration.trials import SOURCES, Cell, run_trials
@@ -59,6 +60,21 @@ def test_a_small_study(tmp_path: object) -> None:
     assert "nan" not in text
 
 
+def test_rates_of_filters() -> None:
+    """Sixty campaigns of 100 runs: no rate is off at 99.9 %, and a sigma that is 20 % too small is found.
+
+    It is found by 95.5 % of 600 campaigns; of sixty, fewer than 49 would find it once in ten thousand times.
+    """
+    hits, made = run_filter_trials(60, 1, [100])
+    table = rates(hits, made)
+    assert set(table["campaigns"]) == {60}
+    assert set(table["finding"]) <= {"as stated", "safe", ""}
+    found = table.set_index(["kind", "system", "statement"])["measured"]
+    assert found["power", "filter, 20 % optimistic", "filter optimistic, in position"] >= 49 / 60
+    assert found["false alarm", "filter, at the tolerance", "filter consistent"] <= 9 / 60  # 5 % at 99.9 %
+    assert page.render(table, 60).count("<section id=") == 4
+
+
 def test_findings() -> None:
     """Five hundred campaigns: 95 % is as stated, 99 % is safe, 92.5 % is nearly, 85 % is off; tails are withheld."""
     cells = {share: Cell("coverage", "linear", str(share), "normal", "random", 500) for share in (475, 495, 455, 425)}
@@ -80,4 +96,7 @@ def test_the_committed_study_is_good() -> None:
     normal = stated[stated["sources"] == "normal"]
     assert not (normal["finding"] == "off").any()
     assert (normal["finding"] == "nearly").mean() < 0.1
+    power = table[(table["statement"] == "filter optimistic, in position") & (table["samples"] == 100)]
+    assert len(power) == 1
+    assert float(power["measured"].iloc[0]) >= 0.9  # 20 % with 100 runs
     assert (COMMITTED.parent / "calibration.html").exists()

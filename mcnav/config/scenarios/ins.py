@@ -56,7 +56,8 @@ def read_scenario(table: InsTable, entries: Mapping[str, Any], context: FileCont
     ScenarioError
         When navigation does not lie within the trajectory.
     """
-    sizes = read_imu(context.content.get("imu", {}), context)
+    instruments = context.content.get("imu", {})
+    sizes = read_imu(instruments if isinstance(instruments, dict) else {}, context)  # validation has reported others
     trajectory = read_trajectory(table.trajectory, _read_earth(table.earth), context, table.columns)
     if trajectory is None:
         return None

@@ -22,7 +22,7 @@ from mcnav.files import read_whole
 from mcnav.scenarios.inputs import LONGEST_NAME, InputFile
 from mcnav.scenarios.protocol import ScenarioError
 from mcnav.scenarios.settings import Declared, SettingError, Value, read_value, settings_of
-from mcnav.scenarios.user import UserScenario
+from mcnav.scenarios.stochastic_user import user_scenario
 from mcnav.scenarios.user_code import SourceFile, UserScenarioSpec
 from mcnav.store.inputs import INPUTS
 
@@ -65,7 +65,7 @@ def read_scenario(table: UserTable, entries: Mapping[str, Any], context: FileCon
     settings = _read_settings(entries, settings_of(code.load_class(named["name"])), context)
     if settings is None:
         return None
-    scenario = UserScenario(UserScenarioSpec(code, named["name"], tuple(settings.items())))
+    scenario = user_scenario(UserScenarioSpec(code, named["name"], tuple(settings.items())))
     files = {key: f"{INPUTS}/{value.name}" for key, value in settings.items() if isinstance(value, InputFile)}
     return ScenarioSpec(scenario, {**entries, **files, "type": f"{code.file}:{named['name']}"}, code)
 

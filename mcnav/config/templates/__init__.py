@@ -48,16 +48,17 @@ def new_campaign(name: str, folder: Path, kind: str) -> list[Path]:
     return _write(folder, {f"{name}.toml": _fill_in(f"{kind}.toml", {"NAME": name})})
 
 
-def new_scenario(name: str, folder: Path) -> list[Path]:
-    """Write a scenario, its campaign and its test; return the three paths in that order.
+def new_scenario(name: str, folder: Path, stochastic: bool = False) -> list[Path]:
+    """Write a scenario, with noise or without, its campaign and its test; return the three paths in that order.
 
     Raises `CampaignError` when the name cannot be used, or a file exists.
     """
     _check_name(name)
     changes = {"NAME": name, "CLASS": "".join(part[:1].upper() + part[1:] for part in name.split("_"))}
+    template = "stochastic_scenario" if stochastic else "scenario"
     contents = {
-        f"{name}.py": "scenario.py.txt",
-        f"{name}.toml": "scenario.toml",
-        f"test_{name}.py": "test_scenario.py.txt",
+        f"{name}.py": f"{template}.py.txt",
+        f"{name}.toml": f"{template}.toml",
+        f"test_{name}.py": f"test_{template}.py.txt",
     }
-    return _write(folder, {file: _fill_in(template, changes) for file, template in contents.items()})
+    return _write(folder, {file: _fill_in(text, changes) for file, text in contents.items()})

@@ -19,9 +19,17 @@ from mcnav.physics.ins.closed_loop import ClosedLoop, own_covariances
 from mcnav.physics.ins.deviations import deviate, locate, navigation_errors
 from mcnav.physics.ins.ensemble import LANES, EnsembleTables, advance, bend, room
 from mcnav.physics.ins.instruments import CONSTANTS
-from mcnav.physics.ins.measurements import ALTITUDE, HEADING, altitude_change, fill_row, heading_change, innovate
+from mcnav.physics.ins.measurements import (
+    ALTITUDE,
+    BODY_VELOCITY,
+    HEADING,
+    altitude_change,
+    fill_row,
+    heading_change,
+    innovate,
+)
 from mcnav.physics.ins.noise import IMU_STREAM, draw_normals
-from mcnav.physics.jit import compiled, inlined
+from mcnav.physics.jit import compiled, uncontracted
 
 MEASUREMENT_STREAM: Final = 2
 """Stream of the measurements' white noise."""
@@ -212,7 +220,7 @@ def simulate_aided(
     return AidedErrors(values, predicted, outcome, nees, covariance, state_error, state_variance, counted)
 
 
-@inlined
+@uncontracted
 def _quadratic(matrix: Array, vector: Array, begin: int, end: int, root: Array, out: Array) -> float:
     """Compute ``e^T P^-1 e`` of a block by Cholesky's method; states without variance count nothing."""
     total = 0.0
@@ -239,7 +247,7 @@ def _quadratic(matrix: Array, vector: Array, begin: int, end: int, root: Array, 
     return total
 
 
-@inlined
+@uncontracted
 def _rotation_vector(turn: Array, i: int, out: Array) -> None:
     """Compute the rotation vector of a quaternion."""
     b, c, e = turn[1, i], turn[2, i], turn[3, i]
@@ -250,7 +258,7 @@ def _rotation_vector(turn: Array, i: int, out: Array) -> None:
     out[0], out[1], out[2] = factor * b, factor * c, factor * e
 
 
-@inlined
+@uncontracted
 def _turn_block(over: Array, i: int, block: Array, out: Array) -> None:
     """Compute ``R B R^T`` of a block, shape (3, 3), with R - I of lane i."""
     half = np.empty((3, 3))
@@ -453,6 +461,282 @@ def _correct(
 
 
 @compiled
+def _disturb(
+    n: int, i: int, u: int, m: int, components: IndexArray, constant_rows: Array, aiding: Array, correlated: Array,
+    memory: Array, white: Array, white_normals: Array, drift_normals: Array, drifts: Array, given: Array,
+    disturbance: Array,
+) -> None:  # fmt: skip
+    """Compute the errors of an update's measurements: drawn, or given, and those of constant errors."""
+    most = components.shape[1]
+    for c in range(m):
+        if given.shape[1] > 0:
+            value = given[n, u * most + c]
+        else:
+            value = white[u, c] * white_normals[i, u * most + c]
+            if correlated[u, c] > 0.0:
+                at, kept = components[u, c], memory[u, c]
+                driven = correlated[u, c] * np.sqrt(1.0 - kept * kept)
+                drifts[at, i] = kept * drifts[at, i] + driven * drift_normals[i, u * most + c]
+                value += drifts[at, i]
+        for a in range(aiding.shape[1]):
+            value -= constant_rows[u, c, a] * aiding[n, a]
+        disturbance[c, i] = value
+
+
+@compiled
+def _correct_twin(
+    m: int, rows: Array, state_rows: Array, gains: Array, bounds: IndexArray, disturbance: Array, innovation: Array,
+    twin: Array, estimate: Array,
+) -> None:  # fmt: skip
+    """Update the linear samples with the gains along the truth."""
+    states = len(estimate)
+    for c in range(m):
+        for i in range(LANES):
+            innovation[c, i] = -disturbance[c, i]
+        for j in range(bounds[c, 0], bounds[c, 1]):
+            weight = rows[c, j]
+            for i in range(LANES):
+                innovation[c, i] += weight * twin[j, i]
+        for s in range(states):
+            weight = state_rows[c, s]
+            if weight != 0.0:
+                for i in range(LANES):
+                    innovation[c, i] -= weight * estimate[s, i]
+    for c in range(m):
+        for j in range(9):
+            weight = gains[j, c]
+            for i in range(LANES):
+                twin[j, i] -= weight * innovation[c, i]
+        for s in range(states):
+            weight = gains[9 + s, c]
+            for i in range(LANES):
+                estimate[s, i] += weight * innovation[c, i]
+
+
+@compiled
+def _innovate(
+    u: int, m: int, constants: Array, kinds: IndexArray, directions: Array, arms: Array, forward: Array, spots: Array,
+    bounds: IndexArray, state_rows: Array, turn: Array, z: Array, estimate: Array, disturbance: Array,
+    innovation: Array, full: Array,
+) -> None:  # fmt: skip
+    """Compute the innovations of the samples and their responses to errors, about each sample's own attitude."""
+    psi, velocity, away, arm, row = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(9)
+    over, turned = np.zeros((3, 3)), np.zeros((3, 3))
+    spin = constants[3]
+    for i in range(LANES):
+        _rotation_vector(turn, i, psi)
+        a, b, c, e = turn[0, i], turn[1, i], turn[2, i], turn[3, i]
+        over[0, 0], over[1, 1], over[2, 2] = -2.0 * (c * c + e * e), -2.0 * (b * b + e * e), -2.0 * (b * b + c * c)
+        over[0, 1], over[0, 2] = 2.0 * (b * c - a * e), 2.0 * (b * e + a * c)
+        over[1, 0], over[1, 2] = 2.0 * (b * c + a * e), 2.0 * (c * e - a * b)
+        over[2, 0], over[2, 1] = 2.0 * (b * e - a * c), 2.0 * (c * e + a * b)
+        for r in range(3):
+            for j in range(3):
+                turned[r, j] = over[r, j] + (1.0 if r == j else 0.0)
+            velocity[r], away[r] = z[3 + r, i], z[6 + r, i]
+        for q in range(m):
+            kind = kinds[u, q]
+            for r in range(3):
+                arm[r] = arms[u, q, r]
+            if kind == BODY_VELOCITY:  # the navigator's own velocity over the earth
+                arm[0] += velocity[0] + spin * away[1]
+                arm[1] += velocity[1] - spin * away[0]
+                arm[2] += velocity[2]
+            fill_row(kind, directions[u, q], arm, spin, turned, row)
+            for j in range(bounds[u, q, 0], bounds[u, q, 1]):
+                full[q, j, i] = row[j]
+            if kind == ALTITUDE:
+                value = altitude_change(constants, spots[u], away)
+            elif kind == HEADING:
+                value = heading_change(forward[u], over, arms[u, q], away)
+            else:
+                value = innovate(kind, directions[u, q], arms[u, q], spin, over, psi, velocity, away)
+            for s in range(len(estimate)):
+                value -= state_rows[u, q, s] * estimate[s, i]
+            innovation[q, i] = value - disturbance[q, i]
+
+
+@compiled
+def _judge(
+    m: int, limit: float, root: Array, innovation: Array, whitened: Array, before: Array, has_before: bool,
+    tally: Array, accepted: Array,
+) -> None:  # fmt: skip
+    """Normalize the innovations of a sensor, count them, and accept or reject the measurement."""
+    normalized = np.zeros(LANES)
+    for c in range(m):
+        for i in range(LANES):
+            value = innovation[c, i]
+            for e in range(c):
+                value -= root[c, e, i] * whitened[e, i]
+            whitened[c, i] = value / root[c, c, i]
+            normalized[i] += whitened[c, i] * whitened[c, i]
+    for i in range(LANES):
+        accepted[i] = 1.0 if normalized[i] <= limit else 0.0
+        tally[0, i] += normalized[i]
+        tally[1, i] += accepted[i]
+        tally[2, i] += 1.0 - accepted[i]
+        if has_before:
+            value = 0.0
+            for c in range(m):
+                value += whitened[c, i] * before[c, i]
+            tally[3, i] += value / m
+            tally[4, i] += 1.0
+        for c in range(m):
+            before[c, i] = whitened[c, i]
+
+
+@compiled
+def _feed_back(m: int, gain: Array, innovation: Array, turn: Array, z: Array, estimate: Array) -> None:
+    """Correct the navigators, and the estimates of the other states."""
+    psi, velocity, away = np.zeros(3), np.zeros(3), np.zeros(3)
+    for i in range(LANES):
+        for r in range(3):
+            psi[r] = velocity[r] = away[r] = 0.0
+            for c in range(m):
+                psi[r] += gain[r, c, i] * innovation[c, i]
+                velocity[r] += gain[3 + r, c, i] * innovation[c, i]
+                away[r] += gain[6 + r, c, i] * innovation[c, i]
+        for r in range(3):
+            z[3 + r, i] -= velocity[r]
+            z[6 + r, i] -= away[r]
+        angle = np.sqrt(psi[0] * psi[0] + psi[1] * psi[1] + psi[2] * psi[2])
+        sine = -0.5
+        if angle > 0.0:
+            sine = -np.sin(0.5 * angle) / angle
+        a, b, c, e = turn[0, i], turn[1, i], turn[2, i], turn[3, i]
+        w, x, y, v = np.cos(0.5 * angle), sine * psi[0], sine * psi[1], sine * psi[2]
+        turn[0, i] = w * a - (x * b + y * c + v * e)
+        turn[1, i] = w * b + (x * a + y * e - v * c)
+        turn[2, i] = w * c + (y * a + v * b - x * e)
+        turn[3, i] = w * e + (v * a + x * c - y * b)
+    for s in range(len(estimate)):
+        for c in range(m):
+            for i in range(LANES):
+                estimate[s, i] += gain[9 + s, c, i] * innovation[c, i]
+
+
+@compiled
+def _record(
+    matrix: Array, vector: Array, corrected: Array, to_outputs: Array, nees: Array, covariance: Array,
+) -> None:  # fmt: skip
+    """Record the covariance of the outputs and the normalized errors squared of one sample at an epoch.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (9 + q, 9 + q)
+    vector : ndarray, shape (9 + q,)
+        Errors of all states.
+    """
+    size = len(vector)
+    estimated, low, solved = np.zeros((size, size)), np.zeros((size, size)), np.zeros(size)
+    mapped, half, errors, kept_errors = np.zeros((9, 9)), np.zeros((9, 9)), np.zeros(9), vector.copy()
+    kept = 0
+    for r in range(size):
+        if r < 9 or corrected[r] > 0.0:
+            other = 0
+            for c in range(r + 1):
+                if c < 9 or corrected[c] > 0.0:
+                    estimated[kept, other] = matrix[r, c]
+                    other += 1
+            kept_errors[kept] = vector[r]
+            kept += 1
+    nees[0] = _quadratic(estimated, kept_errors, 0, kept, low, solved)
+    nees[1] = _quadratic(estimated, kept_errors, 0, 9, low, solved)
+    nees[5] = _quadratic(estimated, kept_errors, 9, kept, low, solved)
+    for r in range(9):
+        for c in range(9):
+            value = 0.0
+            for j in range(9):
+                value += to_outputs[r, j] * matrix[j, c]
+            half[r, c] = value
+            errors[r] += to_outputs[r, c] * vector[c]
+    place = 0
+    for r in range(9):
+        for c in range(r + 1):
+            value = 0.0
+            for j in range(9):
+                value += half[r, j] * to_outputs[c, j]
+            mapped[r, c] = covariance[place] = value
+            place += 1
+    for group in range(3):
+        nees[2 + group] = _quadratic(mapped, errors, 3 * group, 3 * group + 3, low, solved)
+
+
+@compiled
+def _force(
+    k: int, noisy: bool, theta: Array, inputs: Array, bias: Array, biases: Array, decays: Array, factors: Array,
+    normals: Array, drawn: Array, local: Array,
+) -> None:  # fmt: skip
+    """Compute the linear response of a step to the errors of the instruments, and take the biases to its end.
+
+    Parameters
+    ----------
+    normals : ndarray, shape (LANES, 9 + b) or (LANES, 0)
+        Normal variates of the step; without any, ``drawn`` is given.
+    """
+    local[:] = 0.0
+    for q in range(len(theta)):
+        for r in range(9):
+            weight = inputs[k, q, r]
+            for i in range(LANES):
+                local[r, i] += weight * theta[q, i]
+    for b in range(len(bias)):
+        for r in range(9):
+            weight = biases[k, b, r]
+            for i in range(LANES):
+                local[r, i] += weight * bias[b, i]
+        for i in range(LANES):
+            bias[b, i] *= decays[k, b]
+    if not noisy:
+        return
+    if normals.shape[1] > 0:
+        drawn[:] = 0.0
+        for c in range(len(drawn)):
+            for r in range(c, len(drawn)):
+                weight = factors[k, r, c]
+                for i in range(LANES):
+                    drawn[r, i] += weight * normals[i, c]
+    for r in range(9):
+        for i in range(LANES):
+            local[r, i] += drawn[r, i]
+    for b in range(len(bias)):
+        for i in range(LANES):
+            bias[b, i] += drawn[9 + b, i]
+
+
+@compiled
+def _advance_twin(k: int, motion: Array, coupling: Array, local: Array, estimate: Array, twin: Array) -> None:
+    """Take the linear samples over a step."""
+    forced = local.copy()
+    for r in range(9):
+        for s in range(len(estimate)):
+            weight = coupling[k, r, s]
+            if weight != 0.0:
+                for i in range(LANES):
+                    forced[r, i] -= weight * estimate[s, i]
+    for r in range(6):
+        for c in range(9):
+            weight = motion[k, r, c]
+            for i in range(LANES):
+                forced[3 + r, i] += weight * twin[c, i]
+    for r in range(9):
+        for i in range(LANES):
+            twin[r, i] = forced[r, i] + (twin[r, i] if r < 3 else 0.0)
+
+
+@compiled
+def _advance(
+    k: int, constants: Array, durations: Array, motion: Array, force: Array, thrust: Array, places: Array,
+    fields: Array, gradients: Array, forced: Array, z: Array, turn: Array, d: Array, first: Array, here: Array,
+    scratch: tuple[Array, Array, Array, Array, Array, Array, Array, Array], sound: NDArray[np.bool_],
+) -> None:  # fmt: skip
+    advance(
+        k, constants, durations, motion, force, thrust, places, fields, gradients, forced, z, turn, d, first, here,
+        scratch, sound,
+    )  # fmt: skip
+
+
+@compiled
 def _run(
     shared: tuple[Any, ...], filtered: tuple[Any, ...], measured: tuple[Any, ...], given: tuple[Any, ...],
     seed: np.uint64, samples: NDArray[np.uint64], added_noise: Array, disturbances: Array, noisy: bool,
@@ -462,11 +746,11 @@ def _run(
      gradients, output_maps) = shared  # fmt: skip
     (coupling, decay, noise, initial, state_rows, variances, corrected, state_biases, state_drifts, first_updates,
      shared_gains, shared_roots, shared_covariances) = filtered  # fmt: skip
-    (sensors, components_of, components, kinds, directions, arms, constant_rows, truth_rows, forward, spots, bounds,
+    (sensors, counts_of, components, kinds, directions, arms, constant_rows, truth_rows, forward, spots, bounds,
      correlated, memory, white, limits) = measured  # fmt: skip
     equipment, aiding, of_states, state, linear = given
     turns, deviations, predicted, outcomes, nees, covariances, state_errors, state_variances, counts = results
-    steps, count, width, spin = len(durations), len(sizes), factors.shape[1], constants[3]
+    steps, count, width = len(durations), len(sizes), factors.shape[1]
     size, states, most, updates = len(initial), len(initial) - 9, components.shape[1], len(sensors)
     drawing = noisy and added_noise.shape[1] == 0
     normals = np.zeros((LANES, count + steps * width if drawing else 0))
@@ -475,10 +759,9 @@ def _run(
     drift_normals = np.zeros((LANES, updates * most if measuring and drifting else 0))
     drifts = np.zeros((counts.shape[2] * most + 1, LANES))
     theta, bias, drawn = np.zeros((inputs.shape[1], LANES)), np.zeros((count, LANES)), np.zeros((width, LANES))
-    normal = np.zeros(LANES)
-    z, turn, d = np.zeros((9, LANES)), np.zeros((4, LANES)), np.zeros((6, LANES))
-    local, first, here = np.zeros((9, LANES)), np.zeros((3, LANES)), np.zeros((3, LANES))
-    forced, twin, twin_forced = np.zeros((9, LANES)), np.zeros((9, LANES)), np.zeros((9, LANES))
+    step_normals = np.zeros((LANES, width if drawing else 0))
+    z, turn, d, twin = np.zeros((9, LANES)), np.zeros((4, LANES)), np.zeros((6, LANES)), np.zeros((9, LANES))
+    local, first, here, forced = np.zeros((9, LANES)), np.zeros((3, LANES)), np.zeros((3, LANES)), np.zeros((9, LANES))
     estimate, twin_estimate = np.zeros((states, LANES)), np.zeros((states, LANES))
     scratch, sound = room(), np.zeros(LANES, dtype=np.bool_)
     outcome = np.zeros(LANES, dtype=np.int64)
@@ -487,17 +770,11 @@ def _run(
     coupled, added = np.zeros((9, states, LANES)), np.zeros((size, 9, LANES))
     full, root = np.zeros((most, 9, LANES)), np.zeros((most, most, LANES))
     cross, gain = np.zeros((size, most, LANES)), np.zeros((size, most, LANES))
-    innovation, white_innovation = np.zeros((most, LANES)), np.zeros((most, LANES))
-    disturbance = np.zeros((most, LANES))
+    innovation, whitened = np.zeros((most, LANES)), np.zeros((most, LANES))
+    disturbance, accepted = np.zeros((most, LANES)), np.zeros(LANES)
     before, has_before = np.zeros((counts.shape[2], most, LANES)), np.zeros(counts.shape[2], dtype=np.bool_)
     tally = np.zeros((counts.shape[2], 5, LANES))
-    accepted, normalized = np.zeros(LANES), np.zeros(LANES)
-    psi, velocity, away, row = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(9)
-    over, turned = np.zeros((3, 3)), np.zeros((3, 3))
-    matrix, vector = np.zeros((size, size)), np.zeros(size)
-    estimated = np.zeros((size, size))
-    low, solved = np.zeros((size, size)), np.zeros(size)
-    mapped, half_mapped = np.zeros((9, 9)), np.zeros((9, 9))
+    matrix, vector, psi = np.zeros((size, size)), np.zeros(size), np.zeros(3)
     for begin in range(0, len(state), LANES):
         lanes = min(LANES, len(state) - begin)
         drifts[:], tally[:], before[:] = 0.0, 0.0, 0.0
@@ -530,111 +807,37 @@ def _run(
         bend(constants, places[0], fields[0], gradients[0], here, first)
         reached = 0
         for k in range(steps + 1):
-            if first_updates[k] < first_updates[k + 1]:
+            updated = first_updates[k] < first_updates[k + 1]
+            if updated:
                 for r in range(6):
                     for i in range(LANES):
                         z[3 + r, i] += d[r, i]
                         d[r, i] = 0.0
             for u in range(first_updates[k], first_updates[k + 1]):
-                m, sensor = components_of[u], sensors[u]
-                # errors of the measurements, the same for sample and twin
-                for c in range(m):
-                    at = components[u, c]
-                    for i in range(LANES):
-                        n = begin + min(i, lanes - 1)
-                        if measuring:
-                            value = white[u, c] * white_normals[i, u * most + c]
-                            if drifting and correlated[u, c] > 0.0:
-                                kept = memory[u, c]
-                                driven = correlated[u, c] * np.sqrt(1.0 - kept * kept)
-                                drifts[at, i] = kept * drifts[at, i] + driven * drift_normals[i, u * most + c]
-                                value += drifts[at, i]
-                        else:
-                            value = disturbances[n, u * most + c]
-                        for a in range(aiding.shape[1]):
-                            value -= constant_rows[u, c, a] * aiding[n, a]
-                        disturbance[c, i] = value
-                # the twin
-                for c in range(m):
-                    for i in range(LANES):
-                        innovation[c, i] = -disturbance[c, i]
-                    for j in range(bounds[u, c, 0], bounds[u, c, 1]):
-                        weight = truth_rows[u, c, j]
-                        for i in range(LANES):
-                            innovation[c, i] += weight * twin[j, i]
-                    for s in range(states):
-                        weight = state_rows[u, c, s]
-                        if weight != 0.0:
-                            for i in range(LANES):
-                                innovation[c, i] -= weight * twin_estimate[s, i]
-                for c in range(m):
-                    for j in range(9):
-                        weight = shared_gains[u, j, c]
-                        for i in range(LANES):
-                            twin[j, i] -= weight * innovation[c, i]
-                    for s in range(states):
-                        weight = shared_gains[u, 9 + s, c]
-                        for i in range(LANES):
-                            twin_estimate[s, i] += weight * innovation[c, i]
-                # the sample
+                m, sensor = counts_of[u], sensors[u]
                 for i in range(LANES):
-                    _rotation_vector(turn, i, psi)
-                    a, b, c, e = turn[0, i], turn[1, i], turn[2, i], turn[3, i]
-                    over[0, 0], over[1, 1], over[2, 2] = (
-                        -2.0 * (c * c + e * e), -2.0 * (b * b + e * e), -2.0 * (b * b + c * c)
+                    _disturb(
+                        begin + min(i, lanes - 1), i, u, m, components, constant_rows, aiding, correlated, memory,
+                        white, white_normals, drift_normals, drifts, disturbances, disturbance,
                     )  # fmt: skip
-                    over[0, 1], over[0, 2] = 2.0 * (b * c - a * e), 2.0 * (b * e + a * c)
-                    over[1, 0], over[1, 2] = 2.0 * (b * c + a * e), 2.0 * (c * e - a * b)
-                    over[2, 0], over[2, 1] = 2.0 * (b * e - a * c), 2.0 * (c * e + a * b)
-                    for r in range(3):
-                        for c in range(3):
-                            turned[r, c] = over[r, c] + (1.0 if r == c else 0.0)
-                        velocity[r], away[r] = z[3 + r, i], z[6 + r, i]
-                    for c in range(m):
-                        kind = kinds[u, c]
-                        if own:
-                            fill_row(kind, directions[u, c], arms[u, c], spin, turned, row)
-                            for j in range(bounds[u, c, 0], bounds[u, c, 1]):
-                                full[c, j, i] = row[j]
-                        if kind == ALTITUDE:
-                            value = altitude_change(constants, spots[u], away)
-                        elif kind == HEADING:
-                            value = heading_change(forward[u], over, arms[u, c], away)
-                        else:
-                            value = innovate(kind, directions[u, c], arms[u, c], spin, over, psi, velocity, away)
-                        for s in range(states):
-                            value -= state_rows[u, c, s] * estimate[s, i]
-                        innovation[c, i] = value - disturbance[c, i]
+                _correct_twin(
+                    m, truth_rows[u], state_rows[u], shared_gains[u], bounds[u], disturbance, innovation, twin,
+                    twin_estimate,
+                )  # fmt: skip
+                _innovate(
+                    u, m, constants, kinds, directions, arms, forward, spots, bounds, state_rows, turn, z, estimate,
+                    disturbance, innovation, full,
+                )  # fmt: skip
                 if own:
-                    _factor_innovations(
-                        p, full, bounds[u], state_rows[u], variances[u], m, cross, root, outcome
-                    )  # fmt: skip
+                    _factor_innovations(p, full, bounds[u], state_rows[u], variances[u], m, cross, root, outcome)
                 else:
                     for c in range(m):
                         for e in range(c + 1):
-                            for i in range(LANES):
-                                root[c, e, i] = shared_roots[u, c, e]
-                normalized[:] = 0.0
-                for c in range(m):
-                    for i in range(LANES):
-                        value = innovation[c, i]
-                        for e in range(c):
-                            value -= root[c, e, i] * white_innovation[e, i]
-                        white_innovation[c, i] = value / root[c, c, i]
-                        normalized[i] += white_innovation[c, i] * white_innovation[c, i]
-                for i in range(LANES):
-                    accepted[i] = 1.0 if normalized[i] <= limits[u] else 0.0
-                    tally[sensor, 0, i] += normalized[i]
-                    tally[sensor, 1, i] += accepted[i]
-                    tally[sensor, 2, i] += 1.0 - accepted[i]
-                    if has_before[sensor]:
-                        value = 0.0
-                        for c in range(m):
-                            value += white_innovation[c, i] * before[sensor, c, i]
-                        tally[sensor, 3, i] += value / m
-                        tally[sensor, 4, i] += 1.0
-                    for c in range(m):
-                        before[sensor, c, i] = white_innovation[c, i]
+                            root[c, e, :] = shared_roots[u, c, e]
+                _judge(
+                    m, limits[u], root, innovation, whitened, before[sensor], has_before[sensor], tally[sensor],
+                    accepted,
+                )  # fmt: skip
                 has_before[sensor] = True
                 if own:
                     _correct(
@@ -645,31 +848,8 @@ def _run(
                         for c in range(m):
                             for i in range(LANES):
                                 gain[r, c, i] = shared_gains[u, r, c] * accepted[i]
-                for i in range(LANES):
-                    for r in range(3):
-                        psi[r] = velocity[r] = away[r] = 0.0
-                        for c in range(m):
-                            psi[r] += gain[r, c, i] * innovation[c, i]
-                            velocity[r] += gain[3 + r, c, i] * innovation[c, i]
-                            away[r] += gain[6 + r, c, i] * innovation[c, i]
-                    for r in range(3):
-                        z[3 + r, i] -= velocity[r]
-                        z[6 + r, i] -= away[r]
-                    angle = np.sqrt(psi[0] * psi[0] + psi[1] * psi[1] + psi[2] * psi[2])
-                    sine = -0.5
-                    if angle > 0.0:
-                        sine = -np.sin(0.5 * angle) / angle
-                    a, b, c, e = turn[0, i], turn[1, i], turn[2, i], turn[3, i]
-                    w, x, y, v = np.cos(0.5 * angle), sine * psi[0], sine * psi[1], sine * psi[2]
-                    turn[0, i] = w * a - (x * b + y * c + v * e)
-                    turn[1, i] = w * b + (x * a + y * e - v * c)
-                    turn[2, i] = w * c + (y * a + v * b - x * e)
-                    turn[3, i] = w * e + (v * a + x * c - y * b)
-                for s in range(states):
-                    for c in range(m):
-                        for i in range(LANES):
-                            estimate[s, i] += gain[9 + s, c, i] * innovation[c, i]
-            if first_updates[k] < first_updates[k + 1]:
+                _feed_back(m, gain, innovation, turn, z, estimate)
+            if updated:
                 for i in range(LANES):
                     _rotation_vector(turn, i, psi)
                     for r in range(3):
@@ -679,20 +859,18 @@ def _run(
             if reached < len(epochs) and epochs[reached] == k:
                 for i in range(lanes):
                     n = begin + i
+                    _rotation_vector(turn, i, psi)
                     for r in range(4):
                         turns[n, reached, r] = turn[r, i]
                     for r in range(6):
-                        deviations[n, reached, r] = z[3 + r, i] + d[r, i]
+                        deviations[n, reached, r] = vector[3 + r] = z[3 + r, i] + d[r, i]
+                    for r in range(3):
+                        vector[r] = psi[r]
                     for r in range(9):
                         total = 0.0
                         for c in range(9):
                             total += output_maps[reached, r, c] * twin[c, i]
                         predicted[n, reached, r] = total
-                    _rotation_vector(turn, i, psi)
-                    for r in range(3):
-                        vector[r] = psi[r]
-                        vector[3 + r] = z[3 + r, i] + d[r, i]
-                        vector[6 + r] = z[6 + r, i] + d[3 + r, i]
                     for r in range(size):
                         for c in range(size):
                             matrix[r, c] = p[r, c, i] if own else shared_covariances[reached, r, c]
@@ -702,50 +880,9 @@ def _run(
                             value += bias[state_biases[s], i]
                         if state_drifts[s] >= 0:
                             value += drifts[state_drifts[s], i]
-                        vector[9 + s] = value
-                        state_errors[n, reached, s] = value
+                        vector[9 + s] = state_errors[n, reached, s] = value
                         state_variances[n, reached, s] = matrix[9 + s, 9 + s]
-                    kept = 9
-                    for s in range(states):
-                        if corrected[9 + s] > 0.0:
-                            for c in range(9):
-                                estimated[kept, c] = matrix[9 + s, c]
-                            other = 9
-                            for e in range(s + 1):
-                                if corrected[9 + e] > 0.0:
-                                    estimated[kept, other] = matrix[9 + s, 9 + e]
-                                    other += 1
-                            vector[kept] = vector[9 + s]
-                            kept += 1
-                    for r in range(9):
-                        for c in range(r + 1):
-                            estimated[r, c] = matrix[r, c]
-                    nees[n, reached, 0] = _quadratic(estimated, vector, 0, kept, low, solved)
-                    nees[n, reached, 1] = _quadratic(estimated, vector, 0, 9, low, solved)
-                    nees[n, reached, 5] = _quadratic(estimated, vector, 9, kept, low, solved)
-                    for r in range(9):
-                        total = 0.0
-                        for c in range(9):
-                            value = 0.0
-                            for j in range(9):
-                                value += output_maps[reached, r, j] * matrix[j, c]
-                            half_mapped[r, c] = value
-                            total += output_maps[reached, r, c] * vector[c]
-                        solved[r] = total
-                    place = 0
-                    for r in range(9):
-                        for c in range(r + 1):
-                            value = 0.0
-                            for j in range(9):
-                                value += half_mapped[r, j] * output_maps[reached, c, j]
-                            mapped[r, c] = value
-                            covariances[n, reached, place] = value
-                            place += 1
-                    for r in range(9):
-                        vector[r] = solved[r]
-                    nees[n, reached, 2] = _quadratic(mapped, vector, 0, 3, low, solved)
-                    nees[n, reached, 3] = _quadratic(mapped, vector, 3, 6, low, solved)
-                    nees[n, reached, 4] = _quadratic(mapped, vector, 6, 9, low, solved)
+                    _record(matrix, vector, corrected, output_maps[reached], nees[n, reached], covariances[n, reached])
                     for sensor in range(counts.shape[2]):
                         for c in range(5):
                             counts[n, reached, sensor, c] = tally[sensor, c, i]
@@ -753,57 +890,25 @@ def _run(
                 reached += 1
             if k == steps:
                 break
-            local[:] = 0.0
-            for q in range(len(theta)):
-                for r in range(9):
-                    weight = inputs[k, q, r]
-                    for i in range(LANES):
-                        local[r, i] += weight * theta[q, i]
-            for b in range(count):
-                for r in range(9):
-                    weight = biases[k, b, r]
-                    for i in range(LANES):
-                        local[r, i] += weight * bias[b, i]
+            if drawing:
                 for i in range(LANES):
-                    bias[b, i] *= decays[k, b]
-            if noisy:
-                if not drawing:
-                    for r in range(width):
-                        for i in range(LANES):
-                            drawn[r, i] = added_noise[begin + min(i, lanes - 1), k * width + r]
-                else:
-                    drawn[:] = 0.0
                     for c in range(width):
-                        for i in range(LANES):
-                            normal[i] = normals[i, count + k * width + c]
-                        for r in range(c, width):
-                            weight = factors[k, r, c]
-                            for i in range(LANES):
-                                drawn[r, i] += weight * normal[i]
-                for r in range(9):
-                    for i in range(LANES):
-                        local[r, i] += drawn[r, i]
-                for b in range(count):
-                    for i in range(LANES):
-                        bias[b, i] += drawn[9 + b, i]
+                        step_normals[i, c] = normals[i, count + k * width + c]
+            elif noisy:
+                for i in range(LANES):
+                    for r in range(width):
+                        drawn[r, i] = added_noise[begin + min(i, lanes - 1), k * width + r]
+            _force(k, noisy, theta, inputs, bias, biases, decays, factors, step_normals, drawn, local)
+            _advance_twin(k, motion, coupling, local, twin_estimate, twin)
             for r in range(9):
                 for i in range(LANES):
-                    twin_forced[r, i] = forced[r, i] = local[r, i]
+                    forced[r, i] = local[r, i]
                 for s in range(states):
                     weight = coupling[k, r, s]
                     if weight != 0.0:
                         for i in range(LANES):
                             forced[r, i] -= weight * estimate[s, i]
-                            twin_forced[r, i] -= weight * twin_estimate[s, i]
-            for r in range(6):
-                for c in range(9):
-                    weight = motion[k, r, c]
-                    for i in range(LANES):
-                        twin_forced[3 + r, i] += weight * twin[c, i]
-            for r in range(9):
-                for i in range(LANES):
-                    twin[r, i] = twin_forced[r, i] + (twin[r, i] if r < 3 else 0.0)
-            advance(
+            _advance(
                 k, constants, durations, motion, force, thrust, places, fields, gradients, forced, z, turn, d, first,
                 here, scratch, sound,
             )  # fmt: skip
@@ -813,9 +918,8 @@ def _run(
                     product,
                 )  # fmt: skip
             for s in range(states):
-                weight = decay[k, s]
                 for i in range(LANES):
-                    estimate[s, i] *= weight
-                    twin_estimate[s, i] *= weight
+                    estimate[s, i] *= decay[k, s]
+                    twin_estimate[s, i] *= decay[k, s]
         for i in range(lanes):
             outcomes[begin + i] = outcome[i] if sound[i] else BEYOND

@@ -26,7 +26,7 @@ from mcnav._types import Array, IndexArray
 from mcnav.physics.ins.aiding import SCALED, Quantity, Sensor, aiding_constants
 from mcnav.physics.ins.earth import geodetic, local_axes
 from mcnav.physics.ins.truth import Platform, Truth
-from mcnav.physics.jit import compiled, inlined, uncontracted
+from mcnav.physics.jit import compiled, uncontracted
 
 POSITION, VELOCITY, ALTITUDE, ATTITUDE, BODY_VELOCITY, HEADING = range(6)
 
@@ -207,7 +207,7 @@ class _Surroundings:
         return along if quantity == "position" else np.cross(along, self.turning)
 
 
-@inlined
+@uncontracted
 def fill_row(kind: int, direction: Array, arm: Array, spin: float, turned: Array, out: Array) -> None:
     """Compute the response of an innovation to psi, v, x of a navigator that has turned by R, shape (3, 3)."""
     out[:] = 0.0
@@ -216,8 +216,7 @@ def fill_row(kind: int, direction: Array, arm: Array, spin: float, turned: Array
         rx = turned[0, 0] * dx + turned[0, 1] * dy + turned[0, 2] * dz
         ry = turned[1, 0] * dx + turned[1, 1] * dy + turned[1, 2] * dz
         rz = turned[2, 0] * dx + turned[2, 1] * dy + turned[2, 2] * dz
-        share = 0.5 if kind == ATTITUDE else 1.0  # a rotation vector changes along a direction half turned
-        dx, dy, dz = dx + share * (rx - dx), dy + share * (ry - dy), dz + share * (rz - dz)
+        dx, dy, dz = rx, ry, rz
     ax, ay, az = arm[0], arm[1], arm[2]
     if kind in (POSITION, VELOCITY):
         lx = turned[0, 0] * ax + turned[0, 1] * ay + turned[0, 2] * az
@@ -281,7 +280,7 @@ def heading_change(axes: Array, over: Array, response: Array, away: Array) -> fl
     return float(np.arctan2(across, north * (north + more_north) + east * (east + more_east)) + turn)
 
 
-@inlined
+@uncontracted
 def innovate(
     kind: int, direction: Array, arm: Array, spin: float, over: Array, psi: Array, velocity: Array, away: Array
 ) -> float:

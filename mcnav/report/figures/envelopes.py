@@ -9,6 +9,7 @@ from scipy import special
 
 from mcnav.analysis.envelopes import Envelopes
 from mcnav.report.figures.figure import Figure, side_by_side
+from mcnav.report.figures.filter_errors import errors_and_sigmas
 from mcnav.report.figures.marks import Axis, Band, Line, Panel, Rule, Series, axis
 from mcnav.report.figures.palette import AREA, FLOWN, LINEAR
 from mcnav.report.model import RunAnalysis
@@ -18,8 +19,10 @@ def envelopes(content: RunAnalysis) -> Figure | None:
     """Draw every output that moves; none where errors throughout the flight are not known.
 
     Lines and band stand for the same probability: the lines are where a normal distribution of that mean and sigma has
-    the percentiles of the band.
+    the percentiles of the band. With a filter, `mcnav.report.figures.filter_errors` draws the errors.
     """
+    if content.filter is not None:
+        return errors_and_sigmas(content, content.filter)
     known = content.envelopes
     if known is None:
         return None

@@ -171,12 +171,16 @@ class Rule:
 
 @dataclass(frozen=True)
 class Span:
-    """An area across the panel between two places of the x axis, or of the y axis where it is level."""
+    """An area across the panel between two places of the x axis, or of the y axis where it is level.
+
+    ``text`` says what it is.
+    """
 
     series: Series
     low: float
     high: float
     level: bool = False
+    text: str = ""
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 INK, MUTED, GRID, PAPER = "#1d2733", "#566372", "#dfe5ec", "#ffffff"
-LINEAR, FLOWN = "#0b5fa5", "#c24e00"
-BAND, AREA, POINT, OTHER = "#e4eef7", "#f3c9a8", "#8794a3", "#9aa5b1"
+LINEAR, FLOWN, FILTER = "#0b5fa5", "#c24e00", "#0a7a55"
+BAND, AREA, POINT, OTHER, OUTAGE = "#e4eef7", "#f3c9a8", "#8794a3", "#9aa5b1", "#ece8f1"
 SOURCE_COLOURS: Final = (
     "#0072b2", "#56b4e9", "#009e73", "#8fd0b8", "#d55e00", "#e69f00", "#7b3294", "#c2a5cf", "#6b6b6b", "#b8b8b8",
     "#f0e442", "#8c510a",
@@ -14,8 +14,8 @@ SOURCE_COLOURS: Final = (
 """Okabe and Ito's palette, extended in pairs: distinguishable in colour blindness and, mostly, in grey."""
 
 VARIABLES: Final = {
-    INK: "ink", MUTED: "muted", GRID: "line", PAPER: "paper", LINEAR: "linear", FLOWN: "flown", BAND: "band",
-    AREA: "area", POINT: "point", OTHER: "other",
+    INK: "ink", MUTED: "muted", GRID: "line", PAPER: "paper", LINEAR: "linear", FLOWN: "flown", FILTER: "filter",
+    BAND: "band", AREA: "area", POINT: "point", OTHER: "other", OUTAGE: "outage",
     **{colour: f"source-{number}" for number, colour in enumerate(SOURCE_COLOURS)},
 }  # fmt: skip
 """The style sheet's name of each colour."""

@@ -9,10 +9,13 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.analysis.filter_consistency import FilterConsistency
+from mcnav.report.figures.axis_groups import stem
 from mcnav.report.figures.figure import HALF, Figure, side_by_side
 from mcnav.report.figures.marks import Axis, Bars, Line, Mark, Panel, Rule, Series, axis, numbered
+from mcnav.report.figures.outages import outages, shading_key
 from mcnav.report.figures.palette import INK, OTHER, SOURCE_COLOURS
-from mcnav.report.model import RunAnalysis
+from mcnav.report.model import RunAnalysis, humanize
 
 SHOWN: Final = len(SOURCE_COLOURS)
 """Contributors with a colour. Of more sources, those that differ only in their axis are one contributor."""
@@ -23,11 +26,8 @@ SMALL: Final = 0.01
 NUMBERED: Final = 0.04
 """Smallest share whose number is written in its bar, where it has room."""
 
-AXES: Final = frozenset([
-    "x", "y", "z", "xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz", "north", "east", "down", "up", "roll", "pitch",
-    "yaw", "heading", "azimuth", "elevation", "vertical", "horizontal", "downrange", "crossrange", "1", "2", "3",
-])  # fmt: skip
-"""Last words of names that tell the axis."""
+INSTRUMENTS: Final = {"gyros": "gyro_", "accelerometers": "accelerometer_"}
+"""Beginnings of the names of the instruments' errors."""
 
 
 @dataclass(frozen=True)
@@ -56,12 +56,10 @@ def groups(labels: Sequence[str], active: Sequence[int]) -> list[tuple[str, tupl
         return [(labels[j], (j,)) for j in active]
     found: dict[str, list[int]] = {}
     for j in active:
-        words = labels[j].split()
-        stem = " ".join(words[:-1]) if len(words) > 1 and words[-1] in AXES else labels[j]
-        found.setdefault(stem, []).append(j)
+        found.setdefault(stem(labels[j]), []).append(j)
     return [
-        (f"{stem} ({len(members)})", tuple(members)) if len(members) > 1 else (labels[members[0]], tuple(members))
-        for stem, members in found.items()
+        (f"{kind} ({len(members)})", tuple(members)) if len(members) > 1 else (labels[members[0]], tuple(members))
+        for kind, members in found.items()
     ]
 
 
@@ -94,6 +92,30 @@ def contributors(content: RunAnalysis) -> list[Contributor]:
         return found
     rest = tuple(j for k in small for j in grouped[k][1])
     return [*found, Contributor(Series("others", f"other {len(rest)} sources", OTHER), rest, other=True)]
+
+
+def origins(content: RunAnalysis, found: FilterConsistency) -> list[Contributor]:
+    """Return contributors by the origin of errors: the start, gyros, accelerometers, each sensor; others by kind."""
+    record = content.manifest.model
+    outputs = {each.name for each in record.outputs}
+    names = [*(each.name for each in record.sources), *content.model.processes]
+    sigmas = np.diag(content.model.covariance)
+    first = ("initial errors", *INSTRUMENTS, *(humanize(each.name) for each in found.sensors))
+    members: dict[str, list[int]] = {origin: [] for origin in first}
+    for j, (name, label) in enumerate(zip(names, content.cause_names, strict=True)):
+        if j < len(sigmas) and not sigmas[j] > 0.0:
+            continue
+        instrument = next((title for title, prefix in INSTRUMENTS.items() if name.startswith(prefix)), None)
+        sensors = [each.name for each in found.sensors if name.startswith(f"{each.name}_")]
+        origin = "initial errors" if name in outputs else instrument or humanize(max(sensors, key=len, default=""))
+        members.setdefault(origin or stem(label), []).append(j)
+    listed = [(origin, each) for origin, each in members.items() if each]
+    rest = tuple(j for _, each in listed[SHOWN:] for j in each)
+    others = [Contributor(Series("others", f"other {len(rest)} sources", OTHER), rest, other=True)] if rest else []
+    return [
+        *(Contributor(numbered(place, name), tuple(each)) for place, (name, each) in enumerate(listed[:SHOWN])),
+        *others,
+    ]
 
 
 def _largest_over_time(content: RunAnalysis, members: Sequence[tuple[int, ...]]) -> Array:
@@ -181,7 +203,8 @@ def partials_history(content: RunAnalysis) -> Figure | None:
         return None
     names, units, moving, scale = content.output_names, content.output_units, content.moving, content.output_scale
     curves = {Series("all", "all errors", INK): np.sqrt(_variance(content)) * scale}
-    for each in contributors(content):
+    shaded = outages(content)
+    for each in contributors(content) if content.filter is None else origins(content, content.filter):
         part = np.sqrt(_variance(content, each.members)) * scale
         if part[:, moving].max(initial=0.0) > 0.0:
             curves[each.series] = part
@@ -194,12 +217,12 @@ def partials_history(content: RunAnalysis) -> Figure | None:
         description="Linear one-sigma error of each output over the flight, for all errors and for each contributor.",
         panels=[
             Panel(names[i], axis(known.label, margin=0.0, link=True), Axis("1σ", units[i], low=0.0),
-                  [Line(each, known.times, part[:, i], 2.7 if each.name == "all" else 1.9)
-                   for each, part in curves.items()])
+                  [*shaded, *(Line(each, known.times, part[:, i], 2.7 if each.name == "all" else 1.9)
+                              for each, part in curves.items())])
             for i in moving
         ],
-        key=tuple(curves),
+        key=(*curves, *shading_key(shaded)),
         columns=columns,
         size=side_by_side(len(moving)),
-        caption="Linear model.",
+        caption="Linear model." if content.filter is None else "Closed-loop linear analysis, by origin of the errors.",
     )  # fmt: skip

@@ -101,7 +101,7 @@ def test_a_departure_has_a_begin_and_an_end() -> None:
     errors[:, 2:4] *= 2.0
     found = assessed(scalar(errors, np.ones((1_000, 6))))
     assert (found.verdict, found.begin, found.end) == (Honesty.OPTIMISTIC, 2.0, 3.0)
-    assert ", between 2 and 3 min." in sentence(found)
+    assert "in position from 2 to 3 min." in sentence(found)
 
 
 def test_too_few_failed_and_dependent_samples_leave_it_undecided_in_words() -> None:

@@ -229,6 +229,7 @@ ODOMETER = {"type": "velocity", "interval": "1 s"}
         ({**GNSS, "outages": [["9 s", "3 s"]]}, "aiding #1.outages #1: got '9 s' to '3 s'; expected an end after its"),
         ({**GNSS, "outages": [["9 s", "9 s"]]}, "aiding #1.outages #1: got '9 s' to '9 s'; expected an end after its"),
         ({**GNSS, "outages": [["9 s", "soon"]]}, "aiding #1.outages #1: got 'soon'; expected a time"),
+        ({**GNSS, "outages": 101 * [["1 s", "2 s"]]}, "aiding #1.outages: got 101; expected at most 100"),
         ({**FIX, "instants": []}, "aiding #1.instants: expected a list of times such as"),
         ({**FIX, "instants": "9 s"}, "aiding #1.instants: expected a list of times such as"),
         ({**FIX, "instants": ["9 s", 9]}, "aiding #1.instants #2: got 9 without a unit"),

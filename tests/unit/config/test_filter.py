@@ -244,6 +244,11 @@ def test_aiding_and_filter_come_together() -> None:
     assert found == "mine.toml: filter: needs [[aiding]], the sensors whose measurements it uses"
 
 
+def test_a_word_for_the_table_of_instruments() -> None:
+    (found,) = mistakes(described(GNSS, imu="navigation"))
+    assert found == "mine.toml: imu: got 'navigation'; expected a table"
+
+
 KEYS = sorted({key for kind in SENSOR_TYPES.values() for key in (*kind.keys, *kind.further)})
 WORDS = ("", "1 m", "-3 m", "0.1 m/s", "5 arcsec", "1 s", "0 s", "1e308 m", "1e308 s", "1e-320 s", "inf m", "nan m",
          "1e999 s", "\x00", "é", "position", "gnss", "radar", "0.1 deg/h", "1 %", "9" * 400, "tactical")  # fmt: skip

@@ -1,0 +1,117 @@
+"""Requirements that hold at each of several epochs, judged by the histories of the campaign's first samples.
+
+Such a requirement is on the largest of the quantiles at its epochs. Of these
+
+- the largest upper bound is an upper bound at the confidence of each: it fails only if that of the epoch with the
+  largest quantile does;
+- the largest lower bound is a lower bound where the error rate is divided among the epochs (Bonferroni).
+
+Histories are stored of the first samples only, so that a campaign of more does not make these bounds narrower.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mcnav._types import Array, IndexArray
+from mcnav.analysis.requirements import (
+    Finding,
+    Requirement,
+    RequirementResult,
+    error_sizes,
+    independent_samples,
+    normal_quantile,
+    normal_share,
+    samples_needed,
+    size_probability,
+)
+from mcnav.statistics.interim_sizes import confidence_of_each
+from mcnav.statistics.order_statistics import RankedSizes
+
+
+@dataclass(frozen=True)
+class ErrorHistories:
+    """Errors of a campaign's first samples at m epochs, SI, and the linear moments.
+
+    Attributes
+    ----------
+    times : ndarray, shape (m,)
+    errors : ndarray, shape (n, m, outputs)
+        NaN where a sample failed.
+    blocks : ndarray of int, shape (n,)
+        Independent block of each sample.
+    mean, covariance : ndarray, shapes (m, outputs) and (m, outputs, outputs), or None
+        By linear analysis.
+    most : int
+        Samples whose histories are stored at most.
+    """
+
+    times: Array
+    errors: Array
+    blocks: IndexArray
+    mean: Array | None
+    covariance: Array | None
+    most: int
+
+
+def judge_over_time(requirement: Requirement, histories: ErrorHistories | None, confidence: float) -> RequirementResult:
+    """Judge a requirement on the size of errors at its epochs."""
+    limit, probability, epochs = requirement.limits[0], size_probability(requirement), requirement.epochs
+    if histories is None or max(epochs) >= len(histories.times):
+        return RequirementResult(
+            requirement, Finding.UNDECIDED, math.nan, (0.0, math.inf), math.nan, False,
+            remark="this run has no histories of errors",
+        )  # fmt: skip
+    independent, remark = independent_samples(histories.blocks)
+    errors = histories.errors[independent]
+    if not np.isfinite(errors).any():
+        remark = "every sample failed"
+    ranked = [RankedSizes.of(error_sizes(errors[:, epoch], requirement.outputs)) for epoch in epochs]
+    estimates = np.array([each.estimate(probability) for each in ranked])
+    worst = int(np.argmax(np.nan_to_num(estimates, nan=-1.0)))
+    shared = confidence_of_each(confidence, len(epochs))
+    low = max(each.bounds(probability, shared)[0] for each in ranked)
+    high = max(each.bounds(probability, confidence)[1] for each in ranked)
+    interval = (0.0, math.inf) if remark else (low, high)
+    finding = Finding.MET if interval[1] <= limit else Finding.NOT_MET if interval[0] > limit else Finding.UNDECIDED
+    needed = None
+    if finding == Finding.UNDECIDED and not remark and len(errors):
+        sizes = error_sizes(errors[:, epochs[worst]], requirement.outputs)
+        needed = samples_needed(float(np.mean(~(sizes <= limit))), 1.0 - probability, confidence, len(sizes))
+        if needed is not None and needed > histories.most:
+            needed, remark = None, f"errors over time are stored of the first {histories.most:,} samples alone"
+    linear = largest_linear_quantile(histories, requirement.outputs, epochs, probability)
+    return RequirementResult(
+        requirement,
+        finding,
+        float(estimates[worst]),
+        interval,
+        linear,
+        linear <= limit,
+        needed,
+        remark=remark,
+        time=float(histories.times[epochs[worst]]),
+        samples=len(errors),
+    )
+
+
+def largest_linear_quantile(
+    histories: ErrorHistories, outputs: tuple[int, ...], epochs: Sequence[int], probability: float
+) -> float:
+    """Compute the largest quantile of errors' sizes at some epochs by the linear model; NaN without one."""
+    if histories.mean is None or histories.covariance is None:
+        return math.nan
+    picked = np.array(outputs)
+    found = []
+    for epoch in epochs:
+        mean, covariance = histories.mean[epoch, picked], histories.covariance[epoch][np.ix_(picked, picked)]
+        found.append((float(np.trace(covariance) + mean @ mean), mean, covariance))
+    largest = 0.0
+    for _, mean, covariance in sorted(found, key=lambda each: -each[0]):
+        if largest == 0.0 or normal_share(mean, covariance, largest) < probability:
+            largest = max(largest, normal_quantile(mean, covariance, probability))
+    return largest

@@ -1,0 +1,63 @@
+"""Estimates of the errors of instruments and sensors: their true errors over time, and the filter's sigmas."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcnav.analysis.filter_consistency import FilterConsistency, SigmaConsistency
+from mcnav.report.figures.axis_groups import curves, same_kind
+from mcnav.report.figures.figure import Figure, side_by_side
+from mcnav.report.figures.filter_errors import sigmas
+from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Span, axis
+from mcnav.report.figures.outages import outages, shading_key
+from mcnav.report.model import RunAnalysis, humanize
+
+LINES: Final = {"linear": "dashed", "Monte Carlo": "line", "filter": "dotted"}
+"""Kinds of lines by whose sigma they are."""
+
+
+def estimation(content: RunAnalysis) -> Figure | None:
+    """Draw the sigma of each other state of the filter over time, the axes of one kind together."""
+    found = content.filter
+    if found is None:
+        return None
+    known = [each for each in found.states if np.isfinite(each.true).any() and np.any(each.filter > 0.0)]
+    groups = same_kind(known)
+    if not groups:
+        return None
+    shaded = outages(content)
+    columns: dict[str, Sequence[Any] | NDArray[Any]] = {found.label: found.times}
+    for each in known:
+        for whose, values in sigmas(each).items():
+            columns[f"{humanize(each.name)}, {whose} σ [{each.shown_in}]"] = values
+    linear = any(each.true_linear is not None for each in known)
+    return Figure(
+        name="estimation",
+        title="Estimates of the errors of instruments and sensors",
+        description="Sigma of the errors of the filter's estimates by Monte Carlo and linear analysis, and the sigma "
+        "that the filter states, over time.",
+        panels=[_panel(found, place, title, members, shaded) for place, (title, members) in enumerate(groups)],
+        key=shading_key(shaded),
+        columns=columns,
+        size=side_by_side(len(groups), 240.0),
+        caption="Error of the estimate, one sigma. Solid: Monte Carlo."
+        + (" Dashed: linear analysis." if linear else "")
+        + " Dotted: the filter's own.",
+    )
+
+
+def _panel(
+    found: FilterConsistency, place: int, title: str, members: Sequence[SigmaConsistency], shaded: Sequence[Span]
+) -> Panel:
+    series = curves(place, members)
+    marks: list[Mark] = [
+        Line(own, found.times, values, 1.9 if whose == "filter" else 1.5, LINES[whose])
+        for own, each in zip(series, members, strict=True)
+        for whose, values in sigmas(each).items()
+    ]
+    upward = Axis("1σ", members[0].shown_in, low=0.0)
+    return Panel(title, axis(found.label, margin=0.0, link=True), upward, [*shaded, *marks], series)

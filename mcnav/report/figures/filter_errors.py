@@ -1,0 +1,83 @@
+"""Errors of an aided navigation over time: some samples, and sigmas by Monte Carlo, linear analysis and the filter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcnav._types import Array
+from mcnav.analysis.filter_consistency import FilterConsistency, SigmaConsistency
+from mcnav.report.figures.figure import Figure, side_by_side
+from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Series, Span, axis
+from mcnav.report.figures.outages import outages, shading_key
+from mcnav.report.figures.palette import FILTER, FLOWN, LINEAR, POINT
+from mcnav.report.model import RunAnalysis, humanize
+from mcnav.units import conversion
+
+MULTIPLE: Final = 3.0
+"""Sigmas from zero to the lines."""
+
+DRAWN: Final = 10
+"""Samples drawn."""
+
+SAMPLES: Final = Series("samples", "samples", POINT)
+SIGMAS: Final = {
+    "linear": Series("linear", f"linear, ±{MULTIPLE:g}σ", LINEAR),
+    "Monte Carlo": Series("flown", f"Monte Carlo, ±{MULTIPLE:g}σ", FLOWN, "dashed"),
+    "filter": Series("filter", f"filter's own, ±{MULTIPLE:g}σ", FILTER, "dotted"),
+}
+
+
+def sigmas(each: SigmaConsistency) -> dict[str, NDArray[np.float64]]:
+    """Return the sigmas of a quantity over time in the unit shown: linear where known, Monte Carlo, the filter's."""
+    scale = conversion(each.unit, each.shown_in)
+    linear = {} if each.true_linear is None else {"linear": each.true_linear * scale}
+    return {**linear, "Monte Carlo": each.true * scale, "filter": each.filter * scale}
+
+
+def errors_and_sigmas(content: RunAnalysis, found: FilterConsistency) -> Figure | None:
+    """Draw every output whose sigmas are known."""
+    known = [each for each in found.outputs if np.isfinite(each.true).any() and np.any(each.true > 0.0)]
+    if not known:
+        return None
+    stored = content.folder.histories(DRAWN)
+    times, histories = (found.times, {}) if stored is None else stored[1:]
+    shaded = outages(content)
+    columns: dict[str, Sequence[Any] | NDArray[Any]] = {found.label: found.times}
+    for each in known:
+        for whose, values in sigmas(each).items():
+            columns[f"{humanize(each.name)}, {whose} σ [{each.shown_in}]"] = values
+    listed = [series for name, series in SIGMAS.items() if any(name in sigmas(each) for each in known)]
+    drawn = [SAMPLES] if any(len(_complete(histories, each)) for each in known) else []
+    return Figure(
+        name="envelopes",
+        title="Errors over the flight",
+        description="Errors of some samples, and sigmas of each output by Monte Carlo, linear analysis and the filter, "
+        "over time.",
+        panels=[_panel(found, each, times, _complete(histories, each), shaded) for each in known],
+        key=[*listed, *drawn, *shading_key(shaded)],
+        columns=columns,
+        size=side_by_side(len(known)),
+        caption="Sigmas after the last update at or before each epoch. The filter's is the root of the mean variance "
+        "that all samples' filters state.",
+    )
+
+
+def _complete(histories: Mapping[str, Array], each: SigmaConsistency) -> Array:
+    """Return the histories of an output without those of failed samples, in the unit shown."""
+    found = histories.get(f"{each.name} [{each.unit}]", np.empty((0, 0)))
+    return found[np.isfinite(found).all(axis=1)] * conversion(each.unit, each.shown_in)
+
+
+def _panel(
+    found: FilterConsistency, each: SigmaConsistency, times: Array, histories: Array, shaded: Sequence[Span]
+) -> Panel:
+    marks: list[Mark] = [*shaded, *(Line(SAMPLES, times, history, 0.7) for history in histories)]
+    for whose, values in sigmas(each).items():
+        width = 2.3 if whose == "linear" else 1.9
+        marks += [Line(SIGMAS[whose], found.times, sign * MULTIPLE * values, width) for sign in (-1.0, 1.0)]
+    upward = Axis("error", each.shown_in)
+    return Panel(humanize(each.name), axis(found.label, margin=0.0, link=True), upward, marks)

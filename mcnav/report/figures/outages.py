@@ -1,0 +1,30 @@
+"""Outages of aiding sensors, shaded in diagrams over time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+from mcnav.analysis.filter_remarks import instant
+from mcnav.report.figures.marks import Series, Span
+from mcnav.report.figures.palette import OUTAGE
+from mcnav.report.model import RunAnalysis, humanize
+
+SHADED: Final = Series("outage", "outage", OUTAGE, "area")
+
+
+def outages(content: RunAnalysis, sensors: Sequence[str] = ()) -> list[Span]:
+    """Return the outages of some sensors by name, by default of all."""
+    history = content.history
+    label = next(iter(history.columns), "")
+    return [
+        Span(SHADED, begin, end, text=f"outage of {humanize(name)}: {instant(begin, '')} to {instant(end, label)}")
+        for name, spans in history.outages.items()
+        if not sensors or name in sensors
+        for begin, end in spans
+    ]
+
+
+def shading_key(spans: Sequence[Span]) -> list[Series]:
+    """Return the entry of a figure's key for outages; empty without any."""
+    return [SHADED] if spans else []

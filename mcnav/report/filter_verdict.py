@@ -1,0 +1,57 @@
+"""The verdict on a filter, from a run's summary: `mcnav.analysis.filter_remarks` states it, this adds the numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from mcnav.report.format import number
+from mcnav.report.model import humanize
+
+TONES: Final = {
+    "consistent": "agrees", "optimistic": "differs", "pessimistic": "partly", "undecided": "undecided",
+}  # fmt: skip
+"""Colours of the verdicts, by those of linear analysis."""
+
+NAMED: Final = 3
+"""Neglected errors that are named."""
+
+LEAST: Final = 0.01
+"""Smallest share of one that is named."""
+
+
+def verdict(summary: Mapping[str, Any]) -> str:
+    """Return the verdict on the filter in one word; empty without a filter."""
+    return str(summary["filter"]["verdict"]) if summary.get("filter") else ""
+
+
+def headline(summary: Mapping[str, Any]) -> str:
+    """State the verdict on the filter; empty without a filter."""
+    return str(summary["filter_verdict"]) if summary.get("filter") else ""
+
+
+def explanation(summary: Mapping[str, Any]) -> str:
+    """Name what makes the filter optimistic, and what else there is to say; empty where there is nothing."""
+    found = summary.get("filter")
+    if not found:
+        return ""
+    stated = headline(summary).lower()
+    remarks = [remark for remark in found["remarks"] if remark.lower() not in stated]
+    return " ".join(filter(None, [_neglected(found), *remarks]))
+
+
+def _neglected(found: Mapping[str, Any]) -> str:
+    """Name the errors that make a filter optimistic, with their shares; empty where the verdict names the only one."""
+    named = [each for each in found["neglected"] if each["share"] >= LEAST][:NAMED]
+    shares = [f"{humanize(each['name'])} {100.0 * each['share']:.0f} %" for each in named]
+    return f"Neglected errors: {', '.join(shares)}." if len(shares) > 1 else ""
+
+
+def worst_sigmas(name: str, when: str, true: float, stated: float, unit: str) -> str:
+    """Compare the true sigma of an output at an instant with the filter's.
+
+    >>> worst_sigmas("position_north", "25 min", 24.91, 7.53, "m")
+    'At 25 min the sigma of position north is 24.9 m; the filter states 7.53 m.'
+    """
+    shown = f"{number(true, 3)} {unit}; the filter states {number(stated, 3)} {unit}"
+    return f"At {when} the sigma of {humanize(name)} is {shown}."

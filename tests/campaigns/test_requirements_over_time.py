@@ -1,0 +1,47 @@
+"""Requirements over time from campaign file to report, on an unaided flight of five minutes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from scipy import stats
+
+from mcnav.config.read import parse_campaign
+from mcnav.workflow.run import run_campaign
+from tests.campaigns.test_ins import described
+
+HORIZONTAL = ["position_north", "position_east"]
+SPATIAL = [*HORIZONTAL, "position_down"]
+
+
+def test_requirements_at_epochs_of_a_flight(tmp_path: Path) -> None:
+    """Errors grow, so that the largest are at the end; those at the start are as stated: 5 m along each axis."""
+    accept = {
+        "quantile": [{"output": "position_down", "probability": 0.9, "below": "500 m", "after": "0 s"}],
+        "cep": [{"outputs": HORIZONTAL, "below": "6.5 m", "at": "0 s"}, {"outputs": HORIZONTAL, "below": "500 m"}],
+        "r95": [{"outputs": HORIZONTAL, "below": "1 m", "after": "0 s"}],
+        "sep": [{"outputs": SPATIAL, "below": "500 m", "during": ["0 s", "60 s"]}],
+    }
+    samples = 400
+    campaign = parse_campaign(described(samples, accept=accept), "test.toml", "test")
+    summary = run_campaign(campaign, tmp_path / "run", None, 1).summary
+    by_kind = {(entry["kind"], entry.get("when", "")): entry for entry in summary["requirements"]}
+    epochs = pq.read_table(tmp_path / "run" / "epochs.parquet").to_pandas()
+    worst = epochs["linear sigma position_down [m]"].max()
+    quantile = by_kind["quantile", "from 0 s on"]
+    assert quantile["linear"] == pytest.approx(stats.norm.ppf(0.95) * worst, rel=1e-9)
+    assert quantile["samples"] == samples
+    start = by_kind["cep", "at 0 s"]
+    assert start["linear"] == pytest.approx(5.0 * np.sqrt(2.0 * np.log(2.0)), rel=1e-9)
+    assert (start["finding"], start["time"]) == ("met", 0.0)
+    last = by_kind["cep", ""]
+    assert not {"when", "epochs", "time", "samples"} & last.keys()
+    assert by_kind["r95", "from 0 s on"]["finding"] == "not met"
+    assert by_kind["sep", "from 0 s to 60 s"]["linear"] >= 5.0 * stats.chi(3).ppf(0.5) * (1.0 - 1e-9)
+    report = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
+    assert "radius of 95 % of the errors of position north and position east below 1 m, from 0 s on" in report
+    assert "largest at 0 min, of 400 samples" in report
+    assert "spherical error probable of position north, position east and position down" in report

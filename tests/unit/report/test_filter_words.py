@@ -1,0 +1,145 @@
+"""What the report says of a filter in sentences and tables; nothing of it is a number that is not one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from io import StringIO
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from mcnav.analysis.filter_consistency import FilterConsistency, Finding, Honesty, NeglectedError, Whiteness
+from mcnav.report import filter_tables, filter_verdict
+from mcnav.report.filter_summary import filter_entries
+from mcnav.report.terminal import filter_lines
+from tests.filters import OUTPUTS, TIMES, consistency
+
+NEGLECTED = [NeglectedError("gyro_scale_factor_z", 9e2, 0.0, 0.7), NeglectedError("initial_tilt", 4e2, 1e2, 0.296),
+             NeglectedError("gnss_noise", 5e-1, 4e-1, 0.004)]  # fmt: skip
+
+
+def summary(found: FilterConsistency) -> dict[str, Any]:
+    return filter_entries(found)
+
+
+def rows(found: FilterConsistency | None, sigma: float | None = 2.0) -> list[dict[str, Any]]:
+    """Rows of the table of answers, with the paired sigma of every output."""
+    content: Any = SimpleNamespace(
+        filter=found,
+        manifest=SimpleNamespace(model=SimpleNamespace(outputs=[SimpleNamespace(name=name) for name in OUTPUTS])),
+    )
+    return filter_tables.answers(content, [{"sigma_paired": sigma} for _ in OUTPUTS])
+
+
+def test_no_filter() -> None:
+    assert [said({}) for said in (filter_verdict.verdict, filter_verdict.headline, filter_verdict.explanation)] == [
+        "", "", "",
+    ]  # fmt: skip
+    assert rows(None) == []
+
+
+def test_an_optimistic_filter_and_what_it_neglects() -> None:
+    """The verdict names the largest error; the explanation all that matter, and what the sigmas are."""
+    found = consistency(3.3, neglected=NEGLECTED)
+    assert filter_verdict.headline(summary(found)) == (
+        "The filter is optimistic by a factor of 3.3 in position from 20 to 24 min; the largest error that it neglects "
+        "is gyro scale factor z (70 %)."
+    )
+    assert filter_verdict.explanation(summary(found)) == (
+        "Neglected errors: gyro scale factor z 70 %, initial tilt 30 %."
+    )
+    worst = found.outputs[0]
+    assert filter_tables.at_worst(found) == (
+        f"At 24 min the sigma of position north is {worst.true[24]:.1f} m; the filter states {worst.filter[24]:.1f} m."
+    )
+    content: Any = SimpleNamespace(filter=found, source_names=["initial tilt error"],
+                                   manifest=SimpleNamespace(model=SimpleNamespace(
+                                       sources=[SimpleNamespace(name="initial_tilt")])))  # fmt: skip
+    assert filter_tables.neglected(content) == [
+        {"name": "gyro scale factor z", "true": "30.00 m", "believed": "0 m", "share": "70.0 %"},
+        {"name": "initial tilt error", "true": "20.00 m", "believed": "10.00 m", "share": "29.6 %"},
+        {"name": "gnss noise", "true": "0.7071 m", "believed": "0.6325 m", "share": "0.40 %"},
+    ]
+    small = [*NEGLECTED, NeglectedError("lever_arm", 12.0, 3.6, 0.002)]
+    content.filter = consistency(3.3, neglected=small)
+    assert filter_tables.neglected(content)[2:] == [  # √12.5 and 2
+        {"name": "2 others", "true": "3.536 m", "believed": "2.000 m", "share": "0.60 %"},
+    ]
+
+
+def test_a_single_neglected_error_is_named_once() -> None:
+    assert filter_verdict.explanation(summary(consistency(3.3, neglected=NEGLECTED[:1]))) == ""
+
+
+def test_a_remark_that_is_the_verdict_is_not_repeated() -> None:
+    """Where nothing could be decided the verdict is the first remark."""
+    remarks = ("Every sample failed.", "Gnss never updated the filter.")
+    found = replace(consistency(), verdict=Honesty.UNDECIDED, factor=None, remarks=remarks)
+    assert filter_verdict.headline(summary(found)) == "Undecided: every sample failed."
+    assert filter_verdict.explanation(summary(found)) == remarks[1]
+
+
+@pytest.mark.parametrize(("factor", "word"), [(1.0, "consistent"), (3.3, "optimistic"), (0.5, "pessimistic")])
+def test_the_terminal_has_the_verdict(factor: float, word: str) -> None:
+    console = Console(file=StringIO(), width=200)
+    for line in filter_lines(summary(consistency(factor))):
+        console.print(line)
+    assert isinstance(console.file, StringIO)
+    assert console.file.getvalue().startswith(f"The filter is {word}")
+    assert filter_lines({}) == []
+
+
+def test_answers_at_the_end_and_where_the_sigma_is_largest() -> None:
+    found = consistency(3.3)
+    row = rows(found)[0]
+    output = found.outputs[0]
+    assert row["sigma_filter"] == output.filter[-1]
+    assert row["true_over_filter"] == 2.0 / output.filter[-1]
+    place = 1 + int(np.argmax(output.true[1:]))
+    assert row["worst"] == {
+        "when": "24 min", "linear": output.true[place], "flown": output.true[place], "filter": output.filter[place],
+        "ratio": output.ratio.value[place],
+    }  # fmt: skip
+    tilt = rows(found)[list(OUTPUTS).index("tilt_north")]
+    assert tilt["sigma_filter"] == pytest.approx(1e3 * found.outputs[6].filter[-1], rel=1e-15)  # mrad
+
+
+def test_answers_without_what_they_need() -> None:
+    """No paired sigma, no filter sigma, and no epoch at which a sigma is known."""
+    found = consistency()
+    zero = replace(found.outputs[0], filter=np.zeros(len(TIMES)), true_linear=None)
+    unknown = replace(zero, true=np.full(len(TIMES), np.nan))
+    assert rows(replace(found, outputs=(zero, *found.outputs[1:])))[0]["true_over_filter"] is None
+    assert rows(replace(found, outputs=(unknown, *found.outputs[1:])))[0]["worst"] is None
+    assert rows(replace(found, outputs=found.outputs[1:])) == []
+    growing = replace(found.outputs[0], true=TIMES, true_linear=None)
+    assert rows(replace(found, outputs=(growing, *found.outputs[1:])), None)[0]["worst"] is None  # it is the end
+
+
+def test_findings() -> None:
+    found = consistency()
+    departed = Finding(Honesty.OPTIMISTIC, 1.7, worst=22, begin=20, end=24)
+    few = Finding(Honesty.UNDECIDED, 1.04, worst=3, samples_needed=1_234)
+    groups = (replace(found.groups[0], finding=departed), replace(found.groups[1], finding=few))
+    first, second = filter_tables.findings(replace(found, groups=groups))["groups"]
+    assert (first["name"], first["size"], first["worst"], first["certain"]) == (
+        "all estimated states", 15, "22 min", "20 to 24 min",
+    )  # fmt: skip
+    assert (first["tone"], first["remark"]) == ("differs", "")
+    assert (second["certain"], second["remark"]) == ("", "about 1,300 samples")
+    assert len(filter_tables.findings(found)["quantities"]) == len(found.outputs) + len(found.states)
+
+
+def test_sensors() -> None:
+    """One that rejects, one that never updates the filter."""
+    found = consistency(rejected=6.0)
+    never = replace(found.sensors[1], accepted=0.0 * TIMES, rejected=0.0 * TIMES, nis_whole=None,
+                    whiteness=Whiteness(None, (np.nan, np.nan), np.nan, beyond=False))  # fmt: skip
+    first, second = filter_tables.sensors(replace(found, sensors=(found.sensors[0], never)))
+    assert (first["rejected"], first["rejected_share"]) == ("330", "10 %")  # 6 of 60 between 55 pairs of epochs
+    assert (first["nis_tone"], first["white_words"]) == ("agrees", "white")
+    assert second["nis_bounds"] is second["correlation"] is None
+    assert (second["nis"], second["nis_words"], second["white_words"]) == ("–", "", "")

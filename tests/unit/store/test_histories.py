@@ -1,0 +1,62 @@
+"""What of a flight is stored beside its samples: outages of aiding, and the first samples' histories."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mcnav.errors import RunFolderError
+from mcnav.scenarios.histories import check_history
+from mcnav.scenarios.protocol import Epochs, History, Output
+from mcnav.store.histories import histories_table
+from mcnav.store.run_folder import HISTORIES, HISTORY, RunFolder, history_table
+
+EPOCHS = Epochs("time [min]", np.array([0.0, 1.0, 2.5]))
+OUTPUTS = (Output("position", "m", "km"), Output("heading", "rad", "mrad"))
+
+
+@pytest.mark.parametrize("count", [1, 3, 5, 9])
+def test_the_first_histories(tmp_path: Path, count: int) -> None:
+    """As many as are asked for, or as there are; failed samples are NaN."""
+    histories = np.random.default_rng(1).standard_normal((5, 3, 2))
+    histories[1] = np.nan
+    (tmp_path / HISTORIES).write_bytes(histories_table(EPOCHS, OUTPUTS, histories))
+    found = RunFolder(tmp_path).histories(count)
+    assert found is not None
+    label, times, errors = found
+    assert label == EPOCHS.label
+    np.testing.assert_array_equal(times, EPOCHS.times)
+    assert list(errors) == ["position [m]", "heading [rad]"]
+    np.testing.assert_array_equal(np.stack(list(errors.values()), axis=2), histories[:count])
+
+
+def test_no_histories_and_damaged_ones(tmp_path: Path) -> None:
+    assert RunFolder(tmp_path).histories(3) is None
+    for content in (b"", b"not a table", histories_table(EPOCHS, OUTPUTS, np.empty((0, 3, 2)))):
+        (tmp_path / HISTORIES).write_bytes(content)
+        with pytest.raises(RunFolderError, match="is damaged"):
+            RunFolder(tmp_path).histories(3)
+
+
+def test_outages_of_a_history() -> None:
+    history = check_history(History({"time [s]": np.arange(3.0)}, outages={"gnss": ((0, 1), (2, 2))}))
+    assert history.outages == {"gnss": ((0.0, 1.0), (2.0, 2.0))}
+    with pytest.raises(ValueError, match="before it begins"):
+        check_history(History(outages={"gnss": ((2.0, 1.0),)}))
+    with pytest.raises(ValueError, match="unpack"):
+        check_history(History(outages={"gnss": ((2.0, 1.0, 3.0),)}))  # type: ignore[dict-item]
+
+
+def test_outages_are_stored(tmp_path: Path) -> None:
+    """A history without any is stored as it was before there were outages."""
+    files = []
+    for outages in ({}, {"gnss": ((0.5, 1.0),)}):
+        folder = RunFolder(tmp_path / str(len(outages)))
+        history = History({"time [s]": np.arange(3.0)}, {"end": 2.0}, outages=outages)
+        folder.write(HISTORY, history_table(history))
+        assert folder.history().outages == outages
+        files.append((folder.path / HISTORY).read_bytes())
+    assert b"mcnav.outages" not in files[0]
+    assert b"mcnav.outages" in files[1]
