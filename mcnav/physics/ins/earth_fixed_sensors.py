@@ -12,7 +12,8 @@ predicted less measured, is to first order ::
     heading         (f_n df_e - f_e df_n) / (f_n^2 + f_e^2)
 
 less the errors of the measurement; df is the change of the forward axis f and of the local directions. The rate w is
-taken as known: its own error, of a lever arm's length, is neglected.
+taken as known: its own error, of a lever arm's length, is neglected. So is the product of the star tracker's and the
+navigator's errors, two small angles.
 """
 
 from __future__ import annotations
@@ -206,83 +207,73 @@ class SensorModel:
         added, scaled = self._added @ estimates, self._scaled @ estimates
         response[:, NAVIGATION:] = -self._added
         for quantity, (places, axes) in self._quantities.items():
-            errors = np.zeros(len(COMPONENTS[quantity]))
-            errors[axes] = offset[places]
-            difference, navigation, arms = getattr(self, f"_{quantity}")(row, indicated, used, errors)
-            found[places] = difference[axes] + added[places]
+            difference, navigation, arms = getattr(self, f"_{quantity}")(row, indicated, used)
+            found[places] = difference[axes] + added[places] - offset[places]
             response[places, :NAVIGATION] = navigation[axes]
             response[places, NAVIGATION:] += arms[axes] @ self._arms
             if quantity in SCALED:
                 true = getattr(self, f"_true_{quantity}")(row)[axes]
-                predicted = true + difference[axes] + offset[places]
+                predicted = true + difference[axes]
                 found[places] += scaled[places] * predicted - factors[places] * true
                 response[places, :NAVIGATION] *= 1.0 + scaled[places, None]
                 response[places, NAVIGATION:] -= self._scaled[places] * predicted[:, None]
         return found, response
 
-    def _position(self, row: int, indicated: Indicated, arm: Array, errors: Array) -> tuple[Array, Array, Array]:
-        """Return the innovation, and its responses to psi, dv, dr and to the lever arm, along all axes.
-
-        Parameters
-        ----------
-        arm : ndarray, shape (3,)
-            That the navigator uses.
-        errors : ndarray
-            Of the measurement along all axes.
-        """
+    def _position(self, row: int, indicated: Indicated, arm: Array) -> tuple[Array, Array, Array]:
+        """Return the difference, and its responses to psi, dv, dr and to the lever arm, along all axes."""
         true = self.surroundings
         body = indicated.axes @ true.mounting[row]
         antenna = body @ arm
         true_antenna = true.states.axes[row] @ true.mounting[row] @ self.sensor.lever_arm
         difference = (indicated.position - true.states.position[row]) + (antenna - true_antenna)
-        return self._level_difference(indicated, difference, errors, antenna, POSITION, body)
+        return self._level_difference(indicated, difference, antenna, POSITION, body)
 
-    def _velocity(self, row: int, indicated: Indicated, arm: Array, errors: Array) -> tuple[Array, Array, Array]:
+    def _velocity(self, row: int, indicated: Indicated, arm: Array) -> tuple[Array, Array, Array]:
         true = self.surroundings
         turning = cross_matrix(true.turning[row])
         body = indicated.axes @ true.mounting[row]
         antenna = body @ turning @ arm
         true_antenna = true.states.axes[row] @ true.mounting[row] @ turning @ self.sensor.lever_arm
         difference = (indicated.velocity - true.states.velocity[row]) + (antenna - true_antenna)
-        return self._level_difference(indicated, difference, errors, antenna, VELOCITY, body @ turning)
+        return self._level_difference(indicated, difference, antenna, VELOCITY, body @ turning)
 
     def _level_difference(
-        self, indicated: Indicated, difference: Array, errors: Array, antenna: Array, place: slice, arms: Array
+        self, indicated: Indicated, difference: Array, antenna: Array, place: slice, arms: Array
     ) -> tuple[Array, Array, Array]:
         to_level = indicated.frame.axes.T
         response = np.zeros((3, NAVIGATION))
         response[:, place] = to_level
         response[:, ATTITUDE] = -to_level @ cross_matrix(antenna)
-        return to_level @ difference - errors, response, to_level @ arms
+        return to_level @ difference, response, to_level @ arms
 
-    def _altitude(self, row: int, indicated: Indicated, arm: Array, errors: Array) -> tuple[Array, Array, Array]:
+    def _altitude(self, row: int, indicated: Indicated, arm: Array) -> tuple[Array, Array, Array]:
         response = np.zeros((1, NAVIGATION))
         response[0, POSITION] = -indicated.frame.axes[:, 2]
-        return indicated.frame.altitude - self._true_altitude(row) - errors, response, np.zeros((1, 3))
+        return indicated.frame.altitude - self._true_altitude(row), response, np.zeros((1, 3))
 
     def _true_altitude(self, row: int) -> Array:
         return self.surroundings.altitude[row : row + 1]
 
-    def _attitude(self, row: int, indicated: Indicated, arm: Array, errors: Array) -> tuple[Array, Array, Array]:
+    def _attitude(self, row: int, indicated: Indicated, arm: Array) -> tuple[Array, Array, Array]:
         from scipy.spatial.transform import Rotation
 
-        measured = self.surroundings.states.axes[row] @ Rotation.from_rotvec(errors).as_matrix()
+        turned = self.surroundings.states.axes[row].T @ indicated.axes
         response = np.zeros((3, NAVIGATION))
         response[:, ATTITUDE] = indicated.axes.T
-        return Rotation.from_matrix(measured.T @ indicated.axes).as_rotvec(), response, np.zeros((3, 3))
+        return Rotation.from_matrix(turned).as_rotvec(), response, np.zeros((3, 3))
 
-    def _body_velocity(self, row: int, indicated: Indicated, arm: Array, errors: Array) -> tuple[Array, Array, Array]:
+    def _body_velocity(self, row: int, indicated: Indicated, arm: Array) -> tuple[Array, Array, Array]:
         to_body = (indicated.axes @ self.surroundings.mounting[row]).T
         response = np.zeros((3, NAVIGATION))
         response[:, VELOCITY] = to_body
         response[:, ATTITUDE] = to_body @ cross_matrix(indicated.velocity)
-        return to_body @ indicated.velocity - self._true_body_velocity(row) - errors, response, np.zeros((3, 3))
+        return to_body @ indicated.velocity - self._true_body_velocity(row), response, np.zeros((3, 3))
 
     def _true_body_velocity(self, row: int) -> Array:
         true = self.surroundings
         return np.asarray((true.states.axes[row] @ true.mounting[row]).T @ true.states.velocity[row])
 
-    def _heading(self, row: int, indicated: Indicated, arm: Array, errors: Array) -> tuple[Array, Array, Array]:
+    def _heading(self, row: int, indicated: Indicated, arm: Array) -> tuple[Array, Array, Array]:
         true = self.surroundings
         mounting = true.mounting[row]
         forward = indicated.frame.axes.T @ indicated.axes @ mounting[:, 0]
@@ -295,4 +286,4 @@ class SensorModel:
         response = np.zeros((1, NAVIGATION))
         response[0, ATTITUDE] = to_turn @ indicated.frame.axes.T
         response[0, POSITION] = -to_turn @ indicated.frame.turn @ indicated.frame.axes.T
-        return difference - errors, response, np.zeros((1, 3))
+        return np.array([difference]), response, np.zeros((1, 3))

@@ -61,27 +61,6 @@ class NoiseResponse:
         )  # fmt: skip
         return np.asarray(np.einsum("mij,mj->mi", self.output_maps, states))
 
-    def respond_from_rest(self, begins: IndexArray, gyro: Array, accelerometer: Array) -> Array:
-        """Compute what noise of shape (S, 3) adds to psi, v and x between some of the steps' beginnings.
-
-        Parameters
-        ----------
-        begins : ndarray of int, shape (K + 1,)
-            Rising; each interval begins from rest, and the last ends before the last step.
-
-        Returns
-        -------
-        ndarray, shape (K, 9)
-        """
-        found = np.zeros((len(begins) - 1, 1, 9))
-        for k, (begin, end) in enumerate(pairwise(begins)):
-            rows = slice(begin, end)
-            _respond(
-                self.durations[rows], self.axes[rows], self.forces[rows], self.gradients[rows],
-                np.array([end - begin]), gyro[rows].copy(), accelerometer[rows].copy(), found[k],
-            )  # fmt: skip
-        return found[:, 0]
-
 
 def respond_from_rest(
     truth: Truth, platform: Platform, step_times: Array, times: Array, gyro: Array, accelerometer: Array
@@ -100,7 +79,15 @@ def respond_from_rest(
     ndarray, shape (K, 9)
     """
     whole = NoiseResponse.along(truth, platform, step_times, times[-1:])
-    return whole.respond_from_rest(np.searchsorted(step_times, times - 1e-9), gyro, accelerometer)
+    begins = np.searchsorted(step_times, times - 1e-9)
+    found = np.zeros((len(times) - 1, 1, 9))
+    for k, (begin, end) in enumerate(pairwise(begins)):
+        rows = slice(begin, end)
+        _respond(
+            whole.durations[rows], whole.axes[rows], whole.forces[rows], whole.gradients[rows],
+            np.array([end - begin]), gyro[rows].copy(), accelerometer[rows].copy(), found[k],
+        )  # fmt: skip
+    return found[:, 0]
 
 
 @compiled
