@@ -151,6 +151,10 @@ def test_variances_of_zero_are_told_in_words() -> None:
     assert "The filter has no variance of position where its error is not zero." in found.remarks
     assert any("is not a number in all samples at 2 epochs" in remark for remark in found.remarks)
     assert found.factor is not None
+    rounding = np.where(np.arange(4) == 0, 1e-12, 1.0) * np.random.default_rng(6).standard_normal((10_000, 4))
+    started = assessed(scalar(rounding, np.tile([1e-40, 1.0, 1.0, 1.0], (10_000, 1))))
+    assert (started.verdict, started.remarks[:1]) == (Honesty.CONSISTENT, ("The filter was never updated.",))
+    assert np.isnan(started.groups[0].ratio.value[0])
     many = np.random.default_rng(4).standard_normal((10_000, 2))
     assert assessed(scalar(many, np.ones((10_000, 2)))).verdict == Honesty.CONSISTENT
     doubtful = assessed(scalar(many, np.tile([0.0, 1.0], (10_000, 1))))
