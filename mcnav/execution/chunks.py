@@ -32,7 +32,7 @@ from mcnav.scenarios.sample_loop import simulate_alone
 from mcnav.scenarios.timeouts import SampleTimeout, time_limit
 from mcnav.store.chunk_files import ChunkFile, ChunkTotals, SampleSchema, verify_chunk, write_chunk
 from mcnav.store.filters import filter_marks
-from mcnav.store.histories import history_marks
+from mcnav.store.histories import STORED, first_marks, history_marks
 from mcnav.store.inputs import check_unchanged
 from mcnav.store.run_folder import RunFolder
 from mcnav.store.summaries import MOST_REASONS, STORED_ROWS, Summary, summary_chunk
@@ -165,6 +165,7 @@ def store(work: ChunkJob, place: SampleRange, results: Iterable[tuple[Array, Sim
     filter_sums: FilterSums | None = None
     schema = filter_schema_of(work.engine)
     rows: list[tuple[Array, ...]] = []
+    first_histories: list[Array] = []
     failures: dict[int, Failure] = {}
     tracebacks: dict[int, str] = {}
     for errors, result in results:
@@ -191,12 +192,14 @@ def store(work: ChunkJob, place: SampleRange, results: Iterable[tuple[Array, Sim
             simulated = np.delete(result.filter_values, list(by_row), axis=0) if by_row else result.filter_values
             piece_sums = FilterSums.of(schema, simulated)
             filter_sums = piece_sums if filter_sums is None else filter_sums + piece_sums
+        if schema is not None and result.history is not None:  # to simulate a filter again would take long
+            first_histories.append(result.history[: max(STORED - begin, 0)].copy())
         failed, fallback_count, begin = (
             failed + len(by_row),
             fallback_count + result.fallback_count,
             begin + len(errors),
         )
-    marks = history_marks(power_sums) | filter_marks(filter_sums)
+    marks = history_marks(power_sums) | filter_marks(filter_sums) | first_marks(first_histories)
     marks |= {} if summary is None else summary.marks(place.begin)
     errors, values, linear, filters = (np.concatenate(columns) for columns in zip(*rows, strict=True))
     totals = ChunkTotals(place.end - place.begin, failed, fallback_count, tracebacks)

@@ -22,6 +22,7 @@ from mcnav.scenarios.protocol import Epochs, Output
 from mcnav.store.chunk_files import ChunkFile
 
 MARK: Final = "mcnav.histories"
+FIRST_MARK: Final = "mcnav.first_histories"
 PERCENTILES: Final = (1.0, 5.0, 50.0, 95.0, 99.0)
 """Percentiles of the samples whose histories are stored."""
 
@@ -50,6 +51,35 @@ def read_power_sums(pivot: Array, folder: Path, chunks: Sequence[ChunkFile]) -> 
             sums = PowerSums(int(numbers[-1]), pivot, numbers[:-1].reshape(len(pivot), -1).astype(float))
             total = sums if total is None else total + sums
     return total
+
+
+def first_marks(histories: Sequence[Array]) -> dict[str, str]:
+    """Encode histories of a campaign's first samples, each of shape (n, m, outputs), as metadata of a chunk's file."""
+    numbers = [np.ascontiguousarray(each, dtype="<f8").tobytes() for each in histories]
+    return {FIRST_MARK: base64.b64encode(b"".join(numbers)).decode()} if any(numbers) else {}
+
+
+def read_first_histories(
+    folder: Path, chunks: Sequence[ChunkFile], samples: int, epochs: int, outputs: int
+) -> Array | None:
+    """Join the histories of the first samples, at most `STORED` of so many; none unless all chunks have theirs.
+
+    Returns
+    -------
+    ndarray, shape (n, epochs, outputs)
+    """
+    found = []
+    for chunk in chunks:
+        wanted = min(chunk.end, STORED) - chunk.begin
+        if wanted <= 0:
+            break
+        text = (pq.read_schema(folder / chunk.file).metadata or {}).get(FIRST_MARK.encode())
+        numbers = np.frombuffer(base64.b64decode(text or b""), dtype="<f8")
+        if len(numbers) != wanted * epochs * outputs:
+            return None
+        found.append(numbers.reshape(wanted, epochs, outputs).astype(float))
+    joined = np.concatenate(found) if found else np.empty((0, epochs, outputs))
+    return joined if len(joined) == min(STORED, samples) else None
 
 
 def histories_table(epochs: Epochs, outputs: Sequence[Output], histories: Array) -> bytes:

@@ -10,12 +10,14 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from mcnav.execution.chunks import DrawPlan
 from mcnav.scenarios.filter_sums import FilterMeans
+from mcnav.scenarios.protocol import Batch, SimulationResult
 from mcnav.store.filters import read_filter_sums
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.analyse import samples_of
 from mcnav.workflow.run import run_campaign
-from tests.scalar_filter import SCHEMA, campaign, steady_variance
+from tests.scalar_filter import SCHEMA, FilterThatBelieves, campaign, steady_variance
 
 
 def run(folder: Path, samples: int = 300, jobs: int = 1, report: bool = True, **changes: Any) -> dict[str, Any]:
@@ -155,3 +157,29 @@ def test_degenerate_campaigns_have_words_and_no_nan(tmp_path: Path) -> None:
     whole, reduced = run(tmp_path / "whole"), run(tmp_path / "reduced", store="summary")
     assert whole["filter"]["factor"] == pytest.approx(reduced["filter"]["factor"], rel=1e-12)
     assert whole["filter_verdict"] == reduced["filter_verdict"]
+
+
+def test_histories_of_first_samples_come_from_the_chunks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They are the same bits as if simulated again, of stored samples and of a summary; the first 2,000 at most."""
+    asked = campaign(2_300, failing=(7,))
+    plan = DrawPlan(asked.errors, asked.design, asked.seed, 2_000)
+    engine = asked.scenario.engine("exact", plan.probes())
+    assert isinstance(engine, FilterThatBelieves)
+    again = engine.simulate(plan.batch(0, 2_000)).history
+    assert again is not None
+    simulated: list[int] = []
+    simulate = FilterThatBelieves.simulate
+
+    def counted(self: FilterThatBelieves, batch: Batch) -> SimulationResult:
+        simulated.extend(batch.index.tolist())
+        return simulate(self, batch)
+
+    monkeypatch.setattr(FilterThatBelieves, "simulate", counted)
+    for store in ("samples", "summary"):
+        simulated.clear()
+        run(tmp_path / store, 2_300, failing=(7,), store=store, report=False)
+        assert sorted(simulated) == list(range(2_300))  # each once
+        found = RunFolder(tmp_path / store).histories(5_000)
+        assert found is not None
+        _, _, errors = found
+        np.testing.assert_array_equal(errors["position [m]"], again[:, :, 0])
