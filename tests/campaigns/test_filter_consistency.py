@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import base64
 import json
+import zlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from mcnav.errors import RunFolderError
 from mcnav.execution.chunks import DrawPlan
 from mcnav.scenarios.filter_sums import FilterMeans
 from mcnav.scenarios.protocol import Batch, SimulationResult
-from mcnav.store.filters import read_filter_sums
+from mcnav.store.filters import MARK, read_filter_sums
 from mcnav.store.run_folder import RunFolder
-from mcnav.workflow.analyse import samples_of
+from mcnav.workflow.analyse import filter_evidence, samples_of
 from mcnav.workflow.run import run_campaign
 from tests.scalar_filter import SCHEMA, FilterThatBelieves, campaign, steady_variance
 
@@ -71,17 +75,11 @@ def test_samples_and_tables_have_what_the_filters_say(tmp_path: Path) -> None:
         np.testing.assert_allclose(epochs[column], own, rtol=1e-12)  # a sum of 299 equal terms
 
 
-def test_folders_without_a_filter_open_as_before(tmp_path: Path) -> None:
-    """The manifest of a scenario without a filter has no word of one, and its samples no columns."""
-    from mcnav.config.read import parse_campaign
-
-    entries = {
-        "samples": 200,
-        "scenario": {"type": "reentry", "trajectory": 1},
-        "errors": {"range": "1 m"},
-    }
-    run_campaign(parse_campaign(entries, "test.toml", "test"), tmp_path / "run", None, 1)
+def test_folders_without_a_filter_are_as_before(tmp_path: Path) -> None:
+    """Manifest and summary of a scenario without a filter have no word of one, and its samples no columns."""
+    summary = run(tmp_path / "run", 200, filtered=False)
     assert "filter" not in json.loads((tmp_path / "run" / "manifest.json").read_text())["model"]
+    assert not [key for key in summary if "filter" in key]
     assert not (tmp_path / "run" / "filter.parquet").exists()
     assert "nees" not in samples_of(tmp_path / "run")
 
@@ -183,3 +181,18 @@ def test_histories_of_first_samples_come_from_the_chunks(tmp_path: Path, monkeyp
         assert found is not None
         _, _, errors = found
         np.testing.assert_array_equal(errors["position [m]"], again[:, :, 0])
+
+
+def test_damaged_sums_are_refused_in_a_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Sums of another length, and what is no number of samples."""
+    run(tmp_path / "run", 60)
+    folder, manifest = RunFolder(tmp_path / "run"), RunFolder(tmp_path / "run").finished_manifest()
+    sums = read_filter_sums(SCHEMA, folder.chunk_folder, manifest.chunks)
+    assert sums is not None
+    for numbers in (sums.to_numbers()[:-7], np.append(sums.to_numbers()[:-1], np.inf), np.zeros(0)):
+        text = base64.b64encode(zlib.compress(numbers.tobytes())).decode()
+        described = pa.schema([]).with_metadata({MARK: text})
+        monkeypatch.setattr("mcnav.store.filters.pq.read_schema", lambda path, described=described: described)
+        with pytest.raises(RunFolderError, match="sums of filters are damaged"):
+            filter_evidence(folder, manifest, 0)
+        monkeypatch.undo()
