@@ -163,9 +163,9 @@ def store(work: ChunkJob, place: SampleRange, results: Iterable[tuple[Array, Sim
     summary: Summary | None = None
     power_sums: PowerSums | None = None
     filter_sums: FilterSums | None = None
+    followed: Array | None = None
     schema = filter_schema_of(work.engine)
     rows: list[tuple[Array, ...]] = []
-    first_histories: list[Array] = []
     failures: dict[int, Failure] = {}
     tracebacks: dict[int, str] = {}
     for errors, result in results:
@@ -188,18 +188,19 @@ def store(work: ChunkJob, place: SampleRange, results: Iterable[tuple[Array, Sim
             sums = work.engine.history_sums(errors)
         if sums is not None:
             power_sums = sums if power_sums is None else power_sums + sums
+        if schema is not None and result.history is not None and begin < STORED:  # slow: not to be simulated again
+            first_of_it = result.history[: STORED - begin]
+            followed = first_of_it if followed is None else np.concatenate([followed, first_of_it])
         if schema is not None and result.filter_values is not None:
             simulated = np.delete(result.filter_values, list(by_row), axis=0) if by_row else result.filter_values
             piece_sums = FilterSums.of(schema, simulated)
             filter_sums = piece_sums if filter_sums is None else filter_sums + piece_sums
-        if schema is not None and result.history is not None:  # to simulate a filter again would take long
-            first_histories.append(result.history[: max(STORED - begin, 0)].copy())
         failed, fallback_count, begin = (
             failed + len(by_row),
             fallback_count + result.fallback_count,
             begin + len(errors),
         )
-    marks = history_marks(power_sums) | filter_marks(filter_sums) | first_marks(first_histories)
+    marks = history_marks(power_sums) | filter_marks(filter_sums) | first_marks(followed)
     marks |= {} if summary is None else summary.marks(place.begin)
     errors, values, linear, filters = (np.concatenate(columns) for columns in zip(*rows, strict=True))
     totals = ChunkTotals(place.end - place.begin, failed, fallback_count, tracebacks)

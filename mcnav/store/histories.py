@@ -53,33 +53,26 @@ def read_power_sums(pivot: Array, folder: Path, chunks: Sequence[ChunkFile]) -> 
     return total
 
 
-def first_marks(histories: Sequence[Array]) -> dict[str, str]:
-    """Encode histories of a campaign's first samples, each of shape (n, m, outputs), as metadata of a chunk's file."""
-    numbers = [np.ascontiguousarray(each, dtype="<f8").tobytes() for each in histories]
-    return {FIRST_MARK: base64.b64encode(b"".join(numbers)).decode()} if any(numbers) else {}
+def first_marks(histories: Array | None) -> dict[str, str]:
+    """Encode histories of samples, shape (n, m, outputs), as metadata of a chunk's file."""
+    if histories is None or not len(histories):
+        return {}
+    return {FIRST_MARK: base64.b64encode(histories.astype("<f8").tobytes()).decode()}
 
 
-def read_first_histories(
-    folder: Path, chunks: Sequence[ChunkFile], samples: int, epochs: int, outputs: int
-) -> Array | None:
-    """Join the histories of the first samples, at most `STORED` of so many; none unless all chunks have theirs.
-
-    Returns
-    -------
-    ndarray, shape (n, epochs, outputs)
-    """
+def read_first_histories(shape: tuple[int, int], folder: Path, chunks: Sequence[ChunkFile]) -> Array | None:
+    """Read the histories of the first samples, shape (n, m, outputs); none unless all of their chunks have them."""
     found = []
     for chunk in chunks:
         wanted = min(chunk.end, STORED) - chunk.begin
         if wanted <= 0:
             break
-        text = (pq.read_schema(folder / chunk.file).metadata or {}).get(FIRST_MARK.encode())
-        numbers = np.frombuffer(base64.b64decode(text or b""), dtype="<f8")
-        if len(numbers) != wanted * epochs * outputs:
+        text = (pq.read_schema(folder / chunk.file).metadata or {}).get(FIRST_MARK.encode(), b"")
+        numbers = np.frombuffer(base64.b64decode(text), dtype="<f8").astype(float)
+        if len(numbers) != wanted * shape[0] * shape[1]:
             return None
-        found.append(numbers.reshape(wanted, epochs, outputs).astype(float))
-    joined = np.concatenate(found) if found else np.empty((0, epochs, outputs))
-    return joined if len(joined) == min(STORED, samples) else None
+        found.append(numbers.reshape(wanted, *shape))
+    return np.concatenate(found) if found else None
 
 
 def histories_table(epochs: Epochs, outputs: Sequence[Output], histories: Array) -> bytes:

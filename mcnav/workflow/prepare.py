@@ -163,15 +163,8 @@ class PreparedSystem:
             HISTORIES: histories_table(epochs, outputs, histories),
         }
 
-    def _first_histories(self, engine: StochasticEngine, folder: Path, chunks: Sequence[ChunkFile]) -> Array | None:
-        """Return the histories of the first samples, shape (n, m, outputs), from the chunks of samples with filters.
-
-        Others are simulated again, fewer of a user's class.
-        """
-        samples, outputs = max((chunk.end for chunk in chunks), default=0), len(self.scenario.outputs)
-        found = read_first_histories(folder, chunks, samples, len(engine.epochs.times), outputs)
-        if found is not None:
-            return found
+    def _first_histories(self, engine: StochasticEngine) -> Array | None:
+        """Simulate the first samples again for their histories, shape (n, m, outputs); fewer of a user's class."""
         if not isinstance(engine, StochasticUserEngine):
             return engine.simulate(self.draws.batch(0, STORED)).history
         guarded = IsolatedEngine(replace(engine, linear=None), len(self.scenario.outputs), self.timeout)
@@ -188,7 +181,9 @@ class PreparedSystem:
     ) -> dict[str, bytes]:
         errors, outputs, epochs = self.draws.errors, self.scenario.outputs, engine.epochs
         sums = read_power_sums(np.zeros((len(epochs.times), len(outputs))), folder, chunks)
-        histories = self._first_histories(engine, folder, chunks) if len(epochs.times) else None
+        histories = read_first_histories((len(epochs.times), len(outputs)), folder, chunks)
+        if histories is None and len(epochs.times):
+            histories = self._first_histories(engine)
         schema, tables, columns = filter_schema_of(engine), {}, {}
         filter_sums = None if schema is None else read_filter_sums(schema, folder, chunks)
         if schema is not None and filter_sums is not None:
