@@ -61,13 +61,17 @@ def first_marks(histories: Array | None) -> dict[str, str]:
 
 
 def read_first_histories(shape: tuple[int, int], folder: Path, chunks: Sequence[ChunkFile]) -> Array | None:
-    """Read the histories that chunks have of their samples, shape (n, m, outputs); none without any."""
+    """Read the histories of the first samples, shape (n, m, outputs); none unless all of their chunks have them."""
     found = []
     for chunk in chunks:
-        text = (pq.read_schema(folder / chunk.file).metadata or {}).get(FIRST_MARK.encode())
-        if text is None:
+        wanted = min(chunk.end, STORED) - chunk.begin
+        if wanted <= 0:
             break
-        found.append(np.frombuffer(base64.b64decode(text), dtype="<f8").astype(float).reshape(-1, *shape))
+        text = (pq.read_schema(folder / chunk.file).metadata or {}).get(FIRST_MARK.encode(), b"")
+        numbers = np.frombuffer(base64.b64decode(text), dtype="<f8").astype(float)
+        if len(numbers) != wanted * shape[0] * shape[1]:
+            return None
+        found.append(numbers.reshape(wanted, *shape))
     return np.concatenate(found) if found else None
 
 
