@@ -78,7 +78,7 @@ def _nees_panel(found: FilterConsistency, group: GroupConsistency, shaded: Seque
     low, high = group.nees.each.T
     reach = np.concatenate([group.nees.value, low, high, [] if linear is None else linear, group.bounds_together])
     return Panel(
-        f"{group_title(group)}: {group.size} states",
+        f"{group_title(group)}: {_counted(group.size, 'state')}",
         axis(found.label, margin=0.0, link=True),
         _upward("NEES", "", reach),
         [
@@ -90,6 +90,10 @@ def _nees_panel(found: FilterConsistency, group: GroupConsistency, shaded: Seque
             *_curve(FLOWN_MEAN, found.times, group.nees.value),
         ],
     )
+
+
+def _counted(number: int, noun: str) -> str:
+    return f"{number} {noun if number == 1 else f'{noun}s'}"
 
 
 def nis_over_time(content: RunAnalysis) -> Figure | None:
@@ -123,7 +127,7 @@ def nis_over_time(content: RunAnalysis) -> Figure | None:
 
 def _nis_panel(found: FilterConsistency, sensor: SensorConsistency, shaded: Sequence[Span]) -> Panel:
     return Panel(
-        f"{humanize(sensor.name)}: {sensor.size} {'component' if sensor.size == 1 else 'components'}",
+        f"{humanize(sensor.name)}: {_counted(sensor.size, 'component')}",
         axis(found.label, margin=0.0, link=True),
         _upward("NIS", "", np.append(sensor.nis.value, sensor.bounds.ravel())),
         [
