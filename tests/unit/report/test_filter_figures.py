@@ -70,6 +70,16 @@ def test_every_figure_is_whole(draw: Callable[[Any], Figure | None], factor: flo
     assert f"outage of gnss: {OUTAGE[0]:g} to {OUTAGE[1]:g} min" in text
 
 
+def test_matplotlib_draws_them() -> None:
+    """Shaded outages, gaps and logarithmic axes on as many axes as there are panels."""
+    for draw in (nis_over_time, nees_over_time, sigma_ratios_over_time):
+        figure = draw(content(consistency(10.0)))
+        assert figure is not None
+        axes = figure.figure(width=16.0).axes
+        assert [each.get_title(loc="left") for each in axes] == [panel.title for panel in figure.panels]
+        assert [each.get_yscale() == "log" for each in axes] == [panel.y.log for panel in figure.panels]
+
+
 @pytest.mark.parametrize("draw", DRAWINGS)
 def test_nothing_is_drawn_of_nothing(draw: Callable[[Any], Figure | None]) -> None:
     """Neither without a filter nor of statistics that are known at no epoch."""
