@@ -104,8 +104,13 @@ def sentence(found: FilterConsistency) -> str:
     if found.neglected:
         cause = found.neglected[0]
         largest = f"; the largest error that it neglects is {_spoken(cause.name)} ({100.0 * cause.share:.0f} %)"
-    where = GROUPS.get(found.group, _spoken(found.group))
+    where = group_words(found.group)
     return f"The filter is {found.verdict.value} by a factor of {size} in {where}{_when(found)}{largest}."
+
+
+def group_words(group: str) -> str:
+    """Name a group of states in a sentence."""
+    return GROUPS.get(group, _spoken(group))
 
 
 def _inverse(factor: float) -> str:
