@@ -19,7 +19,15 @@ from mcnav.physics.ins.closed_loop import ClosedLoop, own_covariances
 from mcnav.physics.ins.deviations import deviate, locate, navigation_errors
 from mcnav.physics.ins.ensemble import LANES, EnsembleTables, advance, bend, room
 from mcnav.physics.ins.instruments import CONSTANTS
-from mcnav.physics.ins.measurements import ALTITUDE, HEADING, altitude_change, fill_row, heading_change, innovate
+from mcnav.physics.ins.measurements import (
+    ALTITUDE,
+    BODY_VELOCITY,
+    HEADING,
+    altitude_change,
+    fill_row,
+    heading_change,
+    innovate,
+)
 from mcnav.physics.ins.noise import IMU_STREAM, draw_normals
 from mcnav.physics.jit import compiled, uncontracted
 
@@ -512,7 +520,7 @@ def _innovate(
     innovation: Array, full: Array,
 ) -> None:  # fmt: skip
     """Compute the innovations of the samples and their responses to errors, about each sample's own attitude."""
-    psi, velocity, away, row = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(9)
+    psi, velocity, away, arm, row = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(9)
     over, turned = np.zeros((3, 3)), np.zeros((3, 3))
     spin = constants[3]
     for i in range(LANES):
@@ -528,7 +536,13 @@ def _innovate(
             velocity[r], away[r] = z[3 + r, i], z[6 + r, i]
         for q in range(m):
             kind = kinds[u, q]
-            fill_row(kind, directions[u, q], arms[u, q], spin, turned, row)
+            for r in range(3):
+                arm[r] = arms[u, q, r]
+            if kind == BODY_VELOCITY:  # the navigator's own velocity over the earth
+                arm[0] += velocity[0] + spin * away[1]
+                arm[1] += velocity[1] - spin * away[0]
+                arm[2] += velocity[2]
+            fill_row(kind, directions[u, q], arm, spin, turned, row)
             for j in range(bounds[u, q, 0], bounds[u, q, 1]):
                 full[q, j, i] = row[j]
             if kind == ALTITUDE:
