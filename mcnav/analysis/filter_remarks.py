@@ -62,8 +62,7 @@ def _on_records(means: FilterMeans) -> Iterator[str]:
 def _on_zero_variances(sigmas: Sequence[SigmaConsistency]) -> Iterator[str]:
     """Yield which errors the filter believes to be zero."""
     for each in sigmas:
-        wrong = (each.filter <= 0.0) & (each.true > 0.0)
-        if wrong.any():
+        if each.overlooked.any():
             yield f"The filter has no variance of {_spoken(each.name)} where its error is not zero."
 
 

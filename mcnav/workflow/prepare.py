@@ -110,7 +110,7 @@ class PreparedSystem:
 
         if isinstance(scenario, StochasticScenario) and not _without_noise(scenario):
             engine = _guarded(scenario, self.engine, self.timeout)
-            return noise_corrections(engine, draws.errors, self.model.processes or {})
+            return noise_corrections(engine, draws.errors, self.model.processes or {}, draws.samples)
         with _scenario_errors(self.file):
             budget = simulated_budgets(
                 first_engine, draws.errors, self.model.partials, draws.design, draws.seed, draws.samples
