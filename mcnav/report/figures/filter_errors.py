@@ -81,7 +81,7 @@ def _complete(histories: Mapping[str, Array], each: SigmaConsistency) -> Array:
 def _panel(
     found: FilterConsistency, each: SigmaConsistency, times: Array, histories: Array, shaded: Sequence[Span]
 ) -> Panel:
-    marks: list[Mark] = [*shaded, *(Line(SAMPLES, times, history, 0.7) for history in histories)]
+    marks: list[Mark] = [*shaded, *(Line(SAMPLES, times, history, 0.7, silent=True) for history in histories)]
     for whose, values in sigmas(each).items():
         width = 2.3 if whose == "linear" else 1.9
         marks += [Line(SIGMAS[whose], found.times, sign * MULTIPLE * values, width) for sign in (-1.0, 1.0)]
