@@ -99,9 +99,8 @@ def sentence(found: FilterConsistency) -> str:
     if found.neglected:
         cause = found.neglected[0]
         largest = f"; the largest error that it neglects is {_spoken(cause.name)} ({100.0 * cause.share:.0f} %)"
-    return (
-        f"The filter is {found.verdict.value} by a factor of {size} in {_spoken(found.group)}{_when(found)}{largest}."
-    )
+    group = "all states" if found.group == "all" else _spoken(found.group)
+    return f"The filter is {found.verdict.value} by a factor of {size} in {group}{_when(found)}{largest}."
 
 
 def _inverse(factor: float) -> str:
