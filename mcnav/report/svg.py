@@ -260,7 +260,7 @@ class _Plot:
                 scale = self.y if mark.level else self.x
                 low, high = (float(scale(end)) for end in (mark.low, mark.high))
                 across = (self.left, high, self.right, low) if mark.level else (low, self.top, high, self.bottom)
-                path = _fill(rectangle(*across), mark.series, 1.0, "")
+                path = _fill(rectangle(*across), mark.series, mark.opacity, "")
                 return path.replace("/>", f">{_titled(mark.text)}</path>") if mark.text else path
             case m.Rule():
                 return self._rule(mark)

@@ -163,7 +163,7 @@ def filter_evidence(folder: RunFolder, manifest: Manifest, failed: int) -> Filte
         true = read_power_sums(np.zeros((len(record.times), len(outputs))), folder.chunk_folder, chunks)
         if sums is not None and len(sums.counts) != len(record.times) + 1:
             raise ValueError(f"{len(sums.counts) - 1} epochs in place of {len(record.times)}")
-    except (OSError, ValueError, pa.ArrowException, zlib.error) as failure:
+    except (OSError, ValueError, OverflowError, pa.ArrowException, zlib.error) as failure:
         raise RunFolderError(f"{folder.chunk_folder}: sums of filters are damaged ({failure})") from None
     return FilterEvidence(
         label=record.label,

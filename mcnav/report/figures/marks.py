@@ -181,6 +181,7 @@ class Span:
     high: float
     level: bool = False
     text: str = ""
+    opacity: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
