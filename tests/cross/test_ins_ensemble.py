@@ -101,12 +101,23 @@ TRAJECTORIES: dict[str, dict[str, Any]] = {
             "segments": [{"turn": "180 deg"}, {"climb": "2 km"}, {"turn": "-270 deg", "bank": "40 deg"}],
         }
     },
+    "boost": {
+        "trajectory": {
+            "boost": {
+                **{"latitude": "28.5 deg", "longitude": "-80.5 deg", "azimuth": "90 deg", "coast": "60 s"},
+                "stages": [
+                    {"acceleration": "13 m/s^2", "last": "35 m/s^2", "burn": "120 s"},
+                    {"acceleration": "12 m/s^2", "last": "30 m/s^2", "burn": "150 s", "pause": "3 s"},
+                ],
+            }
+        }
+    },
 }
 
 
 @pytest.mark.parametrize("kind", TRAJECTORIES)
 def test_engines_agree_on_other_trajectories(kind: str) -> None:
-    """A reentry with an inertial platform, and steep turns: to 1e-5 of each output's linear sigma at every epoch."""
+    """A reentry with an inertial platform, steep turns, a boost: to 1e-5 of each linear sigma at every epoch."""
     scenario = parse_campaign({"scenario": {"type": "ins", **TRAJECTORIES[kind]}, "errors": {}}, "a.toml", "a").scenario
     assert isinstance(scenario, Ins)
     errors = draws(DRAWS)
