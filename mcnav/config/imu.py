@@ -7,7 +7,7 @@ A value holds for each axis. A list gives the axes one by one (three, or for mis
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, Final
 
 import numpy as np
@@ -16,6 +16,7 @@ from mcnav._types import Array
 from mcnav.config.axes import read_axes
 from mcnav.config.context import FileContext
 from mcnav.config.imu_catalogue import INSTABILITY, KINDS, catalogue
+from mcnav.config.quantization import QUANTIZATION, read_quantization
 from mcnav.errors import suggestion
 from mcnav.physics.ins.instruments import AXES, CROSS_AXES, Imu, Noise
 
@@ -24,9 +25,6 @@ ALLAN_MINIMUM: Final = 0.61736
 
 SHORTEST_CORRELATION: Final = 0.1
 """Shortest correlation time, s: below it a process is white noise, and is to be given as such."""
-
-NOT_MODELLED: Final = "quantization"
-"""Kind of error that the catalogue lists and the navigator does not have."""
 
 WALKS: Final = {"gyro": "angle_random_walk", "accelerometer": "velocity_random_walk"}
 
@@ -68,15 +66,13 @@ def read_imu(entries: object, context: FileContext, place: str = "imu", replaced
         if not isinstance(table, dict):
             context.problem(key, "expected a table")
             continue
-        known = sorted({name.partition(".")[0] for name in kinds} - {NOT_MODELLED})
+        known = sorted({name.partition(".")[0] for name in kinds})
         for name in table:
-            if name == NOT_MODELLED:
-                context.problem(f"{key}.{name}", "is not modelled; leave it out")
-            elif name not in known:
+            if name not in known:
                 context.problem(f"{key}.{name}", f"unknown key{suggestion(name, known)}")
         walk = WALKS[instrument]
         for name in (each for each in known if each in table and "." not in each):
-            if name in (walk, "rate_random_walk", INSTABILITY):
+            if name in (walk, "rate_random_walk", INSTABILITY, QUANTIZATION):
                 continue
             axes = CROSS_AXES if name == "misalignment" else AXES
             sizes = read_axes(table[name], kinds[name], axes, f"{key}.{name}", context, missing)
@@ -90,7 +86,11 @@ def read_imu(entries: object, context: FileContext, place: str = "imu", replaced
 
         below = None if replaced is None else getattr(replaced, instrument)
         instability = _read_instability(table.get(INSTABILITY), kinds, f"{key}.{INSTABILITY}", context, below)
-        noises[instrument] = _replace(Noise(process(walk), *instability, process("rate_random_walk")), below)
+        counted = read_quantization(
+            table.get(QUANTIZATION), kinds, f"{key}.{QUANTIZATION}", context, replaced is not None
+        )
+        noise = Noise(process(walk), *instability, process("rate_random_walk"), *counted)
+        noises[instrument] = _replace(noise, below)
     if len(context.problems) > before:
         return None
     return ImuSizes(sigmas, Imu(noises["gyro"], noises["accelerometer"]))
@@ -100,8 +100,7 @@ def _replace(noise: Noise, replaced: Noise | None) -> Noise:
     """Put values in place of those that are missing."""
     if replaced is None:
         return noise
-    names = ("random_walk", "instability", "correlation_time", "rate_random_walk")
-    pairs = ((getattr(noise, name), getattr(replaced, name)) for name in names)
+    pairs = ((getattr(noise, each.name), getattr(replaced, each.name)) for each in fields(Noise))
     return Noise(*(np.where(np.isnan(found), below, found) for found, below in pairs))
 
 
@@ -116,10 +115,7 @@ def _with_grade(entries: Mapping[str, Any], place: str, context: FileContext) ->
     if not isinstance(grade, str) or grade not in known:
         context.problem(f"{place}.grade", f"got {grade!r}{suggestion(str(grade), list(known))}; mcnav imu lists them")
         return dict(entries)
-    below = {
-        instrument: {name: value for name, value in known[grade].get(instrument, {}).items() if name != NOT_MODELLED}
-        for instrument in KINDS
-    }
+    below = {instrument: known[grade].get(instrument, {}) for instrument in KINDS}
     above = {instrument: table for instrument, table in entries.items() if instrument in KINDS}
     return below | {
         instrument: {**below[instrument], **table} if isinstance(table, dict) else table

@@ -28,7 +28,7 @@ from mcnav.physics.ins.ensemble import tabulate
 from mcnav.physics.ins.error_filter import NAVIGATION, FilterModel
 from mcnav.physics.ins.instruments import CONSTANTS, OUTPUTS, Imu, process_sizes
 from mcnav.physics.ins.linear_noise import respond_from_rest
-from mcnav.physics.ins.mechanization import Diverged
+from mcnav.physics.ins.mechanization import Diverged, longest_step
 from mcnav.physics.ins.sample_noise import SampleNoise
 from mcnav.physics.ins.truth import Platform, Truth
 from mcnav.scenarios.failure import Failure, Reason
@@ -253,7 +253,7 @@ class AidedReferenceEngine:
         end = float(navigation.times[-1])
         return AidedMechanization(
             navigation.truth, navigation.platform, navigation.start, end, navigation.times, navigation.sensors,
-            navigation.filter,
+            navigation.filter, longest_step(navigation.imu),
         )  # fmt: skip
 
     @cached_property

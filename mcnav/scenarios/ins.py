@@ -24,7 +24,7 @@ from mcnav.physics.ins.error_filter import FilterModel
 from mcnav.physics.ins.fine_noise import draw_noise
 from mcnav.physics.ins.instruments import CONSTANTS, OUTPUTS, PROCESSES, Imu, process_sizes
 from mcnav.physics.ins.linear_noise import NoiseResponse
-from mcnav.physics.ins.mechanization import Diverged, Mechanization
+from mcnav.physics.ins.mechanization import Diverged, Mechanization, longest_step
 from mcnav.physics.ins.response import respond
 from mcnav.physics.ins.truth import Platform, Truth
 from mcnav.scenarios.aided import (
@@ -79,9 +79,11 @@ PROCESS_UNITS: Final = {
     "gyro_angle_random_walk": ("rad/sqrt(s)", "deg/sqrt(h)"),
     "gyro_bias_instability": ("rad/s", "deg/h"),
     "gyro_rate_random_walk": ("rad/s/sqrt(s)", "deg/h/sqrt(h)"),
+    "gyro_quantization": ("rad", "arcsec"),
     "accelerometer_velocity_random_walk": ("m/s/sqrt(s)", "m/s/sqrt(h)"),
     "accelerometer_bias_instability": ("m/s^2", "ug"),
     "accelerometer_rate_random_walk": ("m/s^2/sqrt(s)", "ug/sqrt(h)"),
+    "accelerometer_quantization": ("m/s", "m/s"),
 }
 """SI unit and unit shown of each kind of process."""
 
@@ -258,7 +260,10 @@ class ReferenceEngine:
     def mechanization(self) -> Mechanization:
         """The navigator."""
         navigation = self.navigation
-        return Mechanization(navigation.truth, navigation.platform, navigation.start, navigation.end, navigation.times)
+        return Mechanization(
+            navigation.truth, navigation.platform, navigation.start, navigation.end, navigation.times,
+            longest_step(navigation.imu),
+        )  # fmt: skip
 
     @cached_property
     def _response(self) -> NoiseResponse:

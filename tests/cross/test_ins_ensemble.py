@@ -20,7 +20,7 @@ from mcnav.physics.ins.ensemble import simulate_given, tabulate
 from mcnav.physics.ins.fine_noise import draw_noise
 from mcnav.physics.ins.instruments import CONSTANTS, Imu, Noise
 from mcnav.physics.ins.linear_noise import respond_from_rest
-from mcnav.physics.ins.mechanization import Mechanization
+from mcnav.physics.ins.mechanization import Mechanization, longest_step
 from mcnav.physics.ins.response import respond
 from mcnav.physics.ins.truth import Platform
 from mcnav.scenarios.ins import Ins, Navigation
@@ -40,9 +40,20 @@ SIGMAS = np.array([next(size for kind, size in SIZES.items() if name.startswith(
 
 WALK = Imu(Noise(random_walk=np.full(3, 0.002 * np.radians(1.0) / 60.0)), Noise(random_walk=np.full(3, 0.0118 / 60.0)))
 FULL = Imu(
-    Noise(WALK.gyro.random_walk, np.full(3, 0.003 * DEG_PER_HOUR), np.full(3, 3600.0), np.full(3, 1e-11)),
-    Noise(WALK.accelerometer.random_walk, np.full(3, 5.0 * MICRO_G), np.full(3, 600.0), np.full(3, 1e-8)),
+    Noise(
+        WALK.gyro.random_walk, np.full(3, 0.003 * DEG_PER_HOUR), np.full(3, 3600.0), np.full(3, 1e-11),
+        np.full(3, 5e-6), np.full(3, 0.1),
+    ),
+    Noise(
+        WALK.accelerometer.random_walk, np.full(3, 5.0 * MICRO_G), np.full(3, 600.0), np.full(3, 1e-8),
+        np.full(3, 1e-3), np.full(3, 0.1),
+    ),
+)  # fmt: skip
+COUNTED = Imu(
+    Noise(quantization=np.full(3, 2e-7), quantization_interval=np.full(3, 0.02)),
+    Noise(quantization=np.full(3, 1e-3), quantization_interval=np.full(3, 0.05)),
 )
+"""Nothing but quantization: its coning, which the ensemble leaves out, is Q sqrt(n) / 2 of the sigma in n readings."""
 
 DRAWS = 67
 """On each platform: 201 in all."""
@@ -90,12 +101,23 @@ TRAJECTORIES: dict[str, dict[str, Any]] = {
             "segments": [{"turn": "180 deg"}, {"climb": "2 km"}, {"turn": "-270 deg", "bank": "40 deg"}],
         }
     },
+    "boost": {
+        "trajectory": {
+            "boost": {
+                **{"latitude": "28.5 deg", "longitude": "-80.5 deg", "azimuth": "90 deg", "coast": "60 s"},
+                "stages": [
+                    {"acceleration": "13 m/s^2", "last": "35 m/s^2", "burn": "120 s"},
+                    {"acceleration": "12 m/s^2", "last": "30 m/s^2", "burn": "150 s", "pause": "3 s"},
+                ],
+            }
+        }
+    },
 }
 
 
 @pytest.mark.parametrize("kind", TRAJECTORIES)
 def test_engines_agree_on_other_trajectories(kind: str) -> None:
-    """A reentry with an inertial platform, and steep turns: to 1e-5 of each output's linear sigma at every epoch."""
+    """A reentry with an inertial platform, steep turns, a boost: to 1e-5 of each linear sigma at every epoch."""
     scenario = parse_campaign({"scenario": {"type": "ins", **TRAJECTORIES[kind]}, "errors": {}}, "a.toml", "a").scenario
     assert isinstance(scenario, Ins)
     errors = draws(DRAWS)
@@ -108,22 +130,24 @@ def test_engines_agree_on_other_trajectories(kind: str) -> None:
     assert (np.abs(own - other)[:, 1:] / sigma[1:]).max() < 1e-5
 
 
-def test_engines_agree_on_the_same_noise() -> None:
+@pytest.mark.parametrize("imu", [WALK, COUNTED], ids=["random walks", "quantization"])
+def test_engines_agree_on_the_same_noise(imu: Imu) -> None:
     """Fed with one sequence of fine noise, to 1e-4 of each output's linear sigma.
 
     Each step of the ensemble takes what the fine noise within it adds to the linear system from rest.
     """
-    where = navigation(imu=WALK, end=900.0)
+    where = navigation(imu=imu, end=900.0)
     times = np.linspace(where.start, where.end, 241)
-    fine = Mechanization(where.truth, where.platform, where.start, where.end, np.array([where.end]))
+    fine = Mechanization(where.truth, where.platform, where.start, where.end, np.array([where.end]), longest_step(imu))
     tables = tabulate(
-        where.truth, where.platform, respond(where.truth, where.platform, times, WALK), WALK, np.array([240])
+        where.truth, where.platform, respond(where.truth, where.platform, times, imu), imu, np.array([240])
     )
     errors = draws(6)
     added, reference = [], []
     for row in range(len(errors)):
-        gyro, accelerometer = draw_noise(WALK, fine.step_times, 5, row)
-        added.append(respond_from_rest(where.truth, where.platform, fine.step_times, times, gyro, accelerometer))
+        gyro, accelerometer = draw_noise(imu, fine.step_times, 5, row)
+        each = respond_from_rest(where.truth, where.platform, fine.step_times, times, gyro, accelerometer)
+        added.append(np.pad(each, [(0, 0), (0, len(tables.sizes))]))  # no biases
         reference.append(fine.simulate(errors[row], gyro, accelerometer)[-1])
     found = simulate_given(where.truth, where.start, tables, errors, np.array(added))
     linear = where.linear
@@ -163,7 +187,12 @@ def test_samples_follow_the_linear_covariance() -> None:
     tiny = Imu(
         *(
             Noise(
-                scale * each.random_walk, scale * each.instability, each.correlation_time, scale * each.rate_random_walk
+                scale * each.random_walk,
+                scale * each.instability,
+                each.correlation_time,
+                scale * each.rate_random_walk,
+                scale * each.quantization,
+                each.quantization_interval,
             )
             for each in (FULL.gyro, FULL.accelerometer)
         )

@@ -8,7 +8,7 @@ import numpy as np
 
 from mcnav._types import Array, IndexArray
 from mcnav.physics.ins.earth import local_axes
-from mcnav.physics.ins.instruments import CONSTANTS, PROCESSES, Imu, process_sizes
+from mcnav.physics.ins.instruments import CONSTANTS, PROCESSES, Imu, Noise, process_sizes
 from mcnav.physics.ins.response import StepResponses
 from mcnav.physics.ins.truth import Truth
 
@@ -114,7 +114,34 @@ def process_systems(responses: StepResponses, imu: Imu) -> dict[str, tuple[Array
             response[:, first:9], response[:, 9] = walk[:, axis], 1.0
             covariance[:, first:, first:] = noise.rate_random_walk[axis] ** 2 * walked[:, axis]
             found[next(names)] = (response, covariance, np.zeros(()))
+        for axis in range(3):
+            found[next(names)] = _quantization(responses, noise, axis, first)
     return {name: found[name] for name in process_sizes(imu)}
+
+
+def _quantization(responses: StepResponses, noise: Noise, axis: int, first: int) -> tuple[Array, Array, Array]:
+    """Return the system of one instrument's quantization: the bias is the error of the present reading.
+
+    A step takes back the error of the reading at its beginning, and adds that of the reading at its end.
+
+    Parameters
+    ----------
+    first : int
+        First of the deviations that the reading is part of: 0 for psi, 3 for v.
+    """
+    steps = len(responses.attitude)
+    response, covariance = np.zeros((steps, 10)), np.zeros((steps, 10, 10))
+    size, between = (
+        noise.quantization[axis],
+        responses.gyro_quantized if first == 0 else responses.accelerometer_quantized,
+    )
+    covariance[:, first:9, first:9] = size**2 * noise.quantization_interval[axis] * between[:, axis]
+    reading = np.zeros((steps, 10))
+    reading[:, first : first + 3], reading[:, 9] = responses.axes[1:, :, axis], 1.0
+    covariance += size**2 * reading[:, :, None] * reading[:, None, :]
+    over = transitions(responses)[:, :, first : first + 3]
+    response[:, :9] = -np.einsum("krc,kc->kr", over, responses.axes[:-1, :, axis])
+    return response, covariance, np.asarray(size**2)
 
 
 def biased_processes(responses: StepResponses, imu: Imu) -> tuple[str, ...]:

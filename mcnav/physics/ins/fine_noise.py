@@ -17,6 +17,9 @@ from mcnav.physics.jit import compiled
 SERIES_BELOW: Final = 0.1
 """Duration, in correlation times, below which the variance of a mean is a series: 1e-12 of it is lost at most."""
 
+SAME_READING: Final = 1e-6
+"""Instants that are no further apart are one, in intervals between readings."""
+
 _ORDERS: Final = np.arange(3, 13)
 _FACTORIALS: Final = np.cumprod(np.arange(1.0, _ORDERS[-1] + 1.0))[_ORDERS - 1]
 _SERIES: Final = (-1.0) ** _ORDERS * (4.0 - 2.0**_ORDERS) / _FACTORIALS
@@ -38,8 +41,8 @@ def draw_noise(imu: Imu, step_times: Array, seed: int, index: int) -> tuple[Arra
     tuple of ndarray, shape (S, 3)
         Of the gyros, rad/s, and of the accelerometers, m/s^2.
     """
-    durations = np.diff(step_times)
-    return _drawn(imu.gyro, durations, (seed, index), 0), _drawn(imu.accelerometer, durations, (seed, index), 1)
+    key = (seed, index)
+    return _drawn(imu.gyro, step_times, key, 0), _drawn(imu.accelerometer, step_times, key, 1)
 
 
 def process_values(imu: Imu, step_times: Array, at: IndexArray, seed: int, index: int) -> dict[str, Array]:
@@ -71,8 +74,9 @@ def process_values(imu: Imu, step_times: Array, at: IndexArray, seed: int, index
     return found
 
 
-def _drawn(noise: Noise, durations: Array, key: tuple[int, int], instrument: int) -> Array:
+def _drawn(noise: Noise, step_times: Array, key: tuple[int, int], instrument: int) -> Array:
     """Add up the processes of three instruments, shape (S, 3)."""
+    durations = np.diff(step_times)
     total = np.zeros((len(durations), 3))
     for axis in range(3):
         if noise.random_walk[axis] > 0.0:
@@ -86,7 +90,22 @@ def _drawn(noise: Noise, durations: Array, key: tuple[int, int], instrument: int
             variates = _walk_variates(key, instrument, axis, len(durations))
             unit = _means(*_random_walk(durations), 0.0, variates)
             total[:, axis] += noise.rate_random_walk[axis] * unit
+        if noise.quantization[axis] > 0.0:
+            generator = _generator(key, instrument, 0, axis, part=1)
+            errors = _accumulated_errors(step_times, noise.quantization_interval[axis], generator)
+            total[:, axis] += noise.quantization[axis] * np.diff(errors) / durations
     return total
+
+
+def _accumulated_errors(step_times: Array, interval: float, generator: np.random.Generator) -> Array:
+    """Draw errors of unit sigma of what readings add up to, at the boundaries of steps, shape (S + 1,).
+
+    Readings are taken at each interval from the first boundary on; the navigator has what they add up to grow evenly
+    from one to the next.
+    """
+    elapsed = (step_times - step_times[0]) / interval
+    errors = generator.standard_normal(int(np.ceil(elapsed[-1] + SAME_READING)) + 1)
+    return np.asarray(np.interp(elapsed, np.arange(len(errors)), errors))
 
 
 def _instability_variates(key: tuple[int, int], instrument: int, axis: int, steps: int) -> tuple[float, Array]:
@@ -100,10 +119,10 @@ def _walk_variates(key: tuple[int, int], instrument: int, axis: int, steps: int)
     return _generator(key, instrument, 2, axis).standard_normal((steps, 2))
 
 
-def _generator(key: tuple[int, int], instrument: int, process: int, axis: int) -> np.random.Generator:
-    """Make the generator of one process, whose number is the counter's highest word."""
+def _generator(key: tuple[int, int], instrument: int, process: int, axis: int, part: int = 0) -> np.random.Generator:
+    """Make the generator of one process, whose number is the counter's two highest words."""
     stream = 9 * instrument + 3 * process + axis
-    words = np.array([0, 0, 0, stream], dtype=np.uint64)
+    words = np.array([0, 0, part, stream], dtype=np.uint64)
     return np.random.Generator(np.random.Philox(counter=words, key=np.array(key, dtype=np.uint64)))
 
 

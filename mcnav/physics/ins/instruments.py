@@ -47,6 +47,10 @@ CONSTANTS: Final = (*OUTPUTS, *GYRO, *ACCELEROMETER)
 """Constant error sources in order."""
 
 
+READING_INTERVAL: Final = 0.01
+"""Usual interval between readings of an instrument, s."""
+
+
 def _nothing() -> Array:
     return np.zeros(3)
 
@@ -65,12 +69,19 @@ class Noise:
         Of that process, s; positive.
     rate_random_walk : ndarray
         K of a bias whose sigma is K sqrt(t). rad/s/sqrt(s), or m/s^2/sqrt(s).
+    quantization : ndarray
+        Q, the sigma of a white error of the accumulated angle or velocity (IEEE Std 952: an Allan deviation of
+        sqrt(3) Q / tau); 1/sqrt(12) of a step in which it is counted. rad, or m/s.
+    quantization_interval : ndarray
+        Interval between readings, each with a new such error, s; positive.
     """
 
     random_walk: Array = field(default_factory=_nothing)
     instability: Array = field(default_factory=_nothing)
     correlation_time: Array = field(default_factory=lambda: np.full(3, 3600.0))
     rate_random_walk: Array = field(default_factory=_nothing)
+    quantization: Array = field(default_factory=_nothing)
+    quantization_interval: Array = field(default_factory=lambda: np.full(3, READING_INTERVAL))
 
 
 @dataclass(frozen=True)
@@ -80,11 +91,22 @@ class Imu:
     gyro: Noise = field(default_factory=Noise)
     accelerometer: Noise = field(default_factory=Noise)
 
+    @property
+    def quantized(self) -> bool:
+        """Whether an instrument has quantization."""
+        return bool(self.gyro.quantization.any() or self.accelerometer.quantization.any())
+
+    @property
+    def shortest_reading(self) -> float:
+        """Shortest interval between readings of the instruments with quantization, s; infinite without."""
+        pairs = ((each.quantization, each.quantization_interval) for each in (self.gyro, self.accelerometer))
+        return min(float(np.where(size > 0.0, interval, np.inf).min()) for size, interval in pairs)
+
 
 PROCESSES: Final = tuple(
     f"{instrument}_{kind}_{axis}"
     for instrument, walk in (("gyro", "angle_random_walk"), ("accelerometer", "velocity_random_walk"))
-    for kind in (walk, "bias_instability", "rate_random_walk")
+    for kind in (walk, "bias_instability", "rate_random_walk", "quantization")
     for axis in AXES
 )
 """Names of all processes in order."""
@@ -95,7 +117,7 @@ def process_sizes(imu: Imu) -> dict[str, float]:
     sizes = [
         size
         for noise in (imu.gyro, imu.accelerometer)
-        for each in (noise.random_walk, noise.instability, noise.rate_random_walk)
+        for each in (noise.random_walk, noise.instability, noise.rate_random_walk, noise.quantization)
         for size in each
     ]
     return {name: float(size) for name, size in zip(PROCESSES, sizes, strict=True) if size > 0.0}

@@ -26,7 +26,7 @@ import numpy as np
 
 from mcnav._types import Array, IndexArray
 from mcnav.physics.ins.collocation import NODES, REASONS, STATE, WENT_ON, navigate
-from mcnav.physics.ins.instruments import ACCELEROMETER, CONSTANTS, GYRO, OUTPUTS
+from mcnav.physics.ins.instruments import ACCELEROMETER, CONSTANTS, GYRO, OUTPUTS, Imu
 from mcnav.physics.ins.navigation_errors import EarthFixedStates, indicated_state, navigation_errors
 from mcnav.physics.ins.normal_field import field_constants, normal_gravitation_at
 from mcnav.physics.ins.truth import Platform, Truth
@@ -234,6 +234,11 @@ class Mechanization:
         felt = acceleration - normal_gravitation_at(self.gravitation, state.position)
         rate = self.truth.states(times, self.platform, self.start).rate
         return np.concatenate([rate, np.einsum("nji,nj->ni", state.axes, felt)], axis=-1)
+
+
+def longest_step(imu: Imu) -> float:
+    """Return the longest step for an inertial measurement unit, s: an interval between readings with quantization."""
+    return min(LONGEST_STEP, imu.shortest_reading)
 
 
 def _turn_error(rates: Array, widths: Array) -> Array:

@@ -47,12 +47,32 @@ def _refined(motion: Motion, begin: float, end: float) -> list[float]:
 
 def _error(motion: Motion, begin: float, end: float) -> float:
     """Compare the acceleration of the quintic between two rows with the motion at three instants."""
-    from scipy.interpolate import BPoly
-
     between = np.linspace(begin, end, 5)[1:-1]
-    quintic = BPoly.from_derivatives([begin, end], [motion(begin), motion(end)])
+    quintic = quintic_spline(np.array([begin, end]), np.array([motion(begin), motion(end)]))
     actual = np.array([motion(float(time))[2] for time in between])
     return float(np.max(np.abs(quintic(between, 2) - actual)))
+
+
+def quintic_spline(times: Array, motions: NDArray[Any]) -> PPoly:
+    """Interpolate positions, velocities and accelerations, shape (n, 3, ...), between n times.
+
+    A piece is its first row's motion at constant acceleration, and three powers for what the next row has beyond it.
+    The velocities of two pieces therefore meet to the rounding of velocities, in rows however dense; the coefficients
+    of Bernstein's basis are positions, whose rounding, 1e-9 m on the earth, is a velocity in short steps.
+    """
+    from scipy.interpolate import PPoly
+
+    position, velocity, acceleration = motions.swapaxes(0, 1)
+    h = np.diff(times).reshape(-1, *(1 for _ in position.shape[1:]))
+    moved = np.diff(position, axis=0) - (velocity[:-1] + 0.5 * acceleration[:-1] * h) * h
+    gained = np.diff(velocity, axis=0) - acceleration[:-1] * h
+    risen = np.diff(acceleration, axis=0)
+    powers = (
+        (6.0 * moved - 3.0 * gained * h + 0.5 * risen * h**2) / h**5,
+        (-15.0 * moved + 7.0 * gained * h - risen * h**2) / h**4,
+        (10.0 * moved - 4.0 * gained * h + 0.5 * risen * h**2) / h**3,
+    )
+    return PPoly(np.stack([*powers, 0.5 * acceleration[:-1], velocity[:-1], position[:-1]]), times)
 
 
 def earth_fixed_quintic(earth: Earth, times: Array, motions: Array) -> PPoly:
@@ -60,11 +80,9 @@ def earth_fixed_quintic(earth: Earth, times: Array, motions: Array) -> PPoly:
 
     Inertial and earth-fixed axes coincide at the first of the times.
     """
-    from scipy.interpolate import BPoly, PPoly
-
     position, velocity, acceleration = motions.transpose(1, 0, 2)
     spin = np.array([0.0, 0.0, earth.rotation_rate])
     relative = velocity - np.cross(spin, position)
     fixed = np.stack([position, relative, acceleration - np.cross(spin, velocity + relative)], axis=1)
     rotated = np.einsum("nji,nkj->nki", earth.turned(times - times[0]), fixed)
-    return PPoly.from_bernstein_basis(BPoly.from_derivatives(times, rotated))
+    return quintic_spline(times, rotated)

@@ -9,6 +9,14 @@ The errors of the instruments, dw and df, are linear in the constant errors, so 
 table; for white noise and the biases it drives it is a covariance. The tables are integrals over the truth at its own
 rate, whatever the length of the step: a backward recursion of the response at the step's end, by the two-stage Gauss
 method on intervals in which the truth is smooth (order 4).
+
+Quantization is white noise n of the accumulated angle, dw = n', and m of the accumulated velocity, df = m'. Without
+the errors C n and C m of the present readings, the deviations have no derivative of noise in them (Savage 2002,
+*Analytical modeling of sensor quantization in strapdown inertial navigation error equations*)::
+
+    (psi - C n)' = -C (w x n)        (v - C m)' = (C n) x F - C (w x m) + ...        x' = (v - C m) + C m
+
+so that n and m drive them like white noise of density Q^2 times the interval between readings.
 """
 
 from __future__ import annotations
@@ -61,6 +69,11 @@ class StepResponses:
         Covariance, together with the bias, from white noise of unit density that drives the Gauss-Markov bias, and the
         rate random walk.
     accelerometer_driven, accelerometer_walked : ndarray, shape (K, 3, 7, 7)
+    gyro_quantized, accelerometer_quantized : ndarray, shape (K, 3, 9, 9), (K, 3, 6, 6)
+        Covariance from quantization of unit density without that of the readings at both ends; zero if no instrument
+        has any.
+    axes : ndarray, shape (K + 1, 3, 3)
+        From instruments' to inertial axes at the times.
     """
 
     times: Array
@@ -79,6 +92,9 @@ class StepResponses:
     gyro_walked: Array
     accelerometer_driven: Array
     accelerometer_walked: Array
+    gyro_quantized: Array
+    accelerometer_quantized: Array
+    axes: Array
 
 
 def intervals_of(truth: Truth, times: Array, longest: float) -> Array:
@@ -106,14 +122,15 @@ def respond(truth: Truth, platform: Platform, times: Array, imu: Imu) -> StepRes
     steps = len(times) - 1
     shapes = (
         (6, 3), (6, 6), (6, 3, 3), (15, 9), (15, 6), (3, 9), (3, 9), (3, 6), (3, 6),
-        (3, 9, 9), (3, 6, 6), (3, 10, 10), (3, 10, 10), (3, 7, 7), (3, 7, 7),
+        (3, 9, 9), (3, 6, 6), (3, 10, 10), (3, 10, 10), (3, 7, 7), (3, 7, 7), (3, 9, 9), (3, 6, 6),
     )  # fmt: skip
     found = tuple(np.zeros((steps, *shape)) for shape in shapes)
     _respond(
         np.searchsorted(bounds, times), lengths, states.axes.reshape(-1, 2, 3, 3), states.force.reshape(-1, 2, 3),
-        states.rate.reshape(-1, 2, 3), gradient, constants, _ROW, _COLUMN, *found,
+        states.rate.reshape(-1, 2, 3), gradient, constants, _ROW, _COLUMN, imu.quantized, *found,
     )  # fmt: skip
-    return StepResponses(times, *found)
+    at_times = truth.states(times, platform, float(times[0]))
+    return StepResponses(times, *(*found, at_times.axes))
 
 
 @inlined
@@ -150,17 +167,17 @@ def _advance_motion(of_v: Array, of_x: Array, gradient: Array, s: float, out_v: 
 @compiled
 def _respond(
     begins: IndexArray, lengths: Array, axes: Array, forces: Array, rates: Array, gradients: Array, correlation: Array,
-    row: IndexArray, column: IndexArray, attitude: Array, motion: Array, force: Array, gyro: Array,
+    row: IndexArray, column: IndexArray, quantized: bool, attitude: Array, motion: Array, force: Array, gyro: Array,
     accelerometer: Array, gyro_state: Array, gyro_walk: Array, accelerometer_state: Array, accelerometer_walk: Array,
     gyro_white: Array, accelerometer_white: Array, gyro_driven: Array, gyro_walked: Array, accelerometer_driven: Array,
-    accelerometer_walked: Array,
+    accelerometer_walked: Array, gyro_quantized: Array, accelerometer_quantized: Array,
 ) -> None:  # fmt: skip
     later = (1.0 - _NODE, _NODE)  # from a node to the end of the interval, as a share
     root = np.sqrt(3.0) / 6.0
     ahead = ((0.25, 0.25 + root), (0.25 - root, 0.25))  # integrals from a node to the end
     along, turning = np.empty((2, 6, 3)), np.empty((2, 6, 3))  # responses to v at the nodes; to psi changing there
     to_gyro, to_accelerometer = np.empty((2, 3, 9)), np.empty((2, 3, 6))
-    of_psi, of_v, of_x, unused = np.empty((6, 3)), np.empty((6, 3)), np.empty((6, 3)), np.empty((6, 3))
+    of_psi, of_v, of_x, apart = np.empty((6, 3)), np.empty((6, 3)), np.empty((6, 3)), np.empty((2, 6, 3))
     inertial, node = np.empty(3), np.empty(10)
     for k in range(len(begins) - 1):
         of_psi[:], of_v[:], of_x[:] = 0.0, 0.0, 0.0
@@ -171,7 +188,7 @@ def _respond(
             h, gradient = lengths[j], gradients[j]
             weight = 0.5 * h
             for i in range(2):
-                _advance_motion(of_v, of_x, gradient, later[i] * h, along[i], unused)
+                _advance_motion(of_v, of_x, gradient, later[i] * h, along[i], apart[i])
                 for r in range(3):
                     inertial[r] = 0.0
                     for m in range(3):
@@ -227,6 +244,19 @@ def _respond(
                     accelerometer_walked[k, a], to_accelerometer[0, a], to_accelerometer[1, a], node, 6, h, remaining,
                     correlation[1, a],
                 )  # fmt: skip
+            if quantized:
+                for i in range(2):
+                    for a in range(3):
+                        _turn_back(node, to_gyro[i], rates[j, i], a, 9)
+                        for r in range(6):
+                            for m in range(3):
+                                node[3 + r] += turning[i, r, m] * axes[j, i, m, a]
+                        _add_products(gyro_quantized[k, a], node, weight, 9)
+                        _turn_back(node, to_accelerometer[i], rates[j, i], a, 6)
+                        for r in range(6):
+                            for m in range(3):
+                                node[r] += apart[i, r, m] * axes[j, i, m, a]
+                        _add_products(accelerometer_quantized[k, a], node, weight, 6)
             for r in range(6):
                 for m in range(3):
                     of_psi[r, m] += weight * (turning[0, r, m] + turning[1, r, m])
@@ -237,8 +267,17 @@ def _respond(
         motion[k, :, :3] = of_v
         motion[k, :, 3:] = of_x
         for covariance in (gyro_white[k], accelerometer_white[k], gyro_driven[k], gyro_walked[k],
-                           accelerometer_driven[k], accelerometer_walked[k]):  # fmt: skip
+                           accelerometer_driven[k], accelerometer_walked[k], gyro_quantized[k],
+                           accelerometer_quantized[k]):  # fmt: skip
             _fill_upper(covariance)
+
+
+@inlined
+def _turn_back(out: Array, responses: Array, rate: Array, a: int, size: int) -> None:
+    """Compute the response to -(w x e_a) from the responses to readings along the three axes, shape (3, size)."""
+    b, c = (a + 1) % 3, (a + 2) % 3
+    for r in range(size):
+        out[r] = rate[b] * responses[c, r] - rate[c] * responses[b, r]
 
 
 @inlined

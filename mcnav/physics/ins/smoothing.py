@@ -14,7 +14,7 @@ import numpy as np
 from mcnav._types import Array
 
 if TYPE_CHECKING:
-    from scipy.interpolate import CubicHermiteSpline
+    from scipy.interpolate import BSpline, CubicHermiteSpline
 
 ROUGH: Final = 0.1
 """Noise of the acceleration, m/s^2, below which rounding does not matter."""
@@ -80,15 +80,13 @@ def spline_within(times: Array, position: Array, axes: Array, tolerance: Array) 
     CubicHermiteSpline or None
         None where it would take a knot at every other row: then nothing is gained over interpolation.
     """
-    from scipy.interpolate import CubicHermiteSpline, make_lsq_spline
+    from scipy.interpolate import CubicHermiteSpline
 
     last = len(times) - 1
     knots = np.union1d(np.arange(0, last, FIRST_KNOTS), last)
     while 2 * len(knots) <= len(times):
-        breaks = np.concatenate([times[:1].repeat(4), times[knots[1:-1]], times[-1:].repeat(4)])
-        # well conditioned, and twenty times faster than a factorization of all rows
-        spline = make_lsq_spline(times, position, breaks, 3, method="norm-eq")
-        departure = np.einsum("nji,nj->ni", axes, position - spline(times))
+        spline, fitted = least_squares(times, position, times[knots])
+        departure = np.einsum("nji,nj->ni", axes, position - fitted)
         wrong = np.flatnonzero(np.any(np.abs(departure) > tolerance, axis=1))
         if not len(wrong):
             at = times[knots]
@@ -99,3 +97,23 @@ def spline_within(times: Array, position: Array, axes: Array, tolerance: Array) 
             return None
         knots = refined
     return None
+
+
+def least_squares(times: Array, position: Array, knots: Array) -> tuple[BSpline, Array]:
+    """Fit a cubic spline with continuous second derivative, and evaluate it at the rows.
+
+    The normal equations are well conditioned, as B-splines are. scipy's `make_lsq_spline` searches all knots for each
+    row: with 100 Hz for an hour it takes 3 s a fit, and this 0.2 s.
+    """
+    from scipy.interpolate import BSpline
+    from scipy.linalg import solveh_banded
+
+    breaks = np.concatenate([knots[:1].repeat(4), knots[1:-1], knots[-1:].repeat(4)])
+    values = BSpline.design_matrix(times, breaks, 3)
+    products = (values.T @ values).tocsr()
+    banded = np.zeros((4, products.shape[0]))
+    for below in range(4):
+        banded[below, : products.shape[0] - below] = products.diagonal(-below)
+    middle = position.mean(axis=0)  # so that rounding is that of the distances flown
+    coefficients = middle + solveh_banded(banded, values.T @ (position - middle), lower=True)
+    return BSpline(breaks, coefficients, 3), values @ coefficients

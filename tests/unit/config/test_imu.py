@@ -60,6 +60,43 @@ def test_processes_in_the_units_of_data_sheets() -> None:
     assert found.accelerometer.rate_random_walk == pytest.approx(np.full(3, 9.80665e-3 / 60.0))
 
 
+def test_quantization_is_a_sigma_or_a_step() -> None:
+    """A step is the root of twelve times the sigma of an error that is even within it."""
+    found = read(
+        {
+            "gyro": {"quantization": ["1e-6 rad", "2e-6 rad", "0 rad"]},
+            "accelerometer": {"quantization": {"step": {"z": "1 mm/s"}, "interval": "5 ms"}},
+        }
+    ).processes
+    assert found.gyro.quantization == pytest.approx([1e-6, 2e-6, 0.0])
+    assert found.gyro.quantization_interval == pytest.approx(np.full(3, 0.01))
+    assert found.accelerometer.quantization == pytest.approx([0.0, 0.0, 1e-3 / np.sqrt(12.0)])
+    assert found.accelerometer.quantization_interval == pytest.approx(np.full(3, 0.005))
+    kinds = {name.rpartition("_")[0] for name in process_sizes(found)}
+    assert kinds == {"gyro_quantization", "accelerometer_quantization"}
+
+
+def test_a_catalogue_entry_has_its_quantization() -> None:
+    """Levels of rates that an interval makes steps: 1e-6 rad/s and 5e-5 m/s^2 over 0.01 s."""
+    found = read({"grade": "Groves aviation"}).processes
+    assert found.gyro.quantization * np.sqrt(12.0) == pytest.approx(np.full(3, 1e-8))
+    assert found.accelerometer.quantization * np.sqrt(12.0) == pytest.approx(np.full(3, 5e-7))
+
+
+def test_quantization_that_a_filter_believes_replaces_one_value() -> None:
+    """A missing interval or size is that of the instrument itself."""
+    true = read({"gyro": {"quantization": {"sigma": "1 urad", "interval": "5 ms"}}}).processes
+    context = FileContext("mine.toml", Path())
+    longer = read_imu({"gyro": {"quantization": {"interval": "20 ms"}}}, context, "filter.believes.imu", true)
+    larger = read_imu({"gyro": {"quantization": "2 urad"}}, context, "filter.believes.imu", true)
+    assert not context.problems
+    assert longer is not None
+    assert larger is not None
+    for believed, size, interval in ((longer, 1e-6, 0.02), (larger, 2e-6, 0.005)):
+        assert believed.processes.gyro.quantization == pytest.approx(np.full(3, size))
+        assert believed.processes.gyro.quantization_interval == pytest.approx(np.full(3, interval))
+
+
 def test_the_maximum_of_the_allan_deviation() -> None:
     """Of a Gauss-Markov process, from its closed form, to the five digits of the convention."""
     x = np.linspace(1.8, 2.0, 20_001)
@@ -89,7 +126,17 @@ def test_every_grade_is_read_and_keys_replace_its_values(grade: str) -> None:
         ({"gyro": 3}, "imu.gyro: expected a table"),
         ({"gyro": {"bais": "1 deg/h"}}, "imu.gyro.bais: unknown key; did you mean 'bias'?"),
         ({"gyro": {"nonlinearity": "1 ug"}}, "imu.gyro.nonlinearity: unknown key"),
-        ({"gyro": {"quantization": "1 deg/h"}}, "imu.gyro.quantization: is not modelled; leave it out"),
+        ({"gyro": {"quantization": "1 deg/h"}}, "imu.gyro.quantization: got '1 deg/h', which is an"),
+        ({"gyro": {"quantization": {"step": "1 urad", "w": "1 s"}}}, "imu.gyro.quantization.w: unknown key"),
+        ({"gyro": {"quantization": {"interval": "1 s"}}}, "imu.gyro.quantization: got interval; expected { sigma ="),
+        (
+            {"gyro": {"quantization": {"sigma": "1 urad", "step": "3 urad"}}},
+            "imu.gyro.quantization: got sigma, step; expected { sigma =",
+        ),
+        (
+            {"accelerometer": {"quantization": {"step": "1 mm/s", "interval": "1 us"}}},
+            "imu.accelerometer.quantization.interval: got '1 us'; at least 0.001 s makes sense",
+        ),
         ({"gyro": {"bias": "1 mg"}}, "imu.gyro.bias: got '1 mg', which is an acceleration; expected an angular rate"),
         ({"gyro": {"bias": 3.0}}, "imu.gyro.bias: got 3.0 without a unit; expected an angular rate"),
         ({"gyro": {"bias": "-1 deg/h"}}, "imu.gyro.bias: got '-1 deg/h'; a size must not be negative"),

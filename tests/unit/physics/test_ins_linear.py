@@ -136,5 +136,5 @@ def test_the_names_are_those_of_the_design() -> None:
     assert len(CONSTANTS) == 39
     assert CONSTANTS[15:21] == tuple(f"gyro_misalignment_{pair}" for pair in ("xy", "xz", "yx", "yz", "zx", "zy"))
     assert [field.name for field in fields(Noise)] == [
-        "random_walk", "instability", "correlation_time", "rate_random_walk",
+        "random_walk", "instability", "correlation_time", "rate_random_walk", "quantization", "quantization_interval",
     ]  # fmt: skip

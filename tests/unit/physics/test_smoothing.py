@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.interpolate import make_lsq_spline
 
 from mcnav.constants import STANDARD_GRAVITY
 from mcnav.physics.ins.earth import WGS84
 from mcnav.physics.ins.rows import TrajectoryRows
-from mcnav.physics.ins.smoothing import last_decimal
+from mcnav.physics.ins.smoothing import last_decimal, least_squares
 from mcnav.physics.ins.truth import Truth
 
 RATE = 50.0
@@ -86,3 +87,18 @@ def test_a_sharp_turn_stays_sharp() -> None:
     found = np.abs(force(truth, rows.time)[:, 0])
     assert 32.5 < rows.time[int(np.argmax(found))] < 33.5
     assert np.max(found) > 0.5 * STANDARD_GRAVITY
+
+
+def test_least_squares_are_those_of_scipy() -> None:
+    """By its factorization of all rows; and to the rounding of positions, 1e-9 m, where rows lie on a parabola."""
+    time = 0.01 * np.arange(3_001)
+    knots = time[np.union1d(np.arange(0, 3_000, 13), 3_000)]
+    parabola = np.stack([4e6 + 200.0 * time, 5e6 + 3.0 * time**2, 3e6 - time], axis=1)
+    rows = parabola + 0.01 * np.random.default_rng(4).standard_normal(parabola.shape)
+    breaks = np.concatenate([knots[:1].repeat(4), knots[1:-1], knots[-1:].repeat(4)])
+    spline, fitted = least_squares(time, rows, knots)
+    expected = make_lsq_spline(time, rows, breaks, 3, method="qr")
+    ulp = np.spacing(6e6)
+    np.testing.assert_allclose(fitted, expected(time), rtol=0.0, atol=20.0 * ulp)
+    np.testing.assert_allclose(spline(time), fitted, rtol=0.0, atol=4.0 * ulp)
+    np.testing.assert_allclose(least_squares(time, parabola, knots)[1], parabola, rtol=0.0, atol=4.0 * ulp)
