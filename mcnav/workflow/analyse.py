@@ -198,6 +198,8 @@ def error_histories(folder: RunFolder, manifest: Manifest, design: SamplingDesig
         raise RunFolderError(f"{folder.path}: histories are not of this run's outputs; run the campaign again")
     errors = np.stack([by_output[name] for name in names], axis=2)[: manifest.samples]
     known = development is not None and same_times(development.times, times)
+    if development is not None and development.processes and development.covariance is None:
+        known = False  # an earlier manifest, without the covariance that noise adds
     mean, covariance = linear_moments(model, development) if development is not None and known else (None, None)
     return ErrorHistories(times, errors, design.blocks(np.arange(len(errors))), mean, covariance, STORED)
 
