@@ -40,7 +40,7 @@ OWN_CHUNK: Final = 64
 REFERENCE_CHUNK: Final = 8
 SHARED_CHUNK: Final = 256
 
-MOST_STEPS: Final = 50_000
+MOST_STEPS: Final = 60_000
 """Steps of the grid, of which the tables take some 15 kB each."""
 
 PROBES: Final = 8
