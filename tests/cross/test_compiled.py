@@ -55,3 +55,29 @@ def test_compiled_and_loaded_code_give_the_same_bits(tmp_path: Path) -> None:
     assert len(compiled.stdout.splitlines()) == 15, compiled.stderr
     assert loaded.stdout == compiled.stdout, loaded.stderr
     assert sorted(backwards.stdout.splitlines()) == sorted(compiled.stdout.splitlines()), backwards.stderr
+
+
+AIDED = """
+import hashlib
+import numpy as np
+from mcnav.scenarios.protocol import Batch
+from tests.cross.test_ins_aided import SIGMAS, draw, scenario
+
+names = ("gnss", "altimeter", "stars", "doppler", "compass")
+of = scenario(names)
+errors = draw(19, SIGMAS, 1, of)
+for name in ("ensemble", "shared-gains"):
+    found = of.engine(name, errors).simulate(Batch(np.arange(19), errors, 1))
+    for values in (found.values, found.linear_values, found.history, found.filter_values):
+        print(name, hashlib.sha256(np.ascontiguousarray(values).tobytes()).hexdigest())
+prediction = of.filter_prediction()
+print("own covariance", hashlib.sha256(prediction.covariance.tobytes()).hexdigest())
+"""
+
+
+def test_compiled_and_loaded_code_of_aided_samples_give_the_same_bits(tmp_path: Path) -> None:
+    """Errors, linear errors, histories and records of the filters, with own and with shared gains."""
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": str(ROOT)}
+    compiled, loaded = (run_to_end([sys.executable, "-c", AIDED], env=environment) for _ in range(2))
+    assert len(compiled.stdout.splitlines()) == 9, compiled.stderr
+    assert loaded.stdout == compiled.stdout, loaded.stderr
