@@ -13,7 +13,8 @@ import pytest
 from mcnav.config.read import parse_campaign
 from mcnav.errors import CampaignError
 from mcnav.notebook import open_run
-from mcnav.studies.linearity import linearity_study
+from mcnav.report.sentences import WITHOUT_NOISE
+from mcnav.studies.linearity import linearity_study, write_linearity
 from mcnav.workflow.analyse import samples_of
 from mcnav.workflow.replay import as_stored, replay
 from mcnav.workflow.run import run_campaign
@@ -155,11 +156,26 @@ def test_an_imu_belongs_to_this_type_alone() -> None:
         parse_campaign({"scenario": scenario, "imu": {}, "errors": {}}, "test.toml", "test")
 
 
-def test_the_range_of_linearity_is_that_of_constant_errors() -> None:
-    with pytest.raises(
-        CampaignError, match="scenario: has noise, and the range of linearity is that of constant errors"
-    ):
-        linearity_study(parse_campaign(described(), "test.toml", "test"))
+def test_the_range_of_linearity_is_that_of_constant_errors(tmp_path: Path) -> None:
+    """The noise is left out, and the page says so: the ranges are those without noise, to the last bit."""
+    noisy, quiet = described(), described()
+    quiet["imu"] = {"gyro": {"bias": "0.005 deg/h"}}
+    noisy["imu"] = {"gyro": {**quiet["imu"]["gyro"], "angle_random_walk": "0.1 deg/sqrt(h)"}}
+    (found, files), (expected, others) = (
+        write_linearity(parse_campaign(each, "test.toml", "test"), tmp_path / name, samples=200, largest=4.0)
+        for name, each in (("noisy", noisy), ("quiet", quiet))
+    )
+    assert (found.without_noise, expected.without_noise) == (True, False)
+    np.testing.assert_array_equal(found.alone.multiples, expected.alone.multiples)
+    np.testing.assert_array_equal(found.together.ratios, expected.together.ratios)
+    pages = [each[-1].read_text(encoding="utf-8") for each in (files, others)]
+    assert [WITHOUT_NOISE in page for page in pages] == [True, False]
+
+
+def test_noise_alone_has_no_range_of_linearity() -> None:
+    noise = described(imu={"gyro": {"angle_random_walk": "0.1 deg/sqrt(h)"}}, errors={})
+    with pytest.raises(CampaignError, match="scenario: has noise and no constant errors, and the range"):
+        linearity_study(parse_campaign(noise, "test.toml", "test"))
 
 
 def test_the_polynomial_engine_knows_no_noise(tmp_path: Path) -> None:
