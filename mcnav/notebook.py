@@ -23,7 +23,7 @@ from jinja2 import Environment
 from threadpoolctl import threadpool_limits
 
 from mcnav.config.read import Campaign, campaign_from
-from mcnav.report import sentences
+from mcnav.report import filter_verdict, sentences
 from mcnav.report.figures.figure import Figure
 from mcnav.report.model import RunAnalysis
 from mcnav.report.page import figures
@@ -181,14 +181,19 @@ class FlownRun:
             .from_string(SHOWN)
             .render(
                 name=self.summary["campaign"],
-                headline=sentences.headline(self.summary),
+                headline=self._headline,
                 explanation=sentences.explanation(self.summary),
                 table=self.outputs,
             )
         )
 
     def __repr__(self) -> str:
-        return f"{self.summary['campaign']}: {sentences.headline(self.summary)}"
+        return f"{self.summary['campaign']}: {self._headline}"
+
+    @property
+    def _headline(self) -> str:
+        """The verdicts on linear analysis and, if there is one, on the filter."""
+        return f"{sentences.headline(self.summary)} {filter_verdict.headline(self.summary)}".rstrip()
 
 
 def open_run(path: str | Path) -> FlownRun:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -59,7 +59,7 @@ class FilterThatBelieves:
 
     walk: float
     failing: frozenset[int] = frozenset()
-    filter_schema: FilterSchema = field(default_factory=lambda: SCHEMA)
+    filter_schema: FilterSchema | None = SCHEMA
     parallel: str = "threads"
     chunk: int = 100
     accuracy: str = "exact"
@@ -106,7 +106,7 @@ class FilterThatBelieves:
         lost = [row for row, index in enumerate(batch.index) if int(index) in self.failing]
         values[lost] = history[lost] = records[lost] = np.nan
         failures = {row: Failure(Reason.STATED, "the filter diverged") for row in lost}
-        return SimulationResult(values, failures, 0, values, history, records)
+        return SimulationResult(values, failures, 0, values, history, None if self.filter_schema is None else records)
 
     def propagate(self, errors: Array) -> SimulationResult:
         return SimulationResult(errors * (1.0 - self.gain) ** TIMES[-1])
@@ -118,6 +118,7 @@ class ScalarFilter:
 
     walk: float = 0.25
     failing: frozenset[int] = frozenset()
+    schema: FilterSchema | None = SCHEMA
 
     sources: ClassVar = (Source("initial", "m", "m", 1.0),)
     outputs: ClassVar = (Output("position", "m", "m"),)
@@ -125,12 +126,12 @@ class ScalarFilter:
     engines: ClassVar = ("exact",)
 
     @property
-    def filter_schema(self) -> FilterSchema:
-        return SCHEMA
+    def filter_schema(self) -> FilterSchema | None:
+        return self.schema
 
     @property
     def _engine(self) -> FilterThatBelieves:
-        return FilterThatBelieves(self.walk, self.failing)
+        return FilterThatBelieves(self.walk, self.failing, self.schema)
 
     @property
     def initial_sigma(self) -> float:
@@ -169,8 +170,9 @@ class ScalarFilter:
 
 
 def campaign(samples: int, walk: float = 0.25, seed: int = 3, **changes: Any) -> Campaign:
-    """A campaign of the scalar filter, put in the place of another scenario."""
+    """A campaign of the scalar filter in the place of another scenario; ``filtered`` is whether it has a record."""
     failing = frozenset(changes.pop("failing", ()))
+    schema = SCHEMA if changes.pop("filtered", True) else None
     entries: Mapping[str, Any] = {
         "samples": samples,
         "seed": seed,
@@ -178,6 +180,6 @@ def campaign(samples: int, walk: float = 0.25, seed: int = 3, **changes: Any) ->
         "errors": {"range": "1 m"},
         **changes,
     }
-    scenario = ScalarFilter(walk, failing)
+    scenario = ScalarFilter(walk, failing, schema)
     errors = ErrorModel(["initial"], {"initial": Normal(scenario.initial_sigma)})
     return replace(parse_campaign(entries, "test.toml", "test"), scenario=scenario, errors=errors)

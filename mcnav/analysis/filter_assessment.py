@@ -22,6 +22,7 @@ from mcnav.analysis.filter_consistency import (
     SensorConsistency,
     SigmaConsistency,
     Whiteness,
+    rounding_floor,
 )
 from mcnav.analysis.filter_evidence import FilterEvidence, LinearFilter, MeanSquares
 from mcnav.analysis.filter_judgement import (
@@ -85,9 +86,9 @@ def assess_filter(evidence: FilterEvidence, criterion: Criterion) -> FilterConsi
             evidence.label, evidence.times, 0, criterion.confidence, criterion.tolerance, (), (), (), (),
             Honesty.UNDECIDED, remarks=(f"{basis.remark[:1].upper()}{basis.remark[1:]}.",),
         )  # fmt: skip
-    groups = _groups(basis, means)
     outputs = () if evidence.true is None else _outputs(basis, means, evidence.true)
     states, sensors = _states(basis, means), _sensors(basis, means)
+    groups = _groups(basis, means, outputs, states)
     deciding = deciding_groups(groups)
     picked = deciding[combine([group.finding for group in deciding]) or 0]
     finding = picked.finding
@@ -134,7 +135,7 @@ def _doubt(evidence: FilterEvidence, means: FilterMeans, outputs: Sequence[Sigma
     counts = means.at("nees").count[:-1]
     if np.any((counts > 0.0) & (means.samples - counts > LARGEST_FAILED_SHARE * means.samples)):
         return "the filter's covariance is singular in too many samples"
-    if any(np.any((each.filter <= 0.0) & (each.true > 0.0)) for each in outputs):
+    if any(each.overlooked.any() for each in outputs):
         return "the filter believes in no error where there is one"
     return ""
 
@@ -142,7 +143,8 @@ def _doubt(evidence: FilterEvidence, means: FilterMeans, outputs: Sequence[Sigma
 def deciding_groups(groups: Sequence[GroupConsistency]) -> tuple[GroupConsistency, ...]:
     """Return the groups on which the verdict is: those of navigation errors; all, where navigation is no group."""
     left_out = NOT_NAVIGATION if any(group.name == "navigation" for group in groups) else ("sensors",)
-    return tuple(group for group in groups if group.name not in left_out) or tuple(groups)
+    found = [group for group in groups if group.name not in left_out] or groups
+    return tuple(sorted(found, key=lambda group: group.name == "all"))
 
 
 def outputs_of(group: str, names: Sequence[str]) -> tuple[int, ...]:
@@ -156,8 +158,10 @@ def outputs_of(group: str, names: Sequence[str]) -> tuple[int, ...]:
     return found if found and group not in WHOLE else tuple(range(len(names)))
 
 
-def _groups(basis: _Basis, means: FilterMeans) -> tuple[GroupConsistency, ...]:
-    """Compare the mean NEES of each group with its size, at every epoch."""
+def _groups(
+    basis: _Basis, means: FilterMeans, outputs: Sequence[SigmaConsistency], states: Sequence[SigmaConsistency]
+) -> tuple[GroupConsistency, ...]:
+    """Compare the mean NEES of each group with its size, at every epoch at which the filter believes in its errors."""
     nees, evidence = means.at("nees"), basis.evidence
     epochs, sizes = len(evidence.times), means.schema.groups
     rates = Rates.of(basis.criterion, int(np.count_nonzero(np.isfinite(nees.value[:-1]))))
@@ -165,8 +169,15 @@ def _groups(basis: _Basis, means: FilterMeans) -> tuple[GroupConsistency, ...]:
     found = []
     for number, (name, size) in enumerate(sizes.items()):
         count = basis.count(nees.count[:epochs, number])
+        members = [*(() if name == "sensors" else (outputs[i] for i in outputs_of(name, names) if outputs))]
+        members += states if name in NOT_NAVIGATION else ()
+        singular = np.any([each.disbelieved for each in members], axis=0) if members else np.zeros(epochs, dtype=bool)
         band = mean_square_band(
-            nees.value[:epochs, number], basis.error(nees.standard_error[:epochs, number]), count, count * size, rates
+            np.where(singular, np.nan, nees.value[:epochs, number]),
+            basis.error(nees.standard_error[:epochs, number]),
+            count,
+            count * size,
+            rates,
         )
         ratio = root_ratio(band, float(size))
         freedom = np.array(means.samples * evidence.weight * size)
@@ -212,11 +223,13 @@ def _linear_ratio(linear: LinearFilter | None, outputs: tuple[int, ...], size: i
 
 def _ratio(basis: _Basis, squares: Means, variances: Means, rates: Rates) -> Band:
     """Return the roots of mean squares over mean variances; their errors add up, whatever their correlation."""
-    known = (variances.value > 0.0) & np.isfinite(variances.standard_error)
+    floor = rounding_floor(_root(squares.value), _root(variances.value))
+    known = (variances.value > floor**2) & np.isfinite(variances.standard_error)
     relative = np.where(known, variances.standard_error / np.where(known, variances.value, 1.0), 0.0)
     error = basis.error(squares.standard_error + squares.value * relative)
     count = basis.count(squares.count)
-    return root_ratio(mean_square_band(squares.value, error, count, count, rates), variances.value)
+    expected = np.where(variances.value > floor**2, variances.value, 0.0)
+    return root_ratio(mean_square_band(squares.value, error, count, count, rates), expected)
 
 
 def _outputs(basis: _Basis, means: FilterMeans, true: MeanSquares) -> tuple[SigmaConsistency, ...]:

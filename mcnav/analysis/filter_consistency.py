@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,6 +58,15 @@ class Band:
     def known(self) -> NDArray[np.bool_]:
         """Return where the statistic is known, shape (m,)."""
         return np.isfinite(self.value)
+
+
+ROUNDING: Final = 1e-8
+"""A sigma below this share of the largest one over time is rounding: of a position on the earth it is 1e-9 m."""
+
+
+def rounding_floor(true: Array, own: Array) -> float:
+    """Return the sigma up to which those of an output over time count as zero."""
+    return ROUNDING * float(max(np.max(true, initial=0.0), np.max(np.nan_to_num(own), initial=0.0)))
 
 
 @dataclass(frozen=True)
@@ -159,6 +169,16 @@ class SigmaConsistency:
     bounds_1: tuple[float, float]
     bounds_3: tuple[float, float]
     finding: Finding
+
+    @property
+    def disbelieved(self) -> NDArray[np.bool_]:
+        """Return where the filter believes in no error, shape (m,): sigmas up to rounding count as zero."""
+        return np.asarray(self.filter <= rounding_floor(self.true, self.filter))
+
+    @property
+    def overlooked(self) -> NDArray[np.bool_]:
+        """Return where the filter believes in no error and there is one, shape (m,)."""
+        return np.asarray(self.disbelieved & (self.true > rounding_floor(self.true, self.filter)))
 
     @property
     def linear(self) -> Array | None:

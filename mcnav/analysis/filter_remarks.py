@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Final
 
 import numpy as np
 
@@ -16,6 +17,9 @@ from mcnav.analysis.filter_consistency import (
 )
 from mcnav.scenarios.filter_sums import FilterMeans
 from mcnav.statistics.power import sensible_step
+
+GROUPS: Final[Mapping[str, str]] = {"all": "all states", "sensors": "errors of instruments and sensors"}
+"""Groups of states in a sentence, where their names do not say it."""
 
 
 def remarks_on(
@@ -58,8 +62,7 @@ def _on_records(means: FilterMeans) -> Iterator[str]:
 def _on_zero_variances(sigmas: Sequence[SigmaConsistency]) -> Iterator[str]:
     """Yield which errors the filter believes to be zero."""
     for each in sigmas:
-        wrong = (each.filter <= 0.0) & (each.true > 0.0)
-        if wrong.any():
+        if each.overlooked.any():
             yield f"The filter has no variance of {_spoken(each.name)} where its error is not zero."
 
 
@@ -100,9 +103,13 @@ def sentence(found: FilterConsistency) -> str:
     if found.neglected:
         cause = found.neglected[0]
         largest = f"; the largest error that it neglects is {_spoken(cause.name)} ({100.0 * cause.share:.0f} %)"
-    return (
-        f"The filter is {found.verdict.value} by a factor of {size} in {_spoken(found.group)}{_when(found)}{largest}."
-    )
+    where = group_words(found.group)
+    return f"The filter is {found.verdict.value} by a factor of {size} in {where}{_when(found)}{largest}."
+
+
+def group_words(group: str) -> str:
+    """Name a group of states in a sentence."""
+    return GROUPS.get(group, _spoken(group))
 
 
 def _inverse(factor: float) -> str:

@@ -12,7 +12,7 @@ from mcnav._types import Array
 from mcnav.config.context import FileContext
 from mcnav.scenarios.ins import Navigation
 
-MOST_MEASUREMENTS: Final = 500_000
+MOST_MEASUREMENTS: Final = 50_000
 """Measurements of all sensors together: each is an update of every sample's filter."""
 
 MOST_OUTAGES: Final = 100

@@ -32,7 +32,7 @@ from mcnav.scenarios.sample_loop import simulate_alone
 from mcnav.scenarios.timeouts import SampleTimeout, time_limit
 from mcnav.store.chunk_files import ChunkFile, ChunkTotals, SampleSchema, verify_chunk, write_chunk
 from mcnav.store.filters import filter_marks
-from mcnav.store.histories import history_marks
+from mcnav.store.histories import STORED, first_marks, history_marks
 from mcnav.store.inputs import check_unchanged
 from mcnav.store.run_folder import RunFolder
 from mcnav.store.summaries import MOST_REASONS, STORED_ROWS, Summary, summary_chunk
@@ -163,6 +163,7 @@ def store(work: ChunkJob, place: SampleRange, results: Iterable[tuple[Array, Sim
     summary: Summary | None = None
     power_sums: PowerSums | None = None
     filter_sums: FilterSums | None = None
+    followed: Array | None = None
     schema = filter_schema_of(work.engine)
     rows: list[tuple[Array, ...]] = []
     failures: dict[int, Failure] = {}
@@ -187,6 +188,9 @@ def store(work: ChunkJob, place: SampleRange, results: Iterable[tuple[Array, Sim
             sums = work.engine.history_sums(errors)
         if sums is not None:
             power_sums = sums if power_sums is None else power_sums + sums
+        if schema is not None and result.history is not None and begin < STORED:  # slow: not to be simulated again
+            first_of_it = result.history[: STORED - begin]
+            followed = first_of_it if followed is None else np.concatenate([followed, first_of_it])
         if schema is not None and result.filter_values is not None:
             simulated = np.delete(result.filter_values, list(by_row), axis=0) if by_row else result.filter_values
             piece_sums = FilterSums.of(schema, simulated)
@@ -196,7 +200,7 @@ def store(work: ChunkJob, place: SampleRange, results: Iterable[tuple[Array, Sim
             fallback_count + result.fallback_count,
             begin + len(errors),
         )
-    marks = history_marks(power_sums) | filter_marks(filter_sums)
+    marks = history_marks(power_sums) | filter_marks(filter_sums) | first_marks(followed)
     marks |= {} if summary is None else summary.marks(place.begin)
     errors, values, linear, filters = (np.concatenate(columns) for columns in zip(*rows, strict=True))
     totals = ChunkTotals(place.end - place.begin, failed, fallback_count, tracebacks)

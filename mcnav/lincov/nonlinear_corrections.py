@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.lincov.higher_order import second_order
+from mcnav.lincov import higher_order
 from mcnav.lincov.partials import SimulationFailed, computed_or_reason, partials_by_differences, require_fast
 from mcnav.lincov.polynomial import fit
 from mcnav.lincov.polynomial_engine import PolynomialEngine
@@ -52,25 +52,38 @@ def nonlinear_corrections(scenario: Scenario, engine: Engine, errors: ErrorModel
     return {key: computed_or_reason(study) for key, study in studies.items()}
 
 
-def noise_corrections(engine: Engine, errors: ErrorModel, processes: Mapping[str, Array]) -> dict[str, Any]:
+def noise_corrections(
+    engine: Engine, errors: ErrorModel, processes: Mapping[str, Array], samples: int
+) -> dict[str, Any]:
     """Compute the unscented transform and second-order corrections of a scenario with noise, SI.
 
     Both are of the constant errors without noise; the linear covariance of the noise, shape (outputs, outputs) for each
-    process, is added. Budgets by simulation and a polynomial's moments, of constant errors alone, are left out.
+    process, is added. Budgets by simulation and a polynomial's moments, of constant errors alone, are left out. So is a
+    correction that needs more simulations than the campaign has samples.
     """
     reason = {"failed": "of constant errors alone; the samples of this scenario have noise as well"}
 
+    directions = int(np.count_nonzero(errors.standard_deviations))
+
+    def afford(simulations: int) -> None:
+        if simulations > samples:
+            raise SimulationFailed(f"it needs {simulations:,} simulations, more than the campaign has samples")
+
     def unscented() -> dict[str, Any]:
+        afford(2 * directions + 1)
         mean, covariance = unscented_covariance(engine.propagate, errors.mean, errors.covariance)
         return {"mean": mean, "covariance": covariance + sum(processes.values(), np.zeros(covariance.shape))}
 
-    second = computed_or_reason(lambda: _derivatives(engine, errors))
-    found = {"unscented": computed_or_reason(unscented), "second_order": second}
+    def second_order() -> dict[str, Any]:
+        afford(2 * directions**2 + 2 * directions + 1)
+        return _derivatives(engine, errors)
+
+    found = {"unscented": computed_or_reason(unscented), "second_order": computed_or_reason(second_order)}
     return {**found, "budget": {"alone": reason, "sobol": reason}, "higher_order": reason}
 
 
 def _derivatives(engine: Engine, errors: ErrorModel) -> dict[str, Any]:
-    found = second_order(engine.propagate, errors.mean, errors.covariance)
+    found = higher_order.second_order(engine.propagate, errors.mean, errors.covariance)
     return {key: getattr(found, key) for key in ("mean_shift", "quadratic", "third_order", "skewness")}
 
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.analysis.filter_consistency import FilterConsistency, Finding, NeglectedError, SigmaConsistency
-from mcnav.analysis.filter_remarks import instant
+from mcnav.analysis.filter_consistency import FilterConsistency, Finding, Honesty, NeglectedError, SigmaConsistency
+from mcnav.analysis.filter_remarks import group_words, instant
 from mcnav.report.figures.consistency import group_title
 from mcnav.report.figures.filter_errors import sigmas
 from mcnav.report.filter_verdict import LEAST, TONES, worst_sigmas
@@ -65,13 +65,17 @@ def _at(found: FilterConsistency, each: SigmaConsistency, place: int) -> dict[st
 
 
 def at_worst(found: FilterConsistency) -> str:
-    """Compare the true sigma of the worst output with the filter's at the worst epoch; empty where there is none."""
+    """Compare the true sigma with the filter's where they differ most; empty where nothing is known."""
     output = next((each for each in found.outputs if each.name == found.output), None)
-    if output is None or found.worst is None:
+    if found.worst is None or found.factor is None:
+        return ""
+    when = instant(found.worst, found.label)
+    if found.verdict in (Honesty.CONSISTENT, Honesty.UNDECIDED):
+        return f"The ratio farthest from one is {found.factor:.3f}, in {group_words(found.group)} at {when}."
+    if output is None:
         return ""
     place = int(np.argmin(np.abs(found.times - found.worst)))
     whose = {name: float(values[place]) for name, values in sigmas(output).items()}
-    when = instant(found.worst, found.label)
     return worst_sigmas(output.name, when, whose["Monte Carlo"], whose["filter"], output.shown_in)
 
 

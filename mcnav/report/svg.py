@@ -244,7 +244,8 @@ class _Plot:
             case m.Line():
                 x, y = self.x(mark.x), self.y(mark.y)
                 self._remember(x, y)
-                return _stroke(line_path(x, y), mark.series, mark.width, mark.kind or mark.series.kind, "line")
+                read_as = "" if mark.silent else "line"
+                return _stroke(line_path(x, y), mark.series, mark.width, mark.kind or mark.series.kind, read_as)
             case m.Points():
                 x, y = np.broadcast_arrays(self.x(mark.x), self.y(mark.y))
                 self._remember(np.atleast_1d(x), np.atleast_1d(y))
@@ -260,7 +261,7 @@ class _Plot:
                 scale = self.y if mark.level else self.x
                 low, high = (float(scale(end)) for end in (mark.low, mark.high))
                 across = (self.left, high, self.right, low) if mark.level else (low, self.top, high, self.bottom)
-                path = _fill(rectangle(*across), mark.series, 1.0, "")
+                path = _fill(rectangle(*across), mark.series, mark.opacity, "shade" if mark.text else "")
                 return path.replace("/>", f">{_titled(mark.text)}</path>") if mark.text else path
             case m.Rule():
                 return self._rule(mark)

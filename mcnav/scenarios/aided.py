@@ -40,7 +40,7 @@ OWN_CHUNK: Final = 64
 REFERENCE_CHUNK: Final = 8
 SHARED_CHUNK: Final = 256
 
-MOST_STEPS: Final = 50_000
+MOST_STEPS: Final = 60_000
 """Steps of the grid, of which the tables take some 15 kB each."""
 
 PROBES: Final = 8
@@ -151,18 +151,35 @@ class AidedNavigation:
             division, tables, coarse = 2 * division, finer, fine
 
     def _without_noise(self, tables: AidedTables, probes: Array) -> Array:
-        found = simulate_aided(tables, probes, 0, np.arange(len(probes)), False, self._silence(tables, len(probes)))
-        return np.asarray(np.where((found.outcome == SOUND)[:, None, None], found.values, 0.0))
+        values, outcomes = self.propagate(tables, probes, False)
+        return np.asarray(np.where((outcomes == SOUND)[:, None, None], values, 0.0))
 
     def _silence(self, tables: AidedTables, count: int) -> GivenNoise:
         steps, width = tables.ensemble.factors.shape[:2]
         updates, most = tables.white.shape
         return GivenNoise(np.zeros((count, steps, width)), np.zeros((count, updates, most)))
 
-    def simulate_silently(self, tables: AidedTables, errors: Array, own: bool) -> AidedErrors:
-        """Simulate samples without noise, shape (n, sources)."""
-        silence = self._silence(tables, len(errors))
-        return simulate_aided(tables, errors, 0, np.arange(len(errors)), own, silence)
+    def difference_of_gains(self, tables: AidedTables, probes: Array) -> float:
+        """Compute the largest difference between shared gains and gains of each sample's own, in the filter's sigmas.
+
+        Of probe samples, shape (n, sources), with noise, at all epochs after the start.
+        """
+        index = np.arange(min(len(probes), PROBES))
+        own, shared = (simulate_aided(tables, probes[:PROBES], 0, index, each) for each in (True, False))
+        good = (own.outcome == SOUND) & (shared.outcome == SOUND)
+        sigma = np.sqrt(np.diagonal(self.linear.own, axis1=1, axis2=2))[1:]
+        apart = np.abs(own.values - shared.values)[good, 1:]
+        return float((apart / np.where(sigma > 0.0, sigma, np.inf)).max(initial=0.0))
+
+    def propagate(self, tables: AidedTables, errors: Array, own: bool) -> tuple[Array, IndexArray]:
+        """Simulate samples without noise, shape (n, sources): errors at the epochs, (n, m, 9), and outcomes."""
+        values, outcomes = np.empty((len(errors), len(self.times), len(OUTPUTS))), np.empty(len(errors), dtype=np.int64)
+        for begin in range(0, len(errors), OWN_CHUNK):
+            piece = errors[begin : begin + OWN_CHUNK]
+            silence = self._silence(tables, len(piece))
+            found = simulate_aided(tables, piece, 0, np.arange(len(piece)), own, silence)
+            values[begin : begin + len(piece)], outcomes[begin : begin + len(piece)] = found.values, found.outcome
+        return values, outcomes
 
 
 def filter_schema(
@@ -317,16 +334,14 @@ class AidedEngine:
 
     def propagate(self, errors: Array) -> SimulationResult:
         """Simulate samples without noise, shape (n, sources)."""
-        found = self._result(self.navigation.simulate_silently(self.tables, errors, self.own))
-        return SimulationResult(found.values, found.failures)
+        values, outcomes = self.navigation.propagate(self.tables, errors, self.own)
+        return SimulationResult(np.where((outcomes == SOUND)[:, None], values[:, -1], np.nan), _failures(outcomes))
 
     def _result(self, found: AidedErrors) -> SimulationResult:
-        good = found.outcome == SOUND
-        values = np.where(good[:, None, None], found.values, np.nan)
-        failures = {int(row): Failure(Reason.STATED, WORDS[int(found.outcome[row])]) for row in np.flatnonzero(~good)}
+        values = np.where((found.outcome == SOUND)[:, None, None], found.values, np.nan)
         return SimulationResult(
             values[:, -1],
-            failures,
+            _failures(found.outcome),
             linear_values=found.linear[:, -1],
             history=values,
             filter_values=self._records(found, values),
@@ -347,3 +362,7 @@ class AidedEngine:
         for number, name in enumerate(self.filter_schema.sensors):
             records[..., places[f"sensor:{name}"]] = found.counted[:, :, number, : len(BY_SENSOR)]
         return records
+
+
+def _failures(outcomes: IndexArray) -> dict[int, Failure]:
+    return {int(row): Failure(Reason.STATED, WORDS[int(outcomes[row])]) for row in np.flatnonzero(outcomes != SOUND)}

@@ -89,6 +89,8 @@ class FilterSums:
     def from_numbers(cls, schema: FilterSchema, numbers: Array) -> FilterSums:
         """Restore sums from their numbers; `ValueError` when there are not as many as the schema asks for."""
         columns = schema.width + len(schema.states)
+        if not len(numbers) or not np.isfinite(numbers[-1]):
+            raise ValueError("they have no number of samples")
         counts, sums, squares = numbers[:-1].reshape(3, -1, columns)
         return cls(int(numbers[-1]), counts, sums, squares)
 

@@ -418,7 +418,10 @@ class Ins:
             return ReferenceEngine(self.navigation)
         if aided is not None and schema is not None:
             shared, error = aided.refined(probes)
-            gains = "gains of each sample's own" if engine == "ensemble" else "gains along the truth"
+            gains = "gains of each sample's own"
+            if engine == "shared-gains":
+                apart = aided.difference_of_gains(shared, probes)
+                gains = f"gains along the truth, which change errors by at most {apart:.1e} of the filter's sigma"
             accuracy = (
                 f"deviations in inertial axes, {len(shared.ensemble.durations)} steps, {gains}; largest numerical "
                 f"error of {min(len(probes), PROBES)} probe samples {error:.1e} of the filter's sigma"

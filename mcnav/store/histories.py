@@ -22,6 +22,7 @@ from mcnav.scenarios.protocol import Epochs, Output
 from mcnav.store.chunk_files import ChunkFile
 
 MARK: Final = "mcnav.histories"
+FIRST_MARK: Final = "mcnav.first_histories"
 PERCENTILES: Final = (1.0, 5.0, 50.0, 95.0, 99.0)
 """Percentiles of the samples whose histories are stored."""
 
@@ -50,6 +51,28 @@ def read_power_sums(pivot: Array, folder: Path, chunks: Sequence[ChunkFile]) -> 
             sums = PowerSums(int(numbers[-1]), pivot, numbers[:-1].reshape(len(pivot), -1).astype(float))
             total = sums if total is None else total + sums
     return total
+
+
+def first_marks(histories: Array | None) -> dict[str, str]:
+    """Encode histories of samples, shape (n, m, outputs), as metadata of a chunk's file."""
+    if histories is None or not len(histories):
+        return {}
+    return {FIRST_MARK: base64.b64encode(histories.astype("<f8").tobytes()).decode()}
+
+
+def read_first_histories(shape: tuple[int, int], folder: Path, chunks: Sequence[ChunkFile]) -> Array | None:
+    """Read the histories of the first samples, shape (n, m, outputs); none unless all of their chunks have them."""
+    found = []
+    for chunk in chunks:
+        wanted = min(chunk.end, STORED) - chunk.begin
+        if wanted <= 0:
+            break
+        text = (pq.read_schema(folder / chunk.file).metadata or {}).get(FIRST_MARK.encode(), b"")
+        numbers = np.frombuffer(base64.b64decode(text), dtype="<f8").astype(float)
+        if len(numbers) != wanted * shape[0] * shape[1]:
+            return None
+        found.append(numbers.reshape(wanted, *shape))
+    return np.concatenate(found) if found else None
 
 
 def histories_table(epochs: Epochs, outputs: Sequence[Output], histories: Array) -> bytes:

@@ -163,7 +163,7 @@ def filter_evidence(folder: RunFolder, manifest: Manifest, failed: int) -> Filte
         true = read_power_sums(np.zeros((len(record.times), len(outputs))), folder.chunk_folder, chunks)
         if sums is not None and len(sums.counts) != len(record.times) + 1:
             raise ValueError(f"{len(sums.counts) - 1} epochs in place of {len(record.times)}")
-    except (OSError, ValueError, pa.ArrowException, zlib.error) as failure:
+    except (OSError, ValueError, OverflowError, pa.ArrowException, zlib.error) as failure:
         raise RunFolderError(f"{folder.chunk_folder}: sums of filters are damaged ({failure})") from None
     return FilterEvidence(
         label=record.label,
@@ -198,6 +198,8 @@ def error_histories(folder: RunFolder, manifest: Manifest, design: SamplingDesig
         raise RunFolderError(f"{folder.path}: histories are not of this run's outputs; run the campaign again")
     errors = np.stack([by_output[name] for name in names], axis=2)[: manifest.samples]
     known = development is not None and same_times(development.times, times)
+    if development is not None and development.processes and development.covariance is None:
+        known = False  # an earlier manifest, without the covariance that noise adds
     mean, covariance = linear_moments(model, development) if development is not None and known else (None, None)
     return ErrorHistories(times, errors, design.blocks(np.arange(len(errors))), mean, covariance, STORED)
 

@@ -48,7 +48,13 @@ from mcnav.scenarios.stochastic_user_engine import StochasticUserEngine
 from mcnav.scenarios.user import UserScenario
 from mcnav.store.chunk_files import ChunkFile, Samples
 from mcnav.store.filters import filter_columns, filter_table, read_filter_sums
-from mcnav.store.histories import STORED, epochs_table, histories_table, read_power_sums
+from mcnav.store.histories import (
+    STORED,
+    epochs_table,
+    histories_table,
+    read_first_histories,
+    read_power_sums,
+)
 from mcnav.store.manifest import (
     FilterPredictionRecord,
     FilterRecord,
@@ -110,7 +116,7 @@ class PreparedSystem:
 
         if isinstance(scenario, StochasticScenario) and not _without_noise(scenario):
             engine = _guarded(scenario, self.engine, self.timeout)
-            return noise_corrections(engine, draws.errors, self.model.processes or {})
+            return noise_corrections(engine, draws.errors, self.model.processes or {}, draws.samples)
         with _scenario_errors(self.file):
             budget = simulated_budgets(
                 first_engine, draws.errors, self.model.partials, draws.design, draws.seed, draws.samples
@@ -175,7 +181,9 @@ class PreparedSystem:
     ) -> dict[str, bytes]:
         errors, outputs, epochs = self.draws.errors, self.scenario.outputs, engine.epochs
         sums = read_power_sums(np.zeros((len(epochs.times), len(outputs))), folder, chunks)
-        histories = self._first_histories(engine) if len(epochs.times) else None
+        histories = read_first_histories((len(epochs.times), len(outputs)), folder, chunks)
+        if histories is None and len(epochs.times):
+            histories = self._first_histories(engine)
         schema, tables, columns = filter_schema_of(engine), {}, {}
         filter_sums = None if schema is None else read_filter_sums(schema, folder, chunks)
         if schema is not None and filter_sums is not None:

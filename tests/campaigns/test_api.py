@@ -83,7 +83,7 @@ def test_files_of_a_dictionary_are_found_from_the_current_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "mine.py").write_text(
-        "from mcnav import *\n\nclass Mine:\n    sources = (Source('a', 'm', 'm', 1.0),)\n"
+        "from mcnav import Output, Source\n\nclass Mine:\n    sources = (Source('a', 'm', 'm', 1.0),)\n"
         "    outputs = (Output('b', 'm', 'm'),)\n\n    def propagate(self, errors):\n        return 2.0 * errors\n"
     )
     table = {"distribution": "table", "file": "a.csv", "column": "a", "unit": "m"}

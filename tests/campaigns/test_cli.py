@@ -1,4 +1,8 @@
-"""The commands, as processes: what they print, and their exit status."""
+"""The commands: what they print, and their exit status.
+
+A run, a comparison, bad input, wrong use, a requirement that is not met and failed samples are processes; the other
+commands run in the process of the tests, as `test_a_process_prints_what_its_command_does` allows.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +19,7 @@ from typer.testing import CliRunner
 
 from mcnav.cli import app
 from mcnav.scenarios.reentry import SOURCES
+from tests.commands import invoke
 from tests.conftest import ROOT
 from tests.processes import run_to_end
 
@@ -62,7 +67,7 @@ def test_help(tmp_path: Path) -> None:
 def test_run_again_uses_what_is_stored(workplace: Path) -> None:
     part = next((workplace / "reports" / DEMO.stem / "samples").iterdir())
     before = part.stat().st_mtime_ns
-    assert mcnav("run", DEMO, "--samples", 2000, cwd=workplace).returncode == 0
+    assert invoke("run", DEMO, "--samples", 2000, cwd=workplace).returncode == 0
     assert part.stat().st_mtime_ns == before
 
 
@@ -105,7 +110,7 @@ def test_a_run_without_report_imports_neither_pandas_nor_what_draws(tmp_path: Pa
 
 def test_without_report(workplace: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with_report = workplace / "reports" / DEMO.stem
-    finished = mcnav("run", DEMO, "--samples", 2000, "--out", "run", "--no-report", cwd=tmp_path)
+    finished = invoke("run", DEMO, "--samples", 2000, "--out", "run", "--no-report", cwd=tmp_path)
     assert finished.returncode == 0, finished.stderr
     assert finished.stdout.endswith("summary: run/summary.json\n")
     folder = tmp_path / "run"
@@ -121,7 +126,7 @@ def test_without_report(workplace: Path, tmp_path: Path, monkeypatch: pytest.Mon
     assert "<svg" in (folder / "report.html").read_text()
     assert "no browser" in CliRunner().invoke(app, ["report", str(folder), "--open"]).output
 
-    again = mcnav("run", DEMO, "--samples", 2000, "--out", "run", "--no-report", cwd=tmp_path)
+    again = invoke("run", DEMO, "--samples", 2000, "--out", "run", "--no-report", cwd=tmp_path)
     assert again.returncode == 0, again.stderr
     assert not (folder / "report.html").exists()  # it might be of fewer samples
 
@@ -129,11 +134,13 @@ def test_without_report(workplace: Path, tmp_path: Path, monkeypatch: pytest.Mon
 def test_report_and_compare(workplace: Path) -> None:
     folder = workplace / "reports" / DEMO.stem
     before = (folder / "report.html").read_bytes()
-    assert mcnav("report", folder, cwd=workplace).returncode == 0
+    assert invoke("report", folder, cwd=workplace).returncode == 0
     assert (folder / "report.html").read_bytes() == before
     other = workplace / "other"
-    assert mcnav("run", DEMO, "--samples", 500, "--seed", 3, "--jobs", 1, "--out", other, cwd=workplace).returncode == 0
-    compared = mcnav("compare", folder, other, cwd=workplace)
+    assert (
+        invoke("run", DEMO, "--samples", 500, "--seed", 3, "--jobs", 1, "--out", other, cwd=workplace).returncode == 0
+    )
+    compared = invoke("compare", folder, other, cwd=workplace)
     assert compared.returncode == 0
     assert "2 runs" in compared.stdout
     assert compared.stdout.count(str(folder)) >= 5
@@ -143,11 +150,11 @@ def test_report_and_compare(workplace: Path) -> None:
 
 
 def test_partials(workplace: Path) -> None:
-    finished = mcnav("partials", DEMO, cwd=workplace)
+    finished = invoke("partials", DEMO, cwd=workplace)
     assert finished.returncode == 0
     for word in ("gyro drift [deg/h]", "initial altitude [km]", "initial range rate [m/s]", "differences", "runs"):
         assert word in finished.stdout
-    single = mcnav("partials", DEMO, "--method", "runs", cwd=workplace)
+    single = invoke("partials", DEMO, "--method", "runs", cwd=workplace)
     assert single.returncode == 0
 
 
@@ -155,7 +162,7 @@ def test_partials_for_every_start_time(workplace: Path) -> None:
     """The table holds what a campaign that starts at the first point has as its partials, in both axes."""
     for axes in ("start", "trajectory"):
         folder = workplace / axes
-        finished = mcnav(
+        finished = invoke(
             "partials", DEMO, "--start-times", "--count", 9, "--axes", axes, "--out", folder, cwd=workplace
         )
         assert finished.returncode == 0, finished.stderr
@@ -171,17 +178,9 @@ def test_partials_for_every_start_time(workplace: Path) -> None:
         assert (folder / "start_times.html").read_text().count("<figure") == 5
 
 
-def test_reproduce(workplace: Path) -> None:
-    finished = mcnav("reproduce", "tn-d1772", "--out", workplace / "tn", cwd=workplace)
-    assert finished.returncode == 0, finished.stderr
-    table = pd.read_csv(workplace / "tn" / "tables.csv")
-    assert f"{len(table)} printed numbers" in finished.stdout
-    assert (workplace / "tn" / "tn_d1772.html").exists()
-
-
 def test_start_times(workplace: Path) -> None:
     folder = workplace / "starts"
-    finished = mcnav("start-times", DEMO, "--count", 31, "--out", folder, cwd=workplace)
+    finished = invoke("start-times", DEMO, "--count", 31, "--out", folder, cwd=workplace)
     assert finished.returncode == 0, finished.stderr
     checks = pd.read_csv(folder / "start_times_checks.csv")
     assert (checks["verdict"] == "agrees").all()
@@ -201,7 +200,7 @@ def test_start_times(workplace: Path) -> None:
 
 def test_linearity(workplace: Path) -> None:
     folder = workplace / "linearity"
-    finished = mcnav("linearity", DEMO, "--samples", 500, "--largest", 12, "--out", folder, cwd=workplace)
+    finished = invoke("linearity", DEMO, "--samples", 500, "--largest", 12, "--out", folder, cwd=workplace)
     assert finished.returncode == 0, finished.stderr
     assert "joint distribution" in finished.stdout
     assert len(pd.read_csv(folder / "linearity.csv")) == 4 * (len(SOURCES) + 1)
@@ -230,7 +229,7 @@ def test_linearity_of_what_is_nowhere_linear(workplace: Path) -> None:
     (workplace / "jagged.py").write_text(JAGGED)
     described = '[scenario]\ntype = "jagged.py:Jagged"\n[errors]\nheight = "1 m"\n'
     (workplace / "jagged.toml").write_text(described)
-    finished = mcnav("linearity", "jagged.toml", "--out", "jagged", cwd=workplace)
+    finished = invoke("linearity", "jagged.toml", "--out", "jagged", cwd=workplace)
     assert finished.returncode == 0, finished.stderr
     assert finished.stderr == ""
     table = pd.read_csv(workplace / "jagged" / "linearity_dispersion.csv")
@@ -240,7 +239,7 @@ def test_linearity_of_what_is_nowhere_linear(workplace: Path) -> None:
 
 
 def test_reproduce_the_story(workplace: Path) -> None:
-    finished = mcnav("reproduce", "story-of-84-minutes", "--out", workplace / "story", cwd=workplace)
+    finished = invoke("reproduce", "story-of-84-minutes", "--out", workplace / "story", cwd=workplace)
     assert finished.returncode == 0, finished.stderr
     assert finished.stdout.splitlines()[0] == f"written: {workplace / 'story' / 'story.html'}"
     for line in finished.stdout.splitlines():
@@ -249,7 +248,7 @@ def test_reproduce_the_story(workplace: Path) -> None:
 
 def test_a_run_folders_own_campaign_goes_on_there(workplace: Path) -> None:
     folder = workplace / "reports" / DEMO.stem
-    finished = mcnav("run", folder / "campaign.toml", cwd=workplace)
+    finished = invoke("run", folder / "campaign.toml", cwd=workplace)
     assert finished.returncode == 0, finished.stderr
     assert not (workplace / "reports" / "campaign").exists()
 
@@ -280,7 +279,7 @@ def test_bad_input(arguments: list[object], message: str, workplace: Path) -> No
     (workplace / "wrong.toml").write_text(wrong)
     summary = workplace / "reports" / DEMO.stem / "summary.json"
     before = summary.read_bytes()
-    finished = mcnav(*arguments, cwd=workplace)
+    finished = invoke(*arguments, cwd=workplace)
     assert finished.returncode == 2
     assert message in finished.stderr
     assert len(finished.stderr.splitlines()) == 1
@@ -292,10 +291,24 @@ def test_bad_input(arguments: list[object], message: str, workplace: Path) -> No
     [["run", DEMO, "--jobs", 0], ["run", DEMO, "--samples", 1], ["run", DEMO, "--engine", "magic"], ["fly"], ["run"]],
 )
 def test_wrong_use(arguments: list[object], workplace: Path) -> None:
-    finished = mcnav(*arguments, cwd=workplace)
+    finished = invoke(*arguments, cwd=workplace)
     assert finished.returncode == 2
     assert "Traceback" not in finished.stderr
     assert finished.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status"),
+    [(["compare", "RUN"], 0), (["run", "nowhere.toml"], 2), (["run", DEMO, "--samples", 1], 2), (["fly"], 2)],
+    ids=str,
+)
+def test_a_process_prints_what_its_command_does(arguments: list[object], status: int, workplace: Path) -> None:
+    """Status, output and errors are the same, to the letter, as those of the command in this process."""
+    arguments = [f"reports/{DEMO.stem}" if word == "RUN" else word for word in arguments]
+    process, here = (program(*arguments, cwd=workplace) for program in (mcnav, invoke))
+    assert process.returncode == here.returncode == status
+    assert (process.stdout, process.stderr) == (here.stdout, here.stderr)
+    assert process.stdout or process.stderr
 
 
 @pytest.mark.parametrize(
@@ -306,7 +319,8 @@ def test_check(below: str, status: int, found: str, workplace: Path) -> None:
     described = DEMO.read_text() + "[[accept.quantile]]\noutput = 'altitude'\nprobability = 0.9973\n"
     campaign = workplace / f"accept_{status}_{found[:3]}.toml"
     campaign.write_text(f"{described}below = '{below}'\n")
-    finished = mcnav("run", campaign, "--samples", 2000, "--check", cwd=workplace)
+    program = mcnav if found == "not met" else invoke
+    finished = program("run", campaign, "--samples", 2000, "--check", cwd=workplace)
     assert finished.returncode == status, finished.stderr
     assert f"{found}" in finished.stdout
     assert f"|altitude| below {below} in 99.73 % of samples" in finished.stdout
@@ -314,7 +328,7 @@ def test_check(below: str, status: int, found: str, workplace: Path) -> None:
     told = {"met": "1 of 1 met", "not met": "0 of 1 met, 1 not met", "undecided": "0 of 1 met, 1 undecided"}[found]
     assert f"Requirements: {told}." in finished.stdout
     if found == "not met":
-        assert mcnav("run", campaign, "--samples", 2000, cwd=workplace).returncode == 0
+        assert invoke("run", campaign, "--samples", 2000, cwd=workplace).returncode == 0
     summary = json.loads((workplace / "reports" / campaign.stem / "summary.json").read_text())
     assert [entry["finding"] for entry in summary["requirements"]] == [found]
     assert "Allowed source sigmas" in (workplace / "reports" / campaign.stem / "report.html").read_text()

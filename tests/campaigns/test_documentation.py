@@ -24,6 +24,7 @@ from mcnav.config.templates import new_scenario
 from mcnav.workflow.analyse import report_run
 from mcnav.workflow.index import write_index
 from mcnav.workflow.run import run_campaign
+from tests.commands import invoke
 from tests.conftest import ROOT, campaign
 from tests.processes import LONG, run_to_end, running
 from tests.unit.config.test_trajectory_file import flight, write_csv
@@ -52,7 +53,9 @@ def place(tmp_path: Path) -> Path:
 def _run_every_command(page: str, place: Path) -> int:
     commands = [line for block in _blocks(page, "sh") for line in block.splitlines() if line]
     for command in commands:
-        finished = _run([sys.executable, "-m", *shlex.split(command)], place)
+        program, *arguments = shlex.split(command)
+        assert program == "mcnav"
+        finished = invoke(*arguments, cwd=place, columns=160)
         assert finished.returncode == 0, f"{command}\n{finished.stderr}"
         for written in re.findall(r"^(?:written|report): (.*)$", finished.stdout, re.MULTILINE):
             assert (place / written).exists()

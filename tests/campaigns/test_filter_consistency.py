@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+import base64
 import json
+import zlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from mcnav.errors import RunFolderError
+from mcnav.execution.chunks import DrawPlan
 from mcnav.scenarios.filter_sums import FilterMeans
-from mcnav.store.filters import read_filter_sums
+from mcnav.scenarios.protocol import Batch, SimulationResult
+from mcnav.store.filters import MARK, read_filter_sums
 from mcnav.store.run_folder import RunFolder
-from mcnav.workflow.analyse import samples_of
+from mcnav.workflow.analyse import filter_evidence, samples_of
 from mcnav.workflow.run import run_campaign
-from tests.scalar_filter import SCHEMA, campaign, steady_variance
+from tests.scalar_filter import SCHEMA, FilterThatBelieves, campaign, steady_variance
 
 
 def run(folder: Path, samples: int = 300, jobs: int = 1, report: bool = True, **changes: Any) -> dict[str, Any]:
@@ -69,17 +75,11 @@ def test_samples_and_tables_have_what_the_filters_say(tmp_path: Path) -> None:
         np.testing.assert_allclose(epochs[column], own, rtol=1e-12)  # a sum of 299 equal terms
 
 
-def test_folders_without_a_filter_open_as_before(tmp_path: Path) -> None:
-    """The manifest of a scenario without a filter has no word of one, and its samples no columns."""
-    from mcnav.config.read import parse_campaign
-
-    entries = {
-        "samples": 200,
-        "scenario": {"type": "reentry", "trajectory": 1},
-        "errors": {"range": "1 m"},
-    }
-    run_campaign(parse_campaign(entries, "test.toml", "test"), tmp_path / "run", None, 1)
+def test_folders_without_a_filter_are_as_before(tmp_path: Path) -> None:
+    """Manifest and summary of a scenario without a filter have no word of one, and its samples no columns."""
+    summary = run(tmp_path / "run", 200, filtered=False)
     assert "filter" not in json.loads((tmp_path / "run" / "manifest.json").read_text())["model"]
+    assert not [key for key in summary if "filter" in key]
     assert not (tmp_path / "run" / "filter.parquet").exists()
     assert "nees" not in samples_of(tmp_path / "run")
 
@@ -155,3 +155,44 @@ def test_degenerate_campaigns_have_words_and_no_nan(tmp_path: Path) -> None:
     whole, reduced = run(tmp_path / "whole"), run(tmp_path / "reduced", store="summary")
     assert whole["filter"]["factor"] == pytest.approx(reduced["filter"]["factor"], rel=1e-12)
     assert whole["filter_verdict"] == reduced["filter_verdict"]
+
+
+def test_histories_of_first_samples_come_from_the_chunks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They are the same bits as if simulated again, of stored samples and of a summary; the first 2,000 at most."""
+    asked = campaign(2_300, failing=(7,))
+    plan = DrawPlan(asked.errors, asked.design, asked.seed, 2_000)
+    engine = asked.scenario.engine("exact", plan.probes())
+    assert isinstance(engine, FilterThatBelieves)
+    again = engine.simulate(plan.batch(0, 2_000)).history
+    assert again is not None
+    simulated: list[int] = []
+    simulate = FilterThatBelieves.simulate
+
+    def counted(self: FilterThatBelieves, batch: Batch) -> SimulationResult:
+        simulated.extend(batch.index.tolist())
+        return simulate(self, batch)
+
+    monkeypatch.setattr(FilterThatBelieves, "simulate", counted)
+    for store in ("samples", "summary"):
+        simulated.clear()
+        run(tmp_path / store, 2_300, failing=(7,), store=store, report=False)
+        assert sorted(simulated) == list(range(2_300))  # each once
+        found = RunFolder(tmp_path / store).histories(5_000)
+        assert found is not None
+        _, _, errors = found
+        np.testing.assert_array_equal(errors["position [m]"], again[:, :, 0])
+
+
+def test_damaged_sums_are_refused_in_a_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Sums of another length, and what is no number of samples."""
+    run(tmp_path / "run", 60)
+    folder, manifest = RunFolder(tmp_path / "run"), RunFolder(tmp_path / "run").finished_manifest()
+    sums = read_filter_sums(SCHEMA, folder.chunk_folder, manifest.chunks)
+    assert sums is not None
+    for numbers in (sums.to_numbers()[:-7], np.append(sums.to_numbers()[:-1], np.inf), np.zeros(0)):
+        text = base64.b64encode(zlib.compress(numbers.tobytes())).decode()
+        described = pa.schema([]).with_metadata({MARK: text})
+        monkeypatch.setattr("mcnav.store.filters.pq.read_schema", lambda path, described=described: described)
+        with pytest.raises(RunFolderError, match="sums of filters are damaged"):
+            filter_evidence(folder, manifest, 0)
+        monkeypatch.undo()

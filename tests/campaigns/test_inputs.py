@@ -38,7 +38,7 @@ CLASS = """
 from pathlib import Path
 import os, threading
 import numpy as np
-from mcnav import *
+from mcnav import History, Output, Source
 
 class Mine:
     settings = SETTINGS

@@ -11,7 +11,7 @@ import subprocess
 import sys
 import textwrap
 from pathlib import Path
-from typing import Any, get_args
+from typing import get_args
 
 import numpy as np
 import pandas as pd
@@ -25,6 +25,7 @@ from mcnav.errors import CampaignError, RunFolderError
 from mcnav.workflow.analyse import report_run
 from mcnav.workflow.replay import as_stored, replay
 from mcnav.workflow.run import run_campaign
+from tests.commands import invoke
 from tests.conftest import ROOT
 from tests.processes import LONG, run_to_end, running, wait_for
 
@@ -40,9 +41,13 @@ def _environment() -> dict[str, str]:
     return os.environ | {"PYTHONPATH": str(ROOT), "COLUMNS": "160"}
 
 
+IMPORTS = "import os\nimport numpy as np\nfrom mcnav import History, Output, Panel, Source\n\n"
+"""By name: ``*`` would import all of mcnav, in every worker."""
+
+
 def _written(folder: Path, body: str, scenario: str = "") -> Path:
     """A scenario file and a campaign that flies its class ``Mine``."""
-    (folder / "mine.py").write_text("import os\nimport numpy as np\nfrom mcnav import *\n\n" + textwrap.dedent(body))
+    (folder / "mine.py").write_text(IMPORTS + textwrap.dedent(body))
     described = f'samples = 300\nseed = 1\n[scenario]\ntype = "mine.py:Mine"\n{scenario}\n[errors]\na = "1 m"\n'
     path = folder / "campaign_of_mine.toml"
     path.write_text(described)
@@ -100,7 +105,7 @@ def test_the_textbook_moments(tmp_path: Path) -> None:
 
 def test_a_killed_worker_is_outlived(tmp_path: Path) -> None:
     """The run goes on by itself, to the same bits."""
-    arguments = [sys.executable, "-m", "mcnav", "run", str(BOOST), "--samples", "1000", "--jobs", "2"]
+    arguments = [sys.executable, "-m", "mcnav", "run", str(BOOST), "--samples", "640", "--jobs", "2", "--no-report"]
     assert run_to_end([*arguments, "--out", tmp_path / "calm"], env=_environment()).returncode == 0
     with running([*arguments, "--out", tmp_path / "hit"], env=_environment()) as process:
         wait_for(lambda: _digests(tmp_path / "hit"), process)
@@ -382,9 +387,8 @@ def test_names_that_will_not_do(name: str, tmp_path: Path) -> None:
 def test_commands(tmp_path: Path) -> None:
     """New, check-scenario and its exit status, run with an engine that is none."""
 
-    def mcnav_says(*arguments: Any) -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-m", "mcnav", *map(str, arguments)]
-        return run_to_end(command, cwd=tmp_path, env=_environment())
+    def mcnav_says(*arguments: object) -> subprocess.CompletedProcess[str]:
+        return invoke(*arguments, cwd=tmp_path, columns=160)
 
     written = mcnav_says("new", "scenario", "mine")
     assert written.returncode == 0

@@ -19,7 +19,8 @@ import pytest
 import mcnav
 from mcnav.config.read import Campaign, parse_campaign, read_campaign
 from mcnav.errors import RunFolderBusy, RunFolderError
-from mcnav.progress import Phase
+from mcnav.execution.runner import run_chunks
+from mcnav.progress import SILENT, Phase
 from mcnav.scenarios import reentry
 from mcnav.scenarios.steady import Cruise
 from mcnav.store.provenance import commit
@@ -27,7 +28,8 @@ from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.analyse import report_run, summary_of
 from mcnav.workflow.replay import replay
 from mcnav.workflow.run import run_campaign
-from tests.conftest import ROOT, RecordedProgress, campaign, content
+from tests.conftest import ROOT, TWO_ERRORS, RecordedProgress, campaign, content, tn_errors
+from tests.faults.scenarios import chunk_job
 
 SOURCES = [(source.name, source.unit) for source in reentry.SOURCES]
 OUTPUTS = SOURCES[:4]
@@ -102,8 +104,9 @@ def test_summary(finished: tuple[Path, dict[str, Any]]) -> None:
 
 @pytest.mark.parametrize(("engine", "samples"), [("ensemble", 20_000), ("reference", 70)])
 def test_one_and_two_jobs_give_the_same_bits(engine: str, samples: int, tmp_path: Path) -> None:
+    errors = TWO_ERRORS if engine == "reference" else tn_errors()
     for jobs in (1, 2):
-        run_campaign(campaign(3, samples=samples), tmp_path / str(jobs), engine, jobs)
+        run_campaign(campaign(3, samples=samples, errors=errors), tmp_path / str(jobs), engine, jobs)
     assert _digests(tmp_path / "1") == _digests(tmp_path / "2")
     assert len(_digests(tmp_path / "1")) == 3
 
@@ -112,7 +115,7 @@ def test_both_engines_carry_the_same_draws(tmp_path: Path) -> None:
     """Errors are the same bits, outputs agree to 1e-5 of their dispersion."""
     frames = {}
     for engine in ("ensemble", "reference"):
-        run_campaign(campaign(2, samples=40), tmp_path / engine, engine, 1)
+        run_campaign(campaign(2, samples=40, errors=TWO_ERRORS), tmp_path / engine, engine, 1)
         frames[engine] = pd.read_parquet(tmp_path / engine / "samples")
     errors, outputs = ({k: f.filter(like=kind).to_numpy() for k, f in frames.items()} for kind in ("error", "output"))
     assert np.array_equal(errors["ensemble"], errors["reference"])
@@ -211,16 +214,18 @@ def test_samples_with_other_last_digits_are_not_mixed(tmp_path: Path, monkeypatc
 def test_a_run_is_extended(design: str, engine: str, before: int, after: int, tmp_path: Path) -> None:
     """As if all had been flown at once, and what was there stays as it was; a step back is refused."""
     folder, at_once = tmp_path / "extended", tmp_path / "at_once"
-    run_campaign(campaign(4, design=design, samples=before), folder, engine, 2)
+    errors = TWO_ERRORS if engine == "reference" else tn_errors()
+    short, long = (campaign(4, design=design, samples=samples, errors=errors) for samples in (before, after))
+    run_campaign(short, folder, engine, 2)
     first = mcnav.samples_of(folder)
-    extended = run_campaign(campaign(4, design=design, samples=after), folder, engine, 2)
-    whole = run_campaign(campaign(4, design=design, samples=after), at_once, engine, 2)
+    extended = run_campaign(long, folder, engine, 2)
+    whole = run_campaign(long, at_once, engine, 2)
     assert _digests(folder) == _digests(at_once)
     assert extended.summary == whole.summary
     assert after - before <= extended.simulated < after or before < 8_192
     pd.testing.assert_frame_equal(mcnav.samples_of(folder)[:before], first, check_exact=True)
     with pytest.raises(RunFolderError, match=f"holds a run of {after:,} samples, and {before:,} are fewer; ask"):
-        run_campaign(campaign(4, design=design, samples=before), folder, engine, 2)
+        run_campaign(short, folder, engine, 2)
     assert _digests(folder) == _digests(at_once)
 
 
@@ -410,10 +415,11 @@ def test_failed_samples_are_rows_with_their_reason(tmp_path: Path) -> None:
 def test_samples_beyond_the_kernel_are_handed_over(tmp_path: Path) -> None:
     """They come out as the reference engine flies them, and no range angle is wrapped: some go more than half round."""
     run = campaign(7, 300.0, samples=32)
-    for engine in ("ensemble", "reference"):
-        run_campaign(run, tmp_path / engine, engine, 1)
-    manifest = json.loads((tmp_path / "ensemble" / "manifest.json").read_text())
-    handed_over = sum(part["handed_over"] for part in manifest["parts"])
+    parts = {
+        engine: run_chunks(chunk_job(run, tmp_path / engine, engine), 1, SILENT)[0]
+        for engine in ("ensemble", "reference")
+    }
+    handed_over = sum(part.fallback_count for part in parts["ensemble"])
     assert handed_over > 0
     one, other = (pd.read_parquet(tmp_path / engine / "samples") for engine in ("ensemble", "reference"))
     assert np.array_equal(one["status"], other["status"])

@@ -149,10 +149,10 @@ def test_each_cause_alone_makes_the_errors_of_its_partial_derivatives() -> None:
     sigma = np.sqrt(np.diagonal(own.covariance, axis1=1, axis2=2))
     for kind in ("gyro_bias", "gyro_scale", "accelerometer_scale", "tilt"):
         errors = draw(16, {kind: (SIGMAS | NEGLECTED)[kind]}, 7)
-        result = made.navigation.simulate_silently(made.tables, errors, True)
+        values, _ = made.navigation.propagate(made.tables, errors, True)
         predicted = np.einsum("mis,ns->nmi", linear.partials, errors)
-        assert np.abs(result.values).max() > 0.0
-        assert np.all(np.abs(result.values - predicted) < 0.01 * sigma)
+        assert np.abs(values).max() > 0.0
+        assert np.all(np.abs(values - predicted) < 0.01 * sigma)
 
 
 def test_the_twin_has_the_samples_own_noise() -> None:
@@ -181,10 +181,8 @@ def test_no_errors_and_no_noise_are_exactly_zero() -> None:
     made = engine("ensemble", names)
     width = len(sized(scenario(names).navigation.sensors, {}))
     for own in (True, False):
-        result = made.navigation.simulate_silently(made.tables, np.zeros((3, width)), own)
-        assert not result.values.any()
-        assert not result.linear.any()
-        assert not result.state_error.any()
+        values, _ = made.navigation.propagate(made.tables, np.zeros((3, width)), own)
+        assert not values.any()
 
 
 def test_bits_do_not_depend_on_the_batch() -> None:

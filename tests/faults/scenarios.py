@@ -25,7 +25,7 @@ from tests.processes import run_to_end
 SINGLE = """
 import ctypes, os, time
 import numpy as np
-from mcnav import *
+from mcnav import Output, Source
 
 class Mine:
     sources = (Source("a", "m", "m", 1.0),)
@@ -41,7 +41,7 @@ class Mine:
 VECTORISED = """
 import time
 import numpy as np
-from mcnav import *
+from mcnav import Output, Source
 
 class Mine:
     sources = (Source("a", "m", "m", 1.0),)

@@ -7,16 +7,21 @@ import signal
 from pathlib import Path
 
 import pytest
+import tomli_w
 
-from tests.conftest import ROOT
+from tests.conftest import TWO_ERRORS, content
 from tests.faults.scenarios import command, environment
 from tests.processes import LONG, run_to_end, running, wait_for
 
-CAMPAIGN = ROOT / "campaigns" / "02_tn_d1772_trajectory_1.toml"
+SAMPLES = 192
+"""Six chunks: when the first is stored, two workers have flown three or four at most."""
 
 
 def _arguments(folder: Path) -> list[object]:
-    return ["run", CAMPAIGN, "--engine", "reference", "--samples", 320, "--out", folder]
+    """Without a report, and with few errors: neither what is flown on the side nor what is drawn is at stake."""
+    path = folder.parent / "campaign.toml"
+    path.write_text(tomli_w.dumps(content(1, samples=SAMPLES, errors=TWO_ERRORS)))
+    return ["run", path, "--engine", "reference", "--no-report", "--out", folder]
 
 
 def _run(folder: Path) -> None:
@@ -31,7 +36,7 @@ def _parts(folder: Path) -> dict[str, str]:
 
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    folder = tmp_path_factory.mktemp("undisturbed")
+    folder = tmp_path_factory.mktemp("undisturbed") / "run"
     _run(folder)
     return _parts(folder)
 

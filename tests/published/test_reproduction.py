@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import dataclass
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import pandas as pd
@@ -12,23 +14,49 @@ import pytest
 from mcnav.reproduce.tn_d1772 import page
 from mcnav.reproduce.tn_d1772.printed import SUMS, final_errors, sums
 from mcnav.reproduce.tn_d1772.tables import CASES, CONTRADICTIONS, SUM_NAMES, Cell, Mark
+from tests.commands import invoke
 from tests.conftest import ROOT
 
 
+@dataclass(frozen=True)
+class Written:
+    """One run of the command: its numbers, its folder, and what it printed."""
+
+    cells: list[Cell]
+    folder: Path
+    printed: str
+
+
 @pytest.fixture(scope="module")
-def written(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[Cell], Path]:
+def written(tmp_path_factory: pytest.TempPathFactory) -> Written:
     folder = tmp_path_factory.mktemp("tn")
-    return page.write_reproduction(folder)[0], folder
+    cells: list[Cell] = []
+    write = page.write_reproduction
+
+    def keep(path: Path) -> tuple[list[Cell], list[Path]]:
+        found, files = write(path)
+        cells.extend(found)
+        return found, files
+
+    with patch.object(page, "write_reproduction", keep):
+        finished = invoke("reproduce", "tn-d1772", "--out", folder, cwd=folder)
+    assert finished.returncode == 0, finished.stderr
+    return Written(cells, folder, finished.stdout)
 
 
 @pytest.fixture(scope="module")
-def cells(written: tuple[list[Cell], Path]) -> list[Cell]:
-    return written[0]
+def cells(written: Written) -> list[Cell]:
+    return written.cells
 
 
 @pytest.fixture(scope="module")
-def folder(written: tuple[list[Cell], Path]) -> Path:
-    return written[1]
+def folder(written: Written) -> Path:
+    return written.folder
+
+
+def test_the_command_counts_what_it_writes(written: Written) -> None:
+    assert f"{len(pd.read_csv(written.folder / 'tables.csv'))} printed numbers" in written.printed
+    assert f"written: {written.folder / page.PAGE}" in written.printed
 
 
 def test_every_printed_number_has_a_computed_one(cells: list[Cell]) -> None:

@@ -37,6 +37,9 @@ MEASUREMENT_STREAM: Final = 2
 CORRELATED_STREAM: Final = 3
 """Stream of the measurements' correlated errors."""
 
+SIX: Final = 6
+"""Components of the largest measurement, and states that are added up together."""
+
 SOUND, BEYOND, INDEFINITE = 0, 1, 2
 """Outcomes of a sample: good; beyond the validity of the scheme; a covariance that is not positive definite."""
 
@@ -258,96 +261,134 @@ def _rotation_vector(turn: Array, i: int, out: Array) -> None:
     out[0], out[1], out[2] = factor * b, factor * c, factor * e
 
 
-@uncontracted
-def _turn_block(over: Array, i: int, block: Array, out: Array) -> None:
-    """Compute ``R B R^T`` of a block, shape (3, 3), with R - I of lane i."""
-    half = np.empty((3, 3))
+@compiled
+def _turn_block(over: Array, block: Array, half: Array, out: Array) -> None:
+    """Compute ``R B R^T`` of a block, shape (3, 3), with R - I of each lane: shape (3, 3, LANES)."""
     for r in range(3):
         for c in range(3):
-            half[r, c] = block[r, c] + (
-                over[3 * r, i] * block[0, c] + over[3 * r + 1, i] * block[1, c] + over[3 * r + 2, i] * block[2, c]
-            )
+            x, y, z = block[0, c], block[1, c], block[2, c]
+            for i in range(LANES):
+                half[r, c, i] = block[r, c] + (over[3 * r, i] * x + over[3 * r + 1, i] * y + over[3 * r + 2, i] * z)
     for r in range(3):
         for c in range(3):
-            out[r, c] = half[r, c] + (
-                half[r, 0] * over[3 * c, i] + half[r, 1] * over[3 * c + 1, i] + half[r, 2] * over[3 * c + 2, i]
-            )
+            for i in range(LANES):
+                out[r, c, i] = half[r, c, i] + (
+                    half[r, 0, i] * over[3 * c, i]
+                    + half[r, 1, i] * over[3 * c + 1, i]
+                    + half[r, 2, i] * over[3 * c + 2, i]
+                )
 
 
 @compiled
-def _propagate(
-    k: int, motion: Array, thrust: Array, coupling: Array, decay: Array, noise: Array, local: Array, over: Array,
-    transition: Array, coupled: Array, added: Array, p: Array, product: Array,
+def _turn_tables(
+    k: int, motion: Array, thrust: Array, coupling: Array, noise: Array, local: Array, over: Array, transition: Array,
+    coupled: Array, added: Array,
 ) -> None:  # fmt: skip
-    """Take the filters' covariances over a step, along the attitude and the force that each sample indicates."""
-    size = len(p)
-    states = size - 9
-    block = np.empty((3, 3))
-    for i in range(LANES):
-        for half in range(2):
-            _turn_block(over, i, motion[k, 3 * half : 3 * half + 3, :3], block)
+    """Turn a step's tables to the attitude and the force that each sample indicates."""
+    states = coupling.shape[2]
+    block = np.empty((3, 3, LANES))
+    for half in range(2):
+        _turn_block(over, motion[k, 3 * half : 3 * half + 3, :3], block, transition[3 * half : 3 * half + 3])
+        fx, fy, fz = thrust[k, 3 * half], thrust[k, 3 * half + 1], thrust[k, 3 * half + 2]
+        share = 0.5 if half == 0 else 1.0 / 3.0
+        for i in range(LANES):
             ax, ay, az = local[0, i], local[1, i], local[2, i]
-            fx, fy, fz = thrust[k, 3 * half], thrust[k, 3 * half + 1], thrust[k, 3 * half + 2]
-            share = 0.5 if half == 0 else 1.0 / 3.0
             ux = local[3 + 3 * half, i] - share * (ay * fz - az * fy)
             uy = local[4 + 3 * half, i] - share * (az * fx - ax * fz)
             uz = local[5 + 3 * half, i] - share * (ax * fy - ay * fx)
-            for r in range(3):
-                for c in range(3):
-                    transition[3 * half + r, c, i] = block[r, c]
             transition[3 * half, 1, i] += uz
             transition[3 * half, 2, i] -= uy
             transition[3 * half + 1, 0, i] -= uz
             transition[3 * half + 1, 2, i] += ux
             transition[3 * half + 2, 0, i] += uy
             transition[3 * half + 2, 1, i] -= ux
+    for row in range(3):
+        for column in range(row + 1):
+            _turn_block(
+                over, noise[k, 3 * row : 3 * row + 3, 3 * column : 3 * column + 3], block,
+                added[3 * row : 3 * row + 3, 3 * column : 3 * column + 3],
+            )  # fmt: skip
+    for s in range(states):
         for row in range(3):
-            for column in range(row + 1):
-                _turn_block(over, i, noise[k, 3 * row : 3 * row + 3, 3 * column : 3 * column + 3], block)
-                for r in range(3):
-                    for c in range(3):
-                        added[3 * row + r, 3 * column + c, i] = block[r, c]
-        for s in range(states):
-            for row in range(3):
-                x, y, z = coupling[k, 3 * row, s], coupling[k, 3 * row + 1, s], coupling[k, 3 * row + 2, s]
-                a, b, c = noise[k, 3 * row, 9 + s], noise[k, 3 * row + 1, 9 + s], noise[k, 3 * row + 2, 9 + s]
-                for r in range(3):
-                    one, two, three = over[3 * r, i], over[3 * r + 1, i], over[3 * r + 2, i]
-                    at = 3 * row + r
-                    coupled[at, s, i] = coupling[k, at, s] + (one * x + two * y + three * z)
-                    added[9 + s, at, i] = noise[k, at, 9 + s] + (one * a + two * b + three * c)
+            x, y, z = coupling[k, 3 * row, s], coupling[k, 3 * row + 1, s], coupling[k, 3 * row + 2, s]
+            a, b, c = noise[k, 3 * row, 9 + s], noise[k, 3 * row + 1, 9 + s], noise[k, 3 * row + 2, 9 + s]
+            for r in range(3):
+                at = 3 * row + r
+                one, other = coupling[k, at, s], noise[k, at, 9 + s]
+                for i in range(LANES):
+                    u, v, w = over[3 * r, i], over[3 * r + 1, i], over[3 * r + 2, i]
+                    coupled[at, s, i] = one + (u * x + v * y + w * z)
+                    added[9 + s, at, i] = other + (u * a + v * b + w * c)
+
+
+@compiled
+def _propagate(
+    k: int, motion: Array, decay: Array, noise: Array, transition: Array, coupled: Array, added: Array, p: Array,
+    product: Array,
+) -> None:  # fmt: skip
+    """Take the filters' covariances over a step.
+
+    The other states are padded to a multiple of six, with zeros: a loop over the lanes costs more than its products.
+    """
+    size = len(p)
+    states, others = decay.shape[1], size - 9
     for r in range(9):
         for j in range(size):
-            for i in range(LANES):
-                product[r, j, i] = p[r, j, i] if r < 3 else 0.0
-            if r >= 3:
-                for c in range(3):
-                    for i in range(LANES):
-                        product[r, j, i] += transition[r - 3, c, i] * p[c, j, i]
-                for c in range(6):
-                    weight = motion[k, r - 3, 3 + c]
-                    for i in range(LANES):
-                        product[r, j, i] += weight * p[3 + c, j, i]
-            for s in range(states):
-                if coupling[k, 3 if r >= 3 else 0, s] != 0.0 or coupling[k, 4 if r >= 3 else 1, s] != 0.0:
-                    for i in range(LANES):
-                        product[r, j, i] += coupled[r, s, i] * p[9 + s, j, i]
+            if r < 3:
+                for i in range(LANES):
+                    product[r, j, i] = p[r, j, i]
+            else:
+                a, b, c = motion[k, r - 3, 3], motion[k, r - 3, 4], motion[k, r - 3, 5]
+                d, e, f = motion[k, r - 3, 6], motion[k, r - 3, 7], motion[k, r - 3, 8]
+                for i in range(LANES):
+                    product[r, j, i] = (
+                        transition[r - 3, 0, i] * p[0, j, i]
+                        + transition[r - 3, 1, i] * p[1, j, i]
+                        + transition[r - 3, 2, i] * p[2, j, i]
+                        + (a * p[3, j, i] + b * p[4, j, i] + c * p[5, j, i])
+                        + (d * p[6, j, i] + e * p[7, j, i] + f * p[8, j, i])
+                    )
+            for s in range(0, others, SIX):
+                for i in range(LANES):
+                    product[r, j, i] += (
+                        coupled[r, s, i] * p[9 + s, j, i]
+                        + coupled[r, s + 1, i] * p[10 + s, j, i]
+                        + coupled[r, s + 2, i] * p[11 + s, j, i]
+                    ) + (
+                        coupled[r, s + 3, i] * p[12 + s, j, i]
+                        + coupled[r, s + 4, i] * p[13 + s, j, i]
+                        + coupled[r, s + 5, i] * p[14 + s, j, i]
+                    )
     for r in range(9):
         for j in range(r + 1):
-            for i in range(LANES):
-                p[r, j, i] = added[r, j, i] + (product[r, j, i] if j < 3 else 0.0)
-            if j >= 3:
-                for c in range(3):
-                    for i in range(LANES):
-                        p[r, j, i] += product[r, c, i] * transition[j - 3, c, i]
-                for c in range(6):
-                    weight = motion[k, j - 3, 3 + c]
-                    for i in range(LANES):
-                        p[r, j, i] += product[r, 3 + c, i] * weight
-            for s in range(states):
-                if coupling[k, 3 if j >= 3 else 0, s] != 0.0 or coupling[k, 4 if j >= 3 else 1, s] != 0.0:
-                    for i in range(LANES):
-                        p[r, j, i] += product[r, 9 + s, i] * coupled[j, s, i]
+            if j < 3:
+                for i in range(LANES):
+                    p[r, j, i] = added[r, j, i] + product[r, j, i]
+            else:
+                a, b, c = motion[k, j - 3, 3], motion[k, j - 3, 4], motion[k, j - 3, 5]
+                d, e, f = motion[k, j - 3, 6], motion[k, j - 3, 7], motion[k, j - 3, 8]
+                for i in range(LANES):
+                    p[r, j, i] = (
+                        added[r, j, i]
+                        + (
+                            product[r, 0, i] * transition[j - 3, 0, i]
+                            + product[r, 1, i] * transition[j - 3, 1, i]
+                            + product[r, 2, i] * transition[j - 3, 2, i]
+                        )
+                        + (a * product[r, 3, i] + b * product[r, 4, i] + c * product[r, 5, i])
+                        + (d * product[r, 6, i] + e * product[r, 7, i] + f * product[r, 8, i])
+                    )
+            for s in range(0, others, SIX):
+                for i in range(LANES):
+                    p[r, j, i] += (
+                        product[r, 9 + s, i] * coupled[j, s, i]
+                        + product[r, 10 + s, i] * coupled[j, s + 1, i]
+                        + product[r, 11 + s, i] * coupled[j, s + 2, i]
+                    ) + (
+                        product[r, 12 + s, i] * coupled[j, s + 3, i]
+                        + product[r, 13 + s, i] * coupled[j, s + 4, i]
+                        + product[r, 14 + s, i] * coupled[j, s + 5, i]
+                    )
             for i in range(LANES):
                 p[j, r, i] = p[r, j, i]
         for s in range(states):
@@ -362,32 +403,47 @@ def _propagate(
 
 
 @compiled
-def _factor_innovations(
-    p: Array, full: Array, bounds: IndexArray, state_rows: Array, variances: Array, m: int, cross: Array, root: Array,
-    outcome: IndexArray,
-) -> None:  # fmt: skip
-    """Compute ``P H^T`` and the Cholesky factor of the innovations' covariance."""
-    size, states = len(p), len(p) - 9
-    for r in range(size):
+def _project(p: Array, full: Array, bounds: IndexArray, state_rows: Array, m: int, cross: Array) -> None:
+    """Add ``P H^T`` to ``cross``, shape (size, M, LANES); rows of H are in blocks of three."""
+    for r in range(len(p)):
         for c in range(m):
-            for i in range(LANES):
-                cross[r, c, i] = 0.0
-            for j in range(bounds[c, 0], bounds[c, 1]):
+            for j in range(bounds[c, 0], bounds[c, 1], 3):
                 for i in range(LANES):
-                    cross[r, c, i] += p[r, j, i] * full[c, j, i]
-            for s in range(states):
+                    cross[r, c, i] += (
+                        p[r, j, i] * full[c, j, i]
+                        + p[r, j + 1, i] * full[c, j + 1, i]
+                        + p[r, j + 2, i] * full[c, j + 2, i]
+                    )
+            for s in range(state_rows.shape[1]):
                 weight = state_rows[c, s]
                 if weight != 0.0:
                     for i in range(LANES):
                         cross[r, c, i] += p[r, 9 + s, i] * weight
+
+
+@compiled
+def _factor_innovations(
+    p: Array, full: Array, bounds: IndexArray, state_rows: Array, variances: Array, m: int, cross: Array, root: Array,
+    inverse: Array, outcome: IndexArray,
+) -> None:  # fmt: skip
+    """Compute ``P H^T`` and the Cholesky factor of the innovations' covariance, with its diagonal inverted."""
+    for r in range(len(p)):
+        for c in range(cross.shape[1]):
+            for i in range(LANES):
+                cross[r, c, i] = 0.0
+    _project(p, full, bounds, state_rows, m, cross)
     for c in range(m):
         for e in range(c + 1):
             for i in range(LANES):
                 root[c, e, i] = variances[c] if c == e else 0.0
-            for j in range(bounds[c, 0], bounds[c, 1]):
+            for j in range(bounds[c, 0], bounds[c, 1], 3):
                 for i in range(LANES):
-                    root[c, e, i] += full[c, j, i] * cross[j, e, i]
-            for s in range(states):
+                    root[c, e, i] += (
+                        full[c, j, i] * cross[j, e, i]
+                        + full[c, j + 1, i] * cross[j + 1, e, i]
+                        + full[c, j + 2, i] * cross[j + 2, e, i]
+                    )
+            for s in range(state_rows.shape[1]):
                 weight = state_rows[c, s]
                 if weight != 0.0:
                     for i in range(LANES):
@@ -397,67 +453,77 @@ def _factor_innovations(
                     root[c, e, i] -= root[c, j, i] * root[e, j, i]
             if c > e:
                 for i in range(LANES):
-                    root[c, e, i] /= root[e, e, i]
+                    root[c, e, i] *= inverse[e, i]
         for i in range(LANES):
             if not root[c, c, i] > 0.0:
                 outcome[i] = INDEFINITE
                 root[c, c, i] = 1.0
             root[c, c, i] = np.sqrt(root[c, c, i])
+            inverse[c, i] = 1.0 / root[c, c, i]
+
+
+@compiled
+def _invert(root: Array, inverse: Array, m: int, low: Array, s: Array) -> None:
+    """Invert ``L L^T``, shape (m, m, LANES), given the inverted diagonal of L; s is padded with zeros."""
+    s[:] = 0.0
+    for c in range(m):
+        for i in range(LANES):
+            low[c, c, i] = inverse[c, i]
+        for r in range(c + 1, m):
+            for i in range(LANES):
+                low[r, c, i] = 0.0
+            for j in range(c, r):
+                for i in range(LANES):
+                    low[r, c, i] -= root[r, j, i] * low[j, c, i]
+            for i in range(LANES):
+                low[r, c, i] *= inverse[r, i]
+    for r in range(m):
+        for c in range(r + 1):
+            for j in range(r, m):
+                for i in range(LANES):
+                    s[r, c, i] += low[j, r, i] * low[j, c, i]
+            for i in range(LANES):
+                s[c, r, i] = s[r, c, i]
 
 
 @compiled
 def _correct(
     p: Array, full: Array, bounds: IndexArray, state_rows: Array, variances: Array, m: int, corrected: Array,
-    accepted: Array, cross: Array, root: Array, gain: Array, left: Array,
+    accepted: Array, cross: Array, s: Array, gain: Array, left: Array,
 ) -> None:  # fmt: skip
-    """Compute the gains and the covariance after an update, in Joseph's form."""
-    size, states = len(p), len(p) - 9
+    """Compute the gains and the covariance after an update, in Joseph's form, with the inverse s of the innovations'.
+
+    Components are padded to six, which is the most that a sensor has, with zeros.
+    """
+    size = len(p)
     for r in range(size):
-        for c in range(m):
+        share = corrected[r]
+        for c in range(SIX):
             for i in range(LANES):
-                gain[r, c, i] = cross[r, c, i]
-            for j in range(c):
-                for i in range(LANES):
-                    gain[r, c, i] -= gain[r, j, i] * root[c, j, i]
-            for i in range(LANES):
-                gain[r, c, i] /= root[c, c, i]
-        for c in range(m - 1, -1, -1):
-            for j in range(c + 1, m):
-                for i in range(LANES):
-                    gain[r, c, i] -= gain[r, j, i] * root[j, c, i]
-            for i in range(LANES):
-                gain[r, c, i] /= root[c, c, i]
-        for c in range(m):
-            for i in range(LANES):
-                gain[r, c, i] *= corrected[r] * accepted[i]
+                gain[r, c, i] = (share * accepted[i]) * (
+                    (cross[r, 0, i] * s[0, c, i] + cross[r, 1, i] * s[1, c, i] + cross[r, 2, i] * s[2, c, i])
+                    + (cross[r, 3, i] * s[3, c, i] + cross[r, 4, i] * s[4, c, i] + cross[r, 5, i] * s[5, c, i])
+                )
     for r in range(size):
         for j in range(size):
             for i in range(LANES):
-                left[r, j, i] = p[r, j, i]
-            for c in range(m):
-                for i in range(LANES):
-                    left[r, j, i] -= gain[r, c, i] * cross[j, c, i]
+                left[r, j, i] = p[r, j, i] - (
+                    (gain[r, 0, i] * cross[j, 0, i] + gain[r, 1, i] * cross[j, 1, i] + gain[r, 2, i] * cross[j, 2, i])
+                    + (gain[r, 3, i] * cross[j, 3, i] + gain[r, 4, i] * cross[j, 4, i] + gain[r, 5, i] * cross[j, 5, i])
+                )
     for r in range(size):
         for c in range(m):
+            weight = -variances[c]
             for i in range(LANES):
-                cross[r, c, i] = -variances[c] * gain[r, c, i]
-            for j in range(bounds[c, 0], bounds[c, 1]):
-                for i in range(LANES):
-                    cross[r, c, i] += left[r, j, i] * full[c, j, i]
-            for s in range(states):
-                weight = state_rows[c, s]
-                if weight != 0.0:
-                    for i in range(LANES):
-                        cross[r, c, i] += left[r, 9 + s, i] * weight
+                cross[r, c, i] = weight * gain[r, c, i]
+    _project(left, full, bounds, state_rows, m, cross)
     for r in range(size):
         for j in range(r + 1):
             for i in range(LANES):
-                p[r, j, i] = left[r, j, i]
-            for c in range(m):
-                for i in range(LANES):
-                    p[r, j, i] -= cross[r, c, i] * gain[j, c, i]
-            for i in range(LANES):
-                p[j, r, i] = p[r, j, i]
+                p[r, j, i] = p[j, r, i] = left[r, j, i] - (
+                    (cross[r, 0, i] * gain[j, 0, i] + cross[r, 1, i] * gain[j, 1, i] + cross[r, 2, i] * gain[j, 2, i])
+                    + (cross[r, 3, i] * gain[j, 3, i] + cross[r, 4, i] * gain[j, 4, i] + cross[r, 5, i] * gain[j, 5, i])
+                )
 
 
 @compiled
@@ -765,11 +831,15 @@ def _run(
     estimate, twin_estimate = np.zeros((states, LANES)), np.zeros((states, LANES))
     scratch, sound = room(), np.zeros(LANES, dtype=np.bool_)
     outcome = np.zeros(LANES, dtype=np.int64)
-    p, left = np.zeros((size, size, LANES)), np.zeros((size, size, LANES))
-    product, transition = np.zeros((9, size, LANES)), np.zeros((6, 3, LANES))
-    coupled, added = np.zeros((9, states, LANES)), np.zeros((size, 9, LANES))
-    full, root = np.zeros((most, 9, LANES)), np.zeros((most, most, LANES))
-    cross, gain = np.zeros((size, most, LANES)), np.zeros((size, most, LANES))
+    whole = 9 + SIX * ((states + SIX - 1) // SIX)
+    p, left = np.zeros((whole, whole, LANES)), np.zeros((whole, whole, LANES))
+    product, transition = np.zeros((9, whole, LANES)), np.zeros((6, 3, LANES))
+    coupled, added = np.zeros((9, whole - 9, LANES)), np.zeros((whole, 9, LANES))
+    full, root, inverse = np.zeros((most, 9, LANES)), np.zeros((most, most, LANES)), np.zeros((most, LANES))
+    cross, gain = np.zeros((whole, SIX, LANES)), np.zeros((whole, SIX, LANES))
+    low, precision = np.zeros((SIX, SIX, LANES)), np.zeros((SIX, SIX, LANES))
+    share = np.zeros(whole)
+    share[:size] = corrected
     innovation, whitened = np.zeros((most, LANES)), np.zeros((most, LANES))
     disturbance, accepted = np.zeros((most, LANES)), np.zeros(LANES)
     before, has_before = np.zeros((counts.shape[2], most, LANES)), np.zeros(counts.shape[2], dtype=np.bool_)
@@ -829,7 +899,9 @@ def _run(
                     disturbance, innovation, full,
                 )  # fmt: skip
                 if own:
-                    _factor_innovations(p, full, bounds[u], state_rows[u], variances[u], m, cross, root, outcome)
+                    _factor_innovations(
+                        p, full, bounds[u], state_rows[u], variances[u], m, cross, root, inverse, outcome
+                    )
                 else:
                     for c in range(m):
                         for e in range(c + 1):
@@ -840,8 +912,20 @@ def _run(
                 )  # fmt: skip
                 has_before[sensor] = True
                 if own:
+                    _invert(root, inverse, m, low, precision)
                     _correct(
-                        p, full, bounds[u], state_rows[u], variances[u], m, corrected, accepted, cross, root, gain, left
+                        p,
+                        full,
+                        bounds[u],
+                        state_rows[u],
+                        variances[u],
+                        m,
+                        share,
+                        accepted,
+                        cross,
+                        precision,
+                        gain,
+                        left,
                     )
                 else:
                     for r in range(size):
@@ -913,10 +997,8 @@ def _run(
                 here, scratch, sound,
             )  # fmt: skip
             if own:
-                _propagate(
-                    k, motion, thrust, coupling, decay, noise, forced, scratch[0], transition, coupled, added, p,
-                    product,
-                )  # fmt: skip
+                _turn_tables(k, motion, thrust, coupling, noise, forced, scratch[0], transition, coupled, added)
+                _propagate(k, motion, decay, noise, transition, coupled, added, p, product)
             for s in range(states):
                 for i in range(LANES):
                     estimate[s, i] *= decay[k, s]

@@ -27,7 +27,7 @@ from mcnav.physics.ins.response import StepResponses
 from mcnav.physics.ins.truth import Platform, Truth
 from mcnav.physics.jit import compiled, inlined, uncontracted
 
-LANES: Final = 8
+LANES: Final = 16
 LARGEST_TURN: Final = 0.5
 """Largest rotation by the gyros' errors within a step, rad: beyond it a sample leaves the engine's validity."""
 

@@ -8,12 +8,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav._types import Array
+from mcnav._types import Array, IndexArray
 from mcnav.analysis.filter_consistency import Band as Statistic
 from mcnav.analysis.filter_consistency import FilterConsistency, GroupConsistency, SensorConsistency, SigmaConsistency
 from mcnav.report.figures.axis_groups import Group, curves, same_unit
 from mcnav.report.figures.figure import SEVERAL, Figure, side_by_side
-from mcnav.report.figures.marks import Axis, Band, Line, Mark, Panel, Points, Rule, Series, Span, axis
+from mcnav.report.figures.filter_errors import whole_flight
+from mcnav.report.figures.marks import Axis, Band, Line, Mark, Panel, Points, Rule, Series, Span
 from mcnav.report.figures.outages import outages, shading_key
 from mcnav.report.figures.palette import AREA, BAND, FLOWN, INK, LINEAR, MUTED
 from mcnav.report.figures.ticks import limits
@@ -21,6 +22,9 @@ from mcnav.report.model import RunAnalysis, humanize
 
 WIDE: Final = 8.0
 """Largest over smallest value from which on an axis is logarithmic."""
+
+USUAL: Final = 1.5
+"""Largest distance of neighbouring epochs of a curve, over the median one."""
 
 ABREAST: Final = SEVERAL + 1
 """Panels of which three stand side by side."""
@@ -78,18 +82,22 @@ def _nees_panel(found: FilterConsistency, group: GroupConsistency, shaded: Seque
     low, high = group.nees.each.T
     reach = np.concatenate([group.nees.value, low, high, [] if linear is None else linear, group.bounds_together])
     return Panel(
-        f"{group_title(group)}: {group.size} states",
-        axis(found.label, margin=0.0, link=True),
+        f"{group_title(group)}: {_counted(group.size, 'state')}",
+        whole_flight(found),
         _upward("NEES", "", reach),
         [
-            *shaded,
             Span(BOUNDS, *group.bounds_together, level=True),
+            *shaded,
             Rule(float(group.size), level=True, colour=MUTED),
             *_areas(INTERVAL, found.times, group.nees.each),
             *([] if linear is None else [Line(BY_LINEAR, found.times, linear, 1.6)]),
             *_curve(FLOWN_MEAN, found.times, group.nees.value),
         ],
     )
+
+
+def _counted(number: int, noun: str) -> str:
+    return f"{number} {noun if number == 1 else f'{noun}s'}"
 
 
 def nis_over_time(content: RunAnalysis) -> Figure | None:
@@ -122,15 +130,16 @@ def nis_over_time(content: RunAnalysis) -> Figure | None:
 
 
 def _nis_panel(found: FilterConsistency, sensor: SensorConsistency, shaded: Sequence[Span]) -> Panel:
+    parts = _stretches(found.times, np.asarray(sensor.nis.known & _known(sensor.bounds)))
     return Panel(
-        f"{humanize(sensor.name)}: {sensor.size} {'component' if sensor.size == 1 else 'components'}",
-        axis(found.label, margin=0.0, link=True),
+        f"{humanize(sensor.name)}: {_counted(sensor.size, 'component')}",
+        whole_flight(found),
         _upward("NIS", "", np.append(sensor.nis.value, sensor.bounds.ravel())),
         [
+            *(_steps(BOUNDS, found.times, sensor.bounds, part) for part in parts),
             *shaded,
-            *_steps(BOUNDS, found.times, sensor.bounds),
             Rule(float(sensor.size), level=True, colour=MUTED),
-            *_curve(FLOWN_MEAN, found.times, sensor.nis.value),
+            *(mark for part in parts for mark in _curve(FLOWN_MEAN, found.times[part], sensor.nis.value[part])),
         ],
     )
 
@@ -155,7 +164,7 @@ def sigma_ratios_over_time(content: RunAnalysis) -> Figure | None:
     tolerance = Span(TOLERANCE, 1.0 - found.tolerance, 1.0 + found.tolerance, level=True)
 
     def panel(place: int, title: str, members: Sequence[SigmaConsistency]) -> Panel:
-        marks: list[Mark] = [*shaded, tolerance, Rule(1.0, level=True, colour=INK, width=1.0)]
+        marks: list[Mark] = [tolerance, *shaded, Rule(1.0, level=True, colour=INK, width=1.0)]
         series = curves(place, members)
         for own, each in zip(series, members, strict=True):
             marks += _areas(own, found.times, each.ratio.each, 0.15)
@@ -165,7 +174,7 @@ def sigma_ratios_over_time(content: RunAnalysis) -> Figure | None:
             marks += _curve(own, found.times, each.ratio.value)
         known = [np.append(each.ratio.value, each.ratio.each.ravel()) for each in members]
         upward = _upward("true σ / filter σ", "", np.concatenate([[tolerance.low, tolerance.high], *known]))
-        return Panel(title, axis(found.label, margin=0.0, link=True), upward, marks, series)
+        return Panel(title, whole_flight(found), upward, marks, series)
 
     return Figure(
         name="sigma-history",
@@ -233,9 +242,9 @@ def _share_panel(
     ends = _ends(np.concatenate([[low, high], *(100.0 * statistic.value for _, statistic, _ in known)]), log=False)
     return Panel(
         f"{title}, ±{multiple}σ",
-        axis(found.label, margin=0.0, link=True),
+        whole_flight(found),
         Axis(f"within ±{multiple}σ", "%", low=ends[0], high=min(ends[1], 100.0)),
-        [*shaded, Span(BOUNDS, low, high, level=True), *lines],
+        [Span(BOUNDS, low, high, level=True), *shaded, *lines],
         series,
     )
 
@@ -284,10 +293,19 @@ def _areas(series: Series, times: Array, ends: Array, opacity: float = 1.0) -> l
     return [Band(series, times[run], ends[run, 0], ends[run, 1], opacity) for run in _runs(_known(ends))]
 
 
-def _steps(series: Series, times: Array, ends: Array) -> list[Mark]:
-    """Return the areas between the ends of intervals that each hold since the epoch before."""
-    begins = np.append(times[:1], times[:-1])
-    return [
-        Band(series, np.column_stack([begins[run], times[run]]).ravel(), *np.repeat(ends[run], 2, axis=0).T)
-        for run in _runs(_known(ends))
-    ]
+def _steps(series: Series, times: Array, ends: Array, part: IndexArray) -> Mark:
+    """Return the area between the ends of intervals at some epochs, each since the one before."""
+    begins = np.append(times[max(part[0] - 1, 0)], times[part[:-1]])
+    across = np.column_stack([begins, times[part]]).ravel()
+    return Band(series, across, np.repeat(ends[part, 0], 2), np.repeat(ends[part, 1], 2))
+
+
+def _stretches(times: Array, known: NDArray[np.bool_]) -> list[IndexArray]:
+    """Split the epochs at which something is known where the next one is later than usual.
+
+    A sensor with fewer updates than there are epochs is not known at each.
+    """
+    places = np.flatnonzero(known)
+    gaps = np.diff(times[places])
+    usual = float(np.median(gaps)) if gaps.size else 0.0
+    return [part for part in np.split(places, np.flatnonzero(gaps > USUAL * usual) + 1) if part.size]

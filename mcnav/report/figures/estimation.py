@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from mcnav.analysis.filter_consistency import FilterConsistency, SigmaConsistency
 from mcnav.report.figures.axis_groups import curves, same_kind
 from mcnav.report.figures.figure import Figure, side_by_side
-from mcnav.report.figures.filter_errors import sigmas
-from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Span, axis
+from mcnav.report.figures.filter_errors import sigmas, whole_flight
+from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Span
 from mcnav.report.figures.outages import outages, shading_key
 from mcnav.report.model import RunAnalysis, humanize
 
@@ -60,4 +60,4 @@ def _panel(
         for whose, values in sigmas(each).items()
     ]
     upward = Axis("1σ", members[0].shown_in, low=0.0)
-    return Panel(title, axis(found.label, margin=0.0, link=True), upward, [*shaded, *marks], series)
+    return Panel(title, whole_flight(found), upward, [*shaded, *marks], series)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -36,6 +37,11 @@ def sigmas(each: SigmaConsistency) -> dict[str, NDArray[np.float64]]:
     scale = conversion(each.unit, each.shown_in)
     linear = {} if each.true_linear is None else {"linear": each.true_linear * scale}
     return {**linear, "Monte Carlo": each.true * scale, "filter": each.filter * scale}
+
+
+def whole_flight(found: FilterConsistency) -> Axis:
+    """Return the time axis of a filter's diagrams, from the first epoch to the last."""
+    return replace(axis(found.label, link=True), low=float(found.times[0]), high=float(found.times[-1]))
 
 
 def errors_and_sigmas(content: RunAnalysis, found: FilterConsistency) -> Figure | None:
@@ -75,9 +81,9 @@ def _complete(histories: Mapping[str, Array], each: SigmaConsistency) -> Array:
 def _panel(
     found: FilterConsistency, each: SigmaConsistency, times: Array, histories: Array, shaded: Sequence[Span]
 ) -> Panel:
-    marks: list[Mark] = [*shaded, *(Line(SAMPLES, times, history, 0.7) for history in histories)]
+    marks: list[Mark] = [*shaded, *(Line(SAMPLES, times, history, 0.7, silent=True) for history in histories)]
     for whose, values in sigmas(each).items():
         width = 2.3 if whose == "linear" else 1.9
         marks += [Line(SIGMAS[whose], found.times, sign * MULTIPLE * values, width) for sign in (-1.0, 1.0)]
     upward = Axis("error", each.shown_in)
-    return Panel(humanize(each.name), axis(found.label, margin=0.0, link=True), upward, marks)
+    return Panel(humanize(each.name), whole_flight(found), upward, marks)

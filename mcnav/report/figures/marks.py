@@ -98,13 +98,14 @@ def axis(column: str, *, low: float | None = None, log: bool = False, margin: fl
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """A curve; gaps where it is not finite."""
+    """A curve; gaps where it is not finite. The pointer does not read the values of a ``silent`` one."""
 
     series: Series
     x: ArrayLike
     y: ArrayLike
     width: float = 1.9
     kind: str = ""
+    silent: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,6 +182,7 @@ class Span:
     high: float
     level: bool = False
     text: str = ""
+    opacity: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)

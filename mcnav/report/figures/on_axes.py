@@ -150,7 +150,7 @@ def _mark(axes: Axes, mark: m.Mark, order: float, font_scale: float) -> None:
                               textcoords="offset points", fontsize=small, annotation_clip=True)  # fmt: skip
         case m.Span():
             (axes.axhspan if mark.level else axes.axvspan)(
-                mark.low, mark.high, color=mark.series.colour, zorder=order, lw=0.0
+                mark.low, mark.high, color=mark.series.colour, alpha=mark.opacity, zorder=order, lw=0.0
             )
         case m.Steps():
             axes.stairs(mark.heights, mark.edges, fill=True, color=mark.series.colour, zorder=order)

@@ -12,17 +12,21 @@ from mcnav.report.model import RunAnalysis, humanize
 
 SHADED: Final = Series("outage", "outage", OUTAGE, "area")
 
+OPACITY: Final = 0.5
+"""Of the shading, so that bounds are seen through it."""
+
 
 def outages(content: RunAnalysis, sensors: Sequence[str] = ()) -> list[Span]:
     """Return the outages of some sensors by name, by default of all."""
     history = content.history
     label = next(iter(history.columns), "")
     return [
-        Span(SHADED, begin, end, text=f"outage of {humanize(name)}: {instant(begin, '')} to {instant(end, label)}")
+        Span(SHADED, begin, end, text=f"outage of {humanize(name)}: {instant(begin, '')} to {instant(end, label)}",
+             opacity=OPACITY)
         for name, spans in history.outages.items()
         if not sensors or name in sensors
         for begin, end in spans
-    ]
+    ]  # fmt: skip
 
 
 def shading_key(spans: Sequence[Span]) -> list[Series]:

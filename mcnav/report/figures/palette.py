@@ -6,7 +6,7 @@ from typing import Final
 
 INK, MUTED, GRID, PAPER = "#1d2733", "#566372", "#dfe5ec", "#ffffff"
 LINEAR, FLOWN, FILTER = "#0b5fa5", "#c24e00", "#0a7a55"
-BAND, AREA, POINT, OTHER, OUTAGE = "#e4eef7", "#f3c9a8", "#8794a3", "#9aa5b1", "#ece8f1"
+BAND, AREA, POINT, OTHER, OUTAGE = "#e4eef7", "#f3c9a8", "#8794a3", "#9aa5b1", "#d9d0e6"
 SOURCE_COLOURS: Final = (
     "#0072b2", "#56b4e9", "#009e73", "#8fd0b8", "#d55e00", "#e69f00", "#7b3294", "#c2a5cf", "#6b6b6b", "#b8b8b8",
     "#f0e442", "#8c510a",

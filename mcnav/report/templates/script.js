@@ -201,14 +201,17 @@
     };
     const one = (mark, [a, b]) => say([row(named(mark), mark.path), row(`${x.label} ${x.text(a)}`), row(`${y.label} ${y.text(b)}`)], [[a, b]]);
     const point = (at, target) => {
-      const text = target.closest("[data-tip]")?.dataset.tip;
       const found = marks().map((mark) => nearest(mark, at)).filter(Boolean);
+      const tipped = target.closest("[data-tip]");
+      const text = tipped?.dataset.tip;
+      const shade = text && tipped.classList.contains("shade");
       const dot = found.filter(({ mark }) => !mark.along).sort((p, q) => p.least - q.least)[0];
       const curves = found.filter(({ mark }) => mark.along);
       const exact = curves.filter(({ least }) => least !== undefined).map((each) => each.point);
-      if (text) say([row(text, target)], [at]);
+      if (text && !shade) say([row(text, target)], [at]);
       else if (dot && (!curves.length || dot.least < GRAB / 2)) one(dot.mark, dot.point);
-      else if (curves.length) say([row(`${x.label} ${x.text((exact[0] || at)[0])}`), ...curves.map(told)], exact.length ? exact : [at]);
+      else if (curves.length) say([row(`${x.label} ${x.text((exact[0] || at)[0])}`), ...curves.map(told), ...(shade ? [row(text, target)] : [])], exact.length ? exact : [at]);
+      else if (shade) say([row(text, target)], [at]);
       else say([]);
     };
 

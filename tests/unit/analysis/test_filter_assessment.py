@@ -151,6 +151,10 @@ def test_variances_of_zero_are_told_in_words() -> None:
     assert "The filter has no variance of position where its error is not zero." in found.remarks
     assert any("is not a number in all samples at 2 epochs" in remark for remark in found.remarks)
     assert found.factor is not None
+    rounding = np.where(np.arange(4) == 0, 1e-12, 1.0) * np.random.default_rng(6).standard_normal((10_000, 4))
+    started = assessed(scalar(rounding, np.tile([1e-40, 1.0, 1.0, 1.0], (10_000, 1))))
+    assert (started.verdict, started.remarks[:1]) == (Honesty.CONSISTENT, ("The filter was never updated.",))
+    assert np.isnan(started.groups[0].ratio.value[0])
     many = np.random.default_rng(4).standard_normal((10_000, 2))
     assert assessed(scalar(many, np.ones((10_000, 2)))).verdict == Honesty.CONSISTENT
     doubtful = assessed(scalar(many, np.tile([0.0, 1.0], (10_000, 1))))
@@ -254,3 +258,31 @@ def test_sums_leave_out_what_is_not_finite() -> None:
     np.testing.assert_array_equal(again.to_numbers(), sums.to_numbers())
     assert SCHEMA.main_group == "navigation"
     assert schema.main_group == "all"
+
+
+@pytest.mark.parametrize(
+    ("design", "samples", "weight"),
+    [("random", 500, 1.0), ("antithetic", 500, 0.5), ("latin-hypercube", 512, 31.0 / 32.0), ("sobol", 512, 0.0)],
+)
+def test_weights_of_designs(design: str, samples: int, weight: float) -> None:
+    """Pairs count as one sample, a hypercube of 32 as 31, a net as nothing; intervals widen by the root."""
+    plain = drawn(samples)
+    given = replace(plain, design=design, sampling=SamplingDesign.of(design, samples))
+    assert given.weight == weight
+    if weight == 0.0:
+        return
+    widths = [np.ptp(np.log(assessed(each).groups[0].nees.each[0])) for each in (plain, given)]
+    assert widths[1] / widths[0] == pytest.approx(weight**-0.5, rel=0.02)  # Student's quantile, and skewness
+
+
+def test_sources_that_are_not_normal_have_no_chi_square_bounds() -> None:
+    """Whether the NIS is beyond is then told by its own interval."""
+    normal = drawn(2_000)
+    found = [assessed(replace(normal, sampling=SamplingDesign(normal=each))).sensors[0] for each in (True, False)]
+    assert found[0].bounds_whole == found[1].bounds_whole
+    assert not any(sensor.beyond for sensor in found)
+    errors = np.random.default_rng(3).standard_normal((300, 4))
+    nis = np.zeros((300, 4, 5))
+    nis[:, :, 0], nis[:, :, 1] = 3.0 * np.random.default_rng(4).chisquare(1, (300, 4)), 1.0
+    given = replace(scalar(errors, np.ones((300, 4)), sensor_fix=nis), sampling=SamplingDesign(normal=False))
+    assert assessed(given).sensors[0].beyond

@@ -18,7 +18,7 @@ from mcnav.report.figures.consistency import nees_over_time, nis_over_time, shar
 from mcnav.report.figures.estimation import estimation
 from mcnav.report.figures.figure import Figure
 from mcnav.report.figures.filter_errors import DRAWN, errors_and_sigmas
-from mcnav.report.figures.marks import Band, Line, Span
+from mcnav.report.figures.marks import Band, Line, Points, Span
 from mcnav.report.figures.sources import origins, partials_history
 from mcnav.scenarios.protocol import History, PartialsHistory
 from tests.filters import OUTAGE, OUTPUTS, TIMES, consistency, in_outage
@@ -70,6 +70,16 @@ def test_every_figure_is_whole(draw: Callable[[Any], Figure | None], factor: flo
     assert f"outage of gnss: {OUTAGE[0]:g} to {OUTAGE[1]:g} min" in text
 
 
+def test_matplotlib_draws_them() -> None:
+    """Shaded outages, gaps and logarithmic axes on as many axes as there are panels."""
+    for draw in (nis_over_time, nees_over_time, sigma_ratios_over_time):
+        figure = draw(content(consistency(10.0)))
+        assert figure is not None
+        axes = figure.figure(width=16.0).axes
+        assert [each.get_title(loc="left") for each in axes] == [panel.title for panel in figure.panels]
+        assert [each.get_yscale() == "log" for each in axes] == [panel.y.log for panel in figure.panels]
+
+
 @pytest.mark.parametrize("draw", DRAWINGS)
 def test_nothing_is_drawn_of_nothing(draw: Callable[[Any], Figure | None]) -> None:
     """Neither without a filter nor of statistics that are known at no epoch."""
@@ -101,6 +111,29 @@ def test_no_area_spans_an_outage() -> None:
         assert [(band[0], band[-1]) for band in bands] == [(0.0, silent[0] - 1.0), (silent[-1], TIMES[-1])]
     shaded = [[mark for mark in panel.marks if isinstance(mark, Span)] for panel in figure.panels]
     assert [len(spans) for spans in shaded] == [1, 0]  # the altimeter has no outage of its own
+
+
+def test_a_sensor_with_fewer_updates_than_epochs_has_one_curve() -> None:
+    """Updates at every third epoch are joined; where one is missing there is a gap, and what is alone is a point."""
+    found = consistency()
+    known = np.zeros(len(TIMES), dtype=bool)
+    known[3::3] = True
+    known[[30, 36]] = False
+    sensor = found.sensors[1]
+    nis = Statistic(*(np.where(known if each.ndim == 1 else known[:, None], each, np.nan)
+                      for each in (sensor.nis.value, sensor.nis.each, sensor.nis.together)))  # fmt: skip
+    bounds = np.where(known[:, None], (0.9, 1.1), np.nan)
+    nis = replace(nis, value=np.where(known, 1.0, np.nan))
+    figure = nis_over_time(content(replace(found, sensors=(replace(sensor, nis=nis, bounds=bounds),))))
+    assert figure is not None
+    marks = figure.panels[0].marks
+    assert [np.asarray(mark.x).tolist() for mark in marks if isinstance(mark, Line)] == [
+        list(range(3, 28, 3)), [33], list(range(39, 61, 3)),
+    ]  # fmt: skip
+    bands = [np.asarray(mark.x) for mark in marks if isinstance(mark, Band)]
+    assert [(band[0], band[-1]) for band in bands] == [(2, 27), (32, 33), (38, 60)]
+    assert (figure.panels[0].x.low, figure.panels[0].x.high) == (TIMES[0], TIMES[-1])
+    assert [np.asarray(mark.x).tolist() for mark in marks if isinstance(mark, Points)] == [[33]]
 
 
 def test_sigmas_in_the_unit_shown() -> None:

@@ -70,6 +70,12 @@ def test_an_optimistic_filter_and_what_it_neglects() -> None:
     ]
 
 
+def test_the_ratio_farthest_from_one_of_a_consistent_filter() -> None:
+    found = replace(consistency(), factor=1.02149, worst=6.5, group="all", output="velocity_east")
+    assert filter_tables.at_worst(found) == "The ratio farthest from one is 1.021, in all states at 6.5 min."
+    assert filter_tables.at_worst(replace(found, worst=None)) == ""
+
+
 def test_a_single_neglected_error_is_named_once() -> None:
     assert filter_verdict.explanation(summary(consistency(3.3, neglected=NEGLECTED[:1]))) == ""
 
