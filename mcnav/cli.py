@@ -473,7 +473,7 @@ def linearity(
 ) -> None:
     """Find the multiples of the errors at which linear analysis fails, for each source alone and all together."""
     from mcnav.config.read import read_campaign
-    from mcnav.report import progress, terminal
+    from mcnav.report import progress, sentences, terminal
     from mcnav.studies.linearity import write_linearity
 
     content = read_campaign(campaign)
@@ -481,6 +481,8 @@ def linearity(
     with progress.shown(err) as shown:
         study, files = write_linearity(content, target, tolerance, samples, largest, shown)
     out.print(terminal.linearity(content.scenario.outputs, study.together, study.tolerance))
+    if study.without_noise:
+        out.print(sentences.WITHOUT_NOISE)
     out.print()
     _print_written(files)
 

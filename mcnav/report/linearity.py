@@ -14,7 +14,7 @@ from mcnav.analysis.linearity import AloneRange, DispersionRange
 from mcnav.report.figures import linearity as drawn
 from mcnav.report.model import humanize, labels_of
 from mcnav.report.page import filled
-from mcnav.report.sentences import JOINT, linearity_rows, multiple_words
+from mcnav.report.sentences import JOINT, WITHOUT_NOISE, linearity_rows, multiple_words
 from mcnav.scenarios.protocol import Output, Source
 
 ALL_AT_ONCE: Final = "all at once"
@@ -48,7 +48,7 @@ def dispersion_table(found: DispersionRange, outputs: Sequence[Output]) -> pd.Da
 
 def render(
     campaign: str,
-    about: tuple[float, float, int],
+    about: tuple[float, float, int, bool],
     single: AloneRange,
     dispersion: DispersionRange,
     contributions: Array,
@@ -57,10 +57,10 @@ def render(
 ) -> str:
     """Render the HTML page.
 
-    ``about`` is tolerance, confidence and samples; ``contributions`` is the linear effect of one sigma of
-    each source, SI, shape (sources, outputs).
+    ``about`` is tolerance, confidence, samples, and whether noise is left out; ``contributions`` is the linear effect
+    of one sigma of each source, SI, shape (sources, outputs).
     """
-    tolerance, confidence, samples = about
+    tolerance, confidence, samples, without_noise = about
     names = [humanize(output.name) for output in outputs]
     directions = [*labels_of(sources, outputs), ALL_AT_ONCE]
     minor = minor_effects(contributions)
@@ -71,6 +71,7 @@ def render(
         tolerance=f"{100 * tolerance:g} %",
         confidence=f"{100 * confidence:g} %",
         samples=samples,
+        without_noise=WITHOUT_NOISE if without_noise else "",
         together=linearity_rows(names, dispersion),
         alone=[(name, list(zip(words[j], minor[j], strict=True))) for j, name in enumerate(directions)],
         outputs=names,

@@ -22,6 +22,12 @@ LARGE_RATIO: Final = 3.0
 NEGLIGIBLE: Final = 1e-3
 """Share of a sigma that failed samples may hide without a warning."""
 
+WITHOUT_NOISE: Final = (
+    "The scenario has noise, which is left out here: the range is that of the constant errors. "
+    "A run compares linear covariance and samples with noise."
+)
+"""Note on the range of linearity of a scenario with noise."""
+
 JOINT: Final = "joint distribution"
 """Name of the NEES test among the outputs."""
 

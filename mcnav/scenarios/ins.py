@@ -25,7 +25,7 @@ from mcnav.physics.ins.fine_noise import draw_noise
 from mcnav.physics.ins.instruments import CONSTANTS, OUTPUTS, PROCESSES, Imu, process_sizes
 from mcnav.physics.ins.linear_noise import NoiseResponse
 from mcnav.physics.ins.mechanization import Diverged, Mechanization, longest_step
-from mcnav.physics.ins.response import respond
+from mcnav.physics.ins.response import StepResponses, respond
 from mcnav.physics.ins.truth import Platform, Truth
 from mcnav.scenarios.aided import (
     PROBES,
@@ -187,9 +187,17 @@ class Navigation:
         """Return the times of so many steps between epochs."""
         return np.linspace(self.start, self.end, EPOCHS * steps + 1)
 
+    @cached_property
+    def responses(self) -> StepResponses:
+        """The linear responses between epochs."""
+        return respond(self.truth, self.platform, self.times, self.imu)
+
     def tables(self, steps: int) -> EnsembleTables:
         """Prepare the ensemble's tables."""
-        responses = respond(self.truth, self.platform, self.grid(steps), self.imu)
+        grid = self.grid(steps)
+        responses = self.responses
+        if not np.array_equal(grid, self.times):
+            responses = respond(self.truth, self.platform, grid, self.imu)
         return tabulate(self.truth, self.platform, responses, self.imu, np.arange(EPOCHS + 1) * steps)
 
     @cached_property
@@ -198,8 +206,7 @@ class Navigation:
         if self.aided is not None:
             closed = self.aided.linear
             return LinearErrors(closed.times, closed.partials, closed.processes)
-        responses = respond(self.truth, self.platform, self.times, self.imu)
-        return propagate(self.truth, responses, self.imu, np.arange(EPOCHS + 1))
+        return propagate(self.truth, self.responses, self.imu, np.arange(EPOCHS + 1))
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ class LinearityStudy:
 
     The multiples refer to ``sizes``, one sigma of each source (the value of a fixed one), shape (sources,), SI, whose
     effect by the linear model is ``contributions``, shape (sources, outputs). ``alone`` has one direction per source,
-    then all sources at plus one sigma.
+    then all sources at plus one sigma. Where the scenario has noise it is left out, and ``without_noise`` is true.
     """
 
     tolerance: float
@@ -43,6 +43,7 @@ class LinearityStudy:
     alone: AloneRange
     together: DispersionRange
     samples: int
+    without_noise: bool
 
 
 def linearity_study(
@@ -55,7 +56,8 @@ def linearity_study(
     """Find a campaign's range of linearity.
 
     The tolerance is the campaign's by default; samples are those at each multiple of all errors together, up to the
-    largest multiple. Raises `CampaignError` when the scenario has noise.
+    largest multiple. Noise is left out: the range is that of the constant errors. Raises `CampaignError` when there is
+    noise and no constant error.
     """
     progress.phase(Phase.PREPARING)
     scenario, errors = campaign.scenario, campaign.errors
@@ -64,9 +66,8 @@ def linearity_study(
     sizes = np.where(errors.standard_deviations > 0.0, errors.standard_deviations, errors.mean)
     directions = np.vstack([np.diag(sizes), sizes])
     linear = scenario.linear_model()
-    if linear.processes:
-        remedy = "" if campaign.code is not None else "; leave the processes out of [imu]"
-        message = f"has noise, and the range of linearity is that of constant errors{remedy}"
+    if linear.processes and not sizes.any():
+        message = "has noise and no constant errors, and the range of linearity is that of constant errors"
         raise CampaignError([Problem(campaign.file, "scenario", message)])
 
     def counted(probes: Array) -> Propagate:
@@ -95,7 +96,9 @@ def linearity_study(
             largest,
         )
     effects = (linear.partials * sizes).T
-    return LinearityStudy(criterion.tolerance, criterion.confidence, sizes, effects, single, dispersion, samples)
+    return LinearityStudy(
+        criterion.tolerance, criterion.confidence, sizes, effects, single, dispersion, samples, bool(linear.processes)
+    )
 
 
 def write_linearity(
@@ -114,7 +117,7 @@ def write_linearity(
     sources, outputs = campaign.scenario.sources, campaign.scenario.outputs
     study = linearity_study(campaign, tolerance, samples, largest, progress)
     progress.phase(Phase.REPORTING)
-    about = (study.tolerance, study.confidence, study.samples)
+    about = (study.tolerance, study.confidence, study.samples, study.without_noise)
     page = tables.render(campaign.name, about, study.alone, study.together, study.contributions, sources, outputs)
     files = {
         "linearity.csv": tables.alone_table(study.alone, study.sizes, sources, outputs).to_csv(index=False),

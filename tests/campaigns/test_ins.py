@@ -13,7 +13,8 @@ import pytest
 from mcnav.config.read import parse_campaign
 from mcnav.errors import CampaignError
 from mcnav.notebook import open_run
-from mcnav.studies.linearity import linearity_study
+from mcnav.report.sentences import WITHOUT_NOISE
+from mcnav.studies.linearity import linearity_study, write_linearity
 from mcnav.workflow.analyse import samples_of
 from mcnav.workflow.replay import as_stored, replay
 from mcnav.workflow.run import run_campaign
@@ -101,12 +102,20 @@ def test_a_sample_is_replayed_with_its_noise(tmp_path: Path) -> None:
 
 
 def test_the_reference_engine_has_the_same_linear_covariance(tmp_path: Path) -> None:
+    """Its paired sigmas are the linear ones to their second order, whose bound follows from the sigmas.
+
+    A variance differs by the mean of (y - z) (y + z), so that a sigma does by the share d of y - z in it. A wrong
+    attitude turns a vector of errors, and changes it by its angle times its length; gravity's change of second order,
+    3 x / R of an error, is 3e-5 here.
+    """
     reference = run(tmp_path / "reference", samples=200, engine="reference")
     ensemble = run(tmp_path / "ensemble", samples=200)
     assert reference["sigma_linear"] == ensemble["sigma_linear"]
-    for low, high in reference["sigma_ratio_paired_interval"]:
-        assert low < 1.0 + 1e-2
-        assert high > 1.0 - 1e-2
+    linear = np.array(reference["sigma_linear"])
+    turn = np.linalg.norm(linear[6:])
+    lengths = np.linalg.norm(linear.reshape(3, 3), axis=1).repeat(3)
+    ratio = np.array(reference["sigma_paired"]) / linear
+    assert np.all(np.abs(ratio - 1.0) < turn * lengths / linear + 3e-5)
 
 
 def test_without_noise_samples_have_no_linear_columns(tmp_path: Path) -> None:
@@ -147,11 +156,26 @@ def test_an_imu_belongs_to_this_type_alone() -> None:
         parse_campaign({"scenario": scenario, "imu": {}, "errors": {}}, "test.toml", "test")
 
 
-def test_the_range_of_linearity_is_that_of_constant_errors() -> None:
-    with pytest.raises(
-        CampaignError, match="scenario: has noise, and the range of linearity is that of constant errors"
-    ):
-        linearity_study(parse_campaign(described(), "test.toml", "test"))
+def test_the_range_of_linearity_is_that_of_constant_errors(tmp_path: Path) -> None:
+    """The noise is left out, and the page says so: the ranges are those without noise, to the last bit."""
+    noisy, quiet = described(), described()
+    quiet["imu"] = {"gyro": {"bias": "0.005 deg/h"}}
+    noisy["imu"] = {"gyro": {**quiet["imu"]["gyro"], "angle_random_walk": "0.1 deg/sqrt(h)"}}
+    (found, files), (expected, others) = (
+        write_linearity(parse_campaign(each, "test.toml", "test"), tmp_path / name, samples=200, largest=4.0)
+        for name, each in (("noisy", noisy), ("quiet", quiet))
+    )
+    assert (found.without_noise, expected.without_noise) == (True, False)
+    np.testing.assert_array_equal(found.alone.multiples, expected.alone.multiples)
+    np.testing.assert_array_equal(found.together.ratios, expected.together.ratios)
+    pages = [each[-1].read_text(encoding="utf-8") for each in (files, others)]
+    assert [WITHOUT_NOISE in page for page in pages] == [True, False]
+
+
+def test_noise_alone_has_no_range_of_linearity() -> None:
+    noise = described(imu={"gyro": {"angle_random_walk": "0.1 deg/sqrt(h)"}}, errors={})
+    with pytest.raises(CampaignError, match="scenario: has noise and no constant errors, and the range"):
+        linearity_study(parse_campaign(noise, "test.toml", "test"))
 
 
 def test_the_polynomial_engine_knows_no_noise(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from mcnav.physics.ins.aiding import Sensor
 from mcnav.physics.ins.instruments import Imu, Noise
 from mcnav.scenarios.aided import AidedEngine, AidedReferenceEngine
 from mcnav.scenarios.ins import Ins, Navigation
-from mcnav.scenarios.protocol import Batch, SimulationResult
+from mcnav.scenarios.protocol import Batch, SimulationResult, StochasticEngine
 from tests.aided import make_filter, make_sensor, sized
 from tests.flights import flight
 
@@ -241,3 +241,26 @@ def test_the_ensemble_agrees_with_the_reference_fed_the_same_noise(sensors: tupl
         places = of.filter_schema.places  # type: ignore[union-attr]
         # navigation's NEES: twice the difference of errors in sigmas, times the error in sigmas, some 5 at most
         assert records[:, places["nees"]][:, 1] == pytest.approx(found.nees[0, :, 1], rel=2e-3, abs=2e-3)
+
+
+@pytest.mark.parametrize(("name", "count"), [("ensemble", 400), ("reference", 30)])
+def test_quantization_that_the_filter_neglects(name: str, count: int) -> None:
+    """Each variance at the end, of the noise alone, lies within the chi-square interval of the closed loop."""
+    counted = Imu(
+        replace(WALK.gyro, quantization=np.full(3, 2e-5), quantization_interval=np.full(3, 0.1)),
+        replace(WALK.accelerometer, quantization=np.full(3, 0.02), quantization_interval=np.full(3, 0.1)),
+    )
+    of = Ins(replace(scenario().navigation, imu=counted))
+    made = of.engine(name, draw(8, SIGMAS, 1, of))
+    assert isinstance(made, StochasticEngine)
+    found = made.simulate(Batch(np.arange(count), np.zeros((count, len(of.sources))), 6))
+    processes = of.navigation.linear.processes
+    expected = np.diag(sum(each[-1] for each in processes.values()))  # type: ignore[arg-type]
+    share = sum(np.diag(each[-1]) for each_name, each in processes.items() if "quantization" in each_name) / expected
+    assert share.max() > 0.3
+    low, high = stats.chi2.ppf([0.5 * FALSE_ALARM / 18, 1.0 - 0.5 * FALSE_ALARM / 18], count) / count
+    for ratio in (found.values**2).mean(axis=0) / expected:
+        assert low < ratio < high
+    assert found.linear_values is not None
+    for ratio in (found.linear_values**2).mean(axis=0) / expected:
+        assert low < ratio < high
