@@ -264,3 +264,20 @@ def test_quantization_that_the_filter_neglects(name: str, count: int) -> None:
     assert found.linear_values is not None
     for ratio in (found.linear_values**2).mean(axis=0) / expected:
         assert low < ratio < high
+
+
+def test_the_noise_of_the_measurements_alone_has_its_share_of_the_variance() -> None:
+    """A navigator without any other error, whose filter believes in all: each variance within its interval."""
+    believing = scenario().navigation
+    alone = Ins(replace(believing, imu=Imu()))
+    made = alone.engine("ensemble", np.zeros((8, len(alone.sources))))
+    assert isinstance(made, AidedEngine)
+    count = 200
+    history = made.simulate(Batch(np.arange(count), np.zeros((count, len(alone.sources))), 21)).history
+    whole = scenario().partials_history(61).processes
+    share = sum(np.diagonal(each, axis1=1, axis2=2) for name, each in whole.items() if name.startswith("gnss"))
+    assert history is not None
+    ratio = (history**2).mean(axis=0)[1:] / share[1:]
+    each = FALSE_ALARM / ratio.size
+    low, high = stats.chi2.ppf([each / 2, 1.0 - each / 2], count) / count
+    assert np.all((ratio > low) & (ratio < high))
