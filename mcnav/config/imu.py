@@ -86,9 +86,12 @@ def read_imu(entries: object, context: FileContext, place: str = "imu", replaced
 
         below = None if replaced is None else getattr(replaced, instrument)
         instability = _read_instability(table.get(INSTABILITY), kinds, f"{key}.{INSTABILITY}", context, below)
-        counted = read_quantization(
-            table.get(QUANTIZATION), kinds, f"{key}.{QUANTIZATION}", context, replaced is not None
-        )
+        if replaced is None:
+            counted = read_quantization(table.get(QUANTIZATION), kinds, f"{key}.{QUANTIZATION}", context)
+        else:
+            counted = (np.full(3, np.nan), np.full(3, np.nan))
+            if QUANTIZATION in entries.get(instrument, {}):
+                context.problem(f"{key}.{QUANTIZATION}", "filters neglect quantization; leave it out")
         noise = Noise(process(walk), *instability, process("rate_random_walk"), *counted)
         noises[instrument] = _replace(noise, below)
     if len(context.problems) > before:

@@ -24,35 +24,27 @@ INTERVALS: Final = (1e-3, 1.0)
 EXPECTED: Final = 'expected { sigma = "1e-6 rad", interval = "0.01 s" }, or step in place of sigma'
 
 
-def read_quantization(
-    entry: object, kinds: Mapping[str, str], key: str, context: FileContext, replaces: bool
-) -> tuple[Array, Array]:
+def read_quantization(entry: object, kinds: Mapping[str, str], key: str, context: FileContext) -> tuple[Array, Array]:
     """Read the sigma of the accumulated angle or velocity, and the interval between readings, each of shape (3,).
 
     A quantity, or one by axis, is the sigma; a table has ``sigma`` or ``step``, and ``interval``.
-
-    Parameters
-    ----------
-    replaces : bool
-        Whether values are put in place of others, of which those that are missing are NaN.
     """
-    missing, usual = (np.nan, np.nan) if replaces else (0.0, READING_INTERVAL)
-    sigma, interval = np.full(3, missing), np.full(3, usual)
+    sigma, interval = np.zeros(3), np.full(3, READING_INTERVAL)
     if entry is None:
         return sigma, interval
     if not isinstance(entry, dict) or entry.keys() & set(AXES):
-        return read_axes(entry, kinds[f"{QUANTIZATION}.sigma"], AXES, key, context, missing), interval
+        return read_axes(entry, kinds[f"{QUANTIZATION}.sigma"], AXES, key, context), interval
     names = ("sigma", "step", "interval")
     for name in entry.keys() - set(names):
         context.problem(f"{key}.{name}", f"unknown key{suggestion(name, list(names))}")
     sizes = [name for name in names[:2] if name in entry]
-    if len(sizes) != 1 and not (replaces and not sizes and "interval" in entry):
+    if len(sizes) != 1:
         context.problem(key, f"got {', '.join(sorted(entry)) or 'nothing'}; {EXPECTED}")
         return sigma, interval
     for name in sizes:
-        sigma = read_axes(entry[name], kinds[f"{QUANTIZATION}.{name}"], AXES, f"{key}.{name}", context, missing)
+        sigma = read_axes(entry[name], kinds[f"{QUANTIZATION}.{name}"], AXES, f"{key}.{name}", context)
         sigma = sigma / STEP if name == "step" else sigma
     if "interval" in entry:
         limits = within(*INTERVALS, "s", "an interval is positive")
-        interval = read_axes(entry["interval"], "s", AXES, f"{key}.interval", context, usual, limits)
+        interval = read_axes(entry["interval"], "s", AXES, f"{key}.interval", context, READING_INTERVAL, limits)
     return sigma, interval

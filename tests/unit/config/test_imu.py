@@ -83,18 +83,17 @@ def test_a_catalogue_entry_has_its_quantization() -> None:
     assert found.accelerometer.quantization * np.sqrt(12.0) == pytest.approx(np.full(3, 5e-7))
 
 
-def test_quantization_that_a_filter_believes_replaces_one_value() -> None:
-    """A missing interval or size is that of the instrument itself."""
+def test_a_filter_does_not_believe_in_quantization() -> None:
+    """It is refused by name; of a grade, and of the instrument itself, the filter has the other values."""
     true = read({"gyro": {"quantization": {"sigma": "1 urad", "interval": "5 ms"}}}).processes
     context = FileContext("mine.toml", Path())
-    longer = read_imu({"gyro": {"quantization": {"interval": "20 ms"}}}, context, "filter.believes.imu", true)
-    larger = read_imu({"gyro": {"quantization": "2 urad"}}, context, "filter.believes.imu", true)
-    assert not context.problems
-    assert longer is not None
-    assert larger is not None
-    for believed, size, interval in ((longer, 1e-6, 0.02), (larger, 2e-6, 0.005)):
-        assert believed.processes.gyro.quantization == pytest.approx(np.full(3, size))
-        assert believed.processes.gyro.quantization_interval == pytest.approx(np.full(3, interval))
+    assert read_imu({"gyro": {"quantization": "2 urad"}}, context, "filter.believes.imu", true) is None
+    (problem,) = context.problems
+    assert "filter.believes.imu.gyro.quantization: filters neglect quantization; leave it out" in str(problem)
+    graded = read_imu({"grade": "Groves aviation"}, FileContext("mine.toml", Path()), "filter.believes.imu", true)
+    assert graded is not None
+    assert graded.processes.gyro.quantization == pytest.approx(true.gyro.quantization)
+    assert np.all(graded.processes.gyro.random_walk > 0.0)
 
 
 def test_the_maximum_of_the_allan_deviation() -> None:
