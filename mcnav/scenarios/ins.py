@@ -496,7 +496,7 @@ class Ins:
                 gains = f"gains along the truth, which change errors by at most {apart:.1e} of the filter's sigma"
             accuracy = (
                 f"deviations in inertial axes, {len(shared.ensemble.durations)} steps, {gains}; largest numerical "
-                f"error of {min(len(probes), PROBES)} probe samples {error:.1e} of the filter's sigma"
+                f"error of {min(len(probes), PROBES)} probe samples {error:.1e} of the filter's sigma or their own size"
             )
             return AidedEngine(aided, shared, schema, engine == "ensemble", accuracy)
         steps, tables, error = self._refined(probes)
