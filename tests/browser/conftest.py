@@ -167,6 +167,14 @@ def _start_times(folder: Path, _: Callable[[str], Path]) -> Path:
     return write_start_times(campaign(4, name=NAME, start_times=plan), folder)[1][-1]
 
 
+def _ins_start_times(folder: Path, _: Callable[[str], Path]) -> Path:
+    table = {"count": 41, "samples": 200, "check": ["60 s"]}
+    described = mcnav.read_campaign(
+        ROOT / "campaigns" / "16_flight_tactical_grade.toml", {"name": NAME, "start_times": table}
+    )
+    return write_start_times(described, folder)[1][-1]
+
+
 def _linearity(folder: Path, _: Callable[[str], Path]) -> Path:
     return write_linearity(campaign(4, name=NAME), folder, samples=200, largest=12.0)[1][-1]
 
@@ -234,7 +242,7 @@ def _index(_: Path, made: Callable[[str], Path]) -> Path:
 
 KINDS: dict[str, Callable[[Path, Callable[[str], Path]], Path]] = {
     "report": _report, "many": _many, "aided": _aided, "replay": _replay, "comparison": _comparison, "index": _index,
-    "start times": _start_times, "linearity": _linearity, "calibration": _calibration, "story": _story, "tn": _tn,
-    "trajectory": _trajectory,
+    "start times": _start_times, "ins start times": _ins_start_times, "linearity": _linearity,
+    "calibration": _calibration, "story": _story, "tn": _tn, "trajectory": _trajectory,
 }  # fmt: skip
 """What makes each kind of page, in a folder of its own."""
