@@ -29,6 +29,9 @@ MOST_SENSORS: Final = 100
 MOST_SPEED: Final = 0.1
 """Of a vehicle that a sensor of type zero-velocity may take for one at rest, m/s."""
 
+STEEPEST: Final = 89.0
+"""Pitch of a body whose heading a sensor may measure, deg; errors of the attitude make 57 times as large ones of it."""
+
 NO_CORRELATION: Final = 3600.0
 """Correlation time of an error that there is not, s."""
 
@@ -67,6 +70,8 @@ def read_aiding(entries: object, navigation: Navigation, context: FileContext) -
             _check_names(sensor, sensors, f"{key}.name", context)
         if len(context.problems) == problems and sensor.kind == "zero-velocity":
             _check_at_rest(sensor, navigation, key, context)
+        if len(context.problems) == problems and sensor.kind == "heading":
+            _check_level(sensor, navigation, key, context)
         sensors.append(sensor)
         sigmas |= found
     check_count(sum(len(sensor.times) for sensor in sensors), context)
@@ -206,6 +211,17 @@ def _check_at_rest(sensor: Sensor, navigation: Navigation, key: str, context: Fi
     if len(fast):
         message = f"the vehicle moves at {speeds[fast[0]]:.3g} m/s at {seconds(sensor.times[fast[0]])}"
         context.problem(key, f"{message}; expected instants at rest, at most {MOST_SPEED} m/s")
+
+
+def _check_level(sensor: Sensor, navigation: Navigation, key: str, context: FileContext) -> None:
+    """Add a mistake when the vehicle points up or down at an instant at which its heading is measured."""
+    if not len(sensor.times):
+        return
+    pitch = np.degrees(navigation.truth.angles(sensor.times)[:, 1])
+    steep = np.flatnonzero(np.abs(pitch) > STEEPEST)
+    if len(steep):
+        message = f"the pitch is {pitch[steep[0]]:.4g} deg at {seconds(sensor.times[steep[0]])}"
+        context.problem(key, f"{message}, where the heading is not defined; expected at most {STEEPEST:g} deg")
 
 
 def _check_names(sensor: Sensor, earlier: list[Sensor], key: str, context: FileContext) -> None:

@@ -187,6 +187,11 @@ def _believed_sensor(entry: object, sensor: Sensor, context: FileContext) -> tup
     before = len(context.problems)
     for unknown in (name for name in entry if name not in kind.keys):
         context.problem(f"{key}.{unknown}", f"unknown key{suggestion(unknown, kind.keys)}")
+    if kind.lever_arm and "lever_arm" in entry:
+        known = f'{sensor.name}_lever_arm_x = {{ distribution = "fixed", value = "1 cm" }}'
+        context.problem(
+            f"{key}.lever_arm", f"is that of [[aiding]]; a wrong one is an error such as {known} in [errors]"
+        )
     errors = read_sensor_errors(entry, kind, key, context, believed=True)
     if len(context.problems) > before:
         return sensor, {}
@@ -206,8 +211,7 @@ def _believed_sensor(entry: object, sensor: Sensor, context: FileContext) -> tup
         sigmas |= of_component
     sized = zip(AXES, errors.lever_arm_error, strict=True)
     sigmas |= {f"{sensor.name}_lever_arm_{axis}": float(size) for axis, size in sized if not np.isnan(size)}
-    arm = np.where(np.isnan(errors.lever_arm), sensor.lever_arm, errors.lever_arm)
-    return replace(sensor, components=tuple(components), lever_arm=arm), sigmas
+    return replace(sensor, components=tuple(components)), sigmas
 
 
 def _believed_component(

@@ -281,3 +281,26 @@ def test_the_noise_of_the_measurements_alone_has_its_share_of_the_variance() -> 
     each = FALSE_ALARM / ratio.size
     low, high = stats.chi2.ppf([each / 2, 1.0 - each / 2], count) / count
     assert np.all((ratio > low) & (ratio < high))
+
+
+def test_errors_of_estimated_correlated_errors_between_measurements() -> None:
+    """A correlated error changes between the last measurement and an epoch, and at the start it is there already."""
+    sensor = make_sensor("fix", np.array([350.0, 450.0]), {"position": 3.0}, 10.0, 60.0)
+    model = make_filter((sensor,), WALK, SIGMAS, (*KINDS, "fix_bias"))
+    of = Ins(Navigation(flight(1.0), "strapdown", START, 520.0, WALK, (sensor,), model))
+    count = 400
+    errors = draw(count, SIGMAS, 8, of)
+    made = of.engine("ensemble", errors[:8])
+    assert isinstance(made, AidedEngine)
+    record = made.simulate(Batch(np.arange(count), errors, 8)).filter_values
+    assert record is not None
+    places = made.filter_schema.places
+    square = (record[..., places["state_error"]] ** 2).mean(axis=0)
+    ratio = square / record[..., places["state_variance"]].mean(axis=0)
+    each = FALSE_ALARM / ratio.size
+    low, high = stats.chi2.ppf([each / 2, 1.0 - each / 2], count) / count
+    assert np.all((ratio > low) & (ratio < high))
+    nees = record[..., places["nees"]].mean(axis=0)
+    for place, size in enumerate(made.filter_schema.groups.values()):
+        low, high = stats.chi2.ppf([each / 2, 1.0 - each / 2], count * size) / count
+        assert np.all((nees[:, place] > low) & (nees[:, place] < high))

@@ -39,6 +39,9 @@ MEASUREMENT_STREAM: Final = 2
 CORRELATED_STREAM: Final = 3
 """Stream of the measurements' correlated errors."""
 
+EPOCH_STREAM: Final = 4
+"""Stream of the correlated errors' change from the last measurement to an epoch."""
+
 SIX: Final = 6
 """Components of the largest measurement, and states that are added up together."""
 
@@ -61,6 +64,9 @@ class AidedTables:
         -1 for none.
     correlated, memory : ndarray, shape (U, M)
         Standard deviation of the correlated errors, and what is left of them since the sensor's update before.
+    drift_sigmas, faded : ndarray, shapes (G,), (m, G)
+        Standard deviation of all components' correlated errors, and what is left of them at the epochs since the
+        sensor's update or the epoch before.
     white : ndarray, shape (U, M)
         Standard deviation of the white noise.
     limits : ndarray, shape (U,)
@@ -76,6 +82,8 @@ class AidedTables:
     drifts: IndexArray
     correlated: Array
     memory: Array
+    drift_sigmas: Array
+    faded: Array
     white: Array
     limits: Array
     covariances: Array
@@ -100,6 +108,14 @@ def tabulate_aided(loop: ClosedLoop, ensemble: EnsembleTables, biases: tuple[str
     for number in range(len(sensors)):
         rows = np.flatnonzero(measurements.sensors == number)
         since[rows[1:]] = np.diff(measurements.times[rows])
+    epochs = loop.times[ensemble.epochs]
+    faded = np.zeros((len(epochs), len(components)))
+    by_component = [(sensor, component) for sensor in sensors for component in sensor.components]
+    for number, (sensor, component) in enumerate(by_component):
+        known = np.append(sensor.times, -np.inf)  # the last one is that before all others
+        latest = known[np.searchsorted(sensor.times, epochs + 1e-9) - 1]
+        elapsed = np.maximum(epochs - np.maximum(latest, np.append(-np.inf, epochs[:-1])), 0.0)
+        faded[:, number] = np.exp(-elapsed / component.correlation_time)
     limits = np.array([
         np.inf if sensor.gate is None else float(chi2.ppf(sensor.gate, len(sensor.components))) for sensor in sensors
     ])  # fmt: skip
@@ -120,6 +136,8 @@ def tabulate_aided(loop: ClosedLoop, ensemble: EnsembleTables, biases: tuple[str
         np.array([next((drifting[name] for name in each if name in drifting), -1) for each in links], dtype=np.int64),
         correlated,
         np.exp(-since[:, None] / times),
+        np.array([each.correlated for each in components]),
+        faded,
         np.array([each.noise for each in components])[which],
         limits[measurements.sensors],
         own_covariances(loop, ensemble.epochs, np.ones(len(ensemble.epochs))),
@@ -214,7 +232,7 @@ def simulate_aided(
          tables.biases, tables.drifts, loop.first_updates, loop.gains, loop.roots, tables.covariances),
         (measured.sensors, measured.sizes, measured.components, measured.kinds, measured.directions, measured.arms,
          measured.constants, measured.rows, measured.forward, measured.places, tables.bounds, tables.correlated,
-         tables.memory, tables.white, tables.limits),
+         tables.memory, tables.drift_sigmas, tables.faded, tables.white, tables.limits),
         (np.ascontiguousarray(instruments[:, active]), np.ascontiguousarray(aiding), of_states, state, linear),
         np.uint64(seed), samples.astype(np.uint64), added, disturbed, noisy, bool(tables.correlated.any()), own,
         (turns, deviations, predicted, outcome, nees, covariance, state_error, state_variance, counted),
@@ -873,7 +891,7 @@ def _run(
     (coupling, decay, noise, initial, state_rows, variances, corrected, state_biases, state_drifts, first_updates,
      shared_gains, shared_roots, shared_covariances) = filtered  # fmt: skip
     (sensors, counts_of, components, kinds, directions, arms, constant_rows, truth_rows, forward, spots, bounds,
-     correlated, memory, white, limits) = measured  # fmt: skip
+     correlated, memory, drift_sigmas, faded, white, limits) = measured  # fmt: skip
     equipment, aiding, of_states, state, linear = given
     turns, deviations, predicted, outcomes, nees, covariances, state_errors, state_variances, counts = results
     steps, count, width = len(durations), len(sizes), factors.shape[1]
@@ -883,7 +901,8 @@ def _run(
     measuring = disturbances.shape[1] == 0
     white_normals = np.zeros((LANES, updates * most if measuring else 0))
     drift_normals = np.zeros((LANES, updates * most if measuring and drifting else 0))
-    drifts = np.zeros((counts.shape[2] * most + 1, LANES))
+    epoch_normals = np.zeros((LANES, faded.size if measuring and drifting else 0))
+    drifts, shown = np.zeros((len(drift_sigmas), LANES)), np.zeros((len(drift_sigmas), LANES))
     theta, bias, drawn = np.zeros((inputs.shape[1], LANES)), np.zeros((count, LANES)), np.zeros((width, LANES))
     step_normals = np.zeros((LANES, width if drawing else 0))
     z, turn, d, twin = np.zeros((9, LANES)), np.zeros((4, LANES)), np.zeros((6, LANES)), np.zeros((9, LANES))
@@ -907,7 +926,7 @@ def _run(
     matrix, vector, psi = np.zeros((size, size)), np.zeros(size), np.zeros(3)
     for begin in range(0, len(state), LANES):
         lanes = min(LANES, len(state) - begin)
-        drifts[:], tally[:], before[:] = 0.0, 0.0, 0.0
+        drifts[:], shown[:], tally[:], before[:] = 0.0, 0.0, 0.0, 0.0
         has_before[:] = False
         estimate[:], twin_estimate[:], outcome[:] = 0.0, 0.0, SOUND
         for i in range(LANES):
@@ -929,6 +948,7 @@ def _run(
                 draw_normals(seed, samples[n], MEASUREMENT_STREAM, white_normals[i])
                 if drifting:
                     draw_normals(seed, samples[n], CORRELATED_STREAM, drift_normals[i])
+                    draw_normals(seed, samples[n], EPOCH_STREAM, epoch_normals[i])
             for b in range(count):
                 bias[b, i] = sizes[b] * normals[i, b] if drawing else 0.0
             for r in range(size):
@@ -950,6 +970,8 @@ def _run(
                         begin + min(i, lanes - 1), i, u, m, components, constant_rows, aiding, correlated, memory,
                         white, white_normals, drift_normals, drifts, disturbances, disturbance,
                     )  # fmt: skip
+                for c in range(m):
+                    shown[components[u, c]] = drifts[components[u, c]]
                 _correct_twin(
                     m, truth_rows[u], state_rows[u], shared_gains[u], bounds[u], disturbance, innovation, twin,
                     twin_estimate,
@@ -1001,6 +1023,12 @@ def _run(
                         here[r, i] = z[6 + r, i]
                 bend(constants, places[2 * k], fields[2 * k], gradients[2 * k], here, first)
             if reached < len(epochs) and epochs[reached] == k:
+                if epoch_normals.shape[1] > 0:
+                    for c in range(len(shown)):
+                        kept = faded[reached, c]
+                        driven = drift_sigmas[c] * np.sqrt(1.0 - kept * kept)
+                        for i in range(LANES):
+                            shown[c, i] = kept * shown[c, i] + driven * epoch_normals[i, reached * len(shown) + c]
                 for i in range(lanes):
                     n = begin + i
                     _rotation_vector(turn, i, psi)
@@ -1023,7 +1051,7 @@ def _run(
                         if state_biases[s] >= 0:
                             value += bias[state_biases[s], i]
                         if state_drifts[s] >= 0:
-                            value += drifts[state_drifts[s], i]
+                            value += shown[state_drifts[s], i]
                         vector[9 + s] = state_errors[n, reached, s] = value
                         state_variances[n, reached, s] = matrix[9 + s, 9 + s]
                     _record(matrix, vector, corrected, output_maps[reached], nees[n, reached], covariances[n, reached])

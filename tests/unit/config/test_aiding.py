@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -348,3 +349,17 @@ def test_other_scenarios_cannot_be_aided(kind: dict[str, Any]) -> None:
         f"mine.toml: {name}: this scenario cannot be aided, which those of type ins can"
         for name in ("aiding", "filter")
     ]
+
+
+@pytest.mark.parametrize("pitch", [88.0, 89.5, -90.0])
+def test_a_vertical_body_has_no_heading_to_measure(tmp_path: Path, pitch: float) -> None:
+    rows = (f"{time},47,9,500,0,{pitch},30" for time in range(61))
+    (tmp_path / "up.csv").write_text("\n".join(["time,lat,lon,alt,roll,pitch,heading", *rows]), encoding="utf-8")
+    compass = {"type": "heading", "interval": "5 s", "heading": "1 deg"}
+    content = described(compass) | {"scenario": {"type": "ins", "trajectory": "up.csv"}}
+    file = str(tmp_path / "mine.toml")
+    if abs(pitch) < 89.0:
+        assert parse_campaign(content, file, "mine").samples
+        return
+    with pytest.raises(CampaignError, match=rf"aiding #1: the pitch is {pitch:g} deg at 5 s, where the heading is not"):
+        parse_campaign(content, file, "mine")

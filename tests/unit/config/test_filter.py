@@ -114,7 +114,7 @@ def test_believed_sensors() -> None:
              "position_correlated": {"sigma": "2 m", "correlation_time": "100 s"}}  # fmt: skip
     believes = {"aiding": {"gnss": {
         "position": {"east": "7 m"}, "position_bias": "0 m", "velocity_bias": {"down": "1 cm/s"},
-        "position_correlated": {"correlation_time": "50 s"}, "lever_arm": {"z": "0 m"}, "lever_arm_error": "1 cm",
+        "position_correlated": {"correlation_time": "50 s"}, "lever_arm_error": "1 cm",
         "velocity_correlated": {"sigma": "1 m/s", "correlation_time": "5 s"},
     }}}  # fmt: skip
     found = model(entry, ALTIMETER, estimates=("gnss_velocity_bias",), considers=["gnss_lever_arm"], believes=believes)
@@ -122,7 +122,7 @@ def test_believed_sensors() -> None:
     assert [each.noise for each in gnss.components] == [3.0, 7.0, 3.0, 0.1, 0.1, 0.1]
     assert [each.correlated for each in gnss.components] == [2.0, 2.0, 2.0, 1.0, 1.0, 1.0]
     assert [each.correlation_time for each in gnss.components] == [50.0, 50.0, 50.0, 5.0, 5.0, 5.0]
-    assert gnss.lever_arm.tolist() == [1.0, 2.0, 0.0]
+    assert gnss.lever_arm.tolist() == [1.0, 2.0, 3.0]
     assert altimeter.components[0].noise == 3.0
     assert found.beliefs.sigmas["gnss_position_bias_north"] == 0.0
     states = [(state.name, state.considered) for state in found.states]
@@ -218,6 +218,8 @@ def test_one_mistake_is_one_line(entry: Any, line: str) -> None:
         ({"aiding": {"gns": {}}}, "aiding.gns: no sensor has this name; did you mean 'gnss'?"),
         ({"aiding": {"gnss": 3}}, "aiding.gnss: expected a table"),
         ({"aiding": {"gnss": {"interval": "3 s"}}}, "aiding.gnss.interval: unknown key; expected one of position"),
+        ({"aiding": {"gnss": {"lever_arm": ["1 m", "0 m", "0 m"]}}},
+         "aiding.gnss.lever_arm: is that of [[aiding]]; a wrong one is an error such as gnss_lever_arm_x = {"),
         ({"aiding": {"gnss": {"position": "0 m"}}}, "aiding.gnss.position: got '0 m'; expected a sigma above zero"),
         ({"aiding": {"gnss": {"velocity": "1 m/s"}}}, "aiding.gnss.velocity: velocity is not measured; leave it out"),
         ({"aiding": {"gnss": {"position": {"down": "1 m"}}}},
@@ -299,7 +301,7 @@ VALID = {
         "believes": {
             "imu": {"gyro": {"bias": "1 deg/h", "bias_instability": {"sigma": "1 deg/h", "correlation_time": "1 h"}}},
             "errors": {"position": "3 m", "heading": "1 mrad"},
-            "aiding": {"gnss": {"position": "3 m", "lever_arm": {"x": "1 m"}}},
+            "aiding": {"gnss": {"position": "3 m", "lever_arm_error": {"x": "1 m"}}},
         },
     },
 }  # fmt: skip
