@@ -241,6 +241,8 @@ def reduce_stored(
         Final errors; NaN in the row of a sample that failed.
     blocks : ndarray of int, shape (n,)
         Independent block of each sample.
+    linear : ndarray, shape (n, outputs), optional
+        Linear outcomes, which a sample with noise has besides; by default those of its errors alone.
     """
     drawn = successful = ErrorSums.of(errors)
     finite = np.isfinite(outcomes).all(axis=1)
@@ -270,14 +272,19 @@ def reduce_summary(
 
 
 def compare(
-    model: Model, errors: Array, outcomes: Array, criterion: Criterion, design: SamplingDesign | None = None
+    model: Model,
+    errors: Array,
+    outcomes: Array,
+    criterion: Criterion,
+    design: SamplingDesign | None = None,
+    linear: Array | None = None,
 ) -> Comparison:
     """Compare the first samples of a campaign with the linear model; parameters as `reduce_stored`, `compare_reduced`.
 
     The design is that of independent draws from normal sources unless given.
     """
     design = design or SamplingDesign()
-    reduced = reduce_stored(model, errors, outcomes, design.blocks(np.arange(len(errors))))
+    reduced = reduce_stored(model, errors, outcomes, design.blocks(np.arange(len(errors))), linear)
     return compare_reduced(model, reduced, criterion, design)
 
 

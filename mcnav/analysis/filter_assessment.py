@@ -184,7 +184,7 @@ def _groups(
         bounds_each, bounds_together = (
             _pair(mean_square_bounds(float(size), freedom, each)) for each in (rates.each, rates.together)
         )
-        linear = _linear_ratio(evidence.linear, outputs_of(name, names), size)
+        linear = None if name == "sensors" else _linear_ratio(evidence.linear, outputs_of(name, names), size)
         found.append(
             GroupConsistency(
                 name,

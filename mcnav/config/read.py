@@ -148,8 +148,8 @@ def parse_campaign(
     if described is None:
         raise context.error()
     scenario: Scenario = described.scenario
-    if "start_times" in content and not isinstance(scenario, VariableStart):
-        context.problem("start_times", "this scenario has no start times to choose from; leave it out")
+    if "start_times" in content:
+        _check_start_times(scenario, str(table.start_times.axes), context)
     start_times = read_start_times(table.start_times, sources, scenario.outputs, distributions, context)
     if model is None or context.problems:
         raise context.error()
@@ -183,6 +183,17 @@ def parse_campaign(
         file=file,
         files=described.inputs,
     )
+
+
+def _check_start_times(scenario: Scenario, axes: str, context: FileContext) -> None:
+    """Refuse ``[start_times]`` where the start cannot be chosen."""
+    if not isinstance(scenario, VariableStart):
+        context.problem("start_times", "this scenario has no start times to choose from; leave it out")
+        return
+    try:
+        scenario.check_start_axes(axes)
+    except ScenarioError as wrong:
+        context.problem("start_times.axes" if wrong.key == "axes" else "start_times", str(wrong))
 
 
 def _has_noise(scenario: Scenario) -> bool:

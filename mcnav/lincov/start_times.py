@@ -1,4 +1,4 @@
-"""Dispersion against the start time of navigation: P(t_s) S(t_s) P(t_s)^T."""
+"""Dispersion against the start time of navigation: P(t_s) S(t_s) P(t_s)^T, and with noise Q(t_s) added."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.lincov.covariance import propagated_covariance
-from mcnav.scenarios.protocol import VariableStart
+from mcnav.scenarios.protocol import NoisyStart, StartClock, VariableStart
 
 
 @dataclass(frozen=True)
@@ -49,6 +49,10 @@ class StartTimeStudy:
         Dispersion, SI.
     weights : ndarray, shape (outputs,)
         Weight of an output's sigma, per SI unit, in the weighted dispersion.
+    clock : StartClock
+        How the start times are counted.
+    noise : ndarray, shape (n, outputs), optional
+        Sigma of the part from noise, SI; none for a scenario without noise.
     """
 
     axes: str
@@ -57,6 +61,8 @@ class StartTimeStudy:
     effects: Array
     sigma: Array
     weights: Array
+    clock: StartClock
+    noise: Array | None = None
 
     @property
     def weighted(self) -> Array:
@@ -65,10 +71,12 @@ class StartTimeStudy:
 
     @property
     def before_event(self) -> int:
-        """Number of start times that are not later than the event.
+        """Number of start times that are not later than the event, or of all of them without an event.
 
         Only these are candidates for the best: at the very end only the start errors remain.
         """
+        if not self.clock.event:
+            return len(self.times)
         return max(1, int(np.searchsorted(self.times, 0.0, side="right")))
 
     @property
@@ -104,12 +112,20 @@ def study_start_times(
     times = scenario.start_times(count)
     partials = scenario.partials_at(times, axes)
     multiples = (schedule or ErrorSchedule()).at(times, len(start_covariance))
-    variances = [
-        np.diag(propagated_covariance(matrix * multiple, start_covariance))
-        for matrix, multiple in zip(partials, multiples, strict=True)
-    ]
+    variances = np.array(
+        [
+            np.diag(propagated_covariance(matrix * multiple, start_covariance))
+            for matrix, multiple in zip(partials, multiples, strict=True)
+        ]
+    )
+    noise = scenario.noise_at(times, axes) if isinstance(scenario, NoisyStart) else None
+    of_noise = None
+    if noise is not None and noise.any():
+        of_noise = np.diagonal(noise, axis1=1, axis2=2)
+        variances = variances + of_noise
+        of_noise = np.sqrt(of_noise)
     sigma = np.sqrt(np.maximum(variances, 0.0))
     if weights is None:
         weights = np.divide(1.0, sigma[0], out=np.zeros_like(sigma[0]), where=sigma[0] > 0.0)
     effects = partials * (multiples * np.sqrt(np.diag(start_covariance)))[:, None, :]
-    return StartTimeStudy(axes, times, partials, effects, sigma, weights)
+    return StartTimeStudy(axes, times, partials, effects, sigma, weights, scenario.start_clock, of_noise)

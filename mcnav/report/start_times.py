@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
+import numpy as np
 import pandas as pd
 
 from mcnav.analysis.comparison import Comparison
@@ -19,7 +20,7 @@ from mcnav.scenarios.protocol import Output, Source
 
 CONVENTIONS: Final = {
     "start": "The reference axes are aligned at each start.",
-    "trajectory": "The reference axes are aligned at the first point of the trajectory.",
+    "trajectory": "The reference axes are aligned {}.",
 }
 
 
@@ -29,6 +30,9 @@ def table(study: StartTimeStudy, sources: Sequence[Source], outputs: Sequence[Ou
     for i, output in enumerate(outputs):
         columns[f"sigma {output.name} [{output.unit}]"] = study.sigma[:, i]
     columns["weighted sigma [1]"] = study.weighted
+    if study.noise is not None:
+        for i, output in enumerate(outputs):
+            columns[f"sigma {output.name} from noise [{output.unit}]"] = study.noise[:, i]
     for i, output in enumerate(outputs):
         for j, source in enumerate(sources):
             unit = f"{output.unit} per {source.unit}"
@@ -63,23 +67,48 @@ def render(
 ) -> str:
     """Render the HTML page; ``checks`` are Monte Carlo comparisons by start time, s."""
     scale = scale_of(outputs)
-    labels = labels_of(sources, outputs)
+    effects = grouped_effects(study, sources, outputs)
     places = {humanize(output.name): int(study.best[i]) for i, output in enumerate(outputs)}
     places |= {"all, weighted": study.best_weighted, "(start at the first point)": 0}
     return filled(
         "start_times.html",
         campaign=campaign,
-        convention=CONVENTIONS[study.axes],
+        convention=CONVENTIONS[study.axes].format(study.clock.aligned),
+        clock=study.clock.label,
+        event=study.clock.event,
         dispersion=drawn.dispersion(study, checks, scale, outputs),
         best=[(name, minutes(study.times[k]), study.sigma[k] * scale) for name, k in places.items()],
         outputs=[(humanize(output.name), output.shown_in) for output in outputs],
         checks=[(minutes(time), each.failed, _cells(time, each, outputs)) for time, each in checks.items()],
         samples=max((comparison.samples for comparison in checks.values()), default=0),
         partials=[
-            (humanize(output.name), drawn.effects(study, i, float(scale[i]), labels, output))
+            (humanize(output.name), drawn.effects(study, i, float(scale[i]), effects, output))
             for i, output in enumerate(outputs)
         ],
     )
+
+
+def grouped_effects(study: StartTimeStudy, sources: Sequence[Source], outputs: Sequence[Output]) -> list[drawn.Effects]:
+    """Return the effects of each source, or of each group of sources, as a root sum square, and of the noise."""
+    if not any(source.group for source in sources):
+        initial = {output.name for output in outputs}
+        return [
+            drawn.Effects(label, study.effects[:, :, j], source.name in initial)
+            for j, (source, label) in enumerate(zip(sources, labels_of(sources, outputs), strict=True))
+        ]
+    members: dict[str, list[int]] = {}
+    for j, source in enumerate(sources):
+        members.setdefault(source.group or source.name, []).append(j)
+    initial = {source.group or source.name for source in sources if source.name in {each.name for each in outputs}}
+    names = list(members)
+    labels = [f"initial {humanize(name)}" if name in initial else humanize(name) for name in names]
+    sizes = [np.sqrt((study.effects[:, :, members[name]] ** 2).sum(axis=2)) for name in names]
+    found = [
+        drawn.Effects(label, size, name in initial, combined=True)
+        for name, label, size in zip(names, labels, sizes, strict=True)
+    ]
+    found = [each for each in found if each.sizes.any()] or found
+    return found if study.noise is None else [*found, drawn.Effects("noise", study.noise, False, combined=True)]
 
 
 def minutes(seconds: float) -> str:

@@ -168,7 +168,7 @@ def best_starts(
     """
     columns = [*texts("best for"), *numbers("start", "best σ", "campaign's σ")]
     columns += [*numbers("Monte Carlo"), *texts("verdict")] if checked else []
-    title = "Best start of navigation by linear analysis (min from reentry), and 1σ of the final errors"
+    title = f"Best start of navigation by linear analysis ({study.clock.label}), and 1σ of the final errors"
     table = FittedTable(title, columns)
     scale = scale_of(outputs)
     rows = [(_label(output), int(study.best[i]), np.eye(len(outputs))[i] * scale) for i, output in enumerate(outputs)]

@@ -26,6 +26,7 @@ from mcnav.physics.ins.instruments import CONSTANTS, OUTPUTS, PROCESSES, Imu, pr
 from mcnav.physics.ins.linear_noise import NoiseResponse
 from mcnav.physics.ins.mechanization import Diverged, Mechanization, longest_step
 from mcnav.physics.ins.response import StepResponses, respond
+from mcnav.physics.ins.start_times import LinearStarts, propagate_starts
 from mcnav.physics.ins.truth import Platform, Truth
 from mcnav.scenarios.aided import (
     PROBES,
@@ -51,6 +52,7 @@ from mcnav.scenarios.protocol import (
     ScenarioError,
     SimulationResult,
     Source,
+    StartClock,
 )
 from mcnav.scenarios.sample_loop import simulate_each
 
@@ -124,6 +126,8 @@ SHORTEST: Final = 1.0
 
 FEWEST_PROBES: Final = 2
 
+START_CLOCK: Final = StartClock("min of the trajectory", aligned="at the navigation's own start")
+
 
 @dataclass(frozen=True)
 class Navigation:
@@ -151,6 +155,14 @@ class Navigation:
     sensors: tuple[Sensor, ...] = ()
     filter: FilterModel | None = None
     sigmas: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def latest_start(self) -> float:
+        """Start of the shortest navigation to the same end, s; not before the present one."""
+        latest = self.end - SHORTEST
+        if self.end - latest < SHORTEST:  # rounded
+            latest = float(np.nextafter(latest, -np.inf))
+        return max(self.start, latest)
 
     @property
     def times(self) -> Array:
@@ -319,6 +331,7 @@ class Ins:
     """
 
     outputs = NAVIGATION_ERRORS
+    start_clock = START_CLOCK
 
     def __init__(self, navigation: Navigation) -> None:
         first, last = navigation.truth.times[[0, -1]]
@@ -330,6 +343,7 @@ class Ins:
                 "end", f"got {navigation.end:g} s with a start at {navigation.start:g} s; expected {SHORTEST:g} s more"
             )
         self.navigation = navigation
+        self._last_starts: tuple[tuple[str, bytes], LinearStarts] | None = None
 
     @property
     def engines(self) -> tuple[str, ...]:
@@ -409,6 +423,64 @@ class Ins:
         linear = self.navigation.linear
         return PartialsHistory(HISTORY_TIME, self.navigation.epochs.times, linear.partials, linear.processes)
 
+    def check_start_axes(self, axes: str) -> None:
+        """Refuse aided navigation, and axes of another instant where instruments are not on an inertial platform."""
+        navigation = self.navigation
+        if navigation.sensors:
+            raise ScenarioError(
+                "aiding",
+                "start times are not compared for aided navigation, whose final errors hardly depend on the start; "
+                "leave out [[aiding]] and [filter]",
+            )
+        if axes != "start" and navigation.platform != "inertial":
+            raise ScenarioError(
+                "axes",
+                f"got {axes!r} with a {navigation.platform} navigator, whose axes do not depend on the start; "
+                "expected 'start'",
+            )
+
+    def started_at(self, time: float, axes: str) -> Ins:
+        """Start navigation along the same trajectory at another time, s.
+
+        With the axes ``trajectory`` an inertial platform keeps the directions that it has with this scenario's own
+        start: the truth's attitude is held there.
+        """
+        self.check_start_axes(axes)
+        navigation = self.navigation
+        first, last = navigation.truth.times[0], navigation.latest_start
+        if not first <= time <= last:
+            raise ScenarioError("start", f"got {time:g} s; navigation starts from {first:g} s to {last:g} s")
+        truth = navigation.truth if axes == "start" else navigation.truth.held(navigation.start)
+        return Ins(replace(navigation, truth=truth, start=time))
+
+    def start_times(self, count: int) -> Array:
+        """Space start times from the navigation's start to that of the shortest navigation, shape (count,), s."""
+        return np.linspace(self.navigation.start, self.navigation.latest_start, count)
+
+    def partials_at(self, times: Array, axes: str = "start") -> Array:
+        """Compute the partial derivatives for navigation started at each time, shape (n, 9, sources)."""
+        return self._started(times, axes).partials
+
+    def noise_at(self, times: Array, axes: str = "start") -> Array:
+        """Compute the covariance from all processes for navigation started at each time, shape (n, 9, 9).
+
+        Each process begins with the start: a bias instability is stationary there, a random walk is zero.
+        """
+        return self._started(times, axes).noise
+
+    def _started(self, times: Array, axes: str) -> LinearStarts:
+        """Propagate all starts, or return what the last call has for the same ones."""
+        self.check_start_axes(axes)
+        key = (axes, times.tobytes())
+        if self._last_starts is None or self._last_starts[0] != key:
+            navigation = self.navigation
+            aligned = None if axes == "start" else navigation.start
+            found = propagate_starts(
+                navigation.truth, navigation.platform, times, navigation.end, navigation.imu, aligned
+            )
+            self._last_starts = (key, found)
+        return self._last_starts[1]
+
     def engine(self, engine: str, probes: Array) -> Engine:
         """Prepare one of the engines; the ensemble's steps are halved until the probes, (n, sources), agree."""
         aided, schema = self.navigation.aided, self.filter_schema
@@ -424,7 +496,7 @@ class Ins:
                 gains = f"gains along the truth, which change errors by at most {apart:.1e} of the filter's sigma"
             accuracy = (
                 f"deviations in inertial axes, {len(shared.ensemble.durations)} steps, {gains}; largest numerical "
-                f"error of {min(len(probes), PROBES)} probe samples {error:.1e} of the filter's sigma"
+                f"error of {min(len(probes), PROBES)} probe samples {error:.1e} of the filter's sigma or their own size"
             )
             return AidedEngine(aided, shared, schema, engine == "ensemble", accuracy)
         steps, tables, error = self._refined(probes)

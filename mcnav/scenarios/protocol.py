@@ -288,18 +288,52 @@ class Scenario(Protocol):
         """Return the truth over time."""
 
 
+@dataclass(frozen=True)
+class StartClock:
+    """How start times are counted.
+
+    Attributes
+    ----------
+    label : str
+        Unit in which they are shown, such as ``min from reentry``.
+    event : str
+        What happens at time zero, up to which starts are compared; without an event all are.
+    aligned : str
+        Where reference axes that all starts share are aligned.
+    """
+
+    label: str
+    event: str = ""
+    aligned: str = "at the first point of the trajectory"
+
+
 @runtime_checkable
 class VariableStart(Scenario, Protocol):
     """A scenario whose navigation may start at any time of its flight."""
+
+    @property
+    def start_clock(self) -> StartClock:
+        """How its start times are counted."""
+
+    def check_start_axes(self, axes: str) -> None:
+        """Raise `ScenarioError` when the start cannot be chosen, or not with this convention of the reference axes."""
 
     def started_at(self, time: float, axes: str) -> Scenario:
         """Return the same scenario with navigation started at another time, or raise `ScenarioError`."""
 
     def start_times(self, count: int) -> Array:
-        """Evenly spaced start times from the first possible one on, shape (count,), s from the scenario's own event."""
+        """Evenly spaced start times from the first possible one on, shape (count,), s by the scenario's own clock."""
 
     def partials_at(self, times: Array, axes: str) -> Array:
         """Partial derivatives for navigation started at each time, shape (n, outputs, sources)."""
+
+
+@runtime_checkable
+class NoisyStart(VariableStart, Protocol):
+    """A scenario with noise whose navigation may start at any time of its flight."""
+
+    def noise_at(self, times: Array, axes: str) -> Array:
+        """Covariance of the final errors from noise, for navigation started at each time, (n, outputs, outputs)."""
 
 
 @runtime_checkable

@@ -49,6 +49,7 @@ from mcnav.scenarios.protocol import (
     ScenarioError,
     SimulationResult,
     Source,
+    StartClock,
 )
 from mcnav.scenarios.sample_loop import simulate_each
 from mcnav.scenarios.table_i import ERROR_SIZES
@@ -249,6 +250,7 @@ class Reentry:
     sources = SOURCES
     outputs = OUTPUTS
     engines = ("ensemble", "reference")
+    start_clock = StartClock("min from reentry", "reentry")
 
     def __init__(self, flight: Flight) -> None:
         if not 0.0 <= flight.final_altitude < REENTRY_ALTITUDE:
@@ -304,6 +306,9 @@ class Reentry:
         other = object.__new__(Reentry)
         other.navigation = _navigation(self.trajectory, time + self.trajectory.reentry_time, axes)
         return other
+
+    def check_start_axes(self, axes: str) -> None:
+        """Accept both conventions of the reference axes."""
 
     def start_times(self, count: int) -> Array:
         """Space start times from the first point of the truth to its end, shape (count,), s from reentry."""

@@ -40,7 +40,7 @@ def mean_square_intervals(mean: Array, standard_error: Array, count: Array, free
 
     >>> matched = mean_square_intervals(np.array([4.0]), np.array([0.0]), np.array([1000]), np.array([4000]), 0.95)
     >>> matched.round(3).tolist()
-    [[3.83, 4.182]]
+    [[3.83, 4.181]]
     """
     mean, count, freedom = np.broadcast_arrays(mean, count, freedom)
     known = np.isfinite(mean) & np.isfinite(standard_error) & (count >= FEWEST)

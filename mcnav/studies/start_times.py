@@ -21,7 +21,7 @@ from mcnav.lincov.start_times import StartTimeStudy, study_start_times
 from mcnav.progress import SILENT, Phase, Progress
 from mcnav.report import start_times as tables
 from mcnav.sampling.designs import SamplingDesign
-from mcnav.scenarios.protocol import ScenarioError, VariableStart
+from mcnav.scenarios.protocol import Batch, Engine, ScenarioError, StochasticEngine, VariableStart
 
 EVENLY: Final = 6
 """Evenly spaced start times checked by default, besides the best ones."""
@@ -39,27 +39,33 @@ class StartTimesFound:
     own_sigma: Array
 
 
-def _scenario(campaign: Campaign) -> VariableStart:
+def _scenario(campaign: Campaign, axes: str) -> VariableStart:
     if not isinstance(campaign.scenario, VariableStart):
         raise CampaignError([Problem(campaign.file, "scenario", "has no start times to choose from")])
+    try:
+        campaign.scenario.check_start_axes(axes)
+    except ScenarioError as wrong:
+        key = "start_times.axes" if wrong.key == "axes" else wrong.key
+        raise CampaignError([Problem(campaign.file, key, str(wrong))]) from None
     return campaign.scenario
 
 
 def start_time_study(campaign: Campaign, axes: str | None = None, count: int | None = None) -> StartTimeStudy:
     """Run the linear study of a campaign's ``[start_times]``; arguments override its entries.
 
-    Raises `CampaignError` when the scenario has a fixed start time.
+    Raises `CampaignError` when the scenario has a fixed start time, or not these axes.
     """
     plan, covariance = campaign.start_times, campaign.errors.covariance
     axes, count = axes or plan.axes, count or plan.count
-    return study_start_times(_scenario(campaign), covariance, axes, count, plan.schedule, plan.weights)
+    return study_start_times(_scenario(campaign, axes), covariance, axes, count, plan.schedule, plan.weights)
 
 
 def checked_times(campaign: Campaign, study: StartTimeStudy) -> tuple[float, ...]:
-    """Return the start times to check: the campaign's, or else evenly spaced ones up to the event and the best."""
+    """Return the start times to check: the campaign's, or else evenly spaced candidates and the best."""
     if campaign.start_times.check:
         return campaign.start_times.check
-    even = np.linspace(study.times[0], max(0.0, study.times[0]), EVENLY)
+    latest = 0.0 if study.clock.event else study.times[-1]
+    even = np.linspace(study.times[0], max(latest, study.times[0]), EVENLY)
     return tuple(np.unique(np.concatenate([even, study.times[[*study.best, study.best_weighted]]])))
 
 
@@ -70,17 +76,32 @@ def check_start_time(campaign: Campaign, time: float, axes: str) -> Comparison:
     """
     plan, errors, design = campaign.start_times, campaign.errors, campaign.design
     try:
-        started = _scenario(campaign).started_at(time, axes)
+        started = _scenario(campaign, axes).started_at(time, axes)
     except ScenarioError as wrong:
         raise CampaignError([Problem(campaign.file, "start_times.check", str(wrong))]) from None
     multiples = plan.schedule.at(np.array([time]), len(campaign.scenario.sources))[0]
     draws = errors.draw(design, campaign.seed, plan.samples, 0, plan.samples) * multiples
-    outcomes = started.engine(campaign.scenario.engines[0], draws[:PROBES]).propagate(draws).values
+    engine = started.engine(campaign.scenario.engines[0], draws[:PROBES])
+    outcomes, linear_outcomes = _simulated(engine, Batch(np.arange(len(draws)), draws, campaign.seed))
     linear = started.linear_model()
     covariance = errors.covariance * np.outer(multiples, multiples)
-    model = Model(linear.partials, linear.nominal, errors.mean * multiples, covariance)
+    model = Model(linear.partials, linear.nominal, errors.mean * multiples, covariance, linear.processes)
     sampling = SamplingDesign.of(design, plan.samples)
-    return compare(model, draws, outcomes, Criterion(campaign.tolerance, campaign.confidence), sampling)
+    criterion = Criterion(campaign.tolerance, campaign.confidence)
+    return compare(model, draws, outcomes, criterion, sampling, linear_outcomes)
+
+
+def _simulated(engine: Engine, batch: Batch) -> tuple[Array, Array | None]:
+    """Simulate samples, by chunks and with their noise if they have any; return final errors and the linear ones."""
+    if not isinstance(engine, StochasticEngine):
+        return engine.propagate(batch.errors).values, None
+    values, linear = [], []
+    for begin in range(0, len(batch.errors), engine.chunk):
+        found = engine.simulate(batch[begin : begin + engine.chunk])
+        values.append(found.values)
+        linear.append(found.linear_values)
+    known = [each for each in linear if each is not None]
+    return np.concatenate(values), np.concatenate(known) if len(known) == len(values) else None
 
 
 def write_start_times(
@@ -106,7 +127,9 @@ def write_start_times(
         for time in times:
             found[time] = check_start_time(campaign, time, study.axes)
             progress.advance(campaign.start_times.samples)
-        own = propagated_covariance(campaign.scenario.linear_model().partials, campaign.errors.covariance)
+        model = campaign.scenario.linear_model()
+        own = propagated_covariance(model.partials, campaign.errors.covariance)
+        own = own + sum(model.processes.values(), np.zeros_like(own))
     progress.phase(Phase.REPORTING)
     files = {"start_times.csv": tables.table(study, sources, outputs).to_csv(index=False)}
     if found:

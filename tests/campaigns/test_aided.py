@@ -121,6 +121,10 @@ def test_neglected_errors_make_a_filter_optimistic(tmp_path: Path) -> None:
     neglected = [cause["name"] for cause in known["neglected"]]
     assert neglected[0].startswith("gyro_misalignment")
     assert all("misalignment" in name or "scale_factor" in name for name in neglected[:3])
+    groups = known["groups"]
+    assert groups["navigation"]["ratio_linear"] == pytest.approx(groups["navigation"]["ratio"], rel=0.5)
+    assert groups["sensors"]["size"] == groups["navigation"]["size"]
+    assert groups["sensors"]["ratio_linear"] is None  # linear analysis has variances of these states, and no covariance
 
 
 def test_the_largest_errors_that_are_neglected() -> None:

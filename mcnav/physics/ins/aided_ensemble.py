@@ -23,6 +23,8 @@ from mcnav.physics.ins.measurements import (
     ALTITUDE,
     BODY_VELOCITY,
     HEADING,
+    POSITION,
+    VELOCITY,
     altitude_change,
     fill_row,
     heading_change,
@@ -598,46 +600,104 @@ def _correct_twin(
 
 
 @compiled
-def _innovate(
-    u: int, m: int, constants: Array, kinds: IndexArray, directions: Array, arms: Array, forward: Array, spots: Array,
-    bounds: IndexArray, state_rows: Array, turn: Array, z: Array, estimate: Array, disturbance: Array,
-    innovation: Array, full: Array,
+def _innovate_of_antenna(
+    direction: Array, arm: Array, spin: float, of_velocity: bool, over: Array, z: Array, innovation: Array, full: Array
+) -> None:
+    """Compute what `innovate` and `fill_row` do for a position or a velocity, of all lanes at once.
+
+    Parameters
+    ----------
+    innovation : ndarray, shape (LANES,)
+    full : ndarray, shape (9, LANES)
+    """
+    dx, dy, dz = direction[0], direction[1], direction[2]
+    first = 3 if of_velocity else 6
+    for i in range(LANES):
+        innovation[i] = dx * z[first, i] + dy * z[first + 1, i] + dz * z[first + 2, i]
+        full[first, i], full[first + 1, i], full[first + 2, i] = dx, dy, dz
+    if of_velocity:
+        for i in range(LANES):
+            innovation[i] += spin * (dx * z[7, i] - dy * z[6, i])
+            full[6, i], full[7, i], full[8, i] = -spin * dy, spin * dx, 0.0
+    ax, ay, az = arm[0], arm[1], arm[2]
+    if ax == 0.0 and ay == 0.0 and az == 0.0:
+        return
+    if not of_velocity:
+        for r in range(3, 6):
+            for i in range(LANES):
+                full[r, i] = 0.0
+    for i in range(LANES):
+        lx = over[0, i] * ax + over[1, i] * ay + over[2, i] * az
+        ly = over[3, i] * ax + over[4, i] * ay + over[5, i] * az
+        lz = over[6, i] * ax + over[7, i] * ay + over[8, i] * az
+        innovation[i] += dx * lx + dy * ly + dz * lz
+        full[0, i] = (ay + ly) * dz - (az + lz) * dy
+        full[1, i] = (az + lz) * dx - (ax + lx) * dz
+        full[2, i] = (ax + lx) * dy - (ay + ly) * dx
+
+
+@compiled
+def _innovate_lane(
+    i: int, kind: int, constants: Array, direction: Array, arm: Array, forward: Array, place: Array, turn: Array,
+    turns: Array, z: Array, innovation: Array, full: Array,
 ) -> None:  # fmt: skip
-    """Compute the innovations of the samples and their responses to errors, about each sample's own attitude."""
-    psi, velocity, away, arm, row = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(9)
+    """Compute the innovation of another component, and its response to errors, of one lane."""
+    psi, velocity, away, there, row = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(9)
     over, turned = np.zeros((3, 3)), np.zeros((3, 3))
     spin = constants[3]
+    _rotation_vector(turn, i, psi)
+    for r in range(3):
+        for c in range(3):
+            over[r, c] = turns[3 * r + c, i]
+            turned[r, c] = over[r, c] + (1.0 if r == c else 0.0)
+        velocity[r], away[r], there[r] = z[3 + r, i], z[6 + r, i], arm[r]
+    if kind == BODY_VELOCITY:  # the navigator's own velocity over the earth
+        there[0] += velocity[0] + spin * away[1]
+        there[1] += velocity[1] - spin * away[0]
+        there[2] += velocity[2]
+    fill_row(kind, direction, there, spin, turned, row)
+    for j in range(9):
+        full[j, i] = row[j]
+    if kind == ALTITUDE:
+        innovation[i] = altitude_change(constants, place, away)
+    elif kind == HEADING:
+        innovation[i] = heading_change(forward, over, arm, away)
+    else:
+        innovation[i] = innovate(kind, direction, arm, spin, over, psi, velocity, away)
+
+
+@compiled
+def _innovate(
+    u: int, m: int, constants: Array, kinds: IndexArray, directions: Array, arms: Array, forward: Array, spots: Array,
+    state_rows: Array, turn: Array, z: Array, estimate: Array, disturbance: Array, over: Array, innovation: Array,
+    full: Array,
+) -> None:  # fmt: skip
+    """Compute the innovations of the samples and their responses to errors, about each sample's own attitude."""
     for i in range(LANES):
-        _rotation_vector(turn, i, psi)
         a, b, c, e = turn[0, i], turn[1, i], turn[2, i], turn[3, i]
-        over[0, 0], over[1, 1], over[2, 2] = -2.0 * (c * c + e * e), -2.0 * (b * b + e * e), -2.0 * (b * b + c * c)
-        over[0, 1], over[0, 2] = 2.0 * (b * c - a * e), 2.0 * (b * e + a * c)
-        over[1, 0], over[1, 2] = 2.0 * (b * c + a * e), 2.0 * (c * e - a * b)
-        over[2, 0], over[2, 1] = 2.0 * (b * e - a * c), 2.0 * (c * e + a * b)
-        for r in range(3):
-            for j in range(3):
-                turned[r, j] = over[r, j] + (1.0 if r == j else 0.0)
-            velocity[r], away[r] = z[3 + r, i], z[6 + r, i]
-        for q in range(m):
-            kind = kinds[u, q]
-            for r in range(3):
-                arm[r] = arms[u, q, r]
-            if kind == BODY_VELOCITY:  # the navigator's own velocity over the earth
-                arm[0] += velocity[0] + spin * away[1]
-                arm[1] += velocity[1] - spin * away[0]
-                arm[2] += velocity[2]
-            fill_row(kind, directions[u, q], arm, spin, turned, row)
-            for j in range(bounds[u, q, 0], bounds[u, q, 1]):
-                full[q, j, i] = row[j]
-            if kind == ALTITUDE:
-                value = altitude_change(constants, spots[u], away)
-            elif kind == HEADING:
-                value = heading_change(forward[u], over, arms[u, q], away)
-            else:
-                value = innovate(kind, directions[u, q], arms[u, q], spin, over, psi, velocity, away)
-            for s in range(len(estimate)):
-                value -= state_rows[u, q, s] * estimate[s, i]
-            innovation[q, i] = value - disturbance[q, i]
+        over[0, i], over[4, i], over[8, i] = -2.0 * (c * c + e * e), -2.0 * (b * b + e * e), -2.0 * (b * b + c * c)
+        over[1, i], over[2, i] = 2.0 * (b * c - a * e), 2.0 * (b * e + a * c)
+        over[3, i], over[5, i] = 2.0 * (b * c + a * e), 2.0 * (c * e - a * b)
+        over[6, i], over[7, i] = 2.0 * (b * e - a * c), 2.0 * (c * e + a * b)
+    for q in range(m):
+        kind = kinds[u, q]
+        if kind in (POSITION, VELOCITY):
+            _innovate_of_antenna(
+                directions[u, q], arms[u, q], constants[3], kind == VELOCITY, over, z, innovation[q], full[q]
+            )
+        else:
+            for i in range(LANES):
+                _innovate_lane(
+                    i, kind, constants, directions[u, q], arms[u, q], forward[u], spots[u], turn, over, z,
+                    innovation[q], full[q],
+                )  # fmt: skip
+        for s in range(len(estimate)):
+            weight = state_rows[u, q, s]
+            if weight != 0.0:
+                for i in range(LANES):
+                    innovation[q, i] -= weight * estimate[s, i]
+        for i in range(LANES):
+            innovation[q, i] -= disturbance[q, i]
 
 
 @compiled
@@ -860,7 +920,7 @@ def _run(
     share = np.zeros(whole)
     share[:size] = corrected
     innovation, whitened = np.zeros((most, LANES)), np.zeros((most, LANES))
-    disturbance, accepted = np.zeros((most, LANES)), np.zeros(LANES)
+    disturbance, accepted, over = np.zeros((most, LANES)), np.zeros(LANES), np.zeros((9, LANES))
     before, has_before = np.zeros((counts.shape[2], most, LANES)), np.zeros(counts.shape[2], dtype=np.bool_)
     tally = np.zeros((counts.shape[2], 5, LANES))
     matrix, vector, psi = np.zeros((size, size)), np.zeros(size), np.zeros(3)
@@ -917,8 +977,8 @@ def _run(
                     twin_estimate,
                 )  # fmt: skip
                 _innovate(
-                    u, m, constants, kinds, directions, arms, forward, spots, bounds, state_rows, turn, z, estimate,
-                    disturbance, innovation, full,
+                    u, m, constants, kinds, directions, arms, forward, spots, state_rows, turn, z, estimate,
+                    disturbance, over, innovation, full,
                 )  # fmt: skip
                 if own:
                     _factor_innovations(

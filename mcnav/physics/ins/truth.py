@@ -6,8 +6,8 @@ spline with a continuous angular acceleration. A vehicle at rest is at rest exac
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from mcnav.physics.ins.earth import Earth, local_axes
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
-    from scipy.spatial.transform import RotationSpline
+    from scipy.spatial.transform import Rotation, RotationSpline
 
 Platform = Literal["strapdown", "inertial", "level"]
 """Carrier of the instruments: the body, a platform that keeps its inertial directions, or one that stays level."""
@@ -47,6 +47,31 @@ class TruthStates:
 
 
 @dataclass(frozen=True)
+class HeldAttitude:
+    """An attitude that keeps its inertial directions over the turning earth.
+
+    Attributes
+    ----------
+    rotation_rate : float
+        Of the earth, rad/s.
+    instant : float
+        s, at which the attitude is ``rotation``, from body to earth-fixed axes.
+    """
+
+    rotation_rate: float
+    instant: float
+    rotation: Rotation
+
+    def __call__(self, time: Array | float, order: int = 0) -> Any:
+        """Compute the rotation from body to earth-fixed axes, or (order 1) its rate in body axes, rad/s."""
+        from scipy.spatial.transform import Rotation
+
+        angle = -self.rotation_rate * (np.asarray(time, dtype=float) - self.instant)
+        turned = Rotation.from_rotvec(angle[..., None] * np.array([0.0, 0.0, 1.0])) * self.rotation
+        return turned if order == 0 else -self.rotation_rate * turned.as_matrix()[..., 2, :]
+
+
+@dataclass(frozen=True)
 class Truth:
     """The motion of a vehicle.
 
@@ -56,14 +81,14 @@ class Truth:
         Instants of the trajectory's rows, rising, s. Between them all functions are smooth.
     position : CubicSpline
         Earth-fixed position, m.
-    attitude : RotationSpline
+    attitude : RotationSpline or HeldAttitude
         Rotation from body (forward, right, down) to earth-fixed axes.
     """
 
     earth: Earth
     times: Array
     position: CubicSpline
-    attitude: RotationSpline
+    attitude: RotationSpline | HeldAttitude
 
     @classmethod
     def through(
@@ -85,6 +110,10 @@ class Truth:
         to_level = Rotation.from_euler("ZYX", angles)
         attitude = Rotation.from_matrix(local_axes(latitude, longitude)) * to_level
         return cls(earth, times, CubicSpline(times, position), RotationSpline(times, attitude))
+
+    def held(self, instant: float) -> Truth:
+        """Return the same motion with a body that keeps the inertial directions it has at an instant, s."""
+        return replace(self, attitude=HeldAttitude(self.earth.rotation_rate, instant, self.attitude(instant)))
 
     def earth_fixed(self, time: Array) -> tuple[Array, Array]:
         """Compute earth-fixed positions, m, and velocities over the earth, m/s, each of shape (n, 3)."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -14,16 +15,45 @@ from mcnav.report.figures.figure import HALF, Figure
 from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Points, Rule, Series, numbered
 from mcnav.report.figures.palette import FLOWN, INK, LINEAR
 from mcnav.report.model import humanize
-from mcnav.scenarios.protocol import Output
+from mcnav.scenarios.protocol import Output, StartClock
 
-START: Final = Axis("start of navigation", "min from reentry", margin=0.02, link="start of navigation")
+
+def start_axis(label: str) -> Axis:
+    """Return the axis of start times, in minutes by a scenario's clock."""
+    return Axis("start of navigation", label, margin=0.02, link="start of navigation")
+
+
+START: Final = start_axis("min from reentry")
 REENTRY: Final = Rule(0.0, kind="dotted", name="reentry")
-INITIAL_CONDITIONS: Final = 4
-"""The first sources are initial conditions, the others equipment; each kind has a plot of its own."""
-
+WITH_NOISE: Final = Series("linear", "linear, P·S·Pᵀ + Q", LINEAR)
 SIGMA: Final = Series("linear", "linear, P·S·Pᵀ", LINEAR)
 BEST: Final = Series("best", "best start", INK, "triangle")
 CHECKED: Final = Series("flown", "Monte Carlo", FLOWN, "ring")
+
+
+@dataclass(frozen=True)
+class Effects:
+    """Effects of one sigma of a source, or of a group of sources, by start time.
+
+    Attributes
+    ----------
+    sizes : ndarray, shape (n, outputs)
+        SI.
+    initial : bool
+        Whether these are initial conditions, which have a plot of their own, or equipment.
+    combined : bool
+        Whether these are root sum squares, without a sign.
+    """
+
+    label: str
+    sizes: Array
+    initial: bool
+    combined: bool = False
+
+
+def _event(clock: StartClock) -> list[Mark]:
+    """Return the line at the clock's event, if it has one."""
+    return [Rule(0.0, kind="dotted", name=clock.event)] if clock.event else []
 
 
 def dispersion(
@@ -34,56 +64,59 @@ def dispersion(
     ``checks`` are by start time, s; SI values are multiplied by ``scale``, shape (outputs,).
     """
     starts, sigma = study.times / 60.0, study.sigma * scale
+    axis, event = start_axis(study.clock.label), _event(study.clock)
+    linear = SIGMA if study.noise is None else WITH_NOISE
 
     def panel(name: str, i: int) -> Panel:
-        marks: list[Mark] = [Line(SIGMA, starts, sigma[:, i], 2.1)]
+        marks: list[Mark] = [Line(linear, starts, sigma[:, i], 2.1)]
         known = [(time / 60.0, c.outputs[i].sigma_paired * scale[i]) for time, c in checks.items() if c.outputs]
         if known:
             at, found = np.array(known).T
             marks.append(Points(CHECKED, at, found, 7.5))
         # above the curve, where it hides no Monte Carlo value
         marks.append(Points(BEST, [starts[study.best[i]]], [sigma[study.best[i], i] + 0.02 * sigma[:, i].max()], 9.0))
-        return Panel(f"final {name}", START, Axis("1σ", outputs[i].shown_in, low=0.0), [*marks, REENTRY])
+        return Panel(f"final {name}", axis, Axis("1σ", outputs[i].shown_in, low=0.0), [*marks, *event])
 
     names = [humanize(output.name) for output in outputs]
     columns = [f"{name}, 1σ [{output.shown_in}]" for name, output in zip(names, outputs, strict=True)]
-    table = {"start [min from reentry]": starts} | dict(zip(columns, sigma.T, strict=True))
+    table = {f"start [{study.clock.label}]": starts} | dict(zip(columns, sigma.T, strict=True))
     return Figure(
         name="dispersion",
         title="Dispersion by start of navigation",
         description="Sigma of each final error against the start time, linear and Monte Carlo; a triangle marks the "
-        "best start up to reentry.",
+        f"best start{f' up to {study.clock.event}' if study.clock.event else ''}.",
         panels=[panel(name, i) for i, name in enumerate(names)],
-        key=(SIGMA, *([CHECKED] if checks else []), BEST),
+        key=(linear, *([CHECKED] if checks else []), BEST),
         columns=table | {"all, weighted [1]": study.weighted},
         file="start_times.csv",
     )
 
 
-def effects(study: StartTimeStudy, i: int, scale: float, labels: Sequence[str], output: Output) -> Figure:
-    """Draw the effect of one sigma of each source on one output against the start time.
-
-    ``labels`` name the sources.
-    """
-    starts, values, name = study.times / 60.0, study.effects[:, i] * scale, humanize(output.name)
-    series = [numbered(j, label) for j, label in enumerate(labels)]
+def effects(study: StartTimeStudy, i: int, scale: float, known: Sequence[Effects], output: Output) -> Figure:
+    """Draw the effect of one sigma of each source on output i against the start time."""
+    starts, name = study.times / 60.0, humanize(output.name)
+    values = np.stack([each.sizes[:, i] for each in known], axis=1) * scale
+    series = [numbered(j, each.label) for j, each in enumerate(known)]
+    axis, event = start_axis(study.clock.label), _event(study.clock)
+    combined = "; root sum square over the sources of a group" if any(each.combined for each in known) else ""
+    kinds = {
+        "Initial conditions": [j for j, each in enumerate(known) if each.initial],
+        "Equipment": [j for j, each in enumerate(known) if not each.initial],
+    }
 
     def panel(title: str, members: Sequence[int]) -> Panel:
         lines = [Line(series[j], starts, values[:, j]) for j in members]
-        return Panel(title, START, Axis(f"final {name}", output.shown_in), [*lines, REENTRY])
+        return Panel(title, axis, Axis(f"final {name}", output.shown_in), [*lines, *event])
 
     frame = {f"{each.label} [{output.shown_in}]": values[:, j] for j, each in enumerate(series)}
     return Figure(
         name=f"effects-{output.name}".replace("_", "-"),
         title=f"Final {name} for one sigma of each source",
         description="Partial derivative times one sigma of each source, against the start of navigation.",
-        panels=[
-            panel("Initial conditions", range(INITIAL_CONDITIONS)),
-            panel("Equipment", range(INITIAL_CONDITIONS, len(labels))),
-        ],
+        panels=[panel(title, members) for title, members in kinds.items() if members],
         key=series,
-        columns={"start [min from reentry]": starts} | frame,
+        columns={f"start [{study.clock.label}]": starts} | frame,
         size=(HALF[0], 280.0),
-        caption=f"Final error in {name} for one sigma of each source: partial derivative times sigma.",
+        caption=f"Final error in {name} for one sigma of each source: partial derivative times sigma{combined}.",
         file="start_times.csv",
     )
