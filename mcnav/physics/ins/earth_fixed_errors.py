@@ -183,7 +183,13 @@ class ErrorModel:
             self._transition(each, (system, square, cube), (coupling, first, second)) for each in steps.integrals
         )
         noise_ = white + 4.0 * (half @ white @ np.swapaxes(half, -1, -2)) + whole @ white @ np.swapaxes(whole, -1, -2)
-        return whole, noise_ * (steps.durations / 6.0)[:, None, None]
+        noise_ *= (steps.durations / 6.0)[:, None, None]
+        # correlated errors of sensors drive no other state, and may be shorter than a step
+        alone = np.setdiff1d(np.flatnonzero(self.decay_rates), [each.place for each in self.instruments])
+        variances = np.array([self.states[place].sigma for place in alone]) ** 2
+        remaining = np.exp(-2.0 * np.outer(steps.durations, self.decay_rates[alone]))
+        noise_[:, NAVIGATION + alone, NAVIGATION + alone] = variances * (1.0 - remaining)
+        return whole, noise_
 
     def _system(
         self, spin: float, steps: FilterSteps, axes: Array, rates: Array, forces: Array, gradients: Array

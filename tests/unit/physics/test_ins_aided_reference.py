@@ -217,6 +217,16 @@ def test_considered_bias_is_the_schmidt_filter() -> None:
     assert states == pytest.approx([BIAS] * 3, rel=1e-9)  # stationary
 
 
+@pytest.mark.parametrize("correlation_time", [0.01, 0.05, 100.0])
+def test_a_correlated_error_of_a_sensor_keeps_its_variance(correlation_time: float) -> None:
+    """It is stationary, however short its correlation time is compared with a step."""
+    measured = components("position", 3.0, "fix", 2.0, correlation_time)
+    model = matched((Sensor("fix", "position-fix", np.array([3.0]), measured),), considers=("fix_bias",))
+    _, records = engine(rest(), model, 8.0).simulate(without_errors(model))
+    correlated = [state.name.startswith("fix_correlated") for state in model.states]
+    assert records[:, schema(model).places["state_variance"]][:, correlated] == pytest.approx(4.0, rel=1e-9)
+
+
 @pytest.mark.slow
 def test_matched_filter_is_consistent() -> None:
     """NEES at the end and NIS of 30 samples within bounds of chi-square; each fails once in 10^4 correct engines.
