@@ -11,9 +11,6 @@ import numpy as np
 
 from mcnav._types import Array, IndexArray
 from mcnav.physics.ins.aided_ensemble import (
-    BEYOND,
-    INDEFINITE,
-    SOUND,
     AidedErrors,
     AidedTables,
     GivenNoise,
@@ -26,6 +23,7 @@ from mcnav.physics.ins.closed_loop import ClosedLoop, ClosedLoopErrors, close_lo
 from mcnav.physics.ins.covariance import biased_processes
 from mcnav.physics.ins.ensemble import tabulate
 from mcnav.physics.ins.error_filter import NAVIGATION, FilterModel
+from mcnav.physics.ins.filter_lanes import BEYOND, INDEFINITE, SOUND
 from mcnav.physics.ins.instruments import CONSTANTS, OUTPUTS, Imu, process_sizes
 from mcnav.physics.ins.linear_noise import respond_from_rest
 from mcnav.physics.ins.mechanization import Diverged, longest_step
