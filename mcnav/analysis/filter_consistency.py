@@ -1,4 +1,4 @@
-"""Whether a filter's own covariance is honest: its consistency with the true errors of all samples, over time.
+"""Consistency of a filter's own covariance with the true errors of all samples, over time.
 
 The mean normalized estimation error squared (NEES) of a group of d states is d when the filter's covariance is that of
 its errors, and the root of NEES / d is then one: the sigma of the errors over the filter's, averaged over directions.

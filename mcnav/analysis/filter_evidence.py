@@ -1,4 +1,4 @@
-"""What is known of a filter: what the samples' filters say, the true errors, and what linear analysis says of both."""
+"""Data on a filter: records of the samples' filters, the true errors, and linear analysis of both."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class MeanSquares:
 
 @dataclass(frozen=True)
 class LinearFilter:
-    """What linear analysis says of a filter and of the truth at m epochs, SI; see `FilterPrediction`.
+    """Linear analysis of a filter and of the truth at m epochs, SI; see `FilterPrediction`.
 
     Attributes
     ----------

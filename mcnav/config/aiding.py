@@ -27,7 +27,7 @@ COMMON: Final = ("type", "name", "gate", *instants.KEYS)
 MOST_SENSORS: Final = 100
 
 MOST_SPEED: Final = 0.1
-"""Of a vehicle that a sensor of type zero-velocity may take for one at rest, m/s."""
+"""Largest speed of a vehicle that a sensor of type zero-velocity takes for one at rest, m/s."""
 
 STEEPEST: Final = 89.0
 """Pitch of a body whose heading a sensor may measure, deg; errors of the attitude make 57 times as large ones of it."""

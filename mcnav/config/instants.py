@@ -16,13 +16,13 @@ MOST_MEASUREMENTS: Final = 50_000
 """Measurements of all sensors together: each is an update of every sample's filter."""
 
 MOST_OUTAGES: Final = 100
-"""Of a sensor: each adds epochs."""
+"""Largest number of a sensor's outages: each adds epochs."""
 
 DECIMALS: Final = 9
-"""Of an instant in s: sensors that measure at one instant have the same one to the last bit."""
+"""Decimals of an instant in s: sensors that measure at one instant have the same one to the last bit."""
 
 SHORTEST_INTERVAL: Final = 1e-3
-"""Of measurements, s."""
+"""Shortest interval between measurements, s."""
 
 SAME: Final = 1e-9
 """Difference of two times that are the same, over the largest: many are computed, not written."""

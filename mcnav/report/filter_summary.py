@@ -1,4 +1,4 @@
-"""What ``summary.json`` has of a filter; over time it is in ``epochs.parquet`` and ``filter.parquet``."""
+"""Entries of ``summary.json`` on a filter; over time it is in ``epochs.parquet`` and ``filter.parquet``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What filters say of themselves at the epochs of a campaign: names and places of the numbers of a record."""
+"""Records of filters at the epochs of a campaign: names and places of the numbers of a record."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ class FilterSchema:
 
 @dataclass(frozen=True)
 class FilterPrediction:
-    """What linear analysis says of a filter at m epochs: its own covariance, and the truth about its other states.
+    """Linear analysis of a filter at m epochs: its own covariance, and the truth about its other states.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What ``fly`` of a user's class may return besides errors: the covariance and innovations of a filter of its own."""
+"""Results that ``fly`` of a user's class may return besides errors: covariance and innovations of its own filter."""
 
 from __future__ import annotations
 

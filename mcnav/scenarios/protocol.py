@@ -290,7 +290,7 @@ class Scenario(Protocol):
 
 @dataclass(frozen=True)
 class StartClock:
-    """How start times are counted.
+    """Origin and label of start times.
 
     Attributes
     ----------
@@ -313,7 +313,7 @@ class VariableStart(Scenario, Protocol):
 
     @property
     def start_clock(self) -> StartClock:
-        """How its start times are counted."""
+        """Origin and label of its start times."""
 
     def check_start_axes(self, axes: str) -> None:
         """Raise `ScenarioError` when the start cannot be chosen, or not with this convention of the reference axes."""

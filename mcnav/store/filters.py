@@ -1,4 +1,4 @@
-"""What filters say of themselves over a flight: sums in the chunks' files, and the tables made of their total."""
+"""Records of filters over a flight: sums in the chunks' files, and the tables made of their total."""
 
 from __future__ import annotations
 

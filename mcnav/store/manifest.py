@@ -99,7 +99,7 @@ class PartialsRecord(Record):
 
 
 class FilterPredictionRecord(Record):
-    """What linear analysis says of a filter; see `mcnav.scenarios.filter_record.FilterPrediction`.
+    """Linear analysis of a filter; see `mcnav.scenarios.filter_record.FilterPrediction`.
 
     ``state_true`` are the true mean squares of the errors of the filter's other states, shape (m, q).
     """

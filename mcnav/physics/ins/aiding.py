@@ -20,7 +20,7 @@ from mcnav._types import Array
 from mcnav.physics.ins.instruments import AXES
 
 Quantity = Literal["position", "velocity", "altitude", "attitude", "body_velocity", "heading"]
-"""What is measured.
+"""Measured quantity.
 
 position, velocity
     Of the antenna, a lever arm away from the unit: north, east, down at the geodetic position; over the earth.

@@ -1,4 +1,4 @@
-"""What filters share along the truth: transitions, process noise, and the responses of innovations to their states."""
+"""Tables that filters share along the truth: transitions, process noise, responses of innovations to their states."""
 
 from __future__ import annotations
 

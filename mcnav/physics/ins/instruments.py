@@ -93,7 +93,7 @@ class Imu:
 
     @property
     def quantized(self) -> bool:
-        """Whether an instrument has quantization."""
+        """Presence of quantization in an instrument."""
         return bool(self.gyro.quantization.any() or self.accelerometer.quantization.any())
 
     @property

@@ -42,7 +42,7 @@ class LinearStarts:
 
 @dataclass
 class _Backward:
-    """What a step before has to be continued with: the responses of the outputs at the end.
+    """Responses of the outputs at the end, with which the step before is continued.
 
     Attributes
     ----------

@@ -13,7 +13,7 @@ from mcnav.report.model import RunAnalysis, humanize
 SHADED: Final = Series("outage", "outage", OUTAGE, "area")
 
 OPACITY: Final = 0.5
-"""Of the shading, so that bounds are seen through it."""
+"""Opacity of the shading, so that bounds are seen through it."""
 
 
 def outages(content: RunAnalysis, sensors: Sequence[str] = ()) -> list[Span]:
