@@ -83,6 +83,10 @@ def _on_sensors(sensors: Sequence[SensorConsistency]) -> Iterator[str]:
     coloured = [_spoken(sensor.name) for sensor in sensors if sensor.whiteness.beyond]
     if coloured:
         yield f"Innovations of {' and '.join(coloured)} are not white."
+    shares = {_spoken(sensor.name): sensor.updates for sensor in sensors if min(sensor.updates) > 0.0}
+    if shares:
+        rejected = ", ".join(f"{name} {100.0 * no / (yes + no):.3g} %" for name, (yes, no) in shares.items())
+        yield f"Measurements were rejected ({rejected}); linear analysis accepts all."
 
 
 def sentence(found: FilterConsistency) -> str:

@@ -137,6 +137,9 @@ def test_sensors_that_never_update_and_those_that_reject_everything() -> None:
     assert spare.finding.remark == "never updated"
     assert {"Every measurement of fix was rejected.", "Spare never updated the filter."} <= set(found.remarks)
     assert "The filter was never updated." in assessed(scalar(errors, np.ones((300, 4)))).remarks
+    rejected[:, :, 1] = 14.0
+    some = assessed(scalar(errors, np.ones((300, 4)), sensor_fix=rejected)).remarks
+    assert "Measurements were rejected (fix 12.5 %); linear analysis accepts all." in some
 
 
 def test_variances_of_zero_are_told_in_words() -> None:
