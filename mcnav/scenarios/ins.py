@@ -494,10 +494,13 @@ class Ins:
             if engine == "shared-gains":
                 apart = aided.difference_of_gains(shared, probes)
                 gains = f"gains along the truth, which change errors by at most {apart:.1e} of the filter's sigma"
-            accuracy = (
-                f"deviations in inertial axes, {len(shared.ensemble.durations)} steps, {gains}; largest numerical "
-                f"error of {min(len(probes), PROBES)} probe samples {error:.1e} of the filter's sigma or their own size"
+            known = (
+                f"largest numerical error of {min(len(probes), PROBES)} probe samples {error:.1e} of the filter's "
+                "sigma or their own size"
+                if np.isfinite(error)
+                else "numerical error not measured, as there are too many steps to halve them"
             )
+            accuracy = f"deviations in inertial axes, {len(shared.ensemble.durations)} steps, {gains}; {known}"
             return AidedEngine(aided, shared, schema, engine == "ensemble", accuracy)
         steps, tables, error = self._refined(probes)
         accuracy = (

@@ -15,7 +15,7 @@ _ANGLES: Final = 400
 """Nodes of the Gauss-Legendre rule: relative error below 1e-9 down to an axis ratio of 1:100."""
 
 _SPHERE_NODES: Final = 120
-"""Of the rule along each of the two greater axes: relative error below 1e-6 down to axis ratios of 1:30."""
+"""Nodes of the rule along each of the two greater axes: relative error below 1e-6 down to axis ratios of 1:30."""
 
 
 @lru_cache(maxsize=1)

@@ -12,8 +12,10 @@ from scipy import stats
 from mcnav._types import Array
 from mcnav.physics.ins.aided_ensemble import simulate_aided
 from mcnav.physics.ins.aiding import Sensor
+from mcnav.physics.ins.filter_lanes import BEYOND, INDEFINITE
 from mcnav.physics.ins.instruments import Imu, Noise
-from mcnav.scenarios.aided import AidedEngine, AidedReferenceEngine
+from mcnav.scenarios import aided
+from mcnav.scenarios.aided import WORDS, AidedEngine, AidedReferenceEngine
 from mcnav.scenarios.ins import Ins, Navigation
 from mcnav.scenarios.protocol import Batch, SimulationResult, StochasticEngine
 from tests.aided import make_filter, make_sensor, sized
@@ -211,9 +213,30 @@ def test_errors_beyond_the_engine_are_failures_with_a_reason() -> None:
     errors = draw(3, SIGMAS, 8)
     errors[1, 3] = 1e9
     result = engine().simulate(Batch(np.arange(3), errors, 8))
-    assert list(result.failures) == [1]
+    assert {row: failure.status for row, failure in result.failures.items()} == {1: f"failed: {WORDS[BEYOND]}"}
     assert np.isnan(result.values[1]).all()
     assert np.isfinite(result.values[[0, 2]]).all()
+
+
+def test_a_covariance_that_is_not_definite_is_a_failure_with_a_reason() -> None:
+    """A filter that starts with a negative covariance: innovations without a variance."""
+    tables = engine().tables
+    filtered = replace(tables.loop.filter, initial=-tables.loop.filter.initial)
+    broken = replace(engine(), tables=replace(tables, loop=replace(tables.loop, filter=filtered)))
+    result = broken.simulate(Batch(np.arange(3), draw(3, SIGMAS, 8), 8))
+    assert {failure.status for failure in result.failures.values()} == {f"failed: {WORDS[INDEFINITE]}"}
+    assert list(result.failures) == [0, 1, 2]
+    assert np.isnan(result.values).all()
+
+
+def test_too_many_steps_to_halve_are_told_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The numerical error is not measured then, and is not a number that is none."""
+    of = scenario()
+    assert of.navigation.aided is not None
+    monkeypatch.setattr(aided, "MOST_STEPS", len(of.navigation.aided.grid(1)))
+    accuracy = of.engine("ensemble", draw(8, SIGMAS, 1)).accuracy
+    assert "numerical error not measured" in accuracy
+    assert "nan" not in accuracy
 
 
 @pytest.mark.parametrize("sensors", [("gnss",), ("gnss", "altimeter", "stars", "doppler", "compass")])

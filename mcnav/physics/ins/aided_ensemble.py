@@ -20,6 +20,7 @@ from mcnav.physics.ins.deviations import deviate, locate, navigation_errors
 from mcnav.physics.ins.ensemble import LANES, EnsembleTables, advance, bend, room
 from mcnav.physics.ins.filter_lanes import (
     BEYOND,
+    INDEFINITE,
     SIX,
     SOUND,
     correct_covariances,
@@ -348,7 +349,7 @@ def _run(
     local, first, here, forced = np.zeros((9, LANES)), np.zeros((3, LANES)), np.zeros((3, LANES)), np.zeros((9, LANES))
     estimate, twin_estimate = np.zeros((states, LANES)), np.zeros((states, LANES))
     scratch, sound = room(), np.zeros(LANES, dtype=np.bool_)
-    outcome = np.zeros(LANES, dtype=np.int64)
+    outcome, cause = np.zeros(LANES, dtype=np.int64), np.zeros(LANES, dtype=np.int64)
     whole = 9 + SIX * ((states + SIX - 1) // SIX)
     p, left = np.zeros((whole, whole, LANES)), np.zeros((whole, whole, LANES))
     product, transition = np.zeros((9, whole, LANES)), np.zeros((6, 3, LANES))
@@ -368,6 +369,7 @@ def _run(
         drifts[:], shown[:], tally[:], before[:] = 0.0, 0.0, 0.0, 0.0
         has_before[:] = False
         estimate[:], twin_estimate[:], outcome[:] = 0.0, 0.0, SOUND
+        cause[:] = SOUND
         for i in range(LANES):
             n = begin + min(i, lanes - 1)
             sound[i] = True
@@ -423,6 +425,9 @@ def _run(
                     factor_innovations(
                         p, full, bounds[u], state_rows[u], variances[u], m, cross, root, inverse, outcome
                     )
+                    for i in range(LANES):  # what came first, as each brings about the other
+                        if cause[i] == SOUND and outcome[i] == INDEFINITE:
+                            cause[i] = INDEFINITE if sound[i] else BEYOND
                 else:
                     for c in range(m):
                         for e in range(c + 1):
@@ -533,4 +538,4 @@ def _run(
                     estimate[s, i] *= decay[k, s]
                     twin_estimate[s, i] *= decay[k, s]
         for i in range(lanes):
-            outcomes[begin + i] = outcome[i] if sound[i] else BEYOND
+            outcomes[begin + i] = BEYOND if cause[i] == SOUND and not sound[i] else cause[i]
