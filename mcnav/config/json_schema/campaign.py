@@ -7,11 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from mcnav.config.json_schema.axes import AxesDefinitions
 from mcnav.config.json_schema.errors import ErrorDefinitions
 from mcnav.config.json_schema.filters import filter_schema
 from mcnav.config.json_schema.instruments import imu_schema
-from mcnav.config.json_schema.nodes import Node, by_type, choice, narrowed, named, of_model, suggested
+from mcnav.config.json_schema.nodes import Node, by_type, choice, first_of, narrowed, of_model, suggested
 from mcnav.config.json_schema.sensors import aiding_schema, error_pattern
 from mcnav.config.json_schema.trajectories import columns_schema, trajectory_schema
 from mcnav.config.scenarios import SCENARIO_TYPES, USER
@@ -63,7 +62,7 @@ def campaign_schema() -> Node:
     It knows keys, types and names, and not what a unit measures, what another table or a file must contain, or what a
     scenario of the user's own declares.
     """
-    axes, errors = AxesDefinitions(), ErrorDefinitions()
+    errors = ErrorDefinitions()
     node = of_model(CampaignTable)
     properties: dict[str, Node] = node["properties"]
     told = {key: each["description"] for key, each in properties.items() if "description" in each}
@@ -71,38 +70,37 @@ def campaign_schema() -> Node:
     rule["properties"]["until"]["pattern"] = rf"^\s*({'|'.join(QUANTITIES)}) "
     properties["samples"] = {
         "description": f"{told['samples'][:-1]}, or a table with the precision at which the run stops.",
-        "default": samples.pop("default"),
-        "anyOf": [samples, rule],
+        **{key: value for key, value in {**samples, **rule}.items() if key != "description"},
+        "type": ["integer", "object"],
     }
     properties["scenario"] = _scenario_schema(told["scenario"])
-    properties["imu"] = named("imu", told["imu"])
-    properties["aiding"] = aiding_schema(axes)
-    properties["filter"] = filter_schema(axes)
+    properties["imu"] = imu_schema(told["imu"])
+    properties["aiding"] = aiding_schema()
+    properties["filter"] = filter_schema()
     sources = {name: kind.sources or () for name, kind in SCENARIO_TYPES.items()}
     every = {source.name: source for each in sources.values() for source in each}
     known = errors.sources(list(every.values()))
     properties["errors"] = {
         **known,
-        "additionalProperties": errors.node("", "Error of a sensor, or of a scenario of your own."),
+        "additionalProperties": errors.node("", ""),
         "description": told["errors"],
     }
     anything = {output.name: None for each in OUTPUTS.values() for output in each}
     _name(node, Names(suggested(every), suggested(anything)))
-    node["allOf"] = [_of_type(name, each, errors, known["properties"]) for name, each in sources.items()] + [
-        {"if": _has_type(_user_type()), "then": {"propertyNames": choice(_keys(properties, USERS))}},
-        {
-            "if": {"required": ["aiding"], "properties": {"aiding": {"minItems": 1}}},
-            "then": {"required": ["filter"]},
-            "else": {"not": {"required": ["filter"]}},
-        },
-    ]
-    definitions = {"imu": imu_schema(axes), **errors.found}
+    restricted = {name: _of_type(name, each, errors, known["properties"]) for name, each in sources.items()}
+    conditions = {name: _has_type(choice([name])) for name in sources} | {USERS: _has_type(_user_type())}
+    node |= first_of(conditions, {**restricted, USERS: {"propertyNames": choice(_keys(properties, USERS))}})
+    some: Node = {"properties": {"aiding": {"minItems": 1}}}
+    node["dependencies"] = {
+        "filter": {**some, "required": ["aiding"]},
+        "aiding": {"if": some, "then": {"required": ["filter"]}},
+    }
     return {
         "$schema": DRAFT,
         "title": "Campaign of mcnav",
         "description": "Campaign file of mcnav; mcnav docs campaigns is the reference.",
         **{key: value for key, value in node.items() if key != "title"},
-        "definitions": {**definitions, **axes.found},
+        "definitions": errors.found,
     }
 
 
@@ -142,7 +140,7 @@ def _of_type(kind: str, sources: Sequence[Source], errors: ErrorDefinitions, eve
     restricted: Node = {"properties": {"errors": known}}
     _name(restricted, Names(suggested(names, error_pattern()) if kind == INS else choice(names), outputs))
     keys = choice(_keys(CampaignTable.model_fields, kind))
-    return {"if": _has_type(choice([kind])), "then": {"propertyNames": keys, **restricted}}
+    return {"propertyNames": keys, **restricted}
 
 
 def _name(node: Node, names: Names) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from mcnav.config.empirical import SCIPY, TABLE
-from mcnav.config.json_schema.nodes import Node, by_type, choice, named, quantity, table
+from mcnav.config.json_schema.nodes import Node, by_type, choice, quantity, reference, table
 from mcnav.config.json_schema.sensors import error_patterns
 from mcnav.config.sources import DISTRIBUTIONS, OWN_UNIT
 from mcnav.scenarios.protocol import Source
@@ -30,7 +30,7 @@ KEYS: Final = {
 
 
 class ErrorDefinitions:
-    """Definitions of an entry of ``[errors]``, one for each unit that is asked for.
+    """Definitions of distributions, one for each unit of an entry of ``[errors]``.
 
     Attributes
     ----------
@@ -43,13 +43,11 @@ class ErrorDefinitions:
 
     def node(self, unit: str, description: str) -> Node:
         """Return the schema of an entry in an SI unit, any for none."""
-        name = "error_" + (re.sub(r"[^a-z]+", "_", dimension_of(unit).words) if unit else "of_any_dimension")
-        if name not in self.found:
-            sigma = quantity(unit)
-            sigma.pop("description", None)
-            sigma.pop("examples", None)
-            self.found[name] = {"anyOf": [sigma, _distribution(unit)]}
-        return named(name, description)
+        name = "distribution_of_" + (re.sub(r"[^a-z]+", "_", dimension_of(unit).words) if unit else "any_dimension")
+        self.found.setdefault(name, _distribution(unit))
+        sigma = quantity(unit, described=False)
+        node = {**sigma, "type": [*sigma["type"], "object"], "if": {"type": "object"}, "then": reference(name)}
+        return {**({"description": description} if description else {}), **node, "additionalProperties": True}
 
     def sources(self, sources: Sequence[Source], sensors: bool = False) -> Node:
         """Return the schema of ``[errors]`` with the sources of a scenario, and of any sensors."""
@@ -94,7 +92,4 @@ def _distribution(unit: str) -> Node:
     meaning = f"Distribution; normal unless given. {SCIPY}NAME is any continuous one of scipy.stats."
     for name, each in tables.items():
         each["properties"]["distribution"] = {"description": meaning, **conditions[name]}
-    node = by_type("distribution", conditions, tables, "Distribution of an error.")
-    node["allOf"].append({"if": {"not": {"required": ["distribution"]}}, "then": tables["normal"]})
-    del node["required"]
-    return node
+    return by_type("distribution", conditions, tables, "Distribution of an error.", "normal")

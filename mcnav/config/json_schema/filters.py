@@ -3,30 +3,29 @@
 from __future__ import annotations
 
 from mcnav.config.filter import ALWAYS, FilterTable
-from mcnav.config.json_schema.axes import AxesDefinitions
 from mcnav.config.json_schema.instruments import imu_schema
-from mcnav.config.json_schema.nodes import Node, of_model, quantity, suggested, table
+from mcnav.config.json_schema.nodes import Node, every, of_model, quantity, suggested, table
 from mcnav.config.json_schema.sensors import believed_sensors, error_pattern, error_patterns
 from mcnav.physics.ins.error_filter import estimated_kinds
 from mcnav.physics.ins.instruments import ACCELEROMETER, GYRO
 from mcnav.scenarios.ins import SOURCES
 
 
-def filter_schema(axes: AxesDefinitions) -> Node:
+def filter_schema() -> Node:
     """Return the schema of ``[filter]``."""
     node = of_model(FilterTable)
     node["description"] = "Error-state Kalman filter of an aided navigation; needs [[aiding]]."
     kinds, of_sensors = estimated_kinds((*GYRO, *ACCELEROMETER)), error_pattern(kinds=True)
     estimates, considers = node["properties"]["estimates"], node["properties"]["considers"]
-    estimates["items"] = suggested((*ALWAYS, *kinds), of_sensors)
-    considers["items"] = suggested(kinds, of_sensors)
-    estimates["allOf"] = [{"contains": {"enum": [name]}} for name in ALWAYS]
+    for states, names in ((estimates, (*ALWAYS, *kinds)), (considers, kinds)):
+        states["items"] = {"description": states["description"], **suggested(names, of_sensors)}
+    estimates |= every(*({"contains": {"enum": [name]}} for name in ALWAYS))
     for states in (estimates, considers):
         states["uniqueItems"] = True
     believes = node["properties"]["believes"]["properties"]
-    believes["imu"] = imu_schema(axes, believed=True)
+    believes["imu"] = imu_schema(believes["imu"]["description"], believed=True)
     believes["errors"] = _believed_errors(believes["errors"]["description"])
-    believes["aiding"] = believed_sensors(axes)
+    believes["aiding"] = believed_sensors()
     return node
 
 

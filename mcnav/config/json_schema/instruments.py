@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from mcnav.config.imu_catalogue import INSTABILITY, KINDS, catalogue_units
-from mcnav.config.json_schema.axes import AxesDefinitions
+from mcnav.config.json_schema.axes import by_axes
 from mcnav.config.json_schema.nodes import Node, choice, table
 from mcnav.config.quantization import QUANTIZATION
 from mcnav.physics.ins.instruments import AXES, CROSS_AXES
@@ -35,7 +35,7 @@ EXAMPLES: Final = {"correlation_time": "1 h", "interval": "0.01 s"}
 """Examples that the dimension alone does not give, by the last part of the key."""
 
 
-def imu_schema(axes: AxesDefinitions, believed: bool = False) -> Node:
+def imu_schema(description: str, believed: bool = False) -> Node:
     """Return the schema of ``[imu]``.
 
     Parameters
@@ -45,37 +45,45 @@ def imu_schema(axes: AxesDefinitions, believed: bool = False) -> Node:
     """
     grades = choice([unit.name for unit in catalogue_units()], "Grade or unit of the catalogue; mcnav imu lists it.")
     instruments = {
-        instrument: _instrument(units, axes, believed, f"Errors of the {instrument}s, in place of the grade's.")
+        instrument: _instrument(units, believed, f"Errors of the {instrument}s, in place of the grade's.")
         for instrument, units in KINDS.items()
     }
-    return table({"grade": grades, **instruments}, description="Inertial measurement unit.")
+    return table({"grade": grades, **instruments}, description=description)
 
 
-def _instrument(units: Mapping[str, str], axes: AxesDefinitions, believed: bool, description: str) -> Node:
+def _instrument(units: Mapping[str, str], believed: bool, description: str) -> Node:
     simple = {key: unit for key, unit in units.items() if "." not in key}
     properties = {
-        key: axes.node(unit, CROSS_AXES if key == "misalignment" else AXES, MEANINGS[key])
-        for key, unit in simple.items()
+        key: by_axes(unit, CROSS_AXES if key == "misalignment" else AXES, MEANINGS[key]) for key, unit in simple.items()
     }
-    properties[INSTABILITY] = _process(INSTABILITY, units, axes, () if believed else ("correlation_time",), believed)
+    properties[INSTABILITY] = _process(INSTABILITY, units, () if believed else ("correlation_time",), believed)
     if not believed:
-        reading = _process(QUANTIZATION, units, axes)
-        size = axes.node(units[f"{QUANTIZATION}.sigma"], AXES, MEANINGS[QUANTIZATION])
-        properties[QUANTIZATION] = {
-            "description": reading.pop("description"), "anyOf": [*size["allOf"], reading]
-        }  # fmt: skip
+        properties[QUANTIZATION] = _quantization(units)
     return table(properties, description=description)
 
 
-def _process(
-    key: str, units: Mapping[str, str], axes: AxesDefinitions, required: tuple[str, ...] = (), believed: bool = False
-) -> Node:
+def _process(key: str, units: Mapping[str, str], required: tuple[str, ...] = (), believed: bool = False) -> Node:
     """Return the schema of a process: one of two sizes, and a time."""
     parts = [name.partition(".")[2] for name in units if name.startswith(f"{key}.")]
     values = {
-        part: axes.node(units[f"{key}.{part}"], AXES, MEANINGS[f"{key}.{part}"], EXAMPLES.get(part)) for part in parts
+        part: by_axes(units[f"{key}.{part}"], AXES, MEANINGS[f"{key}.{part}"], EXAMPLES.get(part)) for part in parts
     }
     node = table(values, required, MEANINGS[key])
     sizes = [part for part in parts if part not in EXAMPLES]
     one_size: Node = {"oneOf": [{"required": [part]} for part in sizes]}
     return {**node, **({"minProperties": 1, "not": {"required": sizes}} if believed else one_size)}
+
+
+def _quantization(units: Mapping[str, str]) -> Node:
+    """Return the schema of the quantization: a size by axis, or a table with a size and an interval."""
+    size = by_axes(units[f"{QUANTIZATION}.sigma"], AXES, MEANINGS[QUANTIZATION])
+    reading = _process(QUANTIZATION, units)
+    parts = list(reading["properties"])
+    told = f"{size['description']} Or a table with {parts[0]} or {parts[1]}, and {parts[2]}."
+    return {
+        **size,
+        "description": told,
+        "properties": {**reading["properties"], **size["properties"]},
+        "if": {"type": "object", "anyOf": [{"required": [part]} for part in parts]},
+        "then": {"oneOf": reading["oneOf"], "not": {"anyOf": [{"required": [axis]} for axis in AXES]}},
+    }

@@ -23,7 +23,10 @@ BOUNDS: Final = {"gt": "above", "ge": "at least", "lt": "below", "le": "at most"
 KEYWORDS: Final = {"gt": "exclusiveMinimum", "ge": "minimum", "lt": "exclusiveMaximum", "le": "maximum"}
 
 
-def quantity(unit: str, description: str = "", bounds: Mapping[str, float] | None = None, example: Any = None) -> Node:
+def quantity(
+    unit: str, description: str = "", bounds: Mapping[str, float] | None = None, example: Any = None,
+    described: bool = True,
+) -> Node:  # fmt: skip
     """Return the schema of a quantity.
 
     Parameters
@@ -34,23 +37,25 @@ def quantity(unit: str, description: str = "", bounds: Mapping[str, float] | Non
         Any of `BOUNDS`, SI. Only those of pure numbers are checked; others become part of the description.
     example : object, optional
         Quantity to show in place of the dimension's usual one.
+    described : bool
+        Whether it has a description.
     """
     bounds = bounds or {}
-    node: Node = {}
-    if unit:
-        words, usual = dimension_of(unit)
-        shown = usual if example is None else example
-        shown_unit = "" if unit == "1" else f" {unit}"
-        limits = "".join(f", {word} {bounds[key]:.6g}{shown_unit}" for key, word in BOUNDS.items() if key in bounds)
-        written = f'"{shown}"' if isinstance(shown, str) else shown
-        node = {"description": f"{description} {words.capitalize()}, such as {written}{limits}.".strip()}
-        node["examples"] = [shown]
-    elif description:
-        node = {"description": description}
+    node: Node = {"type": ["string"], "pattern": QUANTITY}
     if unit in ("", "1"):
-        number = {"type": "number", **{KEYWORDS[key]: value for key, value in bounds.items()}}
-        return {**node, "anyOf": [number, {"type": "string", "pattern": NUMBER if unit else f"{NUMBER}.*"}]}
-    return {**node, "type": "string", "pattern": QUANTITY}
+        limits = {KEYWORDS[key]: value for key, value in bounds.items()}
+        node = {"type": ["number", "integer", "string"], "pattern": NUMBER, **limits}
+    if not described:
+        return node
+    if not unit:
+        return {"description": description, **node}
+    words, usual = dimension_of(unit)
+    shown = usual if example is None else example
+    shown_unit = "" if unit == "1" else f" {unit}"
+    limit = "".join(f", {word} {bounds[key]:.6g}{shown_unit}" for key, word in BOUNDS.items() if key in bounds)
+    written = f'"{shown}"' if isinstance(shown, str) else shown
+    told = f"{description} {words.capitalize()}, such as {written}{limit}.".strip()
+    return {"description": told, "examples": [shown], **node}
 
 
 def table(properties: Mapping[str, Node], required: Iterable[str] = (), description: str = "") -> Node:
@@ -61,9 +66,9 @@ def table(properties: Mapping[str, Node], required: Iterable[str] = (), descript
     return {**node, **({"description": description} if description else {})}
 
 
-def named(name: str, description: str) -> Node:
-    """Return the schema of a key whose value has a definition."""
-    return {"description": description, "allOf": [reference(name)]}
+def every(first: Node, *others: Node) -> Node:
+    """Combine schemas without ``allOf``; see `first_of`."""
+    return {**first, "if": True, "then": every(*others)} if others else first
 
 
 def reference(name: str) -> Node:
@@ -82,7 +87,9 @@ def suggested(texts: Iterable[str], pattern: str = "") -> Node:
     return {"anyOf": [{"enum": list(texts)}, other]}
 
 
-def by_type(key: str, conditions: Mapping[str, Node], tables: Mapping[str, Node], description: str = "") -> Node:
+def by_type(
+    key: str, conditions: Mapping[str, Node], tables: Mapping[str, Node], description: str = "", default: str = ""
+) -> Node:
     """Return the schema of a table whose ``key`` decides about the other keys.
 
     Parameters
@@ -91,15 +98,31 @@ def by_type(key: str, conditions: Mapping[str, Node], tables: Mapping[str, Node]
         Schema of the key's value in each type of table.
     tables : mapping of str to dict
         Schema of each type, closed.
+    default : str, optional
+        Type of a table without the key, which is required otherwise.
     """
     node = _union(list(tables.values()), description)
     node["properties"][key] = suggested_of(list(conditions.values()), node["properties"][key].get("description", ""))
-    node["required"] = [key]
-    node["allOf"] = [
-        {"if": {"properties": {key: condition}, "required": [key]}, "then": narrowed(tables[name], node["properties"])}
-        for name, condition in conditions.items()
-    ]
-    return node
+    if not default:
+        node["required"] = [key]
+    return node | first_of(
+        {
+            name: {"properties": {key: condition}, **({} if name == default else {"required": [key]})}
+            for name, condition in conditions.items()
+        },
+        {name: narrowed(tables[name], node["properties"]) for name in conditions},
+    )
+
+
+def first_of(conditions: Mapping[str, Node], consequences: Mapping[str, Node]) -> Node:
+    """Return the keywords by which the first condition that is met has its consequence.
+
+    They are a chain and no ``allOf``: taplo neither completes nor describes a table that has one.
+    """
+    chain: Node = {}
+    for name, condition in reversed(list(conditions.items())):
+        chain = {"if": condition, "then": consequences[name], **({"else": chain} if chain else {})}
+    return chain
 
 
 def suggested_of(conditions: Sequence[Node], description: str) -> Node:
@@ -113,11 +136,11 @@ def suggested_of(conditions: Sequence[Node], description: str) -> Node:
 def by_key(tables: Mapping[str, Node], description: str = "") -> Node:
     """Return the schema of a table that has exactly one of several keys, which decides about the others."""
     node = _union(list(tables.values()), description)
-    node["oneOf"] = [{"required": [key]} for key in tables]
-    node["allOf"] = [
-        {"if": {"required": [key]}, "then": narrowed(closed, node["properties"])} for key, closed in tables.items()
-    ]
-    return node
+    chain = first_of(
+        {key: {"required": [key]} for key in tables},
+        {key: narrowed(closed, node["properties"]) for key, closed in tables.items()},
+    )
+    return node | {"if": {"type": "object"}, "then": {"oneOf": [{"required": [key]} for key in tables], **chain}}
 
 
 def narrowed(closed: Node, known: Mapping[str, Node]) -> Node:
@@ -126,7 +149,7 @@ def narrowed(closed: Node, known: Mapping[str, Node]) -> Node:
     return {**closed, "properties": properties}
 
 
-def _union(tables: Sequence[Node], description: str) -> Node:
+def _union(tables: Sequence[Node], description: str = "") -> Node:
     """Return an open table with the keys of all tables; of values that differ, the type is left open."""
     found: dict[str, list[Node]] = {}
     for each in tables:
@@ -140,11 +163,19 @@ def _union(tables: Sequence[Node], description: str) -> Node:
 
 
 def _either(nodes: Sequence[Node]) -> Node:
-    """Return a description of a key that has other values in other tables, and the texts it may be."""
-    descriptions = list(dict.fromkeys(node["description"] for node in nodes if "description" in node))
-    texts = list(dict.fromkeys(text for node in nodes for text in node.get("enum", ())))
-    found: Node = {"description": "\n\n".join(descriptions)} if descriptions else {}
-    return {**found, "enum": texts} if texts and all("enum" in node for node in nodes) else found
+    """Describe a key that has other values in other tables: any of their types, texts and keys."""
+    found: Node = {}
+    if descriptions := dict.fromkeys(node["description"] for node in nodes if "description" in node):
+        found["description"] = "\n\n".join(descriptions)
+    if all("type" in node for node in nodes):
+        kinds = [[node["type"]] if isinstance(node["type"], str) else node["type"] for node in nodes]
+        found["type"] = list(dict.fromkeys(kind for each in kinds for kind in each))
+    if all("enum" in node for node in nodes):
+        found["enum"] = list(dict.fromkeys(text for node in nodes for text in node["enum"]))
+    if any("properties" in node for node in nodes):
+        inside = _union([node for node in nodes if "properties" in node])
+        found |= {"properties": inside["properties"], "additionalProperties": True}
+    return found
 
 
 def of_model(model: type[BaseModel]) -> Node:
@@ -175,6 +206,8 @@ def _plain(node: Any, inside: Mapping[str, Node]) -> Any:
     if "discriminator" in node:
         return _discriminated(node, inside)
     kept = {key: value for key, value in node.items() if key not in ("title", "default", "$defs")}
+    if isinstance(kept.get("description"), str):
+        kept["description"] = kept["description"].replace("``", "`")
     if isinstance(node.get("default"), (str, int, float)):
         kept["default"] = node["default"]
     if "const" in kept:

@@ -8,7 +8,7 @@ from typing import Final
 from mcnav.config.aiding import MOST_SENSORS, NAME
 from mcnav.config.filter import GATE
 from mcnav.config.instants import MOST_OUTAGES
-from mcnav.config.json_schema.axes import AxesDefinitions
+from mcnav.config.json_schema.axes import by_axes
 from mcnav.config.json_schema.nodes import Node, by_type, choice, quantity, table
 from mcnav.config.sensors import SENSOR_TYPES, SensorType
 from mcnav.physics.ins.aiding import COMPONENTS, SCALED
@@ -27,9 +27,9 @@ MEASURED: Final[Mapping[str, str]] = {
 """What each type of sensor measures."""
 
 
-def aiding_schema(axes: AxesDefinitions) -> Node:
+def aiding_schema() -> Node:
     """Return the schema of ``[[aiding]]``."""
-    tables = {name: _sensor(name, kind, axes) for name, kind in SENSOR_TYPES.items()}
+    tables = {name: _sensor(name, kind) for name, kind in SENSOR_TYPES.items()}
     conditions = {name: choice([name]) for name in tables}
     return {
         "type": "array",
@@ -39,11 +39,11 @@ def aiding_schema(axes: AxesDefinitions) -> Node:
     }
 
 
-def believed_sensors(axes: AxesDefinitions) -> Node:
+def believed_sensors() -> Node:
     """Return the schema of ``[filter.believes.aiding]``; the types of the sensors are known to [[aiding]] alone."""
     every: dict[str, Node] = {}
     for kind in SENSOR_TYPES.values():
-        for key, node in _errors(kind, axes, believed=True).items():
+        for key, node in _errors(kind, believed=True).items():
             same = every.setdefault(key, node) == node
             if not same:
                 every[key] = {"description": every[key]["description"]}
@@ -58,7 +58,7 @@ def believed_sensors(axes: AxesDefinitions) -> Node:
     }
 
 
-def _sensor(name: str, kind: SensorType, axes: AxesDefinitions) -> Node:
+def _sensor(name: str, kind: SensorType) -> Node:
     times = "of the trajectory's time."
     outage: Node = {"type": "array", "items": quantity("s", example="1200 s"), "minItems": 2, "maxItems": 2}
     properties: dict[str, Node] = {
@@ -82,7 +82,7 @@ def _sensor(name: str, kind: SensorType, axes: AxesDefinitions) -> Node:
             "description": "Pairs of begin, included, and end, not included, without measurements.",
         },
         "gate": quantity("1", GATE, {"gt": 0.0, "lt": 1.0}, 0.999),
-        **_errors(kind, axes),
+        **_errors(kind),
     }  # fmt: skip
     if "kind" in kind.further:
         properties["kind"] = choice(["barometric", "radar"], "A radar is silent above its ceiling.")
@@ -94,28 +94,28 @@ def _sensor(name: str, kind: SensorType, axes: AxesDefinitions) -> Node:
     return node
 
 
-def _errors(kind: SensorType, axes: AxesDefinitions, believed: bool = False) -> dict[str, Node]:
+def _errors(kind: SensorType, believed: bool = False) -> dict[str, Node]:
     """Return the schemas of the sizes of a sensor's errors."""
     found: dict[str, Node] = {}
     for measured, measures in kind.quantities.items():
         unit, names = UNITS[measures][0], COMPONENTS[measures]
-        found[measured] = axes.node(unit, names, f"Sigma of the white noise of one measurement of the {measured}.")
+        found[measured] = by_axes(unit, names, f"Sigma of the white noise of one measurement of the {measured}.")
         if kind.errors:
             bias, correlated = kind.key(measured, "bias"), kind.key(measured, "correlated")
-            found[bias] = axes.node(unit, names, f"Sigma of the constant bias of the {measured}.")
+            found[bias] = by_axes(unit, names, f"Sigma of the constant bias of the {measured}.")
             values = {
-                "sigma": axes.node(unit, names, "Sigma of the process."),
-                "correlation_time": axes.node("s", names, "Correlation time of the process.", "100 s"),
+                "sigma": by_axes(unit, names, "Sigma of the process."),
+                "correlation_time": by_axes("s", names, "Correlation time of the process.", "100 s"),
             }
             process = table(values, () if believed else values, f"First-order Gauss-Markov error of the {measured}.")
             found[correlated] = {**process, **({"minProperties": 1} if believed else {})}
         if measures in SCALED:
             scale = kind.key(measured, "scale_factor")
-            found[scale] = axes.node(SCALE_FACTOR[0], names, f"Sigma of the scale factor of the {measured}.")
+            found[scale] = by_axes(SCALE_FACTOR[0], names, f"Sigma of the scale factor of the {measured}.")
     if kind.lever_arm:
         arm = "From the unit to the antenna, forward, right and down."
-        found["lever_arm"] = axes.node(LEVER_ARM[0], AXES, arm, whole=False)
-        found["lever_arm_error"] = axes.node(LEVER_ARM[0], AXES, "Sigma of the lever arm's error.", "1 cm")
+        found["lever_arm"] = by_axes(LEVER_ARM[0], AXES, arm, whole=False)
+        found["lever_arm_error"] = by_axes(LEVER_ARM[0], AXES, "Sigma of the lever arm's error.", "1 cm")
     return found
 
 

@@ -13,10 +13,8 @@ def trajectory_schema(description: str) -> Node:
     tables["file"]["properties"]["columns"] |= columns_schema()
     kinds = {name: _one_turn(of_model(model)) for name, (model, _) in SEGMENTS.items()}
     tables["segments"]["properties"]["segments"]["items"] = by_key(kinds, "A segment of the flight.")
-    return {
-        "description": description,
-        "anyOf": [{"type": "string", "pattern": "^[^\\x00-\\x1f\\x7f]{1,200}$"}, by_key(tables)],
-    }
+    node = by_key(tables, description)
+    return {**node, "type": ["string", "object"], "pattern": "^[^\\x00-\\x1f\\x7f]{1,200}$"}
 
 
 def _one_turn(segment: Node) -> Node:

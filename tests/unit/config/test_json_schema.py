@@ -383,7 +383,7 @@ def described(node: Any, at: str) -> Iterator[str]:
             if isinstance(value, dict) and "description" not in value:
                 yield f"{at}.{key}"
         for key, value in node.items():
-            if key not in ("if", "then", "else", "examples", "enum"):
+            if key not in ("if", "then", "else", "dependencies", "examples", "enum"):
                 yield from described(value, f"{at}.{key}" if key != "properties" else at)
     elif isinstance(node, list):
         for each in node:
