@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -23,6 +22,8 @@ from mcnav.scenarios.steady import OUTPUTS as STEADY_OUTPUTS
 
 DRAFT: Final = "http://json-schema.org/draft-07/schema#"
 """Version of JSON schema that TOML language servers know."""
+
+TITLE: Final = "Campaign of mcnav"
 
 INS: Final = "ins"
 USERS: Final = "of your own"
@@ -49,11 +50,6 @@ class Names:
 
     source: Node
     output: Node
-
-
-def schema_text() -> str:
-    """Return the schema of campaign files as a file."""
-    return json.dumps(campaign_schema(), indent=1, ensure_ascii=False) + "\n"
 
 
 def campaign_schema() -> Node:
@@ -97,7 +93,7 @@ def campaign_schema() -> Node:
     }
     return {
         "$schema": DRAFT,
-        "title": "Campaign of mcnav",
+        "title": TITLE,
         "description": "Campaign file of mcnav; mcnav docs campaigns is the reference.",
         **{key: value for key, value in node.items() if key != "title"},
         "definitions": errors.found,

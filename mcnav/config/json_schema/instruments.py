@@ -20,7 +20,7 @@ MEANINGS: Final[Mapping[str, str]] = {
     "angle_random_walk": "White noise of the rates, N: the angle has the sigma N sqrt(t).",
     "velocity_random_walk": "White noise of the specific force, N: the velocity has the sigma N sqrt(t).",
     "rate_random_walk": "Random walk of the bias, K: its sigma is K sqrt(t).",
-    INSTABILITY: "First-order Gauss-Markov process of the bias.",
+    INSTABILITY: "Gauss-Markov process of the bias.",
     QUANTIZATION: "White error of each reading of the accumulated angle or velocity.",
     f"{INSTABILITY}.sigma": "Sigma of the process.",
     f"{INSTABILITY}.allan_minimum": "Bias instability of a data sheet, in place of sigma: 0.617 of it.",
