@@ -110,13 +110,21 @@ class AidedNavigation:
         places = self.places(self.loop)
         return propagate_closed_loop(self.loop, places, np.ones(len(places)))
 
-    def read_out(self, times: Array) -> tuple[tuple[Literal["before", "after"] | None, ...], ClosedLoopErrors]:
-        """Propagate the linear closed loop and read it out at rising times; twice where an update falls on one."""
-        grid = self.grid(1, np.concatenate([[self.start], times]))
-        loop = close_loop(self.truth, self.platform, grid, self.imu, self.sensors, self.filter)
+    def read_out(
+        self, times: Array | None = None
+    ) -> tuple[tuple[Literal["before", "after"] | None, ...], ClosedLoopErrors]:
+        """Propagate the linear closed loop and read it out at the epochs or at other rising times.
+
+        There are two readings where an update falls on a time.
+        """
+        if times is None:
+            loop, times = self.loop, self.times
+        else:
+            grid = self.grid(1, np.concatenate([[self.start], times]))
+            loop = close_loop(self.truth, self.platform, grid, self.imu, self.sensors, self.filter)
         readings: list[int] = []
         updates: list[Literal["before", "after"] | None] = []
-        for place in np.searchsorted(grid, times - 1e-9).tolist():
+        for place in np.searchsorted(loop.times, times - 1e-9).tolist():
             updated = loop.first_updates[place] < loop.first_updates[place + 1]
             readings += [place, place] if updated else [place]
             updates += ["before", "after"] if updated else [None]
