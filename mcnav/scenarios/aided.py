@@ -27,6 +27,7 @@ from mcnav.physics.ins.filter_lanes import BEYOND, INDEFINITE, SOUND
 from mcnav.physics.ins.instruments import CONSTANTS, OUTPUTS, Imu, process_sizes
 from mcnav.physics.ins.linear_noise import respond_from_rest
 from mcnav.physics.ins.mechanization import Diverged, longest_step
+from mcnav.physics.ins.recent_responses import recent_responses
 from mcnav.physics.ins.sample_noise import SampleNoise
 from mcnav.physics.ins.truth import Platform, Truth
 from mcnav.scenarios.failure import Failure, Reason
@@ -95,7 +96,9 @@ class AidedNavigation:
     @cached_property
     def loop(self) -> ClosedLoop:
         """The closed loop on the coarsest grid."""
-        return self._close(1)
+        return close_loop(
+            self.truth, self.platform, self.grid(1), self.imu, self.sensors, self.filter, recent_responses
+        )
 
     def _close(self, division: int) -> ClosedLoop:
         return close_loop(self.truth, self.platform, self.grid(division), self.imu, self.sensors, self.filter)

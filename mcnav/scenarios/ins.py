@@ -25,6 +25,7 @@ from mcnav.physics.ins.fine_noise import draw_noise
 from mcnav.physics.ins.instruments import CONSTANTS, OUTPUTS, PROCESSES, Imu, process_sizes
 from mcnav.physics.ins.linear_noise import NoiseResponse
 from mcnav.physics.ins.mechanization import Diverged, Mechanization, longest_step
+from mcnav.physics.ins.recent_responses import recent_responses
 from mcnav.physics.ins.response import StepResponses, respond
 from mcnav.physics.ins.start_times import LinearStarts, propagate_starts
 from mcnav.physics.ins.truth import Platform, Truth
@@ -203,7 +204,7 @@ class Navigation:
     @cached_property
     def responses(self) -> StepResponses:
         """The linear responses between epochs."""
-        return respond(self.truth, self.platform, self.times, self.imu)
+        return recent_responses(self.truth, self.platform, self.times, self.imu)
 
     def tables(self, steps: int) -> EnsembleTables:
         """Prepare the ensemble's tables."""
