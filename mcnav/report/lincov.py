@@ -55,9 +55,11 @@ def headline(found: LinearAnswer) -> tuple[str, str]:
         if count == 1:
             words = f"The requirement{partly} is {'not ' * failed}met"
         elif not failed:
-            words = f"All {count} requirements{partly} are met"
+            words = f"{'Both' if count == 2 else f'All {count}'} requirements{partly} are met"
         elif failed == count:
-            words = f"None of the {count} requirements{partly} is met"
+            words = (
+                f"{'Neither' if count == 2 else f'None of the {count}'} requirement{'s' * (count > 2)}{partly} is met"
+            )
         else:
             words = f"{failed} of {count} requirements{partly} {'is' if failed == 1 else 'are'} not met"
         return words, TONES["not met" if failed else "met"]
@@ -119,6 +121,14 @@ def shown_value(row: LinearRequirement, scale: float, unit: str) -> str:
     if not row.judged:
         return "–"
     return f"{100.0 * row.value:.3f} %" if row.requirement.kind == "box" else f"{number(row.value * scale)} {unit}"
+
+
+def shown_limit(row: LinearRequirement, scale: float, unit: str) -> str:
+    """Format the limit that a linear value is compared with."""
+    required = row.requirement
+    if required.kind == "box":
+        return f"{100.0 * (required.probability or 0.5):g} %"
+    return f"{number(required.limits[0] * scale)} {unit}"
 
 
 def requirement_table(found: LinearAnswer) -> FittedTable:

@@ -45,6 +45,15 @@ def _shading(outages: Outages, label: str) -> list[Span]:
     ]
 
 
+def short_name(each: LinearRequirement, found: LinearAnswer) -> str:
+    """Name a requirement in a few words: its kind and outputs."""
+    required = each.requirement
+    names = ", ".join(humanize(found.outputs[i].name) for i in required.outputs)
+    kind = required.kind if required.kind == "box" else required.kind.upper()
+    named = f"{100.0 * (required.probability or 0.5):g} % of |{names}|" if kind == "QUANTILE" else f"{kind}, {names}"
+    return f"{named}, {required.when}" if required.when else named
+
+
 def _moving(history: LinearCovariance) -> list[int]:
     return [int(i) for i in np.flatnonzero(history.sigma.max(axis=0) > 0.0)]
 
@@ -95,7 +104,7 @@ def requirements(found: LinearAnswer, outages: Outages) -> Figure | None:
         first = each.requirement.outputs[0]
         unit, values = found.outputs[first].shown_in, sizes_over_time(each.requirement, history) * scale[first]
         limit, at = each.requirement.limits[0] * scale[first], list(each.requirement.epochs)
-        title = f"{number}: {_short(each, found)}"
+        title = f"{number}: {short_name(each, found)}"
         columns[f"{title} [{unit}]"] = values
         marks: list[Mark] = [
             *shaded,
@@ -116,14 +125,6 @@ def requirements(found: LinearAnswer, outages: Outages) -> Figure | None:
         size=side_by_side(len(panels)),
         caption="After updates, for normal errors.",
     )
-
-
-def _short(each: LinearRequirement, found: LinearAnswer) -> str:
-    """Name a requirement: its kind and outputs."""
-    required = each.requirement
-    names = ", ".join(humanize(found.outputs[i].name) for i in required.outputs)
-    kind = f"{100.0 * (required.probability or 0.5):g} % of |error|" if required.kind == "quantile" else required.kind
-    return f"{kind if required.kind == 'quantile' else kind.upper()}, {names}"
 
 
 def contributors(found: LinearAnswer) -> list[Contributor]:
