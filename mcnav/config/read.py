@@ -96,10 +96,11 @@ def parse_campaign(
     stem: str,
     overrides: Mapping[str, Any] | None = None,
     earlier: Mapping[str, EarlierFile] | None = None,
+    kept: dict[str, Any] | None = None,
 ) -> Campaign:
-    """Check the content of a campaign file and build the campaign; see `read_campaign`."""
+    """Check the content of a campaign file and build the campaign; see `read_campaign`, for ``kept`` `FileContext`."""
     content = {**content, **(overrides or {})}
-    context = FileContext(file, Path(file).parent, earlier or {}, content)
+    context = FileContext(file, Path(file).parent, earlier or {}, content, kept=kept)
     rule: UntilTable | None = None
     plain = content
     if isinstance(content.get("samples"), dict):

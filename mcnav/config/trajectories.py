@@ -249,9 +249,16 @@ def read_trajectory(
     columns : mapping, optional
         Names and units of the columns of a path: ``columns`` beside ``trajectory``.
     """
+    key = repr((entry, earth, columns))
+    if context.kept is not None and isinstance(kept := context.kept.get(key), TrajectorySpec):
+        return kept
     before = len(context.problems)
     found = _read(entry, earth, context, columns, KEY)
-    return found if len(context.problems) == before else None
+    if len(context.problems) > before:
+        return None
+    if context.kept is not None:
+        context.kept[key] = found
+    return found
 
 
 def _read(
