@@ -23,11 +23,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from mcnav.analysis.linear_answer import LinearAnswer
     from mcnav.config.read import Campaign, read_campaign
     from mcnav.errors import CampaignError, RunFolderError
     from mcnav.notebook import FlownRun, check_scenario, fly, open_run, run_campaign
     from mcnav.scenarios.flown import Flown, Innovations
     from mcnav.scenarios.protocol import Epochs, History, Output, Panel, SimulationResult, Source
+    from mcnav.studies.lincov import linear_covariance
     from mcnav.workflow.analyse import report_run, samples_of, summary_of
     from mcnav.workflow.compare import RunComparison, compare_runs
 
@@ -41,6 +43,7 @@ _HOMES = {
     "History": "mcnav.scenarios.protocol",
     "Innovations": "mcnav.scenarios.flown",
     "SimulationResult": "mcnav.scenarios.protocol",
+    "LinearAnswer": "mcnav.analysis.linear_answer",
     "Output": "mcnav.scenarios.protocol",
     "Panel": "mcnav.scenarios.protocol",
     "RunFolderError": "mcnav.errors",
@@ -48,6 +51,7 @@ _HOMES = {
     "check_scenario": "mcnav.notebook",
     "compare_runs": "mcnav.workflow.compare",
     "fly": "mcnav.notebook",
+    "linear_covariance": "mcnav.studies.lincov",
     "open_run": "mcnav.notebook",
     "read_campaign": "mcnav.config.read",
     "report_run": "mcnav.workflow.analyse",
@@ -64,6 +68,7 @@ __all__ = [
     "FlownRun",
     "History",
     "Innovations",
+    "LinearAnswer",
     "Output",
     "Panel",
     "RunComparison",
@@ -73,6 +78,7 @@ __all__ = [
     "check_scenario",
     "compare_runs",
     "fly",
+    "linear_covariance",
     "open_run",
     "read_campaign",
     "report_run",

@@ -496,26 +496,21 @@ def lincov(
     ] = None,
     form: FormatOption = "table",
 ) -> None:
-    """Compute the linear covariance of an inertial navigation over time, without any simulation.
+    """Compute the linear covariance at the end and over time, its causes, and requirements; nothing is simulated.
 
     With aiding, it is that of the closed loop: true sigmas and those that the filter states, twice where an update
-    falls on a time.
+    falls on a time. Example: mcnav lincov campaigns/19_flight_with_gnss.toml
     """
     from mcnav.config.read import read_campaign
     from mcnav.report import lincov as tables
     from mcnav.studies.lincov import read_times, write_lincov
 
     times = None if at is None else read_times(at)
-    content = read_campaign(campaign)
-    found, files = write_lincov(content, folder or Path("reports") / f"{campaign.stem}_lincov", times)
-    outputs, last = content.scenario.outputs, len(found.readings.times) - 1
+    found, files = write_lincov(read_campaign(campaign), folder or Path("reports") / f"{campaign.stem}_lincov", times)
     if form != "table":
-        rows = tables.sigma_rows(found, outputs)
-        _export(form, rows, {"sigmas": rows, "contributors": tables.contributor_rows(found, outputs, last)})
+        _export(form, tables.sigma_rows(found), tables.exported(found))
         return
-    out.print(tables.sigma_table(found, outputs, times is not None))
-    out.print()
-    out.print(tables.contributor_table(found, outputs, last))
+    out.print(tables.printed(found))
     out.print()
     _print_written(files)
 

@@ -35,8 +35,6 @@ class FileContext:
         The whole file.
     problems : list of Problem
         Mistakes found so far; functions that read a table add theirs and go on.
-    kept : dict
-        Trajectories that were read before with the same entry; they are taken as they were.
     """
 
     file: str
@@ -44,7 +42,6 @@ class FileContext:
     earlier: Mapping[str, EarlierFile] = field(default_factory=dict)
     content: Mapping[str, Any] = field(default_factory=dict)
     problems: list[Problem] = field(default_factory=list)
-    kept: dict[str, Any] | None = None
 
     def problem(self, key: str, message: str) -> None:
         """Add a mistake."""

@@ -98,7 +98,7 @@ def vary(campaign: str | Path | Campaign | Mapping[str, Any], values: Mapping[st
 
 
 class VariedCampaign:
-    """A campaign that is read with many values of some keys; its trajectory is read once unless it is varied.
+    """A campaign that is read with many values of some keys; its file is read once.
 
     Raises `CampaignError` when it cannot be read as it is.
 
@@ -115,12 +115,11 @@ class VariedCampaign:
 
     def __init__(self, campaign: str | Path | Campaign | Mapping[str, Any]) -> None:
         self._content, self._file, self._stem = document_of(campaign)
-        self._kept: dict[str, Any] = {}
         self.campaign = self.at({})
 
     def at(self, values: Mapping[str, Value]) -> Campaign:
         """Read it with some keys set to other values, by path; `CampaignError` as `vary`."""
-        return parse_campaign(override(self._content, values, self._file), self._file, self._stem, kept=self._kept)
+        return parse_campaign(override(self._content, values, self._file), self._file, self._stem)
 
 
 def document_of(campaign: str | Path | Campaign | Mapping[str, Any]) -> tuple[dict[str, Any], str, str]:

@@ -96,11 +96,10 @@ def parse_campaign(
     stem: str,
     overrides: Mapping[str, Any] | None = None,
     earlier: Mapping[str, EarlierFile] | None = None,
-    kept: dict[str, Any] | None = None,
 ) -> Campaign:
-    """Check the content of a campaign file and build the campaign; see `read_campaign`, for ``kept`` `FileContext`."""
+    """Check the content of a campaign file and build the campaign; see `read_campaign`."""
     content = {**content, **(overrides or {})}
-    context = FileContext(file, Path(file).parent, earlier or {}, content, kept=kept)
+    context = FileContext(file, Path(file).parent, earlier or {}, content)
     rule: UntilTable | None = None
     plain = content
     if isinstance(content.get("samples"), dict):

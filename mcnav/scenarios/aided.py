@@ -28,6 +28,7 @@ from mcnav.physics.ins.filter_lanes import BEYOND, INDEFINITE, SOUND
 from mcnav.physics.ins.instruments import CONSTANTS, OUTPUTS, Imu, process_sizes
 from mcnav.physics.ins.linear_noise import respond_from_rest
 from mcnav.physics.ins.mechanization import Diverged, longest_step
+from mcnav.physics.ins.recent_responses import recent_responses
 from mcnav.physics.ins.sample_noise import SampleNoise
 from mcnav.physics.ins.truth import Platform, Truth
 from mcnav.scenarios.failure import Failure, Reason
@@ -96,7 +97,9 @@ class AidedNavigation:
     @cached_property
     def loop(self) -> ClosedLoop:
         """The closed loop on the coarsest grid."""
-        return self._close(1)
+        return close_loop(
+            self.truth, self.platform, self.grid(1), self.imu, self.sensors, self.filter, recent_responses
+        )
 
     def _close(self, division: int) -> ClosedLoop:
         return close_loop(self.truth, self.platform, self.grid(division), self.imu, self.sensors, self.filter)
@@ -111,13 +114,21 @@ class AidedNavigation:
         places = self.places(self.loop)
         return propagate_closed_loop(self.loop, places, np.ones(len(places)))
 
-    def read_out(self, times: Array) -> tuple[tuple[Literal["before", "after"] | None, ...], ClosedLoopErrors]:
-        """Propagate the linear closed loop and read it out at rising times; twice where an update falls on one."""
-        grid = self.grid(1, np.concatenate([[self.start], times]))
-        loop = close_loop(self.truth, self.platform, grid, self.imu, self.sensors, self.filter)
+    def read_out(
+        self, times: Array | None = None
+    ) -> tuple[tuple[Literal["before", "after"] | None, ...], ClosedLoopErrors]:
+        """Propagate the linear closed loop and read it out at the epochs or at other rising times.
+
+        There are two readings where an update falls on a time.
+        """
+        if times is None:
+            loop, times = self.loop, self.times
+        else:
+            grid = self.grid(1, np.concatenate([[self.start], times]))
+            loop = close_loop(self.truth, self.platform, grid, self.imu, self.sensors, self.filter)
         readings: list[int] = []
         updates: list[Literal["before", "after"] | None] = []
-        for place in np.searchsorted(grid, times - 1e-9).tolist():
+        for place in np.searchsorted(loop.times, times - 1e-9).tolist():
             updated = loop.first_updates[place] < loop.first_updates[place + 1]
             readings += [place, place] if updated else [place]
             updates += ["before", "after"] if updated else [None]
@@ -141,7 +152,9 @@ class AidedNavigation:
         if shared is not None:
             loop = shared.loop
             readings = loop.own_at if np.array_equal(loop.own_at, readings) else readings
-        loop = close_loop(self.truth, self.platform, grid, self.imu, self.sensors, self.filter, readings, loop)
+        loop = close_loop(
+            self.truth, self.platform, grid, self.imu, self.sensors, self.filter, recent_responses, readings, loop
+        )
         return propagate_covariance(loop, mean, sources, shared)
 
     def tables(self, division: int) -> AidedTables:

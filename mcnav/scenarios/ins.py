@@ -27,6 +27,7 @@ from mcnav.physics.ins.fine_noise import draw_noise
 from mcnav.physics.ins.instruments import CONSTANTS, OUTPUTS, PROCESSES, Imu, process_sizes
 from mcnav.physics.ins.linear_noise import NoiseResponse
 from mcnav.physics.ins.mechanization import Diverged, Mechanization, longest_step
+from mcnav.physics.ins.recent_responses import recent_responses
 from mcnav.physics.ins.response import StepResponses, respond
 from mcnav.physics.ins.start_times import LinearStarts, propagate_starts
 from mcnav.physics.ins.truth import Platform, Truth
@@ -115,6 +116,7 @@ EPOCHS: Final = 60
 """Intervals between instants at which the errors of all samples are read out; fewer in a shorter navigation."""
 
 HISTORY_TIME: Final = "time [min]"
+TRAJECTORY_TIME: Final = "time of the trajectory [s]"
 HISTORY_POINTS: Final = 401
 ENSEMBLE_CHUNK: Final = 2_048
 REFERENCE_CHUNK: Final = 8
@@ -206,7 +208,7 @@ class Navigation:
     @cached_property
     def responses(self) -> StepResponses:
         """The linear responses between epochs."""
-        return respond(self.truth, self.platform, self.times, self.imu)
+        return recent_responses(self.truth, self.platform, self.times, self.imu)
 
     def tables(self, steps: int) -> EnsembleTables:
         """Prepare the ensemble's tables."""
@@ -244,7 +246,7 @@ class _FreeTables:
             and earlier.imu.quantized == imu.quantized
         ):  # fmt: skip
             return earlier
-        return cls(truth, platform, imu, respond(truth, platform, grid, imu))
+        return cls(truth, platform, imu, recent_responses(truth, platform, grid, imu))
 
 
 @dataclass(frozen=True)
@@ -464,12 +466,18 @@ class Ins:
         wanted = navigation.times if times is None else times
         self._check_within(wanted)
         if navigation.aided is not None:
-            updates, closed = navigation.aided.read_out(wanted)
-            return LinearReadings(closed.times, updates, closed.partials, closed.processes, closed.own)
-        grid = np.union1d(navigation.times, wanted)
-        responses = respond(navigation.truth, navigation.platform, grid, navigation.imu)
-        linear = propagate(navigation.truth, responses, navigation.imu, np.searchsorted(grid, wanted))
-        return LinearReadings(linear.times, (None,) * len(wanted), linear.partials, linear.processes)
+            updates, closed = navigation.aided.read_out(times)
+            return LinearReadings(
+                closed.times, updates, closed.partials, closed.processes, closed.own, label=TRAJECTORY_TIME
+            )
+        linear = navigation.linear
+        if times is not None:
+            grid = np.union1d(navigation.times, wanted)
+            responses = respond(navigation.truth, navigation.platform, grid, navigation.imu)
+            linear = propagate(navigation.truth, responses, navigation.imu, np.searchsorted(grid, wanted))
+        return LinearReadings(
+            linear.times, (None,) * len(wanted), linear.partials, linear.processes, label=TRAJECTORY_TIME
+        )
 
     def partials_history(self, count: int) -> PartialsHistory:
         """Return the linear system at the epochs, whatever the count."""

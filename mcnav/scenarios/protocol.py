@@ -227,7 +227,7 @@ class LinearReadings:
     Attributes
     ----------
     times : ndarray, shape (r,)
-        In the scenario's own time, s.
+        In the scenario's own time.
     updates : tuple of str or None
         ``before`` or ``after`` where an update falls on the time.
     partials : ndarray, shape (r, outputs, sources)
@@ -235,6 +235,8 @@ class LinearReadings:
         Covariance that each process of noise has added, by name.
     own : ndarray, shape (r, outputs, outputs), optional
         Covariance that the navigator's filter states.
+    label : str
+        What the times are, as ``name [unit]``.
     """
 
     times: Array
@@ -242,6 +244,7 @@ class LinearReadings:
     partials: Array
     processes: Mapping[str, Array] = field(default_factory=dict)
     own: Array | None = None
+    label: str = "time [s]"
 
 
 @dataclass

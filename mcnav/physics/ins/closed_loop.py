@@ -12,7 +12,7 @@ This is linear in each cause: a column of sensitivities for each constant error,
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -28,7 +28,7 @@ from mcnav.physics.ins.measurements import Measurements, measure
 from mcnav.physics.ins.response import StepResponses, respond
 from mcnav.physics.ins.same_content import same_content
 from mcnav.physics.ins.truth import Platform, Truth
-from mcnav.physics.jit import compiled
+from mcnav.physics.jit import compiled, inlined
 
 LANES: Final = 8
 """Processes are handled in multiples of this number."""
@@ -103,7 +103,8 @@ class ClosedLoopErrors:
 
 def close_loop(
     truth: Truth, platform: Platform, times: Array, imu: Imu, sensors: tuple[Sensor, ...], model: FilterModel,
-    own_at: IndexArray = NOWHERE, shared: ClosedLoop | None = None,
+    respond: Callable[[Truth, Platform, Array, Imu], StepResponses] = respond, own_at: IndexArray = NOWHERE,
+    shared: ClosedLoop | None = None,
 ) -> ClosedLoop:  # fmt: skip
     """Compute the filter's gains along the truth.
 
@@ -111,6 +112,8 @@ def close_loop(
     ----------
     times : ndarray, shape (K + 1,)
         Rising, with all instants of the sensors among them; the first is the start of navigation.
+    respond : callable
+        Computes the responses over the steps.
     own_at : ndarray of int, shape (r,)
         Rising numbers of times at which the filter's covariance is kept.
     shared : ClosedLoop, optional
@@ -228,27 +231,13 @@ def _propagate_constants(loop: ClosedLoop, readings: IndexArray, after: Array) -
     inputs = constant_inputs(loop.responses)
     fixed, count = len(CONSTANTS), len(tables.constants)
     sources = fixed + len(aiding_constants(loop.sensors))
-    y, estimates = np.zeros((NAVIGATION, sources)), np.zeros((count, sources))
+    y = np.zeros((NAVIGATION, sources))
     y[:, : len(OUTPUTS)] = np.linalg.inv(output_map(loop.truth, float(loop.times[0])))
     seen = np.zeros((len(readings), NAVIGATION + count, sources))
-    reached = 0
-    for k in range(len(loop.times)):
-        while reached < len(readings) and readings[reached] == k and not after[reached]:
-            seen[reached, :NAVIGATION], seen[reached, NAVIGATION:] = y, estimates
-            reached += 1
-        for u in range(loop.first_updates[k], loop.first_updates[k + 1]):
-            size = measurements.sizes[u]
-            innovation = measurements.rows[u, :size] @ y - tables.rows[u, :size] @ estimates
-            innovation[:, fixed:] += measurements.constants[u, :size]
-            y = y - gains[u, :NAVIGATION, :size] @ innovation
-            estimates = estimates + gains[u, NAVIGATION:, :size] @ innovation
-        while reached < len(readings) and readings[reached] == k:
-            seen[reached, :NAVIGATION], seen[reached, NAVIGATION:] = y, estimates
-            reached += 1
-        if k + 1 < len(loop.times):
-            y = loop.transition[k] @ y - tables.coupling[k] @ estimates
-            y[:, len(OUTPUTS) : fixed] += inputs[k]
-            estimates = tables.decay[k][:, None] * estimates
+    _carry_constants(
+        loop.transition, tables.coupling, tables.decay, inputs, measurements.rows, tables.rows, measurements.constants,
+        measurements.sizes, gains, loop.first_updates, readings, after.astype(np.bool_), y, seen,
+    )  # fmt: skip
     return seen[:, :NAVIGATION], seen[:, NAVIGATION:]
 
 
@@ -289,6 +278,62 @@ def _propagate_processes(loop: ClosedLoop, readings: IndexArray, after: Array) -
         loop.first_updates, readings, after.astype(np.bool_), found,
     )  # fmt: skip
     return names, found[..., : len(names)]
+
+
+@compiled
+def _carry_constants(
+    transition: Array, coupling: Array, decay: Array, inputs: Array, rows: Array, state_rows: Array, constants: Array,
+    sizes: IndexArray, gains: Array, first: IndexArray, readings: IndexArray, after: Array, start: Array, seen: Array,
+) -> None:  # fmt: skip
+    """Run the sensitivities of y and of the estimates, to all constant errors, through the closed loop."""
+    sources, states, most = start.shape[1], decay.shape[1], rows.shape[1]
+    fixed = sources - constants.shape[2]
+    y, following = start.copy(), np.zeros_like(start)
+    estimates, innovation = np.zeros((states, sources)), np.zeros((most, sources))
+    reached = 0
+    for k in range(len(first) - 1):
+        while reached < len(readings) and readings[reached] == k and not after[reached]:
+            seen[reached, :9], seen[reached, 9:] = y, estimates
+            reached += 1
+        for u in range(first[k], first[k + 1]):
+            innovation[:] = 0.0
+            for c in range(sizes[u]):
+                for i in range(9):
+                    _add_row(innovation[c], rows[u, c, i], y[i])
+                for i in range(states):
+                    _add_row(innovation[c], -state_rows[u, c, i], estimates[i])
+                for j in range(fixed, sources):
+                    innovation[c, j] += constants[u, c, j - fixed]
+            for c in range(sizes[u]):
+                for i in range(9):
+                    _add_row(y[i], -gains[u, i, c], innovation[c])
+                for i in range(states):
+                    _add_row(estimates[i], gains[u, 9 + i, c], innovation[c])
+        while reached < len(readings) and readings[reached] == k:
+            seen[reached, :9], seen[reached, 9:] = y, estimates
+            reached += 1
+        if k == len(transition):
+            break
+        following[:] = 0.0
+        for i in range(9):
+            for j in range(9):
+                _add_row(following[i], transition[k, i, j], y[j])
+            for j in range(states):
+                _add_row(following[i], -coupling[k, i, j], estimates[j])
+            for j in range(inputs.shape[2]):
+                following[i, 9 + j] += inputs[k, i, j]
+        y[:] = following
+        for i in range(states):
+            for j in range(sources):
+                estimates[i, j] *= decay[k, i]
+
+
+@inlined
+def _add_row(row: Array, weight: float, other: Array) -> None:
+    """Add a multiple of a row to another one."""
+    if weight != 0.0:
+        for j in range(len(row)):
+            row[j] += weight * other[j]
 
 
 @compiled

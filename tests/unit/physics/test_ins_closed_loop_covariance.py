@@ -11,6 +11,7 @@ from mcnav._types import Array
 from mcnav.physics.ins.closed_loop import ClosedLoop, close_loop, propagate_closed_loop
 from mcnav.physics.ins.closed_loop_covariance import propagate_covariance
 from mcnav.physics.ins.instruments import Imu, Noise
+from mcnav.physics.ins.response import respond
 from tests.aided import make_filter, make_sensor, sized
 from tests.flights import flight
 
@@ -35,7 +36,7 @@ TRUTH = flight(1.0)
 
 def loop_of(believed: dict[str, float], read: Array = READ, shared: ClosedLoop | None = None) -> ClosedLoop:
     model = make_filter(SENSORS, NOISY, believed, ("gyro_bias", "altimeter_bias"), ("gnss_lever_arm",))
-    return close_loop(TRUTH, "strapdown", TIMES, NOISY, SENSORS, model, read, shared)
+    return close_loop(TRUTH, "strapdown", TIMES, NOISY, SENSORS, model, respond, read, shared)
 
 
 def correlated(sizes: Array) -> Array:
@@ -98,7 +99,7 @@ def test_tables_of_another_flight_grid_or_sensor_are_not_shared() -> None:
     ):
         found = same | change
         loop = close_loop(
-            found["truth"], found["platform"], found["times"], NOISY, found["sensors"], model, READ, first
+            found["truth"], found["platform"], found["times"], NOISY, found["sensors"], model, respond, READ, first
         )
         assert (loop.responses is first.responses) is responses
         assert (loop.measurements is first.measurements) is measurements
