@@ -11,7 +11,7 @@ so that one recursion of its covariance has what `mcnav.physics.ins.closed_loop.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from mcnav._types import Array, IndexArray
 from mcnav.physics.ins.closed_loop import ClosedLoop
 from mcnav.physics.ins.covariance import constant_inputs, output_map, process_systems
 from mcnav.physics.ins.error_filter import NAVIGATION
-from mcnav.physics.ins.instruments import CONSTANTS, OUTPUTS
+from mcnav.physics.ins.instruments import CONSTANTS, OUTPUTS, Imu
 from mcnav.physics.jit import compiled
 
 
@@ -117,7 +117,9 @@ def _biases(loop: ClosedLoop, mean: Array, sources: Array) -> _Biases:
     steps, durations, fixed = len(loop.transition), np.diff(loop.times), len(CONSTANTS)
     sized = np.flatnonzero((np.diag(sources) > 0.0) | (mean != 0.0)).tolist()
     constants = [number for number in sized if number >= len(OUTPUTS)]
-    systems = process_systems(loop.responses, loop.imu)
+    imu, responses = loop.imu, loop.responses
+    quiet = Imu(*(replace(each, random_walk=np.zeros(3)) for each in (imu.gyro, imu.accelerometer)))
+    systems = process_systems(responses, quiet)
     driving = [system for system in systems.values() if system[0].any()]
     components = [component for sensor in loop.sensors for component in sensor.components]
     correlated = [number for number, component in enumerate(components) if component.correlated > 0.0]
@@ -126,7 +128,7 @@ def _biases(loop: ClosedLoop, mean: Array, sources: Array) -> _Biases:
     cross, noise = np.zeros((steps, NAVIGATION, count)), np.zeros((steps, count))
     rows = np.zeros((*loop.measurements.components.shape, count))
     initial = np.zeros((NAVIGATION + count,) * 2)
-    inputs = constant_inputs(loop.responses)
+    inputs = constant_inputs(responses)
     for place, number in enumerate(constants):
         if number < fixed:
             response[:, :, place] = inputs[:, :, number - len(OUTPUTS)]
@@ -149,6 +151,9 @@ def _biases(loop: ClosedLoop, mean: Array, sources: Array) -> _Biases:
     means = np.zeros(len(initial))
     means[: len(given)] = to_state @ mean[given]
     white = np.zeros((steps, NAVIGATION, NAVIGATION))
+    for axis in range(3):
+        white += imu.gyro.random_walk[axis] ** 2 * responses.gyro_white[:, axis]
+        white[:, 3:, 3:] += imu.accelerometer.random_walk[axis] ** 2 * responses.accelerometer_white[:, axis]
     for _, added, _ in systems.values():
         white += added[:, :NAVIGATION, :NAVIGATION]
     return _Biases(response, decay, cross, noise, rows, means, initial, white)
