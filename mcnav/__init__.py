@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from mcnav.analysis.linear_answer import LinearAnswer
     from mcnav.config.read import Campaign, read_campaign
     from mcnav.errors import CampaignError, RunFolderError
-    from mcnav.notebook import FlownRun, check_scenario, fly, open_run, run_campaign
+    from mcnav.notebook import FlownRun, check_scenario, fly, open_run, run_campaign, sweep
     from mcnav.scenarios.flown import Flown, Innovations
     from mcnav.scenarios.protocol import Epochs, History, Output, Panel, SimulationResult, Source
     from mcnav.studies.allocate import allocate
@@ -62,6 +62,7 @@ _HOMES = {
     "run_campaign": "mcnav.notebook",
     "samples_of": "mcnav.workflow.analyse",
     "summary_of": "mcnav.workflow.analyse",
+    "sweep": "mcnav.notebook",
 }
 
 __all__ = [
@@ -91,6 +92,7 @@ __all__ = [
     "run_campaign",
     "samples_of",
     "summary_of",
+    "sweep",
 ]
 
 _EARLIER = {"Between": "RunComparison", "Outcomes": "SimulationResult"}

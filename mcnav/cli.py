@@ -543,6 +543,54 @@ def allocate(
     _print_written(files)
 
 
+@_command()
+def sweep(
+    campaign: CampaignFile,
+    vary: Annotated[
+        list[str],
+        typer.Option(metavar="KEY=VALUES", help="""A key and its values, such as imu.gyro.bias="0.001..1 deg/h"."""),
+    ],
+    against: Annotated[
+        list[str] | None,
+        typer.Option(metavar="MEASURE", help="What is looked at, such as position_horizontal [default: requirements]."),
+    ] = None,
+    points: Annotated[int, typer.Option(min=2, help="Values of each range.")] = 20,
+    confirm: Annotated[
+        int | None, typer.Option(metavar="N", help="Run Monte Carlo at so many points, corners first.")
+    ] = None,
+    at: Annotated[
+        str | None, typer.Option("--at", "--epoch", metavar="TIMES", help="Times of the trajectory [default: the end].")
+    ] = None,
+    jobs: Annotated[int, typer.Option(min=1, help="Parallel jobs.")] = 2,
+    folder: Annotated[Path | None, typer.Option("--out", help="Output folder [default: reports/NAME_sweep].")] = None,
+    form: FormatOption = "table",
+) -> None:
+    """Vary one or two keys of a campaign: accuracy by linear analysis, and the values at which requirements are met.
+
+    VALUES is a range ("0.001..1 deg/h", logarithmic from a decade on) or a list ("1, 2, 5 deg/h"). A MEASURE is an
+    output, position_horizontal, velocity_horizontal, or drms, cep, r95, sep of outputs; a limit may follow:
+
+    mcnav sweep campaign.toml --vary imu.gyro.bias="0.001..1 deg/h" --against "position_horizontal < 20 m"
+    """
+    from mcnav.config.sweep_values import split_varied
+    from mcnav.report import progress
+    from mcnav.report import sweep as tables
+    from mcnav.report.sweep_terminal import printed
+    from mcnav.studies.lincov import read_times
+    from mcnav.studies.sweep import SweepPlan, write_sweep
+
+    times = () if at is None else tuple(read_times(at).tolist())
+    plan = SweepPlan(split_varied(vary), against or (), points, times, jobs)
+    with progress.shown(err) as shown:
+        found, files = write_sweep(campaign, plan, folder or Path("reports") / f"{campaign.stem}_sweep", confirm, shown)
+    if form != "table":
+        _export(form, tables.frame(found).to_dict("records"), {"sweep": tables.table(found)})
+        return
+    out.print(printed(found))
+    out.print()
+    _print_written(files)
+
+
 @_command("check-scenario")
 def check_scenario(campaign: CampaignFile) -> None:
     """Check a campaign's scenario: determinism, shapes, units, linearity near zero, partials against differences.

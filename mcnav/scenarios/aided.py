@@ -20,6 +20,7 @@ from mcnav.physics.ins.aided_ensemble import (
 from mcnav.physics.ins.aided_mechanization import AidedMechanization
 from mcnav.physics.ins.aiding import Sensor, aiding_constants, aiding_processes
 from mcnav.physics.ins.closed_loop import ClosedLoop, ClosedLoopErrors, close_loop, propagate_closed_loop
+from mcnav.physics.ins.closed_loop_covariance import ClosedLoopCovariance, propagate_covariance
 from mcnav.physics.ins.covariance import biased_processes
 from mcnav.physics.ins.ensemble import tabulate
 from mcnav.physics.ins.error_filter import NAVIGATION, FilterModel
@@ -133,6 +134,28 @@ class AidedNavigation:
             updates += ["before", "after"] if updated else [None]
         after = np.array([update == "after" for update in updates])
         return tuple(updates), propagate_closed_loop(loop, np.array(readings), after)
+
+    def covariances(
+        self, times: Array, mean: Array, sources: Array, shared: ClosedLoopCovariance | None
+    ) -> ClosedLoopCovariance:
+        """Propagate mean and covariance of the errors to rising times, after their updates.
+
+        Parameters
+        ----------
+        mean, sources : ndarray, shapes (s,), (s, s)
+            Of the constant sources.
+        shared : ClosedLoopCovariance, optional
+            Of another navigation, whose tables are taken over where they hold.
+        """
+        grid = self.grid(1, np.concatenate([[self.start], times]))
+        readings, loop = np.searchsorted(grid, times - 1e-9), None
+        if shared is not None:
+            loop = shared.loop
+            readings = loop.own_at if np.array_equal(loop.own_at, readings) else readings
+        loop = close_loop(
+            self.truth, self.platform, grid, self.imu, self.sensors, self.filter, recent_responses, readings, loop
+        )
+        return propagate_covariance(loop, mean, sources, shared)
 
     def tables(self, division: int) -> AidedTables:
         """Prepare the tables of the ensemble."""
