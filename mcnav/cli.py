@@ -38,6 +38,7 @@ Result = TypeVar("Result")
 Format = Literal["table", "csv", "json"]
 Axes = Literal["start", "trajectory"]
 TemplateType = Literal["reentry", "cruise", "hover"]
+Platform = Literal["strapdown", "inertial", "level"]
 Page = Literal[
     "guide", "campaigns", "scenarios", "trajectories", "commands", "report", "notebook", "scaling", "notation",
     "architecture", "tn-d1772", "story",
@@ -55,6 +56,10 @@ OutFolder = Annotated[
 ChosenAxes = Annotated[Axes | None, typer.Option(help="Where the reference axes are aligned [default: start].")]
 Name = Annotated[str, typer.Argument(metavar="NAME", help="Name of the files: letters, digits and _.")]
 Into = Annotated[Path, typer.Option("--in", help="Output folder.")]
+NamedColumns = Annotated[
+    list[str] | None,
+    typer.Option(metavar="NAME=COLUMN", help="Column of a trajectory file, such as 'lat=latitude [rad]'; repeat."),
+]
 
 _signals: list[int] = []
 """Signals received that end the command."""
@@ -607,16 +612,23 @@ def check_scenario(campaign: CampaignFile) -> None:
         raise typer.Exit(CHECK_FAILED)
 
 
+def _named_columns(named: Sequence[str] | None) -> dict[str, str]:
+    columns = dict[str, str]()
+    for each in named or []:
+        name, equals, written = each.partition("=")
+        if not equals:
+            raise _fail(f"--column: got {each!r}; expected NAME=COLUMN such as 'lat=latitude [rad]'", BAD_INPUT)
+        columns[name.strip()] = written.strip()
+    return columns
+
+
 @_command()
 def trajectory(
     campaign: Annotated[
         Path, typer.Argument(metavar="FILE", help="Trajectory file (CSV or parquet), or a campaign of type ins (TOML).")
     ],
     page: Annotated[Path | None, typer.Option("--out", help="Also write figures as an HTML page.")] = None,
-    column: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=COLUMN", help="Column of a trajectory file, such as 'lat=latitude [rad]'; repeat."),
-    ] = None,
+    column: NamedColumns = None,
     form: FormatOption = "table",
 ) -> None:
     """Check and describe a trajectory: rows, ranges, largest force and turn rate, agreement of the velocities."""
@@ -624,12 +636,7 @@ def trajectory(
     from mcnav.report import trajectory as described
     from mcnav.workflow.trajectory import describe_campaign, describe_file
 
-    columns = dict[str, str]()
-    for each in column or []:
-        name, equals, written = each.partition("=")
-        if not equals:
-            raise _fail(f"--column: got {each!r}; expected NAME=COLUMN such as 'lat=latitude [rad]'", BAD_INPUT)
-        columns[name.strip()] = written.strip()
+    columns = _named_columns(column)
     if campaign.suffix == ".toml" and columns:
         raise _fail("--column: belongs to a trajectory file; the campaign names its columns itself", BAD_INPUT)
     found = describe_campaign(campaign) if campaign.suffix == ".toml" else describe_file(campaign, columns)
@@ -683,11 +690,48 @@ def new_campaign(
     kind: Annotated[TemplateType, typer.Option("--type", help="Scenario.")] = "reentry",
     into: Into = Path(),
 ) -> None:
-    """Write a campaign file."""
+    """Write a campaign file, and its schema for editors.
+
+    Example: mcnav new campaign mine --type cruise
+    """
+    from mcnav.config.json_schema.files import write_schema
     from mcnav.config.templates import new_campaign
 
     (written,) = new_campaign(name, into, kind)
-    _print(f"written: {written}\n\nnext: mcnav run {written}")
+    _print_written((written, *write_schema(written.parent)))
+    _print(f"\nnext: mcnav run {written}")
+
+
+@_command("ins", new)
+def new_ins(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name or path of the file; .toml may be left out.")],
+    unit: Annotated[
+        str, typer.Option("--imu", metavar="UNIT", help="Grade or unit of the catalogue; mcnav imu lists them.")
+    ] = "navigation",
+    trajectory: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Trajectory in the campaign's folder or below it [default: some segments]."),
+    ] = None,
+    aid: Annotated[
+        list[str] | None,
+        typer.Option(metavar="TYPE", help="Type of a sensor that aids the navigation, such as gnss; repeat."),
+    ] = None,
+    platform: Annotated[Platform, typer.Option(help="Carrier of the instruments.")] = "strapdown",
+    column: NamedColumns = None,
+    into: Into = Path(),
+) -> None:
+    """Write a commented campaign file of an inertial navigation in three dimensions, and its schema for editors.
+
+    Examples: mcnav new ins mine --imu tactical --aid gnss --aid altimeter;
+    mcnav new ins mine --imu STIM300 --trajectory flight.csv
+    """
+    from mcnav.config.json_schema.files import write_schema
+    from mcnav.config.templates.ins import NewIns, new_ins
+
+    wanted = NewIns(unit, tuple(aid or ()), platform, trajectory, _named_columns(column))
+    (written,) = new_ins(name, into, wanted)
+    _print_written((written, *write_schema(written.parent)))
+    _print(f"\nnext: mcnav run {written}")
 
 
 @_command("scenario", new)
@@ -696,12 +740,33 @@ def new_scenario(
     stochastic: Annotated[bool, typer.Option("--stochastic", help="With noise and errors over time.")] = False,
     into: Into = Path(),
 ) -> None:
-    """Write a scenario class, a campaign that uses it, and its test."""
+    """Write a scenario class, a campaign that uses it, and its test.
+
+    Example: mcnav new scenario my_system
+    """
+    from mcnav.config.json_schema.files import write_schema
     from mcnav.config.templates import new_scenario
 
     code, campaign, test = new_scenario(name, into, stochastic)
-    _print_written((code, campaign, test))
+    _print_written((code, campaign, test, *write_schema(code.parent)))
     _print(f"\nnext: mcnav run {campaign}, then change {'fly' if stochastic else 'propagate'} in {code}")
+
+
+@_command()
+def schema(
+    file: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Write it into a file.")] = None,
+) -> None:
+    """Print the JSON schema of campaign files, by which editors complete, describe and check them.
+
+    Example: mcnav schema --out mcnav.schema.json, and #:schema ./mcnav.schema.json as the first line of a campaign
+    """
+    from mcnav.config.json_schema.files import schema_text
+    from mcnav.files import write_texts
+
+    if file is None:
+        sys.stdout.write(schema_text())
+    else:
+        _print_written(write_texts(file.parent, {file.name: schema_text()}))
 
 
 @app.command()
