@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from mcnav.scenarios.protocol import Epochs, History, Output, Panel, SimulationResult, Source
     from mcnav.workflow.analyse import report_run, samples_of, summary_of
     from mcnav.workflow.compare import RunComparison, compare_runs
+    from mcnav.workflow.export import export_run
 
 _HOMES = {
     "RunComparison": "mcnav.workflow.compare",
@@ -47,6 +48,7 @@ _HOMES = {
     "Source": "mcnav.scenarios.protocol",
     "check_scenario": "mcnav.notebook",
     "compare_runs": "mcnav.workflow.compare",
+    "export_run": "mcnav.workflow.export",
     "fly": "mcnav.notebook",
     "open_run": "mcnav.notebook",
     "read_campaign": "mcnav.config.read",
@@ -72,6 +74,7 @@ __all__ = [
     "Source",
     "check_scenario",
     "compare_runs",
+    "export_run",
     "fly",
     "open_run",
     "read_campaign",

@@ -48,6 +48,7 @@ Folders = Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folde
 FormatOption = Annotated[
     Format, typer.Option("--format", help="Print a table, or only CSV or JSON in full precision on stdout.")
 ]
+UnitsOption = Annotated[Literal["shown", "SI"], typer.Option(help="Units: those shown in reports, or SI.")]
 Count = Annotated[int | None, typer.Option("--count", min=2, max=100_000, help="Number of start times [default: 241].")]
 OutFolder = Annotated[
     Path | None, typer.Option("--out", help="Output folder [default: reports/NAME_start_times or NAME_linearity].")
@@ -274,6 +275,43 @@ def report(
         _print(f"report: {written}")
         if show and not webbrowser.open(written.resolve().as_uri()):
             _print_notes(["no browser is found; open the file yourself"])
+
+
+@_command()
+def show(
+    folder: Folder,
+    table: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Only this table, such as outputs, budget or requirements.")
+    ] = None,
+    units: UnitsOption = "shown",
+    form: FormatOption = "table",
+) -> None:
+    """Show the verdicts, sigmas, budget and requirements of a finished run, and the consistency of its filter.
+
+    They are read from the run folder's summary; nothing is simulated. Example:
+    mcnav show reports/mine --table budget --format csv
+    """
+    from mcnav.workflow.show import show_run
+
+    text, shown = show_run(folder, table, units, form)
+    sys.stdout.write(text)
+    if shown is not None:
+        out.print(shown, soft_wrap=False)
+
+
+@_command()
+def export(
+    folder: Folder,
+    into: Annotated[Path | None, typer.Option("--out", help="Output folder [default: RUN_export].")] = None,
+    units: UnitsOption = "shown",
+) -> None:
+    """Write all tables of a run as CSV files, and its matrices for numpy and MATLAB.
+
+    Example: mcnav export reports/mine --units SI --out mine_in_si
+    """
+    from mcnav.workflow.export import default_folder, export_run
+
+    _print_written(export_run(folder, into or default_folder(folder), units))
 
 
 @_command()
