@@ -319,18 +319,28 @@ def figure(
     folder: Folder,
     name: Annotated[str, typer.Argument(metavar="NAME", help="A figure of the report, such as scatter or budget.")],
     into: Annotated[Path, typer.Option("--out", help="File to write: .pdf, .svg or .png.")],
-    width: Annotated[float | None, typer.Option(min=2.0, max=100.0, help="Width, cm [default: the page's].")] = None,
+    size: Annotated[
+        str | None, typer.Option(metavar="WxH", help="Width and height, such as 88x60mm [default: the page's].")
+    ] = None,
+    width: Annotated[float | None, typer.Option(min=2.0, max=100.0, help="Width alone, cm.")] = None,
     font_scale: Annotated[float, typer.Option(min=0.2, max=5.0, help="Size of text over the page's.")] = 1.0,
+    panel: Annotated[
+        list[str] | None, typer.Option(metavar="TITLE", help="Only this panel, such as 'altitude'; repeat.")
+    ] = None,
+    columns: Annotated[int | None, typer.Option(min=1, max=10, help="Panels side by side.")] = None,
 ) -> None:
-    """Draw a figure of a run's report by itself, for a paper."""
-    from mcnav.notebook import open_run
+    """Draw a figure of a run's report by itself, for a paper.
 
-    if into.suffix.lower() not in (".pdf", ".svg", ".png"):
-        raise _fail(f"{into}: must end in .pdf, .svg or .png")
-    figures = open_run(folder).drawings
-    if name not in figures:
-        raise _fail(f"NAME: must be one of {', '.join(figures)}; got {name}")
-    figures[name].save(into, width, font_scale)
+    Example: mcnav figure reports/mine scatter --size 88x60mm --font-scale 0.8 --out scatter.pdf
+    """
+    from mcnav.report.figures.paper import read_size
+    from mcnav.workflow.figure import draw_figure
+
+    try:
+        wide, high = (width, None) if size is None else read_size(size)
+    except ValueError as wrong:
+        raise _fail(f"--size: {wrong}") from None
+    _print_notes(draw_figure(folder, name, into, wide, high, font_scale, panel or (), columns))
     _print_written([into])
 
 
