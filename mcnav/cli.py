@@ -158,9 +158,12 @@ def run_folder(campaign: Path) -> Path:
 
 def _version(asked: bool) -> None:
     if asked:
-        from importlib.metadata import version
+        from importlib.metadata import PackageNotFoundError, version
 
-        out.print(f"mcnav {version('mcnav')}")
+        try:
+            _print(f"mcnav {version('mcnav')}")
+        except PackageNotFoundError:
+            raise _fail("mcnav is not installed here, so that its version is not known") from None
         raise typer.Exit
 
 
@@ -257,6 +260,31 @@ def run(
         raise typer.Exit(CHECK_FAILED)
     if summary["failed"]:
         raise typer.Exit(SOME_FAILED)
+
+
+@_command()
+def demo(
+    name: Annotated[
+        str, typer.Argument(metavar="NAME", help="Name or number of the example, such as 19.")
+    ] = "01_tn_d1772_trajectory_4",
+    listed: Annotated[bool, typer.Option("--list", help="List the examples and their questions.")] = False,
+    copy: Annotated[
+        Path | None, typer.Option("--copy", metavar="FOLDER", help="Copy the examples into a folder.")
+    ] = None,
+) -> None:
+    """Run an example campaign that comes with mcnav into reports/ of the current folder.
+
+    Example: mcnav demo 14
+    """
+    from mcnav.config.examples import copy_examples, example, examples
+
+    if listed:
+        for each, question in examples().items():
+            _print(f"{each}\n    {question}")
+    elif copy is not None:
+        _print(f"{len(copy_examples(copy))} files\n\nwritten: {copy}")
+    else:
+        run(campaign=example(name))
 
 
 @_command()
