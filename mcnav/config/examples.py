@@ -17,7 +17,7 @@ FIRST: Final = "01_tn_d1772_trajectory_4"
 
 ENDINGS: Final = (".toml", ".py", ".csv")
 
-_QUESTION: Final = re.compile(r"\A# Question: (.*?)\n# Expected answer: ", re.DOTALL)
+_QUESTION: Final = re.compile(r"\A# Question: (.*?)\n# Expected answer", re.DOTALL)
 
 
 def examples_folder() -> Path:
