@@ -49,6 +49,7 @@ Folders = Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folde
 FormatOption = Annotated[
     Format, typer.Option("--format", help="Print a table, or only CSV or JSON in full precision on stdout.")
 ]
+UnitsOption = Annotated[Literal["shown", "SI"], typer.Option(help="Units: those shown in reports, or SI.")]
 Count = Annotated[int | None, typer.Option("--count", min=2, max=100_000, help="Number of start times [default: 241].")]
 OutFolder = Annotated[
     Path | None, typer.Option("--out", help="Output folder [default: reports/NAME_start_times or NAME_linearity].")
@@ -162,9 +163,12 @@ def run_folder(campaign: Path) -> Path:
 
 def _version(asked: bool) -> None:
     if asked:
-        from importlib.metadata import version
+        from importlib.metadata import PackageNotFoundError, version
 
-        out.print(f"mcnav {version('mcnav')}")
+        try:
+            _print(f"mcnav {version('mcnav')}")
+        except PackageNotFoundError:
+            raise _fail("mcnav is not installed here, so that its version is not known") from None
         raise typer.Exit
 
 
@@ -264,6 +268,31 @@ def run(
 
 
 @_command()
+def demo(
+    name: Annotated[
+        str, typer.Argument(metavar="NAME", help="Name or number of the example, such as 19.")
+    ] = "01_tn_d1772_trajectory_4",
+    listed: Annotated[bool, typer.Option("--list", help="List the examples and their questions.")] = False,
+    copy: Annotated[
+        Path | None, typer.Option("--copy", metavar="FOLDER", help="Copy the examples into a folder.")
+    ] = None,
+) -> None:
+    """Run an example campaign that comes with mcnav into reports/ of the current folder.
+
+    Example: mcnav demo 14
+    """
+    from mcnav.config.examples import copy_examples, example, examples
+
+    if listed:
+        for each, question in examples().items():
+            _print(f"{each}\n    {question}")
+    elif copy is not None:
+        _print(f"{len(copy_examples(copy))} files\n\nwritten: {copy}")
+    else:
+        run(campaign=example(name))
+
+
+@_command()
 def report(
     folders: Folders,
     show: Annotated[bool, typer.Option("--open", help="Open the reports in the browser.")] = False,
@@ -282,22 +311,69 @@ def report(
 
 
 @_command()
+def show(
+    folder: Folder,
+    table: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Only this table, such as outputs, budget or requirements.")
+    ] = None,
+    units: UnitsOption = "shown",
+    form: FormatOption = "table",
+) -> None:
+    """Show the verdicts, sigmas, budget and requirements of a finished run, and the consistency of its filter.
+
+    They are read from the run folder's summary; nothing is simulated. Example:
+    mcnav show reports/mine --table budget --format csv
+    """
+    from mcnav.workflow.show import show_run
+
+    text, shown = show_run(folder, table, units, form)
+    sys.stdout.write(text)
+    if shown is not None:
+        out.print(shown, soft_wrap=False)
+
+
+@_command()
+def export(
+    folder: Folder,
+    into: Annotated[Path | None, typer.Option("--out", help="Output folder [default: RUN_export].")] = None,
+    units: UnitsOption = "shown",
+) -> None:
+    """Write all tables of a run as CSV files, and its matrices for numpy and MATLAB.
+
+    Example: mcnav export reports/mine --units SI --out mine_in_si
+    """
+    from mcnav.workflow.export import default_folder, export_run
+
+    _print_written(export_run(folder, into or default_folder(folder), units))
+
+
+@_command()
 def figure(
     folder: Folder,
     name: Annotated[str, typer.Argument(metavar="NAME", help="A figure of the report, such as scatter or budget.")],
     into: Annotated[Path, typer.Option("--out", help="File to write: .pdf, .svg or .png.")],
-    width: Annotated[float | None, typer.Option(min=2.0, max=100.0, help="Width, cm [default: the page's].")] = None,
+    size: Annotated[
+        str | None, typer.Option(metavar="WxH", help="Width and height, such as 88x60mm [default: the page's].")
+    ] = None,
+    width: Annotated[float | None, typer.Option(min=2.0, max=100.0, help="Width alone, cm.")] = None,
     font_scale: Annotated[float, typer.Option(min=0.2, max=5.0, help="Size of text over the page's.")] = 1.0,
+    panel: Annotated[
+        list[str] | None, typer.Option(metavar="TITLE", help="Only this panel, such as 'altitude'; repeat.")
+    ] = None,
+    columns: Annotated[int | None, typer.Option(min=1, max=10, help="Panels side by side.")] = None,
 ) -> None:
-    """Draw a figure of a run's report by itself, for a paper."""
-    from mcnav.notebook import open_run
+    """Draw a figure of a run's report by itself, for a paper.
 
-    if into.suffix.lower() not in (".pdf", ".svg", ".png"):
-        raise _fail(f"{into}: must end in .pdf, .svg or .png")
-    figures = open_run(folder).drawings
-    if name not in figures:
-        raise _fail(f"NAME: must be one of {', '.join(figures)}; got {name}")
-    figures[name].save(into, width, font_scale)
+    Example: mcnav figure reports/mine scatter --size 88x60mm --font-scale 0.8 --out scatter.pdf
+    """
+    from mcnav.report.figures.paper import read_size
+    from mcnav.workflow.figure import draw_figure
+
+    try:
+        wide, high = (width, None) if size is None else read_size(size)
+    except ValueError as wrong:
+        raise _fail(f"--size: {wrong}") from None
+    _print_notes(draw_figure(folder, name, into, wide, high, font_scale, panel or (), columns))
     _print_written([into])
 
 
