@@ -26,6 +26,7 @@ from typing import Annotated, Any, Final
 import numpy as np
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
+from mcnav._recent import Recent
 from mcnav.config.context import FileContext
 from mcnav.config.files import read_file
 from mcnav.config.schema import UNIT, Acceleration, AngularRate, Duration, Length, QuantityIn, Speed, Table
@@ -45,6 +46,9 @@ from mcnav.scenarios.settings import SettingError
 from mcnav.scenarios.table_i import TABLE_I, start_state
 from mcnav.store.inputs import INPUTS
 from mcnav.units import UnitError, quantity
+
+_RECENT: Final = Recent[tuple[Truth, TrajectoryRows]](most=2)
+"""Trajectories of the campaigns read last, which variations of a campaign share."""
 
 KEY: Final = "scenario.trajectory"
 """Key of the entry; its last part is the setting that names the file."""
@@ -312,7 +316,13 @@ def _from_file(
         if path.is_file() and path.stat().st_size > LARGEST_FILE:  # before its content is digested
             raise SettingError(f"{path} is longer than {LARGEST_FILE:,} bytes")
         file = read_file(table.file, key.rpartition(".")[2], context)
-        rows = read_trajectory_file(Path(file.path), table.columns, earth)
+
+        def read() -> tuple[Truth, TrajectoryRows]:
+            rows = read_trajectory_file(Path(file.path), table.columns, earth)
+            return rows.truth(earth), rows
+
+        named = tuple(sorted((table.columns or {}).items()))
+        truth, rows = _RECENT.get(("file", file.digest, file.name, named, earth), read)
     except SettingError as wrong:
         context.problem(key, str(wrong))
         return None
@@ -321,18 +331,23 @@ def _from_file(
         return None
     place = f"{INPUTS}/{file.name}"
     resolved = place if isinstance(entry, str) else {**entry, "file": place}
-    return TrajectorySpec(Path(table.file).name, rows.truth(earth), rows, resolved, file)
+    return TrajectorySpec(Path(table.file).name, truth, rows, resolved, file)
 
 
 def _from_reentry(
     table: ReentryTable, entry: Mapping[str, Any], earth: Earth, context: FileContext, key: str
 ) -> TrajectorySpec:
-    row = TABLE_I[table.reentry]
-    planar = fly_truth(np.array(start_state(table.reentry)), Vehicle(row.lift_law), row.final_altitude)
-    truth = reentry_truth(planar, earth, Plane.at(table.latitude, table.longitude, table.azimuth))
+
+    def fly() -> tuple[Truth, TrajectoryRows]:
+        row = TABLE_I[table.reentry]
+        planar = fly_truth(np.array(start_state(table.reentry)), Vehicle(row.lift_law), row.final_altitude)
+        truth = reentry_truth(planar, earth, Plane.at(table.latitude, table.longitude, table.azimuth))
+        return truth, rows_from(truth, truth.times)
+
+    truth, rows = _RECENT.get((repr(table), earth), fly)
     defaults = {name: f"{getattr(table, name)!r} rad" for name in ("latitude", "longitude", "azimuth")}
     label = f"trajectory {table.reentry} of NASA TN D-1772"
-    return TrajectorySpec(label, truth, rows_from(truth, truth.times), {**defaults, **entry})
+    return TrajectorySpec(label, truth, rows, {**defaults, **entry})
 
 
 def _from_segments(
@@ -343,9 +358,14 @@ def _from_segments(
     start = flown.Start(at.latitude, at.longitude, at.altitude, at.course, at.speed)
     if any(segment is None for segment in segments):
         return None
-    try:
+
+    def fly() -> tuple[Truth, TrajectoryRows]:
         rows = flown.fly_segments(start, [each for each in segments if each is not None], table.rate, earth)
         check_rows(rows, earth)
+        return rows.truth(earth), rows
+
+    try:
+        truth, rows = _RECENT.get((repr((start, segments, table.rate)), earth), fly)
     except flown.SegmentError as wrong:
         context.problem(f"{key}.segments #{wrong.number}", str(wrong))
         return None
@@ -353,7 +373,7 @@ def _from_segments(
         context.problem(f"{key}.segments", str(wrong))
         return None
     label = f"flight of {len(segments)} segments"
-    return TrajectorySpec(label, rows.truth(earth), rows, {"rate": f"{table.rate!r} Hz", **entry})
+    return TrajectorySpec(label, truth, rows, {"rate": f"{table.rate!r} Hz", **entry})
 
 
 def _from_boost(
@@ -364,15 +384,20 @@ def _from_boost(
         Stage(each.acceleration, each.last or each.acceleration, each.burn, each.pause) for each in at.stages
     )
     boost = Boost(at.latitude, at.longitude, at.azimuth, stages, at.altitude, at.rise, at.kick, at.kick_time, at.coast)
-    try:
+
+    def fly() -> tuple[Truth, TrajectoryRows]:
         truth = boost_truth(boost, earth)
+        return truth, rows_from(truth, truth.times)
+
+    try:
+        truth, rows = _RECENT.get((repr(boost), earth), fly)
     except BoostError as wrong:
         context.problem(f"{key}.boost.{wrong.key}", str(wrong))
         return None
     defaults = {name: f"{getattr(at, name)!r} s" for name in ("rise", "kick_time", "coast")}
     defaults |= {"altitude": f"{at.altitude!r} m", "kick": f"{at.kick!r} rad"}
     resolved = {"boost": {**defaults, **entry["boost"]}}
-    return TrajectorySpec(f"boost of {len(stages)} stages", truth, rows_from(truth, truth.times), resolved)
+    return TrajectorySpec(f"boost of {len(stages)} stages", truth, rows, resolved)
 
 
 def _read_segment(entry: Mapping[str, Any], context: FileContext, key: str) -> flown.Segment | None:

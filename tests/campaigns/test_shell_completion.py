@@ -74,6 +74,14 @@ def test_bash(place: Path) -> None:
     assert completed("mcnav new ins mine --aid z", place) == ["zero-velocity"]
 
 
+def test_keys_and_outputs_of_a_sweep(place: Path) -> None:
+    line = "mcnav sweep campaigns/19_flight_with_gnss.toml --vary"
+    assert completed(f"{line} imu.gyro.b", place) == [
+        "imu.gyro.bias", "imu.gyro.bias_instability.sigma", "imu.gyro.bias_instability.correlation_time"
+    ]  # fmt: skip
+    assert completed(f"{line} imu.gyro.bias --against position_h", place) == ["position_horizontal"]
+
+
 def test_figures_of_a_run(place: Path) -> None:
     (place / "reports" / "my run").rename(place / "reports" / "mine")
     found = completed("mcnav figure reports/mine ", place)
