@@ -49,9 +49,10 @@ OUTPUTS: Final[Mapping[str, tuple[str, ...]]] = {
 
 
 class Words(Protocol):
-    """The words before the cursor, read as parameters of the command."""
+    """The words before the cursor, read as parameters of the command; the others where an option has no value yet."""
 
     params: dict[str, Any]
+    args: list[str]
 
 
 def campaigns(incomplete: str) -> list[str]:
@@ -171,7 +172,8 @@ def _is_campaign(path: Path) -> bool:
 
 def _campaign(words: Words) -> dict[str, Any]:
     """Read the campaign file named before; nothing when it cannot be read."""
-    path = words.params.get("campaign")
+    named = (words.params.get("campaign"), *(word for word in words.args if word.endswith(".toml")))
+    path = next((each for each in named if each), None)
     try:
         return tomllib.loads(_text(Path(path), LARGEST)) if path else {}
     except (tomllib.TOMLDecodeError, RecursionError):

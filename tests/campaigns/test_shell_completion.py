@@ -28,6 +28,7 @@ class Before:
 
     def __init__(self, campaign: Path) -> None:
         self.params = {"campaign": campaign}
+        self.args: list[str] = []
 
 
 def asked(shell: str, line: str, cwd: Path, **further: str) -> subprocess.CompletedProcess[str]:
