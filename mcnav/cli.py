@@ -681,7 +681,7 @@ def reproduce(
     out.print(f"{len(cells)} printed numbers")
     for mark, count in Counter(cell.mark for cell in cells).most_common():
         out.print(f"{count:6} {page.PHRASES[mark]}")
-    _print(f"\nwritten: {files[0]}\nand {len(files) - 1} CSV files in the same folder")
+    _print(f"\nwritten: {files[0]}\nand {len(files) - 1} tables in the same folder")
 
 
 @_command()

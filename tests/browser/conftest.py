@@ -23,6 +23,7 @@ from mcnav.reproduce.textbook import page as textbook_page
 from mcnav.reproduce.textbook.filters import tutorial_numbers
 from mcnav.reproduce.tn_d1772 import page as tn_page
 from mcnav.reproduce.tn_d1772.claims import Finding
+from mcnav.reproduce.tn_d1772.in_three_dimensions import comparisons
 from mcnav.reproduce.tn_d1772.tables import Cell
 from mcnav.studies.linearity import write_linearity
 from mcnav.studies.start_times import write_start_times
@@ -211,7 +212,7 @@ def _tn(folder: Path, _: Callable[[str], Path]) -> Path:
     figures = {name: draw(data[name]) for name, (_, draw) in tn_page.FIGURES.items()}
     found = [Finding(NAME, "It is said in many words what is found of it. " * 5, "holds")]
     written = folder / tn_page.PAGE
-    written.write_text(tn_page.render(NAME, cells, figures, found, found), encoding="utf-8")
+    written.write_text(tn_page.render(NAME, cells, figures, found, found, found, comparisons()), encoding="utf-8")
     return written
 
 

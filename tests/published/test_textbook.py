@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from html import unescape
 from pathlib import Path
 
@@ -17,6 +16,7 @@ from mcnav.reproduce.textbook.numbers import SOURCES, Agreement, Number
 from tests.commands import invoke
 from tests.conftest import ROOT
 from tests.scalar_filter import steady_variance, true_variance
+from tests.tables import assert_same_tables
 
 pytestmark = pytest.mark.slow
 
@@ -82,25 +82,8 @@ def test_pairs_leave_what_bends(numbers: tuple[Number, ...]) -> None:
         assert each.paired == pytest.approx(each.linear, rel=0.01), each
 
 
-def _cells(text: str) -> list[list[str]]:
-    rows = [line.strip("|").split("|") for line in text.splitlines() if line.startswith("|")]
-    return [[cell.strip() for cell in row] for row in rows]
-
-
 def test_the_committed_tables_are_those_of_the_command(folder: Path) -> None:
-    """To one unit of the last digit shown, which another processor may round differently."""
-    computed, committed = (_cells(file.read_text(encoding="utf-8")) for file in (folder / page.TABLES, COMMITTED))
-    assert len(computed) == len(committed)
-    for own, there in zip(computed, committed, strict=True):
-        assert len(own) == len(there)
-        for one, other in zip(own, there, strict=True):
-            if one == other:
-                continue
-            ours, theirs = (re.findall(r"\d[\d,.]*", cell) for cell in (one, other))
-            assert re.sub(r"\d[\d,.]*", "", one) == re.sub(r"\d[\d,.]*", "", other)
-            for a, b in zip(ours, theirs, strict=True):
-                unit = 10.0 ** -len(a.partition(".")[2])
-                assert abs(float(a.replace(",", "")) - float(b.replace(",", ""))) <= 1.001 * unit, (own, there)
+    assert_same_tables((folder / page.TABLES).read_text(encoding="utf-8"), COMMITTED.read_text(encoding="utf-8"))
 
 
 def test_counts_and_causes_of_the_documentation(numbers: tuple[Number, ...]) -> None:
