@@ -26,6 +26,8 @@ DIFFERING = {
     "mean drift eastwards for gyro north 0.01 deg/h at 45° latitude",
     "growth of the vertical channel at 45° latitude",
     "the same, time in which it doubles",
+    "CEP rate of the system of 10 nmi/h",
+    "CEP rate of the system of 0.1 nmi/h",
     "heading for 0.003 deg/√h in 300 s at 45° latitude",
     "liquid, estimate 3",
     "liquid, estimate 5",

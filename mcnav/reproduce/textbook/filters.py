@@ -202,13 +202,7 @@ def _estimated(what: str, unit: str, printed: tuple[str, ...], computed: list[fl
         Number("tutorial", f"{what}, estimate {count}", unit, "tutorial", text, "x + K (z − x)", value)
         for count, (text, value) in enumerate(zip(printed, computed, strict=True), 1)
     ]
-    return [each if each.linear_agrees else Number(*_fields(each), remark=remark) for each in numbers]
-
-
-def _fields(number: Number) -> tuple[str, str, str, str, str, str, float]:
-    return (
-        number.chapter, number.quantity, number.unit, number.source, number.printed, number.formula, number.linear,
-    )  # fmt: skip
+    return [each if each.linear_agrees else each.explained(remark) for each in numbers]
 
 
 def bound_numbers() -> list[Number]:

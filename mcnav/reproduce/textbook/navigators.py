@@ -39,7 +39,7 @@ FLAT: Final = Earth(FLAT_RADIUS, 0.0, STANDARD_GRAVITY * FLAT_RADIUS**2, 0.0)
 EMPTY_SPACE: Final = Earth(WGS84.radius, 0.0, 1.0, 0.0)
 """A sphere that does not turn and hardly attracts: every axis is a channel of its own."""
 
-HELD_BY: Final = 1e3
+HELD_BY: Final = 1.0
 """Random walk of the vertical accelerometer that an altimeter's filter believes in, m/s/sqrt(s).
 
 It is so large that the altimeter alone determines altitude and vertical velocity.
@@ -182,13 +182,29 @@ class Case:
         after = [number for number, update in enumerate(found.updates) if update == "after"]
         return [float(found.own[number, place, place]) for number in after]
 
+    @property
+    def epochs(self) -> Array:
+        """Instants of the navigation's epochs, shape (m,), s."""
+        return self.scenario.navigation.times
+
+    def horizontal_variance(self) -> Array:
+        """Return the linear variance of the horizontal position error at the epochs, shape (m,), m²."""
+        known = self.scenario.navigation.linear
+        constant = ((known.partials[:, :2] * self.sizes) ** 2).sum(axis=(1, 2))
+        noise = [each[:, 0, 0] + each[:, 1, 1] for each in known.processes.values()]
+        return np.asarray(sum(noise, constant))
+
+    def horizontal_squares(self) -> Array:
+        """Return the squares of the samples' horizontal position errors at the epochs, shape (n, m), m²."""
+        return self._simulated[1]
+
     def partial(self, output: str, source: str) -> float:
         """Return one partial derivative of the final errors, SI."""
         return float(self.scenario.linear_model().partials[OUTPUTS.index(output), CONSTANTS.index(source)])
 
     @cached_property
-    def _simulated(self) -> tuple[Array, Array | None]:
-        """Final errors of the samples and linear ones, shape (2, n, 9), and their filters' records."""
+    def _simulated(self) -> tuple[Array, Array, Array | None]:
+        """Final errors of the samples and linear ones, shape (2, n, 9), horizontal squares, and filters' records."""
         generator = np.random.Generator(np.random.Philox(key=SEED))
         errors = generator.standard_normal((self.samples, len(self.sizes))) * self.sizes
         probes = errors[:PROBES]
@@ -197,15 +213,17 @@ class Case:
             probes = probes.copy()
             probes[:, : len(OUTPUTS)] += generator.standard_normal((len(probes), len(OUTPUTS))) * usual
         engine = self.scenario.engine(self.scenario.engines[0], probes)
-        values, records = [], []
+        values, level, records = [], [], []
         for begin in range(0, self.samples, engine.chunk):
             index = np.arange(begin, min(begin + engine.chunk, self.samples))
             found = engine.simulate(Batch(index, errors[index], SEED))  # type: ignore[attr-defined]
             if found.failures:
                 raise RuntimeError(f"samples fail: {next(iter(found.failures.values()))}")
             values.append(np.stack([found.values, found.linear_values]))
+            level.append((found.history[..., :2] ** 2).sum(axis=2))
             records.append(found.filter_values)
-        return np.concatenate(values, axis=1), None if records[0] is None else np.concatenate(records)
+        of_filters = None if records[0] is None else np.concatenate(records)
+        return np.concatenate(values, axis=1), np.concatenate(level), of_filters
 
     def sigma(self, *outputs: str) -> Sigma:
         """Return the sigma of outputs that are independent and alike; their samples are pooled."""
@@ -223,7 +241,7 @@ class Case:
 
     def mean_square(self, group: str) -> MeanSquare:
         """Return the mean NEES of a group of states, or the mean NIS of a sensor at its last updates, by component."""
-        schema, records = self.scenario.filter_schema, self._simulated[1]
+        schema, records = self.scenario.filter_schema, self._simulated[2]
         if schema is None or records is None:
             raise ValueError("a navigation without aiding has no filter")
         if group in schema.sensors:

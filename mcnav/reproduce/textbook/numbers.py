@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Final
 
@@ -28,6 +28,12 @@ SOURCES: Final = {
     "tutorial": (
         "Kalman filter in one dimension, kalmanfilter.net/kalman1d.html; the values as the tests of a public C++ "
         "library quote them, because the page could be retrieved only in part"
+    ),
+    "budgets": (
+        "Error budgets in the programs of M. Grewal and A. Andrews, Kalman Filtering: Theory and Practice Using "
+        "MATLAB, 4th edition, 2014, with the fit of the rate in those of M. Grewal, A. Andrews and C. Bartone, Global "
+        "Navigation Satellite Systems, Inertial Navigation, and Integration, 3rd edition; the book's own text was not "
+        "available"
     ),
     "closed": "Closed forms, evaluated here",
     "checks": "Check values of this project, each computed in two ways or against another package, without its code",
@@ -119,6 +125,10 @@ class Number:
         """Agreement of both."""
         both = self.linear_agrees and self.simulated_agrees is not False
         return Agreement.AGREES if both else Agreement.DIFFERS
+
+    def explained(self, remark: str) -> Number:
+        """Return the same number with a remark."""
+        return replace(self, remark=remark)
 
     def _has_digits(self, computed: float) -> bool:
         return abs(computed - self.value) <= self.half_digit * (1.0 + ROUNDING)

@@ -15,6 +15,7 @@ import pandas as pd
 from mcnav.files import write_texts
 from mcnav.report.format import SUPERSCRIPTS, number
 from mcnav.report.page import filled
+from mcnav.reproduce.textbook.budgets import budget_numbers
 from mcnav.reproduce.textbook.filters import bound_numbers, matched_numbers, mismatched_numbers, tutorial_numbers
 from mcnav.reproduce.textbook.free import flat_numbers, schuler_numbers
 from mcnav.reproduce.textbook.numbers import CONFIDENCE, SOURCES, Agreement, Number
@@ -25,8 +26,8 @@ PAGE: Final = "textbook.html"
 TABLES: Final = "tables.md"
 
 PARTS: Final[tuple[Callable[[], list[Number]], ...]] = (
-    flat_numbers, schuler_numbers, mode_numbers, error_numbers, alignment_numbers, matched_numbers, mismatched_numbers,
-    tutorial_numbers, bound_numbers,
+    flat_numbers, schuler_numbers, mode_numbers, error_numbers, budget_numbers, alignment_numbers, matched_numbers,
+    mismatched_numbers, tutorial_numbers, bound_numbers,
 )  # fmt: skip
 
 CAPTIONS: Final = {
@@ -34,6 +35,7 @@ CAPTIONS: Final = {
     "Schuler pendulum": "One horizontal channel on a sphere that does not turn.",
     "turning earth": "Modes of a navigator at rest on the turning ellipsoid whose altitude an altimeter holds.",
     "turning earth, at rest": "Its position errors at 45° latitude.",
+    "error budgets": "Systems whose biases are first-order Gauss-Markov processes, at rest, altitude held.",
     "alignment": "Updates of zero velocity by a filter that does not know the bias.",
     "matched filter": "Steady states of filters that believe the truth, after an update each second.",
     "mismatched filter": "Filters that believe something wrong; the random walk has q = 1, r = 4, believed q = 0.25.",
