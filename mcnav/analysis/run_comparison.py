@@ -20,13 +20,17 @@ from mcnav.statistics.estimates import Estimate, blocked_mean, paired_squares
 
 @dataclass(frozen=True)
 class SampleSet:
-    """Successful samples of one run: index, shape (n,), errors, shape (n, sources), and outputs, shape (n, outputs)."""
+    """Successful samples of one run: index, shape (n,), errors, shape (n, sources), and outputs, shape (n, outputs).
+
+    Samples with noise have linear outcomes of their own, shape (n, outputs); those of others follow from their errors.
+    """
 
     model: Model
     index: IndexArray
     errors: Array
     outputs: Array
     design: SamplingDesign
+    linear: Array | None = None
 
     @property
     def blocks(self) -> IndexArray:
@@ -79,7 +83,10 @@ def change(before: SampleSet, after: SampleSet, outputs: tuple[int, int], common
 def _controlled(samples: SampleSet, i: int) -> tuple[Array, Array, float, float]:
     """Return squares and deviations of simulated less linear errors, and the variance and mean that they correct."""
     model, simulated = samples.model, samples.outputs[:, i]
-    linear = model.nominal[i] + samples.errors @ model.partials[i]
+    if samples.linear is not None:
+        linear = samples.linear[:, i]
+    else:
+        linear = model.nominal[i] + samples.errors @ model.partials[i]
     variance, mean = float(model.outcome_covariance[i, i]), float(model.outcome_mean[i])
     return paired_squares(simulated, linear), simulated - linear, variance, mean
 
