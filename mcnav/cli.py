@@ -907,17 +907,8 @@ def calibrate(
     The campaigns are synthetic and their moments known. Every measured rate has its binomial interval.
     """
     from mcnav.calibration import page
-    from mcnav.calibration.filter_trials import run_filter_trials
-    from mcnav.calibration.table import rates
-    from mcnav.calibration.trials import run_trials
-    from mcnav.files import write_texts
-    from mcnav.sampling.designs import DESIGNS
 
-    counted = zip(run_trials(trials, jobs, DESIGNS), run_filter_trials(trials, jobs), strict=True)
-    table = rates(*(campaigns + filters for campaigns, filters in counted))
-    texts = {"calibration.html": page.render(table, trials)}
-    texts["calibration.csv"] = table.to_csv(index=False, float_format="%.4f")
-    files = write_texts(folder, texts)
+    table, files = page.write_calibration(folder, trials, jobs)
     for finding, count in table[table["finding"] != ""]["finding"].value_counts().items():
         out.print(f"{count:6} rates {finding}")
     out.print()
