@@ -9,13 +9,14 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.config.read import read_campaign
 from mcnav.physics.ins.aided_mechanization import AidedMechanization
 from mcnav.physics.ins.collocation import WEIGHTS
 from mcnav.physics.ins.instruments import CONSTANTS
 from mcnav.physics.ins.sample_noise import SampleNoise
 from mcnav.scenarios.ins import Navigation
 from tests.benchmarks.inertial.case import READING, SEED, Case, pack
-from tests.benchmarks.inertial.flight import PEERS, Setup, draws, navigation_of, read
+from tests.benchmarks.inertial.flight import PEERS, Setup, draws, navigation_of, write_campaign
 
 EPOCH: Final = 60.0
 """Interval at which errors are compared, s."""
@@ -29,9 +30,11 @@ class Reference:
 
     Attributes
     ----------
+    campaign : Path
     errors : ndarray, shape (n, sources)
     """
 
+    campaign: Path
     navigation: Navigation
     engine: AidedMechanization
     errors: Array
@@ -40,7 +43,8 @@ class Reference:
 
 def reference_of(folder: Path, samples: int, setup: Setup = PEERS) -> Reference:
     """Read the campaign and draw samples of the reference engine."""
-    campaign = read(folder, setup)
+    file = write_campaign(folder, setup)
+    campaign = read_campaign(file)
     navigation = navigation_of(campaign)
     if navigation.filter is None:
         raise ValueError("expected aided navigation")
@@ -50,7 +54,7 @@ def reference_of(folder: Path, samples: int, setup: Setup = PEERS) -> Reference:
         navigation.filter, READING,
     )  # fmt: skip
     noise = tuple(engine.draw(navigation.imu, SEED, index) for index in range(samples))
-    return Reference(navigation, engine, draws(campaign, samples), noise)
+    return Reference(file, navigation, engine, draws(campaign, samples), noise)
 
 
 def case_of(reference: Reference, sigma: Array) -> Case:
@@ -73,7 +77,7 @@ def case_of(reference: Reference, sigma: Array) -> Case:
     beliefs = engine.model.beliefs
     added = [READING * np.hstack([each.gyro, each.accelerometer]) for each in reference.noise]
     return Case(
-        navigation.start, increments, states[0], _numbers(navigation, sensor.times), states[1:],
+        str(reference.campaign), navigation.start, increments, states[0], _numbers(navigation, sensor.times), states[1:],
         _numbers(navigation, engine.times), sigma, np.sqrt(np.diag(beliefs.covariance)),
         np.array([beliefs.sigmas[CONSTANTS[place]] for place in BIASES]),
         np.concatenate([navigation.imu.gyro.random_walk, navigation.imu.accelerometer.random_walk]),

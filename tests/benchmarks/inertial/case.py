@@ -67,6 +67,8 @@ class Case:
 
     Attributes
     ----------
+    campaign : str
+        File of the campaign.
     start : float
         s.
     increments : ndarray, shape (K, 6)
@@ -89,10 +91,11 @@ class Case:
         Sigmas of the measurements.
     reference : ndarray, shape (n, m, 9)
         Navigation errors of the first n samples on the reference engine.
-    reference_samples : tuple of ndarray
+    reference_initial, reference_biases, reference_increments, reference_measurements : ndarray
         These samples, as `Samples` has them.
     """
 
+    campaign: str
     start: float
     increments: Array
     first: Array
@@ -109,6 +112,11 @@ class Case:
     reference_biases: Array
     reference_increments: Array
     reference_measurements: Array
+
+    @property
+    def seconds(self) -> float:
+        """Duration of the flight, s."""
+        return len(self.increments) * READING
 
     @property
     def compared(self) -> Samples:
@@ -139,10 +147,12 @@ class Case:
         """Return navigation errors, shape (n, m, 9), from a peer's states with and without errors and noise."""
         return np.stack([navigation_errors(WGS84, unpack(quiet), unpack(each)) for each in states])
 
-    def largest_error(self, errors: Array) -> tuple[float, float]:
+    def apart(self, errors: Array) -> tuple[float, float]:
         """Return the largest and the root mean square difference from the reference, in the filter's sigmas."""
-        apart = np.abs(errors - self.reference[: len(errors), : errors.shape[1]]) / self.sigma[: errors.shape[1]]
-        return (float(apart.max()), float(np.sqrt(np.mean(apart**2)))) if np.isfinite(apart).all() else (np.inf, np.inf)
+        shares = (errors - self.reference[: len(errors), : errors.shape[1]]) / self.sigma[: errors.shape[1]]
+        if not np.isfinite(shares).all():
+            return np.inf, np.inf
+        return float(np.abs(shares).max()), float(np.sqrt(np.mean(shares**2)))
 
     def shortened(self, seconds: float) -> Case:
         """Return the first seconds of the flight."""
@@ -166,7 +176,7 @@ def load(path: Path) -> Case:
     """Read a case from its file."""
     with np.load(path) as stored:
         known: dict[str, Any] = {field.name: stored[field.name] for field in fields(Case)}
-    return Case(**known | {"start": float(known["start"])})
+    return Case(**known | {"start": float(known["start"]), "campaign": str(known["campaign"])})
 
 
 def unpack(states: Array) -> EarthFixedStates:

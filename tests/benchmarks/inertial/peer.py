@@ -9,7 +9,10 @@ from mcnav._types import Array
 from tests.benchmarks.inertial.case import Case, Samples
 
 Simulate = Callable[[Samples, int], Array]
-"""Samples and a seed of the noise that is not given to states at the epochs, shape (n, m, 15); see `Case`."""
+"""Samples and a seed of the noise that is not given to states at the epochs, shape (n, m, 15); see `Case`.
+
+The last epochs may be missing; a peer that has no filter returns none.
+"""
 
 
 @dataclass(frozen=True)
@@ -27,6 +30,8 @@ class Peer:
         Samples that are simulated at a time.
     workers : str
         How several cores are used: ``threads`` or ``processes``, each given chunks, or the peer's ``own`` way.
+    errors : bool
+        Whether navigation errors are returned, shape (n, m, 9), instead of states.
     """
 
     prepare: Callable[[Case, float, int], Simulate]
@@ -34,3 +39,4 @@ class Peer:
     settings: tuple[float, ...]
     chunk: int
     workers: str
+    errors: bool = False

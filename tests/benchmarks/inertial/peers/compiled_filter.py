@@ -16,49 +16,33 @@ from typing import Final
 import numba
 import numpy as np
 
-EARTH_RATE: Final = 7.292115e-5
-MU: Final = 3.986004418e14
-RADIUS: Final = 6_378_137.0
-J2: Final = 1.082629821e-3
-J4: Final = -2.37091e-6
+from tests.benchmarks.inertial.equations import EARTH_RATE, MU, reading_step
 
 STATES: Final = 15
 
 compiled = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 inlined = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=True, inline="always")
 
-
-@inlined
-def gravity(x, y, z):  # type: ignore[no-untyped-def]
-    """Gravity in earth-fixed axes: gravitation with two zonal harmonics, and the centrifugal acceleration."""
-    inverse = 1.0 / np.sqrt(x * x + y * y + z * z)
-    square = inverse * inverse
-    s2 = z * z * square
-    q = RADIUS * RADIUS * square
-    pull = -MU * square * inverse
-    second, fourth = 1.5 * J2 * q, 0.625 * J4 * q * q
-    level = 1.0 + second * (1.0 - 5.0 * s2) - fourth * (3.0 + s2 * (63.0 * s2 - 42.0))
-    polar = 1.0 + second * (3.0 - 5.0 * s2) - fourth * (15.0 + s2 * (63.0 * s2 - 70.0))
-    turn = EARTH_RATE * EARTH_RATE
-    return (pull * level + turn) * x, (pull * level + turn) * y, pull * polar * z
+read = inlined(reading_step(np))
 
 
 @inlined
-def rotate(a, b, c, d, x, y, z):  # type: ignore[no-untyped-def]
-    """Turn a vector by a quaternion, scalar first."""
-    p, q, r = 2.0 * (c * z - d * y), 2.0 * (d * x - b * z), 2.0 * (b * y - c * x)
-    return x + a * p + c * r - d * q, y + a * q + d * p - b * r, z + a * r + b * q - c * p
+def matrix(a, b, c, d, axes):  # type: ignore[no-untyped-def]
+    """Fill the matrix of a quaternion, scalar first."""
+    axes[0, 0], axes[0, 1], axes[0, 2] = 1.0 - 2.0 * (c * c + d * d), 2.0 * (b * c - a * d), 2.0 * (b * d + a * c)
+    axes[1, 0], axes[1, 1], axes[1, 2] = 2.0 * (b * c + a * d), 1.0 - 2.0 * (b * b + d * d), 2.0 * (c * d - a * b)
+    axes[2, 0], axes[2, 1], axes[2, 2] = 2.0 * (b * d - a * c), 2.0 * (c * d + a * b), 1.0 - 2.0 * (b * b + c * c)
 
 
 @compiled
-def strapdown(state, estimates, last, dt, readings, noise, first, steps, sums, axes):  # type: ignore[no-untyped-def]
-    """Integrate readings over some steps: coning and sculling from the reading before, gravity at the middle.
+def strapdown(state, biases, last, dt, readings, noise, first, steps, sums, axes):  # type: ignore[no-untyped-def]
+    """Integrate readings over some steps.
 
     Parameters
     ----------
     state : ndarray, shape (10,)
         Quaternion from body to earth-fixed axes, velocity, position.
-    estimates : ndarray, shape (6,)
+    biases : ndarray, shape (6,)
         True less estimated biases of gyros and accelerometers, times ``dt``.
     last : ndarray, shape (6,)
         Reading before.
@@ -71,54 +55,27 @@ def strapdown(state, estimates, last, dt, readings, noise, first, steps, sums, a
     axes : ndarray, shape (3, 3)
         Receives the axes in the middle.
     """
-    a, b, c, d = state[0], state[1], state[2], state[3]
-    u, v, w, x, y, z = state[4], state[5], state[6], state[7], state[8], state[9]
-    lp, lq, lr, lu, lv, lw = last[0], last[1], last[2], last[3], last[4], last[5]
-    sp, sq, sr, tp, tq, tr = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    half = 0.5 * EARTH_RATE * dt
+    now = (state[0], state[1], state[2], state[3], state[4], state[5], state[6], state[7], state[8], state[9])
+    before = (last[0], last[1], last[2], last[3], last[4], last[5])
+    added = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     for k in range(steps):
-        p = readings[first + k, 0] + estimates[0] + noise[k, 0]
-        q = readings[first + k, 1] + estimates[1] + noise[k, 1]
-        r = readings[first + k, 2] + estimates[2] + noise[k, 2]
-        e = readings[first + k, 3] + estimates[3] + noise[k, 3]
-        f = readings[first + k, 4] + estimates[4] + noise[k, 4]
-        g = readings[first + k, 5] + estimates[5] + noise[k, 5]
-        # velocity: rotation within the step, and sculling
-        hp, hq, hr = p / 2.0 + lp / 12.0, q / 2.0 + lq / 12.0, r / 2.0 + lr / 12.0
-        ex = e + hq * g - hr * f + (lv * r - lw * q) / 12.0
-        fx = f + hr * e - hp * g + (lw * p - lu * r) / 12.0
-        gx = g + hp * f - hq * e + (lu * q - lv * p) / 12.0
-        ex, fx, gx = rotate(a, b, c, d, ex, fx, gx)
-        ex, fx = ex + half * fx, fx - half * ex  # the earth turns by half a step on the average
-        gravity_x, gravity_y, gravity_z = gravity(x + 0.5 * dt * u, y + 0.5 * dt * v, z + 0.5 * dt * w)
-        mu, mv = u + 0.5 * (ex + gravity_x * dt), v + 0.5 * (fx + gravity_y * dt)  # in the middle, but for Coriolis
-        nu = u + ex + (gravity_x + 2.0 * EARTH_RATE * mv) * dt
-        nv = v + fx + (gravity_y - 2.0 * EARTH_RATE * mu) * dt
-        nw = w + gx + gravity_z * dt
-        x, y, z = x + 0.5 * dt * (u + nu), y + 0.5 * dt * (v + nv), z + 0.5 * dt * (w + nw)
-        u, v, w = nu, nv, nw
-        tp, tq, tr = tp + dt * (sp + 0.5 * ex), tq + dt * (sq + 0.5 * fx), tr + dt * (sr + 0.5 * gx)
-        sp, sq, sr = sp + ex, sq + fx, sr + gx
-        # attitude: rotation vector with coning, then half its quaternion to fifth order
-        rp, rq, rr = p + (lq * r - lr * q) / 12.0, q + (lr * p - lp * r) / 12.0, r + (lp * q - lq * p) / 12.0
-        lp, lq, lr, lu, lv, lw = p, q, r, e, f, g
-        square = 0.25 * (rp * rp + rq * rq + rr * rr)
-        scale = 0.5 - square * (1.0 / 12.0 - square / 240.0)
-        ca, cb, cc, cd = 1.0 - square * (0.5 - square / 24.0), scale * rp, scale * rq, scale * rr
-        na = a * ca - b * cb - c * cc - d * cd
-        nb = a * cb + b * ca + c * cd - d * cc
-        nc = a * cc - b * cd + c * ca + d * cb
-        nd = a * cd + b * cc - c * cb + d * ca
-        a, b, c, d = na + half * nd, nb + half * nc, nc - half * nb, nd - half * na
+        reading = (
+            readings[first + k, 0] + biases[0] + noise[k, 0],
+            readings[first + k, 1] + biases[1] + noise[k, 1],
+            readings[first + k, 2] + biases[2] + noise[k, 2],
+            readings[first + k, 3] + biases[3] + noise[k, 3],
+            readings[first + k, 4] + biases[4] + noise[k, 4],
+            readings[first + k, 5] + biases[5] + noise[k, 5],
+        )
+        now, added = read(now, added, reading, before, dt)
+        before = reading
         if 2 * k + 1 == steps or 2 * k + 2 == steps:
-            axes[0, 0], axes[0, 1], axes[0, 2] = 1.0 - 2.0 * (c * c + d * d), 2.0 * (b * c - a * d), 2.0 * (b * d + a * c)
-            axes[1, 0], axes[1, 1], axes[1, 2] = 2.0 * (b * c + a * d), 1.0 - 2.0 * (b * b + d * d), 2.0 * (c * d - a * b)
-            axes[2, 0], axes[2, 1], axes[2, 2] = 2.0 * (b * d - a * c), 2.0 * (c * d + a * b), 1.0 - 2.0 * (b * b + c * c)
+            matrix(now[0], now[1], now[2], now[3], axes)
+    a, b, c, d = now[0], now[1], now[2], now[3]
     scale = 1.0 / np.sqrt(a * a + b * b + c * c + d * d)
     state[0], state[1], state[2], state[3] = a * scale, b * scale, c * scale, d * scale
-    state[4], state[5], state[6], state[7], state[8], state[9] = u, v, w, x, y, z
-    last[0], last[1], last[2], last[3], last[4], last[5] = lp, lq, lr, lu, lv, lw
-    sums[0], sums[1], sums[2], sums[3], sums[4], sums[5] = sp, sq, sr, tp, tq, tr
+    for r in range(6):
+        state[4 + r], last[r], sums[r] = now[4 + r], before[r], added[r]
 
 
 @compiled
@@ -244,7 +201,7 @@ def update(p, innovation, variances, correction, gain):  # type: ignore[no-untyp
 
 
 @compiled
-def feed_back(state, estimates, correction, dt):  # type: ignore[no-untyped-def]
+def feed_back(state, biases, correction, dt):  # type: ignore[no-untyped-def]
     """Correct the navigator by the filter's estimates."""
     b, c, d = -0.5 * correction[0], -0.5 * correction[1], -0.5 * correction[2]
     square = b * b + c * c + d * d
@@ -256,4 +213,4 @@ def feed_back(state, estimates, correction, dt):  # type: ignore[no-untyped-def]
     state[3] = a * h + b * g - c * f + d * e
     for r in range(6):
         state[4 + r] -= correction[3 + r]
-        estimates[r] -= dt * correction[9 + r]
+        biases[r] -= dt * correction[9 + r]
