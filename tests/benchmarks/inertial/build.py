@@ -77,8 +77,8 @@ def case_of(reference: Reference, sigma: Array) -> Case:
     beliefs = engine.model.beliefs
     added = [READING * np.hstack([each.gyro, each.accelerometer]) for each in reference.noise]
     return Case(
-        str(reference.campaign), navigation.start, increments, states[0], _numbers(navigation, sensor.times), states[1:],
-        _numbers(navigation, engine.times), sigma, np.sqrt(np.diag(beliefs.covariance)),
+        str(reference.campaign), navigation.start, increments, states[0], _numbers(navigation, sensor.times),
+        states[1:], _numbers(navigation, engine.times), sigma, np.sqrt(np.diag(beliefs.covariance)),
         np.array([beliefs.sigmas[CONSTANTS[place]] for place in BIASES]),
         np.concatenate([navigation.imu.gyro.random_walk, navigation.imu.accelerometer.random_walk]),
         np.array([component.noise for component in sensor.components]), np.array(found),

@@ -58,7 +58,7 @@ class Samples:
     @property
     def given(self) -> bool:
         """Whether noise is given."""
-        return self.increments.shape[1] > 0
+        return bool(self.increments.shape[1])
 
 
 @dataclass(frozen=True)

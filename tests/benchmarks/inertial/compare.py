@@ -114,7 +114,9 @@ def measure(
     report: Callable[[str], None], start: Callable[..., Any] = Child,
 ) -> list[dict[str, Any]]:  # fmt: skip
     """Return a row for each peer."""
-    rows = {name: {"peer": name, "package": PEERS[name].package, "method": PEERS[name].method} for name in names}
+    rows: dict[str, dict[str, Any]] = {
+        name: {"peer": name, "package": PEERS[name].package, "method": PEERS[name].method} for name in names
+    }
     for cores in (1, CORES):
         wanted = [name for name in names if "failed" not in rows[name] and "missing" not in rows[name]]
         for name, found in _on_cores(wanted, case, folder, effort, cores, report, start).items():

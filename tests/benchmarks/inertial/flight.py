@@ -7,6 +7,7 @@ models every error there is.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -30,15 +31,14 @@ class Setup:
     Attributes
     ----------
     grade : str
-        ``navigation`` or ``tactical``.
+        ``navigation`` or ``tactical``: what a filter can model. ``all``: everything that a navigation-grade unit of the
+        catalogue has, with bias instabilities and misalignments.
     start, end : float
         Of navigation, s.
     interval : float
         Between GNSS updates, s.
     states : int
-        Of the filter: 15, or 9, 21 and 27 without biases, and with scale factors; zero without aiding.
-    noisy : bool
-        Whether the instruments have processes.
+        Of the filter: 15, or 9 without biases and 21 with scale factors; zero without aiding.
     samples : int
     """
 
@@ -47,12 +47,26 @@ class Setup:
     end: float = HOUR
     interval: float = 1.0
     states: int = 15
-    noisy: bool = True
     samples: int = 1_000
 
 
 PEERS: Final = Setup(start=300.0, end=900.0)
 """Ten minutes with a climb and a turn of 90 degrees."""
+
+FREE: Final = Setup(grade="all", states=0)
+"""An hour without aiding."""
+
+ALL: Final = """\
+[imu]
+grade = "navigation"
+
+[imu.gyro]
+bias_instability = { sigma = "0.003 deg/h", correlation_time = "1 h" }
+misalignment = "5 arcsec"
+
+[imu.accelerometer]
+misalignment = "10 arcsec"
+"""
 
 GRADES: Final = {
     "navigation": (
@@ -66,12 +80,23 @@ GRADES: Final = {
 }
 """Bias, scale factor and white noise of gyros and accelerometers."""
 
-ESTIMATES: Final = {9: (), 15: ("bias",), 21: ("bias", "scale_factor")}
+ESTIMATES: Final[dict[int, tuple[str, ...]]] = {9: (), 15: ("bias",), 21: ("bias", "scale_factor")}
 """Errors of gyros and accelerometers that filters of so many states estimate."""
 
 INSTRUMENTS: Final = ("gyro", "accelerometer")
 
 INITIAL: Final = {"position": "5 m", "velocity": "0.05 m/s", "tilt": "0.05 mrad", "heading": "0.5 mrad"}
+
+
+def _instruments(setup: Setup, kinds: Sequence[str]) -> Iterator[str]:
+    """Yield the lines of the unit with the constant errors that are estimated."""
+    for name, (bias, scale, noise) in zip(INSTRUMENTS, GRADES[setup.grade], strict=True):
+        yield f"[imu.{name}]"
+        if "bias" in kinds:
+            yield bias
+        if "scale_factor" in kinds:
+            yield scale
+        yield from (noise, "")
 
 
 def campaign_text(setup: Setup, trajectory: str = "flight.csv") -> str:
@@ -81,10 +106,7 @@ def campaign_text(setup: Setup, trajectory: str = "flight.csv") -> str:
     True
     """
     kinds = ESTIMATES[setup.states or 15]
-    instruments = []
-    for name, (bias, scale, noise) in zip(("gyro", "accelerometer"), GRADES[setup.grade], strict=True):
-        lines = [f"[imu.{name}]", *([bias] if "bias" in kinds else []), *([scale] if "scale_factor" in kinds else [])]
-        instruments += [*lines, *([noise] if setup.noisy else []), ""]
+    instruments = [ALL] if setup.grade == "all" else list(_instruments(setup, kinds))
     estimated = ["position", "velocity", "attitude", *(f"{name}_{kind}" for kind in kinds for name in INSTRUMENTS)]
     aiding = [
         "[[aiding]]", 'type = "gnss"', f'interval = "{setup.interval!r} s"', 'position = "3 m"', 'velocity = "0.1 m/s"',
@@ -93,7 +115,8 @@ def campaign_text(setup: Setup, trajectory: str = "flight.csv") -> str:
     return "\n".join([
         'name = "Benchmark"', f"samples = {setup.samples}", "seed = 1901", "", "[scenario]", 'type = "ins"',
         f'trajectory = "{trajectory}"', f'start = "{setup.start!r} s"', f'end = "{setup.end!r} s"', "", *instruments,
-        "[errors]", *(f'{kind} = "{size}"' for kind, size in INITIAL.items()), "", *(aiding if setup.states else []), "",
+        "[errors]", *(f'{kind} = "{size}"' for kind, size in INITIAL.items()), "",
+        *(aiding if setup.states else []), "",
     ])  # fmt: skip
 
 

@@ -22,7 +22,8 @@ MOTION = """\
 ini lat (deg),ini lon (deg),ini alt (m),ini vx_body (m/s),ini vy_body (m/s),ini vz_body (m/s),ini yaw (deg),\
 ini pitch (deg),ini roll (deg)
 45,10,2500,200,0,0,30,2,0
-command type,yaw (deg),pitch (deg),roll (deg),vx_body (m/s),vy_body (m/s),vz_body (m/s),command duration (s),GPS visibility
+command type,yaw (deg),pitch (deg),roll (deg),vx_body (m/s),vy_body (m/s),vz_body (m/s),command duration (s),\
+GPS visibility
 1,0,0,0,0,0,0,{first},1
 1,1.5,0,0,0,0,0,{turn},1
 1,0,0,0,0,0,0,{last},1

@@ -1,7 +1,7 @@
 """mcnav's own engines of aided navigation: gains of each sample's own, gains along the truth, and the reference.
 
-They are read from the campaign's file and prepared as a run would do it. The noise that is given to the ensemble is that
-of the readings, as what it adds to the deviations over a step between updates.
+They are read from the campaign's file and prepared as a run would do it. The noise that is given to the ensemble is
+that of the readings, as what it adds to the deviations over a step between updates.
 """
 
 from __future__ import annotations
