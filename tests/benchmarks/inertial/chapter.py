@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
@@ -89,8 +89,7 @@ def measure(plan: Plan, report: Callable[[str], None]) -> dict[str, Any]:
         record["growth"], record["commands"], record["truth"] = [], [], {}
         if plan.sizes:
             record["growth"] = growth.measure(places[1], plan.aided, report)
-            setup = replace(plan.aided, samples=1_000)
-            record["commands"] = whole_runs.commands(places[2], setup, plan.sizes, plan.repeats)
+            record["commands"] = whole_runs.commands(places[2], plan.aided, plan.sizes, plan.repeats)
             report("whole runs measured")
             record["truth"] = whole_runs.truth_at_high_rate(places[2], plan.free, plan.high_rate)
             report("truth at a high rate measured")

@@ -20,6 +20,9 @@ import numpy as np
 MOST: Final = 4_096
 """Samples of one measurement."""
 
+SLOW: Final = 4.0
+"""If the first sample takes longer (s), no more than the fewest are measured."""
+
 
 class Measured:
     """A peer, ready to be measured."""
@@ -39,7 +42,9 @@ class Measured:
         self.cores, self.open = order["cores"], ExitStack()
         simulate = self.peer.prepare(self.case, entry.setting, self.cores)
         self.simulate = self.open.enter_context(shared(self.peer, simulate, self.cores))
+        begin = time.perf_counter()
         self.simulate(self.case.drawn(1), 0)
+        self.first = time.perf_counter() - begin
 
     def accuracy(self) -> dict[str, Any]:
         """Compare samples with the reference, with their noise."""
@@ -54,10 +59,12 @@ class Measured:
         return {"compared": count, "error": _finite(largest), "root_mean_square": _finite(mean)}
 
     def count(self, seconds: float) -> dict[str, Any]:
-        """Find how many samples take some seconds; at least one for each core."""
+        """Find how many samples take some seconds; at least one chunk or process for each core."""
         from tests.benchmarks.timing import enough
 
-        fewest = self.cores * (self.peer.chunk if self.peer.workers == "own" else 1)
+        fewest = self.cores * (1 if self.peer.workers == "processes" else self.peer.chunk)
+        if self.first > SLOW:
+            return {"samples": fewest, "share": self.share}
         self.simulate(self.case.drawn(fewest), 1)  # starts what works on all cores
         count = enough(lambda samples: self.simulate(self.case.drawn(samples), 1), fewest, MOST, seconds)
         return {"samples": count, "share": self.share}

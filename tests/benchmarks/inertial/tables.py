@@ -20,7 +20,7 @@ its own states without errors and noise, so that its model of gravity does not c
 truth: the difference from the reference is that of the gains, not of the numerics. The reference engine itself has
 steps of 0.1 s here, over which noise is constant. Times are of one core, in processor time, of five runs (three,
 where a run takes more than two seconds), one of every peer in turns; each peer is a process of its own, and draws its
-noise itself. python-ins at its default step flies two minutes, times five. gnss-ins-sim has no filter of this kind.
+noise itself. python-ins at its default step flies two minutes, which counts five times (× 5). gnss-ins-sim has no filter of this kind.
 
 The loop is what one writes by hand to be compiled: strapdown in earth-fixed axes with corrections for coning and
 sculling, the blocks of the transition matrix, scalar updates, noise by numpy's fastest generator. It runs sample by
@@ -81,7 +81,7 @@ def _peer(row: Mapping[str, Any], ours: float | None) -> list[str]:
             said = "not installed" if wrong == "missing" else "failed"
             return [row["peer"], f"{said}: {row[wrong]}", *["–"] * 8]
     spent, both = row["processor_milliseconds"], row.get("two_cores", {}).get("wall_milliseconds")
-    share = "" if row["share"] == 1.0 else f" (a {1.0 / row['share']:.0f}th of the flight)"
+    share = "" if row["share"] == 1.0 else f" (× {1.0 / row['share']:.0f})"
     against = None if ours is None else spent["least"] / ours
     return [
         row["peer"],

@@ -21,7 +21,8 @@ class Entry:
     method : str
     setting : float
     seconds : float
-        Of the flight: less than all of it for one that takes minutes, whose times are multiplied accordingly.
+        Of the flight: less than all of it for one that takes minutes, whose times are multiplied accordingly and which
+        is measured on one core alone.
     compared : int
         Largest number of reference samples.
     """

@@ -62,15 +62,15 @@ def _ensemble(name: Literal["ensemble", "shared-gains"]):  # type: ignore[no-unt
         if not isinstance(engine, AidedEngine):
             raise TypeError(f"expected an ensemble; got {type(engine).__name__}")
         navigation, tables = engine.navigation, engine.tables
-        places, steps = _places(engine, case), case.start + READING * np.arange(len(case.increments) + 1)
+        places, steps = _places(engine, case), case.start + READING * np.arange(len(case.increments) + 1.0)
 
         def given(samples: Samples) -> GivenNoise:
             width = tables.ensemble.factors.shape[1]
             added = np.zeros((len(samples), len(tables.loop.times) - 1, width))
             for row, increments in enumerate(samples.increments):
-                noise = increments / READING
+                gyro, accelerometer = np.split(increments / READING, 2, axis=1)
                 added[row, :, :9] = respond_from_rest(
-                    navigation.truth, navigation.platform, steps, tables.loop.times, noise[:, :3], noise[:, 3:]
+                    navigation.truth, navigation.platform, steps, tables.loop.times, gyro, accelerometer
                 )
             return GivenNoise(added, samples.measurements)
 
