@@ -41,14 +41,14 @@ class Reference:
     noise: tuple[SampleNoise, ...]
 
 
-def reference_of(folder: Path, samples: int, setup: Setup = PEERS) -> Reference:
-    """Read the campaign and draw samples of the reference engine."""
+def reference_of(folder: Path, samples: int, setup: Setup = PEERS, epoch: float = EPOCH) -> Reference:
+    """Read the campaign and draw samples of the reference engine, with epochs at an interval."""
     file = write_campaign(folder, setup)
     campaign = read_campaign(file)
     navigation = navigation_of(campaign)
     if navigation.filter is None:
         raise ValueError("expected aided navigation")
-    times = np.arange(navigation.start + EPOCH, navigation.end + 0.5 * EPOCH, EPOCH)
+    times = np.arange(navigation.start + epoch, navigation.end + 0.5 * epoch, epoch)
     engine = AidedMechanization(
         navigation.truth, navigation.platform, navigation.start, navigation.end, times, navigation.sensors,
         navigation.filter, READING,

@@ -20,7 +20,8 @@ its own states without errors and noise, so that its model of gravity does not c
 truth: the difference from the reference is that of the gains, not of the numerics. The reference engine itself has
 steps of 0.1 s here, over which noise is constant. Times are of one core, in processor time, of five runs (three,
 where a run takes more than two seconds), one of every peer in turns; each peer is a process of its own, and draws its
-noise itself. python-ins at its default step flies two minutes, which counts five times (× 5). gnss-ins-sim has no filter of this kind.
+noise itself. python-ins at its default step flies two minutes, which counts five times (× 5). gnss-ins-sim has no
+filter of this kind.
 
 The loop is what one writes by hand to be compiled: strapdown in earth-fixed axes with corrections for coning and
 sculling, the blocks of the transition matrix, scalar updates, noise by numpy's fastest generator. It runs sample by
@@ -199,11 +200,15 @@ def sentence(record: Mapping[str, Any]) -> str:
     if OWN not in least:
         return ""
     others = [
-        f"{name} {least[each]:.2g} ms" for each, name in ((LOOP, "a compiled loop"), (PYINS, PYINS)) if each in least
+        f"{name} {_duration(least[each])}" for each, name in ((LOOP, "a compiled loop"), (PYINS, PYINS)) if each in least
     ]
     compared = f" ({', '.join(others)})" if others else ""
     minutes = record["case"]["seconds"] / 60.0
     return (
         f"{minutes:.0f} minutes of inertial navigation with GNSS once a second and a filter of its own take "
-        f"{least[OWN]:.2g} ms a sample{compared}."
+        f"{_duration(least[OWN])} a sample{compared}."
     )
+
+
+def _duration(milliseconds: float) -> str:
+    return f"{milliseconds:.2g} ms" if milliseconds < 100.0 else f"{1e-3 * milliseconds:.2g} s"
