@@ -27,13 +27,14 @@ if TYPE_CHECKING:
     from mcnav.analysis.linear_answer import LinearAnswer
     from mcnav.config.read import Campaign, read_campaign
     from mcnav.errors import CampaignError, RunFolderError
-    from mcnav.notebook import FlownRun, check_scenario, fly, open_run, run_campaign
+    from mcnav.notebook import FlownRun, check_scenario, fly, open_run, run_campaign, sweep
     from mcnav.scenarios.flown import Flown, Innovations
     from mcnav.scenarios.protocol import Epochs, History, Output, Panel, SimulationResult, Source
     from mcnav.studies.allocate import allocate
     from mcnav.studies.lincov import linear_covariance
     from mcnav.workflow.analyse import report_run, samples_of, summary_of
     from mcnav.workflow.compare import RunComparison, compare_runs
+    from mcnav.workflow.export import export_run
 
 _HOMES = {
     "Allocation": "mcnav.analysis.allocation",
@@ -54,6 +55,7 @@ _HOMES = {
     "allocate": "mcnav.studies.allocate",
     "check_scenario": "mcnav.notebook",
     "compare_runs": "mcnav.workflow.compare",
+    "export_run": "mcnav.workflow.export",
     "fly": "mcnav.notebook",
     "linear_covariance": "mcnav.studies.lincov",
     "open_run": "mcnav.notebook",
@@ -62,6 +64,7 @@ _HOMES = {
     "run_campaign": "mcnav.notebook",
     "samples_of": "mcnav.workflow.analyse",
     "summary_of": "mcnav.workflow.analyse",
+    "sweep": "mcnav.notebook",
 }
 
 __all__ = [
@@ -83,6 +86,7 @@ __all__ = [
     "allocate",
     "check_scenario",
     "compare_runs",
+    "export_run",
     "fly",
     "linear_covariance",
     "open_run",
@@ -91,6 +95,7 @@ __all__ = [
     "run_campaign",
     "samples_of",
     "summary_of",
+    "sweep",
 ]
 
 _EARLIER = {"Between": "RunComparison", "Outcomes": "SimulationResult"}

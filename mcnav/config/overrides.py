@@ -97,6 +97,31 @@ def vary(campaign: str | Path | Campaign | Mapping[str, Any], values: Mapping[st
     return parse_campaign(override(content, values, file), file, stem)
 
 
+class VariedCampaign:
+    """A campaign that is read with many values of some keys; its file is read once.
+
+    Raises `CampaignError` when it cannot be read as it is.
+
+    Parameters
+    ----------
+    campaign : str, Path, Campaign or mapping
+        See `vary`.
+
+    Attributes
+    ----------
+    campaign : Campaign
+        As it is.
+    """
+
+    def __init__(self, campaign: str | Path | Campaign | Mapping[str, Any]) -> None:
+        self._content, self._file, self._stem = document_of(campaign)
+        self.campaign = self.at({})
+
+    def at(self, values: Mapping[str, Value]) -> Campaign:
+        """Read it with some keys set to other values, by path; `CampaignError` as `vary`."""
+        return parse_campaign(override(self._content, values, self._file), self._file, self._stem)
+
+
 def document_of(campaign: str | Path | Campaign | Mapping[str, Any]) -> tuple[dict[str, Any], str, str]:
     """Return the content of a campaign file, its path for messages and relative paths, and its stem.
 

@@ -20,6 +20,7 @@ from mcnav.physics.ins.aided_ensemble import (
 from mcnav.physics.ins.aided_mechanization import AidedMechanization
 from mcnav.physics.ins.aiding import Sensor, aiding_constants, aiding_processes
 from mcnav.physics.ins.closed_loop import ClosedLoop, ClosedLoopErrors, close_loop, propagate_closed_loop
+from mcnav.physics.ins.closed_loop_covariance import ClosedLoopCovariance, propagate_covariance
 from mcnav.physics.ins.covariance import biased_processes
 from mcnav.physics.ins.ensemble import tabulate
 from mcnav.physics.ins.error_filter import NAVIGATION, FilterModel
@@ -134,6 +135,28 @@ class AidedNavigation:
         after = np.array([update == "after" for update in updates])
         return tuple(updates), propagate_closed_loop(loop, np.array(readings), after)
 
+    def covariances(
+        self, times: Array, mean: Array, sources: Array, shared: ClosedLoopCovariance | None
+    ) -> ClosedLoopCovariance:
+        """Propagate mean and covariance of the errors to rising times, after their updates.
+
+        Parameters
+        ----------
+        mean, sources : ndarray, shapes (s,), (s, s)
+            Of the constant sources.
+        shared : ClosedLoopCovariance, optional
+            Of another navigation, whose tables are taken over where they hold.
+        """
+        grid = self.grid(1, np.concatenate([[self.start], times]))
+        readings, loop = np.searchsorted(grid, times - 1e-9), None
+        if shared is not None:
+            loop = shared.loop
+            readings = loop.own_at if np.array_equal(loop.own_at, readings) else readings
+        loop = close_loop(
+            self.truth, self.platform, grid, self.imu, self.sensors, self.filter, recent_responses, readings, loop
+        )
+        return propagate_covariance(loop, mean, sources, shared)
+
     def tables(self, division: int) -> AidedTables:
         """Prepare the tables of the ensemble."""
         loop = self.loop if division == 1 else self._close(division)
@@ -209,18 +232,19 @@ def filter_schema(
         groups["sensors"] = estimated
     names = tuple(state.name for state in states)
     sizes = {sensor.name: len(sensor.components) for sensor in sensors}
-    return FilterSchema(groups, len(OUTPUTS), names, tuple(units[name] for name in names), sizes)
+    shown = tuple(units[name] for name in names)
+    return FilterSchema(groups, len(OUTPUTS), names, shown, sizes, model.considers)
 
 
 def believed_shares(
     imu: Imu, sensors: tuple[Sensor, ...], model: FilterModel, sigmas: Mapping[str, float]
 ) -> dict[str, float]:
-    """Return the variance that a filter believes of each cause over the true one; zero for what it neglects.
+    """Return the variance that a filter believes of each cause over its true mean square; zero for what it neglects.
 
     Parameters
     ----------
     sigmas : mapping of str to float
-        True standard deviations of the constant sources.
+        True root mean squares of the constant sources.
     """
     beliefs, states = model.beliefs, {state.name: state for state in model.states}
     found: dict[str, float] = {}

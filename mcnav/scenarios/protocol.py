@@ -247,6 +247,33 @@ class LinearReadings:
     label: str = "time [s]"
 
 
+@dataclass
+class SharedTables:
+    """Tables of the last scenario that was read out, for the next one along the same truth; not for several threads."""
+
+    tables: object = None
+
+
+@dataclass(frozen=True)
+class CovarianceReadings:
+    """Mean and covariance of the errors by the linear system at some times, r of them, after updates of aiding.
+
+    Attributes
+    ----------
+    times : ndarray, shape (r,)
+        In the scenario's own time, s.
+    mean : ndarray, shape (r, outputs)
+    covariance : ndarray, shape (r, outputs, outputs)
+    own : ndarray, shape (r, outputs, outputs), optional
+        As the navigator's filter states it.
+    """
+
+    times: Array
+    mean: Array
+    covariance: Array
+    own: Array | None = None
+
+
 @dataclass(frozen=True)
 class Epochs:
     """Instants of the flight at which errors are read out.
@@ -353,6 +380,20 @@ class HasLinearReadings(Protocol):
 
     def linear_readings(self, times: Array | None) -> LinearReadings:
         """Read the linear system out at rising times, s, or at the scenario's epochs; `ScenarioError` outside."""
+
+
+@runtime_checkable
+class HasCovarianceReadings(Protocol):
+    """A scenario whose covariance is known at any time, for less than it takes by cause."""
+
+    @property
+    def reading_times(self) -> Array:
+        """The scenario's epochs, the end last, s."""
+
+    def covariance_readings(
+        self, times: Array, mean: Array, covariance: Array, shared: SharedTables
+    ) -> CovarianceReadings:
+        """Propagate mean and covariance of the sources to rising times, s; `ScenarioError` outside of the flight."""
 
 
 @runtime_checkable
