@@ -190,7 +190,8 @@ def allocate(campaign: str | Path | Campaign | Mapping[str, Any], progress: Prog
     base, file = variations.base, variations.campaign.file
     judged = tuple(number for number, each in enumerate(base.requirements) if each.judged)
     if not judged:
-        message = "has no requirement that linear analysis can judge; add an [[accept.quantile]] or another one"
+        lacks = "has no requirement that linear analysis can judge" if base.requirements else "is missing"
+        message = f"{lacks}; add an [[accept.quantile]] or another requirement"
         raise CampaignError([Problem(file, "accept", message)])
     if not variations.numbers:
         raise CampaignError([Problem(file, "errors", "has no size that could be changed")])
