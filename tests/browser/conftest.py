@@ -14,6 +14,7 @@ import pytest
 
 import mcnav
 from mcnav.calibration import page as calibration_page
+from mcnav.config.read import read_campaign
 from mcnav.files import write_texts
 from mcnav.physics.ins.earth import WGS84
 from mcnav.physics.ins.segments import Climb, Hold, SpeedChange, Start, Turn, fly_segments
@@ -25,6 +26,8 @@ from mcnav.reproduce.tn_d1772 import page as tn_page
 from mcnav.reproduce.tn_d1772.claims import Finding
 from mcnav.reproduce.tn_d1772.in_three_dimensions import comparisons
 from mcnav.reproduce.tn_d1772.tables import Cell
+from mcnav.studies.allocate import write_allocation
+from mcnav.studies.lincov import write_lincov
 from mcnav.studies.linearity import write_linearity
 from mcnav.studies.start_times import write_start_times
 from mcnav.workflow import compare, index
@@ -246,6 +249,16 @@ def _trajectory(folder: Path, _: Callable[[str], Path]) -> Path:
     return written
 
 
+def _lincov(folder: Path, _: Callable[[str], Path]) -> Path:
+    described = read_campaign(ROOT / "campaigns" / "23_lunar_return_updated_once.toml", {"name": NAME})
+    return write_lincov(described, folder)[1][-1]
+
+
+def _allocate(folder: Path, _: Callable[[str], Path]) -> Path:
+    described = read_campaign(ROOT / "campaigns" / "08_every_option.toml")
+    return write_allocation({**described.resolved, "name": NAME}, folder)[1][-1]
+
+
 def _index(_: Path, made: Callable[[str], Path]) -> Path:
     return index.write_index(made("report").parent.parent)[0]
 
@@ -254,5 +267,6 @@ KINDS: dict[str, Callable[[Path, Callable[[str], Path]], Path]] = {
     "report": _report, "many": _many, "aided": _aided, "replay": _replay, "comparison": _comparison, "index": _index,
     "start times": _start_times, "ins start times": _ins_start_times, "linearity": _linearity,
     "calibration": _calibration, "story": _story, "textbook": _textbook, "tn": _tn, "trajectory": _trajectory,
+    "lincov": _lincov, "allocate": _allocate,
 }  # fmt: skip
 """What makes each kind of page, in a folder of its own."""
