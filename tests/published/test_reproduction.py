@@ -175,7 +175,7 @@ def test_samples_contain_every_sigma_of_three_dimensions(written: Written) -> No
     sampled = frame[frame["low"].notna()]
     assert len(sampled) == 3 * (5 + 2 + 7) + 7
     assert ((sampled["low"] <= sampled["linear"]) & (sampled["linear"] <= sampled["high"])).all()
-    assert sampled["bent"].abs().max() < 0.006
+    assert sampled["departure"].abs().max() < 0.006
     stated = frame[frame["own"].notna()]
     np.testing.assert_allclose(stated["own"], stated["linear"], rtol=1e-9)
 

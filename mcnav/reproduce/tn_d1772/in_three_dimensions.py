@@ -65,7 +65,7 @@ class Comparison:
         By the planar navigator: linear, and of samples.
     linear, simulated, low, high : float
         By the navigator in three dimensions: linear, and of samples with the interval.
-    bent : float
+    departure : float
         Share by which the samples' root mean square departs from that of their linear outcomes.
     own : float
         Sigma that the filter states, by linear analysis.
@@ -80,7 +80,7 @@ class Comparison:
     simulated: float
     low: float
     high: float
-    bent: float = np.nan
+    departure: float = np.nan
     own: float = np.nan
 
 
@@ -168,8 +168,7 @@ def switching_comparisons() -> list[Comparison]:
     """Compare the navigator whose accelerometers are off above the atmosphere with the one whose are on.
 
     Trajectory 4 stays in the atmosphere after reentry. In three dimensions the navigator coasts to reentry without
-    accelerometers, and goes on from there with its errors and with the platform as it was; what drag there is above is
-    left out.
+    accelerometers, and goes on from there with its errors and with the platform as it was; drag above is left out.
     """
     globe, (planar, across) = example(), draw(SAMPLES, SEED)
     alone = np.diag(ALL_ERRORS)[list(BIASES)]

@@ -132,7 +132,7 @@ def _compared(each: Comparison) -> dict[str, Any]:
         "result": each.result,
         **numbers,
         "simulated": f"{number(each.simulated)}{interval}",
-        "bent": number(100.0 * each.bent, 2),
+        "departure": number(100.0 * each.departure, 2),
     }
 
 

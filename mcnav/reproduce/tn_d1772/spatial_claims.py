@@ -50,7 +50,7 @@ def start_in_three_dimensions(compared: Sequence[Comparison], curves: pd.DataFra
     apart = max(abs(each.linear / each.planar - 1.0) for each in planar)
     sampled = max(abs(each.simulated / each.planar_simulated - 1.0) for each in planar)
     within = sum(each.low <= each.linear <= each.high for each in flown)
-    bent = max(abs(each.bent) for each in compared if np.isfinite(each.bent))
+    departure = max(abs(each.departure) for each in compared if np.isfinite(each.departure))
     frame = curves[curves["curve"] == "start"]
     early = frame[frame[TIME] <= -10.0]
     best = {name: early.loc[early[f"{name} [km]"].idxmin()] for name in ("altitude", "position")}
@@ -61,7 +61,7 @@ def start_in_three_dimensions(compared: Sequence[Comparison], curves: pd.DataFra
         f"In three dimensions as in the plane: at {len(planar) // 2} starts linear sigmas of altitude and range differ "
         f"by at most {apart:.0e} from those of the planar navigator, and those of the same {SAMPLES:,} samples by at "
         f"most {sampled:.0e}; {within} of {len(flown)} intervals of {100 * CONFIDENCE:g} % contain the linear sigma. "
-        f"From those of their linear outcomes the samples' depart by at most {100 * bent:.2f} %, here and in all cases "
+        f"From those of their linear outcomes the samples' depart by at most {100 * departure:.2f} %, here and in all cases "
         "below. "
         f"The sum of absolute altitude errors is least at {summed[TIME]:.0f} min, their dispersion at "
         f"{best['altitude'][TIME]:.0f} min. Crossrange does not change this: its dispersion falls from {_both(first)} "
