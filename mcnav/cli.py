@@ -871,7 +871,10 @@ def reproduce(
     ],
     folder: Annotated[Path | None, typer.Option("--out", help="Output folder [default: reports/DOCUMENT].")] = None,
 ) -> None:
-    """Recompute the numbers and figures of a published document; write a page and CSV files."""
+    """Recompute the numbers and figures of a published document; write a page and CSV files.
+
+    Example: mcnav reproduce textbook --out recomputed
+    """
     from collections import Counter
 
     from mcnav.reproduce.story_of_84_minutes import page as story_page
