@@ -12,7 +12,7 @@ matrix, as ``{"index": {key: unit}, "columns": {key: unit}}``.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from mcnav.config.read import Campaign, campaign_from
+from mcnav.config.sweep_values import POINTS
 from mcnav.errors import reading_file
 from mcnav.report import filter_verdict, sentences
 from mcnav.report.arrays import arrays
@@ -32,9 +33,12 @@ from mcnav.report.figures.figure import Figure
 from mcnav.report.model import RunAnalysis
 from mcnav.report.page import figures
 from mcnav.report.result_table import Units
+from mcnav.report.sweep import frame
 from mcnav.report.tables_over_time import epochs
 from mcnav.scenarios.conformance import Check
 from mcnav.store.run_folder import RunFolder
+from mcnav.studies.lincov import read_times
+from mcnav.studies.sweep import JOBS, SweepPlan, run_sweep
 from mcnav.workflow import run as workflow
 from mcnav.workflow.analyse import analyse, samples_of
 from mcnav.workflow.export import result_tables, write_export
@@ -313,3 +317,51 @@ def check_scenario(campaign: str | Path | Campaign | Mapping[str, Any]) -> list[
     Raises `CampaignError` when the campaign cannot be read.
     """
     return workflow.check_scenario(campaign_from(campaign))
+
+
+def sweep(
+    campaign: str | Path | Campaign | Mapping[str, Any],
+    varied: Mapping[str, str | Sequence[object]],
+    *,
+    against: str | Sequence[str] = (),
+    points: int = POINTS,
+    at: str | Sequence[float] = (),
+    jobs: int = JOBS,
+) -> pd.DataFrame:
+    """Vary one or two keys of a campaign: accuracy by linear analysis at every point of a grid.
+
+    Parameters
+    ----------
+    campaign : str, Path, Campaign or mapping
+        In any of the forms that `fly` takes; the file of a `Campaign` is read again.
+    varied : mapping of str to str or sequence
+        Ranges such as ``"0.001..1 deg/h"``, lists such as ``"1, 2, 5 deg/h"``, or sequences of quantities, by path.
+    against : str or sequence of str
+        Measures, such as ``position_horizontal`` or ``"r95(range, cross_range) < 2 km"``; by default those of the
+        requirements, or the usual ones of the scenario.
+    points : int
+        Values of each range.
+    at : str or sequence of float
+        Times in the trajectory's time, such as ``"600 s, 25 min"``, or in seconds; by default the end.
+    jobs : int
+        Threads.
+
+    Returns
+    -------
+    DataFrame
+        A row for each point; units are in the columns' names and in ``attrs["units"]``. ``attrs["just_met"]`` lists the
+        values at which each limit is just met.
+
+    Raises
+    ------
+    CampaignError
+        When the campaign cannot be read or has no linear model, or a key, value or measure is wrong.
+
+    Examples
+    --------
+    >>> table = sweep("campaigns/11_cruise.toml", {"errors.gyro_drift": "0.001..0.1 deg/h"})  # doctest: +SKIP
+    >>> table.attrs["just_met"]                                                              # doctest: +SKIP
+    """
+    times = read_times(at).tolist() if isinstance(at, str) else list(at)
+    measures = (against,) if isinstance(against, str) else tuple(against)
+    return frame(run_sweep(campaign, SweepPlan(varied, measures, points, times, jobs)))
