@@ -9,10 +9,13 @@ import numpy as np
 from scipy import special
 
 from mcnav._types import Array
-from mcnav.statistics.bisection import smallest_reaching
+from mcnav.statistics.bisection import root_between
 
 _ANGLES: Final = 400
 """Nodes of the Gauss-Legendre rule: relative error below 1e-9 down to an axis ratio of 1:100."""
+
+RADIUS: Final = 1e-14
+"""Width of the last bracket of a radius, as a share of the root mean square distance."""
 
 _SPHERE_NODES: Final = 120
 """Nodes of the rule along each of the two greater axes: relative error below 1e-6 down to axis ratios of 1:30."""
@@ -111,4 +114,12 @@ def _error_radius(centre: tuple[float, ...], elements: tuple[float, ...], probab
     if scale == 0.0 or not np.isfinite(scale):
         return scale
     within = normal_probability_within if len(mean) == 2 else normal_probability_within_sphere
-    return smallest_reaching(lambda r: within(r, mean, covariance), probability, 1e-9 * scale, 3.0 * scale)
+
+    def beyond(radius: float) -> float:
+        return within(radius, mean, covariance) - probability
+
+    low, high = 1e-9 * scale, 3.0 * scale
+    at_low, at_high = beyond(low), beyond(high)
+    if at_low > 0.0 or at_high <= 0.0:
+        return low if at_low > 0.0 else high
+    return root_between(beyond, (low, at_low), (high, at_high), RADIUS * scale)[1]

@@ -13,10 +13,10 @@ from scipy import stats
 
 from mcnav._types import Array
 from mcnav.analysis.linear_covariance import LinearCovariance
-from mcnav.config.read import parse_campaign
+from mcnav.config.read import Campaign, parse_campaign
 from mcnav.physics.ins.instruments import OUTPUTS
 from mcnav.scenarios.ins import Ins
-from mcnav.studies.lincov import lincov
+from mcnav.studies.lincov import linear_covariance
 from mcnav.workflow.analyse import samples_of
 from mcnav.workflow.run import run_campaign
 
@@ -55,7 +55,14 @@ def run(folder: Path, described: Entries, engine: str | None = None, **changes: 
 
 def covariance(described: Entries, times: list[float] | None = None) -> LinearCovariance:
     campaign = parse_campaign(described, str(FOLDER / "small.toml"), "small")
-    return lincov(campaign, None if times is None else np.array(times))
+    return over_time(campaign, None if times is None else np.array(times))
+
+
+def over_time(campaign: Campaign, times: Array | None) -> LinearCovariance:
+    answer = linear_covariance(campaign, times)
+    found = answer.asked or answer.history
+    assert found is not None
+    return found
 
 
 def last(found: LinearCovariance, times: list[float]) -> Array:
@@ -223,7 +230,7 @@ def test_the_turning_earth_turns_the_swing() -> None:
     scenario = campaign.scenario
     assert isinstance(scenario, Ins)
     names = [source.name for source in scenario.sources]
-    found = lincov(campaign, np.array([SCHULER]))
+    found = over_time(campaign, np.array([SCHULER]))
     columns = [names.index(name) for name in ("velocity_north", "velocity_east")]
     kept = found.readings.partials[-1][3:5][:, columns]
     turned = complex(kept[0, 0] + kept[1, 1], kept[1, 0] - kept[0, 1]) / 2.0
@@ -276,8 +283,8 @@ def test_one_update_starts_navigation_anew(minutes: float) -> None:
     for sensor in described["aiding"]:
         sensor["instants"] = [f"{update} s"]
     campaign = parse_campaign(described, str(FOLDER / "small.toml"), "small")
-    found = lincov(campaign, np.array([update]))
-    end = lincov(campaign, np.array([5230.0]))
+    found = over_time(campaign, np.array([update]))
+    end = over_time(campaign, np.array([5230.0]))
     assert found.readings.updates[-1] == "after"
     partials = found.readings.partials[-1]
     noise = sum(each[-1] for each in found.readings.processes.values())
@@ -285,7 +292,7 @@ def test_one_update_starts_navigation_anew(minutes: float) -> None:
     start = unaided(described)
     start["scenario"]["start"] = f"{update} s"
     anew = parse_campaign(start, str(FOLDER / "small.toml"), "small")
-    (onwards,) = lincov(anew, np.array([5230.0])).readings.partials
+    (onwards,) = over_time(anew, np.array([5230.0])).readings.partials
     sizes = anew.errors.covariance.copy()
     sizes[:9, :9] = after
     expected = np.sqrt(np.diag(onwards @ sizes @ onwards.T))
