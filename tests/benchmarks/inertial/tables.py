@@ -200,7 +200,9 @@ def sentence(record: Mapping[str, Any]) -> str:
     if OWN not in least:
         return ""
     others = [
-        f"{name} {_duration(least[each])}" for each, name in ((LOOP, "a compiled loop"), (PYINS, PYINS)) if each in least
+        f"{name} {_duration(least[each])}"
+        for each, name in ((LOOP, "a compiled loop"), (PYINS, PYINS))
+        if each in least
     ]
     compared = f" ({', '.join(others)})" if others else ""
     minutes = record["case"]["seconds"] / 60.0
