@@ -26,6 +26,7 @@ GARBAGE_THRESHOLD = 50_000
 FILES = {
     "tn-d1772": "reproduce/tn_d1772/TN_D1772.md",
     "story": "reproduce/story_of_84_minutes/STORY_OF_84_MINUTES.md",
+    "textbook": "reproduce/textbook/TEXTBOOK.md",
 }
 """Files of pages that are not named like the page."""
 
@@ -41,7 +42,7 @@ TemplateType = Literal["reentry", "cruise", "hover"]
 Platform = Literal["strapdown", "inertial", "level"]
 Page = Literal[
     "guide", "campaigns", "scenarios", "trajectories", "commands", "report", "notebook", "scaling", "notation",
-    "architecture", "tn-d1772", "story",
+    "architecture", "tn-d1772", "story", "textbook",
 ]  # fmt: skip
 CampaignFile = Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file (TOML).")]
 Folder = Annotated[Path, typer.Argument(metavar="RUN", help="Run folder.")]
@@ -863,8 +864,10 @@ def docs(page: Annotated[Page, typer.Argument(metavar="PAGE", help="Page to show
 @_command()
 def reproduce(
     document: Annotated[
-        Literal["tn-d1772", "story-of-84-minutes"],
-        typer.Argument(metavar="DOCUMENT", help="tn-d1772 (NASA TN D-1772) or story-of-84-minutes."),
+        Literal["tn-d1772", "story-of-84-minutes", "textbook"],
+        typer.Argument(
+            metavar="DOCUMENT", help="tn-d1772 (NASA TN D-1772), story-of-84-minutes, or textbook (closed forms)."
+        ),
     ],
     folder: Annotated[Path | None, typer.Option("--out", help="Output folder [default: reports/DOCUMENT].")] = None,
 ) -> None:
@@ -872,17 +875,25 @@ def reproduce(
     from collections import Counter
 
     from mcnav.reproduce.story_of_84_minutes import page as story_page
+    from mcnav.reproduce.textbook import page as textbook_page
     from mcnav.reproduce.tn_d1772 import page
 
     target = folder or Path("reports") / document
     if document == "story-of-84-minutes":
         _print_written(story_page.write(target))
         return
+    if document == "textbook":
+        numbers, written = textbook_page.write(target)
+        out.print(f"{len(numbers)} published numbers")
+        for agreement, count in Counter(number.agreement for number in numbers).most_common():
+            out.print(f"{count:6} {textbook_page.PHRASES[agreement]}")
+        _print_written(written)
+        return
     cells, files = page.write_reproduction(target)
     out.print(f"{len(cells)} printed numbers")
     for mark, count in Counter(cell.mark for cell in cells).most_common():
         out.print(f"{count:6} {page.PHRASES[mark]}")
-    _print(f"\nwritten: {files[0]}\nand {len(files) - 1} CSV files in the same folder")
+    _print(f"\nwritten: {files[0]}\nand {len(files) - 1} tables in the same folder")
 
 
 @_command()
@@ -896,17 +907,8 @@ def calibrate(
     The campaigns are synthetic and their moments known. Every measured rate has its binomial interval.
     """
     from mcnav.calibration import page
-    from mcnav.calibration.filter_trials import run_filter_trials
-    from mcnav.calibration.table import rates
-    from mcnav.calibration.trials import run_trials
-    from mcnav.files import write_texts
-    from mcnav.sampling.designs import DESIGNS
 
-    counted = zip(run_trials(trials, jobs, DESIGNS), run_filter_trials(trials, jobs), strict=True)
-    table = rates(*(campaigns + filters for campaigns, filters in counted))
-    texts = {"calibration.html": page.render(table, trials)}
-    texts["calibration.csv"] = table.to_csv(index=False, float_format="%.4f")
-    files = write_texts(folder, texts)
+    table, files = page.write_calibration(folder, trials, jobs)
     for finding, count in table[table["finding"] != ""]["finding"].value_counts().items():
         out.print(f"{count:6} rates {finding}")
     out.print()

@@ -54,7 +54,9 @@ class LinearFilter:
     contributions : mapping of str to ndarray, shape (m, outputs)
         Variance that each source and process contributes to the truth.
     believed : mapping of str to float
-        Variance that the filter believes each of these to have, over the true one; one for those missing.
+        Variance that the filter believes each of these to have, over its true mean square; one for those missing.
+    squared_means : mapping of str to ndarray, shape (m, outputs)
+        Part of the squared mean error that the mean of each source contributes.
     """
 
     covariance: Array
@@ -63,6 +65,7 @@ class LinearFilter:
     state_true: Array
     contributions: Mapping[str, Array] = field(default_factory=dict)
     believed: Mapping[str, float] = field(default_factory=dict)
+    squared_means: Mapping[str, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
