@@ -28,7 +28,7 @@ from mcnav.config.overrides import VariedCampaign
 from mcnav.config.read import Campaign
 from mcnav.config.sweep_values import POINTS, read_variables
 from mcnav.errors import CampaignError, Problem
-from mcnav.files import to_json, write_texts
+from mcnav.files import write_texts
 from mcnav.progress import SILENT, Phase, Progress
 from mcnav.report import sweep as report
 from mcnav.scenarios.protocol import Output
@@ -102,7 +102,7 @@ def write_sweep(
     progress.phase(Phase.REPORTING)
     texts = {
         CSV: report.frame(found).to_csv(index=False, float_format="%.10g"),
-        JSON: json.dumps(to_json(report.table(found)), indent=1) + "\n",
+        JSON: json.dumps(report.table(found), indent=1) + "\n",
         PAGE: report.render(found),
     }
     return found, write_texts(path, texts)
