@@ -23,17 +23,20 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from mcnav.analysis.allocation import Allocation
     from mcnav.analysis.linear_answer import LinearAnswer
     from mcnav.config.read import Campaign, read_campaign
     from mcnav.errors import CampaignError, RunFolderError
     from mcnav.notebook import FlownRun, check_scenario, fly, open_run, run_campaign, sweep
     from mcnav.scenarios.flown import Flown, Innovations
     from mcnav.scenarios.protocol import Epochs, History, Output, Panel, SimulationResult, Source
+    from mcnav.studies.allocate import allocate
     from mcnav.studies.lincov import linear_covariance
     from mcnav.workflow.analyse import report_run, samples_of, summary_of
     from mcnav.workflow.compare import RunComparison, compare_runs
 
 _HOMES = {
+    "Allocation": "mcnav.analysis.allocation",
     "RunComparison": "mcnav.workflow.compare",
     "Campaign": "mcnav.config.read",
     "CampaignError": "mcnav.errors",
@@ -48,6 +51,7 @@ _HOMES = {
     "Panel": "mcnav.scenarios.protocol",
     "RunFolderError": "mcnav.errors",
     "Source": "mcnav.scenarios.protocol",
+    "allocate": "mcnav.studies.allocate",
     "check_scenario": "mcnav.notebook",
     "compare_runs": "mcnav.workflow.compare",
     "fly": "mcnav.notebook",
@@ -62,6 +66,7 @@ _HOMES = {
 }
 
 __all__ = [
+    "Allocation",
     "Campaign",
     "CampaignError",
     "Epochs",
@@ -76,6 +81,7 @@ __all__ = [
     "RunFolderError",
     "SimulationResult",
     "Source",
+    "allocate",
     "check_scenario",
     "compare_runs",
     "fly",

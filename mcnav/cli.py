@@ -563,6 +563,34 @@ def sweep(
     _print_written(files)
 
 
+@_command()
+def allocate(
+    campaign: CampaignFile,
+    folder: Annotated[
+        Path | None, typer.Option("--out", help="Output folder [default: reports/NAME_allocate].")
+    ] = None,
+    form: FormatOption = "table",
+) -> None:
+    """Find the data-sheet numbers with which the requirements are just met, by linear analysis.
+
+    Each number is changed alone, all are changed together, and for type ins numbers are moved by one grade of the
+    catalogue. Where the requirements are met, numbers are loosened. Example:
+    mcnav allocate campaigns/19_flight_with_gnss.toml
+    """
+    from mcnav.report import allocate as tables
+    from mcnav.report import progress
+    from mcnav.studies.allocate import write_allocation
+
+    with progress.shown(err) as shown:
+        found, files = write_allocation(campaign, folder or Path("reports") / f"{campaign.stem}_allocate", shown)
+    if form != "table":
+        _export(form, tables.change_rows(found), tables.table(found))
+        return
+    out.print(tables.printed(found))
+    out.print()
+    _print_written(files)
+
+
 @_command("check-scenario")
 def check_scenario(campaign: CampaignFile) -> None:
     """Check a campaign's scenario: determinism, shapes, units, linearity near zero, partials against differences.

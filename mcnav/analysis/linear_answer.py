@@ -13,7 +13,13 @@ from mcnav._types import Array
 from mcnav.analysis.budget import ErrorBudget, error_budget
 from mcnav.analysis.comparison import Model
 from mcnav.analysis.linear_covariance import LinearCovariance
-from mcnav.analysis.requirements import Requirement, linear_quantile, normal_box_probability, size_probability
+from mcnav.analysis.requirements import (
+    Requirement,
+    linear_quantile,
+    normal_box_probability,
+    normal_quantile,
+    size_probability,
+)
 from mcnav.analysis.requirements_over_time import largest_normal_quantile
 from mcnav.scenarios.protocol import Output, Source
 from mcnav.statistics.bisection import smallest_reaching
@@ -141,6 +147,14 @@ def _judge(requirement: Requirement, model: Model, history: LinearCovariance | N
     else:
         value = linear_quantile(model, requirement.outputs, probability)
     return LinearRequirement(requirement, value, requirement.limits[0] / value if value > 0.0 else math.inf, time)
+
+
+def sizes_over_time(requirement: Requirement, history: LinearCovariance) -> Array:
+    """Compute the quantile or radius of a requirement at every time, after updates, shape (m,), SI."""
+    at, picked = history.settled, np.array(requirement.outputs)
+    mean, covariance = history.mean[np.ix_(at, picked)], history.covariance[np.ix_(at, picked, picked)]
+    probability = size_probability(requirement)
+    return np.array([normal_quantile(*each, probability) for each in zip(mean, covariance, strict=True)])
 
 
 def _judge_box(requirement: Requirement, model: Model) -> LinearRequirement:

@@ -13,9 +13,10 @@ from rich.text import Text
 from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement
 from mcnav.analysis.linear_covariance import LinearCovariance
 from mcnav.report.figures.axis_groups import stem
+from mcnav.report.figures.lincov import cause_labels
 from mcnav.report.fitted_table import FittedTable, numbers, texts
 from mcnav.report.format import number
-from mcnav.report.model import humanize, labels_of, scale_of
+from mcnav.report.model import humanize, scale_of
 from mcnav.report.requirements import TONES, stated
 from mcnav.scenarios.protocol import Output
 from mcnav.units import conversion
@@ -35,11 +36,6 @@ TERMINAL: Final = {"agrees": "green", "differs": "red", "undecided": "yellow", "
 """Colours of the headline's tones."""
 
 
-def cause_labels(found: LinearAnswer) -> list[str]:
-    """Return the names of the sources and processes for people."""
-    return [*labels_of(found.sources, found.outputs), *map(humanize, found.model.processes)]
-
-
 def units_shown(outputs: Sequence[Output]) -> dict[str, tuple[float, str]]:
     """Return for each output, by name, the factor from SI and the unit shown."""
     return {each.name: (conversion(each.unit, each.shown_in), each.shown_in) for each in outputs}
@@ -55,14 +51,17 @@ def headline(found: LinearAnswer) -> tuple[str, str]:
     judged = [each.met for each in found.requirements if each.judged]
     if judged:
         failed, count = judged.count(False), len(judged)
+        partly = " that linear analysis can judge" if count < len(found.requirements) else ""
         if count == 1:
-            words = f"The requirement is {'not ' * failed}met"
+            words = f"The requirement{partly} is {'not ' * failed}met"
         elif not failed:
-            words = f"All {count} requirements are met"
+            words = f"{'Both' if count == 2 else f'All {count}'} requirements{partly} are met"
         elif failed == count:
-            words = f"None of the {count} requirements is met"
+            words = (
+                f"{'Neither' if count == 2 else f'None of the {count}'} requirement{'s' * (count > 2)}{partly} is met"
+            )
         else:
-            words = f"{failed} of {count} requirements {'is' if failed == 1 else 'are'} not met"
+            words = f"{failed} of {count} requirements{partly} {'is' if failed == 1 else 'are'} not met"
         return words, TONES["not met" if failed else "met"]
     names = largest_causes(found)
     if not names:
@@ -122,6 +121,14 @@ def shown_value(row: LinearRequirement, scale: float, unit: str) -> str:
     if not row.judged:
         return "–"
     return f"{100.0 * row.value:.3f} %" if row.requirement.kind == "box" else f"{number(row.value * scale)} {unit}"
+
+
+def shown_limit(row: LinearRequirement, scale: float, unit: str) -> str:
+    """Format the limit that a linear value is compared with."""
+    required = row.requirement
+    if required.kind == "box":
+        return f"{100.0 * (required.probability or 0.5):g} %"
+    return f"{number(required.limits[0] * scale)} {unit}"
 
 
 def requirement_table(found: LinearAnswer) -> FittedTable:

@@ -22,6 +22,8 @@ from mcnav.execution.chunks import DrawPlan
 from mcnav.execution.soundness import find_doubt
 from mcnav.files import to_json, write_texts
 from mcnav.lincov.partials import SimulationFailed
+from mcnav.report.lincov_page import render
+from mcnav.scenarios.ins import Ins
 from mcnav.scenarios.protocol import (
     FilterScenario,
     HasLinearReadings,
@@ -34,6 +36,7 @@ from mcnav.scenarios.protocol import (
 from mcnav.units import UnitError, quantity
 
 FILE: Final = "lincov.json"
+PAGE: Final = "lincov.html"
 
 HISTORY_POINTS: Final = 61
 """Times at which a scenario without epochs of its own is read out."""
@@ -91,13 +94,8 @@ def _scenario_errors(campaign: Campaign) -> Iterator[None]:
 
 
 def _check_soundness(campaign: Campaign) -> None:
-    """Refuse a user's own scenario that has no linear model, and sources without a finite variance."""
-    errors = campaign.errors
-    endless = [name for name, sigma in zip(errors.names, errors.standard_deviations, strict=True) if not sigma < np.inf]
-    if endless:
-        message = "has no finite variance, and a linear covariance needs that of every source"
-        raise CampaignError([Problem(campaign.file, f"errors.{name}", message) for name in endless])
-    draws = DrawPlan(errors, campaign.design, campaign.seed, campaign.samples)
+    """Refuse a user's own scenario that has no linear model."""
+    draws = DrawPlan(campaign.errors, campaign.design, campaign.seed, campaign.samples)
     doubt = find_doubt(campaign.scenario, draws, campaign.tolerance, campaign.sample_timeout)
     if doubt is not None:
         raise CampaignError([Problem(campaign.file, "scenario", str(doubt))])
@@ -130,9 +128,12 @@ def read_times(written: str) -> Array:
 
 
 def write_lincov(campaign: Campaign, path: Path, times: Array | None = None) -> tuple[LinearAnswer, list[Path]]:
-    """Write the linear covariance of a campaign as ``lincov.json``; see `linear_covariance`."""
-    found = linear_covariance(campaign, times)
-    return found, write_texts(path, {FILE: json.dumps(to_json(lincov_table(found)), indent=1) + "\n"})
+    """Write the linear covariance of a campaign as ``lincov.json`` and a page; see `linear_covariance`."""
+    found, outages = linear_covariance(campaign, times), {}
+    if isinstance(campaign.scenario, Ins):
+        outages = {sensor.name: sensor.outages for sensor in campaign.scenario.navigation.sensors}
+    files = {FILE: json.dumps(to_json(lincov_table(found)), indent=1) + "\n", PAGE: render(found, outages)}
+    return found, write_texts(path, files)
 
 
 def lincov_table(found: LinearAnswer) -> Mapping[str, Any]:

@@ -84,8 +84,9 @@ def run_sweep(
 
 
 def write_sweep(
-    campaign: Path, plan: SweepPlan, path: Path, confirmed: int | None = None, progress: Progress = SILENT
-) -> tuple[Sweep, list[Path]]:
+    campaign: str | Path | Campaign | Mapping[str, object], plan: SweepPlan, path: Path, confirmed: int | None = None,
+    progress: Progress = SILENT,
+) -> tuple[Sweep, list[Path]]:  # fmt: skip
     """Write a sweep as ``sweep.csv``, ``sweep.json`` and, last, a page.
 
     Parameters

@@ -14,6 +14,7 @@ import pytest
 
 import mcnav
 from mcnav.calibration import page as calibration_page
+from mcnav.config.read import read_campaign
 from mcnav.files import write_texts
 from mcnav.physics.ins.earth import WGS84
 from mcnav.physics.ins.segments import Climb, Hold, SpeedChange, Start, Turn, fly_segments
@@ -22,8 +23,11 @@ from mcnav.reproduce.story_of_84_minutes import page as story_page
 from mcnav.reproduce.tn_d1772 import page as tn_page
 from mcnav.reproduce.tn_d1772.claims import Finding
 from mcnav.reproduce.tn_d1772.tables import Cell
+from mcnav.studies.allocate import write_allocation
+from mcnav.studies.lincov import write_lincov
 from mcnav.studies.linearity import write_linearity
 from mcnav.studies.start_times import write_start_times
+from mcnav.studies.sweep import SweepPlan, write_sweep
 from mcnav.workflow import compare, index
 from mcnav.workflow.replay import replay, write_replay
 from mcnav.workflow.run import run_campaign
@@ -236,6 +240,31 @@ def _trajectory(folder: Path, _: Callable[[str], Path]) -> Path:
     return written
 
 
+def _lincov(folder: Path, _: Callable[[str], Path]) -> Path:
+    described = read_campaign(ROOT / "campaigns" / "23_lunar_return_updated_once.toml", {"name": NAME})
+    return write_lincov(described, folder)[1][-1]
+
+
+def _allocate(folder: Path, _: Callable[[str], Path]) -> Path:
+    described = read_campaign(ROOT / "campaigns" / "08_every_option.toml")
+    return write_allocation({**described.resolved, "name": NAME}, folder)[1][-1]
+
+
+def _sweep(folder: Path, _: Callable[[str], Path]) -> Path:
+    """Curves with a limit, and Monte Carlo at three points."""
+    described = campaign(4, name=NAME, samples=2_000)
+    plan = SweepPlan({"errors.altitude": "1..100 km"}, ("altitude < 40 km", "range", "cep(altitude, range)"), 7)
+    return write_sweep(dict(described.resolved), plan, folder, 3)[1][-1]
+
+
+def _contours(folder: Path, _: Callable[[str], Path]) -> Path:
+    """Contours of an aided navigation whose filter believes less than is true."""
+    shutil.copy(ROOT / "campaigns" / "flight.csv", folder)
+    (folder / "aided.toml").write_text(AIDED.replace("NAME", NAME.replace("\\", "\\\\")), encoding="utf-8")
+    varied = {"imu.gyro.scale_factor": "100..10000 ppm", "aiding.gnss.position": "1..9 m"}
+    return write_sweep(folder / "aided.toml", SweepPlan(varied, ("position_horizontal",), 6), folder)[1][-1]
+
+
 def _index(_: Path, made: Callable[[str], Path]) -> Path:
     return index.write_index(made("report").parent.parent)[0]
 
@@ -244,5 +273,6 @@ KINDS: dict[str, Callable[[Path, Callable[[str], Path]], Path]] = {
     "report": _report, "many": _many, "aided": _aided, "replay": _replay, "comparison": _comparison, "index": _index,
     "start times": _start_times, "ins start times": _ins_start_times, "linearity": _linearity,
     "calibration": _calibration, "story": _story, "tn": _tn, "trajectory": _trajectory,
+    "lincov": _lincov, "allocate": _allocate, "sweep": _sweep, "contours": _contours,
 }  # fmt: skip
 """What makes each kind of page, in a folder of its own."""

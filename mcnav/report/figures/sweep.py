@@ -84,15 +84,20 @@ def figure(sweep: Sweep, titles: Sequence[str], columns: dict[str, Any]) -> Figu
 
 
 def _key(sweep: Sweep) -> list[Series]:
-    limited = np.isfinite(sweep.bounds).any()
-    alone = len(sweep.variables) == 1
-    solved = any(each.values for each in sweep.just_met)
+    """Return the series that some panel has."""
+    limits: list[Series] = []
+    if len(sweep.variables) == 1:
+        limits = [LIMIT] if np.isfinite(sweep.bounds).any() else []
+    elif (met := sweep.margins <= 0.0).any():
+        crossed = (met & np.isfinite(sweep.margins)).any(axis=(0, 1)) & (sweep.margins > 0.0).any(axis=(0, 1))
+        limits = [*([BOUNDARY] if crossed.any() else []), MET]
+    checked = any(np.isfinite(each.values).any() for each in sweep.confirmations)
     return [
         TRUE,
         *([OWN] if any(differs(sweep, index) for index in range(len(sweep.measures))) else []),
-        *([LIMIT] if limited and alone else [BOUNDARY, MET] if limited else []),
-        *([SOLVED] if solved else []),
-        *([CHECKED] if sweep.confirmations else []),
+        *limits,
+        *([SOLVED] if any(each.values for each in sweep.just_met) else []),
+        *([CHECKED] if checked else []),
     ]
 
 
