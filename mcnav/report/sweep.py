@@ -177,7 +177,7 @@ def render(sweep: Sweep) -> str:
         confirmed=confirmed_words(sweep) if sweep.confirmations else None,
         checks=[
             {
-                "point": point_words(sweep, each),
+                "point": point_words(sweep, each, True),
                 "folder": each.folder.relative_to(each.folder.parent.parent).as_posix(),
                 "headline": sentences.headline(each.summary),
                 "tone": verdict_at(sweep, each),

@@ -25,6 +25,9 @@ WIDE: Final = 8.0
 LEVELS: Final = 8
 """Contours in a panel, at most."""
 
+FEWER: Final = 6
+"""Those evenly spaced, which may be close together."""
+
 CONSTANT: Final = 1e-9
 """Relative change of a value that is rounding."""
 
@@ -198,7 +201,7 @@ def contour_levels(values: Array) -> list[float]:
     if high - low <= CONSTANT * max(abs(low), abs(high)):
         return []
     if low <= 0.0 or high <= 2.0 * low:
-        return [tick for tick in linear_ticks(low, high, LEVELS)[0] if low < tick < high]
+        return [tick for tick in linear_ticks(low, high, FEWER)[0] if low < tick < high]
     powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
     levels: list[float] = []
     for mantissas in MANTISSAS:
