@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from mcnav.studies.lincov import linear_covariance
     from mcnav.workflow.analyse import report_run, samples_of, summary_of
     from mcnav.workflow.compare import RunComparison, compare_runs
+    from mcnav.workflow.export import export_run
 
 _HOMES = {
     "Allocation": "mcnav.analysis.allocation",
@@ -54,6 +55,7 @@ _HOMES = {
     "allocate": "mcnav.studies.allocate",
     "check_scenario": "mcnav.notebook",
     "compare_runs": "mcnav.workflow.compare",
+    "export_run": "mcnav.workflow.export",
     "fly": "mcnav.notebook",
     "linear_covariance": "mcnav.studies.lincov",
     "open_run": "mcnav.notebook",
@@ -84,6 +86,7 @@ __all__ = [
     "allocate",
     "check_scenario",
     "compare_runs",
+    "export_run",
     "fly",
     "linear_covariance",
     "open_run",

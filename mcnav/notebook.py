@@ -20,23 +20,31 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 from jinja2 import Environment
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from mcnav.config.read import Campaign, campaign_from
 from mcnav.config.sweep_values import POINTS
+from mcnav.errors import reading_file
 from mcnav.report import filter_verdict, sentences
+from mcnav.report.arrays import arrays
+from mcnav.report.dataset import dataset
 from mcnav.report.figures.figure import Figure
 from mcnav.report.model import RunAnalysis
 from mcnav.report.page import figures
+from mcnav.report.result_table import Units
 from mcnav.report.sweep import frame
+from mcnav.report.tables_over_time import epochs
 from mcnav.scenarios.conformance import Check
 from mcnav.store.run_folder import RunFolder
 from mcnav.studies.lincov import read_times
 from mcnav.studies.sweep import JOBS, SweepPlan, run_sweep
 from mcnav.workflow import run as workflow
 from mcnav.workflow.analyse import analyse, samples_of
+from mcnav.workflow.export import result_tables, write_export
 
 if TYPE_CHECKING:
+    import xarray as xr
     from matplotlib.figure import Figure as MplFigure
 
 SHOWN = """<div><p><strong>{{ name }}</strong>: {{ headline }}</p><p>{{ explanation }}</p>
@@ -68,7 +76,7 @@ class FlownRun:
     def __init__(self, path: Path) -> None:
         self.path = path
         folder = RunFolder(path)
-        with threadpool_limits(1):
+        with threadpool_limits(1), reading_file(path):
             self.content: RunAnalysis = analyse(folder)
             _ = self.content.history, self.content.campaign, self.content.envelopes  # refused here when damaged
 
@@ -112,6 +120,54 @@ class FlownRun:
         }
         return pd.DataFrame(columns, index=pd.Index(self._keys("outputs")[:count], name="output"))
 
+    @cached_property
+    def epochs(self) -> pd.DataFrame:
+        """Errors over the flight: a row for each epoch and output, in the unit of the column ``unit``.
+
+        Columns are the linear and the plain Monte Carlo mean and sigma, the interval of the latter at the campaign's
+        confidence, percentiles of the stored samples and, with a filter, its sigma, the errors' root mean square, their
+        ratio with its interval, and shares within one and three of the filter's sigmas.
+
+        >>> run.epochs.xs("altitude", level="output")["sigma_linear"].plot()  # doctest: +SKIP
+
+        Raises `ValueError` when the run has no errors over time.
+        """
+        table = epochs(self.content)
+        if table is None:
+            raise ValueError(f"{self.path}: the engine of this run computes no errors over time")
+        return table.frame(indexed=True)
+
+    @cached_property
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """All tables by name, final and over time, as `mcnav export` writes them, in the units shown."""
+        return {name: table.frame() for name, table in result_tables(self.content).items()}
+
+    @cached_property
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """P, S, Q and all covariances in SI with names and units; see `mcnav.report.arrays`."""
+        return arrays(self.content)
+
+    def to_xarray(self, units: Units = "SI") -> xr.Dataset:
+        """Return results over time and all matrices as an xarray data set; ``units`` as in `covariance`.
+
+        Dimensions are ``time``, ``output``, ``source``, ``process`` and, with a filter, ``group``, ``state`` and
+        ``sensor``; units are in coordinates such as ``output_unit``.
+
+        Raises
+        ------
+        ImportError
+            When xarray is not installed.
+        ValueError
+            When there are no such units.
+        """
+        _check_units(units)
+        return dataset(self.content, units)
+
+    def export(self, folder: str | Path, units: Units = "shown") -> list[Path]:
+        """Write all tables as CSV and the matrices as ``.npz`` and ``.mat``; see `mcnav.workflow.export`."""
+        _check_units(units)
+        return write_export(self.content, Path(folder), units)
+
     @property
     def budget(self) -> pd.DataFrame:
         """Share of each source and process (row) in each output's linear variance (column), a number without unit."""
@@ -143,8 +199,7 @@ class FlownRun:
         kinds = ("linear", "sample", "paired")
         if kind not in kinds:
             raise ValueError(f"kind must be one of {', '.join(kinds)}; got {kind!r}")
-        if units not in ("SI", "shown"):
-            raise ValueError(f"units must be one of SI, shown; got {units!r}")
+        _check_units(units)
         keys, covariance = self._keys("outputs"), getattr(self.content.comparison, f"covariance_{kind}")
         if units == "shown":
             covariance = covariance * np.outer(self.content.output_scale, self.content.output_scale)
@@ -198,6 +253,11 @@ class FlownRun:
     def _headline(self) -> str:
         """The verdicts on linear analysis and, if there is one, on the filter."""
         return f"{sentences.headline(self.summary)} {filter_verdict.headline(self.summary)}".rstrip()
+
+
+def _check_units(units: str) -> None:
+    if units not in ("SI", "shown"):
+        raise ValueError(f"units must be one of SI, shown; got {units!r}")
 
 
 def open_run(path: str | Path) -> FlownRun:

@@ -232,18 +232,19 @@ def filter_schema(
         groups["sensors"] = estimated
     names = tuple(state.name for state in states)
     sizes = {sensor.name: len(sensor.components) for sensor in sensors}
-    return FilterSchema(groups, len(OUTPUTS), names, tuple(units[name] for name in names), sizes)
+    shown = tuple(units[name] for name in names)
+    return FilterSchema(groups, len(OUTPUTS), names, shown, sizes, model.considers)
 
 
 def believed_shares(
     imu: Imu, sensors: tuple[Sensor, ...], model: FilterModel, sigmas: Mapping[str, float]
 ) -> dict[str, float]:
-    """Return the variance that a filter believes of each cause over the true one; zero for what it neglects.
+    """Return the variance that a filter believes of each cause over its true mean square; zero for what it neglects.
 
     Parameters
     ----------
     sigmas : mapping of str to float
-        True standard deviations of the constant sources.
+        True root mean squares of the constant sources.
     """
     beliefs, states = model.beliefs, {state.name: state for state in model.states}
     found: dict[str, float] = {}

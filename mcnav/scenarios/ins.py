@@ -150,7 +150,7 @@ class Navigation:
     filter : FilterModel, optional
         Of an aided navigation.
     sigmas : mapping of str to float
-        True standard deviations of the constant sources, where they are known: what a filter believes is compared.
+        True root mean squares of the constant sources, where they are known: what a filter believes is compared.
     """
 
     truth: Truth
@@ -393,7 +393,7 @@ class Ins:
         return instruments + aiding_outputs(self.navigation.sensors)
 
     def with_filter(self, model: FilterModel, sigmas: Mapping[str, float] | None = None) -> Ins:
-        """Return the same scenario with a filter, and the true standard deviations of the constant sources."""
+        """Return the same scenario with a filter, and the true root mean squares of the constant sources."""
         return Ins(replace(self.navigation, filter=model, sigmas=sigmas or {}))
 
     @property

@@ -94,7 +94,8 @@ def _sphere_rule() -> tuple[Array, Array]:
 def normal_error_radius(mean: Array, covariance: Array, probability: float) -> float:
     """Compute the radius about zero that holds a share, up to 0.99, of a normal distribution in two or three axes.
 
-    Parameters as for `normal_probability_within` and `normal_probability_within_sphere`.
+    Radii are remembered: a report asks for the same ones in several places. Parameters as for
+    `normal_probability_within` and `normal_probability_within_sphere`.
 
     >>> round(normal_error_radius(np.zeros(2), np.eye(2), 0.5), 6)  # CEP: sqrt(2 ln 2)
     1.17741
@@ -103,6 +104,12 @@ def normal_error_radius(mean: Array, covariance: Array, probability: float) -> f
     >>> round(normal_error_radius(np.zeros(3), np.eye(3), 0.5), 6)  # SEP: median of a chi variable
     1.538172
     """
+    return _error_radius(tuple(mean.tolist()), tuple(covariance.ravel().tolist()), probability)
+
+
+@lru_cache(maxsize=256)
+def _error_radius(centre: tuple[float, ...], elements: tuple[float, ...], probability: float) -> float:
+    mean, covariance = np.array(centre), np.array(elements).reshape(len(centre), -1)
     scale = float(np.sqrt(max(np.trace(covariance), 0.0)) + np.linalg.norm(mean))
     if scale == 0.0 or not np.isfinite(scale):
         return scale

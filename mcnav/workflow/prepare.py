@@ -307,6 +307,7 @@ def _same_times(one: Array, other: Array) -> bool:
 def _filter_record(schema: FilterSchema, epochs: Epochs, scenario: Scenario, errors: ErrorModel) -> FilterRecord:
     """Describe a filter, with what linear analysis says of it and of the truth."""
     found = _filter_prediction(scenario, epochs)
+    optional: dict[str, Any] = {"considered": schema.considered} if schema.considered else {}
     record = FilterRecord(
         label=epochs.label,
         times=epochs.times,
@@ -315,6 +316,7 @@ def _filter_record(schema: FilterSchema, epochs: Epochs, scenario: Scenario, err
         states=schema.states,
         units=schema.units,
         sensors=dict(schema.sensors),
+        **optional,
     )
     if found is None:
         return record

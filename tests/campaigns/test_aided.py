@@ -134,6 +134,28 @@ def test_neglected_errors_make_a_filter_optimistic(tmp_path: Path) -> None:
     assert groups["sensors"]["ratio_linear"] is None  # linear analysis has variances of these states, and no covariance
 
 
+def test_the_mean_of_a_fixed_error_is_named(tmp_path: Path) -> None:
+    """A lever arm that is 5 m longer than the filter knows moves all positions alike.
+
+    A gyro's bias, fixed in truth, of which the filter believes the size, is none of the causes.
+    """
+    described = shortened(19, 300.0, (100.0, 120.0))
+    described["errors"] |= {
+        "gnss_lever_arm_x": {"distribution": "fixed", "value": "5 m"},
+        "gyro_bias_x": {"distribution": "fixed", "value": "0.008 deg/h"},
+    }
+    del described["imu"]["gyro"]["bias"]
+    described["filter"]["believes"] = {"imu": {"gyro": {"bias": "0.008 deg/h"}}}
+    summary = run(tmp_path / "run", described, samples=100)
+    known = summary["filter"]
+    assert (known["verdict"], known["group"]) == ("optimistic", "position")
+    assert known["neglected"][0]["name"] == "mean_of_gnss_lever_arm_x"
+    assert known["neglected"][0]["share"] > 0.99
+    assert not any("gyro_bias_x" in cause["name"] for cause in known["neglected"])
+    assert known["neglected_output"].startswith("position_")
+    assert "the largest error that it neglects is mean of gnss lever arm x" in summary["filter_verdict"]
+
+
 def test_the_largest_errors_that_are_neglected() -> None:
     """At the worst time of the whole hour, by linear analysis."""
     found = covariance(entries(20))
