@@ -15,6 +15,7 @@ from typing import Annotated, Any, Literal, ParamSpec, TypeVar
 
 import typer
 
+from mcnav.pages import Page, page_text
 from mcnav.report.fitted_table import OpenConsole
 
 CHECK_FAILED, BAD_INPUT, SOME_FAILED, BUSY, INTERRUPTED, TERMINATED = 1, 2, 3, 4, 130, 143
@@ -22,12 +23,6 @@ CHECK_FAILED, BAD_INPUT, SOME_FAILED, BUSY, INTERRUPTED, TERMINATED = 1, 2, 3, 4
 
 GARBAGE_THRESHOLD = 50_000
 """New objects after which Python looks for cycles to free."""
-
-FILES = {
-    "tn-d1772": "reproduce/tn_d1772/TN_D1772.md",
-    "story": "reproduce/story_of_84_minutes/STORY_OF_84_MINUTES.md",
-}
-"""Files of pages that are not named like the page."""
 
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None, add_completion=True)
 new = typer.Typer(no_args_is_help=True, help="Write a new campaign, or a new scenario with its test, ready to run.")
@@ -38,10 +33,6 @@ Result = TypeVar("Result")
 Format = Literal["table", "csv", "json"]
 Axes = Literal["start", "trajectory"]
 TemplateType = Literal["reentry", "cruise", "hover"]
-Page = Literal[
-    "guide", "campaigns", "scenarios", "trajectories", "commands", "report", "notebook", "scaling", "notation",
-    "architecture", "tn-d1772", "story",
-]  # fmt: skip
 CampaignFile = Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file (TOML).")]
 Folder = Annotated[Path, typer.Argument(metavar="RUN", help="Run folder.")]
 Folders = Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders.")]
@@ -636,9 +627,7 @@ def new_scenario(
 @app.command()
 def docs(page: Annotated[Page, typer.Argument(metavar="PAGE", help="Page to show.")] = "guide") -> None:
     """Show a page of the documentation."""
-    from importlib.resources import files
-
-    text = files("mcnav").joinpath(FILES.get(page, f"{page.upper()}.md")).read_text(encoding="utf-8")
+    text = page_text(page)
     if out.is_terminal:
         from rich.markdown import Markdown
 
