@@ -207,6 +207,8 @@ def run(
 
     Exit status: 0 success, 1 a requirement is not met or undecided (with --check), 2 bad input,
     3 some samples failed, 4 folder in use, 130 interrupted.
+
+    Example: mcnav run campaigns/11_cruise.toml --samples 1000
     """
     from mcnav.config.read import read_campaign
     from mcnav.execution.dask_cluster import open_executor
@@ -254,7 +256,10 @@ def report(
     folders: Folders,
     show: Annotated[bool, typer.Option("--open", help="Open the reports in the browser.")] = False,
 ) -> None:
-    """Analyse finished runs again and write their reports."""
+    """Analyse finished runs again and write their reports.
+
+    Example: mcnav report reports/11_cruise --open
+    """
     import webbrowser
 
     from mcnav.workflow.analyse import report_run
@@ -275,7 +280,10 @@ def figure(
     width: Annotated[float | None, typer.Option(min=2.0, max=100.0, help="Width, cm [default: the page's].")] = None,
     font_scale: Annotated[float, typer.Option(min=0.2, max=5.0, help="Size of text over the page's.")] = 1.0,
 ) -> None:
-    """Draw a figure of a run's report by itself, for a paper."""
+    """Draw a figure of a run's report by itself, for a paper.
+
+    Example: mcnav figure reports/11_cruise scatter --out scatter.pdf --width 9
+    """
     from mcnav.notebook import open_run
 
     if into.suffix.lower() not in (".pdf", ".svg", ".png"):
@@ -297,6 +305,8 @@ def compare(
 
     With several runs, show the inputs that differ and the change of each output from the first run, with intervals.
     Runs with the same seed, design and sources are compared on common draws.
+
+    Example: mcnav compare reports/11_cruise reports/other --html both.html
     """
     from mcnav.errors import reading_file
     from mcnav.files import write_whole
@@ -351,6 +361,8 @@ def replay(
     """Simulate one sample of a run again; write its errors, outcome and time history as a page and a CSV file.
 
     Exit status: 0 the outcome is as stored, 1 it is different, 2 bad input.
+
+    Example: mcnav replay reports/11_cruise 12
     """
     from mcnav.report.replay import lines
     from mcnav.workflow import replay as replaying
@@ -370,7 +382,10 @@ def index(
         "reports"
     ),
 ) -> None:
-    """Write index.html, a list of all runs in a folder and its subfolders."""
+    """Write index.html, a list of all runs in a folder and its subfolders.
+
+    Example: mcnav index reports
+    """
     from mcnav.workflow.index import write_index
 
     written, count = write_index(folder)
@@ -394,6 +409,8 @@ def partials(
     """Show the partial derivatives P of the final errors, and the differences between three methods.
 
     With --start-times, write P and the linear dispersion as functions of the start of navigation.
+
+    Example: mcnav partials campaigns/11_cruise.toml --method variational
     """
     from mcnav.config.read import read_campaign
     from mcnav.lincov.partials import compare_partials
@@ -434,6 +451,8 @@ def start_times(
 
     The campaign's optional table [start_times] sets errors that vary with the start time, weights of the outputs, and
     the start times to check.
+
+    Example: mcnav start-times campaigns/09_start_times.toml
     """
     _start_times(campaign, folder, axes, count, checks=True)
 
@@ -462,7 +481,10 @@ def linearity(
     largest: Annotated[float, typer.Option(min=0.2, max=1_000.0, help="Largest multiple of all errors.")] = 50.0,
     folder: OutFolder = None,
 ) -> None:
-    """Find the multiples of the errors at which linear analysis fails, for each source alone and all together."""
+    """Find the multiples of the errors at which linear analysis fails, for each source alone and all together.
+
+    Example: mcnav linearity campaigns/14_polar.toml --samples 500
+    """
     from mcnav.config.read import read_campaign
     from mcnav.report import progress, sentences, terminal
     from mcnav.studies.linearity import write_linearity
@@ -491,6 +513,8 @@ def lincov(
 
     With aiding, it is that of the closed loop: true sigmas and those that the filter states, twice where an update
     falls on a time.
+
+    Example: mcnav lincov campaigns/19_flight_with_gnss.toml --at "1800 s"
     """
     from mcnav.config.read import read_campaign
     from mcnav.report import lincov as tables
@@ -516,6 +540,8 @@ def check_scenario(campaign: CampaignFile) -> None:
     """Check a campaign's scenario: determinism, shapes, units, linearity near zero, partials against differences.
 
     Exit status: 0 all checks passed, 1 a check failed, 2 bad input.
+
+    Example: mcnav check-scenario campaigns/14_polar.toml
     """
     from mcnav.config.read import read_campaign
     from mcnav.report import terminal
@@ -539,7 +565,10 @@ def trajectory(
     ] = None,
     form: FormatOption = "table",
 ) -> None:
-    """Check and describe a trajectory: rows, ranges, largest force and turn rate, agreement of the velocities."""
+    """Check and describe a trajectory: rows, ranges, largest force and turn rate, agreement of the velocities.
+
+    Example: mcnav trajectory campaigns/flight.csv --out flight.html
+    """
     from mcnav.files import write_texts
     from mcnav.report import trajectory as described
     from mcnav.workflow.trajectory import describe_campaign, describe_file
@@ -573,6 +602,8 @@ def imu(
     """List the catalogue of inertial measurement units, or the values of one with their sources.
 
     A campaign takes one with grade = "NAME" in [imu].
+
+    Example: mcnav imu navigation
     """
     from mcnav.config.imu_catalogue import catalogue_units
     from mcnav.errors import suggestion
@@ -603,7 +634,10 @@ def new_campaign(
     kind: Annotated[TemplateType, typer.Option("--type", help="Scenario.")] = "reentry",
     into: Into = Path(),
 ) -> None:
-    """Write a campaign file."""
+    """Write a campaign file.
+
+    Example: mcnav new campaign mine --type cruise
+    """
     from mcnav.config.templates import new_campaign
 
     (written,) = new_campaign(name, into, kind)
@@ -616,7 +650,10 @@ def new_scenario(
     stochastic: Annotated[bool, typer.Option("--stochastic", help="With noise and errors over time.")] = False,
     into: Into = Path(),
 ) -> None:
-    """Write a scenario class, a campaign that uses it, and its test."""
+    """Write a scenario class, a campaign that uses it, and its test.
+
+    Example: mcnav new scenario my_system --stochastic
+    """
     from mcnav.config.templates import new_scenario
 
     code, campaign, test = new_scenario(name, into, stochastic)
@@ -626,7 +663,10 @@ def new_scenario(
 
 @app.command()
 def docs(page: Annotated[Page, typer.Argument(metavar="PAGE", help="Page to show.")] = "guide") -> None:
-    """Show a page of the documentation."""
+    """Show a page of the documentation.
+
+    Example: mcnav docs campaigns
+    """
     text = page_text(page)
     if out.is_terminal:
         from rich.markdown import Markdown
@@ -645,7 +685,10 @@ def reproduce(
     ],
     folder: Annotated[Path | None, typer.Option("--out", help="Output folder [default: reports/DOCUMENT].")] = None,
 ) -> None:
-    """Recompute the numbers and figures of a published document; write a page and CSV files."""
+    """Recompute the numbers and figures of a published document; write a page and CSV files.
+
+    Example: mcnav reproduce tn-d1772
+    """
     from collections import Counter
 
     from mcnav.reproduce.story_of_84_minutes import page as story_page
@@ -671,6 +714,8 @@ def calibrate(
     """Validate the statistics: coverage of intervals, false alarms and power; write a page and a CSV file.
 
     The campaigns are synthetic and their moments known. Every measured rate has its binomial interval.
+
+    Example: mcnav calibrate --trials 100
     """
     from mcnav.calibration import page
     from mcnav.calibration.filter_trials import run_filter_trials
