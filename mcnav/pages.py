@@ -6,8 +6,10 @@ from importlib.resources import files
 from typing import Final, Literal, get_args
 
 Page = Literal[
-    "guide", "report", "notation", "campaigns", "scenarios", "trajectories", "commands", "notebook", "scaling",
-    "architecture", "tn-d1772", "story",
+    "guide", "tutorial-reentry", "tutorial-cruise", "tutorial-flight", "tutorial-aided", "tutorial-scenario",
+    "tutorial-noise", "howto-instruments", "howto-filter", "howto-requirements", "howto-samples", "howto-compare",
+    "howto-failures", "method", "report", "notation", "campaigns", "scenarios", "trajectories", "commands", "notebook",
+    "scaling", "architecture", "tn-d1772", "story",
 ]  # fmt: skip
 
 _ELSEWHERE: Final[dict[Page, str]] = {

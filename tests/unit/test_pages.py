@@ -104,6 +104,12 @@ def test_every_target_of_make_exists(page: Path) -> None:
     assert set(asked) <= set(targets)
 
 
+@pytest.mark.parametrize("page", FILES, ids=named)
+def test_every_page_that_is_named_exists(page: Path) -> None:
+    named = re.findall(r"`mcnav docs ([\w-]+)`", page.read_text(encoding="utf-8"))
+    assert {name for name in named if name != "PAGE"} <= set(PAGES)
+
+
 @pytest.mark.parametrize("page", PAGES)
 def test_every_page_is_shown(page: Page, capsys: pytest.CaptureFixture[str]) -> None:
     docs(page)
