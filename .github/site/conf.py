@@ -6,6 +6,7 @@ project = "mcnav"
 version = release = version_of("mcnav")
 language = "en"
 smartquotes = False  # options begin with two hyphens
+html_show_search_summary = False  # a browser does not let a file fetch others
 html_title = f"mcnav {version}"
 html_copy_source = html_show_sourcelink = html_show_sphinx = html_show_copyright = False
 
