@@ -94,7 +94,7 @@ def linked(text: str, page: Copied, names: dict[str, str], attached: set[str]) -
         return f"](/{file})"
 
     def named(found: re.Match[str]) -> str:
-        text = found[1]
+        text = " ".join(found[1].split())  # a line may end within it
         if text.startswith("campaigns/"):
             anchor = Path(text).stem.replace("_", "-")
             return f"[`{text}`](/reference/examples.md#{anchor})" if (ROOT / text).exists() else found[0]
@@ -104,16 +104,17 @@ def linked(text: str, page: Copied, names: dict[str, str], attached: set[str]) -
     pieces = re.split(r"(^```.*?^```\n)", text, flags=re.DOTALL | re.MULTILINE)
     for i in range(0, len(pieces), 2):  # outside of blocks
         piece = re.sub(r"\]\((?!https?:|#)(?P<target>[^)#\s]+)(?P<anchor>#[^)]*)?\)", link, pieces[i])
-        pieces[i] = re.sub(r"(?<!\[)`((?:mcnav docs [\w-]+|[\w./-]+\.md|campaigns/\w+\.toml))`", named, piece)
+        pieces[i] = re.sub(r"(?<!\[)`((?:mcnav\s+docs\s+[\w-]+|[\w./-]+\.md|campaigns/\w+\.toml))`", named, piece)
     return "".join(pieces)
 
 
-def contents() -> str:
-    """Write the navigation of the site."""
-    trees = [
-        "\n".join(["```{toctree}", f":caption: {caption}", ":hidden:", "", *pages, "```"])
-        for caption, pages in CONTENTS.items()
-    ]
+def contents(texts: dict[str, str]) -> str:
+    """Write the navigation of the site; its captions say what the pages' titles would repeat."""
+    trees = []
+    for caption, pages in CONTENTS.items():
+        titles = [re.findall(r"^# (?:Tutorial: |How to )?(.*)$", texts[page], re.MULTILINE)[0] for page in pages]
+        entries = [f"{title[:1].upper()}{title[1:]} <{page}>" for title, page in zip(titles, pages, strict=True)]
+        trees.append("\n".join(["```{toctree}", f":caption: {caption}", ":hidden:", "", *entries, "```"]))
     return "\n\n".join(trees) + "\n"
 
 
@@ -124,9 +125,9 @@ def stage(folder: Path) -> None:
     pages = copied_pages()
     names, attached = {str(page.file): page.name for page in pages}, set[str]()
     texts = {page.name: linked((ROOT / page.file).read_text(encoding="utf-8"), page, names, attached) for page in pages}
-    texts["index"] = f"{texts['index'].partition('## Documentation')[0]}\n{contents()}"
     texts |= {name: make() for name, make in GENERATED.items()}
     texts |= {f"reference/{page.stem}": page.read_text(encoding="utf-8") for page in (HERE / "pages").glob("*.md")}
+    texts["index"] = f"{texts['index'].partition('## Documentation')[0]}\n{contents(texts)}"
     for name, text in texts.items():
         written = folder / f"{name}.md"
         written.parent.mkdir(parents=True, exist_ok=True)
