@@ -2,7 +2,7 @@
 
 The pages are those that `mcnav docs` shows, the README, the changelog, the page for contributors and the benchmarks.
 They are copied to build/pages, with their links turned to each other, and with the pages of this folder and those that
-`generated.py` makes of the program itself: commands, keys of campaign files, examples. Sphinx then builds the site; a
+`generated.py` makes of the program itself: commands, examples. Sphinx then builds the site; a
 warning is an error, and no network is needed.
 """
 
@@ -35,7 +35,6 @@ FROM_THE_REPOSITORY: Final = {
 
 GENERATED: Final = {
     "reference/commands": generated.commands,
-    "reference/keys": generated.keys,
     "reference/examples": generated.examples,
 }
 
@@ -44,7 +43,7 @@ CONTENTS: Final = {
     "How to": (*(page for page in PAGES if page.startswith("howto-")), "scaling"),
     "Explanation": ("method", "report", "notation", "tn-d1772", "story"),
     "Reference": (
-        "commands", "reference/commands", "campaigns", "reference/keys", "reference/examples", "trajectories",
+        "commands", "reference/commands", "campaigns", "reference/examples", "trajectories",
         "scenarios", "notebook", "reference/api",
     ),
     "Project": ("architecture", "benchmarks", "contributing", "changelog"),

@@ -7,16 +7,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
+from markdown import escape
 from typer.main import get_command
 
 from mcnav.cli import app
 
 ROOT: Final = Path(__file__).resolve().parent.parent.parent
-
-
-def escape(text: str) -> str:
-    """Let a text stand in Markdown, and in a cell of its tables, as it is."""
-    return re.sub(r"([\\`*_\[\]<>|])", r"\\\1", text)
 
 
 def walk(command: Any, name: str) -> Iterator[tuple[str, Any]]:
@@ -54,11 +50,6 @@ def help_text(text: str) -> str:
         else:
             paragraphs.append(escape(" ".join(lines)))
     return "\n\n".join(paragraphs)
-
-
-def keys() -> str:
-    """Write the page of all keys of a campaign file."""
-    return "# Keys of a campaign file\n"
 
 
 def examples() -> str:
