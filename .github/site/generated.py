@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
-from markdown import escape
+from escaping import escape
 from typer.main import get_command
 
 from mcnav.cli import app

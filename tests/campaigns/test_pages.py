@@ -13,6 +13,17 @@ from tests.printed import blocks, follow, missing_line, same_text
 FOLLOWED = [page for page in PAGES if page.startswith(("tutorial-", "howto-"))]
 LANGUAGES = {"console", "pycon", "toml", "python"}
 
+ELSEWHERE = {
+    "../README.md": {"toml", "python"},
+    "CAMPAIGNS.md": {"toml"},
+    "GUIDE.md": {"sh", "toml"},
+    "NOTEBOOK.md": {"python"},
+    "SCALING.md": {"sh"},
+    "SCENARIOS.md": {"sh", "python"},
+    "TRAJECTORIES.md": {"toml"},
+}
+"""Languages of the blocks of other pages, which `test_documentation.py` executes or checks."""
+
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", FOLLOWED)
@@ -22,6 +33,13 @@ def test_a_page_is_followed(page: str, tmp_path: Path) -> None:
     assert follow(text, tmp_path).done > 0
     assert {block.language for block in blocks(text)} <= LANGUAGES
     assert all(len(line) <= 160 for line in text.splitlines())
+
+
+@pytest.mark.parametrize("page", ["../README.md", *(file for page, file in PAGES.items() if page not in FOLLOWED)])
+def test_no_code_of_another_page_is_left_out(page: str) -> None:
+    text = (ROOT / "mcnav" / page).read_text(encoding="utf-8")
+    assert {block.language for block in blocks(text)} == ELSEWHERE.get(page, set())
+    assert text.count("\n```") == 2 * len(blocks(text))
 
 
 @pytest.mark.parametrize(

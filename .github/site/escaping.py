@@ -1,4 +1,4 @@
-"""Markdown."""
+"""Text in Markdown."""
 
 from __future__ import annotations
 
