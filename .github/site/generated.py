@@ -40,15 +40,12 @@ def commands() -> str:
 
 
 def help_text(text: str) -> str:
-    """Turn a command's help into Markdown; its examples, lines that begin with ``mcnav``, become code."""
+    """Turn a command's help into Markdown; its example becomes code."""
     paragraphs = []
     for paragraph in text.strip().split("\n\n"):
-        lines = [line.strip() for line in paragraph.replace("\b", "").strip().splitlines()]
-        examples = [line.removeprefix("Example: ") for line in lines if re.match(r"(Example: )?mcnav ", line)]
-        if examples:
-            paragraphs.append("```sh\n" + "\n".join(examples) + "\n```")
-        else:
-            paragraphs.append(escape(" ".join(lines)))
+        words, _, example = " ".join(paragraph.split()).partition("Example: ")
+        paragraphs += [escape(words)] if words else []
+        paragraphs += [f"```sh\n{example}\n```"] if example else []
     return "\n\n".join(paragraphs)
 
 
