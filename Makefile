@@ -3,10 +3,10 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constraint .ci/constraints.txt
 
-.PHONY: demo test quick lint check docs bench examples clean
+.PHONY: demo test quick lint check docs bench examples dist clean
 
 demo: .venv/installed
-	$(BIN)/mcnav run campaigns/01_tn_d1772_trajectory_4.toml
+	$(BIN)/mcnav demo
 
 test: .venv/tested
 	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal
@@ -58,5 +58,11 @@ examples: .venv/installed
 .venv/benched: .venv/installed
 	$(BIN)/python -m tests.benchmarks.install $@
 
+# The wheel and the source distribution, into dist/.
+dist: .venv/installed
+	$(PIP) build
+	rm -rf dist
+	$(BIN)/python -m build
+
 clean:
-	rm -rf .venv build mcnav.egg-info
+	rm -rf .venv build dist mcnav.egg-info

@@ -23,15 +23,21 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from mcnav.analysis.allocation import Allocation
+    from mcnav.analysis.linear_answer import LinearAnswer
     from mcnav.config.read import Campaign, read_campaign
     from mcnav.errors import CampaignError, RunFolderError
-    from mcnav.notebook import FlownRun, check_scenario, fly, open_run, run_campaign
+    from mcnav.notebook import FlownRun, check_scenario, fly, open_run, run_campaign, sweep
     from mcnav.scenarios.flown import Flown, Innovations
     from mcnav.scenarios.protocol import Epochs, History, Output, Panel, SimulationResult, Source
+    from mcnav.studies.allocate import allocate
+    from mcnav.studies.lincov import linear_covariance
     from mcnav.workflow.analyse import report_run, samples_of, summary_of
     from mcnav.workflow.compare import RunComparison, compare_runs
+    from mcnav.workflow.export import export_run
 
 _HOMES = {
+    "Allocation": "mcnav.analysis.allocation",
     "RunComparison": "mcnav.workflow.compare",
     "Campaign": "mcnav.config.read",
     "CampaignError": "mcnav.errors",
@@ -41,22 +47,28 @@ _HOMES = {
     "History": "mcnav.scenarios.protocol",
     "Innovations": "mcnav.scenarios.flown",
     "SimulationResult": "mcnav.scenarios.protocol",
+    "LinearAnswer": "mcnav.analysis.linear_answer",
     "Output": "mcnav.scenarios.protocol",
     "Panel": "mcnav.scenarios.protocol",
     "RunFolderError": "mcnav.errors",
     "Source": "mcnav.scenarios.protocol",
+    "allocate": "mcnav.studies.allocate",
     "check_scenario": "mcnav.notebook",
     "compare_runs": "mcnav.workflow.compare",
+    "export_run": "mcnav.workflow.export",
     "fly": "mcnav.notebook",
+    "linear_covariance": "mcnav.studies.lincov",
     "open_run": "mcnav.notebook",
     "read_campaign": "mcnav.config.read",
     "report_run": "mcnav.workflow.analyse",
     "run_campaign": "mcnav.notebook",
     "samples_of": "mcnav.workflow.analyse",
     "summary_of": "mcnav.workflow.analyse",
+    "sweep": "mcnav.notebook",
 }
 
 __all__ = [
+    "Allocation",
     "Campaign",
     "CampaignError",
     "Epochs",
@@ -64,21 +76,26 @@ __all__ = [
     "FlownRun",
     "History",
     "Innovations",
+    "LinearAnswer",
     "Output",
     "Panel",
     "RunComparison",
     "RunFolderError",
     "SimulationResult",
     "Source",
+    "allocate",
     "check_scenario",
     "compare_runs",
+    "export_run",
     "fly",
+    "linear_covariance",
     "open_run",
     "read_campaign",
     "report_run",
     "run_campaign",
     "samples_of",
     "summary_of",
+    "sweep",
 ]
 
 _EARLIER = {"Between": "RunComparison", "Outcomes": "SimulationResult"}

@@ -8,10 +8,10 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager
-from typing import Final
+from typing import Any, Final
 
 _PR_SET_PDEATHSIG: Final = 1
 
@@ -33,10 +33,22 @@ def end_with_parent(parent: int) -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
+class _Inline(Executor):
+    """Executor that calls at once, in the caller's thread."""
+
+    def submit(self, function: Callable[..., Any], /, *given: Any, **named: Any) -> Future[Any]:
+        found: Future[Any] = Future()
+        try:
+            found.set_result(function(*given, **named))
+        except Exception as wrong:
+            found.set_exception(wrong)
+        return found
+
+
 @contextmanager
-def side_threads(count: int) -> Iterator[ThreadPoolExecutor]:
-    """Provide an executor of threads that an exception, such as Ctrl-C, does not wait for."""
-    executor = ThreadPoolExecutor(count)
+def side_threads(count: int) -> Iterator[Executor]:
+    """Provide an executor of threads that an exception, such as Ctrl-C, does not wait for; without any it is inline."""
+    executor: Executor = ThreadPoolExecutor(count) if count else _Inline()
     try:
         yield executor
     except BaseException:

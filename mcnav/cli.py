@@ -33,12 +33,14 @@ Result = TypeVar("Result")
 Format = Literal["table", "csv", "json"]
 Axes = Literal["start", "trajectory"]
 TemplateType = Literal["reentry", "cruise", "hover"]
+Platform = Literal["strapdown", "inertial", "level"]
 CampaignFile = Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file (TOML).")]
 Folder = Annotated[Path, typer.Argument(metavar="RUN", help="Run folder.")]
 Folders = Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders.")]
 FormatOption = Annotated[
     Format, typer.Option("--format", help="Print a table, or only CSV or JSON in full precision on stdout.")
 ]
+UnitsOption = Annotated[Literal["shown", "SI"], typer.Option(help="Units: those shown in reports, or SI.")]
 Count = Annotated[int | None, typer.Option("--count", min=2, max=100_000, help="Number of start times [default: 241].")]
 OutFolder = Annotated[
     Path | None, typer.Option("--out", help="Output folder [default: reports/NAME_start_times or NAME_linearity].")
@@ -46,6 +48,10 @@ OutFolder = Annotated[
 ChosenAxes = Annotated[Axes | None, typer.Option(help="Where the reference axes are aligned [default: start].")]
 Name = Annotated[str, typer.Argument(metavar="NAME", help="Name of the files: letters, digits and _.")]
 Into = Annotated[Path, typer.Option("--in", help="Output folder.")]
+NamedColumns = Annotated[
+    list[str] | None,
+    typer.Option(metavar="NAME=COLUMN", help="Column of a trajectory file, such as 'lat=latitude [rad]'; repeat."),
+]
 
 _signals: list[int] = []
 """Signals received that end the command."""
@@ -148,9 +154,12 @@ def run_folder(campaign: Path) -> Path:
 
 def _version(asked: bool) -> None:
     if asked:
-        from importlib.metadata import version
+        from importlib.metadata import PackageNotFoundError, version
 
-        out.print(f"mcnav {version('mcnav')}")
+        try:
+            _print(f"mcnav {version('mcnav')}")
+        except PackageNotFoundError:
+            raise _fail("mcnav is not installed here, so that its version is not known") from None
         raise typer.Exit
 
 
@@ -252,6 +261,31 @@ def run(
 
 
 @_command()
+def demo(
+    name: Annotated[
+        str, typer.Argument(metavar="NAME", help="Name or number of the example, such as 19.")
+    ] = "01_tn_d1772_trajectory_4",
+    listed: Annotated[bool, typer.Option("--list", help="List the examples and their questions.")] = False,
+    copy: Annotated[
+        Path | None, typer.Option("--copy", metavar="FOLDER", help="Copy the examples into a folder.")
+    ] = None,
+) -> None:
+    """Run an example campaign that comes with mcnav into reports/ of the current folder.
+
+    Example: mcnav demo 14
+    """
+    from mcnav.config.examples import copy_examples, example, examples
+
+    if listed:
+        for each, question in examples().items():
+            _print(f"{each}\n    {question}")
+    elif copy is not None:
+        _print(f"{len(copy_examples(copy))} files\n\nwritten: {copy}")
+    else:
+        run(campaign=example(name))
+
+
+@_command()
 def report(
     folders: Folders,
     show: Annotated[bool, typer.Option("--open", help="Open the reports in the browser.")] = False,
@@ -273,25 +307,69 @@ def report(
 
 
 @_command()
+def show(
+    folder: Folder,
+    table: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Only this table, such as outputs, budget or requirements.")
+    ] = None,
+    units: UnitsOption = "shown",
+    form: FormatOption = "table",
+) -> None:
+    """Show the verdicts, sigmas, budget and requirements of a finished run, and the consistency of its filter.
+
+    They are read from the run folder's summary; nothing is simulated. Example:
+    mcnav show reports/mine --table budget --format csv
+    """
+    from mcnav.workflow.show import show_run
+
+    text, shown = show_run(folder, table, units, form)
+    sys.stdout.write(text)
+    if shown is not None:
+        out.print(shown, soft_wrap=False)
+
+
+@_command()
+def export(
+    folder: Folder,
+    into: Annotated[Path | None, typer.Option("--out", help="Output folder [default: RUN_export].")] = None,
+    units: UnitsOption = "shown",
+) -> None:
+    """Write all tables of a run as CSV files, and its matrices for numpy and MATLAB.
+
+    Example: mcnav export reports/mine --units SI --out mine_in_si
+    """
+    from mcnav.workflow.export import default_folder, export_run
+
+    _print_written(export_run(folder, into or default_folder(folder), units))
+
+
+@_command()
 def figure(
     folder: Folder,
     name: Annotated[str, typer.Argument(metavar="NAME", help="A figure of the report, such as scatter or budget.")],
     into: Annotated[Path, typer.Option("--out", help="File to write: .pdf, .svg or .png.")],
-    width: Annotated[float | None, typer.Option(min=2.0, max=100.0, help="Width, cm [default: the page's].")] = None,
+    size: Annotated[
+        str | None, typer.Option(metavar="WxH", help="Width and height, such as 88x60mm [default: the page's].")
+    ] = None,
+    width: Annotated[float | None, typer.Option(min=2.0, max=100.0, help="Width alone, cm.")] = None,
     font_scale: Annotated[float, typer.Option(min=0.2, max=5.0, help="Size of text over the page's.")] = 1.0,
+    panel: Annotated[
+        list[str] | None, typer.Option(metavar="TITLE", help="Only this panel, such as 'altitude'; repeat.")
+    ] = None,
+    columns: Annotated[int | None, typer.Option(min=1, max=10, help="Panels side by side.")] = None,
 ) -> None:
     """Draw a figure of a run's report by itself, for a paper.
 
-    Example: mcnav figure reports/11_cruise scatter --out scatter.pdf --width 9
+    Example: mcnav figure reports/mine scatter --size 88x60mm --font-scale 0.8 --out scatter.pdf
     """
-    from mcnav.notebook import open_run
+    from mcnav.report.figures.paper import read_size
+    from mcnav.workflow.figure import draw_figure
 
-    if into.suffix.lower() not in (".pdf", ".svg", ".png"):
-        raise _fail(f"{into}: must end in .pdf, .svg or .png")
-    figures = open_run(folder).drawings
-    if name not in figures:
-        raise _fail(f"NAME: must be one of {', '.join(figures)}; got {name}")
-    figures[name].save(into, width, font_scale)
+    try:
+        wide, high = (width, None) if size is None else read_size(size)
+    except ValueError as wrong:
+        raise _fail(f"--size: {wrong}") from None
+    _print_notes(draw_figure(folder, name, into, wide, high, font_scale, panel or (), columns))
     _print_written([into])
 
 
@@ -509,7 +587,7 @@ def lincov(
     ] = None,
     form: FormatOption = "table",
 ) -> None:
-    """Compute the linear covariance of an inertial navigation over time, without any simulation.
+    """Compute the linear covariance at the end and over time, its causes, and requirements; nothing is simulated.
 
     With aiding, it is that of the closed loop: true sigmas and those that the filter states, twice where an update
     falls on a time.
@@ -521,16 +599,87 @@ def lincov(
     from mcnav.studies.lincov import read_times, write_lincov
 
     times = None if at is None else read_times(at)
-    content = read_campaign(campaign)
-    found, files = write_lincov(content, folder or Path("reports") / f"{campaign.stem}_lincov", times)
-    outputs, last = content.scenario.outputs, len(found.readings.times) - 1
+    found, files = write_lincov(read_campaign(campaign), folder or Path("reports") / f"{campaign.stem}_lincov", times)
     if form != "table":
-        rows = tables.sigma_rows(found, outputs)
-        _export(form, rows, {"sigmas": rows, "contributors": tables.contributor_rows(found, outputs, last)})
+        _export(form, tables.sigma_rows(found), tables.exported(found))
         return
-    out.print(tables.sigma_table(found, outputs, times is not None))
+    out.print(tables.printed(found))
     out.print()
-    out.print(tables.contributor_table(found, outputs, last))
+    _print_written(files)
+
+
+@_command()
+def allocate(
+    campaign: CampaignFile,
+    folder: Annotated[
+        Path | None, typer.Option("--out", help="Output folder [default: reports/NAME_allocate].")
+    ] = None,
+    form: FormatOption = "table",
+) -> None:
+    """Find the data-sheet numbers with which the requirements are just met, by linear analysis.
+
+    Each number is changed alone, all are changed together, and for type ins numbers are moved by one grade of the
+    catalogue. Where the requirements are met, numbers are loosened. Example:
+    mcnav allocate campaigns/19_flight_with_gnss.toml
+    """
+    from mcnav.report import allocate as tables
+    from mcnav.report import progress
+    from mcnav.studies.allocate import write_allocation
+
+    with progress.shown(err) as shown:
+        found, files = write_allocation(campaign, folder or Path("reports") / f"{campaign.stem}_allocate", shown)
+    if form != "table":
+        _export(form, tables.change_rows(found), tables.table(found))
+        return
+    out.print(tables.printed(found))
+    out.print()
+    _print_written(files)
+
+
+@_command()
+def sweep(
+    campaign: CampaignFile,
+    vary: Annotated[
+        list[str],
+        typer.Option(metavar="KEY=VALUES", help="""A key and its values, such as imu.gyro.bias="0.001..1 deg/h"."""),
+    ],
+    against: Annotated[
+        list[str] | None,
+        typer.Option(metavar="MEASURE", help="What is looked at, such as position_horizontal [default: requirements]."),
+    ] = None,
+    points: Annotated[int, typer.Option(min=2, help="Values of each range.")] = 20,
+    confirm: Annotated[
+        int | None, typer.Option(metavar="N", help="Run Monte Carlo at so many points, corners first.")
+    ] = None,
+    at: Annotated[
+        str | None, typer.Option("--at", "--epoch", metavar="TIMES", help="Times of the trajectory [default: the end].")
+    ] = None,
+    jobs: Annotated[int, typer.Option(min=1, help="Parallel jobs.")] = 2,
+    folder: Annotated[Path | None, typer.Option("--out", help="Output folder [default: reports/NAME_sweep].")] = None,
+    form: FormatOption = "table",
+) -> None:
+    """Vary one or two keys of a campaign: accuracy by linear analysis, and the values at which requirements are met.
+
+    VALUES is a range ("0.001..1 deg/h", logarithmic from a decade on) or a list ("1, 2, 5 deg/h"). A MEASURE is an
+    output, position_horizontal, velocity_horizontal, or drms, cep, r95, sep of outputs; a limit may follow:
+
+    mcnav sweep campaign.toml --vary imu.gyro.bias="0.001..1 deg/h" --against "position_horizontal < 20 m"
+    """
+    from mcnav.config.sweep_values import split_varied
+    from mcnav.report import progress
+    from mcnav.report import sweep as tables
+    from mcnav.report.sweep_terminal import printed
+    from mcnav.studies.lincov import read_times
+    from mcnav.studies.sweep import SweepPlan, write_sweep
+
+    times = () if at is None else tuple(read_times(at).tolist())
+    plan = SweepPlan(split_varied(vary), against or (), points, times, jobs)
+    with progress.shown(err) as shown:
+        found, files = write_sweep(campaign, plan, folder or Path("reports") / f"{campaign.stem}_sweep", confirm, shown)
+    if form != "table":
+        _export(form, tables.frame(found).to_dict("records"), {"sweep": tables.table(found)})
+        return
+    out.print(printed(found))
     out.print()
     _print_written(files)
 
@@ -553,16 +702,23 @@ def check_scenario(campaign: CampaignFile) -> None:
         raise typer.Exit(CHECK_FAILED)
 
 
+def _named_columns(named: Sequence[str] | None) -> dict[str, str]:
+    columns = dict[str, str]()
+    for each in named or []:
+        name, equals, written = each.partition("=")
+        if not equals:
+            raise _fail(f"--column: got {each!r}; expected NAME=COLUMN such as 'lat=latitude [rad]'", BAD_INPUT)
+        columns[name.strip()] = written.strip()
+    return columns
+
+
 @_command()
 def trajectory(
     campaign: Annotated[
         Path, typer.Argument(metavar="FILE", help="Trajectory file (CSV or parquet), or a campaign of type ins (TOML).")
     ],
     page: Annotated[Path | None, typer.Option("--out", help="Also write figures as an HTML page.")] = None,
-    column: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=COLUMN", help="Column of a trajectory file, such as 'lat=latitude [rad]'; repeat."),
-    ] = None,
+    column: NamedColumns = None,
     form: FormatOption = "table",
 ) -> None:
     """Check and describe a trajectory: rows, ranges, largest force and turn rate, agreement of the velocities.
@@ -573,12 +729,7 @@ def trajectory(
     from mcnav.report import trajectory as described
     from mcnav.workflow.trajectory import describe_campaign, describe_file
 
-    columns = dict[str, str]()
-    for each in column or []:
-        name, equals, written = each.partition("=")
-        if not equals:
-            raise _fail(f"--column: got {each!r}; expected NAME=COLUMN such as 'lat=latitude [rad]'", BAD_INPUT)
-        columns[name.strip()] = written.strip()
+    columns = _named_columns(column)
     if campaign.suffix == ".toml" and columns:
         raise _fail("--column: belongs to a trajectory file; the campaign names its columns itself", BAD_INPUT)
     found = describe_campaign(campaign) if campaign.suffix == ".toml" else describe_file(campaign, columns)
@@ -634,14 +785,48 @@ def new_campaign(
     kind: Annotated[TemplateType, typer.Option("--type", help="Scenario.")] = "reentry",
     into: Into = Path(),
 ) -> None:
-    """Write a campaign file.
+    """Write a campaign file, and its schema for editors.
 
     Example: mcnav new campaign mine --type cruise
     """
+    from mcnav.config.json_schema.files import write_schema
     from mcnav.config.templates import new_campaign
 
     (written,) = new_campaign(name, into, kind)
-    _print(f"written: {written}\n\nnext: mcnav run {written}")
+    _print_written((written, *write_schema(written.parent)))
+    _print(f"\nnext: mcnav run {written}")
+
+
+@_command("ins", new)
+def new_ins(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name or path of the file; .toml may be left out.")],
+    unit: Annotated[
+        str, typer.Option("--imu", metavar="UNIT", help="Grade or unit of the catalogue; mcnav imu lists them.")
+    ] = "navigation",
+    trajectory: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Trajectory in the campaign's folder or below it [default: some segments]."),
+    ] = None,
+    aid: Annotated[
+        list[str] | None,
+        typer.Option(metavar="TYPE", help="Type of a sensor that aids the navigation, such as gnss; repeat."),
+    ] = None,
+    platform: Annotated[Platform, typer.Option(help="Carrier of the instruments.")] = "strapdown",
+    column: NamedColumns = None,
+    into: Into = Path(),
+) -> None:
+    """Write a commented campaign file of an inertial navigation in three dimensions, and its schema for editors.
+
+    Examples: mcnav new ins mine --imu tactical --aid gnss --aid altimeter;
+    mcnav new ins mine --imu STIM300 --trajectory flight.csv
+    """
+    from mcnav.config.json_schema.files import write_schema
+    from mcnav.config.templates.ins import NewIns, new_ins
+
+    wanted = NewIns(unit, tuple(aid or ()), platform, trajectory, _named_columns(column))
+    (written,) = new_ins(name, into, wanted)
+    _print_written((written, *write_schema(written.parent)))
+    _print(f"\nnext: mcnav run {written}")
 
 
 @_command("scenario", new)
@@ -652,13 +837,31 @@ def new_scenario(
 ) -> None:
     """Write a scenario class, a campaign that uses it, and its test.
 
-    Example: mcnav new scenario my_system --stochastic
+    Example: mcnav new scenario my_system
     """
+    from mcnav.config.json_schema.files import write_schema
     from mcnav.config.templates import new_scenario
 
     code, campaign, test = new_scenario(name, into, stochastic)
-    _print_written((code, campaign, test))
+    _print_written((code, campaign, test, *write_schema(code.parent)))
     _print(f"\nnext: mcnav run {campaign}, then change {'fly' if stochastic else 'propagate'} in {code}")
+
+
+@_command()
+def schema(
+    file: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Write it into a file.")] = None,
+) -> None:
+    """Print the JSON schema of campaign files, by which editors complete, describe and check them.
+
+    Example: mcnav schema --out mcnav.schema.json, and #:schema ./mcnav.schema.json as the first line of a campaign
+    """
+    from mcnav.config.json_schema.files import schema_text
+    from mcnav.files import write_texts
+
+    if file is None:
+        sys.stdout.write(schema_text())
+    else:
+        _print_written(write_texts(file.parent, {file.name: schema_text()}))
 
 
 @app.command()
@@ -680,8 +883,10 @@ def docs(page: Annotated[Page, typer.Argument(metavar="PAGE", help="Page to show
 @_command()
 def reproduce(
     document: Annotated[
-        Literal["tn-d1772", "story-of-84-minutes"],
-        typer.Argument(metavar="DOCUMENT", help="tn-d1772 (NASA TN D-1772) or story-of-84-minutes."),
+        Literal["tn-d1772", "story-of-84-minutes", "textbook"],
+        typer.Argument(
+            metavar="DOCUMENT", help="tn-d1772 (NASA TN D-1772), story-of-84-minutes, or textbook (closed forms)."
+        ),
     ],
     folder: Annotated[Path | None, typer.Option("--out", help="Output folder [default: reports/DOCUMENT].")] = None,
 ) -> None:
@@ -692,17 +897,25 @@ def reproduce(
     from collections import Counter
 
     from mcnav.reproduce.story_of_84_minutes import page as story_page
+    from mcnav.reproduce.textbook import page as textbook_page
     from mcnav.reproduce.tn_d1772 import page
 
     target = folder or Path("reports") / document
     if document == "story-of-84-minutes":
         _print_written(story_page.write(target))
         return
+    if document == "textbook":
+        numbers, written = textbook_page.write(target)
+        out.print(f"{len(numbers)} published numbers")
+        for agreement, count in Counter(number.agreement for number in numbers).most_common():
+            out.print(f"{count:6} {textbook_page.PHRASES[agreement]}")
+        _print_written(written)
+        return
     cells, files = page.write_reproduction(target)
     out.print(f"{len(cells)} printed numbers")
     for mark, count in Counter(cell.mark for cell in cells).most_common():
         out.print(f"{count:6} {page.PHRASES[mark]}")
-    _print(f"\nwritten: {files[0]}\nand {len(files) - 1} CSV files in the same folder")
+    _print(f"\nwritten: {files[0]}\nand {len(files) - 1} tables in the same folder")
 
 
 @_command()
@@ -718,17 +931,8 @@ def calibrate(
     Example: mcnav calibrate --trials 100
     """
     from mcnav.calibration import page
-    from mcnav.calibration.filter_trials import run_filter_trials
-    from mcnav.calibration.table import rates
-    from mcnav.calibration.trials import run_trials
-    from mcnav.files import write_texts
-    from mcnav.sampling.designs import DESIGNS
 
-    counted = zip(run_trials(trials, jobs, DESIGNS), run_filter_trials(trials, jobs), strict=True)
-    table = rates(*(campaigns + filters for campaigns, filters in counted))
-    texts = {"calibration.html": page.render(table, trials)}
-    texts["calibration.csv"] = table.to_csv(index=False, float_format="%.4f")
-    files = write_texts(folder, texts)
+    table, files = page.write_calibration(folder, trials, jobs)
     for finding, count in table[table["finding"] != ""]["finding"].value_counts().items():
         out.print(f"{count:6} rates {finding}")
     out.print()

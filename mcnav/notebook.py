@@ -12,7 +12,7 @@ matrix, as ``{"index": {key: unit}, "columns": {key: unit}}``.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,19 +20,31 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 from jinja2 import Environment
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from mcnav.config.read import Campaign, campaign_from
+from mcnav.config.sweep_values import POINTS
+from mcnav.errors import reading_file
 from mcnav.report import filter_verdict, sentences
+from mcnav.report.arrays import arrays
+from mcnav.report.dataset import dataset
 from mcnav.report.figures.figure import Figure
 from mcnav.report.model import RunAnalysis
 from mcnav.report.page import figures
+from mcnav.report.result_table import Units
+from mcnav.report.sweep import frame
+from mcnav.report.tables_over_time import epochs
 from mcnav.scenarios.conformance import Check
 from mcnav.store.run_folder import RunFolder
+from mcnav.studies.lincov import read_times
+from mcnav.studies.sweep import JOBS, SweepPlan, run_sweep
 from mcnav.workflow import run as workflow
 from mcnav.workflow.analyse import analyse, samples_of
+from mcnav.workflow.export import result_tables, write_export
 
 if TYPE_CHECKING:
+    import xarray as xr
     from matplotlib.figure import Figure as MplFigure
 
 SHOWN = """<div><p><strong>{{ name }}</strong>: {{ headline }}</p><p>{{ explanation }}</p>
@@ -64,7 +76,7 @@ class FlownRun:
     def __init__(self, path: Path) -> None:
         self.path = path
         folder = RunFolder(path)
-        with threadpool_limits(1):
+        with threadpool_limits(1), reading_file(path):
             self.content: RunAnalysis = analyse(folder)
             _ = self.content.history, self.content.campaign, self.content.envelopes  # refused here when damaged
 
@@ -108,6 +120,54 @@ class FlownRun:
         }
         return pd.DataFrame(columns, index=pd.Index(self._keys("outputs")[:count], name="output"))
 
+    @cached_property
+    def epochs(self) -> pd.DataFrame:
+        """Errors over the flight: a row for each epoch and output, in the unit of the column ``unit``.
+
+        Columns are the linear and the plain Monte Carlo mean and sigma, the interval of the latter at the campaign's
+        confidence, percentiles of the stored samples and, with a filter, its sigma, the errors' root mean square, their
+        ratio with its interval, and shares within one and three of the filter's sigmas.
+
+        >>> run.epochs.xs("altitude", level="output")["sigma_linear"].plot()  # doctest: +SKIP
+
+        Raises `ValueError` when the run has no errors over time.
+        """
+        table = epochs(self.content)
+        if table is None:
+            raise ValueError(f"{self.path}: the engine of this run computes no errors over time")
+        return table.frame(indexed=True)
+
+    @cached_property
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """All tables by name, final and over time, as `mcnav export` writes them, in the units shown."""
+        return {name: table.frame() for name, table in result_tables(self.content).items()}
+
+    @cached_property
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """P, S, Q and all covariances in SI with names and units; see `mcnav.report.arrays`."""
+        return arrays(self.content)
+
+    def to_xarray(self, units: Units = "SI") -> xr.Dataset:
+        """Return results over time and all matrices as an xarray data set; ``units`` as in `covariance`.
+
+        Dimensions are ``time``, ``output``, ``source``, ``process`` and, with a filter, ``group``, ``state`` and
+        ``sensor``; units are in coordinates such as ``output_unit``.
+
+        Raises
+        ------
+        ImportError
+            When xarray is not installed.
+        ValueError
+            When there are no such units.
+        """
+        _check_units(units)
+        return dataset(self.content, units)
+
+    def export(self, folder: str | Path, units: Units = "shown") -> list[Path]:
+        """Write all tables as CSV and the matrices as ``.npz`` and ``.mat``; see `mcnav.workflow.export`."""
+        _check_units(units)
+        return write_export(self.content, Path(folder), units)
+
     @property
     def budget(self) -> pd.DataFrame:
         """Share of each source and process (row) in each output's linear variance (column), a number without unit."""
@@ -139,8 +199,7 @@ class FlownRun:
         kinds = ("linear", "sample", "paired")
         if kind not in kinds:
             raise ValueError(f"kind must be one of {', '.join(kinds)}; got {kind!r}")
-        if units not in ("SI", "shown"):
-            raise ValueError(f"units must be one of SI, shown; got {units!r}")
+        _check_units(units)
         keys, covariance = self._keys("outputs"), getattr(self.content.comparison, f"covariance_{kind}")
         if units == "shown":
             covariance = covariance * np.outer(self.content.output_scale, self.content.output_scale)
@@ -194,6 +253,11 @@ class FlownRun:
     def _headline(self) -> str:
         """The verdicts on linear analysis and, if there is one, on the filter."""
         return f"{sentences.headline(self.summary)} {filter_verdict.headline(self.summary)}".rstrip()
+
+
+def _check_units(units: str) -> None:
+    if units not in ("SI", "shown"):
+        raise ValueError(f"units must be one of SI, shown; got {units!r}")
 
 
 def open_run(path: str | Path) -> FlownRun:
@@ -253,3 +317,51 @@ def check_scenario(campaign: str | Path | Campaign | Mapping[str, Any]) -> list[
     Raises `CampaignError` when the campaign cannot be read.
     """
     return workflow.check_scenario(campaign_from(campaign))
+
+
+def sweep(
+    campaign: str | Path | Campaign | Mapping[str, Any],
+    varied: Mapping[str, str | Sequence[object]],
+    *,
+    against: str | Sequence[str] = (),
+    points: int = POINTS,
+    at: str | Sequence[float] = (),
+    jobs: int = JOBS,
+) -> pd.DataFrame:
+    """Vary one or two keys of a campaign: accuracy by linear analysis at every point of a grid.
+
+    Parameters
+    ----------
+    campaign : str, Path, Campaign or mapping
+        In any of the forms that `fly` takes; the file of a `Campaign` is read again.
+    varied : mapping of str to str or sequence
+        Ranges such as ``"0.001..1 deg/h"``, lists such as ``"1, 2, 5 deg/h"``, or sequences of quantities, by path.
+    against : str or sequence of str
+        Measures, such as ``position_horizontal`` or ``"r95(range, cross_range) < 2 km"``; by default those of the
+        requirements, or the usual ones of the scenario.
+    points : int
+        Values of each range.
+    at : str or sequence of float
+        Times in the trajectory's time, such as ``"600 s, 25 min"``, or in seconds; by default the end.
+    jobs : int
+        Threads.
+
+    Returns
+    -------
+    DataFrame
+        A row for each point; units are in the columns' names and in ``attrs["units"]``. ``attrs["just_met"]`` lists the
+        values at which each limit is just met.
+
+    Raises
+    ------
+    CampaignError
+        When the campaign cannot be read or has no linear model, or a key, value or measure is wrong.
+
+    Examples
+    --------
+    >>> table = sweep("campaigns/11_cruise.toml", {"errors.gyro_drift": "0.001..0.1 deg/h"})  # doctest: +SKIP
+    >>> table.attrs["just_met"]                                                              # doctest: +SKIP
+    """
+    times = read_times(at).tolist() if isinstance(at, str) else list(at)
+    measures = (against,) if isinstance(against, str) else tuple(against)
+    return frame(run_sweep(campaign, SweepPlan(varied, measures, points, times, jobs)))

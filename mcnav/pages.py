@@ -9,12 +9,13 @@ Page = Literal[
     "guide", "tutorial-reentry", "tutorial-cruise", "tutorial-flight", "tutorial-aided", "tutorial-scenario",
     "tutorial-noise", "howto-instruments", "howto-filter", "howto-requirements", "howto-samples", "howto-compare",
     "howto-failures", "method", "report", "notation", "campaigns", "scenarios", "trajectories", "commands", "notebook",
-    "scaling", "architecture", "tn-d1772", "story",
+    "scaling", "architecture", "tn-d1772", "story", "textbook",
 ]  # fmt: skip
 
 _ELSEWHERE: Final[dict[Page, str]] = {
     "tn-d1772": "reproduce/tn_d1772/TN_D1772.md",
     "story": "reproduce/story_of_84_minutes/STORY_OF_84_MINUTES.md",
+    "textbook": "reproduce/textbook/TEXTBOOK.md",
 }
 
 

@@ -178,6 +178,20 @@ def quantity(text: object, unit: str) -> float:
     return value
 
 
+def multiplied(text: str, factor: float) -> str:
+    """Multiply a quantity and keep its unit, to nine digits.
+
+    Raises `UnitError` when it is not a quantity.
+
+    >>> multiplied("0.2 deg/h", 0.5), multiplied("100 ppm", 0.123)
+    ('0.1 deg/h', '12.3 ppm')
+    """
+    match = _QUANTITY.fullmatch(text)
+    if match is None:
+        raise UnitError(f"got {_quoted(text)}; expected a quantity")
+    return f"{float(match[1]) * factor:.9g} {match[2]}".rstrip()
+
+
 def _words(unit: pint.Unit) -> str:
     for known, dimension in DIMENSIONS.items():
         if _unit(known).dimensionality == unit.dimensionality:

@@ -132,5 +132,7 @@ def consistency(
         ),
         sensors=tuple(sensor_consistency(name, size, wavy, samples, rejected) for name, size in SENSORS.items()),
         verdict=verdict, group="position" if found else "", factor=factor, output="position_north" if found else "",
-        neglected=tuple(neglected), covariance=np.diag([each[2] ** 2 for each in outputs.values()]), **found,
+        neglected=tuple(neglected), neglected_at=24.0 if neglected else None,
+        neglected_output="position_north" if neglected else "",
+        covariance=np.diag([each[2] ** 2 for each in outputs.values()]), **found,
     )  # fmt: skip

@@ -41,7 +41,7 @@ GENERATED: Final = {
 CONTENTS: Final = {
     "Tutorials": ("guide", *(page for page in PAGES if page.startswith("tutorial-"))),
     "How to": (*(page for page in PAGES if page.startswith("howto-")), "scaling"),
-    "Explanation": ("method", "report", "notation", "tn-d1772", "story"),
+    "Explanation": ("method", "report", "notation", "tn-d1772", "story", "textbook"),
     "Reference": (
         "commands", "reference/commands", "campaigns", "reference/examples", "trajectories",
         "scenarios", "notebook", "reference/api",

@@ -28,6 +28,7 @@ from mcnav.analysis.verdict import Judgement, Verdict, combine_verdicts, judge
 from mcnav.lincov.block_sums import BlockSums, Normalization
 from mcnav.lincov.covariance import propagated_covariance
 from mcnav.sampling.designs import SamplingDesign
+from mcnav.statistics.chunked import STRETCH
 from mcnav.statistics.estimates import Estimate, block_begins, summed_mean
 from mcnav.statistics.interim_sizes import confidence_of_each
 from mcnav.statistics.power import detectable_ratio, samples_to_detect
@@ -303,7 +304,7 @@ def compare_reduced(model: Model, samples: ReducedSamples, criterion: Criterion,
     paired = sample - predicted + linear
     rule = DecisionRule(count, criterion.tolerance, each, design.fewest_blocks)
     ellipsoid, joint = None, None
-    with side_threads(2) as executor:
+    with side_threads(2 if count > STRETCH else 0) as executor:
         judged = [
             executor.submit(_compare_output, i, float(linear[i, i]), float(floor), moments, rule)
             for i, floor in enumerate(model.rounding**2)

@@ -1,4 +1,4 @@
-"""Dispersion over time: linear and simulated sigma, and percentiles of the stored samples."""
+"""Dispersion over time: linear and simulated moments, and percentiles of the stored samples."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.statistics.mean_square import mean_square_intervals
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,9 @@ class Envelopes:
     events : mapping of str to float
         Named instants, in the unit of the times.
     mean, sigma, linear_mean, linear_sigma : ndarray, shape (m, outputs)
+    covariance : ndarray, shape (m, outputs, outputs)
+    fourth : ndarray, shape (m, outputs)
+        Mean fourth power about the mean.
     percentiles : mapping of str to ndarray, shape (m, outputs)
         Keyed by the level in per cent.
     samples, stored : int
@@ -36,9 +40,29 @@ class Envelopes:
     sigma: Array
     linear_mean: Array
     linear_sigma: Array
+    covariance: Array
+    fourth: Array
     percentiles: Mapping[str, Array]
     samples: int
     stored: int
+
+    def sigma_intervals(self, weight: float, confidence: float) -> Array:
+        """Return intervals of the simulated sigma, shape (m, outputs, 2), each at a confidence.
+
+        They are roots of intervals of the variance, whose standard error is that of a mean of squares about the mean,
+        ``sqrt((m4 - s^4) / n)``; zero and infinite where there are too few samples.
+
+        Parameters
+        ----------
+        weight : float
+            Independent samples that a sample counts for; see `mcnav.analysis.filter_evidence.independent_share`.
+        """
+        variance = np.diagonal(self.covariance, axis1=1, axis2=2)
+        count = self.samples * weight
+        error = np.sqrt(np.maximum(self.fourth - variance**2, 0.0) / max(count, 1e-300))
+        freedom = np.full_like(variance, max(count - 1.0, 0.0))
+        found = mean_square_intervals(variance, error, np.full_like(variance, count), freedom, confidence)
+        return np.sqrt(found)
 
 
 def envelopes_from(
@@ -53,7 +77,20 @@ def envelopes_from(
     levels = dict.fromkeys(name.split()[1] for name in columns if name.startswith("percentile "))
     mean, sigma, linear_mean, linear_sigma = map(block, ("mean", "sigma", "linear mean", "linear sigma"))
     percentiles = {level: block(f"percentile {level}") for level in levels}
+    fourth = np.column_stack([columns[f"fourth {entry['name']} [({entry['unit']})^4]"] for entry in outputs])
     samples, stored = int(described["samples"]), int(described["stored"])
     return Envelopes(
-        label, columns[label], described["events"], mean, sigma, linear_mean, linear_sigma, percentiles, samples, stored
-    )
+        label, columns[label], described["events"], mean, sigma, linear_mean, linear_sigma,
+        _covariance(columns, sigma, outputs), fourth, percentiles, samples, stored,
+    )  # fmt: skip
+
+
+def _covariance(columns: Mapping[str, Array], sigma: Array, outputs: Sequence[Mapping[str, str]]) -> Array:
+    """Build covariance matrices from the columns of pairs, shape (m, outputs, outputs)."""
+    found = np.zeros((*sigma.shape, sigma.shape[1]))
+    for i, one in enumerate(outputs):
+        found[:, i, i] = sigma[:, i] ** 2
+        for j, other in enumerate(outputs[:i]):
+            pair = f"{other['name']}, {one['name']} [({other['unit']})({one['unit']})]"
+            found[:, i, j] = found[:, j, i] = columns[f"covariance {pair}"]
+    return found

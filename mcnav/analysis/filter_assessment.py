@@ -11,14 +11,13 @@ from scipy import special
 
 from mcnav._types import Array
 from mcnav.analysis.comparison import LARGEST_FAILED_SHARE, Criterion
-from mcnav.analysis.filter_causes import neglected_errors
+from mcnav.analysis.filter_causes import largest_departure, neglected_errors
 from mcnav.analysis.filter_consistency import (
     Band,
     FilterConsistency,
     Finding,
     GroupConsistency,
     Honesty,
-    NeglectedError,
     SensorConsistency,
     SigmaConsistency,
     Whiteness,
@@ -63,6 +62,10 @@ class _Basis:
     def tolerance(self) -> float:
         return self.criterion.tolerance
 
+    @property
+    def considered(self) -> tuple[str, ...]:
+        return () if self.evidence.means is None else self.evidence.means.schema.considered
+
     def count(self, samples: Array) -> Array:
         """Return the number of independent samples."""
         return np.asarray(samples * self.evidence.weight)
@@ -100,9 +103,10 @@ def assess_filter(evidence: FilterEvidence, criterion: Criterion) -> FilterConsi
     def time(epoch: int | None) -> float | None:
         return None if epoch is None else float(evidence.times[epoch])
 
-    neglected: tuple[NeglectedError, ...] = ()
-    if finding.verdict == Honesty.OPTIMISTIC and evidence.linear is not None and worst_output is not None:
-        neglected = neglected_errors(evidence.linear, finding.worst or 0, worst_output)
+    departure = None
+    if finding.verdict == Honesty.OPTIMISTIC and evidence.linear is not None:
+        names = [output.name for output in evidence.outputs]
+        departure = largest_departure(evidence.linear, outputs_of(picked.name, names), criterion.tolerance)
     return FilterConsistency(
         label=evidence.label,
         times=evidence.times,
@@ -121,7 +125,9 @@ def assess_filter(evidence: FilterEvidence, criterion: Criterion) -> FilterConsi
         end=time(finding.end),
         worst=time(finding.worst),
         output="" if worst_output is None else outputs[worst_output].name,
-        neglected=neglected,
+        neglected=() if departure is None or evidence.linear is None else neglected_errors(evidence.linear, departure),
+        neglected_at=None if departure is None else time(departure.epoch),
+        neglected_output="" if departure is None else evidence.outputs[departure.output].name,
         samples_needed=finding.samples_needed,
         remarks=remarks_on(finding.remark, means, groups, deciding, outputs, states, sensors),
         covariance=means.covariances[-1],
@@ -329,9 +335,9 @@ def _sensor(
     total = mean_square_band(nis[-1:], error[-1:], count[-1:], freedom[-1:], whole)
     bounds = np.where(some[:-1, None], mean_square_bounds(float(size), freedom[:-1], over_time.together), np.nan)
     bounds_whole = mean_square_bounds(float(size), freedom[-1], whole.together)
-    normal = basis.evidence.sampling.normal
-    low, high = total.together[0] if not normal else bounds_whole
-    tested = float(size) if not normal else float(nis[-1])
+    bounded = basis.evidence.sampling.normal and not basis.considered
+    low, high = bounds_whole if bounded else total.together[0]
+    tested = float(nis[-1]) if bounded else float(size)
     remark = ""
     if not some[-1]:
         remark = "never updated"
@@ -371,7 +377,7 @@ def _whiteness(basis: _Basis, size: int, nis: float, found: Mapping[str, Means],
     reach = float(special.stdtrit(count - 1.0, tail)) * spread * size / nis
     bound = float(special.ndtri(tail)) / np.sqrt(count * pairs * size)
     interval = max(correlation - reach, -1.0), min(correlation + reach, 1.0)
-    return Whiteness(correlation, interval, float(bound), beyond=bool(abs(correlation) > bound))
+    return Whiteness(correlation, interval, float(bound), bool(abs(correlation) > bound), bool(basis.considered))
 
 
 def _share_band(share: Array, count: Array, rates: Rates) -> Band:

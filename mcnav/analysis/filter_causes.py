@@ -1,28 +1,77 @@
-"""Errors that make a filter optimistic, by the closed-loop sensitivities of linear analysis."""
+"""Errors that make a filter optimistic, by the closed-loop sensitivities of linear analysis.
+
+Linear analysis has no sampling error. It therefore chooses epoch and output as well: where Monte Carlo ratios of
+several epochs are nearly equal, the largest one is so by chance, and with it the error that is named.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
 import numpy as np
 
-from mcnav.analysis.filter_consistency import NeglectedError
+from mcnav.analysis.filter_consistency import NeglectedError, rounding_floor
 from mcnav.analysis.filter_evidence import LinearFilter
 
+MEAN: Final = "mean_of_"
+"""Beginning of the name of an error whose mean is larger than its sigma."""
 
-def neglected_errors(linear: LinearFilter, epoch: int, output: int) -> tuple[NeglectedError, ...]:
-    """Split the true variance of an output that its filter does not believe in among the causes, the largest first.
 
-    A cause of which the filter believes the share b contributes (1 - b) times its true variance: with the filter's
-    gains the true variance is the sum of all contributions, and the filter's own is that of the contributions as
-    believed. Causes of which the filter believes too much have negative shares, and are left out.
+NEARLY: Final = 0.99
+"""Share of the largest ratio from which another one counts as equal: of a steady filter all are, but for rounding."""
+
+
+@dataclass(frozen=True)
+class Departure:
+    """Epoch and output, by number, at which the true sigma exceeds the filter's the most by linear analysis."""
+
+    epoch: int
+    output: int
+
+
+def largest_departure(linear: LinearFilter, outputs: Sequence[int], tolerance: float) -> Departure | None:
+    """Find where the sigma of one of some outputs departs the most; none within the tolerance.
+
+    Of epochs that are nearly equal it is the last one: what an initial error contributes has then decayed. Sigmas up to
+    rounding have no ratio. A departure that linear analysis does not know has no cause that it could name.
     """
-    true = {name: float(variances[epoch, output]) for name, variances in linear.contributions.items()}
-    missing = {name: (1.0 - linear.believed.get(name, 1.0)) * variance for name, variance in true.items()}
-    total = sum(missing.values())
+    if linear.true is None:
+        return None
+    picked = np.array(outputs)
+    true, own = (
+        np.sqrt(np.maximum(np.diagonal(each, axis1=1, axis2=2)[:, picked], 0.0))
+        for each in (linear.true, linear.covariance)
+    )
+    floors = np.array([rounding_floor(*columns) for columns in zip(true.T, own.T, strict=True)])
+    ratio = np.divide(true, own, out=np.zeros_like(true), where=np.isfinite(true) & (own > floors))
+    largest = ratio.max(axis=1)
+    epoch = int(np.flatnonzero(largest >= NEARLY * largest.max())[-1])
+    output = int(picked[int(np.argmax(ratio[epoch]))])
+    return Departure(epoch, output) if largest[epoch] > 1.0 + tolerance else None
+
+
+def neglected_errors(linear: LinearFilter, at: Departure) -> tuple[NeglectedError, ...]:
+    """Split the true mean square of an output that its filter does not believe in among the causes, the largest first.
+
+    A cause of which the filter believes the share b contributes (1 - b) times its true mean square: with the filter's
+    gains the true mean square is the sum of all contributions, and the filter's own variance is that of the
+    contributions as believed. Causes of which the filter believes too much have negative shares, and are left out. A
+    cause is its mean where this contributes more than its dispersion.
+    """
+    found, total = [], 0.0
+    for name in dict.fromkeys((*linear.contributions, *linear.squared_means)):
+        missing = 1.0 - linear.believed.get(name, 1.0)
+        spread, mean = (
+            float(values[name][at.epoch, at.output]) if name in values else 0.0
+            for values in (linear.contributions, linear.squared_means)
+        )
+        true, lack = spread + mean, missing * (spread + mean)
+        total += lack
+        if lack > 0.0:
+            found.append(NeglectedError(f"{MEAN}{name}" if mean > spread else name, true, true - lack, lack))
     if not (np.isfinite(total) and total > 0.0):
         return ()
-    found = [
-        NeglectedError(name, true[name], true[name] - lack, lack / total)
-        for name, lack in missing.items()
-        if lack > 0.0
-    ]
+    found = [NeglectedError(each.name, each.true, each.believed, each.share / total) for each in found]
     return tuple(sorted(found, key=lambda each: -each.share))

@@ -202,12 +202,16 @@ class Whiteness:
         Largest absolute value that so many white innovations have at the confidence.
     beyond : bool
         Whether the correlation is beyond the bound.
+    expected : bool
+        Whether the filter considers errors without estimating them, which correlate the innovations of a matched filter
+        as well.
     """
 
     correlation: float | None
     interval: tuple[float, float]
     bound: float
     beyond: bool
+    expected: bool = False
 
 
 @dataclass(frozen=True)
@@ -228,9 +232,10 @@ class SensorConsistency:
     nis_whole : float or None
         Mean over the whole flight; none without updates.
     interval_whole, bounds_whole : (float, float)
-        Its interval, and where it lies for a consistent filter.
+        Its interval, and where it lies for a consistent filter whose innovations are white.
     beyond : bool
-        Whether the mean over the whole flight is beyond these bounds.
+        Whether the mean over the whole flight is beyond these bounds; where they do not apply, because sources are not
+        normal or the filter considers errors, whether the interval leaves out the size.
     whiteness : Whiteness
     finding : Finding
         On the root of NIS / size over the whole flight.
@@ -257,14 +262,14 @@ class SensorConsistency:
 
 @dataclass(frozen=True)
 class NeglectedError:
-    """Share of one cause in the difference of true and filter variance, at the worst epoch of the worst output.
+    """Share of one cause in the difference of true mean square and filter variance of an output at an epoch.
 
     Attributes
     ----------
     name : str
-        Of the source or process.
+        Of the source or process; ``mean_of_`` and the name where its mean contributes more than its dispersion.
     true, believed : float
-        Variance that it contributes by linear analysis, and what the filter believes of it; SI.
+        Mean square that it contributes by linear analysis, and what the filter believes of it; SI.
     share : float
         Their difference, over the sum of all differences.
     """
@@ -308,6 +313,11 @@ class FilterConsistency:
         Output of this group with the farthest ratio at the worst epoch, empty when none.
     neglected : tuple of NeglectedError
         What makes an optimistic filter optimistic, the largest share first; empty where it is not known.
+    neglected_at : float or None
+        Time at which the sigma of an output of the group departs the most by linear analysis: the shares are those
+        there.
+    neglected_output : str
+        That output, empty when none.
     samples_needed : int or None
         Approximate number of samples that would decide an undecided case.
     remarks : tuple of str
@@ -334,6 +344,8 @@ class FilterConsistency:
     worst: float | None = None
     output: str = ""
     neglected: tuple[NeglectedError, ...] = ()
+    neglected_at: float | None = None
+    neglected_output: str = ""
     samples_needed: int | None = None
     remarks: tuple[str, ...] = ()
     covariance: Array | None = None

@@ -54,7 +54,9 @@ class LinearFilter:
     contributions : mapping of str to ndarray, shape (m, outputs)
         Variance that each source and process contributes to the truth.
     believed : mapping of str to float
-        Variance that the filter believes each of these to have, over the true one; one for those missing.
+        Variance that the filter believes each of these to have, over its true mean square; one for those missing.
+    squared_means : mapping of str to ndarray, shape (m, outputs)
+        Part of the squared mean error that the mean of each source contributes.
     """
 
     covariance: Array
@@ -63,6 +65,7 @@ class LinearFilter:
     state_true: Array
     contributions: Mapping[str, Array] = field(default_factory=dict)
     believed: Mapping[str, float] = field(default_factory=dict)
+    squared_means: Mapping[str, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -105,15 +108,25 @@ class FilterEvidence:
 
     @property
     def weight(self) -> float:
-        """Independent samples that a sample counts for, at least; zero where nothing is known.
+        """Independent samples that a sample counts for, at least; see `independent_share`."""
+        return independent_share(self.design, self.sampling)
 
-        The two of an antithetic pair may have equal squares: they count as one. A hypercube of L samples gives means
-        that vary by no more than L / (L - 1) times those of independent samples (Owen, Annals of Statistics 25, 1997,
-        1541). Of a net nothing of the sort is known, nor of sources with heavy tails.
-        """
-        length = self.sampling.block_length
-        if np.isinf(self.sampling.fewest_blocks) or self.design == "sobol":
-            return 0.0
-        if self.design == "latin-hypercube":
-            return max(length - 1.0, 1.0) / length
-        return 1.0 / length
+
+def independent_share(design: str, sampling: SamplingDesign) -> float:
+    """Return how many independent samples a sample counts for in a mean of squares, at least; zero where unknown.
+
+    The two of an antithetic pair may have equal squares: they count as one. A hypercube of L samples gives means that
+    vary by no more than L / (L - 1) times those of independent samples (Owen, Annals of Statistics 25, 1997, 1541). Of
+    a net nothing of the sort is known, nor of sources with heavy tails.
+
+    Parameters
+    ----------
+    design : str
+        One of `mcnav.sampling.designs.DESIGNS`.
+    """
+    length = sampling.block_length
+    if np.isinf(sampling.fewest_blocks) or design == "sobol":
+        return 0.0
+    if design == "latin-hypercube":
+        return max(length - 1.0, 1.0) / length
+    return 1.0 / length

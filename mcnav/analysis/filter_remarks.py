@@ -42,7 +42,7 @@ def remarks_on(
     if sensors and all(sensor.nis_whole is None for sensor in sensors):
         found.append("The filter was never updated.")
     else:
-        found += _on_sensors(sensors)
+        found += _on_sensors(sensors, means.schema.considered)
     return tuple(found)
 
 
@@ -66,7 +66,7 @@ def _on_zero_variances(sigmas: Sequence[SigmaConsistency]) -> Iterator[str]:
             yield f"The filter has no variance of {_spoken(each.name)} where its error is not zero."
 
 
-def _on_sensors(sensors: Sequence[SensorConsistency]) -> Iterator[str]:
+def _on_sensors(sensors: Sequence[SensorConsistency], considered: Sequence[str]) -> Iterator[str]:
     for sensor in sensors:
         name = _spoken(sensor.name)
         if sensor.nis_whole is None:
@@ -82,11 +82,19 @@ def _on_sensors(sensors: Sequence[SensorConsistency]) -> Iterator[str]:
         yield f"The mean NIS is beyond the bounds of a consistent filter: {', '.join(beyond)}."
     coloured = [_spoken(sensor.name) for sensor in sensors if sensor.whiteness.beyond]
     if coloured:
-        yield f"Innovations of {' and '.join(coloured)} are not white."
+        yield f"Innovations of {' and '.join(coloured)} are not white{_expected(considered)}."
     shares = {_spoken(sensor.name): sensor.updates for sensor in sensors if min(sensor.updates) > 0.0}
     if shares:
         rejected = ", ".join(f"{name} {100.0 * no / (yes + no):.3g} %" for name, (yes, no) in shares.items())
         yield f"Measurements were rejected ({rejected}); linear analysis accepts all."
+
+
+def _expected(considered: Sequence[str]) -> str:
+    """Name the considered errors, which correlate the innovations of a matched filter as well; empty without any."""
+    if not considered:
+        return ""
+    names = " and ".join(map(_spoken, considered))
+    return f", as expected of a filter that considers errors without estimating them ({names})"
 
 
 def sentence(found: FilterConsistency) -> str:

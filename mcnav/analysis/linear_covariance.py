@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mcnav._types import Array
+from mcnav._types import Array, IndexArray
 from mcnav.lincov.covariance import propagated_variances
 from mcnav.scenarios.protocol import LinearReadings
 
@@ -19,6 +19,8 @@ class LinearCovariance:
     Attributes
     ----------
     readings : LinearReadings
+    mean, covariance : ndarray, shapes (r, outputs) and (r, outputs, outputs)
+        Moments of the errors, SI.
     sigma : ndarray, shape (r, outputs)
         SI.
     sigma_filter : ndarray, shape (r, outputs), or None
@@ -30,21 +32,30 @@ class LinearCovariance:
     """
 
     readings: LinearReadings
+    mean: Array
+    covariance: Array
     sigma: Array
     sigma_filter: Array | None
     variances: Mapping[str, Array]
     correlations: Array
 
+    @property
+    def settled(self) -> IndexArray:
+        """Numbers of the readings after the updates of their times, one for each time."""
+        return np.array([number for number, update in enumerate(self.readings.updates) if update != "before"])
 
-def linear_covariance(readings: LinearReadings, sources: tuple[str, ...], covariance: Array) -> LinearCovariance:
-    """Propagate the covariance of the sources, ``C(t) = P S P^T + sum Q_j``, and split its diagonal over causes.
+
+def covariance_over_time(
+    readings: LinearReadings, sources: tuple[str, ...], mean: Array, covariance: Array
+) -> LinearCovariance:
+    """Propagate the moments of the sources, ``C(t) = P S P^T + sum Q_j``, and split its diagonal over causes.
 
     Parameters
     ----------
     sources : tuple of str
         Names.
-    covariance : ndarray, shape (sources, sources)
-        S.
+    mean, covariance : ndarray, shapes (sources,) and (sources, sources)
+        Mean and covariance S of the sources.
     """
     partials = readings.partials
     by_source = partials**2 * np.diag(covariance)
@@ -56,4 +67,6 @@ def linear_covariance(readings: LinearReadings, sources: tuple[str, ...], covari
         variances[name] = np.diagonal(added, axis1=1, axis2=2)
     total = correlations + sum(variances.values(), np.zeros(partials.shape[:2]))
     own = None if readings.own is None else np.sqrt(np.maximum(np.diagonal(readings.own, axis1=1, axis2=2), 0.0))
-    return LinearCovariance(readings, np.sqrt(np.maximum(total, 0.0)), own, variances, correlations)
+    whole = sum(readings.processes.values(), partials @ covariance @ partials.swapaxes(1, 2))
+    sigma = np.sqrt(np.maximum(total, 0.0))
+    return LinearCovariance(readings, partials @ mean, whole, sigma, own, variances, correlations)

@@ -13,7 +13,7 @@ from mcnav._types import Array
 from mcnav.analysis.block_moments import BlockMoments, ReducedSamples
 from mcnav.sampling.designs import SamplingDesign
 from mcnav.statistics.chi_square import Containment, containment, distribution_test, mean_interval
-from mcnav.statistics.chunked import RunningScatter
+from mcnav.statistics.chunked import STRETCH, RunningScatter
 from mcnav.statistics.covariance_tests import covariance_likelihood_ratio
 from mcnav.statistics.estimates import Estimate, summed_mean
 from mcnav.statistics.hotelling import hotelling
@@ -100,7 +100,7 @@ def compare_jointly(
     paired = sample - predicted + linear
     plain = design.independent and blocks >= fewest
     ranked = design.independent and stored.samples >= fewest
-    with side_threads(1) as executor:  # the slowest part
+    with side_threads(1 if count > STRETCH else 0) as executor:  # for the slowest part
         tests = executor.submit(_hotelling_tests, moments, rank) if blocks >= fewest else None
         shapes = [
             executor.submit(lambda i: shape_of_sums(moments.powers(i), moments.counts, fewest), i)

@@ -105,13 +105,26 @@ def largest_linear_quantile(
     """Compute the largest quantile of errors' sizes at some epochs by the linear model; NaN without one."""
     if histories.mean is None or histories.covariance is None:
         return math.nan
-    picked = np.array(outputs)
-    found = []
-    for epoch in epochs:
-        mean, covariance = histories.mean[epoch, picked], histories.covariance[epoch][np.ix_(picked, picked)]
-        found.append((float(np.trace(covariance) + mean @ mean), mean, covariance))
-    largest = 0.0
-    for _, mean, covariance in sorted(found, key=lambda each: -each[0]):
+    at, picked = np.array(epochs), np.array(outputs)
+    mean, covariance = histories.mean[np.ix_(at, picked)], histories.covariance[np.ix_(at, picked, picked)]
+    return largest_normal_quantile(mean, covariance, probability)[0]
+
+
+def largest_normal_quantile(means: Array, covariances: Array, probability: float) -> tuple[float, int]:
+    """Compute the largest quantile of the distance from zero of some normal variables, and the number of the largest.
+
+    Parameters
+    ----------
+    means, covariances : ndarray, shapes (m, d) and (m, d, d)
+        Of m variables in one, two or three dimensions.
+    """
+    size = np.trace(covariances, axis1=1, axis2=2) + np.einsum("mi,mi->m", means, means)
+    order = np.argsort(-size, kind="stable").tolist()
+    largest, worst = 0.0, order[0]
+    for number in order:
+        mean, covariance = means[number], covariances[number]
         if largest == 0.0 or normal_share(mean, covariance, largest) < probability:
-            largest = max(largest, normal_quantile(mean, covariance, probability))
-    return largest
+            found = normal_quantile(mean, covariance, probability)
+            if found > largest:
+                largest, worst = found, number
+    return largest, worst

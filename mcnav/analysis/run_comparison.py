@@ -3,30 +3,35 @@
 The paired estimates are compared, sigma^2 = (P S P^T)_ii + mean(q) with q the square of a simulated less that of the
 linear error. With q / sigma^2 of both runs, the logarithm of the sigma ratio has the error of half the difference
 of their means. Where both runs drew the same samples, by seed and index, the difference is formed sample by sample, and
-common sampling noise cancels again; otherwise the two errors add in squares, with Welch's degrees of freedom.
+common sampling noise cancels again; otherwise the two errors add in squares, with Welch's degrees of freedom. Intervals
+reach further where the skewness of the blocks requires it (`mcnav.statistics.estimates`).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mcnav._types import Array, IndexArray
-from mcnav.analysis.comparison import Model
+from mcnav.analysis.comparison import LARGEST_EXPONENT, Model
 from mcnav.sampling.designs import SamplingDesign
 from mcnav.statistics.estimates import Estimate, blocked_mean, paired_squares
 
 
 @dataclass(frozen=True)
 class SampleSet:
-    """Successful samples of one run: index, shape (n,), errors, shape (n, sources), and outputs, shape (n, outputs)."""
+    """Successful samples of one run: index, shape (n,), errors, shape (n, sources), and outputs, shape (n, outputs).
+
+    Samples with noise have linear outcomes of their own, shape (n, outputs); those of others follow from their errors.
+    """
 
     model: Model
     index: IndexArray
     errors: Array
     outputs: Array
     design: SamplingDesign
+    linear: Array | None = None
 
     @property
     def blocks(self) -> IndexArray:
@@ -71,15 +76,19 @@ def change(before: SampleSet, after: SampleSet, outputs: tuple[int, int], common
     shifted = Estimate(means[1] - means[0] + mean.value, mean.standard_error, mean.degrees_of_freedom)
     if not all(sigmas):
         return Change(sigmas[0], sigmas[1], float("nan"), (float("nan"), float("nan")), shifted, common)
-    ratio, half = sigmas[1] / sigmas[0], 0.5 * spread.half_width(confidence)
-    interval = (ratio * float(np.exp(-half)), ratio * float(np.exp(min(half, 700.0))))
+    ratio, (low, high) = sigmas[1] / sigmas[0], spread.interval(confidence)
+    down, up = 0.5 * (spread.value - low), 0.5 * (high - spread.value)
+    interval = (ratio * float(np.exp(-down)), ratio * float(np.exp(min(up, LARGEST_EXPONENT))))
     return Change(sigmas[0], sigmas[1], ratio, interval, shifted, common)
 
 
 def _controlled(samples: SampleSet, i: int) -> tuple[Array, Array, float, float]:
     """Return squares and deviations of simulated less linear errors, and the variance and mean that they correct."""
     model, simulated = samples.model, samples.outputs[:, i]
-    linear = model.nominal[i] + samples.errors @ model.partials[i]
+    if samples.linear is not None:
+        linear = samples.linear[:, i]
+    else:
+        linear = model.nominal[i] + samples.errors @ model.partials[i]
     variance, mean = float(model.outcome_covariance[i, i]), float(model.outcome_mean[i])
     return paired_squares(simulated, linear), simulated - linear, variance, mean
 
@@ -94,9 +103,9 @@ def _difference(before: SampleSet, after: SampleSet, values: list[Array], common
             return blocked_mean(values[1][second] - values[0][first], before.blocks[first], fewest)
         if len(first):
             error = blocked_mean(*_weighted(before, after, values), fewest)
-            return Estimate(value, error.standard_error, min(len(first), len(second)) - 1.0)
+            return replace(error, value=value, degrees_of_freedom=min(len(first), len(second)) - 1.0)
     one, two = (blocked_mean(v, f.blocks, fewest) for v, f in zip(values, (before, after), strict=True))
-    return _welch(value, [one.standard_error, two.standard_error], [one.degrees_of_freedom, two.degrees_of_freedom])
+    return _welch(value, one, two)
 
 
 def _weighted(before: SampleSet, after: SampleSet, values: list[Array]) -> tuple[Array, IndexArray]:
@@ -110,12 +119,14 @@ def _weighted(before: SampleSet, after: SampleSet, values: list[Array]) -> tuple
     return weighted, blocks
 
 
-def _welch(value: float, errors: list[float], degrees: list[float]) -> Estimate:
-    """Estimate a difference of independent means."""
-    squares = [error**2 for error in errors]
-    if not np.isfinite(sum(squares)):
+def _welch(value: float, one: Estimate, two: Estimate) -> Estimate:
+    """Estimate a difference of independent means; its third moment is the difference of theirs."""
+    errors, degrees = (one.standard_error, two.standard_error), (one.degrees_of_freedom, two.degrees_of_freedom)
+    error = float(np.hypot(*errors))
+    if not np.isfinite(error):
         return Estimate(value, float("inf"), 0.0)
-    if sum(squares) == 0.0:
+    if error == 0.0:
         return Estimate(value, 0.0, min(degrees))
-    pooled = sum(squares) ** 2 / sum(s**2 / d for s, d in zip(squares, degrees, strict=True) if s > 0.0)
-    return Estimate(value, float(np.sqrt(sum(squares))), float(pooled))
+    pooled = error**4 / sum(s**4 / d for s, d in zip(errors, degrees, strict=True) if s > 0.0)
+    asymmetry = (two.asymmetry * errors[1] ** 3 - one.asymmetry * errors[0] ** 3) / error**3
+    return Estimate(value, error, float(pooled), float(asymmetry))

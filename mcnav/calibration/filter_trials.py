@@ -15,20 +15,17 @@ three measurements between two epochs, of three components each.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
-from joblib import Parallel, delayed
-from threadpoolctl import threadpool_limits
 
 from mcnav._types import Array
 from mcnav.analysis.comparison import Criterion
 from mcnav.analysis.filter_assessment import assess_filter
 from mcnav.analysis.filter_consistency import FilterConsistency, Honesty
 from mcnav.analysis.filter_evidence import FilterEvidence, MeanSquares
-from mcnav.calibration.trials import LEVEL, Cell
+from mcnav.calibration.cells import LEVEL, Cell, Tally, tally
 from mcnav.physics.power_sums import PowerSums
 from mcnav.scenarios.filter_record import FilterSchema
 from mcnav.scenarios.filter_sums import FilterMeans, FilterSums
@@ -116,31 +113,20 @@ def evidence(normals: Array, innovations: Array, scale: Array) -> FilterEvidence
     )
 
 
-def run_filter_trials(trials: int, jobs: int, sizes: Sequence[int] = SIZES) -> tuple[Counter[Cell], Counter[Cell]]:
-    """Simulate so many campaigns of each system and size; see `mcnav.calibration.trials.run_trials`."""
-    stretch = max(1, trials // (4 * jobs))
-    pieces = [
-        (count, range(begin, min(begin + stretch, trials))) for count in sizes for begin in range(0, trials, stretch)
-    ]
-    hits, made = zip(*Parallel(n_jobs=jobs)(delayed(_piece)(*piece) for piece in pieces), strict=True)
-    return sum(hits, Counter()), sum(made, Counter())
+def run_filter_trials(trials: int, jobs: int, sizes: Sequence[int] = SIZES) -> Tally:
+    """Simulate so many campaigns of each system and size, with seeds 0, 1, ..."""
+    return tally(trials, jobs, sizes, _count)
 
 
-def _piece(count: int, seeds: Sequence[int]) -> tuple[Counter[Cell], Counter[Cell]]:
-    hits: Counter[Cell] = Counter()
-    made: Counter[Cell] = Counter()
-    with threadpool_limits(1):
-        for seed in seeds:
-            generator = np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(count,))))
-            normals = generator.standard_normal((count, EPOCHS, len(OUTPUTS)))
-            innovations = generator.standard_normal((count, EPOCHS - 1, UPDATES, 3))
-            for name, scale in SCALES.items():
-                found = assess_filter(evidence(normals, innovations, scale), CRITERION)
-                for kind, statement, hit in _statements(name, scale, found):
-                    cell = Cell(kind, name, statement, "normal", "random", count)
-                    made[cell] += 1
-                    hits[cell] += hit
-    return hits, made
+def _count(count: int, seeds: Sequence[int], found: Tally) -> None:
+    for seed in seeds:
+        generator = np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(count,))))
+        normals = generator.standard_normal((count, EPOCHS, len(OUTPUTS)))
+        innovations = generator.standard_normal((count, EPOCHS - 1, UPDATES, 3))
+        for name, scale in SCALES.items():
+            judged = assess_filter(evidence(normals, innovations, scale), CRITERION)
+            for kind, statement, hit in _statements(name, scale, judged):
+                found.add(Cell(kind, name, statement, "normal", "random", count), hit)
 
 
 def _statements(name: str, scale: Array, found: FilterConsistency) -> Iterator[tuple[str, str, bool]]:

@@ -2,28 +2,47 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from mcnav.calibration.filter_trials import FILTER
+from mcnav.calibration.filter_trials import FILTER, run_filter_trials
+from mcnav.calibration.kalman_trials import KALMAN, run_kalman_trials
+from mcnav.calibration.navigation_trials import AIDED, NAVIGATION, SHARE, run_navigation_trials
+from mcnav.calibration.noise_trials import NOISE, run_noise_trials
+from mcnav.calibration.table import rates
+from mcnav.calibration.tail_trials import TAILS, run_tail_trials
+from mcnav.calibration.trials import run_trials
+from mcnav.files import write_texts
 from mcnav.report.figures.figure import HALF, Figure
 from mcnav.report.figures.marks import Axis, Mark, Panel, Points, Rule, Series
 from mcnav.report.figures.palette import FLOWN, INK, LINEAR, MUTED
 from mcnav.report.page import filled
+from mcnav.sampling.designs import DESIGNS
 
 if TYPE_CHECKING:
     import pandas as pd
 
 TITLES: Final = {
-    (False, "coverage"): "Coverage of intervals",
-    (False, "false alarm"): "False alarms of tests",
-    (False, "power"): "Power against a linear model that is 5 % wrong",
-    (True, "coverage"): "Filters: coverage of intervals",
-    (True, "false alarm"): "Filters: false alarms",
-    (True, "power"): "Filters: power against position errors that are 20 % larger than stated, and for consistent ones",
+    ("", "coverage"): "Coverage of intervals",
+    ("", "false alarm"): "False alarms of tests",
+    ("", "power"): "Power against a linear model that is 5 % wrong",
+    ("noise", "coverage"): "Noise: coverage of intervals",
+    ("noise", "false alarm"): "Noise: false alarms",
+    ("noise", "power"): "Noise: power",
+    ("tails", "coverage"): "Requirements: coverage of bounds",
+    ("tails", "power"): "Requirements: power over twelve epochs",
+    ("filter", "coverage"): "Filters: coverage of intervals",
+    ("filter", "false alarm"): "Filters: false alarms",
+    ("filter", "power"): "Filters: power, and naming of the largest neglected error",
 }
-"""Titles of the sections by whether they are of campaigns with a filter, and by kind of rate."""
+"""Titles of the sections by group of systems and kind of rate."""
+
+GROUPS: Final = {
+    NOISE: "noise", NAVIGATION: "noise", TAILS: "tails", FILTER: "filter", KALMAN: "filter", AIDED: "filter",
+}  # fmt: skip
+"""Groups of systems by the beginnings of their names."""
 
 FINDINGS: Final = {
     "as stated": ("agrees", "", "the nominal rate is within the binomial interval (99.9 %)"),
@@ -49,26 +68,42 @@ MARKS: Final = {
 
 def render(table: pd.DataFrame, trials: int) -> str:
     """Render the page from a table of `mcnav.calibration.table.rates`, with ``trials`` campaigns of each kind."""
-    filtered = table["system"].str.startswith(FILTER)
-    sections = [
-        _section(table[(filtered == of_filters) & (table["kind"] == kind)], of_filters, kind, title)
-        for (of_filters, kind), title in TITLES.items()
-        if ((filtered == of_filters) & (table["kind"] == kind)).any()
-    ]
+    groups = table["system"].map(_group)
+    picked = {key: table[(groups == key[0]) & (table["kind"] == key[1])] for key in TITLES}
+    sections = [_section(own, *key, TITLES[key]) for key, own in picked.items() if len(own)]
     counted = table[table["finding"] != ""]["finding"].value_counts()
     return filled(
         "calibration.html",
         trials=trials,
         campaigns=f"{table.groupby(['system', 'sources', 'design', 'samples'])['campaigns'].max().sum():,}",
         sections=sections,
-        filters=bool(filtered.any()),
+        groups=set(groups),
         findings=[(name, int(counted.get(name, 0)), *words) for name, words in FINDINGS.items()],
     )
 
 
-def _section(table: pd.DataFrame, of_filters: bool, kind: str, title: str) -> dict[str, Any]:
+def write_calibration(folder: Path, trials: int, jobs: int) -> tuple[pd.DataFrame, list[Path]]:
+    """Measure all rates, write the page and its CSV file, and return the table of rates and the files."""
+    counted = run_trials(trials, jobs, DESIGNS)
+    for others in (
+        run_noise_trials(trials, jobs), run_tail_trials(trials, jobs),
+        run_filter_trials(trials, jobs), run_kalman_trials(trials, jobs),
+        run_navigation_trials(max(trials // SHARE, 2), jobs),
+    ):  # fmt: skip
+        counted += others
+    table = rates(counted)
+    texts = {"calibration.html": render(table, trials)}
+    texts["calibration.csv"] = table.to_csv(index=False, float_format="%.4f")
+    return table, write_texts(folder, texts)
+
+
+def _group(system: str) -> str:
+    return next((group for beginning, group in GROUPS.items() if system.startswith(beginning)), "")
+
+
+def _section(table: pd.DataFrame, group: str, kind: str, title: str) -> dict[str, Any]:
     sizes, name = sorted(table["samples"].unique()), kind.replace(" ", "-")
-    name = f"filter-{name}" if of_filters else name
+    name = f"{group}-{name}" if group else name
     figure = _figure(table, name, kind, title)
     return {
         "title": title,

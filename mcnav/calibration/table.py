@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Final
 
-from mcnav.calibration.trials import LEVEL, SOURCES, Cell
+from mcnav.analysis import linear_samples as doubts
+from mcnav.calibration.cells import LEVEL, Cell, Tally
+from mcnav.calibration.noise_trials import DETECTABLE, DOUBTED
+from mcnav.calibration.trials import SOURCES
 from mcnav.sampling.distributions import tail_weight
 from mcnav.sampling.error_model import HEAVY_TAILS, LONG_TAILS
+from mcnav.statistics.power import USUAL_POWER
 from mcnav.statistics.proportions import probability_interval
 
 if TYPE_CHECKING:
     import pandas as pd
 
 NOMINAL: Final = {"coverage": LEVEL, "false alarm": 1.0 - LEVEL}
+"""Nominal rates by kind."""
+
+NOMINAL_OF: Final = {("false alarm", DOUBTED): doubts.FALSE_ALARM, ("power", DETECTABLE): USUAL_POWER}
+"""Nominal rates by kind and statement, where they are others."""
+
 FALSE_ALARM: Final = 1e-3
 """Probability that a correct rate is marked as off, for one row."""
 
@@ -22,20 +30,21 @@ SLACK: Final = 0.01
 """Deviation beyond the binomial interval that is tolerated: intervals from finite samples are asymptotic."""
 
 
-def rates(hits: Counter[Cell], made: Counter[Cell]) -> pd.DataFrame:
+def rates(counted: Tally) -> pd.DataFrame:
     """Tabulate the measured rate of each cell, its exact binomial interval at 95 %, and the finding.
 
     ``finding``: ``withheld`` where the program does not report the statement because of heavy tails; ``as stated`` when
     the nominal rate is within the binomial interval at 99.9 %; ``safe`` when the rate is outside on the conservative
-    side (higher coverage, fewer false alarms); ``remarked`` when it is not, but the program warns of such campaigns;
-    ``nearly`` when outside by less than `SLACK`; else ``off``. Powers have no nominal rate and no finding.
+    side (higher coverage or power, fewer false alarms); ``remarked`` when it is not, but the program warns of such
+    campaigns; ``nearly`` when outside by less than `SLACK`; else ``off``. Most powers have no nominal rate and no
+    finding.
     """
     import pandas as pd
 
     rows = []
-    for cell in sorted(made):
-        count, hit = made[cell], hits[cell]
-        nominal = NOMINAL.get(cell.kind)
+    for cell in sorted(counted.made):
+        count, hit = counted.made[cell], counted.hits[cell]
+        nominal = NOMINAL_OF.get((cell.kind, cell.statement), NOMINAL.get(cell.kind))
         low, high = probability_interval(hit, count, 0.95)
         finding = "" if nominal is None else _finding(cell, nominal, hit, count)
         rates = {"nominal": nominal, "measured": hit / count, "low": low, "high": high, "finding": finding}
@@ -50,7 +59,7 @@ def _finding(cell: Cell, nominal: float, hit: int, count: int) -> str:
     low, high = probability_interval(hit, count, 1.0 - FALSE_ALARM)
     if low <= nominal <= high:
         return "as stated"
-    if (low > nominal) == (cell.kind == "coverage"):
+    if (low > nominal) == (cell.kind != "false alarm"):
         return "safe"
     if weight > LONG_TAILS:
         return "remarked"

@@ -3,31 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from joblib import Parallel, delayed
 from scipy import special
-from threadpoolctl import threadpool_limits
 
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import Comparison, Criterion, compare, correlations
 from mcnav.analysis.requirements import Finding, Requirement, judge_requirement
+from mcnav.calibration.cells import LEVEL, Cell, Tally, tally
 from mcnav.calibration.systems import SYSTEMS, SyntheticSystem, Truth
 from mcnav.sampling.designs import SamplingDesign, standard_normals
 from mcnav.sampling.distributions import Distribution, Normal, StudentT
 from mcnav.statistics.hypothesis_test import HypothesisTest
 
-LEVEL: Final = 0.95
-"""Confidence of each single statement."""
-
 CRITERION: Final = Criterion(tolerance=0.01, confidence=1.0 - 3.0 * (1.0 - LEVEL))
 """Joint confidence that gives each of three statements (two outputs and the matrix) `LEVEL`."""
 
-SIZES: Final = (500, 1000, 2000, 5000)
+SIZES: Final = (100, 500, 1000, 2000, 5000)
 TAIL: Final = 0.99
 """Quantile whose upper bound is tested."""
 
@@ -42,57 +36,27 @@ HEAVIEST: Final = "student-t 5"
 """Distribution used with the quadratic system only, to show the effect of its tails."""
 
 
-@dataclass(frozen=True, order=True)
-class Cell:
-    """One statement about one sort of campaign; its kind is ``coverage``, ``false alarm`` or ``power``."""
-
-    kind: str
-    system: str
-    statement: str
-    sources: str
-    design: str
-    samples: int
+def run_trials(trials: int, jobs: int, designs: Sequence[str], sizes: Sequence[int] = SIZES) -> Tally:
+    """Simulate so many campaigns for each system, distribution, design and size, with seeds 0, 1, ..."""
+    return tally(trials, jobs, [(design, size) for design in designs for size in sizes], _count)
 
 
-def run_trials(
-    trials: int, jobs: int, designs: Sequence[str], sizes: Sequence[int] = SIZES
-) -> tuple[Counter[Cell], Counter[Cell]]:
-    """Simulate so many campaigns for each system, distribution, design and size, with seeds 0, 1, ...
-
-    Returns how often each statement was right (an interval covered, a test rejected), and how often it was made.
-    """
-    stretch = max(1, trials // (4 * jobs))
-    pieces = [
-        (design, count, range(begin, min(begin + stretch, trials)))
-        for design in designs
-        for count in sizes
-        for begin in range(0, trials, stretch)
-    ]
-    hits, made = zip(*Parallel(n_jobs=jobs)(delayed(_piece)(*piece) for piece in pieces), strict=True)
-    return sum(hits, Counter()), sum(made, Counter())
-
-
-def _piece(design: str, count: int, seeds: Sequence[int]) -> tuple[Counter[Cell], Counter[Cell]]:
-    hits: Counter[Cell] = Counter()
-    made: Counter[Cell] = Counter()
+def _count(kind: tuple[str, int], seeds: Sequence[int], found: Tally) -> None:
+    design, count = kind
     blocks = SamplingDesign.of(design, count).blocks(np.arange(count))
-    with threadpool_limits(1):
-        for seed in seeds:
-            normals = standard_normals(design, seed, count, 0, count, 3)
-            for sources, (distribution, fourth, sixth) in SOURCES.items():
-                errors = distribution.transform(normals)
-                for name, system in SYSTEMS.items():
-                    if sources == HEAVIEST and name != "quadratic":
-                        continue
-                    outputs = system.simulate(errors, fourth)
-                    normal = sources == "normal"
-                    found = compare(system.model, errors, outputs, CRITERION, SamplingDesign.of(design, count, normal))
-                    truth = system.truth(fourth, sixth)
-                    for statement, kind, hit in _statements(name, system, truth, found, outputs, blocks, sources):
-                        cell = Cell(kind, name, statement, sources, design, count)
-                        made[cell] += 1
-                        hits[cell] += hit
-    return hits, made
+    for seed in seeds:
+        normals = standard_normals(design, seed, count, 0, count, 3)
+        for sources, (distribution, fourth, sixth) in SOURCES.items():
+            errors = distribution.transform(normals)
+            for name, system in SYSTEMS.items():
+                if sources == HEAVIEST and name != "quadratic":
+                    continue
+                outputs = system.simulate(errors, fourth)
+                normal = sources == "normal"
+                judged = compare(system.model, errors, outputs, CRITERION, SamplingDesign.of(design, count, normal))
+                truth = system.truth(fourth, sixth)
+                for statement, sort, hit in _statements(name, system, truth, judged, outputs, blocks, sources):
+                    found.add(Cell(sort, name, statement, sources, design, count), hit)
 
 
 Statement = tuple[str, str, bool]

@@ -13,14 +13,14 @@ from typing import Annotated, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, WithJsonSchema
 
 from mcnav._types import Array
 from mcnav.config.aiding import constant_sizes
 from mcnav.config.axes import within
 from mcnav.config.context import FileContext
 from mcnav.config.imu import read_imu
-from mcnav.config.schema import Table
+from mcnav.config.schema import UNIT, Table
 from mcnav.config.sensors import MULTIPLE, SENSOR_TYPES, SensorErrors, check_measured, read_sensor_errors
 from mcnav.config.validation import validate
 from mcnav.errors import suggestion
@@ -35,6 +35,8 @@ from mcnav.scenarios.protocol import Source
 ALWAYS: Final = ("position", "velocity", "attitude")
 """States that every filter estimates."""
 
+GATE: Final = "Probability with which an expected measurement is accepted."
+
 OF_SENSORS: Final = re.compile(r"(\w+?)_((position|velocity)_bias|bias|scale_factor|lever_arm)")
 """Kinds of a sensor's errors, after its name."""
 
@@ -42,18 +44,29 @@ OF_SENSORS: Final = re.compile(r"(\w+?)_((position|velocity)_bias|bias|scale_fac
 class BelievesTable(Table):
     """``[filter.believes]``."""
 
-    imu: dict[str, Any] = Field(default_factory=dict)
-    errors: dict[str, Any] = Field(default_factory=dict)
-    aiding: dict[str, Any] = Field(default_factory=dict)
+    imu: dict[str, Any] = Field(default_factory=dict, description="Believed errors of the instruments.")
+    errors: dict[str, Any] = Field(default_factory=dict, description="Believed sigmas by source, or kind of sources.")
+    aiding: dict[str, Any] = Field(default_factory=dict, description="Believed errors of sensors, by their names.")
 
 
 class FilterTable(Table):
     """``[filter]``; the gate is one of the sensors."""
 
-    estimates: Annotated[list[str], Field(max_length=1_000)]
-    considers: list[str] = Field(default_factory=list, max_length=1_000)
-    gate: Any = None
-    believes: BelievesTable = Field(default_factory=BelievesTable)
+    estimates: Annotated[
+        list[str],
+        Field(max_length=1_000, description="position, velocity, attitude, and kinds of errors that are estimated."),
+    ]
+    considers: list[str] = Field(
+        default_factory=list,
+        max_length=1_000,
+        description="Kinds of errors with a covariance and no estimate (Schmidt).",
+    )
+    gate: Annotated[
+        Any, WithJsonSchema({UNIT: "1", "gt": 0.0, "lt": 1.0, "examples": [0.999]}), Field(description=GATE)
+    ] = None
+    believes: BelievesTable = Field(
+        default_factory=BelievesTable, description="What the filter takes errors for; the truth where nothing is given."
+    )
 
 
 @dataclass(frozen=True)

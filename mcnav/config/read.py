@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -155,7 +156,10 @@ def parse_campaign(
         raise context.error()
 
     if ins is not None and described.filter is not None:
-        true = dict(zip(model.names, model.standard_deviations.tolist(), strict=True))
+        true = {
+            name: math.hypot(sigma, mean)
+            for name, sigma, mean in zip(model.names, model.standard_deviations, model.mean, strict=True)
+        }
         scenario = ins.with_filter(described.filter.completed(model), true)
     columns = {
         source.name: stored_table(source, each)

@@ -5,37 +5,71 @@ The tables of ``[scenario]`` are in `mcnav.config.scenarios`.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from dataclasses import dataclass
+from typing import Annotated, Any, Final, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, StringConstraints
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    StringConstraints,
+    WithJsonSchema,
+)
+from pydantic_core.core_schema import CoreSchema, no_info_before_validator_function
 
 from mcnav.sampling.designs import DESIGNS
 from mcnav.units import quantity
 
-
-def read_as(unit: str) -> BeforeValidator:
-    """Return the validator of a field that holds a quantity with its unit."""
-
-    def read(value: object) -> float:
-        return quantity(value, unit)
-
-    return BeforeValidator(read)
+UNIT: Final = "x-unit"
+"""Key of a JSON schema that stands for a quantity: its SI unit; `mcnav.config.json_schema` writes it out."""
 
 
-Length = Annotated[float, read_as("m")]
-Duration = Annotated[float, read_as("s")]
-Speed = Annotated[float, read_as("m/s")]
-Acceleration = Annotated[float, read_as("m/s^2")]
-AreaPerMass = Annotated[float, read_as("m^2/kg")]
-TimePerLength = Annotated[float, read_as("s/m")]
-AngularRate = Annotated[float, read_as("rad/s")]
-GravitationalParameter = Annotated[float, read_as("m^3/s^2")]
-Number = Annotated[float, read_as("1")]
+@dataclass(frozen=True)
+class QuantityIn:
+    """Annotation of a field that holds a quantity with its unit, which is read into an SI unit."""
+
+    unit: str
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return no_info_before_validator_function(lambda value: quantity(value, self.unit), handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return {**handler(schema), UNIT: self.unit}
+
+
+Length = Annotated[float, QuantityIn("m")]
+Duration = Annotated[float, QuantityIn("s")]
+Speed = Annotated[float, QuantityIn("m/s")]
+Acceleration = Annotated[float, QuantityIn("m/s^2")]
+AreaPerMass = Annotated[float, QuantityIn("m^2/kg")]
+TimePerLength = Annotated[float, QuantityIn("s/m")]
+AngularRate = Annotated[float, QuantityIn("rad/s")]
+GravitationalParameter = Annotated[float, QuantityIn("m^3/s^2")]
+Number = Annotated[float, QuantityIn("1")]
 Probability = Annotated[Number, Field(gt=0.0, lt=1.0)]
+Written = Annotated[Any, WithJsonSchema({UNIT: ""})]
+"""A quantity whose unit another part of the file decides; it is read later."""
 Text = Annotated[
     str,
     StringConstraints(min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f]*[^\x00-\x20\x7f][^\x00-\x1f\x7f]*$"),
 ]
+Span = Annotated[
+    Any,
+    WithJsonSchema(
+        {"anyOf": [{"enum": ["outages"]}, {"type": "array", "items": {UNIT: "s"}, "minItems": 2, "maxItems": 2}]}
+    ),
+]
+"""A begin and an end, or the outages of all sensors; read later."""
+
+Point = Annotated[Any, WithJsonSchema({"type": "array", "items": {UNIT: ""}, "minItems": 2, "maxItems": 2})]
+"""A start time and a sigma; read later."""
+After = Annotated[Duration | None, Field(description="Time from which on the requirement holds, to the end; type ins.")]
+During = Annotated[
+    Span, Field(description='Begin and end between which it holds, or "outages" of all sensors; type ins.')
+]
+At = Annotated[Duration | None, Field(description="Time of the one epoch at which the requirement holds; type ins.")]
 
 
 class Table(BaseModel):
@@ -47,81 +81,113 @@ class Table(BaseModel):
 class CorrelationTable(Table):
     """An entry of ``[[correlations]]``."""
 
-    between: Annotated[list[str], Field(min_length=2, max_length=2)]
-    coefficient: Annotated[Number, Field(ge=-1.0, le=1.0)] | None = None
-    rank_coefficient: Annotated[Number, Field(ge=-1.0, le=1.0)] | None = None
+    between: Annotated[list[str], Field(min_length=2, max_length=2, description="Names of two error sources.")]
+    coefficient: Annotated[Number, Field(ge=-1.0, le=1.0, description="Pearson's coefficient.")] | None = None
+    rank_coefficient: Annotated[Number, Field(ge=-1.0, le=1.0, description="Spearman's coefficient.")] | None = None
 
 
 class JointTable(Table):
     """An entry of ``[[joint]]``: sources that share their tails."""
 
-    sources: Annotated[list[str], Field(min_length=2)]
-    distribution: Literal["student-t"]
-    degrees_of_freedom: Number
+    sources: Annotated[list[str], Field(min_length=2, description="Names of sources whose large errors coincide.")]
+    distribution: Annotated[Literal["student-t"], Field(description="Multivariate distribution of the sources.")]
+    degrees_of_freedom: Annotated[Number, Field(description="Of the distribution; fewer make longer tails.")]
 
 
 class StartTimesTable(Table):
     """``[start_times]``; `mcnav.config.start_times` reads weights and errors with their units."""
 
-    count: Annotated[int, Field(ge=2, le=100_000)] = 241
-    axes: Literal["start", "trajectory"] = "start"
-    check: Annotated[list[Duration], Field(max_length=100)] = []
-    samples: Annotated[int, Field(ge=100, le=1_000_000)] = 4_000
-    weights: dict[str, Any] = {}
-    errors: dict[str, Annotated[list[Any], Field(min_length=1)]] = {}
+    count: Annotated[int, Field(ge=2, le=100_000, description="Number of start times over the trajectory.")] = 241
+    axes: Annotated[
+        Literal["start", "trajectory"],
+        Field(description="Where the reference axes are aligned: at each start, or at the trajectory's own."),
+    ] = "start"
+    check: Annotated[
+        list[Duration], Field(max_length=100, description="Start times at which Monte Carlo checks the dispersion.")
+    ] = []
+    samples: Annotated[int, Field(ge=100, le=1_000_000, description="Samples of each check.")] = 4_000
+    weights: Annotated[
+        dict[str, Written],
+        Field(description="Sigma of each output that counts as one unit of harm; omitted outputs do not count."),
+    ] = {}
+    errors: Annotated[
+        dict[str, Annotated[list[Point], Field(min_length=1)]],
+        Field(description="Sigmas that change with the start time: pairs of start time and sigma, by source."),
+    ] = {}
 
 
 class QuantileTable(Table):
     """``[[accept.quantile]]``: a quantile of an output's absolute value lies below a limit."""
 
-    output: str
-    probability: Probability
-    below: Any
-    after: Duration | None = None
-    during: Any = None
-    at: Duration | None = None
+    output: Annotated[str, Field(description="Name of the output.")]
+    probability: Annotated[Probability, Field(description="Probability with which its magnitude is below the limit.")]
+    below: Annotated[Written, Field(description="Limit, in a unit of the output.")]
+    after: After = None
+    during: During = None
+    at: At = None
 
 
 class CircularTable(Table):
     """``[[accept.cep]]`` and ``[[accept.r95]]``: 50 or 95 % of all errors in two outputs lie within a circle."""
 
-    outputs: Annotated[list[str], Field(min_length=2, max_length=2)]
-    below: Any
-    after: Duration | None = None
-    during: Any = None
-    at: Duration | None = None
+    outputs: Annotated[list[str], Field(min_length=2, max_length=2, description="Names of outputs of one unit.")]
+    below: Annotated[Written, Field(description="Largest radius, in a unit of the outputs.")]
+    after: After = None
+    during: During = None
+    at: At = None
 
 
 class SphericalTable(CircularTable):
     """``[[accept.sep]]``: half of all errors in three outputs lie within a sphere."""
 
-    outputs: Annotated[list[str], Field(min_length=3, max_length=3)]
+    outputs: Annotated[list[str], Field(min_length=3, max_length=3, description="Names of outputs of one unit.")]
 
 
 class BoxTable(Table):
     """``[[accept.box]]``: the absolute values of some outputs lie within limits jointly, with a probability."""
 
-    within: dict[str, Any]
-    probability: Probability
+    within: Annotated[dict[str, Written], Field(description="Limit of each output, in its unit.")]
+    probability: Annotated[Probability, Field(description="Probability with which all lie within their limits.")]
 
 
 class AcceptTable(Table):
     """``[accept]``."""
 
-    sigma_ratio: Annotated[Number, Field(gt=0.0, lt=1.0)] | None = None
-    quantile: Annotated[list[QuantileTable], Field(max_length=100)] = []
-    cep: Annotated[list[CircularTable], Field(max_length=100)] = []
-    r95: Annotated[list[CircularTable], Field(max_length=100)] = []
-    sep: Annotated[list[SphericalTable], Field(max_length=100)] = []
-    box: Annotated[list[BoxTable], Field(max_length=100)] = []
+    sigma_ratio: Annotated[
+        Number, Field(gt=0.0, lt=1.0, description="Largest departure of any output's paired sigma ratio from one.")
+    ] | None = None  # fmt: skip
+    quantile: Annotated[
+        list[QuantileTable], Field(max_length=100, description="Limits of an output's magnitude, with a probability.")
+    ] = []
+    cep: Annotated[
+        list[CircularTable], Field(max_length=100, description="Circles that hold half of all errors in two outputs.")
+    ] = []
+    r95: Annotated[
+        list[CircularTable], Field(max_length=100, description="Circles that hold 95 % of all errors in two outputs.")
+    ] = []
+    sep: Annotated[
+        list[SphericalTable],
+        Field(max_length=100, description="Spheres that hold half of all errors in three outputs."),
+    ] = []
+    box: Annotated[
+        list[BoxTable], Field(max_length=100, description="Limits within which several outputs lie together.")
+    ] = []
 
 
 class UntilTable(Table):
     """``samples = { until = "sigma_ratio 1 %", confidence = 0.95, at_most = 1_000_000 }``."""
 
-    until: str
-    confidence: Annotated[Number, Field(ge=0.5, lt=1.0)] = 0.95
-    at_most: Annotated[int, Field(ge=2, le=1_000_000_000)]
+    until: Annotated[
+        str,
+        Field(
+            description='"sigma_ratio" or "sigma_ratio_paired", and the precision at which the run stops.',
+            examples=["sigma_ratio 1 %"],
+        ),
+    ]
+    confidence: Annotated[
+        Number, Field(ge=0.5, lt=1.0, description="Confidence of the intervals of all outputs together.")
+    ] = 0.95
+    at_most: Annotated[int, Field(ge=2, le=1_000_000_000, description="Largest number of samples.")]
 
 
 class CampaignTable(Table):
@@ -130,20 +196,43 @@ class CampaignTable(Table):
     ``[[aiding]]`` and ``[filter]`` are read with the scenario.
     """
 
-    name: Text | None = None
-    samples: Annotated[int, Field(ge=2, le=1_000_000_000_000)] = 20_000
-    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
-    design: Literal[DESIGNS] = "random"  # type: ignore[valid-type]
-    store: Literal["samples", "summary"] = "samples"
-    tolerance: Annotated[Number, Field(gt=0.0, lt=1.0)] = 0.05
-    confidence: Annotated[Number, Field(ge=0.5, lt=1.0)] = 0.95
-    sample_timeout: Annotated[Duration, Field(ge=0.001, le=1e6)] | None = None
-    scenario: dict[str, Any]
-    imu: dict[str, Any] | None = None
-    aiding: Any = None
-    filter: Any = None
-    errors: dict[str, Any] = {}
-    correlations: Annotated[list[CorrelationTable], Field(max_length=1_000)] = []
-    joint: Annotated[list[JointTable], Field(max_length=100)] = []
-    start_times: StartTimesTable = StartTimesTable()
-    accept: AcceptTable | None = None
+    name: Annotated[Text, Field(description="Title of the report; the file's name unless given.")] | None = None
+    samples: Annotated[int, Field(ge=2, le=1_000_000_000_000, description="Number of samples.")] = 20_000
+    seed: Annotated[int, Field(ge=0, lt=2**63, description="Seed of the random numbers.")] = 0
+    design: Annotated[
+        Literal[DESIGNS], Field(description="How samples are drawn.")  # type: ignore[valid-type]
+    ] = "random"
+    store: Annotated[
+        Literal["samples", "summary"], Field(description="Keep every sample, or sums and the first 100,000 samples.")
+    ] = "samples"
+    tolerance: Annotated[
+        Number,
+        Field(
+            gt=0.0,
+            lt=1.0,
+            description="Departure of a sigma ratio from one that counts as agreement.",
+            examples=["5 %"],
+        ),
+    ] = 0.05
+    confidence: Annotated[Number, Field(ge=0.5, lt=1.0, description="Confidence of all verdicts together.")] = 0.95
+    sample_timeout: Annotated[
+        Duration, Field(ge=0.001, le=1e6, description="Time after which a sample fails.", examples=["10 s"])
+    ] | None = None  # fmt: skip
+    scenario: Annotated[dict[str, Any], Field(description="What is simulated; its type decides about the other keys.")]
+    imu: Annotated[
+        dict[str, Any], Field(description="Inertial measurement unit of type ins: a grade, or a data sheet.")
+    ] | None = None  # fmt: skip
+    aiding: Annotated[Any, Field(description="Sensors that aid a navigation of type ins.")] = None
+    filter: Annotated[Any, Field(description="Error-state Kalman filter of an aided navigation.")] = None
+    errors: Annotated[
+        dict[str, Any],
+        Field(description="One sigma of a normal error by source, or a table with its distribution; others are zero."),
+    ] = {}
+    correlations: Annotated[
+        list[CorrelationTable], Field(max_length=1_000, description="Correlations of pairs of sources.")
+    ] = []
+    joint: Annotated[
+        list[JointTable], Field(max_length=100, description="Groups of sources with a joint distribution.")
+    ] = []
+    start_times: Annotated[StartTimesTable, Field(description="Study of mcnav start-times.")] = StartTimesTable()
+    accept: Annotated[AcceptTable, Field(description="Requirements, which mcnav run --check tests.")] | None = None

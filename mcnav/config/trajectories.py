@@ -24,11 +24,12 @@ from pathlib import Path
 from typing import Annotated, Any, Final
 
 import numpy as np
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, WithJsonSchema
 
+from mcnav._recent import Recent
 from mcnav.config.context import FileContext
 from mcnav.config.files import read_file
-from mcnav.config.schema import Acceleration, AngularRate, Duration, Length, Speed, Table, read_as
+from mcnav.config.schema import UNIT, Acceleration, AngularRate, Duration, Length, QuantityIn, Speed, Table
 from mcnav.config.trajectory_file import LARGEST_FILE, read_trajectory_file
 from mcnav.config.validation import validate
 from mcnav.errors import suggestion
@@ -46,10 +47,13 @@ from mcnav.scenarios.table_i import TABLE_I, start_state
 from mcnav.store.inputs import INPUTS
 from mcnav.units import UnitError, quantity
 
+_RECENT: Final = Recent[tuple[Truth, TrajectoryRows]](most=2)
+"""Trajectories of the campaigns read last, which variations of a campaign share."""
+
 KEY: Final = "scenario.trajectory"
 """Key of the entry; its last part is the setting that names the file."""
 
-Angle = Annotated[float, read_as("rad")]
+Angle = Annotated[float, QuantityIn("rad")]
 Latitude = Annotated[Angle, Field(gt=-np.pi / 2.0, lt=np.pi / 2.0)]
 Longitude = Annotated[Angle, Field(ge=-2.0 * np.pi, le=2.0 * np.pi)]
 Azimuth = Annotated[Angle, Field(ge=-2.0 * np.pi, le=2.0 * np.pi)]
@@ -60,6 +64,9 @@ Elapsed = Annotated[Duration, Field(gt=0.0, le=flown.LONGEST)]
 Forward = Annotated[Speed, Field(ge=0.0, le=20e3)]
 Pull = Annotated[Acceleration, Field(gt=0.0, le=1e3)]
 TurnRate = Annotated[AngularRate, Field(gt=0.0, le=10.0)]
+Bank = Annotated[Steepness | None, Field(description="Bank angle of a turn; 20 deg unless given.")]
+RateOfTurn = Annotated[TurnRate | None, Field(description="Rate of turn, in place of a bank.", examples=["3 deg/s"])]
+RollRate = Annotated[TurnRate, Field(description="Largest roll rate.", examples=["5 deg/s"])]
 
 
 def _length_or_time(value: object) -> tuple[str, float]:
@@ -72,35 +79,41 @@ def _length_or_time(value: object) -> tuple[str, float]:
 class FileTable(Table):
     """``{ file = "flight.csv", columns = { lat = "latitude [rad]" } }``."""
 
-    file: str
-    columns: dict[str, str] | None = None
+    file: Annotated[str, Field(description="Trajectory file, CSV or parquet, beside the campaign file or below it.")]
+    columns: Annotated[
+        dict[str, str] | None, Field(description='Names of the file\'s columns, with units: lat = "latitude [rad]".')
+    ] = None
 
 
 class ReentryTable(Table):
     """``{ reentry = 4, latitude = ..., longitude = ..., azimuth = ... }``: by default along the equator, eastwards."""
 
-    reentry: Annotated[int, Field(ge=1, le=7)]
-    latitude: Latitude = 0.0
-    longitude: Longitude = 0.0
-    azimuth: Azimuth = np.pi / 2.0
+    reentry: Annotated[int, Field(ge=1, le=7, description="Row of Table I of NASA TN D-1772.")]
+    latitude: Annotated[Latitude, Field(description="Latitude of the place where the range angle is zero.")] = 0.0
+    longitude: Annotated[Longitude, Field(description="Longitude of that place.")] = 0.0
+    azimuth: Annotated[Azimuth, Field(description="Azimuth of the plane there.")] = np.pi / 2.0
 
 
 class StartTable(Table):
     """Place and motion at the beginning of the first segment."""
 
-    latitude: Latitude
-    longitude: Longitude
-    altitude: Height = 0.0
-    course: Azimuth = 0.0
-    speed: Forward = 0.0
+    latitude: Annotated[Latitude, Field(description="Geodetic latitude.")]
+    longitude: Annotated[Longitude, Field(description="Longitude.")]
+    altitude: Annotated[Height, Field(description="Altitude above the ellipsoid.")] = 0.0
+    course: Annotated[Azimuth, Field(description="Course over ground, from north to east.")] = 0.0
+    speed: Annotated[Forward, Field(description="Speed over the earth.")] = 0.0
 
 
 class SegmentsTable(Table):
     """``{ start = { ... }, segments = [ ... ], rate = "10 Hz" }``."""
 
-    start: StartTable
-    segments: Annotated[list[dict[str, Any]], Field(min_length=1, max_length=10_000)]
-    rate: Annotated[float, read_as("1/s"), Field(ge=0.01, le=10_000.0)] = 10.0
+    start: Annotated[StartTable, Field(description="Place and motion at the beginning.")]
+    segments: Annotated[
+        list[dict[str, Any]], Field(min_length=1, max_length=10_000, description="Segments, one after the other.")
+    ]
+    rate: Annotated[
+        float, QuantityIn("1/s"), Field(ge=0.01, le=10_000.0, description="Rate of the trajectory's rows.")
+    ] = 10.0
 
 
 class StageTable(Table):
@@ -109,57 +122,73 @@ class StageTable(Table):
     By default the last acceleration is the first.
     """
 
-    acceleration: Pull
-    last: Pull | None = None
-    burn: Annotated[Duration, Field(ge=2.0 * RAMP, le=1e4)]
-    pause: Annotated[Duration, Field(ge=0.0, le=1e5)] = 0.0
+    acceleration: Annotated[Pull, Field(description="Acceleration by the thrust, at first.")]
+    last: Annotated[Pull | None, Field(description="Acceleration by the thrust, at last.")] = None
+    burn: Annotated[Duration, Field(ge=2.0 * RAMP, le=1e4, description="Duration of the thrust.")]
+    pause: Annotated[Duration, Field(ge=0.0, le=1e5, description="Time without thrust before the stage.")] = 0.0
 
 
 class LaunchTable(Table):
     """``boost``: site, azimuth, stages, and the pitch program up to the gravity turn."""
 
-    latitude: Latitude
-    longitude: Longitude
-    azimuth: Azimuth
-    altitude: Height = 0.0
-    stages: Annotated[list[StageTable], Field(min_length=1, max_length=10)]
-    rise: Annotated[Duration, Field(ge=RAMP, le=1e3)] = 10.0
-    kick: Annotated[Angle, Field(gt=0.0, le=1.0)] = math.radians(3.0)
-    kick_time: Annotated[Duration, Field(gt=0.0, le=1e3)] = 10.0
-    coast: Annotated[Duration, Field(ge=0.0, le=1e5)] = 0.0
+    latitude: Annotated[Latitude, Field(description="Geodetic latitude of the launch site.")]
+    longitude: Annotated[Longitude, Field(description="Longitude of the launch site.")]
+    azimuth: Annotated[Azimuth, Field(description="Launch azimuth.")]
+    altitude: Annotated[Height, Field(description="Altitude of the launch site.")] = 0.0
+    stages: Annotated[list[StageTable], Field(min_length=1, max_length=10, description="Stages in order.")]
+    rise: Annotated[Duration, Field(ge=RAMP, le=1e3, description="Time of vertical flight.")] = 10.0
+    kick: Annotated[Angle, Field(gt=0.0, le=1.0, description="Angle of the pitch-over.")] = math.radians(3.0)
+    kick_time: Annotated[Duration, Field(gt=0.0, le=1e3, description="Duration of the pitch-over.")] = 10.0
+    coast: Annotated[Duration, Field(ge=0.0, le=1e5, description="Free flight after the last stage.")] = 0.0
 
 
 class BoostTable(Table):
     """``{ boost = { ... } }``."""
 
-    boost: LaunchTable
+    boost: Annotated[LaunchTable, Field(description="Ballistic boost with a gravity turn.")]
+
+
+TRAJECTORIES: Final[Mapping[str, type[Table]]] = {
+    "file": FileTable,
+    "reentry": ReentryTable,
+    "segments": SegmentsTable,
+    "boost": BoostTable,
+}
+"""Tables of trajectories by the key that names their kind."""
 
 
 class HoldTable(Table):
     """``{ hold = "60 s" }``."""
 
-    hold: Elapsed
+    hold: Annotated[Elapsed, Field(description="Time for which the vehicle goes on as it is: at rest, or straight.")]
 
 
 class StraightTable(Table):
     """``{ straight = "50 km" }`` or ``{ straight = "10 min" }``."""
 
-    straight: Annotated[tuple[str, Annotated[float, Field(gt=0.0, le=1e9)]], BeforeValidator(_length_or_time)]
+    straight: Annotated[
+        tuple[str, Annotated[float, Field(gt=0.0, le=1e9)]],
+        BeforeValidator(_length_or_time),
+        WithJsonSchema({UNIT: "", "examples": ["50 km", "10 min"]}),
+        Field(description="Length or duration of a flight straight on."),
+    ]
 
 
 class SpeedTable(Table):
     """``{ speed = "80 m/s", acceleration = "2 m/s^2" }``."""
 
-    speed: Forward
-    acceleration: Pull = flown.ACCELERATION
+    speed: Annotated[Forward, Field(description="Speed at the end of the segment.")]
+    acceleration: Annotated[Pull, Field(description="Largest acceleration.")] = flown.ACCELERATION
 
 
 class ClimbTable(Table):
     """``{ climb = "3 km", angle = "5 deg", acceleration = "0.2 g" }``; a descent is a negative climb."""
 
-    climb: Annotated[Length, Field(ge=-1e8, le=1e8)]
-    angle: Steepness = flown.CLIMB_ANGLE
-    acceleration: Pull = flown.NORMAL_ACCELERATION
+    climb: Annotated[Length, Field(ge=-1e8, le=1e8, description="Altitude gained; a descent is negative.")]
+    angle: Annotated[Steepness, Field(description="Climb angle.")] = flown.CLIMB_ANGLE
+    acceleration: Annotated[Pull, Field(description="Largest acceleration across the path.")] = (
+        flown.NORMAL_ACCELERATION
+    )
 
 
 class TurnTable(Table):
@@ -168,26 +197,26 @@ class TurnTable(Table):
     To the right is positive.
     """
 
-    turn: Annotated[Angle, Field(ge=-1e3, le=1e3)]
-    bank: Steepness | None = None
-    rate: TurnRate | None = None
-    roll_rate: TurnRate = flown.ROLL_RATE
+    turn: Annotated[Angle, Field(ge=-1e3, le=1e3, description="Change of course; to the right is positive.")]
+    bank: Bank = None
+    rate: RateOfTurn = None
+    roll_rate: RollRate = flown.ROLL_RATE
 
 
 class PlaceTable(Table):
     """A way point."""
 
-    latitude: Latitude
-    longitude: Longitude
+    latitude: Annotated[Latitude, Field(description="Geodetic latitude.")]
+    longitude: Annotated[Longitude, Field(description="Longitude.")]
 
 
 class WayPointTable(Table):
     """``{ to = { latitude = "48 deg", longitude = "11 deg" }, bank = "25 deg" }``."""
 
-    to: PlaceTable
-    bank: Steepness | None = None
-    rate: TurnRate | None = None
-    roll_rate: TurnRate = flown.ROLL_RATE
+    to: Annotated[PlaceTable, Field(description="Way point, reached by a turn and a geodesic.")]
+    bank: Bank = None
+    rate: RateOfTurn = None
+    roll_rate: RollRate = flown.ROLL_RATE
 
 
 def _straight(table: StraightTable) -> flown.Segment:
@@ -264,20 +293,19 @@ def _read(
     if not isinstance(entry, Mapping):
         context.problem(key, "expected a file in quotes, or a table with file, reentry, segments or boost")
         return None
-    kinds: Mapping[str, tuple[type[Table], Callable[..., TrajectorySpec | None]]] = {
-        "file": (FileTable, _from_file),
-        "reentry": (ReentryTable, _from_reentry),
-        "segments": (SegmentsTable, _from_segments),
-        "boost": (BoostTable, _from_boost),
-    }
-    named = [kind for kind in kinds if kind in entry]
+    named = [kind for kind in TRAJECTORIES if kind in entry]
     if len(named) != 1:
         came = f"got {' and '.join(named)}" if named else "has no kind"
-        context.problem(key, f"{came}; expected a table with one of {', '.join(kinds)}")
+        context.problem(key, f"{came}; expected a table with one of {', '.join(TRAJECTORIES)}")
         return None
-    model, build = kinds[named[0]]
-    table = validate(model, entry, context, key)
-    return None if table is None else build(table, entry, earth, context, key)
+    builders: Mapping[str, Callable[..., TrajectorySpec | None]] = {
+        "file": _from_file,
+        "reentry": _from_reentry,
+        "segments": _from_segments,
+        "boost": _from_boost,
+    }
+    table = validate(TRAJECTORIES[named[0]], entry, context, key)
+    return None if table is None else builders[named[0]](table, entry, earth, context, key)
 
 
 def _from_file(
@@ -288,7 +316,13 @@ def _from_file(
         if path.is_file() and path.stat().st_size > LARGEST_FILE:  # before its content is digested
             raise SettingError(f"{path} is longer than {LARGEST_FILE:,} bytes")
         file = read_file(table.file, key.rpartition(".")[2], context)
-        rows = read_trajectory_file(Path(file.path), table.columns, earth)
+
+        def read() -> tuple[Truth, TrajectoryRows]:
+            rows = read_trajectory_file(Path(file.path), table.columns, earth)
+            return rows.truth(earth), rows
+
+        named = tuple(sorted((table.columns or {}).items()))
+        truth, rows = _RECENT.get(("file", file.digest, file.name, named, earth), read)
     except SettingError as wrong:
         context.problem(key, str(wrong))
         return None
@@ -297,18 +331,23 @@ def _from_file(
         return None
     place = f"{INPUTS}/{file.name}"
     resolved = place if isinstance(entry, str) else {**entry, "file": place}
-    return TrajectorySpec(Path(table.file).name, rows.truth(earth), rows, resolved, file)
+    return TrajectorySpec(Path(table.file).name, truth, rows, resolved, file)
 
 
 def _from_reentry(
     table: ReentryTable, entry: Mapping[str, Any], earth: Earth, context: FileContext, key: str
 ) -> TrajectorySpec:
-    row = TABLE_I[table.reentry]
-    planar = fly_truth(np.array(start_state(table.reentry)), Vehicle(row.lift_law), row.final_altitude)
-    truth = reentry_truth(planar, earth, Plane.at(table.latitude, table.longitude, table.azimuth))
+
+    def fly() -> tuple[Truth, TrajectoryRows]:
+        row = TABLE_I[table.reentry]
+        planar = fly_truth(np.array(start_state(table.reentry)), Vehicle(row.lift_law), row.final_altitude)
+        truth = reentry_truth(planar, earth, Plane.at(table.latitude, table.longitude, table.azimuth))
+        return truth, rows_from(truth, truth.times)
+
+    truth, rows = _RECENT.get((repr(table), earth), fly)
     defaults = {name: f"{getattr(table, name)!r} rad" for name in ("latitude", "longitude", "azimuth")}
     label = f"trajectory {table.reentry} of NASA TN D-1772"
-    return TrajectorySpec(label, truth, rows_from(truth, truth.times), {**defaults, **entry})
+    return TrajectorySpec(label, truth, rows, {**defaults, **entry})
 
 
 def _from_segments(
@@ -319,9 +358,14 @@ def _from_segments(
     start = flown.Start(at.latitude, at.longitude, at.altitude, at.course, at.speed)
     if any(segment is None for segment in segments):
         return None
-    try:
+
+    def fly() -> tuple[Truth, TrajectoryRows]:
         rows = flown.fly_segments(start, [each for each in segments if each is not None], table.rate, earth)
         check_rows(rows, earth)
+        return rows.truth(earth), rows
+
+    try:
+        truth, rows = _RECENT.get((repr((start, segments, table.rate)), earth), fly)
     except flown.SegmentError as wrong:
         context.problem(f"{key}.segments #{wrong.number}", str(wrong))
         return None
@@ -329,7 +373,7 @@ def _from_segments(
         context.problem(f"{key}.segments", str(wrong))
         return None
     label = f"flight of {len(segments)} segments"
-    return TrajectorySpec(label, rows.truth(earth), rows, {"rate": f"{table.rate!r} Hz", **entry})
+    return TrajectorySpec(label, truth, rows, {"rate": f"{table.rate!r} Hz", **entry})
 
 
 def _from_boost(
@@ -340,15 +384,20 @@ def _from_boost(
         Stage(each.acceleration, each.last or each.acceleration, each.burn, each.pause) for each in at.stages
     )
     boost = Boost(at.latitude, at.longitude, at.azimuth, stages, at.altitude, at.rise, at.kick, at.kick_time, at.coast)
-    try:
+
+    def fly() -> tuple[Truth, TrajectoryRows]:
         truth = boost_truth(boost, earth)
+        return truth, rows_from(truth, truth.times)
+
+    try:
+        truth, rows = _RECENT.get((repr(boost), earth), fly)
     except BoostError as wrong:
         context.problem(f"{key}.boost.{wrong.key}", str(wrong))
         return None
     defaults = {name: f"{getattr(at, name)!r} s" for name in ("rise", "kick_time", "coast")}
     defaults |= {"altitude": f"{at.altitude!r} m", "kick": f"{at.kick!r} rad"}
     resolved = {"boost": {**defaults, **entry["boost"]}}
-    return TrajectorySpec(f"boost of {len(stages)} stages", truth, rows_from(truth, truth.times), resolved)
+    return TrajectorySpec(f"boost of {len(stages)} stages", truth, rows, resolved)
 
 
 def _read_segment(entry: Mapping[str, Any], context: FileContext, key: str) -> flown.Segment | None:

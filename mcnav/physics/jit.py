@@ -47,6 +47,19 @@ def compiled(function: Function) -> Function:
     return _compile(function, fastmath={"contract"})
 
 
+def allocation_free(function: Function) -> Function:
+    """Compile a numerical function that allocates nothing.
+
+    References to arrays are not counted in it, which would cost more than the arithmetic of short vectors.
+    """
+    return _compile(function, fastmath={"contract"}, _nrt=False)
+
+
+def allocation_free_uncontracted(function: Function) -> Function:
+    """Compile a function that is `allocation_free` and `uncontracted`."""
+    return _compile(function, fastmath=False, _nrt=False)
+
+
 def uncontracted(function: Function) -> Function:
     """Compile a function whose results are the same bits wherever the compiler inlines it.
 

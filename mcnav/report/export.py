@@ -18,13 +18,12 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.report import filter_verdict, sentences
 from mcnav.report.requirements import shown_units
+from mcnav.report.result_table import Row, Units
 from mcnav.scenarios.protocol import Output, Source
 from mcnav.units import conversion
 
 if TYPE_CHECKING:
     from mcnav.report.comparison import Row as RowOfChange
-
-Row = dict[str, Any]
 
 EXPORTED: Final = {
     "change": "change", "change_ratio": "ratio", "change_ratio_from": "from", "change_ratio_to": "to",
@@ -33,10 +32,13 @@ EXPORTED: Final = {
 }  # fmt: skip
 """Names of a change's cells in CSV and JSON."""
 
+FORMULA: Final = ("=", "+", "-", "@", "\t", "\r", "\n")
+"""Beginnings of a text that spreadsheets take for a formula."""
 
-def output_rows(runs: Mapping[str, Mapping[str, Any]]) -> list[Row]:
+
+def output_rows(runs: Mapping[str, Mapping[str, Any]], units: Units = "shown") -> list[Row]:
     """List linear and Monte Carlo sigmas, one row per output and run; ``runs`` are summaries by run name."""
-    units = {
+    shown_in = {
         (entry["name"], entry["unit"]): shown_units(run)[entry["name"]][1]
         for run in [*runs.values()][::-1]
         for entry in run["outputs"]
@@ -48,7 +50,7 @@ def output_rows(runs: Mapping[str, Mapping[str, Any]]) -> list[Row]:
         for title, run in runs.items():
             at = [(entry["name"], entry["unit"]) for entry in run["outputs"]]
             if (name, unit) in at:
-                shown = units[name, unit]
+                shown = shown_in[name, unit] if units == "shown" else unit
                 scale = conversion(unit, shown)
                 rows.append({"run": title, "output": name, "unit": shown} | _sigmas(run, at.index((name, unit)), scale))
     return rows
@@ -115,15 +117,22 @@ def partial_rows(sources: Sequence[Source], outputs: Sequence[Output], matrix: A
 def as_csv(rows: Sequence[Mapping[str, Any]]) -> str:
     r"""Write rows as CSV in full precision; unknown values are empty.
 
-    >>> as_csv([{"output": "x", "sigma": 0.1}, {"output": "y", "sigma": None}])
-    'output,sigma\nx,0.1\ny,\n'
+    Texts and headings that a spreadsheet would read as formulas have an apostrophe before them.
+
+    >>> as_csv([{"output": "x", "sigma": 0.1}, {"output": "=y()", "sigma": None}])
+    "output,sigma\nx,0.1\n'=y(),\n"
     """
     written = io.StringIO()
     keys = dict.fromkeys(key for row in rows for key in row)
-    writer = csv.DictWriter(written, list(keys), restval="", lineterminator="\n")
-    writer.writeheader()
-    writer.writerows({key: _finite(value) for key, value in row.items()} for row in rows)
+    writer = csv.writer(written, lineterminator="\n")
+    writer.writerow(map(_harmless, keys))
+    writer.writerows([_harmless(_finite(row.get(key))) for key in keys] for row in rows)
     return written.getvalue()
+
+
+def _harmless(cell: Any) -> Any:
+    """Put an apostrophe before a text that a spreadsheet would execute (OWASP, CSV injection)."""
+    return f"'{cell}" if isinstance(cell, str) and cell.startswith(FORMULA) else cell
 
 
 def as_json(tables: Mapping[str, Any]) -> str:

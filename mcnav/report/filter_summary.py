@@ -55,6 +55,8 @@ def _table(found: FilterConsistency) -> dict[str, Any]:
         "confidence": found.confidence,
         "samples_needed": found.samples_needed,
         "neglected": [asdict(each) for each in found.neglected],
+        "neglected_at": found.neglected_at,
+        "neglected_output": found.neglected_output,
         "remarks": list(found.remarks),
         "groups": {group.name: _group(group, found) for group in found.groups},
         "outputs": {output.name: _sigma(output, found) for output in found.outputs},

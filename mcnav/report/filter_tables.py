@@ -8,7 +8,14 @@ from typing import Any
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.analysis.filter_consistency import FilterConsistency, Finding, Honesty, NeglectedError, SigmaConsistency
+from mcnav.analysis.filter_consistency import (
+    FilterConsistency,
+    Finding,
+    Honesty,
+    NeglectedError,
+    SigmaConsistency,
+    Whiteness,
+)
 from mcnav.analysis.filter_remarks import group_words, instant
 from mcnav.report.figures.consistency import group_title
 from mcnav.report.figures.filter_errors import sigmas
@@ -133,20 +140,26 @@ def sensors(found: FilterConsistency) -> list[dict[str, Any]]:
                 "nis_words": "" if whole is None else "beyond bounds" if each.beyond else "within bounds",
                 "correlation": None if white.correlation is None else f"{white.correlation:+.4f}".replace("-", "−"),
                 "correlation_bound": number(white.bound, 2),
-                "white_tone": "" if white.correlation is None else "differs" if white.beyond else "agrees",
+                "white_tone": _white_tone(white),
                 "white_words": "" if white.correlation is None else "correlated" if white.beyond else "white",
             }
         )
     return rows
 
 
+def _white_tone(white: Whiteness) -> str:
+    if white.correlation is None:
+        return ""
+    return "agrees" if not white.beyond else "partly" if white.expected else "differs"
+
+
 def neglected(content: RunAnalysis) -> list[dict[str, str]]:
-    """List the neglected errors: sigma of the worst output that each adds, what the filter believes of it, share.
+    """List the neglected errors: what each adds to an output, what the filter believes of it, share.
 
     Those with small shares are one row.
     """
     found = content.filter
-    output = next((each for each in found.outputs if each.name == found.output), None) if found else None
+    output = next((each for each in found.outputs if each.name == found.neglected_output), None) if found else None
     if found is None or output is None:
         return []
     labels = dict(zip((each.name for each in content.manifest.model.sources), content.source_names, strict=True))

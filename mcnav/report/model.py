@@ -162,7 +162,7 @@ class RunAnalysis:
         return np.asfortranarray(self.outputs if known.all() else self.outputs[known]) * self.output_scale
 
 
-def scale_of(variables: Sequence[Variable | Output]) -> Array:
+def scale_of(variables: Sequence[Variable | Source | Output]) -> Array:
     """Return what SI values of outputs or sources are multiplied by to be shown."""
     return np.array([conversion(each.unit, each.shown_in) for each in variables])
 

@@ -13,6 +13,7 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from mcnav.analysis.filter_remarks import instant
 from mcnav.errors import shortened
 from mcnav.report import filter_tables, filter_verdict, sentences, tables
 from mcnav.report import format as formats
@@ -162,5 +163,6 @@ def _of_filter(content: RunAnalysis, outputs: Sequence[Mapping[str, Any]]) -> di
         "filter_tone": filter_verdict.TONES[found.verdict.value],
         "filter_findings": filter_tables.findings(found),
         "filter_neglected": filter_tables.neglected(content),
+        "filter_neglected_at": "" if found.neglected_at is None else instant(found.neglected_at, found.label),
         "filter_sensors": filter_tables.sensors(found),
     }

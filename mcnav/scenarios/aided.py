@@ -20,6 +20,7 @@ from mcnav.physics.ins.aided_ensemble import (
 from mcnav.physics.ins.aided_mechanization import AidedMechanization
 from mcnav.physics.ins.aiding import Sensor, aiding_constants, aiding_processes
 from mcnav.physics.ins.closed_loop import ClosedLoop, ClosedLoopErrors, close_loop, propagate_closed_loop
+from mcnav.physics.ins.closed_loop_covariance import ClosedLoopCovariance, propagate_covariance
 from mcnav.physics.ins.covariance import biased_processes
 from mcnav.physics.ins.ensemble import tabulate
 from mcnav.physics.ins.error_filter import NAVIGATION, FilterModel
@@ -27,6 +28,7 @@ from mcnav.physics.ins.filter_lanes import BEYOND, INDEFINITE, SOUND
 from mcnav.physics.ins.instruments import CONSTANTS, OUTPUTS, Imu, process_sizes
 from mcnav.physics.ins.linear_noise import respond_from_rest
 from mcnav.physics.ins.mechanization import Diverged, longest_step
+from mcnav.physics.ins.recent_responses import recent_responses
 from mcnav.physics.ins.sample_noise import SampleNoise
 from mcnav.physics.ins.truth import Platform, Truth
 from mcnav.scenarios.failure import Failure, Reason
@@ -95,7 +97,9 @@ class AidedNavigation:
     @cached_property
     def loop(self) -> ClosedLoop:
         """The closed loop on the coarsest grid."""
-        return self._close(1)
+        return close_loop(
+            self.truth, self.platform, self.grid(1), self.imu, self.sensors, self.filter, recent_responses
+        )
 
     def _close(self, division: int) -> ClosedLoop:
         return close_loop(self.truth, self.platform, self.grid(division), self.imu, self.sensors, self.filter)
@@ -110,18 +114,48 @@ class AidedNavigation:
         places = self.places(self.loop)
         return propagate_closed_loop(self.loop, places, np.ones(len(places)))
 
-    def read_out(self, times: Array) -> tuple[tuple[Literal["before", "after"] | None, ...], ClosedLoopErrors]:
-        """Propagate the linear closed loop and read it out at rising times; twice where an update falls on one."""
-        grid = self.grid(1, np.concatenate([[self.start], times]))
-        loop = close_loop(self.truth, self.platform, grid, self.imu, self.sensors, self.filter)
+    def read_out(
+        self, times: Array | None = None
+    ) -> tuple[tuple[Literal["before", "after"] | None, ...], ClosedLoopErrors]:
+        """Propagate the linear closed loop and read it out at the epochs or at other rising times.
+
+        There are two readings where an update falls on a time.
+        """
+        if times is None:
+            loop, times = self.loop, self.times
+        else:
+            grid = self.grid(1, np.concatenate([[self.start], times]))
+            loop = close_loop(self.truth, self.platform, grid, self.imu, self.sensors, self.filter)
         readings: list[int] = []
         updates: list[Literal["before", "after"] | None] = []
-        for place in np.searchsorted(grid, times - 1e-9).tolist():
+        for place in np.searchsorted(loop.times, times - 1e-9).tolist():
             updated = loop.first_updates[place] < loop.first_updates[place + 1]
             readings += [place, place] if updated else [place]
             updates += ["before", "after"] if updated else [None]
         after = np.array([update == "after" for update in updates])
         return tuple(updates), propagate_closed_loop(loop, np.array(readings), after)
+
+    def covariances(
+        self, times: Array, mean: Array, sources: Array, shared: ClosedLoopCovariance | None
+    ) -> ClosedLoopCovariance:
+        """Propagate mean and covariance of the errors to rising times, after their updates.
+
+        Parameters
+        ----------
+        mean, sources : ndarray, shapes (s,), (s, s)
+            Of the constant sources.
+        shared : ClosedLoopCovariance, optional
+            Of another navigation, whose tables are taken over where they hold.
+        """
+        grid = self.grid(1, np.concatenate([[self.start], times]))
+        readings, loop = np.searchsorted(grid, times - 1e-9), None
+        if shared is not None:
+            loop = shared.loop
+            readings = loop.own_at if np.array_equal(loop.own_at, readings) else readings
+        loop = close_loop(
+            self.truth, self.platform, grid, self.imu, self.sensors, self.filter, recent_responses, readings, loop
+        )
+        return propagate_covariance(loop, mean, sources, shared)
 
     def tables(self, division: int) -> AidedTables:
         """Prepare the tables of the ensemble."""
@@ -198,18 +232,19 @@ def filter_schema(
         groups["sensors"] = estimated
     names = tuple(state.name for state in states)
     sizes = {sensor.name: len(sensor.components) for sensor in sensors}
-    return FilterSchema(groups, len(OUTPUTS), names, tuple(units[name] for name in names), sizes)
+    shown = tuple(units[name] for name in names)
+    return FilterSchema(groups, len(OUTPUTS), names, shown, sizes, model.considers)
 
 
 def believed_shares(
     imu: Imu, sensors: tuple[Sensor, ...], model: FilterModel, sigmas: Mapping[str, float]
 ) -> dict[str, float]:
-    """Return the variance that a filter believes of each cause over the true one; zero for what it neglects.
+    """Return the variance that a filter believes of each cause over its true mean square; zero for what it neglects.
 
     Parameters
     ----------
     sigmas : mapping of str to float
-        True standard deviations of the constant sources.
+        True root mean squares of the constant sources.
     """
     beliefs, states = model.beliefs, {state.name: state for state in model.states}
     found: dict[str, float] = {}

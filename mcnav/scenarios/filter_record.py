@@ -36,6 +36,8 @@ class FilterSchema:
         SI unit of each of these, and the unit in which it is shown.
     sensors : mapping of str to int
         Sensors, and the size of the measurements of each.
+    considered : tuple of str
+        Kinds of errors that the filter considers without estimating them: they correlate its innovations.
     """
 
     groups: Mapping[str, int]
@@ -43,6 +45,7 @@ class FilterSchema:
     states: tuple[str, ...] = ()
     units: tuple[tuple[str, str], ...] = ()
     sensors: Mapping[str, int] = field(default_factory=dict)
+    considered: tuple[str, ...] = ()
 
     @cached_property
     def places(self) -> Mapping[str, slice]:
@@ -102,7 +105,7 @@ class FilterPrediction:
     state_processes : mapping of str to ndarray, shape (m, q)
         Variance that each process adds to them.
     believed : mapping of str to float
-        Variance that the filter believes a source or process to have over its true variance: one where the filter
+        Variance that the filter believes a source or process to have over its true mean square: one where the filter
         models it rightly, zero where it neglects it. Those missing are modelled rightly.
     """
 

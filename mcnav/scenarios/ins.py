@@ -18,13 +18,16 @@ from numpy.typing import NDArray
 from mcnav._types import Array
 from mcnav.constants import STANDARD_GRAVITY
 from mcnav.physics.ins.aiding import Sensor
+from mcnav.physics.ins.closed_loop_covariance import ClosedLoopCovariance
 from mcnav.physics.ins.covariance import LinearErrors, propagate
 from mcnav.physics.ins.ensemble import EnsembleTables, simulate, tabulate
 from mcnav.physics.ins.error_filter import FilterModel
+from mcnav.physics.ins.filter_tables import same_memory
 from mcnav.physics.ins.fine_noise import draw_noise
 from mcnav.physics.ins.instruments import CONSTANTS, OUTPUTS, PROCESSES, Imu, process_sizes
 from mcnav.physics.ins.linear_noise import NoiseResponse
 from mcnav.physics.ins.mechanization import Diverged, Mechanization, longest_step
+from mcnav.physics.ins.recent_responses import recent_responses
 from mcnav.physics.ins.response import StepResponses, respond
 from mcnav.physics.ins.start_times import LinearStarts, propagate_starts
 from mcnav.physics.ins.truth import Platform, Truth
@@ -41,6 +44,7 @@ from mcnav.scenarios.failure import Failure, Reason
 from mcnav.scenarios.filter_record import FilterPrediction, FilterSchema
 from mcnav.scenarios.protocol import (
     Batch,
+    CovarianceReadings,
     Engine,
     Epochs,
     History,
@@ -50,6 +54,7 @@ from mcnav.scenarios.protocol import (
     Panel,
     PartialsHistory,
     ScenarioError,
+    SharedTables,
     SimulationResult,
     Source,
     StartClock,
@@ -111,6 +116,7 @@ EPOCHS: Final = 60
 """Intervals between instants at which the errors of all samples are read out; fewer in a shorter navigation."""
 
 HISTORY_TIME: Final = "time [min]"
+TRAJECTORY_TIME: Final = "time of the trajectory [s]"
 HISTORY_POINTS: Final = 401
 ENSEMBLE_CHUNK: Final = 2_048
 REFERENCE_CHUNK: Final = 8
@@ -144,7 +150,7 @@ class Navigation:
     filter : FilterModel, optional
         Of an aided navigation.
     sigmas : mapping of str to float
-        True standard deviations of the constant sources, where they are known: what a filter believes is compared.
+        True root mean squares of the constant sources, where they are known: what a filter believes is compared.
     """
 
     truth: Truth
@@ -202,7 +208,7 @@ class Navigation:
     @cached_property
     def responses(self) -> StepResponses:
         """The linear responses between epochs."""
-        return respond(self.truth, self.platform, self.times, self.imu)
+        return recent_responses(self.truth, self.platform, self.times, self.imu)
 
     def tables(self, steps: int) -> EnsembleTables:
         """Prepare the ensemble's tables."""
@@ -219,6 +225,28 @@ class Navigation:
             closed = self.aided.linear
             return LinearErrors(closed.times, closed.partials, closed.processes)
         return propagate(self.truth, self.responses, self.imu, np.arange(EPOCHS + 1))
+
+
+@dataclass(frozen=True)
+class _FreeTables:
+    """Responses of a navigation without aiding."""
+
+    truth: Truth
+    platform: Platform
+    imu: Imu
+    responses: StepResponses
+
+    @classmethod
+    def of(cls, navigation: Navigation, grid: Array, earlier: _FreeTables | None) -> _FreeTables:
+        """Compute the responses over the steps of a grid, or take earlier ones that hold."""
+        truth, platform, imu = navigation.truth, navigation.platform, navigation.imu
+        if (
+            earlier is not None and earlier.truth is truth and earlier.platform == platform
+            and np.array_equal(earlier.responses.times, grid) and same_memory(earlier.imu, imu)
+            and earlier.imu.quantized == imu.quantized
+        ):  # fmt: skip
+            return earlier
+        return cls(truth, platform, imu, recent_responses(truth, platform, grid, imu))
 
 
 @dataclass(frozen=True)
@@ -365,7 +393,7 @@ class Ins:
         return instruments + aiding_outputs(self.navigation.sensors)
 
     def with_filter(self, model: FilterModel, sigmas: Mapping[str, float] | None = None) -> Ins:
-        """Return the same scenario with a filter, and the true standard deviations of the constant sources."""
+        """Return the same scenario with a filter, and the true root mean squares of the constant sources."""
         return Ins(replace(self.navigation, filter=model, sigmas=sigmas or {}))
 
     @property
@@ -400,23 +428,56 @@ class Ins:
         processes = {name: covariance[-1] for name, covariance in linear.processes.items()}
         return LinearModel(linear.partials[-1], np.zeros(len(OUTPUTS)), processes)
 
-    def linear_readings(self, times: Array | None) -> LinearReadings:
-        """Read the linear system out at rising times of the trajectory, s, or at the epochs."""
+    def _check_within(self, times: Array) -> None:
         navigation = self.navigation
-        wanted = navigation.times if times is None else times
-        for time in wanted:
+        for time in times:
             if not navigation.start <= time <= navigation.end:
                 raise ScenarioError(
                     "end",
                     f"got {time:g} s to look at; navigation lasts from {navigation.start:g} to {navigation.end:g} s",
                 )
+
+    @property
+    def reading_times(self) -> Array:
+        """The epochs, the end last, s."""
+        return self.navigation.times
+
+    def covariance_readings(
+        self, times: Array, mean: Array, covariance: Array, shared: SharedTables
+    ) -> CovarianceReadings:
+        """Propagate mean and covariance of the sources to rising times of the trajectory, s, after their updates."""
+        self._check_within(times)
+        navigation, before = self.navigation, shared.tables
         if navigation.aided is not None:
-            updates, closed = navigation.aided.read_out(wanted)
-            return LinearReadings(closed.times, updates, closed.partials, closed.processes, closed.own)
-        grid = np.union1d(navigation.times, wanted)
-        responses = respond(navigation.truth, navigation.platform, grid, navigation.imu)
-        linear = propagate(navigation.truth, responses, navigation.imu, np.searchsorted(grid, wanted))
-        return LinearReadings(linear.times, (None,) * len(wanted), linear.partials, linear.processes)
+            earlier = before if isinstance(before, ClosedLoopCovariance) else None
+            shared.tables = found = navigation.aided.covariances(times, mean, covariance, earlier)
+            return CovarianceReadings(times, found.mean, found.true, found.own)
+        grid = np.union1d(navigation.times, times)
+        responses = _FreeTables.of(navigation, grid, before if isinstance(before, _FreeTables) else None)
+        shared.tables = responses
+        linear = propagate(navigation.truth, responses.responses, navigation.imu, np.searchsorted(grid, times))
+        total = linear.partials @ covariance @ linear.partials.swapaxes(1, 2)
+        total += sum(linear.processes.values(), np.zeros_like(total))
+        return CovarianceReadings(times, linear.partials @ mean, total)
+
+    def linear_readings(self, times: Array | None) -> LinearReadings:
+        """Read the linear system out at rising times of the trajectory, s, or at the epochs."""
+        navigation = self.navigation
+        wanted = navigation.times if times is None else times
+        self._check_within(wanted)
+        if navigation.aided is not None:
+            updates, closed = navigation.aided.read_out(times)
+            return LinearReadings(
+                closed.times, updates, closed.partials, closed.processes, closed.own, label=TRAJECTORY_TIME
+            )
+        linear = navigation.linear
+        if times is not None:
+            grid = np.union1d(navigation.times, wanted)
+            responses = respond(navigation.truth, navigation.platform, grid, navigation.imu)
+            linear = propagate(navigation.truth, responses, navigation.imu, np.searchsorted(grid, wanted))
+        return LinearReadings(
+            linear.times, (None,) * len(wanted), linear.partials, linear.processes, label=TRAJECTORY_TIME
+        )
 
     def partials_history(self, count: int) -> PartialsHistory:
         """Return the linear system at the epochs, whatever the count."""

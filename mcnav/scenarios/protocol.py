@@ -227,7 +227,7 @@ class LinearReadings:
     Attributes
     ----------
     times : ndarray, shape (r,)
-        In the scenario's own time, s.
+        In the scenario's own time.
     updates : tuple of str or None
         ``before`` or ``after`` where an update falls on the time.
     partials : ndarray, shape (r, outputs, sources)
@@ -235,12 +235,42 @@ class LinearReadings:
         Covariance that each process of noise has added, by name.
     own : ndarray, shape (r, outputs, outputs), optional
         Covariance that the navigator's filter states.
+    label : str
+        What the times are, as ``name [unit]``.
     """
 
     times: Array
     updates: tuple[Literal["before", "after"] | None, ...]
     partials: Array
     processes: Mapping[str, Array] = field(default_factory=dict)
+    own: Array | None = None
+    label: str = "time [s]"
+
+
+@dataclass
+class SharedTables:
+    """Tables of the last scenario that was read out, for the next one along the same truth; not for several threads."""
+
+    tables: object = None
+
+
+@dataclass(frozen=True)
+class CovarianceReadings:
+    """Mean and covariance of the errors by the linear system at some times, r of them, after updates of aiding.
+
+    Attributes
+    ----------
+    times : ndarray, shape (r,)
+        In the scenario's own time, s.
+    mean : ndarray, shape (r, outputs)
+    covariance : ndarray, shape (r, outputs, outputs)
+    own : ndarray, shape (r, outputs, outputs), optional
+        As the navigator's filter states it.
+    """
+
+    times: Array
+    mean: Array
+    covariance: Array
     own: Array | None = None
 
 
@@ -350,6 +380,20 @@ class HasLinearReadings(Protocol):
 
     def linear_readings(self, times: Array | None) -> LinearReadings:
         """Read the linear system out at rising times, s, or at the scenario's epochs; `ScenarioError` outside."""
+
+
+@runtime_checkable
+class HasCovarianceReadings(Protocol):
+    """A scenario whose covariance is known at any time, for less than it takes by cause."""
+
+    @property
+    def reading_times(self) -> Array:
+        """The scenario's epochs, the end last, s."""
+
+    def covariance_readings(
+        self, times: Array, mean: Array, covariance: Array, shared: SharedTables
+    ) -> CovarianceReadings:
+        """Propagate mean and covariance of the sources to rising times, s; `ScenarioError` outside of the flight."""
 
 
 @runtime_checkable

@@ -9,10 +9,13 @@ import numpy as np
 from scipy import special
 
 from mcnav._types import Array
-from mcnav.statistics.bisection import smallest_reaching
+from mcnav.statistics.bisection import root_between
 
 _ANGLES: Final = 400
 """Nodes of the Gauss-Legendre rule: relative error below 1e-9 down to an axis ratio of 1:100."""
+
+RADIUS: Final = 1e-14
+"""Width of the last bracket of a radius, as a share of the root mean square distance."""
 
 _SPHERE_NODES: Final = 120
 """Nodes of the rule along each of the two greater axes: relative error below 1e-6 down to axis ratios of 1:30."""
@@ -91,7 +94,8 @@ def _sphere_rule() -> tuple[Array, Array]:
 def normal_error_radius(mean: Array, covariance: Array, probability: float) -> float:
     """Compute the radius about zero that holds a share, up to 0.99, of a normal distribution in two or three axes.
 
-    Parameters as for `normal_probability_within` and `normal_probability_within_sphere`.
+    Radii are remembered: a report asks for the same ones in several places. Parameters as for
+    `normal_probability_within` and `normal_probability_within_sphere`.
 
     >>> round(normal_error_radius(np.zeros(2), np.eye(2), 0.5), 6)  # CEP: sqrt(2 ln 2)
     1.17741
@@ -100,8 +104,22 @@ def normal_error_radius(mean: Array, covariance: Array, probability: float) -> f
     >>> round(normal_error_radius(np.zeros(3), np.eye(3), 0.5), 6)  # SEP: median of a chi variable
     1.538172
     """
+    return _error_radius(tuple(mean.tolist()), tuple(covariance.ravel().tolist()), probability)
+
+
+@lru_cache(maxsize=256)
+def _error_radius(centre: tuple[float, ...], elements: tuple[float, ...], probability: float) -> float:
+    mean, covariance = np.array(centre), np.array(elements).reshape(len(centre), -1)
     scale = float(np.sqrt(max(np.trace(covariance), 0.0)) + np.linalg.norm(mean))
     if scale == 0.0 or not np.isfinite(scale):
         return scale
     within = normal_probability_within if len(mean) == 2 else normal_probability_within_sphere
-    return smallest_reaching(lambda r: within(r, mean, covariance), probability, 1e-9 * scale, 3.0 * scale)
+
+    def beyond(radius: float) -> float:
+        return within(radius, mean, covariance) - probability
+
+    low, high = 1e-9 * scale, 3.0 * scale
+    at_low, at_high = beyond(low), beyond(high)
+    if at_low > 0.0 or at_high <= 0.0:
+        return low if at_low > 0.0 else high
+    return root_between(beyond, (low, at_low), (high, at_high), RADIUS * scale)[1]

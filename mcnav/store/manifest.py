@@ -124,6 +124,7 @@ class FilterRecord(Record):
     states: tuple[Words, ...] = ()
     units: tuple[tuple[Words, Words], ...] = ()
     sensors: Mapping[Words, Annotated[int, Field(ge=1)]] = {}
+    considered: tuple[Words, ...] = ()
     prediction: FilterPredictionRecord | None = None
 
     @model_validator(mode="after")
@@ -143,7 +144,7 @@ class FilterRecord(Record):
     @property
     def columns(self) -> FilterSchema:
         """Columns of the filter's records."""
-        return FilterSchema(self.groups, self.outputs, self.states, self.units, self.sensors)
+        return FilterSchema(self.groups, self.outputs, self.states, self.units, self.sensors, self.considered)
 
 
 class ModelRecord(Record):

@@ -1,9 +1,10 @@
-"""Linear covariance of a campaign over time, without any simulation."""
+"""Linear covariance of a campaign: at its end, over time, by cause, and against its requirements; nothing is drawn."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
@@ -11,41 +12,111 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from mcnav._types import Array
-from mcnav.analysis.linear_covariance import LinearCovariance, linear_covariance
-from mcnav.config.read import Campaign
+from mcnav.analysis.comparison import Model
+from mcnav.analysis.linear_answer import LinearAnswer, judge_linearly
+from mcnav.analysis.linear_covariance import LinearCovariance, covariance_over_time
+from mcnav.analysis.requirements import requirements_from
+from mcnav.config.read import Campaign, campaign_from
 from mcnav.errors import CampaignError, Problem
+from mcnav.execution.chunks import DrawPlan
+from mcnav.execution.soundness import find_doubt
 from mcnav.files import to_json, write_texts
-from mcnav.scenarios.protocol import HasLinearReadings, ScenarioError
+from mcnav.lincov.partials import SimulationFailed
+from mcnav.report.lincov_page import render
+from mcnav.scenarios.ins import Ins
+from mcnav.scenarios.protocol import (
+    FilterScenario,
+    HasLinearReadings,
+    HasPartialsHistory,
+    LinearModel,
+    LinearReadings,
+    Scenario,
+    ScenarioError,
+)
 from mcnav.units import UnitError, quantity
 
 FILE: Final = "lincov.json"
+PAGE: Final = "lincov.html"
+
+HISTORY_POINTS: Final = 61
+"""Times at which a scenario without epochs of its own is read out."""
 
 
-def lincov(campaign: Campaign, times: Array | None = None) -> LinearCovariance:
-    """Compute the linear covariance of a campaign.
+def linear_covariance(campaign: str | Path | Campaign | Mapping[str, Any], times: Array | None = None) -> LinearAnswer:
+    """Compute the linear covariance of a campaign and judge its requirements for normal errors.
 
     Parameters
     ----------
+    campaign : str, Path, Campaign or mapping
+        Campaign file, campaign, or dictionary shaped like a campaign file.
     times : ndarray, shape (r,), optional
-        In the trajectory's time, s; by default the campaign's epochs.
+        Further times, in the trajectory's time, s.
 
     Raises
     ------
     CampaignError
-        When the scenario has no linear covariance over time, or a time lies outside its navigation.
+        When the campaign has mistakes, its scenario has no linear model, or a time lies outside its navigation.
+
+    Examples
+    --------
+    >>> answer = linear_covariance("campaigns/11_cruise.toml")  # doctest: +SKIP
+    >>> answer.sigma, answer.met  # doctest: +SKIP
     """
-    scenario = campaign.scenario
-    if not isinstance(scenario, HasLinearReadings):
-        message = "has a linear covariance at its end alone; mcnav partials shows it"
-        raise CampaignError([Problem(campaign.file, "scenario.type", message)])
-    wanted = None if times is None else np.unique(times)
-    with threadpool_limits(1):
-        try:
-            readings = scenario.linear_readings(wanted)
-        except ScenarioError as wrong:
-            raise CampaignError([Problem(campaign.file, f"scenario.{wrong.key}", str(wrong))]) from None
-        names = tuple(source.name for source in scenario.sources)
-        return linear_covariance(readings, names, campaign.errors.covariance)
+    described = campaign_from(campaign)
+    scenario, errors = described.scenario, described.errors
+    names = tuple(source.name for source in scenario.sources)
+    with threadpool_limits(1), _scenario_errors(described):
+        if not isinstance(scenario, HasLinearReadings) and times is not None:
+            raise ScenarioError("type", "has no trajectory whose times could be named; leave out --at")
+        _check_soundness(described)
+        linear, readings = _linearize(scenario)
+        model = Model(linear.partials, linear.nominal, errors.mean, errors.covariance, linear.processes)
+        moments = errors.mean, errors.covariance
+        history = None if readings is None else covariance_over_time(readings, names, *moments)
+        outputs = [{"name": output.name} for output in scenario.outputs]
+        entries = [record.model_dump() for record in described.requirements]
+        found = judge_linearly(requirements_from(entries, outputs), model, history)
+        asked = None
+        if isinstance(scenario, HasLinearReadings) and times is not None:
+            asked = covariance_over_time(scenario.linear_readings(np.unique(times)), names, *moments)
+    return LinearAnswer(described.name, scenario.sources, scenario.outputs, model, history, found, asked)
+
+
+@contextmanager
+def _scenario_errors(campaign: Campaign) -> Iterator[None]:
+    """Convert errors of scenarios into `CampaignError`."""
+    try:
+        yield
+    except ScenarioError as wrong:
+        raise CampaignError([Problem(campaign.file, f"scenario.{wrong.key}", str(wrong))]) from None
+    except SimulationFailed as wrong:
+        raise CampaignError([Problem(campaign.file, "scenario", str(wrong))]) from None
+
+
+def _check_soundness(campaign: Campaign) -> None:
+    """Refuse a user's own scenario that has no linear model."""
+    draws = DrawPlan(campaign.errors, campaign.design, campaign.seed, campaign.samples)
+    doubt = find_doubt(campaign.scenario, draws, campaign.tolerance, campaign.sample_timeout)
+    if doubt is not None:
+        raise CampaignError([Problem(campaign.file, "scenario", str(doubt))])
+
+
+def _linearize(scenario: Scenario) -> tuple[LinearModel, LinearReadings | None]:
+    """Linearize a scenario at its end and, where it is known, over time: at the epochs of its requirements, if any."""
+    if isinstance(scenario, HasLinearReadings):
+        found = scenario.linear_readings(None)
+        last = {name: each[-1] for name, each in found.processes.items()}
+        return LinearModel(found.partials[-1], np.zeros(len(scenario.outputs)), last), found
+    linear = scenario.linear_model()
+    if not isinstance(scenario, HasPartialsHistory):
+        return linear, None
+    known = scenario.partials_history(HISTORY_POINTS)
+    own = None
+    prediction = scenario.filter_prediction() if isinstance(scenario, FilterScenario) else None
+    if prediction is not None and np.array_equal(prediction.times, known.times):
+        own = prediction.covariance
+    updates = (None,) * len(known.times)
+    return linear, LinearReadings(known.times, updates, known.partials, known.processes, own, known.label)
 
 
 def read_times(written: str) -> Array:
@@ -56,14 +127,59 @@ def read_times(written: str) -> Array:
         raise CampaignError([Problem("--at", "", str(wrong))]) from None
 
 
-def write_lincov(campaign: Campaign, path: Path, times: Array | None = None) -> tuple[LinearCovariance, list[Path]]:
-    """Write the linear covariance of a campaign as ``lincov.json``; see `lincov`."""
-    found = lincov(campaign, times)
-    return found, write_texts(path, {FILE: json.dumps(to_json(lincov_table(campaign, found)), indent=1) + "\n"})
+def write_lincov(campaign: Campaign, path: Path, times: Array | None = None) -> tuple[LinearAnswer, list[Path]]:
+    """Write the linear covariance of a campaign as ``lincov.json`` and a page; see `linear_covariance`."""
+    found, outages = linear_covariance(campaign, times), {}
+    if isinstance(campaign.scenario, Ins):
+        outages = {sensor.name: sensor.outages for sensor in campaign.scenario.navigation.sensors}
+    files = {FILE: json.dumps(to_json(lincov_table(found)), indent=1) + "\n", PAGE: render(found, outages)}
+    return found, write_texts(path, files)
 
 
-def lincov_table(campaign: Campaign, found: LinearCovariance) -> Mapping[str, Any]:
+def lincov_table(found: LinearAnswer) -> Mapping[str, Any]:
     """Arrange a linear covariance as ``lincov.json`` has it: SI units, and two rows where an update falls on a time."""
+    names = [output.name for output in found.outputs]
+    history = found.asked or found.history
+    return {
+        "campaign": found.campaign,
+        "outputs": names,
+        "units": [output.unit for output in found.outputs],
+        "mean": found.mean,
+        "sigma": found.sigma,
+        "covariance": found.covariance,
+        "correlation": found.correlation,
+        "budget": _budget_rows(found),
+        "requirements": [
+            {
+                "kind": each.requirement.kind,
+                "outputs": [names[number] for number in each.requirement.outputs],
+                "limits": each.requirement.limits,
+                "probability": each.requirement.probability,
+                "when": each.requirement.when,
+                "value": each.value,
+                "met": each.met if each.judged else None,
+                "margin": each.margin,
+                "time": each.time,
+            }
+            for each in found.requirements
+        ],
+        "time": None if history is None else history.readings.label,
+        "rows": [] if history is None else _rows(history),
+    }
+
+
+def _budget_rows(found: LinearAnswer) -> list[dict[str, Any]]:
+    """List the causes with the sigma that each contributes to every output and its share of the variance."""
+    budget = found.budget
+    rows = [
+        {"cause": name, "sigma": np.abs(budget.contributions[:, number]), "share": budget.shares[:, number]}
+        for number, name in enumerate(found.causes)
+        if budget.contributions[:, number].any()
+    ]
+    return [*rows, {"cause": "correlations", "sigma": None, "share": budget.cross_terms}]
+
+
+def _rows(found: LinearCovariance) -> list[dict[str, Any]]:
     rows = []
     for number, time in enumerate(found.readings.times):
         own = None if found.sigma_filter is None else found.sigma_filter[number]
@@ -75,4 +191,4 @@ def lincov_table(campaign: Campaign, found: LinearCovariance) -> Mapping[str, An
             "variance_by_cause": {name: variance[number] for name, variance in found.variances.items()},
             "variance_by_correlations": found.correlations[number],
         })  # fmt: skip
-    return {"campaign": campaign.name, "outputs": [output.name for output in campaign.scenario.outputs], "rows": rows}
+    return rows

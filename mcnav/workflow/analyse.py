@@ -215,6 +215,7 @@ def linear_filter(model: ModelRecord, record: FilterRecord) -> LinearFilter | No
     if known is None:
         return None
     contributions: dict[str, Array] = {}
+    squared_means: dict[str, Array] = {}
     true = None
     if development is not None and same_times(development.times, record.times):
         partials, mean, covariance = development.partials, *linear_moments(model, development)
@@ -223,7 +224,11 @@ def linear_filter(model: ModelRecord, record: FilterRecord) -> LinearFilter | No
         names = [source.name for source in model.sources]
         contributions = {name: by_source[:, :, k] for k, name in enumerate(names) if np.any(by_source[:, :, k])}
         contributions |= development.processes
-    return LinearFilter(known.covariance, known.state_variance, true, known.state_true, contributions, known.believed)
+        by_mean = partials * model.start_mean * mean[:, :, None]
+        squared_means = {name: by_mean[:, :, k] for k, name in enumerate(names) if model.start_mean[k]}
+    return LinearFilter(
+        known.covariance, known.state_variance, true, known.state_true, contributions, known.believed, squared_means
+    )
 
 
 def write_results(folder: RunFolder, analysis: RunAnalysis, report: bool = True) -> dict[str, Any]:

@@ -114,4 +114,5 @@ def _sample_set(run: RunAnalysis) -> SampleSet:
     samples = run.samples
     succeeded = np.isfinite(samples.outputs).all(axis=1)
     index, errors, outputs = samples.index[succeeded], samples.errors[succeeded], samples.outputs[succeeded]
-    return SampleSet(run.model, index, errors, outputs, run.manifest.sampling_design)
+    linear = samples.linear[succeeded] if run.model.processes else None
+    return SampleSet(run.model, index, errors, outputs, run.manifest.sampling_design, linear)

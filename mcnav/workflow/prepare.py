@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.analysis.comparison import Model
@@ -17,6 +16,7 @@ from mcnav.analysis.linear_samples import doubt_noise
 from mcnav.errors import CampaignError, Problem
 from mcnav.execution.chunks import DrawPlan, filter_schema_of
 from mcnav.execution.processes import IsolatedEngine
+from mcnav.execution.soundness import exact_engine, find_doubt, isolated
 from mcnav.lincov.nonlinear_corrections import noise_corrections, nonlinear_corrections
 from mcnav.lincov.partials import SimulationFailed, partials_throughout
 from mcnav.lincov.polynomial import PolynomialFitError
@@ -25,7 +25,6 @@ from mcnav.lincov.simulated_budget import simulated_budgets
 from mcnav.sampling.error_model import ErrorModel
 from mcnav.scenarios.filter_record import FilterPrediction, FilterSchema
 from mcnav.scenarios.filter_sums import FilterMeans
-from mcnav.scenarios.noise_soundness import find_unsettled_noise
 from mcnav.scenarios.protocol import (
     Engine,
     Epochs,
@@ -42,10 +41,9 @@ from mcnav.scenarios.protocol import (
     StochasticScenario,
     TimeHistoryEngine,
 )
-from mcnav.scenarios.soundness import LARGEST, SHARE, Unsettled, find_unsettled
+from mcnav.scenarios.soundness import LARGEST, SHARE, Unsettled
 from mcnav.scenarios.stochastic_user import NOISE, StochasticUserScenario
 from mcnav.scenarios.stochastic_user_engine import StochasticUserEngine
-from mcnav.scenarios.user import UserScenario
 from mcnav.store.chunk_files import ChunkFile, Samples
 from mcnav.store.filters import filter_columns, filter_table, read_filter_sums
 from mcnav.store.histories import (
@@ -112,16 +110,16 @@ class PreparedSystem:
         def first_engine(probes: Array) -> Engine:
             own = self.engine.exact if isinstance(self.engine, PolynomialEngine) else self.engine
             same = self.engine_name in (MAP, scenario.engines[0]) and np.array_equal(probes, draws.probes())
-            return _guarded(scenario, own, self.timeout) if same else _exact_engine(scenario, probes, self.timeout)
+            return isolated(scenario, own, self.timeout) if same else exact_engine(scenario, probes, self.timeout)
 
         if isinstance(scenario, StochasticScenario) and not _without_noise(scenario):
-            engine = _guarded(scenario, self.engine, self.timeout)
+            engine = isolated(scenario, self.engine, self.timeout)
             return noise_corrections(engine, draws.errors, self.model.processes or {}, draws.samples)
         with _scenario_errors(self.file):
             budget = simulated_budgets(
                 first_engine, draws.errors, self.model.partials, draws.design, draws.seed, draws.samples
             )
-            engine = _guarded(scenario, self.engine, self.timeout)
+            engine = isolated(scenario, self.engine, self.timeout)
             return nonlinear_corrections(scenario, engine, draws.errors) | {"budget": budget}
 
     def doubt_samples(self, stored: Callable[[], Samples], tolerance: float) -> UnsettledRecord | None:
@@ -227,27 +225,15 @@ def prepare_system(
     CampaignError
         When it cannot be simulated, or is no function that a linear model could be compared with.
     """
-    errors, probes, doubt = draws.errors, draws.probes(), None
+    errors, probes = draws.errors, draws.probes()
     with _scenario_errors(file):
-        if isinstance(scenario, UserScenario):
-            varied = (errors.standard_deviations > 0.0) | (errors.mean != 0.0)
-            doubt = _find_unsettled(scenario, _exact_engine(scenario, probes, timeout), varied, tolerance)
-            if doubt is not None and not force:
-                raise CampaignError([Problem(file, "scenario", str(doubt))])
+        doubt = find_doubt(scenario, draws, tolerance, timeout)
+        if doubt is not None and not force:
+            raise CampaignError([Problem(file, "scenario", str(doubt))])
         engine = prepare_engine(scenario, engine_name, probes, errors.mean, errors.standard_deviations)
         model, history = _linear(scenario, errors, engine), scenario.history()
     record = None if doubt is None else unsettled_record(doubt)
     return PreparedSystem(scenario, draws, engine, engine_name, model, history, record, timeout, file)
-
-
-def _find_unsettled(
-    scenario: UserScenario, engine: IsolatedEngine | Engine, varied: NDArray[np.bool_], tolerance: float
-) -> Unsettled | None:
-    """Check the noise of a user-defined scenario after its partial derivatives."""
-    doubt = find_unsettled(scenario, engine, varied, tolerance)
-    if doubt is None and isinstance(scenario, StochasticUserScenario) and isinstance(engine, IsolatedEngine):
-        doubt = find_unsettled_noise(scenario, engine, varied, tolerance)
-    return doubt
 
 
 def unsettled_record(doubt: Unsettled) -> UnsettledRecord:
@@ -258,16 +244,6 @@ def unsettled_record(doubt: Unsettled) -> UnsettledRecord:
 def _without_noise(scenario: Scenario) -> bool:
     """Return whether a scenario is a user's class with errors over time, but without noise."""
     return isinstance(scenario, StochasticUserScenario) and not scenario.noisy
-
-
-def _exact_engine(scenario: Scenario, probes: Array, timeout: float | None) -> Engine:
-    return _guarded(scenario, scenario.engine(scenario.engines[0], probes), timeout)
-
-
-def _guarded(scenario: Scenario, engine: Engine, timeout: float | None) -> Engine:
-    """Run a user's code in a process of its own where it may end the process."""
-    at_risk = isinstance(scenario, UserScenario) and (engine.parallel == "processes" or timeout is not None)
-    return IsolatedEngine(engine, len(scenario.outputs), timeout) if at_risk else engine
 
 
 @contextmanager
@@ -331,6 +307,7 @@ def _same_times(one: Array, other: Array) -> bool:
 def _filter_record(schema: FilterSchema, epochs: Epochs, scenario: Scenario, errors: ErrorModel) -> FilterRecord:
     """Describe a filter, with what linear analysis says of it and of the truth."""
     found = _filter_prediction(scenario, epochs)
+    optional: dict[str, Any] = {"considered": schema.considered} if schema.considered else {}
     record = FilterRecord(
         label=epochs.label,
         times=epochs.times,
@@ -339,6 +316,7 @@ def _filter_record(schema: FilterSchema, epochs: Epochs, scenario: Scenario, err
         states=schema.states,
         units=schema.units,
         sensors=dict(schema.sensors),
+        **optional,
     )
     if found is None:
         return record

@@ -17,13 +17,16 @@ from typing import Final
 
 ROOT: Final = Path(__file__).parent.parent.parent
 EXTRAS: Final = ("bench", "bench-from-source")
+UNPUBLISHED: Final = ("gnss-ins-sim",)
+"""What the registry does not have: measured where it was installed by hand, otherwise named with the reason."""
+
 LONGEST_REASON: Final = 200
 
 
 def requirements(project: Path = ROOT / "pyproject.toml") -> list[str]:
-    """Of all the extras."""
+    """Return those of all extras, and what no extra can name."""
     extras = tomllib.loads(project.read_text())["project"]["optional-dependencies"]
-    return [requirement for extra in EXTRAS for requirement in extras[extra]]
+    return [*(requirement for extra in EXTRAS for requirement in extras[extra]), *UNPUBLISHED]
 
 
 def install(requirement: str) -> str | None:

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
+from tests.benchmarks.inertial.tables import sentence
 from tests.benchmarks.tables import FINE, OURS, markdown
 
 ROOT: Final = Path(__file__).parent.parent.parent
@@ -16,10 +17,10 @@ END: Final = "<!-- end of benchmarks -->\n"
 PAGE: Final = "reports/benchmarks/benchmarks.md"
 
 
-def excerpt(record: Mapping[str, Any]) -> str:
-    """Make the sentences of the README: this program and its fastest peer at the same accuracy, and the longest run."""
+def excerpt(record: Mapping[str, Any], inertial: Mapping[str, Any] | None = None) -> str:
+    """Make the sentences of the README: one trajectory with the fastest peer, the longest run, aided navigation."""
     sentences = []
-    for case in record["cases"]:
+    for case in record["cases"][-1:]:
         rows = [
             row
             for row in record["peers"]
@@ -39,11 +40,13 @@ def excerpt(record: Mapping[str, Any]) -> str:
             f"A run of {run['samples']:,} samples takes {run['seconds']:.0f} s from the command to the report, "
             f"with {run['jobs']} jobs and {run['megabytes']:.0f} MB of memory."
         )
+    if inertial:
+        sentences.append(sentence(inertial))
     sentences.append(f"All measurements, and how they are made: [Benchmarks]({PAGE}).")
-    return textwrap.fill(" ".join(sentences), 120, break_on_hyphens=False)
+    return textwrap.fill(" ".join(filter(None, sentences)), 120, break_on_hyphens=False)
 
 
-def renewed(text: str, record: Mapping[str, Any]) -> str:
+def renewed(text: str, record: Mapping[str, Any], inertial: Mapping[str, Any] | None = None) -> str:
     """Make the README with new figures.
 
     Raises
@@ -55,11 +58,17 @@ def renewed(text: str, record: Mapping[str, Any]) -> str:
     _, end, after = rest.partition(END)
     if not (begin and end):
         raise ValueError(f"the README lacks its marks {BEGIN.strip()} and {END.strip()}")
-    return f"{before}{BEGIN}\n{excerpt(record)}\n\n{END}{after}"
+    return f"{before}{BEGIN}\n{excerpt(record, inertial)}\n\n{END}{after}"
+
+
+def records(folder: Path) -> tuple[dict[str, Any], dict[str, Any] | None]:
+    """Read the records of both chapters; none of the second where it has not been measured."""
+    first, second = folder / "benchmarks.json", folder / "inertial.json"
+    inertial = dict(json.loads(second.read_text(encoding="utf-8"))) if second.exists() else None
+    return dict(json.loads(first.read_text(encoding="utf-8"))), inertial
 
 
 if __name__ == "__main__":
-    readme = ROOT / "README.md"
-    known = json.loads((ROOT / PAGE).with_suffix(".json").read_text(encoding="utf-8"))
-    readme.write_text(renewed(readme.read_text(encoding="utf-8"), known), encoding="utf-8")
-    (ROOT / PAGE).write_text(markdown(known), encoding="utf-8")
+    readme, known = ROOT / "README.md", records((ROOT / PAGE).parent)
+    readme.write_text(renewed(readme.read_text(encoding="utf-8"), *known), encoding="utf-8")
+    (ROOT / PAGE).write_text(markdown(*known), encoding="utf-8")

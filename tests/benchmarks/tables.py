@@ -6,11 +6,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from tests.benchmarks.compare import TARGETS
+from tests.benchmarks.inertial.tables import chapter
 from tests.benchmarks.kernel import sentence
+from tests.benchmarks.markdown import number, table
 
 METHOD: Final = """\
     make bench                      # all peers on trajectories 3 and 4, then whole runs: minutes on an idle machine
     make bench BENCH="1 7 --full"   # other trajectories, and 10^8 samples; python -m tests.benchmarks --help
+    make bench BENCH="--only inertial"    # one chapter: reentry, or inertial navigation in three dimensions
     .venv/bin/python -m tests.benchmarks.kernel    # the ensemble's kernel alone, all seven trajectories
     .venv/bin/python -m tests.benchmarks.readme    # this page and the lines of the README again, from the record
 
@@ -35,9 +38,10 @@ ROUGH, FINE = (f"{target:.0e}" for target in TARGETS)
 OURS: Final = "mcnav"
 
 
-def markdown(record: Mapping[str, Any]) -> str:
-    """The whole record."""
+def markdown(record: Mapping[str, Any], inertial: Mapping[str, Any] | None = None) -> str:
+    """Make the page of the record, and of that of inertial navigation in three dimensions where there is one."""
     machine = record["machine"]
+    packages = machine["packages"] | (inertial["machine"]["packages"] if inertial else {})
     parts = [
         "# Benchmarks",
         "Times and memory of mcnav and its peers, at the same measured accuracy.",
@@ -49,15 +53,11 @@ def markdown(record: Mapping[str, Any]) -> str:
         "## The kernel by itself",
         *(_kernel(found) for found in record["kernel"]),
         *_growth(record["growth"], record["stages"]),
+        *(chapter(inertial) if inertial else ()),
         "## Versions",
-        ", ".join(f"{name} {version or '(not installed)'}" for name, version in machine["packages"].items()),
+        ", ".join(f"{name} {packages[name] or '(not installed)'}" for name in sorted(packages)),
     ]
     return "\n\n".join(parts) + "\n"
-
-
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
 
 
 def _trajectory(record: Mapping[str, Any], case: Mapping[str, Any]) -> str:
@@ -77,7 +77,7 @@ def _peers_table(rows: Sequence[Mapping[str, Any]]) -> str:
         "", "method", f"µs of one core per sample, at {ROUGH} σ", f"at {FINE} σ", "against mcnav", "error there",
         "samples/s, two cores", "start-up", "memory",
     ]  # fmt: skip
-    return _table(head, [_peer(row, ours) for row in rows])
+    return table(head, [_peer(row, ours) for row in rows])
 
 
 def _spent(row: Mapping[str, Any], target: str) -> float | None:
@@ -97,8 +97,8 @@ def _peer(row: Mapping[str, Any], ours: float | None) -> list[str]:
     return [
         row["peer"],
         row["method"],
-        _number(_spent(row, ROUGH), "not reached"),
-        _number(spent, not_reached),
+        number(_spent(row, ROUGH), "not reached"),
+        number(spent, not_reached),
         "–"
         if ours is None or spent is None
         else f"{spent / ours:,.0f} ×"
@@ -106,19 +106,13 @@ def _peer(row: Mapping[str, Any], ours: float | None) -> list[str]:
         else f"{spent / ours:.1f} ×",
         "–" if fine is None else f"{fine['error']:.0e} ({fine['compared']} draws)",
         "–" if both is None else f"{both:,.0f}" if both < 1e5 else f"{both / 1e6:.2g} million",
-        _number(row["start_up"], "–", " s"),
+        number(row["start_up"], "–", " s"),
         f"{row['megabytes']:.0f} MB",
     ]
 
 
-def _number(value: float | None, otherwise: str, unit: str = "") -> str:
-    if value is None:
-        return otherwise
-    return f"{value:,.0f}{unit}" if value >= 100 else f"{value:.2g}{unit}"
-
-
 def _kernel(found: Mapping[str, Any]) -> str:
-    nodes = _table(
+    nodes = table(
         ["nodes", "µs per sample", "error against the finest grid", "against the reference"],
         [
             [
@@ -150,9 +144,9 @@ def _growth(growth: Mapping[str, Any], stages: Sequence[Mapping[str, Any]]) -> l
     head = ["samples", "jobs", "keeps", "seconds", "processor", "memory", "stored"]
     return [
         "## Whole runs: from start to finished report, trajectory 4",
-        _table(head, [_run(row) for row in (*growth["samples"], *growth["jobs"])]),
+        table(head, [_run(row) for row in (*growth["samples"], *growth["jobs"])]),
         "Seconds of each stage, one job:",
-        _table(
+        table(
             ["", *(f"{found['samples']:,} samples, keeps {found['store']}" for found in stages)],
             [[stage, *(f"{found['seconds'][stage]:.2f}" for found in stages)] for stage in stages[0]["seconds"]],
         ),

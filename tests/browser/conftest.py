@@ -14,14 +14,20 @@ import pytest
 
 import mcnav
 from mcnav.calibration import page as calibration_page
+from mcnav.config.read import read_campaign
 from mcnav.files import write_texts
 from mcnav.physics.ins.earth import WGS84
 from mcnav.physics.ins.segments import Climb, Hold, SpeedChange, Start, Turn, fly_segments
 from mcnav.report.trajectory import page as trajectory_page
 from mcnav.reproduce.story_of_84_minutes import page as story_page
+from mcnav.reproduce.textbook import page as textbook_page
+from mcnav.reproduce.textbook.filters import tutorial_numbers
 from mcnav.reproduce.tn_d1772 import page as tn_page
 from mcnav.reproduce.tn_d1772.claims import Finding
+from mcnav.reproduce.tn_d1772.in_three_dimensions import comparisons
 from mcnav.reproduce.tn_d1772.tables import Cell
+from mcnav.studies.allocate import write_allocation
+from mcnav.studies.lincov import write_lincov
 from mcnav.studies.linearity import write_linearity
 from mcnav.studies.start_times import write_start_times
 from mcnav.workflow import compare, index
@@ -191,6 +197,13 @@ def _story(folder: Path, _: Callable[[str], Path]) -> Path:
     return story_page.write(folder)[0]
 
 
+def _textbook(folder: Path, _: Callable[[str], Path]) -> Path:
+    """Numbers that agree and that differ, with intervals and without."""
+    written = folder / textbook_page.PAGE
+    written.write_text(textbook_page.render(tutorial_numbers()), encoding="utf-8")
+    return written
+
+
 def _tn(folder: Path, _: Callable[[str], Path]) -> Path:
     """All figures, and of its numbers one of each mark."""
     printed = {"1510": 1510.2, "1511": 1513.0, "1512": 1600.0, "1513": 1600.0}
@@ -202,7 +215,7 @@ def _tn(folder: Path, _: Callable[[str], Path]) -> Path:
     figures = {name: draw(data[name]) for name, (_, draw) in tn_page.FIGURES.items()}
     found = [Finding(NAME, "It is said in many words what is found of it. " * 5, "holds")]
     written = folder / tn_page.PAGE
-    written.write_text(tn_page.render(NAME, cells, figures, found, found), encoding="utf-8")
+    written.write_text(tn_page.render(NAME, cells, figures, found, found, found, comparisons()), encoding="utf-8")
     return written
 
 
@@ -236,6 +249,16 @@ def _trajectory(folder: Path, _: Callable[[str], Path]) -> Path:
     return written
 
 
+def _lincov(folder: Path, _: Callable[[str], Path]) -> Path:
+    described = read_campaign(ROOT / "campaigns" / "23_lunar_return_updated_once.toml", {"name": NAME})
+    return write_lincov(described, folder)[1][-1]
+
+
+def _allocate(folder: Path, _: Callable[[str], Path]) -> Path:
+    described = read_campaign(ROOT / "campaigns" / "08_every_option.toml")
+    return write_allocation({**described.resolved, "name": NAME}, folder)[1][-1]
+
+
 def _index(_: Path, made: Callable[[str], Path]) -> Path:
     return index.write_index(made("report").parent.parent)[0]
 
@@ -243,6 +266,7 @@ def _index(_: Path, made: Callable[[str], Path]) -> Path:
 KINDS: dict[str, Callable[[Path, Callable[[str], Path]], Path]] = {
     "report": _report, "many": _many, "aided": _aided, "replay": _replay, "comparison": _comparison, "index": _index,
     "start times": _start_times, "ins start times": _ins_start_times, "linearity": _linearity,
-    "calibration": _calibration, "story": _story, "tn": _tn, "trajectory": _trajectory,
+    "calibration": _calibration, "story": _story, "textbook": _textbook, "tn": _tn, "trajectory": _trajectory,
+    "lincov": _lincov, "allocate": _allocate,
 }  # fmt: skip
 """What makes each kind of page, in a folder of its own."""

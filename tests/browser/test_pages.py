@@ -12,12 +12,12 @@ from tests.browser.conftest import FOLDER, KINDS, NAME
 
 FIGURES = {
     "report": 11, "many": 8, "aided": 15, "replay": 1, "comparison": 1, "index": 0, "start times": 5, "linearity": 2,
-    "ins start times": 10,
-    "calibration": 6, "story": 10, "tn": 13, "trajectory": 1,
+    "ins start times": 10, "lincov": 4, "allocate": 1,
+    "calibration": 11, "story": 10, "textbook": 0, "tn": 14, "trajectory": 1,
 }  # fmt: skip
 SAID = {
     "comparison": FOLDER, "story": "The Story of 84 Minutes", "calibration": "Calibration",
-    "index": "Runs",
+    "index": "Runs", "textbook": "Published numbers",
 }  # fmt: skip
 """What the heading of a page says where it is not the campaign's name."""
 

@@ -13,10 +13,10 @@ from scipy import stats
 
 from mcnav._types import Array
 from mcnav.analysis.linear_covariance import LinearCovariance
-from mcnav.config.read import parse_campaign
+from mcnav.config.read import Campaign, parse_campaign
 from mcnav.physics.ins.instruments import OUTPUTS
 from mcnav.scenarios.ins import Ins
-from mcnav.studies.lincov import lincov
+from mcnav.studies.lincov import linear_covariance
 from mcnav.workflow.analyse import samples_of
 from mcnav.workflow.run import run_campaign
 
@@ -55,7 +55,14 @@ def run(folder: Path, described: Entries, engine: str | None = None, **changes: 
 
 def covariance(described: Entries, times: list[float] | None = None) -> LinearCovariance:
     campaign = parse_campaign(described, str(FOLDER / "small.toml"), "small")
-    return lincov(campaign, None if times is None else np.array(times))
+    return over_time(campaign, None if times is None else np.array(times))
+
+
+def over_time(campaign: Campaign, times: Array | None) -> LinearCovariance:
+    answer = linear_covariance(campaign, times)
+    found = answer.asked or answer.history
+    assert found is not None
+    return found
 
 
 def last(found: LinearCovariance, times: list[float]) -> Array:
@@ -125,6 +132,28 @@ def test_neglected_errors_make_a_filter_optimistic(tmp_path: Path) -> None:
     assert groups["navigation"]["ratio_linear"] == pytest.approx(groups["navigation"]["ratio"], rel=0.5)
     assert groups["sensors"]["size"] == groups["navigation"]["size"]
     assert groups["sensors"]["ratio_linear"] is None  # linear analysis has variances of these states, and no covariance
+
+
+def test_the_mean_of_a_fixed_error_is_named(tmp_path: Path) -> None:
+    """A lever arm that is 5 m longer than the filter knows moves all positions alike.
+
+    A gyro's bias, fixed in truth, of which the filter believes the size, is none of the causes.
+    """
+    described = shortened(19, 300.0, (100.0, 120.0))
+    described["errors"] |= {
+        "gnss_lever_arm_x": {"distribution": "fixed", "value": "5 m"},
+        "gyro_bias_x": {"distribution": "fixed", "value": "0.008 deg/h"},
+    }
+    del described["imu"]["gyro"]["bias"]
+    described["filter"]["believes"] = {"imu": {"gyro": {"bias": "0.008 deg/h"}}}
+    summary = run(tmp_path / "run", described, samples=100)
+    known = summary["filter"]
+    assert (known["verdict"], known["group"]) == ("optimistic", "position")
+    assert known["neglected"][0]["name"] == "mean_of_gnss_lever_arm_x"
+    assert known["neglected"][0]["share"] > 0.99
+    assert not any("gyro_bias_x" in cause["name"] for cause in known["neglected"])
+    assert known["neglected_output"].startswith("position_")
+    assert "the largest error that it neglects is mean of gnss lever arm x" in summary["filter_verdict"]
 
 
 def test_the_largest_errors_that_are_neglected() -> None:
@@ -201,7 +230,7 @@ def test_the_turning_earth_turns_the_swing() -> None:
     scenario = campaign.scenario
     assert isinstance(scenario, Ins)
     names = [source.name for source in scenario.sources]
-    found = lincov(campaign, np.array([SCHULER]))
+    found = over_time(campaign, np.array([SCHULER]))
     columns = [names.index(name) for name in ("velocity_north", "velocity_east")]
     kept = found.readings.partials[-1][3:5][:, columns]
     turned = complex(kept[0, 0] + kept[1, 1], kept[1, 0] - kept[0, 1]) / 2.0
@@ -254,8 +283,8 @@ def test_one_update_starts_navigation_anew(minutes: float) -> None:
     for sensor in described["aiding"]:
         sensor["instants"] = [f"{update} s"]
     campaign = parse_campaign(described, str(FOLDER / "small.toml"), "small")
-    found = lincov(campaign, np.array([update]))
-    end = lincov(campaign, np.array([5230.0]))
+    found = over_time(campaign, np.array([update]))
+    end = over_time(campaign, np.array([5230.0]))
     assert found.readings.updates[-1] == "after"
     partials = found.readings.partials[-1]
     noise = sum(each[-1] for each in found.readings.processes.values())
@@ -263,7 +292,7 @@ def test_one_update_starts_navigation_anew(minutes: float) -> None:
     start = unaided(described)
     start["scenario"]["start"] = f"{update} s"
     anew = parse_campaign(start, str(FOLDER / "small.toml"), "small")
-    (onwards,) = lincov(anew, np.array([5230.0])).readings.partials
+    (onwards,) = over_time(anew, np.array([5230.0])).readings.partials
     sizes = anew.errors.covariance.copy()
     sizes[:9, :9] = after
     expected = np.sqrt(np.diag(onwards @ sizes @ onwards.T))

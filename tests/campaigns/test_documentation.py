@@ -164,13 +164,15 @@ def test_the_scenario_with_noise_and_a_filter_runs(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_the_twenty_lines(place: Path) -> None:
-    (text,) = _blocks("NOTEBOOK.md", "python")
+    text, further = _blocks("NOTEBOOK.md", "python")
     assert sum(bool(line) for line in text.splitlines()) <= 20
-    finished = _run([sys.executable, "-W", "error", "-c", text], place)
+    finished = _run([sys.executable, "-W", "error", "-c", text + further], place)
     assert finished.returncode == 0, finished.stderr
     assert "Yes for the dispersion of each output" in finished.stdout
     assert "no change seen" in finished.stdout
     assert (place / "scatter.png").stat().st_size > 10_000
+    written = {place / "scatter.pdf", place / "altitude.svg", place / "reports/first_export/matrices.mat"}
+    assert all(path.exists() for path in written)
 
 
 def test_a_run_in_a_notebook(place: Path) -> None:

@@ -20,6 +20,7 @@ from mcnav.scenarios.protocol import Batch, SimulationResult
 from mcnav.store.filters import MARK, read_filter_sums
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.analyse import filter_evidence, samples_of
+from mcnav.workflow.compare import compare_runs
 from mcnav.workflow.run import run_campaign
 from tests.scalar_filter import SCHEMA, FilterThatBelieves, campaign, steady_variance
 
@@ -140,6 +141,16 @@ def test_verdict_on_the_matched_scalar_filter(tmp_path: Path) -> None:
     assert not summary["filter"]["sensors"]["fix"]["nis_beyond"]
     assert not summary["filter"]["sensors"]["fix"]["correlation_beyond"]
     assert summary["filter"]["neglected"] == []
+
+
+def test_runs_with_noise_are_compared_by_their_paired_sigmas(tmp_path: Path) -> None:
+    """Noise makes nearly all of the dispersion; the system is linear, so that the change is known without error."""
+    summaries = [run(tmp_path / name, 200, walk=walk) for name, walk in (("a", 0.25), ("b", 1.0))]
+    change = compare_runs([tmp_path / "a", tmp_path / "b"]).rows[0].change
+    assert change is not None
+    assert change.before == pytest.approx(summaries[0]["sigma_paired"][0], rel=1e-12)
+    assert change.after == pytest.approx(summaries[1]["sigma_paired"][0], rel=1e-12)
+    assert change.interval == pytest.approx((change.ratio, change.ratio), rel=1e-9)
 
 
 def test_degenerate_campaigns_have_words_and_no_nan(tmp_path: Path) -> None:

@@ -472,7 +472,19 @@ for arguments in (["run", sys.argv[1], "--samples", "300", "--out", "run"], ["re
     assert "matplotlib" not in sys.modules
 for file, status in (("figure.pdf", 0), ("figure.doc", 2)):
     assert CliRunner().invoke(app, ["figure", "run", "scatter", "--out", file, "--width", "8"]).exit_code == status
-assert CliRunner().invoke(app, ["figure", "run", "none", "--out", "figure.pdf"]).exit_code == 2
+for arguments, told in (
+    (["none"], "NAME: must be one of ratios, "), (["scatter", "--size", "88"], "--size: got '88'; expected WIDTHx"),
+    (["ratios", "--panel", "none"], "ratios: the figure has no panel 'none'"),
+    (["histograms", "--size", "20x20mm"], "histograms: panels and text do not fit"),
+):
+    done = CliRunner().invoke(app, ["figure", "run", *arguments, "--out", "figure.pdf"])
+    assert done.exit_code == 2 and done.stderr.startswith(f"error: {told}"), done.stderr
+arguments = ["figure", "run", "histograms", "--panel", "x", "--columns", "1", "--out", "x.svg", "--font-scale", "0.8"]
+done = CliRunner().invoke(app, [*arguments, "--size", "88x60mm"])
+assert done.exit_code == 0 and not done.stderr, done.stderr
+arguments = ["figure", "run", "matrices", "--out", "x.svg", "--size", "50x50mm", "--font-scale", "0.8"]
+done = CliRunner().invoke(app, arguments)
+assert done.exit_code == 0 and "labels overlap" in done.stderr, done.stderr
 """
     arguments = [sys.executable, "-c", program, str(ROOT / "campaigns" / "14_polar.toml")]
     assert (

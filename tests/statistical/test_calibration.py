@@ -3,16 +3,39 @@
 from __future__ import annotations
 
 from collections import Counter
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from mcnav.analysis.comparison import Criterion
+from mcnav.analysis.filter_assessment import assess_filter
+from mcnav.analysis.requirements import error_sizes
 from mcnav.calibration import page
+from mcnav.calibration.cells import Cell, Tally
 from mcnav.calibration.filter_trials import run_filter_trials
-from mcnav.calibration.systems import SYSTEMS
+from mcnav.calibration.kalman_trials import CAUSES, run_kalman_trials
+from mcnav.calibration.kalman_trials import SYSTEMS as KALMAN_SYSTEMS
+from mcnav.calibration.navigation_trials import (
+    NEGLECTING,
+    description,
+    evidence,
+    prepared,
+    run_navigation_trials,
+)
+from mcnav.calibration.noise_systems import NOISY_SYSTEMS
+from mcnav.calibration.noise_trials import DETECTABLE, run_noise_trials
+from mcnav.calibration.systems import CORRUPTION, SYSTEMS
 from mcnav.calibration.table import rates
-from mcnav.calibration.trials import SOURCES, Cell, run_trials
+from mcnav.calibration.tail_trials import REQUIREMENTS, run_tail_trials, true_quantile
+from mcnav.calibration.tail_trials import SYSTEMS as GROWING
+from mcnav.calibration.trials import SOURCES, run_trials
+from mcnav.config.read import parse_campaign
+from mcnav.scenarios.protocol import StochasticEngine
+from mcnav.store.run_folder import RunFolder
+from mcnav.workflow.analyse import filter_evidence
+from mcnav.workflow.run import run_campaign
 from tests.conftest import ROOT
 
 COMMITTED = ROOT / "reports" / "calibration" / "calibration.csv"
@@ -48,7 +71,7 @@ def test_moments_of_the_sources() -> None:
 
 def test_a_small_study(tmp_path: object) -> None:
     """Rates are hits over campaigns; pairs make statements from a thousand pairs on."""
-    table = rates(*run_trials(4, 1, ["random", "antithetic"], [1000, 2000]))
+    table = rates(run_trials(4, 1, ["random", "antithetic"], [1000, 2000]))
     assert (table["campaigns"] <= 4).all()
     assert ((table["measured"] * table["campaigns"]) % 1.0 < 1e-9).all()
     pairs = table[(table["design"] == "antithetic") & (table["kind"] == "coverage") & (table["samples"] == 1000)]
@@ -65,14 +88,137 @@ def test_rates_of_filters() -> None:
 
     It is found by 95.5 % of 600 campaigns; of sixty, fewer than 49 would find it once in ten thousand times.
     """
-    hits, made = run_filter_trials(60, 1, [100])
-    table = rates(hits, made)
+    table = rates(run_filter_trials(60, 1, [100]))
     assert set(table["campaigns"]) == {60}
     assert set(table["finding"]) <= {"as stated", "safe", ""}
     found = table.set_index(["kind", "system", "statement"])["measured"]
     assert found["power", "filter, 20 % optimistic", "filter optimistic, in position"] >= 49 / 60
     assert found["false alarm", "filter, at the tolerance", "filter consistent"] <= 9 / 60  # 5 % at 99.9 %
     assert page.render(table, 60).count("<section id=") == 4
+
+
+@pytest.mark.parametrize("name", NOISY_SYSTEMS)
+def test_truths_with_noise(name: str) -> None:
+    """Against 400,000 samples, within six standard errors; the linear outcomes have the covariance of the model.
+
+    Where the model is wrong about noise, its outcomes or its covariance are larger by 1.05 squared.
+    """
+    system, generator, count = NOISY_SYSTEMS[name], np.random.default_rng(8), 400_000
+    simulated, linear = system.simulate(generator.standard_normal((count, 3)), generator.standard_normal((count, 2)))
+    stated = system.model.outcome_covariance
+    if name == "noise, covariance wrong":
+        stated = stated - (CORRUPTION**2 - 1.0) * np.eye(2)
+    for values, mean, covariance in (
+        (simulated, system.truth.mean, system.truth.covariance),
+        (linear, np.zeros(2), stated),
+    ):
+        centred = values - mean
+        for i in range(2):
+            assert abs(centred[:, i].mean()) < 6.0 * values[:, i].std() / np.sqrt(count)
+            for j in range(2):
+                products = centred[:, i] * centred[:, j]
+                assert abs(products.mean() - covariance[i, j]) < 6.0 * products.std() / np.sqrt(count)
+    if system.truth.skewness is not None:
+        cubes = ((simulated[:, 0] - system.truth.mean[0]) / np.sqrt(system.truth.covariance[0, 0])) ** 3
+        assert abs(cubes.mean() - system.truth.skewness) < 6.0 * cubes.std() / np.sqrt(count)
+
+
+@pytest.mark.parametrize("name", GROWING)
+def test_truths_of_quantiles(name: str) -> None:
+    """The share of 200,000 samples within each true quantile is its probability, within six standard errors."""
+    system, generator, count = GROWING[name], np.random.default_rng(9), 200_000
+    errors = system.simulate(generator.standard_normal((count, 3)), generator.standard_normal((count, 12, 3)))
+    for epoch in (0, 11):
+        covariance = errors[:, epoch].T @ errors[:, epoch] / count
+        error = np.sqrt(2.0 / count) * covariance.max()
+        np.testing.assert_allclose(covariance, system.covariance[epoch], atol=6.0 * error)
+        for requirement in REQUIREMENTS.values():
+            probability = requirement.probability or 0.5
+            limit = true_quantile(system.covariance[epoch], requirement)
+            share = np.mean(error_sizes(errors[:, epoch], requirement.outputs) <= limit)
+            assert abs(share - probability) < 6.0 * np.sqrt(probability * (1.0 - probability) / count)
+
+
+@pytest.mark.parametrize("name", KALMAN_SYSTEMS)
+def test_truths_of_kalman_filters(name: str) -> None:
+    """Mean squares and mean NEES of 20,000 samples are those of linear analysis; a matched filter states them.
+
+    The mean NEES of a group is that of `_linear_ratio`, whose square root it is.
+    """
+    system, count = KALMAN_SYSTEMS[name], 20_000
+    given = system.simulate(np.random.default_rng(10), count)
+    linear = system.linear
+    assert given.true is not None
+    assert linear.true is not None
+    true = np.diagonal(linear.true, axis1=1, axis2=2)
+    assert np.all(np.abs(given.true.value - true) < 6.0 * given.true.standard_error + 1e-12)
+    found = assess_filter(given, Criterion())
+    for group in found.groups:
+        assert group.linear is not None
+        error = 3.0 * (group.ratio.each[:, 1] - group.ratio.each[:, 0])  # six standard errors, or more
+        assert np.all(np.abs(group.ratio.value - group.linear) < error)
+    matched = name not in CAUSES
+    assert np.allclose(linear.covariance, linear.true, rtol=1e-10, atol=1e-12) == matched
+    if not matched:
+        excess = sum((linear.contributions[axis] + linear.squared_means[axis] for axis in linear.believed), np.zeros(6))
+        own = np.diagonal(linear.covariance, axis1=1, axis2=2)
+        np.testing.assert_allclose(true - own, excess, rtol=1e-9, atol=1e-12)
+
+
+def test_rates_with_noise() -> None:
+    """Sixty campaigns of 200 samples: no rate is off at 99.9 %; a wrong response to noise is always found."""
+    table = rates(run_noise_trials(60, 1, ["random"], [200]))
+    assert set(table["finding"]) <= {"as stated", "safe", ""}
+    found = table.set_index(["kind", "system", "statement"])["measured"]
+    assert found["power", "noise, response wrong", "paired sigma ratio is not one"] == 1.0
+    assert found["power", "noise, response wrong", "plain sigma ratio is not one"] < 0.5
+    assert {"sigma ratio of two runs with the same draws", DETECTABLE} <= set(table["statement"])
+    assert page.render(table, 60).count("<section id=") == 4
+
+
+def test_rates_of_requirements() -> None:
+    """Sixty campaigns of 100 samples; pairs count as one sample, so that 100 of them bound no R95."""
+    table = rates(run_tail_trials(60, 1, [100]))
+    assert set(table["finding"]) <= {"as stated", "safe", ""}
+    bounded = table[table["statement"] == "R95, upper bound"]
+    assert set(bounded["design"]) == {"random"}
+    assert page.render(table, 60).count("<section id=") == 3
+
+
+def test_rates_of_kalman_filters() -> None:
+    """Forty campaigns of 200 samples: considered errors raise no alarm, and every campaign names the same error."""
+    table = rates(run_kalman_trials(40, 1, [200]))
+    assert set(table["finding"]) <= {"as stated", "safe", ""}
+    named = table[table["statement"] == "largest neglected error named, where optimistic"]
+    assert len(named) == 2
+    assert (named["measured"] == 1.0).all()
+    assert (named["campaigns"] > 30).all()
+    assert page.render(table, 40).count("<section id=") == 4
+
+
+def test_rates_of_navigation() -> None:
+    """Twelve campaigns of 100 samples of each system; every one of them names the error that linear analysis names."""
+    table = rates(run_navigation_trials(12, 1, [100]))
+    assert set(table["finding"]) <= {"as stated", "safe", ""}
+    found = table.set_index(["system", "statement"])["measured"]
+    assert found["aided navigation, scale factors neglected", "filter optimistic"] == 1.0
+    assert found["aided navigation, scale factors neglected", "largest neglected error named, where optimistic"] == 1.0
+    assert found["free navigation", "verdict: agrees, on all outputs"] == 1.0
+    assert page.render(table, 12).count("<section id=") == 7
+
+
+def test_evidence_is_that_of_a_run(tmp_path: Path) -> None:
+    """A campaign in memory and a run of the same samples have the same filter verdict and ratios, to rounding."""
+    campaign = parse_campaign(description(NEGLECTING), "nav.toml", "nav")
+    summary = run_campaign(campaign, tmp_path / "run", "ensemble", 1, report=False).summary
+    system = prepared(NEGLECTING)
+    assert isinstance(system.engine, StochasticEngine)
+    result = system.engine.simulate(system.draws.batch(0, 100))
+    linear = filter_evidence(RunFolder(tmp_path / "run"), RunFolder(tmp_path / "run").finished_manifest(), 0).linear
+    found = assess_filter(evidence(system, result, linear), Criterion())
+    assert found.verdict.value == summary["filter"]["verdict"]
+    assert found.factor == pytest.approx(summary["filter"]["factor"], rel=1e-9)
+    assert [each.name for each in found.neglected] == [each["name"] for each in summary["filter"]["neglected"]]
 
 
 def test_findings() -> None:
@@ -82,7 +228,7 @@ def test_findings() -> None:
     cells[2] = Cell("power", "corrupted", "2", "normal", "random", 500)
     cells[3] = Cell("false alarm", "linear", "3", "normal", "random", 500)
     hits = Counter({cell: share for share, cell in cells.items()})
-    table = rates(hits, Counter(dict.fromkeys(cells.values(), 500))).set_index("statement")
+    table = rates(Tally(hits, Counter(dict.fromkeys(cells.values(), 500)))).set_index("statement")
     assert table["finding"].to_dict() == {
         "475": "as stated", "495": "safe", "455": "nearly", "425": "off", "1": "withheld", "2": "", "3": "safe",
     }  # fmt: skip

@@ -25,21 +25,39 @@ TRAJECTORY: Final = "trajectory"
 class SphereTable(Table):
     """``earth = { radius = …, gravitational_parameter = …, rotation_rate = … }``."""
 
-    radius: Annotated[Length, Field(ge=1e3, le=1e12)]
-    gravitational_parameter: Annotated[GravitationalParameter, Field(gt=0.0, le=1e24)]
-    rotation_rate: Annotated[AngularRate, Field(ge=-1e-2, le=1e-2)]
+    radius: Annotated[Length, Field(ge=1e3, le=1e12, description="Radius of the sphere.")]
+    gravitational_parameter: Annotated[
+        GravitationalParameter,
+        Field(gt=0.0, le=1e24, description="Gravitational parameter.", examples=["3.986004418e14 m^3/s^2"]),
+    ]
+    rotation_rate: Annotated[
+        AngularRate, Field(ge=-1e-2, le=1e-2, description="Rotation rate.", examples=["15.041067 deg/h"])
+    ]
 
 
 class InsTable(Table):
     """``[scenario]`` of type ins."""
 
-    type: Literal["ins"]
-    trajectory: str | dict[str, Any]
-    columns: dict[str, str] = Field(default_factory=dict)
-    platform: Literal["strapdown", "inertial", "level"] = "strapdown"
-    earth: Literal["wgs84"] | SphereTable = "wgs84"
-    start: Duration | None = None
-    end: Duration | None = None
+    type: Annotated[Literal["ins"], Field(description="Inertial navigation in three dimensions.")]
+    trajectory: Annotated[
+        str | dict[str, Any],
+        Field(description="Trajectory file (CSV or parquet), or a table with file, reentry, segments or boost."),
+    ]
+    columns: Annotated[
+        dict[str, str],
+        Field(description='Names of the file\'s columns, with units: lat = "latitude [rad]".'),
+    ] = Field(default_factory=dict)
+    platform: Annotated[
+        Literal["strapdown", "inertial", "level"],
+        Field(description="Carrier of the instruments: the body, a platform with inertial directions, or a level one."),
+    ] = "strapdown"
+    earth: Annotated[Literal["wgs84"] | SphereTable, Field(description="Figure of the earth, or a sphere.")] = "wgs84"
+    start: Annotated[
+        Duration | None, Field(description="Start of navigation, in the trajectory's time; its first unless given.")
+    ] = None
+    end: Annotated[
+        Duration | None, Field(description="End of navigation, in the trajectory's time; its last unless given.")
+    ] = None
 
 
 def _read_earth(table: Literal["wgs84"] | SphereTable) -> Earth:

@@ -19,39 +19,55 @@ from mcnav.scenarios.table_i import TABLE_I, common_start, start_state
 class ConstantLiftTable(Table):
     """``lift_law = { type = "constant", lift_to_drag = 0.235 }``."""
 
-    type: Literal["constant"]
-    lift_to_drag: Annotated[Number, Field(ge=-10.0, le=10.0)]
+    type: Annotated[Literal["constant"], Field(description="A constant ratio.")]
+    lift_to_drag: Annotated[Number, Field(ge=-10.0, le=10.0, description="Ratio of lift to drag.")]
 
 
 class VariableLiftTable(Table):
     """``lift_law = { type = "variable", gain = "3.281 s/km", limit = 0.5 }``."""
 
-    type: Literal["variable"]
-    gain: Annotated[TimePerLength, Field(gt=0.0)]
-    limit: Annotated[Number, Field(gt=0.0, le=10.0)]
+    type: Annotated[Literal["variable"], Field(description="A ratio in proportion to the rate of descent.")]
+    gain: Annotated[TimePerLength, Field(gt=0.0, description="Ratio of lift to drag per altitude rate.")]
+    limit: Annotated[Number, Field(gt=0.0, le=10.0, description="Largest ratio of lift to drag.")]
 
 
 class FirstPointTable(Table):
     """First point of the truth, NASA TN D-1772, eq. (18): ranges are r_E theta and r_E theta_dot."""
 
-    altitude: Annotated[Length, Field(gt=0.0)]
-    range: Length
-    altitude_rate: Speed
-    range_rate: Speed
+    altitude: Annotated[Length, Field(gt=0.0, description="Altitude of the first point.")]
+    range: Annotated[Length, Field(description="Range angle times the earth's radius.")]
+    altitude_rate: Annotated[Speed, Field(description="Altitude rate.")]
+    range_rate: Annotated[Speed, Field(description="Range angle's rate times the earth's radius.")]
 
 
 class ReentryTable(Table):
     """``[scenario]`` of type reentry."""
 
-    type: Literal["reentry"]
-    trajectory: Annotated[int, Field(ge=1, le=7)] | None = None
-    first_point: FirstPointTable | None = None
-    lift_law: Annotated[ConstantLiftTable | VariableLiftTable, Field(discriminator="type")] | None = None
-    ballistic: Annotated[AreaPerMass, Field(ge=0.0, le=100.0)] | None = None
-    final_altitude: Length | None = None
-    start: Duration | None = None
-    axes: Literal["start", "trajectory"] = "start"
-    accelerometers_off_above: Annotated[Length, Field(gt=0.0)] | None = None
+    type: Annotated[Literal["reentry"], Field(description="The system of NASA TN D-1772.")]
+    trajectory: Annotated[int, Field(ge=1, le=7, description="Row of Table I of NASA TN D-1772.")] | None = None
+    first_point: Annotated[
+        FirstPointTable | None, Field(description="First point of the truth; that of NASA TN D-1772 unless given.")
+    ] = None
+    lift_law: Annotated[
+        Annotated[ConstantLiftTable | VariableLiftTable, Field(discriminator="type")] | None,
+        Field(description="Ratio of lift to drag; needed without a trajectory of Table I."),
+    ] = None
+    ballistic: Annotated[
+        AreaPerMass, Field(ge=0.0, le=100.0, description="Drag coefficient times area over mass, C_D A / m.")
+    ] | None = None  # fmt: skip
+    final_altitude: Annotated[
+        Length | None, Field(description="Altitude at which it ends; needed without a trajectory of Table I.")
+    ] = None
+    start: Annotated[Duration | None, Field(description="Start of navigation, from reentry: negative before it.")] = (
+        None
+    )
+    axes: Annotated[
+        Literal["start", "trajectory"],
+        Field(description="Where the platform is aligned: at the start of navigation, or at the first point."),
+    ] = "start"
+    accelerometers_off_above: Annotated[
+        Length, Field(gt=0.0, description="Altitude above which the accelerometers' outputs are taken as zero.")
+    ] | None = None  # fmt: skip
 
 
 def _lift_law(table: ConstantLiftTable | VariableLiftTable) -> LiftLaw:

@@ -19,31 +19,43 @@ SHORTEST_RADIUS: Final = 1e3
 """Smallest earth radius accepted, m."""
 
 
+AltitudeChannel = Annotated[
+    Literal["slaved", "inertial"], Field(description="Altitude from an external altimeter, or from the accelerometers.")
+]
+
+
 class SteadyTable(Table):
     """Common keys of cruise and hover."""
 
-    duration: Annotated[Duration, Field(gt=0.0, le=LONGEST)] | None = None
-    altitude: Annotated[Length, Field(ge=0.0, le=1e8)] = 0.0
-    altitude_channel: Literal["slaved", "inertial"]
-    platform: Literal["inertial", "level"] = "inertial"
-    earth_radius: Annotated[Length, Field(ge=SHORTEST_RADIUS, le=1e15)] = EARTH_RADIUS
-    gravity: Annotated[Acceleration, Field(gt=0.0, le=1e4)] = TN_GRAVITY
+    duration: Annotated[Duration, Field(gt=0.0, le=LONGEST, description="Duration of navigation.")] | None = None
+    altitude: Annotated[Length, Field(ge=0.0, le=1e8, description="Altitude, which is held.")] = 0.0
+    altitude_channel: AltitudeChannel
+    platform: Annotated[
+        Literal["inertial", "level"],
+        Field(description="Platform that keeps its directions at the start, or one that follows the vertical."),
+    ] = "inertial"
+    earth_radius: Annotated[
+        Length, Field(ge=SHORTEST_RADIUS, le=1e15, description="Radius of the earth, which does not rotate.")
+    ] = EARTH_RADIUS
+    gravity: Annotated[Acceleration, Field(gt=0.0, le=1e4, description="Gravity at that radius.")] = TN_GRAVITY
 
 
 class CruiseTable(SteadyTable):
     """``[scenario]`` of type cruise."""
 
-    type: Literal["cruise"]
-    speed: Annotated[Speed, Field(ge=0.0)]
-    distance: Annotated[Length, Field(gt=0.0)] | None = None
-    altitude_channel: Literal["slaved", "inertial"] = "slaved"
+    type: Annotated[Literal["cruise"], Field(description="A flight along a great circle.")]
+    speed: Annotated[Speed, Field(ge=0.0, description="Speed at altitude.")]
+    distance: Annotated[
+        Length, Field(gt=0.0, description="Distance along the earth's surface, in place of a duration.")
+    ] | None = None  # fmt: skip
+    altitude_channel: AltitudeChannel = "slaved"
 
 
 class HoverTable(SteadyTable):
     """``[scenario]`` of type hover."""
 
-    type: Literal["hover"]
-    altitude_channel: Literal["slaved", "inertial"] = "inertial"
+    type: Annotated[Literal["hover"], Field(description="A vehicle at rest.")]
+    altitude_channel: AltitudeChannel = "inertial"
 
 
 def _duration(table: CruiseTable | HoverTable) -> float:

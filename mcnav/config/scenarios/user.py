@@ -9,9 +9,9 @@ import re
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
-from pydantic import ConfigDict
+from pydantic import ConfigDict, Field
 
 from mcnav.config.context import FileContext
 from mcnav.config.files import OUTSIDE, is_inside, read_file, why_unreadable
@@ -38,7 +38,9 @@ class UserTable(Table):
 
     model_config = ConfigDict(extra="allow", strict=True, frozen=True)
 
-    type: str
+    type: Annotated[
+        str, Field(description="File and class of a scenario of your own.", examples=["my_system.py:MySystem"])
+    ]
 
 
 def read_code(path: Path) -> SourceFile:

@@ -11,10 +11,13 @@ from typing import Final
 from mcnav.errors import CampaignError, Problem
 from mcnav.files import write_whole
 
+DIRECTIVES: Final = "#:schema ./mcnav.schema.json\n#:tombi schema.strict = false\n\n"
+"""First lines of a campaign file: the schema for editors; tombi is not to refuse keys that it finds in no branch."""
+
 _NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,60}")
 
 
-def _fill_in(name: str, changes: dict[str, str]) -> str:
+def fill_in(name: str, changes: dict[str, str]) -> str:
     """Read a template and replace its placeholders."""
     text = files("mcnav.config.templates").joinpath(name).read_text(encoding="utf-8")
     for before, after in changes.items():
@@ -22,7 +25,7 @@ def _fill_in(name: str, changes: dict[str, str]) -> str:
     return text
 
 
-def _write(folder: Path, contents: dict[str, str]) -> list[Path]:
+def write_new(folder: Path, contents: dict[str, str]) -> list[Path]:
     """Write files, none of which exists yet."""
     paths = {folder / name: text for name, text in contents.items()}
     existing = [path for path in paths if path.exists()]
@@ -30,13 +33,25 @@ def _write(folder: Path, contents: dict[str, str]) -> list[Path]:
         raise CampaignError([Problem(str(path), "", "exists already; choose another name") for path in existing])
     folder.mkdir(parents=True, exist_ok=True)
     for path, text in paths.items():
-        write_whole(path, text.encode())
+        write_whole(path, (DIRECTIVES + text if path.suffix == ".toml" else text).encode())
     return list(paths)
 
 
-def _check_name(name: str) -> None:
-    if not _NAME.fullmatch(name) or keyword.iskeyword(name):
-        raise CampaignError([Problem(name, "", "cannot name a file; expected a letter, then letters, digits and _")])
+def place_of(name: str, folder: Path) -> tuple[Path, str]:
+    """Return the folder and the stem of new files from a name, or a path with or without ``.toml``.
+
+    Raises `CampaignError` when the name cannot be used.
+    """
+    inside, _, file = name.rpartition("/")
+    stem = file.removesuffix(".toml")
+    _check_name(stem, name)
+    return folder / inside, stem
+
+
+def _check_name(stem: str, name: str | None = None) -> None:
+    if not _NAME.fullmatch(stem) or keyword.iskeyword(stem):
+        message = "cannot name a file; expected a letter, then letters, digits and _"
+        raise CampaignError([Problem(stem if name is None else name, "", message)])
 
 
 def new_campaign(name: str, folder: Path, kind: str) -> list[Path]:
@@ -45,7 +60,7 @@ def new_campaign(name: str, folder: Path, kind: str) -> list[Path]:
     Raises `CampaignError` when the name cannot be used, or the file exists.
     """
     _check_name(name)
-    return _write(folder, {f"{name}.toml": _fill_in(f"{kind}.toml", {"NAME": name})})
+    return write_new(folder, {f"{name}.toml": fill_in(f"{kind}.toml", {"NAME": name})})
 
 
 def new_scenario(name: str, folder: Path, stochastic: bool = False) -> list[Path]:
@@ -61,4 +76,4 @@ def new_scenario(name: str, folder: Path, stochastic: bool = False) -> list[Path
         f"{name}.toml": f"{template}.toml",
         f"test_{name}.py": f"test_{template}.py.txt",
     }
-    return _write(folder, {file: _fill_in(text, changes) for file, text in contents.items()})
+    return write_new(folder, {file: fill_in(text, changes) for file, text in contents.items()})

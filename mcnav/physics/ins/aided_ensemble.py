@@ -9,7 +9,8 @@ truth. The twin is linear, has the gains along the truth and the same noise.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final
+from functools import cached_property
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,36 +18,65 @@ from numpy.typing import NDArray
 from mcnav._types import Array, IndexArray
 from mcnav.physics.ins.closed_loop import ClosedLoop, own_covariances
 from mcnav.physics.ins.deviations import deviate, locate, navigation_errors
-from mcnav.physics.ins.ensemble import LANES, EnsembleTables, advance, bend, room
+from mcnav.physics.ins.ensemble import STEPS_OF_NOISE, EnsembleTables
 from mcnav.physics.ins.filter_lanes import (
     BEYOND,
-    INDEFINITE,
     SIX,
     SOUND,
-    correct_covariances,
+    Covariances,
+    FilterSteps,
+    covariances_of,
     factor_innovations,
-    invert_innovations,
+    normalize_errors,
     propagate_covariances,
-    record_consistency,
+    reduce_by_joseph,
+    reduce_covariances,
     turn_tables,
+    whiten,
 )
 from mcnav.physics.ins.instruments import CONSTANTS
 from mcnav.physics.ins.noise import IMU_STREAM, draw_normals
+from mcnav.physics.ins.step_lanes import (
+    Deviations,
+    StepTables,
+    add_given,
+    add_noise,
+    advance,
+    deviations_of,
+    place,
+    respond_to_errors,
+    start,
+)
 from mcnav.physics.ins.update_lanes import (
+    Estimates,
+    UpdateTables,
+    add_constant_errors,
     correct_twins,
     disturb,
-    feed_back,
-    innovate_lanes,
+    estimates_of,
+    feed_back_own,
+    feed_back_shared,
+    innovate,
     judge,
-    rotation_vector,
+    rotation_vectors,
 )
-from mcnav.physics.jit import compiled
+from mcnav.physics.jit import allocation_free
+from mcnav.physics.vectors import LANES, load, room, store
 
 MEASUREMENT_STREAM: Final = 2
 """Stream of the measurements' white noise."""
 
 CORRELATED_STREAM: Final = 3
 """Stream of the measurements' correlated errors."""
+
+UPDATES_OF_NOISE: Final = 16
+"""Updates whose normal variates are drawn together."""
+
+CAREFUL: Final = 1e6
+"""Variance of an innovation, as a multiple of the measurement's, from which on an update needs Joseph's form.
+
+Without it the covariance keeps all but as many of its sixteen digits as this has.
+"""
 
 EPOCH_STREAM: Final = 4
 """Stream of the correlated errors' change from the last measurement to an epoch."""
@@ -90,6 +120,44 @@ class AidedTables:
     white: Array
     limits: Array
     covariances: Array
+
+    @cached_property
+    def filter_steps(self) -> FilterSteps:
+        """What compiled code takes of the filter over the steps."""
+        model = self.loop.filter
+        coupled, noise = np.any(model.coupling, axis=0), np.any(model.noise[:, 9:, :9], axis=(0, 2))
+        return FilterSteps(
+            model.coupling, model.decay, model.noise, model.corrected, np.flatnonzero(np.any(coupled[:3], axis=0)),
+            np.flatnonzero(np.any(coupled[3:], axis=0)), np.flatnonzero(noise),
+        )  # fmt: skip
+
+    def updates(self, active: IndexArray) -> UpdateTables:
+        """Return what compiled code takes of the updates.
+
+        Parameters
+        ----------
+        active : ndarray of int
+            Numbers of the constant errors of the sensors that are not zero.
+        """
+        measured, model, roots = self.loop.measurements, self.loop.filter, self.loop.roots
+        with np.errstate(divide="ignore", invalid="ignore"):
+            known = np.diagonal(roots, axis1=1, axis2=2) ** 2 / model.variances
+        careful = np.any(np.nan_to_num(known, nan=0.0) > CAREFUL, axis=1)
+        return UpdateTables(
+            measured.sensors, measured.sizes, measured.components, measured.kinds, measured.directions, measured.arms,
+            np.ascontiguousarray(measured.constants[:, :, active]), measured.rows, measured.forward, measured.places,
+            self.bounds, self.correlated, self.memory, self.white, self.limits, model.rows, model.variances,
+            self.loop.gains, roots, careful, np.flatnonzero(np.any(model.rows, axis=(0, 1))),
+        )  # fmt: skip
+
+    @cached_property
+    def epochs(self) -> _EpochTables:
+        """What compiled code takes of the epochs and of the start."""
+        shared, model = self.ensemble, self.loop.filter
+        return _EpochTables(
+            shared.epochs, shared.output_maps, self.covariances, self.loop.first_updates, shared.sizes, model.initial,
+            self.biases, self.drifts, self.drift_sigmas, self.faded, np.flatnonzero(model.corrected),
+        )  # fmt: skip
 
 
 def tabulate_aided(loop: ClosedLoop, ensemble: EnsembleTables, biases: tuple[str, ...]) -> AidedTables:
@@ -145,6 +213,84 @@ def tabulate_aided(loop: ClosedLoop, ensemble: EnsembleTables, biases: tuple[str
         limits[measurements.sensors],
         own_covariances(loop, ensemble.epochs, np.ones(len(ensemble.epochs))),
     )
+
+
+class _EpochTables(NamedTuple):
+    """What samples share of the epochs and of their start.
+
+    Attributes
+    ----------
+    numbers : ndarray of int, shape (m,)
+        Steps that begin at the epochs.
+    initial : ndarray, shape (9 + q, 9 + q)
+        Covariance of the filter at the start.
+    chosen : ndarray of int
+        Numbers of the states that are estimated.
+    """
+
+    numbers: IndexArray
+    output_maps: Array
+    covariances: Array
+    first_updates: IndexArray
+    sizes: Array
+    initial: Array
+    biases: IndexArray
+    drifts: IndexArray
+    drift_sigmas: Array
+    faded: Array
+    chosen: IndexArray
+
+
+class _Given(NamedTuple):
+    """Errors of n samples."""
+
+    indices: NDArray[np.uint64]
+    equipment: Array
+    aiding: Array
+    of_states: Array
+    state: Array
+    linear: Array
+
+
+class _Noise(NamedTuple):
+    """Noise of n samples: drawn by counter, or given as `GivenNoise` has it, flat."""
+
+    seed: np.uint64
+    drawn: bool
+    measured: bool
+    drifting: bool
+    added: Array
+    disturbances: Array
+
+
+class _LaneRooms(NamedTuple):
+    """Room for LANES samples."""
+
+    samples: Deviations
+    own: Estimates
+    filters: Covariances
+    normals: Array
+    white: Array
+    drifting: Array
+    epoch_normals: Array
+    cause: Array
+    numbers: NDArray[np.uint64]
+    seen: NDArray[np.bool_]
+
+
+class _Recorded(NamedTuple):
+    """Results of n samples at m epochs, as `AidedErrors` has them."""
+
+    turns: Array
+    deviations: Array
+    predicted: Array
+    outcomes: IndexArray
+    nees: Array
+    covariances: Array
+    state_errors: Array
+    state_variances: Array
+    counts: Array
+    nees_of_lanes: Array
 
 
 @dataclass(frozen=True)
@@ -215,7 +361,7 @@ def simulate_aided(
     state = np.hstack([turn, velocity, position])
     linear = np.einsum("nj,ij->ni", errors[:, :9], shared.start_map)
     instruments, aiding = errors[:, 9 : len(CONSTANTS)], errors[:, len(CONSTANTS) :]
-    active = np.flatnonzero(instruments.any(axis=0))
+    active, active_aiding = np.flatnonzero(instruments.any(axis=0)), np.flatnonzero(aiding.any(axis=0))
     of_states = np.ascontiguousarray(np.where(model.constants >= 0, errors[:, np.maximum(model.constants, 0)], 0.0))
     turns, deviations = np.empty((count, epochs, 4)), np.empty((count, epochs, 6))
     predicted, outcome = np.empty((count, epochs, 9)), np.zeros(count, dtype=np.int64)
@@ -226,316 +372,279 @@ def simulate_aided(
     added = nothing if given is None else np.ascontiguousarray(given.added.reshape(count, -1))
     disturbed = nothing if given is None else np.ascontiguousarray(given.measured.reshape(count, -1))
     noisy = bool(shared.factors.any() or shared.sizes.any())
-    constants = truth.earth.constants
+    drifting = given is None and bool(tables.correlated.any())
+    most, width = measured.components.shape[1], shared.factors.shape[1]
+    components = len(tables.drift_sigmas)
+    rooms = _LaneRooms(
+        deviations_of(len(active), len(shared.sizes)),
+        estimates_of(states, len(active_aiding), components, len(loop.sensors)),
+        covariances_of(states),
+        room(STEPS_OF_NOISE * width),
+        room(UPDATES_OF_NOISE * most),
+        room(UPDATES_OF_NOISE * most),
+        room(components if drifting else 0),
+        room(1),
+        np.zeros((1, LANES), dtype=np.uint64),
+        np.zeros(len(loop.sensors), dtype=np.bool_),
+    )
     _run(
-        (constants, shared.epochs, shared.durations, shared.motion, shared.force, shared.thrust,
-         np.ascontiguousarray(shared.inputs[:, active]), shared.biases, shared.decays, shared.sizes, shared.factors,
-         shared.places, shared.fields, shared.gradients, shared.output_maps),
-        (model.coupling, model.decay, model.noise, model.initial, model.rows, model.variances, model.corrected,
-         tables.biases, tables.drifts, loop.first_updates, loop.gains, loop.roots, tables.covariances),
-        (measured.sensors, measured.sizes, measured.components, measured.kinds, measured.directions, measured.arms,
-         measured.constants, measured.rows, measured.forward, measured.places, tables.bounds, tables.correlated,
-         tables.memory, tables.drift_sigmas, tables.faded, tables.white, tables.limits),
-        (np.ascontiguousarray(instruments[:, active]), np.ascontiguousarray(aiding), of_states, state, linear),
-        np.uint64(seed), samples.astype(np.uint64), added, disturbed, noisy, bool(tables.correlated.any()), own,
-        (turns, deviations, predicted, outcome, nees, covariance, state_error, state_variance, counted),
+        shared.steps(truth.earth, active),
+        tables.filter_steps,
+        tables.updates(active_aiding),
+        tables.epochs,
+        _Given(
+            samples.astype(np.uint64), np.ascontiguousarray(instruments[:, active]),
+            np.ascontiguousarray(aiding[:, active_aiding]),
+            of_states, state, linear,
+        ),
+        _Noise(np.uint64(seed), noisy and given is None, given is None, drifting, added, disturbed),
+        rooms,
+        own,
+        _Recorded(
+            turns, deviations, predicted, outcome, nees, covariance, state_error, state_variance, counted, room(6)
+        ),
     )  # fmt: skip
+    constants = truth.earth.constants
     indicated = locate(constants, shared.angles, shared.states, deviations)
     values = navigation_errors(constants, shared.truth, indicated, turns)
     outcome = np.where((outcome == SOUND) & ~np.isfinite(values).all(axis=(1, 2)), BEYOND, outcome)
     return AidedErrors(values, predicted, outcome, nees, covariance, state_error, state_variance, counted)
 
 
-@compiled
-def _force(
-    k: int, noisy: bool, theta: Array, inputs: Array, bias: Array, biases: Array, decays: Array, factors: Array,
-    normals: Array, drawn: Array, local: Array,
+@allocation_free
+def _begin(
+    begin: int, size: int, indices: NDArray[np.uint64], equipment: Array, aiding: Array, state: Array, linear: Array,
+    initial: Array, numbers: NDArray[np.uint64], samples: Deviations, own: Estimates, filters: Covariances,
+    cause: Array,
 ) -> None:  # fmt: skip
-    """Compute the linear response of a step to the errors of the instruments, and take the biases to its end.
+    """Put samples at their start into the lanes; the last one fills what is left of them."""
+    for i in range(LANES):
+        n = begin + min(i, size - 1)
+        numbers[0, i] = indices[n]
+        place(i, equipment[n], linear[n], state[n], samples)
+        cause[0, i] = SOUND
+        for r in range(9):
+            own.twin[r, i] = linear[n, r]
+        for a in range(len(own.aiding)):
+            own.aiding[a, i] = aiding[n, a]
+    for s in range(len(own.estimate)):
+        store(own.estimate, s, 0.0)
+        store(own.twin_estimate, s, 0.0)
+    for c in range(len(own.drifts)):
+        store(own.drifts, c, 0.0)
+        store(own.shown, c, 0.0)
+    for sensor in range(len(own.tally)):
+        for c in range(5):
+            store(own.tally, (sensor, c), 0.0)
+        for c in range(SIX):
+            store(own.before, (sensor, c), 0.0)
+    for r in range(len(initial)):
+        for c in range(len(initial)):
+            store(filters.p, (r, c), initial[r, c])
+
+
+@allocation_free
+def _advance_twins(k: int, motion: Array, coupling: Array, response: Array, own: Estimates) -> None:
+    """Take the linear samples over a step, given their response to the errors of the instruments."""
+    twin, estimate = own.twin, own.twin_estimate
+    a, b, c = load(twin, 0), load(twin, 1), load(twin, 2)
+    vx, vy, vz = load(twin, 3), load(twin, 4), load(twin, 5)
+    dx, dy, dz = load(twin, 6), load(twin, 7), load(twin, 8)
+    for r in range(9):
+        x = load(response, r)
+        for s in range(len(estimate)):
+            x -= coupling[k, r, s] * load(estimate, s)
+        if r < 3:
+            x += load(twin, r)
+        else:
+            x += motion[k, r - 3, 0] * a + motion[k, r - 3, 1] * b + motion[k, r - 3, 2] * c
+            x += motion[k, r - 3, 3] * vx + motion[k, r - 3, 4] * vy + motion[k, r - 3, 5] * vz
+            x += motion[k, r - 3, 6] * dx + motion[k, r - 3, 7] * dy + motion[k, r - 3, 8] * dz
+        store(twin, r, x)
+
+
+@allocation_free
+def _subtract_estimates(k: int, coupling: Array, response: Array, own: Estimates) -> None:
+    """Subtract from the response of a step what the filters have estimated of the errors of the instruments."""
+    for r in range(9):
+        x = load(response, r)
+        for s in range(len(own.estimate)):
+            x -= coupling[k, r, s] * load(own.estimate, s)
+        store(response, r, x)
+
+
+@allocation_free
+def _record(
+    reached: int, begin: int, size: int, states: _EpochTables, samples: Deviations, own: Estimates,
+    filters: Covariances, of_states: Array, epoch_normals: Array, covariance: Array, results: _Recorded,
+) -> None:  # fmt: skip
+    """Record the samples and their filters at an epoch.
 
     Parameters
     ----------
-    normals : ndarray, shape (LANES, 9 + b) or (LANES, 0)
-        Normal variates of the step; without any, ``drawn`` is given.
+    of_states : ndarray, shape (n, q)
+        Constant errors that the other states model.
+    covariance : ndarray, shape (9 + q, 9 + q, LANES)
     """
-    local[:] = 0.0
-    for q in range(len(theta)):
-        for r in range(9):
-            weight = inputs[k, q, r]
-            for i in range(LANES):
-                local[r, i] += weight * theta[q, i]
-    for b in range(len(bias)):
-        for r in range(9):
-            weight = biases[k, b, r]
-            for i in range(LANES):
-                local[r, i] += weight * bias[b, i]
-        for i in range(LANES):
-            bias[b, i] *= decays[k, b]
-    if not noisy:
-        return
-    if normals.shape[1] > 0:
-        drawn[:] = 0.0
-        for c in range(len(drawn)):
-            for r in range(c, len(drawn)):
-                weight = factors[k, r, c]
-                for i in range(LANES):
-                    drawn[r, i] += weight * normals[i, c]
-    for r in range(9):
-        for i in range(LANES):
-            local[r, i] += drawn[r, i]
-    for b in range(len(bias)):
-        for i in range(LANES):
-            bias[b, i] += drawn[9 + b, i]
-
-
-@compiled
-def _advance_twin(k: int, motion: Array, coupling: Array, local: Array, estimate: Array, twin: Array) -> None:
-    """Take the linear samples over a step."""
-    forced = local.copy()
-    for r in range(9):
-        for s in range(len(estimate)):
-            weight = coupling[k, r, s]
-            if weight != 0.0:
-                for i in range(LANES):
-                    forced[r, i] -= weight * estimate[s, i]
+    errors, nees = filters.errors, results.nees_of_lanes
+    if len(epoch_normals) > 0:
+        for c in range(len(own.shown)):
+            kept = states.faded[reached, c]
+            driven = states.drift_sigmas[c] * np.sqrt(1.0 - kept * kept)
+            store(own.shown, c, kept * load(own.shown, c) + driven * load(epoch_normals, c))
+    rotation_vectors(samples.turn, own.rotation)
+    for r in range(3):
+        store(errors, r, load(own.rotation, r))
     for r in range(6):
-        for c in range(9):
-            weight = motion[k, r, c]
-            for i in range(LANES):
-                forced[3 + r, i] += weight * twin[c, i]
-    for r in range(9):
+        store(errors, 3 + r, load(samples.linear, 3 + r) + load(samples.beyond, r))
+    for s in range(len(own.estimate)):
         for i in range(LANES):
-            twin[r, i] = forced[r, i] + (twin[r, i] if r < 3 else 0.0)
+            errors[9 + s, i] = of_states[begin + min(i, size - 1), s]
+        x = load(errors, 9 + s) - load(own.estimate, s)
+        if states.biases[s] >= 0:
+            x += load(samples.bias, states.biases[s])
+        if states.drifts[s] >= 0:
+            x += load(own.shown, states.drifts[s])
+        store(errors, 9 + s, x)
+    normalize_errors(covariance, errors, states.chosen, states.output_maps[reached], filters, nees)
+    for i in range(size):
+        n = begin + i
+        for r in range(4):
+            results.turns[n, reached, r] = samples.turn[r, i]
+        for r in range(6):
+            results.deviations[n, reached, r] = errors[3 + r, i]
+            results.nees[n, reached, r] = nees[r, i]
+        for r in range(9):
+            total = 0.0
+            for c in range(9):
+                total += states.output_maps[reached, r, c] * own.twin[c, i]
+            results.predicted[n, reached, r] = total
+        place_of = 0
+        for r in range(9):
+            for c in range(r + 1):
+                results.covariances[n, reached, place_of] = filters.mapped[r, c, i]
+                place_of += 1
+        for s in range(len(own.estimate)):
+            results.state_errors[n, reached, s] = errors[9 + s, i]
+            results.state_variances[n, reached, s] = covariance[9 + s, 9 + s, i]
+        for sensor in range(len(own.tally)):
+            for c in range(5):
+                results.counts[n, reached, sensor, c] = own.tally[sensor, c, i]
+    for sensor in range(len(own.tally)):
+        for c in range(5):
+            store(own.tally, (sensor, c), 0.0)
 
 
-@compiled
-def _advance(
-    k: int, constants: Array, durations: Array, motion: Array, force: Array, thrust: Array, places: Array,
-    fields: Array, gradients: Array, forced: Array, z: Array, turn: Array, d: Array, first: Array, here: Array,
-    scratch: tuple[Array, Array, Array, Array, Array, Array, Array, Array], sound: NDArray[np.bool_],
-) -> None:  # fmt: skip
-    advance(
-        k, constants, durations, motion, force, thrust, places, fields, gradients, forced, z, turn, d, first, here,
-        scratch, sound,
-    )  # fmt: skip
-
-
-@compiled
+@allocation_free
 def _run(
-    shared: tuple[Any, ...], filtered: tuple[Any, ...], measured: tuple[Any, ...], given: tuple[Any, ...],
-    seed: np.uint64, samples: NDArray[np.uint64], added_noise: Array, disturbances: Array, noisy: bool,
-    drifting: bool, own: bool, results: tuple[Any, ...],
+    steps: StepTables, of_filter: FilterSteps, updates: UpdateTables, epochs: _EpochTables, given: _Given,
+    noise: _Noise, lanes: _LaneRooms, own_gains: bool, results: _Recorded,
 ) -> None:  # fmt: skip
-    (constants, epochs, durations, motion, force, thrust, inputs, biases, decays, sizes, factors, places, fields,
-     gradients, output_maps) = shared  # fmt: skip
-    (coupling, decay, noise, initial, state_rows, variances, corrected, state_biases, state_drifts, first_updates,
-     shared_gains, shared_roots, shared_covariances) = filtered  # fmt: skip
-    (sensors, counts_of, components, kinds, directions, arms, constant_rows, truth_rows, forward, spots, bounds,
-     correlated, memory, drift_sigmas, faded, white, limits) = measured  # fmt: skip
-    equipment, aiding, of_states, state, linear = given
-    turns, deviations, predicted, outcomes, nees, covariances, state_errors, state_variances, counts = results
-    steps, count, width = len(durations), len(sizes), factors.shape[1]
-    size, states, most, updates = len(initial), len(initial) - 9, components.shape[1], len(sensors)
-    drawing = noisy and added_noise.shape[1] == 0
-    normals = np.zeros((LANES, count + steps * width if drawing else 0))
-    measuring = disturbances.shape[1] == 0
-    white_normals = np.zeros((LANES, updates * most if measuring else 0))
-    drift_normals = np.zeros((LANES, updates * most if measuring and drifting else 0))
-    epoch_normals = np.zeros((LANES, faded.size if measuring and drifting else 0))
-    drifts, shown = np.zeros((len(drift_sigmas), LANES)), np.zeros((len(drift_sigmas), LANES))
-    theta, bias, drawn = np.zeros((inputs.shape[1], LANES)), np.zeros((count, LANES)), np.zeros((width, LANES))
-    step_normals = np.zeros((LANES, width if drawing else 0))
-    z, turn, d, twin = np.zeros((9, LANES)), np.zeros((4, LANES)), np.zeros((6, LANES)), np.zeros((9, LANES))
-    local, first, here, forced = np.zeros((9, LANES)), np.zeros((3, LANES)), np.zeros((3, LANES)), np.zeros((9, LANES))
-    estimate, twin_estimate = np.zeros((states, LANES)), np.zeros((states, LANES))
-    scratch, sound = room(), np.zeros(LANES, dtype=np.bool_)
-    outcome, cause = np.zeros(LANES, dtype=np.int64), np.zeros(LANES, dtype=np.int64)
-    whole = 9 + SIX * ((states + SIX - 1) // SIX)
-    p, left = np.zeros((whole, whole, LANES)), np.zeros((whole, whole, LANES))
-    product, transition = np.zeros((9, whole, LANES)), np.zeros((6, 3, LANES))
-    coupled, added = np.zeros((9, whole - 9, LANES)), np.zeros((whole, 9, LANES))
-    full, root, inverse = np.zeros((most, 9, LANES)), np.zeros((most, most, LANES)), np.zeros((most, LANES))
-    cross, gain = np.zeros((whole, SIX, LANES)), np.zeros((whole, SIX, LANES))
-    low, precision = np.zeros((SIX, SIX, LANES)), np.zeros((SIX, SIX, LANES))
-    share = np.zeros(whole)
-    share[:size] = corrected
-    innovation, whitened = np.zeros((most, LANES)), np.zeros((most, LANES))
-    disturbance, accepted, over = np.zeros((most, LANES)), np.zeros(LANES), np.zeros((9, LANES))
-    before, has_before = np.zeros((counts.shape[2], most, LANES)), np.zeros(counts.shape[2], dtype=np.bool_)
-    tally = np.zeros((counts.shape[2], 5, LANES))
-    matrix, vector, psi = np.zeros((size, size)), np.zeros(size), np.zeros(3)
-    for begin in range(0, len(state), LANES):
-        lanes = min(LANES, len(state) - begin)
-        drifts[:], shown[:], tally[:], before[:] = 0.0, 0.0, 0.0, 0.0
-        has_before[:] = False
-        estimate[:], twin_estimate[:], outcome[:] = 0.0, 0.0, SOUND
-        cause[:] = SOUND
-        for i in range(LANES):
-            n = begin + min(i, lanes - 1)
-            sound[i] = True
-            for q in range(len(theta)):
-                theta[q, i] = equipment[n, q]
-            for r in range(9):
-                z[r, i] = twin[r, i] = linear[n, r]
-            for r in range(4):
-                turn[r, i] = state[n, r]
-            for r in range(6):
-                d[r, i] = state[n, 4 + r] - z[3 + r, i]
-            for r in range(3):
-                here[r, i] = z[6 + r, i] + d[3 + r, i]
-            if drawing:
-                draw_normals(seed, samples[n], IMU_STREAM, normals[i])
-            if measuring:
-                draw_normals(seed, samples[n], MEASUREMENT_STREAM, white_normals[i])
-                if drifting:
-                    draw_normals(seed, samples[n], CORRELATED_STREAM, drift_normals[i])
-                    draw_normals(seed, samples[n], EPOCH_STREAM, epoch_normals[i])
-            for b in range(count):
-                bias[b, i] = sizes[b] * normals[i, b] if drawing else 0.0
-            for r in range(size):
-                for c in range(size):
-                    p[r, c, i] = initial[r, c]
-        bend(constants, places[0], fields[0], gradients[0], here, first)
+    samples, own, filters = lanes.samples, lanes.own, lanes.filters
+    constants, turn, linear, cause = steps.constants, samples.turn, samples.linear, lanes.cause
+    count, width, most = len(epochs.sizes), steps.factors.shape[1], updates.components.shape[1]
+    total, all_steps = len(updates.sensors), len(steps.durations)
+    for begin in range(0, len(given.state), LANES):
+        size = min(LANES, len(given.state) - begin)
+        _begin(
+            begin, size, given.indices, given.equipment, given.aiding, given.state, given.linear, epochs.initial,
+            lanes.numbers, samples, own, filters, cause,
+        )  # fmt: skip
+        for sensor in range(len(lanes.seen)):
+            lanes.seen[sensor] = False
+        start(0, steps, samples)
+        if noise.drawn:
+            draw_normals(noise.seed, lanes.numbers, IMU_STREAM, 0, count, lanes.normals)
+        for q in range(count):
+            store(samples.bias, q, epochs.sizes[q] * load(lanes.normals, q) if noise.drawn else 0.0 * load(turn, 0))
         reached = 0
-        for k in range(steps + 1):
-            updated = first_updates[k] < first_updates[k + 1]
-            if updated:
+        for k in range(all_steps + 1):
+            first, last = epochs.first_updates[k], epochs.first_updates[k + 1]
+            if first < last:
                 for r in range(6):
+                    store(linear, 3 + r, load(linear, 3 + r) + load(samples.beyond, r))
+                    store(samples.beyond, r, 0.0)
+            for u in range(first, last):
+                m, sensor = updates.sizes[u], updates.sensors[u]
+                if noise.measured:
+                    row = u % UPDATES_OF_NOISE
+                    if row == 0:
+                        drawn = min(UPDATES_OF_NOISE, total - u) * most
+                        draw_normals(noise.seed, lanes.numbers, MEASUREMENT_STREAM, u * most, drawn, lanes.white)
+                        if noise.drifting:
+                            draw_normals(noise.seed, lanes.numbers, CORRELATED_STREAM, u * most, drawn, lanes.drifting)
+                    disturb(u, m, updates, lanes.white, lanes.drifting, row * most, own)
+                else:
                     for i in range(LANES):
-                        z[3 + r, i] += d[r, i]
-                        d[r, i] = 0.0
-            for u in range(first_updates[k], first_updates[k + 1]):
-                m, sensor = counts_of[u], sensors[u]
-                for i in range(LANES):
-                    disturb(
-                        begin + min(i, lanes - 1), i, u, m, components, constant_rows, aiding, correlated, memory,
-                        white, white_normals, drift_normals, drifts, disturbances, disturbance,
-                    )  # fmt: skip
-                for c in range(m):
-                    shown[components[u, c]] = drifts[components[u, c]]
-                correct_twins(
-                    m, truth_rows[u], state_rows[u], shared_gains[u], bounds[u], disturbance, innovation, twin,
-                    twin_estimate,
-                )  # fmt: skip
-                innovate_lanes(
-                    u, m, constants, kinds, directions, arms, forward, spots, state_rows, turn, z, estimate,
-                    disturbance, over, innovation, full,
-                )  # fmt: skip
-                if own:
+                        for c in range(m):
+                            own.disturbance[c, i] = noise.disturbances[begin + min(i, size - 1), u * most + c]
+                if len(own.aiding) > 0:
+                    add_constant_errors(u, m, updates, own)
+                correct_twins(u, m, updates, own)
+                innovate(u, m, constants, updates, turn, samples.turned, linear, filters.rows, own)
+                if own_gains:
                     factor_innovations(
-                        p, full, bounds[u], state_rows[u], variances[u], m, cross, root, inverse, outcome
-                    )
-                    for i in range(LANES):  # what came first, as each brings about the other
-                        if cause[i] == SOUND and outcome[i] == INDEFINITE:
-                            cause[i] = INDEFINITE if sound[i] else BEYOND
+                        u, m, updates.bounds, updates.state_rows, updates.linked, updates.variances, samples.sound,
+                        cause, filters,
+                    )  # fmt: skip
                 else:
                     for c in range(m):
                         for e in range(c + 1):
-                            root[c, e, :] = shared_roots[u, c, e]
-                judge(
-                    m, limits[u], root, innovation, whitened, before[sensor], has_before[sensor], tally[sensor],
-                    accepted,
-                )  # fmt: skip
-                has_before[sensor] = True
-                if own:
-                    invert_innovations(root, inverse, m, low, precision)
-                    correct_covariances(
-                        p,
-                        full,
-                        bounds[u],
-                        state_rows[u],
-                        variances[u],
-                        m,
-                        share,
-                        accepted,
-                        cross,
-                        precision,
-                        gain,
-                        left,
-                    )
+                            store(filters.root, (c, e), updates.roots[u, c, e])
+                        store(filters.inverse, c, 1.0 / updates.roots[u, c, c])
+                judge(u, m, updates.limits[u], lanes.seen[sensor], sensor, filters.root, filters.inverse, own)
+                lanes.seen[sensor] = True
+                if own_gains:
+                    whiten(m, own.accepted, filters)
+                    feed_back_own(m, filters.white, of_filter.corrected, turn, linear, own)
+                    if updates.careful[u]:
+                        reduce_by_joseph(
+                            u, m, of_filter.corrected, updates.bounds, updates.state_rows, updates.linked,
+                            updates.variances, filters,
+                        )  # fmt: skip
+                    else:
+                        reduce_covariances(m, of_filter.corrected, filters)
                 else:
-                    for r in range(size):
-                        for c in range(m):
-                            for i in range(LANES):
-                                gain[r, c, i] = shared_gains[u, r, c] * accepted[i]
-                feed_back(m, gain, innovation, turn, z, estimate)
-            if updated:
-                for i in range(LANES):
-                    rotation_vector(turn, i, psi)
-                    for r in range(3):
-                        z[r, i] = psi[r]
-                        here[r, i] = z[6 + r, i]
-                bend(constants, places[2 * k], fields[2 * k], gradients[2 * k], here, first)
-            if reached < len(epochs) and epochs[reached] == k:
-                if epoch_normals.shape[1] > 0:
-                    for c in range(len(shown)):
-                        kept = faded[reached, c]
-                        driven = drift_sigmas[c] * np.sqrt(1.0 - kept * kept)
-                        for i in range(LANES):
-                            shown[c, i] = kept * shown[c, i] + driven * epoch_normals[i, reached * len(shown) + c]
-                for i in range(lanes):
-                    n = begin + i
-                    rotation_vector(turn, i, psi)
-                    for r in range(4):
-                        turns[n, reached, r] = turn[r, i]
-                    for r in range(6):
-                        deviations[n, reached, r] = vector[3 + r] = z[3 + r, i] + d[r, i]
-                    for r in range(3):
-                        vector[r] = psi[r]
-                    for r in range(9):
-                        total = 0.0
-                        for c in range(9):
-                            total += output_maps[reached, r, c] * twin[c, i]
-                        predicted[n, reached, r] = total
-                    for r in range(size):
-                        for c in range(size):
-                            matrix[r, c] = p[r, c, i] if own else shared_covariances[reached, r, c]
-                    for s in range(states):
-                        value = of_states[n, s] - estimate[s, i]
-                        if state_biases[s] >= 0:
-                            value += bias[state_biases[s], i]
-                        if state_drifts[s] >= 0:
-                            value += shown[state_drifts[s], i]
-                        vector[9 + s] = state_errors[n, reached, s] = value
-                        state_variances[n, reached, s] = matrix[9 + s, 9 + s]
-                    record_consistency(
-                        matrix, vector, corrected, output_maps[reached], nees[n, reached], covariances[n, reached]
-                    )
-                    for sensor in range(counts.shape[2]):
-                        for c in range(5):
-                            counts[n, reached, sensor, c] = tally[sensor, c, i]
-                tally[:] = 0.0
+                    feed_back_shared(u, m, updates.gains, turn, linear, own)
+            if first < last:
+                rotation_vectors(turn, own.rotation)
+                for r in range(3):
+                    store(linear, r, load(own.rotation, r))
+                start(k, steps, samples)
+            if reached < len(epochs.numbers) and epochs.numbers[reached] == k:
+                if noise.drifting and noise.measured:
+                    shown = len(own.shown)
+                    draw_normals(noise.seed, lanes.numbers, EPOCH_STREAM, reached * shown, shown, lanes.epoch_normals)
+                if not own_gains:
+                    for r in range(len(epochs.initial)):
+                        for c in range(len(epochs.initial)):
+                            store(filters.p, (r, c), epochs.covariances[reached, r, c])
+                _record(
+                    reached, begin, size, epochs, samples, own, filters, given.of_states, lanes.epoch_normals,
+                    filters.p, results,
+                )  # fmt: skip
                 reached += 1
-            if k == steps:
+            if k == all_steps:
                 break
-            if drawing:
+            respond_to_errors(k, steps, samples)
+            if noise.drawn:
+                within = k % STEPS_OF_NOISE
+                if within == 0:
+                    drawn = min(STEPS_OF_NOISE, all_steps - k) * width
+                    draw_normals(noise.seed, lanes.numbers, IMU_STREAM, count + k * width, drawn, lanes.normals)
+                add_noise(k, steps.factors, lanes.normals, within * width, samples)
+            elif noise.added.shape[1] > 0:
                 for i in range(LANES):
-                    for c in range(width):
-                        step_normals[i, c] = normals[i, count + k * width + c]
-            elif noisy:
-                for i in range(LANES):
-                    for r in range(width):
-                        drawn[r, i] = added_noise[begin + min(i, lanes - 1), k * width + r]
-            _force(k, noisy, theta, inputs, bias, biases, decays, factors, step_normals, drawn, local)
-            _advance_twin(k, motion, coupling, local, twin_estimate, twin)
-            for r in range(9):
-                for i in range(LANES):
-                    forced[r, i] = local[r, i]
-                for s in range(states):
-                    weight = coupling[k, r, s]
-                    if weight != 0.0:
-                        for i in range(LANES):
-                            forced[r, i] -= weight * estimate[s, i]
-            _advance(
-                k, constants, durations, motion, force, thrust, places, fields, gradients, forced, z, turn, d, first,
-                here, scratch, sound,
-            )  # fmt: skip
-            if own:
-                turn_tables(k, motion, thrust, coupling, noise, forced, scratch[0], transition, coupled, added)
-                propagate_covariances(k, motion, decay, noise, transition, coupled, added, p, product)
-            for s in range(states):
-                for i in range(LANES):
-                    estimate[s, i] *= decay[k, s]
-                    twin_estimate[s, i] *= decay[k, s]
-        for i in range(lanes):
-            outcomes[begin + i] = BEYOND if cause[i] == SOUND and not sound[i] else cause[i]
+                    add_given(noise.added[begin + min(i, size - 1), k * width : (k + 1) * width], i, samples)
+            _advance_twins(k, steps.motion, of_filter.coupling, samples.response, own)
+            _subtract_estimates(k, of_filter.coupling, samples.response, own)
+            advance(k, steps, samples)
+            if own_gains:
+                turn_tables(k, steps.motion, steps.thrust, of_filter, samples.response, samples.turned, filters)
+                propagate_covariances(k, steps.motion, of_filter, filters)
+            for s in range(len(own.estimate)):
+                store(own.estimate, s, of_filter.decay[k, s] * load(own.estimate, s))
+                store(own.twin_estimate, s, of_filter.decay[k, s] * load(own.twin_estimate, s))
+        for i in range(size):
+            of_lane = int(cause[0, i])
+            results.outcomes[begin + i] = BEYOND if of_lane == SOUND and not samples.sound[0, i] > 0.0 else of_lane

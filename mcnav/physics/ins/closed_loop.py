@@ -12,8 +12,8 @@ This is linear in each cause: a column of sensitivities for each constant error,
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -22,15 +22,18 @@ from mcnav._types import Array, IndexArray
 from mcnav.physics.ins.aiding import Sensor, aiding_constants
 from mcnav.physics.ins.covariance import constant_inputs, output_map, process_systems, transitions
 from mcnav.physics.ins.error_filter import NAVIGATION, FilterModel
-from mcnav.physics.ins.filter_tables import FilterTables, tabulate_filter
+from mcnav.physics.ins.filter_tables import FilterTables, same_memory, tabulate_filter
 from mcnav.physics.ins.instruments import CONSTANTS, OUTPUTS, Imu
 from mcnav.physics.ins.measurements import Measurements, measure
 from mcnav.physics.ins.response import StepResponses, respond
+from mcnav.physics.ins.same_content import same_content
 from mcnav.physics.ins.truth import Platform, Truth
-from mcnav.physics.jit import compiled
+from mcnav.physics.jit import compiled, inlined
 
 LANES: Final = 8
 """Processes are handled in multiples of this number."""
+
+NOWHERE: Final = np.zeros(0, dtype=np.int64)
 
 
 @dataclass(frozen=True)
@@ -45,9 +48,14 @@ class ClosedLoop:
     gains : ndarray, shape (U, 9 + q, M)
     roots : ndarray, shape (U, M, M)
         Cholesky factors of the innovations' covariance.
+    own_at : ndarray of int, shape (r,)
+        Numbers of times.
+    own : ndarray, shape (r, 9 + q, 9 + q)
+        The filter's covariance there, after their updates.
     """
 
     truth: Truth
+    platform: Platform
     imu: Imu
     sensors: tuple[Sensor, ...]
     model: FilterModel
@@ -58,6 +66,8 @@ class ClosedLoop:
     first_updates: IndexArray
     gains: Array
     roots: Array
+    own_at: IndexArray
+    own: Array
 
     @property
     def times(self) -> Array:
@@ -92,28 +102,75 @@ class ClosedLoopErrors:
 
 
 def close_loop(
-    truth: Truth, platform: Platform, times: Array, imu: Imu, sensors: tuple[Sensor, ...], model: FilterModel
-) -> ClosedLoop:
+    truth: Truth, platform: Platform, times: Array, imu: Imu, sensors: tuple[Sensor, ...], model: FilterModel,
+    respond: Callable[[Truth, Platform, Array, Imu], StepResponses] = respond, own_at: IndexArray = NOWHERE,
+    shared: ClosedLoop | None = None,
+) -> ClosedLoop:  # fmt: skip
     """Compute the filter's gains along the truth.
 
     Parameters
     ----------
     times : ndarray, shape (K + 1,)
         Rising, with all instants of the sensors among them; the first is the start of navigation.
+    respond : callable
+        Computes the responses over the steps.
+    own_at : ndarray of int, shape (r,)
+        Rising numbers of times at which the filter's covariance is kept.
+    shared : ClosedLoop, optional
+        A loop along the same truth, the same object, whose tables are taken over where they hold.
     """
-    responses = respond(truth, platform, times, imu)
-    measurements = measure(truth, platform, float(times[0]), sensors)
+    responses, measurements = _shared_tables(truth, platform, times, imu, sensors, shared)
+    if responses is None:
+        responses = respond(truth, platform, times, imu)
+    if measurements is None:
+        measurements = measure(truth, platform, float(times[0]), sensors)
+    same_tables = shared is not None and shared.responses is responses and shared.measurements is measurements
+    same_filter = shared is not None and same_tables and same_content(_beliefs(shared.model), _beliefs(model))
+    if shared is not None and same_filter and np.array_equal(shared.own_at, own_at):
+        return replace(shared, imu=imu, sensors=sensors, model=model)
     tables = tabulate_filter(truth, platform, imu, responses, model, measurements)
     first = np.append(np.searchsorted(measurements.times, times, side="left"), len(measurements.times))
     updates, most = measurements.components.shape
     gains, roots = np.zeros((updates, len(tables.corrected), most)), np.zeros((updates, most, most))
-    transition = transitions(responses)
+    transition, own = transitions(responses), np.zeros((len(own_at), *tables.initial.shape))
     _design(
         transition, tables.coupling, tables.decay, tables.noise, tables.initial, measurements.rows, tables.rows,
-        tables.variances, tables.corrected, measurements.sizes, first, gains, roots, np.zeros(0, np.int64),
-        np.zeros(0, np.bool_), np.zeros((0, *tables.initial.shape)),
+        tables.variances, tables.corrected, measurements.sizes, first, gains, roots, own_at,
+        np.ones(len(own_at), np.bool_), own,
     )  # fmt: skip
-    return ClosedLoop(truth, imu, sensors, model, responses, transition, measurements, tables, first, gains, roots)
+    return ClosedLoop(
+        truth, platform, imu, sensors, model, responses, transition, measurements, tables, first, gains, roots, own_at,
+        own,
+    )  # fmt: skip
+
+
+def _shared_tables(
+    truth: Truth, platform: Platform, times: Array, imu: Imu, sensors: tuple[Sensor, ...], shared: ClosedLoop | None
+) -> tuple[StepResponses | None, Measurements | None]:
+    """Return the responses and the measurements of a loop that hold for another one as well."""
+    if shared is None or shared.truth is not truth or shared.platform != platform:
+        return None, None
+    same_grid = np.array_equal(shared.times, times)
+    same_imu = same_memory(shared.imu, imu) and shared.imu.quantized == imu.quantized
+    same_sensors = shared.times[0] == times[0] and same_content(_geometry(shared.sensors), _geometry(sensors))
+    return shared.responses if same_grid and same_imu else None, shared.measurements if same_sensors else None
+
+
+def _geometry(sensors: tuple[Sensor, ...]) -> tuple[object, ...]:
+    """Return what the responses of innovations depend on."""
+    return tuple(
+        (
+            sensor.name, sensor.times, sensor.lever_arm, sensor.has_lever_arm,
+            tuple((each.quantity, each.axis, each.label) for each in sensor.components),
+        )
+        for sensor in sensors
+    )  # fmt: skip
+
+
+def _beliefs(model: FilterModel) -> tuple[object, ...]:
+    """Return what a filter's gains depend on."""
+    beliefs = model.beliefs
+    return model.states, beliefs.covariance, beliefs.imu, beliefs.sensors
 
 
 def propagate_closed_loop(loop: ClosedLoop, readings: IndexArray, after: Array) -> ClosedLoopErrors:
@@ -163,7 +220,7 @@ def own_covariances(loop: ClosedLoop, readings: IndexArray, after: Array) -> Arr
     _design(
         loop.transition, tables.coupling, tables.decay, tables.noise, tables.initial, measurements.rows, tables.rows,
         tables.variances, tables.corrected, measurements.sizes, loop.first_updates, np.zeros_like(loop.gains),
-        np.zeros_like(loop.roots),         readings, after.astype(np.bool_), found,
+        np.zeros_like(loop.roots), readings, after.astype(np.bool_), found,
     )  # fmt: skip
     return found
 
@@ -174,27 +231,13 @@ def _propagate_constants(loop: ClosedLoop, readings: IndexArray, after: Array) -
     inputs = constant_inputs(loop.responses)
     fixed, count = len(CONSTANTS), len(tables.constants)
     sources = fixed + len(aiding_constants(loop.sensors))
-    y, estimates = np.zeros((NAVIGATION, sources)), np.zeros((count, sources))
+    y = np.zeros((NAVIGATION, sources))
     y[:, : len(OUTPUTS)] = np.linalg.inv(output_map(loop.truth, float(loop.times[0])))
     seen = np.zeros((len(readings), NAVIGATION + count, sources))
-    reached = 0
-    for k in range(len(loop.times)):
-        while reached < len(readings) and readings[reached] == k and not after[reached]:
-            seen[reached, :NAVIGATION], seen[reached, NAVIGATION:] = y, estimates
-            reached += 1
-        for u in range(loop.first_updates[k], loop.first_updates[k + 1]):
-            size = measurements.sizes[u]
-            innovation = measurements.rows[u, :size] @ y - tables.rows[u, :size] @ estimates
-            innovation[:, fixed:] += measurements.constants[u, :size]
-            y = y - gains[u, :NAVIGATION, :size] @ innovation
-            estimates = estimates + gains[u, NAVIGATION:, :size] @ innovation
-        while reached < len(readings) and readings[reached] == k:
-            seen[reached, :NAVIGATION], seen[reached, NAVIGATION:] = y, estimates
-            reached += 1
-        if k + 1 < len(loop.times):
-            y = loop.transition[k] @ y - tables.coupling[k] @ estimates
-            y[:, len(OUTPUTS) : fixed] += inputs[k]
-            estimates = tables.decay[k][:, None] * estimates
+    _carry_constants(
+        loop.transition, tables.coupling, tables.decay, inputs, measurements.rows, tables.rows, measurements.constants,
+        measurements.sizes, gains, loop.first_updates, readings, after.astype(np.bool_), y, seen,
+    )  # fmt: skip
     return seen[:, :NAVIGATION], seen[:, NAVIGATION:]
 
 
@@ -238,18 +281,77 @@ def _propagate_processes(loop: ClosedLoop, readings: IndexArray, after: Array) -
 
 
 @compiled
+def _carry_constants(
+    transition: Array, coupling: Array, decay: Array, inputs: Array, rows: Array, state_rows: Array, constants: Array,
+    sizes: IndexArray, gains: Array, first: IndexArray, readings: IndexArray, after: Array, start: Array, seen: Array,
+) -> None:  # fmt: skip
+    """Run the sensitivities of y and of the estimates, to all constant errors, through the closed loop."""
+    sources, states, most = start.shape[1], decay.shape[1], rows.shape[1]
+    fixed = sources - constants.shape[2]
+    y, following = start.copy(), np.zeros_like(start)
+    estimates, innovation = np.zeros((states, sources)), np.zeros((most, sources))
+    reached = 0
+    for k in range(len(first) - 1):
+        while reached < len(readings) and readings[reached] == k and not after[reached]:
+            seen[reached, :9], seen[reached, 9:] = y, estimates
+            reached += 1
+        for u in range(first[k], first[k + 1]):
+            innovation[:] = 0.0
+            for c in range(sizes[u]):
+                for i in range(9):
+                    _add_row(innovation[c], rows[u, c, i], y[i])
+                for i in range(states):
+                    _add_row(innovation[c], -state_rows[u, c, i], estimates[i])
+                for j in range(fixed, sources):
+                    innovation[c, j] += constants[u, c, j - fixed]
+            for c in range(sizes[u]):
+                for i in range(9):
+                    _add_row(y[i], -gains[u, i, c], innovation[c])
+                for i in range(states):
+                    _add_row(estimates[i], gains[u, 9 + i, c], innovation[c])
+        while reached < len(readings) and readings[reached] == k:
+            seen[reached, :9], seen[reached, 9:] = y, estimates
+            reached += 1
+        if k == len(transition):
+            break
+        following[:] = 0.0
+        for i in range(9):
+            for j in range(9):
+                _add_row(following[i], transition[k, i, j], y[j])
+            for j in range(states):
+                _add_row(following[i], -coupling[k, i, j], estimates[j])
+            for j in range(inputs.shape[2]):
+                following[i, 9 + j] += inputs[k, i, j]
+        y[:] = following
+        for i in range(states):
+            for j in range(sources):
+                estimates[i, j] *= decay[k, i]
+
+
+@inlined
+def _add_row(row: Array, weight: float, other: Array) -> None:
+    """Add a multiple of a row to another one."""
+    if weight != 0.0:
+        for j in range(len(row)):
+            row[j] += weight * other[j]
+
+
+@compiled
 def _design(
     transition: Array, coupling: Array, decay: Array, noise: Array, initial: Array, rows: Array, state_rows: Array,
     variances: Array, corrected: Array, sizes: IndexArray, first: IndexArray, gains: Array, roots: Array,
     readings: IndexArray, after: Array, covariances: Array,
 ) -> None:  # fmt: skip
-    """Run the filter's covariance along the truth: Joseph form, states that are considered are not corrected."""
+    """Run the filter's covariance along the truth: Joseph form, states that are considered are not corrected.
+
+    Loops over states are innermost, where they run in vectors; responses that are zero are skipped.
+    """
     size, most = len(initial), rows.shape[1]
     p = initial.copy()
-    product, full = np.zeros((9, size)), np.zeros((most, size))
-    cross, gain = np.zeros((size, most)), np.zeros((size, most))
+    product, full, turned = np.zeros((9, size)), np.zeros((most, size)), np.zeros((size, 9))
+    cross, gain, weights = np.zeros((most, size)), np.zeros((most, size)), np.zeros((most, size))
     s, root = np.zeros((most, most)), np.zeros((most, most))
-    left = np.zeros((size, size))
+    left = np.zeros((size, size))  # its transpose
     reached = 0
     for k in range(len(first) - 1):
         while reached < len(readings) and readings[reached] == k and not after[reached]:
@@ -260,17 +362,18 @@ def _design(
             for c in range(m):
                 full[c, :9] = rows[u, c]
                 full[c, 9:] = state_rows[u, c]
-            for i in range(size):
-                for c in range(m):
-                    total = 0.0
-                    for j in range(size):
-                        total += p[i, j] * full[c, j]
-                    cross[i, c] = total
+                for i in range(size):
+                    cross[c, i] = 0.0
+                for j in range(size):
+                    weight = full[c, j]
+                    if weight != 0.0:
+                        for i in range(size):
+                            cross[c, i] += weight * p[j, i]
             for c in range(m):
                 for e in range(m):
                     total = 0.0
                     for j in range(size):
-                        total += full[c, j] * cross[j, e]
+                        total += full[c, j] * cross[e, j]
                     s[c, e] = total
                 s[c, c] += variances[u, c]
             for c in range(m):
@@ -280,59 +383,78 @@ def _design(
                         total -= root[c, j] * root[e, j]
                     root[c, e] = np.sqrt(total) if c == e else total / root[e, e]
             roots[u] = root
-            for i in range(size):
+            for c in range(m):
+                for i in range(size):
+                    gain[c, i] = cross[c, i]
+                for j in range(c):
+                    weight = root[c, j]
+                    for i in range(size):
+                        gain[c, i] -= gain[j, i] * weight
+                for i in range(size):
+                    gain[c, i] /= root[c, c]
+            for c in range(m - 1, -1, -1):
+                for j in range(c + 1, m):
+                    weight = root[j, c]
+                    for i in range(size):
+                        gain[c, i] -= gain[j, i] * weight
+                for i in range(size):
+                    gain[c, i] /= root[c, c]
+            for c in range(m):
+                for i in range(size):
+                    gain[c, i] *= corrected[i]
+                    gains[u, i, c] = gain[c, i]
+            for j in range(size):
+                for i in range(size):
+                    left[j, i] = p[j, i]
                 for c in range(m):
-                    total = cross[i, c]
-                    for j in range(c):
-                        total -= gain[i, j] * root[c, j]
-                    gain[i, c] = total / root[c, c]
-                for c in range(m - 1, -1, -1):
-                    total = gain[i, c]
-                    for j in range(c + 1, m):
-                        total -= gain[i, j] * root[j, c]
-                    gain[i, c] = total / root[c, c]
-                for c in range(m):
-                    gain[i, c] *= corrected[i]
-                    gains[u, i, c] = gain[i, c]
-            for i in range(size):
+                    weight = cross[c, j]
+                    for i in range(size):
+                        left[j, i] -= gain[c, i] * weight
+            for c in range(m):
+                for i in range(size):
+                    cross[c, i] = 0.0
                 for j in range(size):
-                    total = p[i, j]
-                    for c in range(m):
-                        total -= gain[i, c] * cross[j, c]
-                    left[i, j] = total
-            for i in range(size):
+                    weight = full[c, j]
+                    if weight != 0.0:
+                        for i in range(size):
+                            cross[c, i] += weight * left[j, i]
+                for i in range(size):
+                    weights[c, i] = variances[u, c] * gain[c, i] - cross[c, i]
+            for j in range(size):
+                for i in range(j, size):
+                    p[j, i] = left[j, i]
                 for c in range(m):
-                    total = 0.0
-                    for j in range(size):
-                        total += left[i, j] * full[c, j]
-                    cross[i, c] = total
-            for i in range(size):
-                for j in range(i + 1):
-                    total = left[i, j]
-                    for c in range(m):
-                        total += (variances[u, c] * gain[i, c] - cross[i, c]) * gain[j, c]
-                    p[i, j] = p[j, i] = total
+                    weight = gain[c, j]
+                    for i in range(j, size):
+                        p[j, i] += weights[c, i] * weight
+                for i in range(j, size):
+                    p[i, j] = p[j, i]
         while reached < len(readings) and readings[reached] == k:
             covariances[reached] = p
             reached += 1
         if k == len(transition):
             break
         for i in range(9):
+            for c in range(9):
+                turned[c, i] = transition[k, i, c]
+            for c in range(size - 9):
+                turned[9 + c, i] = coupling[k, i, c]
             for j in range(size):
-                total = 0.0
-                for c in range(9):
-                    total += transition[k, i, c] * p[c, j]
-                for c in range(size - 9):
-                    total += coupling[k, i, c] * p[9 + c, j]
-                product[i, j] = total
+                product[i, j] = 0.0
+            for c in range(size):
+                weight = turned[c, i]
+                if weight != 0.0:
+                    for j in range(size):
+                        product[i, j] += weight * p[c, j]
         for i in range(9):
             for j in range(i + 1):
-                total = noise[k, i, j]
-                for c in range(9):
-                    total += product[i, c] * transition[k, j, c]
-                for c in range(size - 9):
-                    total += product[i, 9 + c] * coupling[k, j, c]
-                p[i, j] = p[j, i] = total
+                p[i, j] = noise[k, i, j]
+            for c in range(size):
+                weight = product[i, c]
+                for j in range(i + 1):
+                    p[i, j] += weight * turned[c, j]
+            for j in range(i + 1):
+                p[j, i] = p[i, j]
         for c in range(size - 9):
             for i in range(9):
                 p[i, 9 + c] = p[9 + c, i] = product[i, 9 + c] * decay[k, c] + noise[k, i, 9 + c]

@@ -96,27 +96,32 @@ def process_systems(responses: StepResponses, imu: Imu) -> dict[str, tuple[Array
         imu.accelerometer, responses.accelerometer_white, responses.accelerometer_state,
         responses.accelerometer_driven, responses.accelerometer_walk, responses.accelerometer_walked,
     )  # fmt: skip
+    sizes = process_sizes(imu)
     found: dict[str, tuple[Array, Array, Array]] = {}
     names = iter(PROCESSES)
     for first, (noise, white, state, driven, walk, walked) in ((0, gyro), (3, accelerometer)):
         for axis in range(3):
-            covariance = np.zeros((steps, 10, 10))
-            covariance[:, first:9, first:9] = noise.random_walk[axis] ** 2 * white[:, axis]
-            found[next(names)] = (np.zeros((steps, 10)), covariance, np.zeros(()))
+            if (name := next(names)) in sizes:
+                covariance = np.zeros((steps, 10, 10))
+                covariance[:, first:9, first:9] = noise.random_walk[axis] ** 2 * white[:, axis]
+                found[name] = (np.zeros((steps, 10)), covariance, np.zeros(()))
         for axis in range(3):
-            variance, correlation = noise.instability[axis] ** 2, noise.correlation_time[axis]
-            response, covariance = np.zeros((steps, 10)), np.zeros((steps, 10, 10))
-            response[:, first:9], response[:, 9] = state[:, axis], np.exp(-durations / correlation)
-            covariance[:, first:, first:] = 2.0 * variance / correlation * driven[:, axis]
-            found[next(names)] = (response, covariance, np.asarray(variance))
+            if (name := next(names)) in sizes:
+                variance, correlation = noise.instability[axis] ** 2, noise.correlation_time[axis]
+                response, covariance = np.zeros((steps, 10)), np.zeros((steps, 10, 10))
+                response[:, first:9], response[:, 9] = state[:, axis], np.exp(-durations / correlation)
+                covariance[:, first:, first:] = 2.0 * variance / correlation * driven[:, axis]
+                found[name] = (response, covariance, np.asarray(variance))
         for axis in range(3):
-            response, covariance = np.zeros((steps, 10)), np.zeros((steps, 10, 10))
-            response[:, first:9], response[:, 9] = walk[:, axis], 1.0
-            covariance[:, first:, first:] = noise.rate_random_walk[axis] ** 2 * walked[:, axis]
-            found[next(names)] = (response, covariance, np.zeros(()))
+            if (name := next(names)) in sizes:
+                response, covariance = np.zeros((steps, 10)), np.zeros((steps, 10, 10))
+                response[:, first:9], response[:, 9] = walk[:, axis], 1.0
+                covariance[:, first:, first:] = noise.rate_random_walk[axis] ** 2 * walked[:, axis]
+                found[name] = (response, covariance, np.zeros(()))
         for axis in range(3):
-            found[next(names)] = _quantization(responses, noise, axis, first)
-    return {name: found[name] for name in process_sizes(imu)}
+            if (name := next(names)) in sizes:
+                found[name] = _quantization(responses, noise, axis, first)
+    return found
 
 
 def _quantization(responses: StepResponses, noise: Noise, axis: int, first: int) -> tuple[Array, Array, Array]:

@@ -143,34 +143,53 @@ def gravitation(constants: Array, x: float, y: float, z: float) -> tuple[float, 
     for k in range(ZONALS):
         n = 2.0 * k + 2.0
         power = power * q
-        following = ((2.0 * n + 1.0) * s * now - (n + 1.0) * before) / n  # P'_{n+1}
+        following = ((2.0 * n + 1.0) * s * now - (n + 1.0) * before) * (1.0 / n)  # P'_{n+1}
         weight = constants[4 + k] * power
         radial -= weight * following
         polar += weight * now
-        before, now = following, ((2.0 * n + 3.0) * s * following - (n + 2.0) * now) / (n + 1.0)
+        before, now = following, ((2.0 * n + 3.0) * s * following - (n + 2.0) * now) * (1.0 / (n + 1.0))
     pull = -constants[2] * inverse * inverse
     along = pull * radial * inverse
     return along * x, along * y, along * z + pull * polar
 
 
 @inlined
-def geodetic(constants: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Compute geodetic latitude, longitude and altitude of an earth-fixed position by Bowring's iteration."""
+def meridian_sides(constants: Array, level: float, z: float) -> tuple[float, float]:
+    """Compute the sides of a triangle with the geodetic latitude, up and out, by Bowring's iteration.
+
+    Parameters
+    ----------
+    level : float
+        Distance from the axis.
+    """
     radius, squared = constants[0], constants[1]
     ratio = np.sqrt(1.0 - squared)
-    level = np.sqrt(x * x + y * y)
-    sine, cosine = z, ratio * level  # of the parametric latitude, up to a factor
+    up, out = z, ratio * level  # of the parametric latitude, up to a factor
     for _ in range(GEODETIC_ITERATIONS):
-        scale = 1.0 / np.sqrt(sine * sine + cosine * cosine)
-        sine, cosine = sine * scale, cosine * scale
-        up = z + squared * radius / ratio * sine * sine * sine
+        scale = 1.0 / np.sqrt(up * up + out * out)
+        sine, cosine = up * scale, out * scale
+        rise = z + squared * radius / ratio * sine * sine * sine
         out = level - squared * radius * cosine * cosine * cosine
-        sine, cosine = ratio * up, out
-    latitude = np.arctan2(up, out)
+        up = ratio * rise
+    return rise, out
+
+
+@inlined
+def geodetic_altitude(constants: Array, x: float, y: float, z: float) -> float:
+    """Compute the altitude of an earth-fixed position."""
+    level = np.sqrt(x * x + y * y)
+    up, out = meridian_sides(constants, level, z)
     scale = 1.0 / np.sqrt(up * up + out * out)
     sine, cosine = up * scale, out * scale
-    altitude = level * cosine + z * sine - radius * np.sqrt(1.0 - squared * sine * sine)
-    return latitude, np.arctan2(y, x), altitude
+    altitude: float = level * cosine + z * sine - constants[0] * np.sqrt(1.0 - constants[1] * sine * sine)
+    return altitude
+
+
+@inlined
+def geodetic(constants: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Compute geodetic latitude, longitude and altitude of an earth-fixed position."""
+    up, out = meridian_sides(constants, np.sqrt(x * x + y * y), z)
+    return np.arctan2(up, out), np.arctan2(y, x), geodetic_altitude(constants, x, y, z)
 
 
 @uncontracted

@@ -20,19 +20,27 @@ from numpy.typing import NDArray
 from mcnav._types import Array, IndexArray
 from mcnav.physics.ins.covariance import output_map, process_systems
 from mcnav.physics.ins.deviations import deviate, locate, navigation_errors
-from mcnav.physics.ins.earth import gravitation
-from mcnav.physics.ins.instruments import Imu
+from mcnav.physics.ins.earth import Earth
+from mcnav.physics.ins.instruments import GYRO, Imu
 from mcnav.physics.ins.noise import IMU_STREAM, draw_normals
 from mcnav.physics.ins.response import StepResponses
+from mcnav.physics.ins.step_lanes import (
+    Deviations,
+    StepTables,
+    add_given,
+    add_noise,
+    advance,
+    deviations_of,
+    place,
+    respond_to_errors,
+    start,
+)
 from mcnav.physics.ins.truth import Platform, Truth
-from mcnav.physics.jit import compiled, inlined, uncontracted
+from mcnav.physics.jit import allocation_free, compiled
+from mcnav.physics.vectors import LANES, load, room, store
 
-LANES: Final = 16
-LARGEST_TURN: Final = 0.5
-"""Largest rotation by the gyros' errors within a step, rad: beyond it a sample leaves the engine's validity."""
-
-SMALLEST_RADIUS: Final = 0.5
-"""Smallest distance from the earth's centre, as a share of the earth's radius."""
+STEPS_OF_NOISE: Final = 16
+"""Steps whose normal variates are drawn together."""
 
 
 @dataclass(frozen=True)
@@ -88,6 +96,20 @@ class EnsembleTables:
     truth: Array
     states: Array
     angles: Array
+
+    def steps(self, earth: Earth, active: IndexArray) -> StepTables:
+        """Return what compiled code takes of it.
+
+        Parameters
+        ----------
+        active : ndarray of int, shape (p,)
+            Numbers of the constant errors of the instruments that are not zero.
+        """
+        return StepTables(
+            earth.constants, self.durations, self.motion, self.force, self.thrust,
+            np.ascontiguousarray(self.inputs[:, active]), int(np.count_nonzero(active < len(GYRO))), self.biases,
+            self.decays, self.factors, self.places, self.fields, self.gradients,
+        )  # fmt: skip
 
     def without_noise(self) -> EnsembleTables:
         """Return the same tables without processes."""
@@ -256,241 +278,64 @@ def _simulate(
     turns, deviations = np.empty((*shape[:2], 4)), np.empty((*shape[:2], 6))
     predicted, sound = np.empty(shape), np.empty(len(errors), dtype=np.bool_)
     constants = truth.earth.constants
+    width = tables.factors.shape[1]
     _run(
-        constants, tables.epochs, tables.durations, tables.motion, tables.force, tables.thrust,
-        np.ascontiguousarray(tables.inputs[:, active]), tables.biases, tables.decays, tables.sizes, tables.factors,
-        tables.places, tables.fields, tables.gradients, tables.output_maps, np.ascontiguousarray(errors[:, 9 + active]),
-        state, linear, seed, samples, given, noisy, turns, deviations, predicted, sound,
+        tables.steps(truth.earth, active), deviations_of(len(active), len(tables.sizes)), room(STEPS_OF_NOISE * width),
+        np.zeros((1, LANES), dtype=np.uint64), tables.epochs, tables.output_maps, tables.sizes,
+        np.ascontiguousarray(errors[:, 9 + active]), state, linear, seed, samples, given, noisy, turns, deviations,
+        predicted, sound,
     )  # fmt: skip
     indicated = locate(constants, tables.angles, tables.states, deviations)
     values = navigation_errors(constants, tables.truth, indicated, turns)
     return EnsembleErrors(values, predicted, sound & np.isfinite(values).all(axis=(1, 2)))
 
 
-@uncontracted
-def bend(constants: Array, place: Array, field: Array, gradient: Array, x: Array, out: Array) -> None:
-    """Compute the change of gravitation by deviations, shape (3, LANES), beyond its linear part.
-
-    Without deviations it is exactly zero: not contracted, as the field of the truth.
-    """
-    for i in range(LANES):
-        gx, gy, gz = gravitation(constants, place[0] + x[0, i], place[1] + x[1, i], place[2] + x[2, i])
-        a, b, c = x[0, i], x[1, i], x[2, i]
-        out[0, i] = (gx - field[0]) - (gradient[0, 0] * a + gradient[0, 1] * b + gradient[0, 2] * c)
-        out[1, i] = (gy - field[1]) - (gradient[1, 0] * a + gradient[1, 1] * b + gradient[1, 2] * c)
-        out[2, i] = (gz - field[2]) - (gradient[2, 0] * a + gradient[2, 1] * b + gradient[2, 2] * c)
-
-
-@inlined
-def room() -> tuple[Array, Array, Array, Array, Array, Array, Array, Array]:
-    """Allocate what `advance` works in: R - I, the same without its linear part, and deviations within a step."""
-    return (
-        np.zeros((9, LANES)), np.zeros((9, LANES)), np.zeros((6, LANES)), np.zeros((6, LANES)), np.zeros((9, LANES)),
-        np.zeros((3, LANES)), np.zeros((3, LANES)), np.zeros((3, LANES)),
-    )  # fmt: skip
-
-
-@inlined
-def advance(
-    k: int, constants: Array, durations: Array, motion: Array, force: Array, thrust: Array, places: Array,
-    fields: Array, gradients: Array, local: Array, z: Array, turn: Array, d: Array, first: Array, here: Array,
-    scratch: tuple[Array, Array, Array, Array, Array, Array, Array, Array], sound: NDArray[np.bool_],
-) -> None:  # fmt: skip
-    """Take LANES samples over step k, with the linear response ``local`` to their errors in it.
-
-    A sample is its rotation ``turn``, a linear deviation ``z`` (psi, v, x) and what v and x have beyond it, ``d``. The
-    remainder of gravity at the deviation ``here`` is ``first``.
-    """
-    over, beyond, extra, moved, moved_linear, middle, last, there = scratch
-    floor = (SMALLEST_RADIUS * constants[0]) ** 2
-    h = durations[k]
-    for i in range(LANES):
-        a, b, c, e = turn[0, i], turn[1, i], turn[2, i], turn[3, i]
-        over[0, i], over[4, i], over[8, i] = (
-            -2.0 * (c * c + e * e), -2.0 * (b * b + e * e), -2.0 * (b * b + c * c)
-        )  # fmt: skip
-        over[1, i], over[2, i] = 2.0 * (b * c - a * e), 2.0 * (b * e + a * c)
-        over[3, i], over[5, i] = 2.0 * (b * c + a * e), 2.0 * (c * e - a * b)
-        over[6, i], over[7, i] = 2.0 * (b * e - a * c), 2.0 * (c * e + a * b)
-    for r in range(9):
-        for i in range(LANES):
-            beyond[r, i] = over[r, i]
-    for i in range(LANES):
-        beyond[1, i] += z[2, i]
-        beyond[2, i] -= z[1, i]
-        beyond[3, i] -= z[2, i]
-        beyond[5, i] += z[0, i]
-        beyond[6, i] += z[1, i]
-        beyond[7, i] -= z[0, i]
-    # products of errors within the step, of which the rotation grows evenly
-    for half in range(2):
-        of_force, of_input = (1.0 / 6.0, 0.5) if half == 0 else (1.0 / 12.0, 1.0 / 3.0)
-        for i in range(LANES):
-            ax, ay, az = local[0, i], local[1, i], local[2, i]
-            fx, fy, fz = thrust[k, 3 * half], thrust[k, 3 * half + 1], thrust[k, 3 * half + 2]
-            tx, ty, tz = ay * fz - az * fy, az * fx - ax * fz, ax * fy - ay * fx
-            lx, ly, lz = local[3 + 3 * half, i], local[4 + 3 * half, i], local[5 + 3 * half, i]
-            # of the step's linear response, what is not turned force; the force turns by a half on average
-            share = 0.5 if half == 0 else 1.0 / 3.0
-            ux, uy, uz = lx - share * tx, ly - share * ty, lz - share * tz
-            px = of_force * (ay * tz - az * ty) + of_input * (ay * uz - az * uy)
-            py = of_force * (az * tx - ax * tz) + of_input * (az * ux - ax * uz)
-            pz = of_force * (ax * ty - ay * tx) + of_input * (ax * uy - ay * ux)
-            qx, qy, qz = px + lx, py + ly, pz + lz
-            extra[3 * half, i] = px + (over[0, i] * qx + over[1, i] * qy + over[2, i] * qz)
-            extra[3 * half + 1, i] = py + (over[3, i] * qx + over[4, i] * qy + over[5, i] * qz)
-            extra[3 * half + 2, i] = pz + (over[6, i] * qx + over[7, i] * qy + over[8, i] * qz)
-    for r in range(6):
-        for c in range(9):
-            weight = force[k, r, c]
-            for i in range(LANES):
-                extra[r, i] += weight * beyond[c, i]
-        for i in range(LANES):
-            moved[r, i] = extra[r, i]
-            moved_linear[3 + r, i] = local[3 + r, i]
-        for c in range(9):
-            weight = motion[k, r, c]
-            for i in range(LANES):
-                moved_linear[3 + r, i] += weight * z[c, i]
-        for c in range(6):
-            weight = motion[k, r, 3 + c]
-            for i in range(LANES):
-                moved[r, i] += weight * d[c, i]
-    for r in range(3):
-        for i in range(LANES):
-            moved_linear[r, i] = z[r, i] + local[r, i]
-            there[r, i] = moved_linear[6 + r, i] + moved[3 + r, i] + (0.5 * h * h) * first[r, i]
-            change = (z[3 + r, i] + d[r, i]) - (moved_linear[3 + r, i] + moved[r, i] + h * first[r, i])
-            here[r, i] = 0.5 * (here[r, i] + there[r, i]) + 0.125 * h * change
-    bend(constants, places[2 * k + 1], fields[2 * k + 1], gradients[2 * k + 1], here, middle)
-    bend(constants, places[2 * k + 2], fields[2 * k + 2], gradients[2 * k + 2], there, last)
-    # Simpson's rule for the remainder, and for what its velocity and position change in gravity
-    for i in range(LANES):
-        for r in range(3):
-            pushed = pulled = 0.0
-            for c in range(3):
-                gradient = gradients[2 * k + 1, r, c]
-                pushed += gradient * (first[c, i] + middle[c, i])
-                pulled += gradient * (2.0 * first[c, i] + middle[c, i])
-            d[r, i] = moved[r, i] + h * (
-                (first[r, i] + 4.0 * middle[r, i] + last[r, i]) / 6.0 + (h * h / 12.0) * pushed
-            )
-            d[3 + r, i] = moved[3 + r, i] + h * h * ((first[r, i] + 2.0 * middle[r, i]) / 6.0 + (h * h / 72.0) * pulled)
-    for r in range(3):
-        for i in range(LANES):
-            first[r, i] = last[r, i]
-    for r in range(9):
-        for i in range(LANES):
-            z[r, i] = moved_linear[r, i]
-    for i in range(LANES):
-        for r in range(3):
-            here[r, i] = z[6 + r, i] + d[3 + r, i]
-        x, y, w = local[0, i], local[1, i], local[2, i]
-        square = x * x + y * y + w * w
-        t = 0.25 * square
-        cosine = 1.0 - t * (1 / 2 - t * (1 / 24 - t * (1 / 720 - t * (1 / 40320 - t / 3628800))))
-        sine = 0.5 * (1.0 - t * (1 / 6 - t * (1 / 120 - t * (1 / 5040 - t * (1 / 362880 - t / 39916800)))))
-        x, y, w = sine * x, sine * y, sine * w
-        a, b, c, e = turn[0, i], turn[1, i], turn[2, i], turn[3, i]
-        turn[0, i] = a * cosine - (b * x + c * y + e * w)
-        turn[1, i] = b * cosine + (a * x + c * w - e * y)
-        turn[2, i] = c * cosine + (a * y + e * x - b * w)
-        turn[3, i] = e * cosine + (a * w + b * y - c * x)
-        sound[i] &= square < LARGEST_TURN * LARGEST_TURN
-        total = 0.0
-        for r in range(3):
-            total += (places[2 * k + 2, r] + here[r, i]) ** 2
-        sound[i] &= total > floor
-
-
-@compiled
+@allocation_free
 def _run(
-    constants: Array, epochs: IndexArray, durations: Array, motion: Array, force: Array, thrust: Array, inputs: Array,
-    biases: Array, decays: Array, sizes: Array, factors: Array, places: Array, fields: Array, gradients: Array,
-    output_maps: Array, equipment: Array, state: Array, linear: Array, seed: np.uint64, samples: NDArray[np.uint64],
-    given: Array, noisy: bool, turns: Array, deviations: Array, predicted: Array, valid: NDArray[np.bool_],
+    tables: StepTables, samples: Deviations, normals: Array, numbers: NDArray[np.uint64], epochs: IndexArray,
+    output_maps: Array, sizes: Array, equipment: Array, state: Array, linear: Array, seed: np.uint64,
+    indices: NDArray[np.uint64], given: Array, noisy: bool, turns: Array, deviations: Array, predicted: Array,
+    valid: NDArray[np.bool_],
 ) -> None:  # fmt: skip
-    steps, count, width = len(durations), len(sizes), factors.shape[1]
-    normals = np.zeros((LANES, (count + steps * width) if noisy else 0))
-    theta = np.zeros((inputs.shape[1], LANES))
-    z, turn, d = np.zeros((9, LANES)), np.zeros((4, LANES)), np.zeros((6, LANES))
-    bias, drawn, normal = np.zeros((count, LANES)), np.zeros((width, LANES)), np.zeros(LANES)
-    local, first, here = np.zeros((9, LANES)), np.zeros((3, LANES)), np.zeros((3, LANES))
-    scratch = room()
-    sound = np.zeros(LANES, dtype=np.bool_)
+    steps, count, width = len(tables.durations), len(sizes), tables.factors.shape[1]
+    drawing = noisy and given.shape[1] == 0
     for begin in range(0, len(state), LANES):
-        lanes = min(LANES, len(state) - begin)
+        size = min(LANES, len(state) - begin)
         for i in range(LANES):
-            row = begin + min(i, lanes - 1)
-            sound[i] = True
-            for p in range(len(theta)):
-                theta[p, i] = equipment[row, p]
-            for r in range(9):
-                z[r, i] = linear[row, r]
-            for r in range(4):
-                turn[r, i] = state[row, r]
-            for r in range(6):
-                d[r, i] = state[row, 4 + r] - z[3 + r, i]
-            if noisy and given.shape[1] == 0:
-                draw_normals(seed, samples[row], IMU_STREAM, normals[i])
-            for b in range(count):
-                bias[b, i] = sizes[b] * normals[i, b] if noisy and given.shape[1] == 0 else 0.0
-        for r in range(3):
-            for i in range(LANES):
-                here[r, i] = z[6 + r, i] + d[3 + r, i]
-        bend(constants, places[0], fields[0], gradients[0], here, first)
+            row = begin + min(i, size - 1)
+            numbers[0, i] = indices[row]
+            place(i, equipment[row], linear[row], state[row], samples)
+        start(0, tables, samples)
+        if drawing:
+            draw_normals(seed, numbers, IMU_STREAM, 0, count, normals)
+        for q in range(count):
+            store(samples.bias, q, sizes[q] * load(normals, q) if drawing else 0.0 * load(normals, q))
         reached = 0
         for k in range(steps + 1):
             if reached < len(epochs) and epochs[reached] == k:
-                for i in range(lanes):
+                for i in range(size):
                     for r in range(4):
-                        turns[begin + i, reached, r] = turn[r, i]
+                        turns[begin + i, reached, r] = samples.turn[r, i]
                     for r in range(6):
-                        deviations[begin + i, reached, r] = z[3 + r, i] + d[r, i]
+                        deviations[begin + i, reached, r] = samples.linear[3 + r, i] + samples.beyond[r, i]
                     for r in range(9):
                         total = 0.0
                         for c in range(9):
-                            total += output_maps[reached, r, c] * z[c, i]
+                            total += output_maps[reached, r, c] * samples.linear[c, i]
                         predicted[begin + i, reached, r] = total
                 reached += 1
             if k == steps:
                 break
-            local[:] = 0.0
-            for p in range(len(theta)):
-                for r in range(9):
-                    weight = inputs[k, p, r]
-                    for i in range(LANES):
-                        local[r, i] += weight * theta[p, i]
-            for b in range(count):
-                for r in range(9):
-                    weight = biases[k, b, r]
-                    for i in range(LANES):
-                        local[r, i] += weight * bias[b, i]
+            respond_to_errors(k, tables, samples)
+            if drawing:
+                within = k % STEPS_OF_NOISE
+                if within == 0:
+                    drawn = min(STEPS_OF_NOISE, steps - k) * width
+                    draw_normals(seed, numbers, IMU_STREAM, count + k * width, drawn, normals)
+                add_noise(k, tables.factors, normals, within * width, samples)
+            elif noisy:
                 for i in range(LANES):
-                    bias[b, i] *= decays[k, b]
-            if noisy:
-                if given.shape[1] > 0:
-                    for r in range(width):
-                        for i in range(LANES):
-                            drawn[r, i] = given[begin + min(i, lanes - 1), k * width + r]
-                else:
-                    drawn[:] = 0.0
-                    for c in range(width):
-                        for i in range(LANES):
-                            normal[i] = normals[i, count + k * width + c]
-                        for r in range(c, width):
-                            weight = factors[k, r, c]
-                            for i in range(LANES):
-                                drawn[r, i] += weight * normal[i]
-                for r in range(9):
-                    for i in range(LANES):
-                        local[r, i] += drawn[r, i]
-                for b in range(count):
-                    for i in range(LANES):
-                        bias[b, i] += drawn[9 + b, i]
-            advance(
-                k, constants, durations, motion, force, thrust, places, fields, gradients, local, z, turn, d, first,
-                here, scratch, sound,
-            )  # fmt: skip
-        for i in range(lanes):
-            valid[begin + i] = sound[i]
+                    add_given(given[begin + min(i, size - 1), k * width : (k + 1) * width], i, samples)
+            advance(k, tables, samples)
+        for i in range(size):
+            valid[begin + i] = samples.sound[0, i] > 0.0

@@ -1,359 +1,432 @@
-"""Covariances of the filters of aided samples, LANES at a time: propagation, updates and normalized errors.
+"""Covariances of the filters of LANES aided samples: propagation, updates and normalized errors.
 
 Each filter's transition is that of the step's tables, turned to the attitude and the force that its sample indicates.
+Rows and columns are those of its 9 + q states; covariances are kept whole, and exactly symmetric.
 """
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from mcnav._types import Array, IndexArray
-from mcnav.physics.ins.ensemble import LANES
-from mcnav.physics.jit import compiled, uncontracted
+from mcnav.physics.jit import allocation_free, inlined
+from mcnav.physics.vectors import Vector, load, room, store, where
 
 SIX: Final = 6
-"""Components of the largest measurement, and states that are added up together."""
+"""Components of the largest measurement."""
 
 SOUND, BEYOND, INDEFINITE = 0, 1, 2
 """Outcomes of a sample: good; beyond the validity of the scheme; a covariance that is not positive definite."""
 
-
-@uncontracted
-def _quadratic(matrix: Array, vector: Array, begin: int, end: int, root: Array, out: Array) -> float:
-    """Compute ``e^T P^-1 e`` of a block by Cholesky's method; states without variance count nothing."""
-    total = 0.0
-    for i in range(begin, end):
-        value = vector[i]
-        for c in range(begin, i):
-            value -= root[i, c] * out[c]
-        pivot = matrix[i, i]
-        for c in range(begin, i):
-            pivot -= root[i, c] * root[i, c]
-        if pivot <= 1e-14 * matrix[i, i]:
-            out[i] = 0.0
-            for j in range(i, end):
-                root[j, i] = 0.0
-            continue
-        diagonal = np.sqrt(pivot)
-        for j in range(i + 1, end):
-            entry = matrix[j, i]
-            for c in range(begin, i):
-                entry -= root[j, c] * root[i, c]
-            root[j, i] = entry / diagonal
-        out[i] = value / diagonal
-        total += out[i] * out[i]
-    return total
+SINGULAR: Final = 1e-14
+"""Share of a variance below which what is left of it in Cholesky's method is rounding."""
 
 
-@compiled
-def _turn_block(over: Array, block: Array, half: Array, out: Array) -> None:
-    """Compute ``R B R^T`` of a block, shape (3, 3), with R - I of each lane: shape (3, 3, LANES)."""
+class FilterSteps(NamedTuple):
+    """What the filters share over K steps, as `mcnav.physics.ins.filter_tables.FilterTables` has it.
+
+    Attributes
+    ----------
+    turning, moving, shaken : ndarray of int
+        Other states that psi responds to, that v and x respond to, and whose noise is correlated with that of psi, v
+        and x.
+    """
+
+    coupling: Array
+    decay: Array
+    noise: Array
+    corrected: Array
+    turning: IndexArray
+    moving: IndexArray
+    shaken: IndexArray
+
+
+class Covariances(NamedTuple):
+    """Covariances of LANES filters, and room for a step and an update of them; the last axis is the lanes.
+
+    Attributes
+    ----------
+    p : ndarray, shape (9 + q, 9 + q, LANES)
+    transition, coupled, added : ndarray, shapes (6, 3, LANES), (9, q, LANES), (9 + q, 9, LANES)
+        The step's tables as turned: responses of v, x to psi; of psi, v, x to the other states; noise.
+    product : ndarray, shape (9, 9 + q, LANES)
+    rows : ndarray, shape (SIX, 9, LANES)
+        Responses of the innovations to psi, v, x.
+    cross, white, gain : ndarray, shape (9 + q, SIX, LANES)
+        ``P H^T``; that with the innovations whitened, ``P H^T L^-T``; gains.
+    root, inverse : ndarray, shapes (SIX, SIX, LANES), (SIX, LANES)
+        Cholesky factor L of the innovations' covariance, and its diagonal inverted.
+    left : ndarray, shape (9 + q, 9 + q, LANES)
+    mapped : ndarray, shape (9, 9, LANES)
+    errors, solved : ndarray, shape (9 + q, LANES)
+    output_errors : ndarray, shape (9, LANES)
+    """
+
+    p: Array
+    transition: Array
+    coupled: Array
+    added: Array
+    product: Array
+    rows: Array
+    cross: Array
+    white: Array
+    gain: Array
+    root: Array
+    inverse: Array
+    left: Array
+    mapped: Array
+    errors: Array
+    solved: Array
+    output_errors: Array
+
+
+def covariances_of(states: int) -> Covariances:
+    """Return room for filters with a number of states besides those of navigation."""
+    size = 9 + states
+    return Covariances(
+        room(size, size), room(6, 3), room(9, states), room(size, 9), room(9, size), room(SIX, 9), room(size, SIX),
+        room(size, SIX), room(size, SIX), room(SIX, SIX), room(SIX), room(size, size), room(9, 9), room(size),
+        room(size), room(9),
+    )  # fmt: skip
+
+
+@inlined
+def _turn_block(turned: Array, table: Array, k: int, row: int, column: int, out: Array, at: int, to: int) -> None:
+    """Compute ``R B R^T`` of a block of a table, shape (3, 3), with R - I of each lane."""
     for r in range(3):
-        for c in range(3):
-            x, y, z = block[0, c], block[1, c], block[2, c]
-            for i in range(LANES):
-                half[r, c, i] = block[r, c] + (over[3 * r, i] * x + over[3 * r + 1, i] * y + over[3 * r + 2, i] * z)
-    for r in range(3):
-        for c in range(3):
-            for i in range(LANES):
-                out[r, c, i] = half[r, c, i] + (
-                    half[r, 0, i] * over[3 * c, i]
-                    + half[r, 1, i] * over[3 * c + 1, i]
-                    + half[r, 2, i] * over[3 * c + 2, i]
-                )
+        x, y, z = load(turned, 3 * r), load(turned, 3 * r + 1), load(turned, 3 * r + 2)
+        a = table[k, row + r, column] + (
+            x * table[k, row, column] + y * table[k, row + 1, column] + z * table[k, row + 2, column]
+        )
+        b = table[k, row + r, column + 1] + (
+            x * table[k, row, column + 1] + y * table[k, row + 1, column + 1] + z * table[k, row + 2, column + 1]
+        )
+        c = table[k, row + r, column + 2] + (
+            x * table[k, row, column + 2] + y * table[k, row + 1, column + 2] + z * table[k, row + 2, column + 2]
+        )
+        store(out, (at + r, to), a + (a * load(turned, 0) + b * load(turned, 1) + c * load(turned, 2)))
+        store(out, (at + r, to + 1), b + (a * load(turned, 3) + b * load(turned, 4) + c * load(turned, 5)))
+        store(out, (at + r, to + 2), c + (a * load(turned, 6) + b * load(turned, 7) + c * load(turned, 8)))
 
 
-@compiled
+@inlined
+def _turn_column(turned: Array, table: Array, k: int, row: int, column: int) -> tuple[Vector, Vector, Vector]:
+    """Compute R times a column of three numbers of a table, with R - I of each lane."""
+    x, y, z = table[k, row, column], table[k, row + 1, column], table[k, row + 2, column]
+    return (
+        x + (load(turned, 0) * x + load(turned, 1) * y + load(turned, 2) * z),
+        y + (load(turned, 3) * x + load(turned, 4) * y + load(turned, 5) * z),
+        z + (load(turned, 6) * x + load(turned, 7) * y + load(turned, 8) * z),
+    )
+
+
+@allocation_free
 def turn_tables(
-    k: int, motion: Array, thrust: Array, coupling: Array, noise: Array, local: Array, over: Array, transition: Array,
-    coupled: Array, added: Array,
-) -> None:  # fmt: skip
-    """Turn a step's tables to the attitude and the force that each sample indicates."""
-    states = coupling.shape[2]
-    block = np.empty((3, 3, LANES))
-    for half in range(2):
-        _turn_block(over, motion[k, 3 * half : 3 * half + 3, :3], block, transition[3 * half : 3 * half + 3])
-        fx, fy, fz = thrust[k, 3 * half], thrust[k, 3 * half + 1], thrust[k, 3 * half + 2]
-        share = 0.5 if half == 0 else 1.0 / 3.0
-        for i in range(LANES):
-            ax, ay, az = local[0, i], local[1, i], local[2, i]
-            ux = local[3 + 3 * half, i] - share * (ay * fz - az * fy)
-            uy = local[4 + 3 * half, i] - share * (az * fx - ax * fz)
-            uz = local[5 + 3 * half, i] - share * (ax * fy - ay * fx)
-            transition[3 * half, 1, i] += uz
-            transition[3 * half, 2, i] -= uy
-            transition[3 * half + 1, 0, i] -= uz
-            transition[3 * half + 1, 2, i] += ux
-            transition[3 * half + 2, 0, i] += uy
-            transition[3 * half + 2, 1, i] -= ux
-    for row in range(3):
-        for column in range(row + 1):
-            _turn_block(
-                over, noise[k, 3 * row : 3 * row + 3, 3 * column : 3 * column + 3], block,
-                added[3 * row : 3 * row + 3, 3 * column : 3 * column + 3],
-            )  # fmt: skip
-    for s in range(states):
-        for row in range(3):
-            x, y, z = coupling[k, 3 * row, s], coupling[k, 3 * row + 1, s], coupling[k, 3 * row + 2, s]
-            a, b, c = noise[k, 3 * row, 9 + s], noise[k, 3 * row + 1, 9 + s], noise[k, 3 * row + 2, 9 + s]
-            for r in range(3):
-                at = 3 * row + r
-                one, other = coupling[k, at, s], noise[k, at, 9 + s]
-                for i in range(LANES):
-                    u, v, w = over[3 * r, i], over[3 * r + 1, i], over[3 * r + 2, i]
-                    coupled[at, s, i] = one + (u * x + v * y + w * z)
-                    added[9 + s, at, i] = other + (u * a + v * b + w * c)
-
-
-@compiled
-def propagate_covariances(
-    k: int, motion: Array, decay: Array, noise: Array, transition: Array, coupled: Array, added: Array, p: Array,
-    product: Array,
-) -> None:  # fmt: skip
-    """Take the filters' covariances over a step.
-
-    The other states are padded to a multiple of six, with zeros: a loop over the lanes costs more than its products.
-    """
-    size = len(p)
-    states, others = decay.shape[1], size - 9
-    for r in range(9):
-        for j in range(size):
-            if r < 3:
-                for i in range(LANES):
-                    product[r, j, i] = p[r, j, i]
-            else:
-                a, b, c = motion[k, r - 3, 3], motion[k, r - 3, 4], motion[k, r - 3, 5]
-                d, e, f = motion[k, r - 3, 6], motion[k, r - 3, 7], motion[k, r - 3, 8]
-                for i in range(LANES):
-                    product[r, j, i] = (
-                        transition[r - 3, 0, i] * p[0, j, i]
-                        + transition[r - 3, 1, i] * p[1, j, i]
-                        + transition[r - 3, 2, i] * p[2, j, i]
-                        + (a * p[3, j, i] + b * p[4, j, i] + c * p[5, j, i])
-                        + (d * p[6, j, i] + e * p[7, j, i] + f * p[8, j, i])
-                    )
-            for s in range(0, others, SIX):
-                for i in range(LANES):
-                    product[r, j, i] += (
-                        coupled[r, s, i] * p[9 + s, j, i]
-                        + coupled[r, s + 1, i] * p[10 + s, j, i]
-                        + coupled[r, s + 2, i] * p[11 + s, j, i]
-                    ) + (
-                        coupled[r, s + 3, i] * p[12 + s, j, i]
-                        + coupled[r, s + 4, i] * p[13 + s, j, i]
-                        + coupled[r, s + 5, i] * p[14 + s, j, i]
-                    )
-    for r in range(9):
-        for j in range(r + 1):
-            if j < 3:
-                for i in range(LANES):
-                    p[r, j, i] = added[r, j, i] + product[r, j, i]
-            else:
-                a, b, c = motion[k, j - 3, 3], motion[k, j - 3, 4], motion[k, j - 3, 5]
-                d, e, f = motion[k, j - 3, 6], motion[k, j - 3, 7], motion[k, j - 3, 8]
-                for i in range(LANES):
-                    p[r, j, i] = (
-                        added[r, j, i]
-                        + (
-                            product[r, 0, i] * transition[j - 3, 0, i]
-                            + product[r, 1, i] * transition[j - 3, 1, i]
-                            + product[r, 2, i] * transition[j - 3, 2, i]
-                        )
-                        + (a * product[r, 3, i] + b * product[r, 4, i] + c * product[r, 5, i])
-                        + (d * product[r, 6, i] + e * product[r, 7, i] + f * product[r, 8, i])
-                    )
-            for s in range(0, others, SIX):
-                for i in range(LANES):
-                    p[r, j, i] += (
-                        product[r, 9 + s, i] * coupled[j, s, i]
-                        + product[r, 10 + s, i] * coupled[j, s + 1, i]
-                        + product[r, 11 + s, i] * coupled[j, s + 2, i]
-                    ) + (
-                        product[r, 12 + s, i] * coupled[j, s + 3, i]
-                        + product[r, 13 + s, i] * coupled[j, s + 4, i]
-                        + product[r, 14 + s, i] * coupled[j, s + 5, i]
-                    )
-            for i in range(LANES):
-                p[j, r, i] = p[r, j, i]
-        for s in range(states):
-            weight = decay[k, s]
-            for i in range(LANES):
-                p[9 + s, r, i] = p[r, 9 + s, i] = weight * product[r, 9 + s, i] + added[9 + s, r, i]
-    for s in range(states):
-        for e in range(s + 1):
-            weight, more = decay[k, s] * decay[k, e], noise[k, 9 + s, 9 + e]
-            for i in range(LANES):
-                p[9 + s, 9 + e, i] = p[9 + e, 9 + s, i] = weight * p[9 + s, 9 + e, i] + more
-
-
-@compiled
-def _project(p: Array, full: Array, bounds: IndexArray, state_rows: Array, m: int, cross: Array) -> None:
-    """Add ``P H^T`` to ``cross``, shape (size, M, LANES); rows of H are in blocks of three."""
-    for r in range(len(p)):
-        for c in range(m):
-            for j in range(bounds[c, 0], bounds[c, 1], 3):
-                for i in range(LANES):
-                    cross[r, c, i] += (
-                        p[r, j, i] * full[c, j, i]
-                        + p[r, j + 1, i] * full[c, j + 1, i]
-                        + p[r, j + 2, i] * full[c, j + 2, i]
-                    )
-            for s in range(state_rows.shape[1]):
-                weight = state_rows[c, s]
-                if weight != 0.0:
-                    for i in range(LANES):
-                        cross[r, c, i] += p[r, 9 + s, i] * weight
-
-
-@compiled
-def factor_innovations(
-    p: Array, full: Array, bounds: IndexArray, state_rows: Array, variances: Array, m: int, cross: Array, root: Array,
-    inverse: Array, outcome: IndexArray,
-) -> None:  # fmt: skip
-    """Compute ``P H^T`` and the Cholesky factor of the innovations' covariance, with its diagonal inverted."""
-    for r in range(len(p)):
-        for c in range(cross.shape[1]):
-            for i in range(LANES):
-                cross[r, c, i] = 0.0
-    _project(p, full, bounds, state_rows, m, cross)
-    for c in range(m):
-        for e in range(c + 1):
-            for i in range(LANES):
-                root[c, e, i] = variances[c] if c == e else 0.0
-            for j in range(bounds[c, 0], bounds[c, 1], 3):
-                for i in range(LANES):
-                    root[c, e, i] += (
-                        full[c, j, i] * cross[j, e, i]
-                        + full[c, j + 1, i] * cross[j + 1, e, i]
-                        + full[c, j + 2, i] * cross[j + 2, e, i]
-                    )
-            for s in range(state_rows.shape[1]):
-                weight = state_rows[c, s]
-                if weight != 0.0:
-                    for i in range(LANES):
-                        root[c, e, i] += weight * cross[9 + s, e, i]
-            for j in range(e):
-                for i in range(LANES):
-                    root[c, e, i] -= root[c, j, i] * root[e, j, i]
-            if c > e:
-                for i in range(LANES):
-                    root[c, e, i] *= inverse[e, i]
-        for i in range(LANES):
-            if not root[c, c, i] > 0.0:
-                outcome[i] = INDEFINITE
-                root[c, c, i] = 1.0
-            root[c, c, i] = np.sqrt(root[c, c, i])
-            inverse[c, i] = 1.0 / root[c, c, i]
-
-
-@compiled
-def invert_innovations(root: Array, inverse: Array, m: int, low: Array, s: Array) -> None:
-    """Invert ``L L^T``, shape (m, m, LANES), given the inverted diagonal of L; s is padded with zeros."""
-    s[:] = 0.0
-    for c in range(m):
-        for i in range(LANES):
-            low[c, c, i] = inverse[c, i]
-        for r in range(c + 1, m):
-            for i in range(LANES):
-                low[r, c, i] = 0.0
-            for j in range(c, r):
-                for i in range(LANES):
-                    low[r, c, i] -= root[r, j, i] * low[j, c, i]
-            for i in range(LANES):
-                low[r, c, i] *= inverse[r, i]
-    for r in range(m):
-        for c in range(r + 1):
-            for j in range(r, m):
-                for i in range(LANES):
-                    s[r, c, i] += low[j, r, i] * low[j, c, i]
-            for i in range(LANES):
-                s[c, r, i] = s[r, c, i]
-
-
-@compiled
-def correct_covariances(
-    p: Array, full: Array, bounds: IndexArray, state_rows: Array, variances: Array, m: int, corrected: Array,
-    accepted: Array, cross: Array, s: Array, gain: Array, left: Array,
-) -> None:  # fmt: skip
-    """Compute the gains and the covariance after an update, in Joseph's form, with the inverse s of the innovations'.
-
-    Components are padded to six, which is the most that a sensor has, with zeros.
-    """
-    size = len(p)
-    for r in range(size):
-        share = corrected[r]
-        for c in range(SIX):
-            for i in range(LANES):
-                gain[r, c, i] = (share * accepted[i]) * (
-                    (cross[r, 0, i] * s[0, c, i] + cross[r, 1, i] * s[1, c, i] + cross[r, 2, i] * s[2, c, i])
-                    + (cross[r, 3, i] * s[3, c, i] + cross[r, 4, i] * s[4, c, i] + cross[r, 5, i] * s[5, c, i])
-                )
-    for r in range(size):
-        for j in range(size):
-            for i in range(LANES):
-                left[r, j, i] = p[r, j, i] - (
-                    (gain[r, 0, i] * cross[j, 0, i] + gain[r, 1, i] * cross[j, 1, i] + gain[r, 2, i] * cross[j, 2, i])
-                    + (gain[r, 3, i] * cross[j, 3, i] + gain[r, 4, i] * cross[j, 4, i] + gain[r, 5, i] * cross[j, 5, i])
-                )
-    for r in range(size):
-        for c in range(m):
-            weight = -variances[c]
-            for i in range(LANES):
-                cross[r, c, i] = weight * gain[r, c, i]
-    _project(left, full, bounds, state_rows, m, cross)
-    for r in range(size):
-        for j in range(r + 1):
-            for i in range(LANES):
-                p[r, j, i] = p[j, r, i] = left[r, j, i] - (
-                    (cross[r, 0, i] * gain[j, 0, i] + cross[r, 1, i] * gain[j, 1, i] + cross[r, 2, i] * gain[j, 2, i])
-                    + (cross[r, 3, i] * gain[j, 3, i] + cross[r, 4, i] * gain[j, 4, i] + cross[r, 5, i] * gain[j, 5, i])
-                )
-
-
-@compiled
-def record_consistency(
-    matrix: Array, vector: Array, corrected: Array, to_outputs: Array, nees: Array, covariance: Array,
-) -> None:  # fmt: skip
-    """Record the covariance of the outputs and the normalized errors squared of one sample at an epoch.
+    k: int, motion: Array, thrust: Array, tables: FilterSteps, response: Array, turned: Array, filters: Covariances
+) -> None:
+    """Turn a step's tables to the attitude and the force that each sample indicates.
 
     Parameters
     ----------
-    matrix : ndarray, shape (9 + q, 9 + q)
-    vector : ndarray, shape (9 + q,)
-        Errors of all states.
+    response : ndarray, shape (9, LANES)
+        Of psi, v, x to the errors of the instruments that are left.
+    turned : ndarray, shape (9, LANES)
+        R - I.
     """
-    size = len(vector)
-    estimated, low, solved = np.zeros((size, size)), np.zeros((size, size)), np.zeros(size)
-    mapped, half, errors, kept_errors = np.zeros((9, 9)), np.zeros((9, 9)), np.zeros(9), vector.copy()
-    kept = 0
-    for r in range(size):
-        if r < 9 or corrected[r] > 0.0:
-            other = 0
-            for c in range(r + 1):
-                if c < 9 or corrected[c] > 0.0:
-                    estimated[kept, other] = matrix[r, c]
-                    other += 1
-            kept_errors[kept] = vector[r]
-            kept += 1
-    nees[0] = _quadratic(estimated, kept_errors, 0, kept, low, solved)
-    nees[1] = _quadratic(estimated, kept_errors, 0, 9, low, solved)
-    nees[5] = _quadratic(estimated, kept_errors, 9, kept, low, solved)
+    transition, coupled, added = filters.transition, filters.coupled, filters.added
+    ax, ay, az = load(response, 0), load(response, 1), load(response, 2)
+    for half in range(2):
+        at = 3 * half
+        _turn_block(turned, motion, k, at, 0, transition, at, 0)
+        fx, fy, fz = thrust[k, at], thrust[k, at + 1], thrust[k, at + 2]
+        share = 0.5 if half == 0 else 1.0 / 3.0
+        ux = load(response, 3 + at) - share * (ay * fz - az * fy)
+        uy = load(response, 4 + at) - share * (az * fx - ax * fz)
+        uz = load(response, 5 + at) - share * (ax * fy - ay * fx)
+        store(transition, (at, 1), load(transition, (at, 1)) + uz)
+        store(transition, (at, 2), load(transition, (at, 2)) - uy)
+        store(transition, (at + 1, 0), load(transition, (at + 1, 0)) - uz)
+        store(transition, (at + 1, 2), load(transition, (at + 1, 2)) + ux)
+        store(transition, (at + 2, 0), load(transition, (at + 2, 0)) + uy)
+        store(transition, (at + 2, 1), load(transition, (at + 2, 1)) - ux)
+    for row in range(0, 9, 3):
+        for column in range(0, row + 3, 3):
+            _turn_block(turned, tables.noise, k, row, column, added, row, column)
+        for s in tables.moving if row > 0 else tables.turning:
+            x, y, z = _turn_column(turned, tables.coupling, k, row, s)
+            store(coupled, (row, s), x)
+            store(coupled, (row + 1, s), y)
+            store(coupled, (row + 2, s), z)
+        for s in tables.shaken:
+            x, y, z = _turn_column(turned, tables.noise, k, row, 9 + s)
+            store(added, (9 + s, row), x)
+            store(added, (9 + s, row + 1), y)
+            store(added, (9 + s, row + 2), z)
+
+
+@allocation_free
+def propagate_covariances(k: int, motion: Array, tables: FilterSteps, filters: Covariances) -> None:
+    """Take the filters' covariances over a step: ``P' = Phi P Phi^T + Q``."""
+    p, transition, coupled, added, product = (
+        filters.p, filters.transition, filters.coupled, filters.added, filters.product,
+    )  # fmt: skip
+    size, turning, moving = len(p), tables.turning, tables.moving
+    for j in range(size):
+        a, b, c = load(p, (0, j)), load(p, (1, j)), load(p, (2, j))
+        x, y, z = a, b, c
+        for s in turning:
+            e = load(p, (9 + s, j))
+            x += load(coupled, (0, s)) * e
+            y += load(coupled, (1, s)) * e
+            z += load(coupled, (2, s)) * e
+        store(product, (0, j), x)
+        store(product, (1, j), y)
+        store(product, (2, j), z)
+        for r in range(0, 6, 3):
+            x = load(transition, (r, 0)) * a + load(transition, (r, 1)) * b + load(transition, (r, 2)) * c
+            y = load(transition, (r + 1, 0)) * a + load(transition, (r + 1, 1)) * b + load(transition, (r + 1, 2)) * c
+            z = load(transition, (r + 2, 0)) * a + load(transition, (r + 2, 1)) * b + load(transition, (r + 2, 2)) * c
+            for i in range(3, 9):
+                e = load(p, (i, j))
+                x += motion[k, r, i] * e
+                y += motion[k, r + 1, i] * e
+                z += motion[k, r + 2, i] * e
+            for s in moving:
+                e = load(p, (9 + s, j))
+                x += load(coupled, (3 + r, s)) * e
+                y += load(coupled, (4 + r, s)) * e
+                z += load(coupled, (5 + r, s)) * e
+            store(product, (3 + r, j), x)
+            store(product, (4 + r, j), y)
+            store(product, (5 + r, j), z)
     for r in range(9):
+        for j in range(min(r, 2) + 1):
+            x = load(added, (r, j)) + load(product, (r, j))
+            for s in turning:
+                x += load(product, (r, 9 + s)) * load(coupled, (j, s))
+            store(p, (r, j), x)
+            store(p, (j, r), x)
+        a, b, c = load(product, (r, 0)), load(product, (r, 1)), load(product, (r, 2))
+        for j in range(3, r + 1):
+            x = load(added, (r, j)) + (
+                load(transition, (j - 3, 0)) * a + load(transition, (j - 3, 1)) * b + load(transition, (j - 3, 2)) * c
+            )
+            for i in range(3, 9):
+                x += motion[k, j - 3, i] * load(product, (r, i))
+            for s in moving:
+                x += load(product, (r, 9 + s)) * load(coupled, (j, s))
+            store(p, (r, j), x)
+            store(p, (j, r), x)
+        for s in range(size - 9):
+            x = tables.decay[k, s] * load(product, (r, 9 + s)) + load(added, (9 + s, r))
+            store(p, (9 + s, r), x)
+            store(p, (r, 9 + s), x)
+    for s in range(size - 9):
+        for e in range(s + 1):
+            x = tables.decay[k, s] * tables.decay[k, e] * load(p, (9 + s, 9 + e)) + tables.noise[k, 9 + s, 9 + e]
+            store(p, (9 + s, 9 + e), x)
+            store(p, (9 + e, 9 + s), x)
+
+
+@inlined
+def _project(
+    p: Array, r: int, c: int, rows: Array, begin: int, end: int, state_rows: Array, u: int, linked: IndexArray
+) -> Vector:
+    """Compute a row of a matrix times the response of a component of update u, which is zero but from begin to end."""
+    x = load(p, (r, begin)) * load(rows, (c, begin))
+    for j in range(begin + 1, end):
+        x += load(p, (r, j)) * load(rows, (c, j))
+    for s in linked:
+        x += load(p, (r, 9 + s)) * state_rows[u, c, s]
+    return x
+
+
+@allocation_free
+def factor_innovations(
+    u: int, m: int, bounds: IndexArray, state_rows: Array, linked: IndexArray, variances: Array, sound: Array,
+    cause: Array, filters: Covariances,
+) -> None:  # fmt: skip
+    """Compute ``P H^T`` of update u and the Cholesky factor of the innovations' covariance.
+
+    Parameters
+    ----------
+    m : int
+        Components.
+    linked : ndarray of int
+        Other states that any innovation responds to.
+    sound, cause : ndarray, shape (1, LANES)
+        Whether a sample is good as yet, and why it is not: what came first, as each brings about the other.
+    """
+    rows, cross, root, inverse = filters.rows, filters.cross, filters.root, filters.inverse
+    for c in range(m):
+        begin, end = bounds[u, c, 0], bounds[u, c, 1]
+        for r in range(len(filters.p)):
+            store(cross, (r, c), _project(filters.p, r, c, rows, begin, end, state_rows, u, linked))
+    for c in range(m):
+        for e in range(c + 1):
+            x = 0.0 * load(cross, (0, e))
+            for j in range(bounds[u, c, 0], bounds[u, c, 1]):
+                x += load(rows, (c, j)) * load(cross, (j, e))
+            for s in linked:
+                x += state_rows[u, c, s] * load(cross, (9 + s, e))
+            for j in range(e):
+                x -= load(root, (c, j)) * load(root, (e, j))
+            if e < c:
+                store(root, (c, e), x * load(inverse, e))
+            else:
+                x += variances[u, c]
+                good = x > 0.0
+                why = where(load(sound, 0) > 0.0, float(INDEFINITE), float(BEYOND))
+                fresh = load(cause, 0) <= float(SOUND)
+                store(cause, 0, where(good, load(cause, 0), where(fresh, why, load(cause, 0))))
+                x = np.sqrt(where(good, x, 1.0))
+                store(root, (c, c), x)
+                store(inverse, c, 1.0 / x)
+
+
+@allocation_free
+def whiten(m: int, accepted: Array, filters: Covariances) -> None:
+    """Compute ``P H^T L^-T``, zero where a measurement is rejected; columns up to a multiple of three are zero."""
+    cross, white, root = filters.cross, filters.white, filters.root
+    share = load(accepted, 0)
+    for r in range(len(filters.p)):
+        for c in range(m):
+            x = share * load(cross, (r, c))
+            for e in range(c):
+                x -= load(white, (r, e)) * load(root, (c, e))
+            store(white, (r, c), x * load(filters.inverse, c))
+        for c in range(m, 3 if m <= 3 else SIX):
+            store(white, (r, c), 0.0 * share)
+
+
+@allocation_free
+def reduce_covariances(m: int, corrected: Array, filters: Covariances) -> None:
+    """Compute the covariance after an update: ``P - W W^T`` with ``W = P H^T L^-T``.
+
+    The covariance of two considered states stays as it is.
+    """
+    p, white = filters.p, filters.white
+    for r in range(len(p)):
+        a, b, c = load(white, (r, 0)), load(white, (r, 1)), load(white, (r, 2))
+        if m <= 3:
+            for j in range(r + 1):
+                if corrected[r] + corrected[j] > 0.0:
+                    x = load(p, (r, j))
+                    x = x - a * load(white, (j, 0)) - b * load(white, (j, 1)) - c * load(white, (j, 2))
+                    store(p, (r, j), x)
+                    store(p, (j, r), x)
+        else:
+            d, e, f = load(white, (r, 3)), load(white, (r, 4)), load(white, (r, 5))
+            for j in range(r + 1):
+                if corrected[r] + corrected[j] > 0.0:
+                    x = load(p, (r, j))
+                    x = x - a * load(white, (j, 0)) - b * load(white, (j, 1)) - c * load(white, (j, 2))
+                    x = x - d * load(white, (j, 3)) - e * load(white, (j, 4)) - f * load(white, (j, 5))
+                    store(p, (r, j), x)
+                    store(p, (j, r), x)
+
+
+@allocation_free
+def reduce_by_joseph(
+    u: int, m: int, corrected: Array, bounds: IndexArray, state_rows: Array, linked: IndexArray, variances: Array,
+    filters: Covariances,
+) -> None:  # fmt: skip
+    """Compute the covariance after an update in Joseph's form, ``(I - K H) P (I - K H)^T + K R K^T``.
+
+    It keeps the digits of an update that takes nearly all of a variance away.
+    """
+    p, cross, white, gain, left, root = (
+        filters.p, filters.cross, filters.white, filters.gain, filters.left, filters.root,
+    )  # fmt: skip
+    for r in range(len(p)):
+        for c in range(m - 1, -1, -1):
+            x = corrected[r] * load(white, (r, c))
+            for e in range(c + 1, m):
+                x -= load(gain, (r, e)) * load(root, (e, c))
+            store(gain, (r, c), x * load(filters.inverse, c))
+    for r in range(len(p)):
+        for j in range(len(p)):
+            x = load(p, (r, j))
+            for c in range(m):
+                x -= load(gain, (r, c)) * load(cross, (j, c))
+            store(left, (r, j), x)
+    for c in range(m):
+        begin, end = bounds[u, c, 0], bounds[u, c, 1]
+        for r in range(len(p)):
+            x = _project(left, r, c, filters.rows, begin, end, state_rows, u, linked)
+            store(white, (r, c), x - variances[u, c] * load(gain, (r, c)))
+    for r in range(len(p)):
+        for j in range(r + 1):
+            x = load(left, (r, j))
+            for c in range(m):
+                x -= load(white, (r, c)) * load(gain, (j, c))
+            store(p, (r, j), x)
+            store(p, (j, r), x)
+
+
+@inlined
+def _quadratic(
+    matrix: Array, vector: Array, chosen: IndexArray, begin: int, end: int, root: Array, out: Array
+) -> Vector:
+    """Compute ``e^T P^-1 e`` of chosen states by Cholesky's method; states without variance count nothing."""
+    total = 0.0 * load(vector, 0)
+    for i in range(begin, end):
+        at = chosen[i]
+        value, pivot = load(vector, at), load(matrix, (at, at))
+        least = SINGULAR * pivot
+        for c in range(begin, i):
+            entry = load(root, (i, c))
+            value -= entry * load(out, c)
+            pivot -= entry * entry
+        inverse = where(pivot > least, 1.0 / np.sqrt(pivot), 0.0)
+        for j in range(i + 1, end):
+            entry = load(matrix, (chosen[j], at))
+            for c in range(begin, i):
+                entry -= load(root, (j, c)) * load(root, (i, c))
+            store(root, (j, i), entry * inverse)
+        value *= inverse
+        store(out, i, value)
+        total += value * value
+    return total
+
+
+@allocation_free
+def normalize_errors(
+    p: Array, errors: Array, chosen: IndexArray, to_outputs: Array, filters: Covariances, nees: Array
+) -> None:
+    """Compute the covariance of the outputs, as ``filters.mapped``, lower triangle, and normalized errors squared.
+
+    Parameters
+    ----------
+    p, errors : ndarray, shapes (9 + q, 9 + q, LANES), (9 + q, LANES)
+        Covariance and errors of all states.
+    chosen : ndarray of int
+        Numbers of the states that are estimated, the nine of navigation first.
+    nees : ndarray, shape (6, LANES)
+        Of all estimated states, navigation, position, velocity, attitude and the other estimated states.
+    """
+    mapped, half, root, solved = filters.mapped, filters.product, filters.left, filters.solved
+    store(nees, 0, _quadratic(p, errors, chosen, 0, len(chosen), root, solved))
+    store(nees, 1, _quadratic(p, errors, chosen, 0, 9, root, solved))
+    store(nees, 5, _quadratic(p, errors, chosen, 9, len(chosen), root, solved))
+    for r in range(9):
+        error = 0.0 * load(errors, 0)
+        for j in range(9):
+            error += to_outputs[r, j] * load(errors, j)
+        store(filters.output_errors, r, error)
         for c in range(9):
-            value = 0.0
+            x = 0.0 * error
             for j in range(9):
-                value += to_outputs[r, j] * matrix[j, c]
-            half[r, c] = value
-            errors[r] += to_outputs[r, c] * vector[c]
-    place = 0
+                x += to_outputs[r, j] * load(p, (j, c))
+            store(half, (r, c), x)
     for r in range(9):
         for c in range(r + 1):
-            value = 0.0
+            x = 0.0 * load(half, (r, 0))
             for j in range(9):
-                value += half[r, j] * to_outputs[c, j]
-            mapped[r, c] = covariance[place] = value
-            place += 1
+                x += load(half, (r, j)) * to_outputs[c, j]
+            store(mapped, (r, c), x)
     for group in range(3):
-        nees[2 + group] = _quadratic(mapped, errors, 3 * group, 3 * group + 3, low, solved)
+        begin = 3 * group
+        store(nees, 2 + group, _quadratic(mapped, filters.output_errors, chosen, begin, begin + 3, root, solved))

@@ -24,7 +24,7 @@ import numpy as np
 
 from mcnav._types import Array, IndexArray
 from mcnav.physics.ins.aiding import SCALED, Quantity, Sensor, aiding_constants
-from mcnav.physics.ins.earth import geodetic, local_axes
+from mcnav.physics.ins.earth import local_axes
 from mcnav.physics.ins.truth import Platform, Truth
 from mcnav.physics.jit import compiled, uncontracted
 
@@ -247,67 +247,3 @@ def _fill_rows(kinds: IndexArray, directions: Array, arms: Array, spin: Array, s
     for u in range(len(sizes)):
         for c in range(sizes[u]):
             fill_row(kinds[u, c], directions[u, c], arms[u, c], spin[2], same, rows[u, c])
-
-
-@uncontracted
-def altitude_change(constants: Array, place: Array, away: Array) -> float:
-    """Compute the change of the altitude by a deviation from a place; exactly zero without one."""
-    _, _, here = geodetic(constants, place[0], place[1], place[2])
-    _, _, there = geodetic(constants, place[0] + away[0], place[1] + away[1], place[2] + away[2])
-    return there - here
-
-
-@uncontracted
-def heading_change(axes: Array, over: Array, response: Array, away: Array) -> float:
-    """Compute the change of the heading by a rotation R, given R - I, and by a deviation of the position.
-
-    Parameters
-    ----------
-    axes : ndarray, shape (3, 3)
-        North, east and forward, by rows.
-    response, away : ndarray, shape (3,)
-        Response to the position, by the turn of the local axes, and the deviation.
-    """
-    north = east = more_north = more_east = turn = 0.0
-    for i in range(3):
-        change = over[i, 0] * axes[2, 0] + over[i, 1] * axes[2, 1] + over[i, 2] * axes[2, 2]
-        north += axes[0, i] * axes[2, i]
-        east += axes[1, i] * axes[2, i]
-        more_north += axes[0, i] * change
-        more_east += axes[1, i] * change
-        turn += response[i] * away[i]
-    across = north * more_east - east * more_north
-    return float(np.arctan2(across, north * (north + more_north) + east * (east + more_east)) + turn)
-
-
-@uncontracted
-def innovate(
-    kind: int, direction: Array, arm: Array, spin: float, over: Array, psi: Array, velocity: Array, away: Array
-) -> float:
-    """Compute the innovation of a component, other than altitude and heading, from deviations.
-
-    Parameters
-    ----------
-    over : ndarray, shape (3, 3)
-        R - I.
-    psi, velocity, away : ndarray, shape (3,)
-        Rotation vector of R; deviations of velocity and position.
-    """
-    dx, dy, dz = direction[0], direction[1], direction[2]
-    ux, uy, uz = velocity[0] + spin * away[1], velocity[1] - spin * away[0], velocity[2]
-    found = 0.0
-    if kind == POSITION:
-        found = dx * away[0] + dy * away[1] + dz * away[2]
-    elif kind == VELOCITY:
-        found = dx * ux + dy * uy + dz * uz
-    elif kind == ATTITUDE:
-        found = dx * psi[0] + dy * psi[1] + dz * psi[2]
-    elif kind == BODY_VELOCITY:
-        rx = over[0, 0] * dx + over[0, 1] * dy + over[0, 2] * dz
-        ry = over[1, 0] * dx + over[1, 1] * dy + over[1, 2] * dz
-        rz = over[2, 0] * dx + over[2, 1] * dy + over[2, 2] * dz
-        found = (dx + rx) * ux + (dy + ry) * uy + (dz + rz) * uz + rx * arm[0] + ry * arm[1] + rz * arm[2]
-    if kind in (POSITION, VELOCITY):
-        for i in range(3):
-            found += direction[i] * (over[i, 0] * arm[0] + over[i, 1] * arm[1] + over[i, 2] * arm[2])
-    return found

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcnav._types import Array
-from mcnav.physics.jit import compiled, inlined, uncontracted
+from mcnav.physics.jit import allocation_free_uncontracted, compiled, inlined
+from mcnav.physics.vectors import Vector, bits, doubles, load, store, where
 
 _LOW: Final = np.uint64(0xFFFFFFFF)
 _HALF: Final = np.uint64(32)
@@ -20,8 +21,28 @@ _FIRST: Final = np.uint64(0xD2511F53)
 _SECOND: Final = np.uint64(0xCD9E8D57)
 _FIRST_KEY: Final = np.uint64(0x9E3779B9)
 _SECOND_KEY: Final = np.uint64(0xBB67AE85)
-_MANTISSA: Final = np.uint64(11)
-_UNIT: Final = 2.0**-53
+_UNUSED: Final = np.uint64(12)
+"""Bits of a word that a mantissa has no place for."""
+
+_ONE: Final = np.uint64(0x3FF0000000000000)
+"""Bits of 1.0; with a mantissa, of a number from 1 to 2."""
+
+_LEAST: Final = 2.0**-52
+_FRACTION: Final = np.uint64(0x000FFFFFFFFFFFFF)
+_PLACES: Final = np.uint64(52)
+_ONE_PLACE: Final = np.uint64(1)
+_SIGN: Final = np.uint64(63)
+_INTEGER: Final = np.uint64(0x4330000000000000)
+"""Bits of 2^52; with an integer in the mantissa, of their sum."""
+
+_OFFSET_OF_INTEGER: Final = 2.0**52
+_OFFSET: Final = 2.0**52 + 1023.0
+"""What the bits of an exponent, as a mantissa of 2^52, exceed it by."""
+
+_LN2_HIGH: Final = 0.693147180369123816490
+"""Logarithm of 2 to 33 bits, so that its multiples are exact, and what is missing."""
+
+_LN2_LOW: Final = 1.90821492927058770002e-10
 
 IMU_STREAM: Final = 1
 """Stream of the instruments' processes."""
@@ -39,21 +60,66 @@ def philox(
     return a, b, c, d
 
 
-@uncontracted
-def draw_normals(seed: np.uint64, sample: np.uint64, stream: int, out: Array) -> None:
-    """Fill an array with the first normal variates of a sample's stream."""
-    key, index = np.uint64(seed), np.uint64(sample)
-    first, second = key & _LOW, key >> _HALF
+@inlined
+def _log(u: Vector) -> Vector:
+    """Compute the natural logarithm of doubles in (0, 1], to 2e-16 of it.
+
+    With ``u = m 2^e`` and m between 1 / sqrt(2) and sqrt(2), ``log(m) = 2 artanh((m - 1) / (m + 1))``.
+    """
+    written = bits(u)
+    mantissa = doubles((written & _FRACTION) | _ONE)
+    exponent = doubles((written >> _PLACES) | _INTEGER) - _OFFSET
+    large = mantissa > np.sqrt(2.0)
+    mantissa = where(large, 0.5 * mantissa, mantissa)
+    exponent = where(large, exponent + 1.0, exponent)
+    f = (mantissa - 1.0) / (mantissa + 1.0)
+    z = f * f
+    series = 1.0 + z * (1 / 3 + z * (1 / 5 + z * (1 / 7 + z * (1 / 9 + z * (1 / 11 + z * (
+        1 / 13 + z * (1 / 15 + z * (1 / 17 + z * (1 / 19 + z * (1 / 21))))))))))  # fmt: skip
+    return exponent * _LN2_HIGH + (2.0 * f * series + exponent * _LN2_LOW)
+
+
+@inlined
+def _circle(t: Vector) -> tuple[Vector, Vector]:
+    """Compute cosine and sine of t turns, t in [0, 1), to 2e-16: by Taylor series in the nearest quadrant."""
+    quadrant = np.rint(4.0 * t)
+    a = (0.5 * np.pi) * (4.0 * t - quadrant)
+    z = a * a
+    sine = a * (1 + z * (-1 / 6 + z * (1 / 120 + z * (-1 / 5040 + z * (1 / 362880 + z * (-1 / 39916800 + z * (
+        1 / 6227020800 + z * (-1 / 1307674368000 + z * (1 / 355687428096000)))))))))  # fmt: skip
+    cosine = 1 + z * (-1 / 2 + z * (1 / 24 + z * (-1 / 720 + z * (1 / 40320 + z * (-1 / 3628800
+        + z * (1 / 479001600 + z * (-1 / 87178291200 + z * (1 / 20922789888000 + z * (
+            -1 / 6402373705728000)))))))))  # fmt: skip
+    number = bits(quadrant + _OFFSET_OF_INTEGER)
+    even = (number & np.uint64(1)) == np.uint64(0)
+    of_cosine, of_sine = ((number + np.uint64(1)) >> _ONE_PLACE) << _SIGN, (number >> _ONE_PLACE) << _SIGN
+    return doubles(bits(where(even, cosine, sine)) ^ of_cosine), doubles(bits(where(even, sine, cosine)) ^ of_sine)
+
+
+@allocation_free_uncontracted
+def draw_normals(seed: np.uint64, samples: NDArray[np.uint64], stream: int, first: int, count: int, out: Array) -> None:
+    """Draw normal variates of LANES samples.
+
+    Parameters
+    ----------
+    samples : ndarray of uint64, shape (1, LANES)
+    first, count : int
+        Number of the first of a stream's variates, and how many.
+    out : ndarray, shape (count, LANES)
+        Or more rows.
+    """
+    key, index = np.uint64(seed), load(samples, 0)
     low, high = index & _LOW, (index >> _HALF) ^ (np.uint64(stream) << np.uint64(16))
-    pairs = (len(out) + 1) // 2
-    for pair in range(pairs):
+    for pair in range(first // 2, (first + count + 1) // 2):
         number = np.uint64(pair)
-        a, b, c, d = philox(number & _LOW, number >> _HALF, low, high, first, second)
-        radius = np.sqrt(-2.0 * np.log((((a << _HALF | b) >> _MANTISSA) + np.uint64(1)) * _UNIT))
-        angle = 2.0 * np.pi * (((c << _HALF | d) >> _MANTISSA) * _UNIT)
-        out[2 * pair] = radius * np.cos(angle)
-        if 2 * pair + 1 < len(out):
-            out[2 * pair + 1] = radius * np.sin(angle)
+        a, b, c, d = philox(number & _LOW, number >> _HALF, low, high, key & _LOW, key >> _HALF)
+        radius = np.sqrt(-2.0 * _log((doubles(((a << _HALF | b) >> _UNUSED) | _ONE) - 1.0) + _LEAST))
+        cosine, sine = _circle(doubles(((c << _HALF | d) >> _UNUSED) | _ONE) - 1.0)
+        row = 2 * pair - first
+        if row >= 0:
+            store(out, row, radius * cosine)
+        if row + 1 < count:
+            store(out, row + 1, radius * sine)
 
 
 @compiled

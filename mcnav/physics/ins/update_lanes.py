@@ -1,244 +1,372 @@
-"""Updates of aided samples, LANES at a time: measurements' errors, innovations, gates, and corrections."""
+"""Updates of LANES aided samples: measurements' errors, innovations, gates, and corrections."""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from mcnav._types import Array, IndexArray
-from mcnav.physics.ins.ensemble import LANES
-from mcnav.physics.ins.measurements import (
-    ALTITUDE,
-    BODY_VELOCITY,
-    HEADING,
-    POSITION,
-    VELOCITY,
-    altitude_change,
-    fill_row,
-    heading_change,
-    innovate,
-)
-from mcnav.physics.jit import compiled, uncontracted
+from mcnav.physics.ins.earth import geodetic_altitude
+from mcnav.physics.ins.filter_lanes import SIX
+from mcnav.physics.ins.measurements import ALTITUDE, ATTITUDE, BODY_VELOCITY, HEADING, POSITION, VELOCITY
+from mcnav.physics.ins.step_lanes import turn_less_one
+from mcnav.physics.jit import allocation_free, allocation_free_uncontracted, inlined
+from mcnav.physics.lanes import angle_of_half, half_turn
+from mcnav.physics.vectors import Vector, load, room, store, where
 
 
-@uncontracted
-def rotation_vector(turn: Array, i: int, out: Array) -> None:
-    """Compute the rotation vector of a quaternion."""
-    b, c, e = turn[1, i], turn[2, i], turn[3, i]
+class UpdateTables(NamedTuple):
+    """What samples share of U updates, as `mcnav.physics.ins.measurements.Measurements` and `AidedTables` have it.
+
+    Attributes
+    ----------
+    constant_rows : ndarray, shape (U, M, a)
+        Responses to the constant errors of the sensors that are not zero.
+    careful : ndarray of bool, shape (U,)
+        Whether an update takes nearly all of a variance away.
+    linked : ndarray of int
+        Other states of the filter that any innovation responds to.
+    """
+
+    sensors: IndexArray
+    sizes: IndexArray
+    components: IndexArray
+    kinds: IndexArray
+    directions: Array
+    arms: Array
+    constant_rows: Array
+    rows: Array
+    forward: Array
+    places: Array
+    bounds: IndexArray
+    correlated: Array
+    memory: Array
+    white: Array
+    limits: Array
+    state_rows: Array
+    variances: Array
+    gains: Array
+    roots: Array
+    careful: NDArray[np.bool_]
+    linked: IndexArray
+
+
+class Estimates(NamedTuple):
+    """What the filters of LANES samples have estimated, and room for an update; the last axis is the lanes.
+
+    Attributes
+    ----------
+    estimate, twin_estimate : ndarray, shape (q, LANES)
+        Of the other states, with the sample's gains and along the truth.
+    twin : ndarray, shape (9, LANES)
+        Linear deviation of attitude, velocity and position.
+    aiding : ndarray, shape (A, LANES)
+        Constant errors of the sensors.
+    drifts, shown : ndarray, shape (G, LANES)
+        Correlated errors of all components, and those that the epochs show.
+    disturbance, innovation, whitened : ndarray, shape (SIX, LANES)
+    rotation : ndarray, shape (3, LANES)
+        Rotation vector from true to indicated axes.
+    accepted : ndarray, shape (1, LANES)
+    before : ndarray, shape (sensors, SIX, LANES)
+        Whitened innovation of each sensor's update before.
+    tally : ndarray, shape (sensors, 5, LANES)
+        As `mcnav.scenarios.filter_record.BY_SENSOR` has them.
+    """
+
+    estimate: Array
+    twin_estimate: Array
+    twin: Array
+    aiding: Array
+    drifts: Array
+    shown: Array
+    disturbance: Array
+    innovation: Array
+    whitened: Array
+    rotation: Array
+    accepted: Array
+    before: Array
+    tally: Array
+
+
+def estimates_of(states: int, aiding: int, components: int, sensors: int) -> Estimates:
+    """Return room for estimates."""
+    return Estimates(
+        room(states), room(states), room(9), room(aiding), room(components), room(components), room(SIX), room(SIX),
+        room(SIX), room(3), room(1), room(sensors, SIX), room(sensors, 5),
+    )  # fmt: skip
+
+
+@allocation_free_uncontracted
+def rotation_vectors(turn: Array, out: Array) -> None:
+    """Compute the rotation vectors, shape (3, LANES), of quaternions."""
+    w, b, c, e = load(turn, 0), load(turn, 1), load(turn, 2), load(turn, 3)
     sine = np.sqrt(b * b + c * c + e * e)
-    factor = 2.0
-    if sine > 0.0:
-        factor = 2.0 * np.arctan2(sine, turn[0, i]) / sine
-    out[0], out[1], out[2] = factor * b, factor * c, factor * e
+    further = np.abs(w) + np.sqrt(w * w + sine * sine)  # the tangent of a quarter of the angle is sine / further
+    factor = where(sine > 0.0, 2.0 * angle_of_half(sine / further) / sine, 2.0)
+    factor = where(w < 0.0, -factor, factor)
+    store(out, 0, factor * b)
+    store(out, 1, factor * c)
+    store(out, 2, factor * e)
 
 
-@compiled
-def disturb(
-    n: int, i: int, u: int, m: int, components: IndexArray, constant_rows: Array, aiding: Array, correlated: Array,
-    memory: Array, white: Array, white_normals: Array, drift_normals: Array, drifts: Array, given: Array,
-    disturbance: Array,
-) -> None:  # fmt: skip
-    """Compute the errors of an update's measurements: drawn, or given, and those of constant errors."""
-    most = components.shape[1]
-    for c in range(m):
-        if given.shape[1] > 0:
-            value = given[n, u * most + c]
-        else:
-            value = white[u, c] * white_normals[i, u * most + c]
-            if correlated[u, c] > 0.0:
-                at, kept = components[u, c], memory[u, c]
-                driven = correlated[u, c] * np.sqrt(1.0 - kept * kept)
-                drifts[at, i] = kept * drifts[at, i] + driven * drift_normals[i, u * most + c]
-                value += drifts[at, i]
-        for a in range(aiding.shape[1]):
-            value -= constant_rows[u, c, a] * aiding[n, a]
-        disturbance[c, i] = value
-
-
-@compiled
-def correct_twins(
-    m: int, rows: Array, state_rows: Array, gains: Array, bounds: IndexArray, disturbance: Array, innovation: Array,
-    twin: Array, estimate: Array,
-) -> None:  # fmt: skip
-    """Update the linear samples with the gains along the truth."""
-    states = len(estimate)
-    for c in range(m):
-        for i in range(LANES):
-            innovation[c, i] = -disturbance[c, i]
-        for j in range(bounds[c, 0], bounds[c, 1]):
-            weight = rows[c, j]
-            for i in range(LANES):
-                innovation[c, i] += weight * twin[j, i]
-        for s in range(states):
-            weight = state_rows[c, s]
-            if weight != 0.0:
-                for i in range(LANES):
-                    innovation[c, i] -= weight * estimate[s, i]
-    for c in range(m):
-        for j in range(9):
-            weight = gains[j, c]
-            for i in range(LANES):
-                twin[j, i] -= weight * innovation[c, i]
-        for s in range(states):
-            weight = gains[9 + s, c]
-            for i in range(LANES):
-                estimate[s, i] += weight * innovation[c, i]
-
-
-@compiled
-def _innovate_of_antenna(
-    direction: Array, arm: Array, spin: float, of_velocity: bool, over: Array, z: Array, innovation: Array, full: Array
-) -> None:
-    """Compute what `innovate` and `fill_row` do for a position or a velocity, of all lanes at once.
+@allocation_free
+def disturb(u: int, m: int, tables: UpdateTables, white: Array, drifting: Array, first: int, own: Estimates) -> None:
+    """Draw the errors of an update's measurements, from normal variates of white and of correlated errors.
 
     Parameters
     ----------
-    innovation : ndarray, shape (LANES,)
-    full : ndarray, shape (9, LANES)
+    white, drifting : ndarray, shape (rows, LANES)
+    first : int
+        Row of the update's first variate.
     """
-    dx, dy, dz = direction[0], direction[1], direction[2]
-    first = 3 if of_velocity else 6
-    for i in range(LANES):
-        innovation[i] = dx * z[first, i] + dy * z[first + 1, i] + dz * z[first + 2, i]
-        full[first, i], full[first + 1, i], full[first + 2, i] = dx, dy, dz
-    if of_velocity:
-        for i in range(LANES):
-            innovation[i] += spin * (dx * z[7, i] - dy * z[6, i])
-            full[6, i], full[7, i], full[8, i] = -spin * dy, spin * dx, 0.0
-    ax, ay, az = arm[0], arm[1], arm[2]
-    if ax == 0.0 and ay == 0.0 and az == 0.0:
-        return
-    if not of_velocity:
-        for r in range(3, 6):
-            for i in range(LANES):
-                full[r, i] = 0.0
-    for i in range(LANES):
-        lx = over[0, i] * ax + over[1, i] * ay + over[2, i] * az
-        ly = over[3, i] * ax + over[4, i] * ay + over[5, i] * az
-        lz = over[6, i] * ax + over[7, i] * ay + over[8, i] * az
-        innovation[i] += dx * lx + dy * ly + dz * lz
-        full[0, i] = (ay + ly) * dz - (az + lz) * dy
-        full[1, i] = (az + lz) * dx - (ax + lx) * dz
-        full[2, i] = (ax + lx) * dy - (ay + ly) * dx
-
-
-@compiled
-def _innovate_lane(
-    i: int, kind: int, constants: Array, direction: Array, arm: Array, forward: Array, place: Array, turn: Array,
-    turns: Array, z: Array, innovation: Array, full: Array,
-) -> None:  # fmt: skip
-    """Compute the innovation of another component, and its response to errors, of one lane."""
-    psi, velocity, away, there, row = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(9)
-    over, turned = np.zeros((3, 3)), np.zeros((3, 3))
-    spin = constants[3]
-    rotation_vector(turn, i, psi)
-    for r in range(3):
-        for c in range(3):
-            over[r, c] = turns[3 * r + c, i]
-            turned[r, c] = over[r, c] + (1.0 if r == c else 0.0)
-        velocity[r], away[r], there[r] = z[3 + r, i], z[6 + r, i], arm[r]
-    if kind == BODY_VELOCITY:  # the navigator's own velocity over the earth
-        there[0] += velocity[0] + spin * away[1]
-        there[1] += velocity[1] - spin * away[0]
-        there[2] += velocity[2]
-    fill_row(kind, direction, there, spin, turned, row)
-    for j in range(9):
-        full[j, i] = row[j]
-    if kind == ALTITUDE:
-        innovation[i] = altitude_change(constants, place, away)
-    elif kind == HEADING:
-        innovation[i] = heading_change(forward, over, arm, away)
-    else:
-        innovation[i] = innovate(kind, direction, arm, spin, over, psi, velocity, away)
-
-
-@compiled
-def innovate_lanes(
-    u: int, m: int, constants: Array, kinds: IndexArray, directions: Array, arms: Array, forward: Array, spots: Array,
-    state_rows: Array, turn: Array, z: Array, estimate: Array, disturbance: Array, over: Array, innovation: Array,
-    full: Array,
-) -> None:  # fmt: skip
-    """Compute the innovations of the samples and their responses to errors, about each sample's own attitude."""
-    for i in range(LANES):
-        a, b, c, e = turn[0, i], turn[1, i], turn[2, i], turn[3, i]
-        over[0, i], over[4, i], over[8, i] = -2.0 * (c * c + e * e), -2.0 * (b * b + e * e), -2.0 * (b * b + c * c)
-        over[1, i], over[2, i] = 2.0 * (b * c - a * e), 2.0 * (b * e + a * c)
-        over[3, i], over[5, i] = 2.0 * (b * c + a * e), 2.0 * (c * e - a * b)
-        over[6, i], over[7, i] = 2.0 * (b * e - a * c), 2.0 * (c * e + a * b)
-    for q in range(m):
-        kind = kinds[u, q]
-        if kind in (POSITION, VELOCITY):
-            _innovate_of_antenna(
-                directions[u, q], arms[u, q], constants[3], kind == VELOCITY, over, z, innovation[q], full[q]
-            )
-        else:
-            for i in range(LANES):
-                _innovate_lane(
-                    i, kind, constants, directions[u, q], arms[u, q], forward[u], spots[u], turn, over, z,
-                    innovation[q], full[q],
-                )  # fmt: skip
-        for s in range(len(estimate)):
-            weight = state_rows[u, q, s]
-            if weight != 0.0:
-                for i in range(LANES):
-                    innovation[q, i] -= weight * estimate[s, i]
-        for i in range(LANES):
-            innovation[q, i] -= disturbance[q, i]
-
-
-@compiled
-def judge(
-    m: int, limit: float, root: Array, innovation: Array, whitened: Array, before: Array, has_before: bool,
-    tally: Array, accepted: Array,
-) -> None:  # fmt: skip
-    """Normalize the innovations of a sensor, count them, and accept or reject the measurement."""
-    normalized = np.zeros(LANES)
     for c in range(m):
-        for i in range(LANES):
-            value = innovation[c, i]
-            for e in range(c):
-                value -= root[c, e, i] * whitened[e, i]
-            whitened[c, i] = value / root[c, c, i]
-            normalized[i] += whitened[c, i] * whitened[c, i]
-    for i in range(LANES):
-        accepted[i] = 1.0 if normalized[i] <= limit else 0.0
-        tally[0, i] += normalized[i]
-        tally[1, i] += accepted[i]
-        tally[2, i] += 1.0 - accepted[i]
-        if has_before:
-            value = 0.0
-            for c in range(m):
-                value += whitened[c, i] * before[c, i]
-            tally[3, i] += value / m
-            tally[4, i] += 1.0
+        value = tables.white[u, c] * load(white, first + c)
+        if tables.correlated[u, c] > 0.0:
+            at, kept = tables.components[u, c], tables.memory[u, c]
+            driven = tables.correlated[u, c] * np.sqrt(1.0 - kept * kept)
+            drift = kept * load(own.drifts, at) + driven * load(drifting, first + c)
+            store(own.drifts, at, drift)
+            store(own.shown, at, drift)
+            value += drift
+        store(own.disturbance, c, value)
+
+
+@allocation_free
+def add_constant_errors(u: int, m: int, tables: UpdateTables, own: Estimates) -> None:
+    """Add what constant errors of the sensors contribute to an update."""
+    for c in range(m):
+        value = load(own.disturbance, c)
+        for a in range(len(own.aiding)):
+            value -= tables.constant_rows[u, c, a] * load(own.aiding, a)
+        store(own.disturbance, c, value)
+
+
+@allocation_free
+def correct_twins(u: int, m: int, tables: UpdateTables, own: Estimates) -> None:
+    """Update the linear samples with the gains along the truth."""
+    twin, estimate, innovation = own.twin, own.twin_estimate, own.innovation
+    for c in range(m):
+        value = -load(own.disturbance, c)
+        for j in range(tables.bounds[u, c, 0], tables.bounds[u, c, 1]):
+            value += tables.rows[u, c, j] * load(twin, j)
+        for s in tables.linked:
+            value -= tables.state_rows[u, c, s] * load(estimate, s)
+        store(innovation, c, value)
+    for r in range(9):
+        value = load(twin, r)
         for c in range(m):
-            before[c, i] = whitened[c, i]
-
-
-@compiled
-def feed_back(m: int, gain: Array, innovation: Array, turn: Array, z: Array, estimate: Array) -> None:
-    """Correct the navigators, and the estimates of the other states."""
-    psi, velocity, away = np.zeros(3), np.zeros(3), np.zeros(3)
-    for i in range(LANES):
-        for r in range(3):
-            psi[r] = velocity[r] = away[r] = 0.0
-            for c in range(m):
-                psi[r] += gain[r, c, i] * innovation[c, i]
-                velocity[r] += gain[3 + r, c, i] * innovation[c, i]
-                away[r] += gain[6 + r, c, i] * innovation[c, i]
-        for r in range(3):
-            z[3 + r, i] -= velocity[r]
-            z[6 + r, i] -= away[r]
-        angle = np.sqrt(psi[0] * psi[0] + psi[1] * psi[1] + psi[2] * psi[2])
-        sine = -0.5
-        if angle > 0.0:
-            sine = -np.sin(0.5 * angle) / angle
-        a, b, c, e = turn[0, i], turn[1, i], turn[2, i], turn[3, i]
-        w, x, y, v = np.cos(0.5 * angle), sine * psi[0], sine * psi[1], sine * psi[2]
-        turn[0, i] = w * a - (x * b + y * c + v * e)
-        turn[1, i] = w * b + (x * a + y * e - v * c)
-        turn[2, i] = w * c + (y * a + v * b - x * e)
-        turn[3, i] = w * e + (v * a + x * c - y * b)
+            value -= tables.gains[u, r, c] * load(innovation, c)
+        store(twin, r, value)
     for s in range(len(estimate)):
+        value = load(estimate, s)
         for c in range(m):
-            for i in range(LANES):
-                estimate[s, i] += gain[9 + s, c, i] * innovation[c, i]
+            value += tables.gains[u, 9 + s, c] * load(innovation, c)
+        store(estimate, s, value)
+
+
+@inlined
+def _turned(turned: Array, x: float, y: float, z: float) -> tuple[Vector, Vector, Vector]:
+    """Compute by how much rotations change a vector, with R - I."""
+    return (
+        load(turned, 0) * x + load(turned, 1) * y + load(turned, 2) * z,
+        load(turned, 3) * x + load(turned, 4) * y + load(turned, 5) * z,
+        load(turned, 6) * x + load(turned, 7) * y + load(turned, 8) * z,
+    )
+
+
+@inlined
+def _store_three(out: Array, c: int, at: int, x: Vector, y: Vector, z: Vector) -> None:
+    store(out, (c, at), x)
+    store(out, (c, at + 1), y)
+    store(out, (c, at + 2), z)
+
+
+@allocation_free_uncontracted
+def _altitude_change(constants: Array, u: int, places: Array, x: Vector, y: Vector, z: Vector) -> Vector:
+    """Compute the change of the altitude by deviations; exactly zero without one."""
+    a, b, c = places[u, 0], places[u, 1], places[u, 2]
+    here = geodetic_altitude(constants, 0.0 * x + a, 0.0 * y + b, 0.0 * z + c)
+    return geodetic_altitude(constants, a + x, b + y, c + z) - here
+
+
+@inlined
+def _heading_change(u: int, tables: UpdateTables, turned: Array) -> Vector:
+    """Compute the change of the heading by rotations."""
+    axes = tables.forward
+    dx, dy, dz = _turned(turned, axes[u, 2, 0], axes[u, 2, 1], axes[u, 2, 2])
+    north = axes[u, 0, 0] * axes[u, 2, 0] + axes[u, 0, 1] * axes[u, 2, 1] + axes[u, 0, 2] * axes[u, 2, 2]
+    east = axes[u, 1, 0] * axes[u, 2, 0] + axes[u, 1, 1] * axes[u, 2, 1] + axes[u, 1, 2] * axes[u, 2, 2]
+    more_north = axes[u, 0, 0] * dx + axes[u, 0, 1] * dy + axes[u, 0, 2] * dz
+    more_east = axes[u, 1, 0] * dx + axes[u, 1, 1] * dy + axes[u, 1, 2] * dz
+    across = north * more_east - east * more_north
+    along = north * (north + more_north) + east * (east + more_east)
+    further = along + np.sqrt(along * along + across * across)  # the tangent of a half is across / further
+    return 2.0 * angle_of_half(across / (further + np.sqrt(further * further + across * across)))
+
+
+@allocation_free
+def innovate(
+    u: int, m: int, constants: Array, tables: UpdateTables, turn: Array, turned: Array, linear: Array, rows: Array,
+    own: Estimates,
+) -> None:  # fmt: skip
+    """Compute the innovations of the samples, and their responses to errors about each sample's own attitude.
+
+    Parameters
+    ----------
+    turned : ndarray, shape (9, LANES)
+        Room for R - I.
+    linear : ndarray, shape (9, LANES)
+        Whose last six are the deviations of velocity and position.
+    rows : ndarray, shape (SIX, 9, LANES)
+    """
+    turn_less_one(turn, turned)
+    spin = constants[3]
+    x, y, z = load(linear, 6), load(linear, 7), load(linear, 8)
+    vx, vy, vz = load(linear, 3) + spin * y, load(linear, 4) - spin * x, load(linear, 5)  # over the earth
+    zero = 0.0 * x
+    for c in range(m):
+        kind = tables.kinds[u, c]
+        dx, dy, dz = tables.directions[u, c, 0], tables.directions[u, c, 1], tables.directions[u, c, 2]
+        ax, ay, az = tables.arms[u, c, 0], tables.arms[u, c, 1], tables.arms[u, c, 2]
+        value = -load(own.disturbance, c)
+        if kind in (POSITION, VELOCITY):
+            if kind == POSITION:
+                value += dx * x + dy * y + dz * z
+                _store_three(rows, c, 3, zero, zero, zero)
+                _store_three(rows, c, 6, zero + dx, zero + dy, zero + dz)
+            else:
+                value += dx * vx + dy * vy + dz * vz
+                _store_three(rows, c, 3, zero + dx, zero + dy, zero + dz)
+                _store_three(rows, c, 6, zero - spin * dy, zero + spin * dx, zero)
+            if ax != 0.0 or ay != 0.0 or az != 0.0:
+                lx, ly, lz = _turned(turned, ax, ay, az)
+                value += dx * lx + dy * ly + dz * lz
+                lx, ly, lz = ax + lx, ay + ly, az + lz
+                _store_three(rows, c, 0, ly * dz - lz * dy, lz * dx - lx * dz, lx * dy - ly * dx)
+        elif kind == ALTITUDE:
+            value += _altitude_change(constants, u, tables.places, x, y, z)
+            _store_three(rows, c, 6, zero - dx, zero - dy, zero - dz)
+        elif kind == ATTITUDE:
+            rotation_vectors(turn, own.rotation)
+            value += dx * load(own.rotation, 0) + dy * load(own.rotation, 1) + dz * load(own.rotation, 2)
+            ex, ey, ez = _turned(turned, dx, dy, dz)
+            _store_three(rows, c, 0, dx + ex, dy + ey, dz + ez)
+        elif kind == BODY_VELOCITY:
+            ex, ey, ez = _turned(turned, dx, dy, dz)
+            value += ex * ax + ey * ay + ez * az
+            ex, ey, ez = dx + ex, dy + ey, dz + ez
+            value += ex * vx + ey * vy + ez * vz
+            ux, uy, uz = ax + vx, ay + vy, az + vz  # the navigator's own velocity over the earth
+            _store_three(rows, c, 0, ey * uz - ez * uy, ez * ux - ex * uz, ex * uy - ey * ux)
+            _store_three(rows, c, 3, ex, ey, ez)
+            _store_three(rows, c, 6, -spin * ey, spin * ex, zero)
+        elif kind == HEADING:
+            value += _heading_change(u, tables, turned) + (ax * x + ay * y + az * z)
+            _store_three(rows, c, 0, zero + dx, zero + dy, zero + dz)
+            _store_three(rows, c, 3, zero, zero, zero)
+            _store_three(rows, c, 6, zero + ax, zero + ay, zero + az)
+        for s in tables.linked:
+            value -= tables.state_rows[u, c, s] * load(own.estimate, s)
+        store(own.innovation, c, value)
+
+
+@allocation_free
+def judge(u: int, m: int, limit: float, lags: bool, sensor: int, root: Array, inverse: Array, own: Estimates) -> None:
+    """Normalize the innovations of a sensor, count them, and accept or reject the measurement.
+
+    Parameters
+    ----------
+    lags : bool
+        Whether the sensor has had an update before.
+    root, inverse : ndarray, shapes (SIX, SIX, LANES), (SIX, LANES)
+        Cholesky factor of the innovations' covariance, and its diagonal inverted.
+    """
+    normalized = lag = 0.0 * load(own.innovation, 0)
+    for c in range(m):
+        value = load(own.innovation, c)
+        for e in range(c):
+            value -= load(root, (c, e)) * load(own.whitened, e)
+        value *= load(inverse, c)
+        store(own.whitened, c, value)
+        normalized += value * value
+        lag += value * load(own.before, (sensor, c))
+        store(own.before, (sensor, c), value)
+    accepted = where(normalized <= limit, 1.0, 0.0)
+    store(own.accepted, 0, accepted)
+    tally = own.tally
+    store(tally, (sensor, 0), load(tally, (sensor, 0)) + normalized)
+    store(tally, (sensor, 1), load(tally, (sensor, 1)) + accepted)
+    store(tally, (sensor, 2), load(tally, (sensor, 2)) + (1.0 - accepted))
+    if lags:
+        store(tally, (sensor, 3), load(tally, (sensor, 3)) + lag * (1.0 / m))
+        store(tally, (sensor, 4), load(tally, (sensor, 4)) + 1.0)
+
+
+@inlined
+def _turn_back(x: Vector, y: Vector, z: Vector, turn: Array) -> None:
+    """Rotate navigators by what their filters have estimated of psi, backwards."""
+    angle = np.sqrt(x * x + y * y + z * z)
+    sine, w = half_turn(angle)
+    factor = where(angle > 0.0, -sine / angle, -0.5)
+    x, y, z = factor * x, factor * y, factor * z
+    a, b, c, e = load(turn, 0), load(turn, 1), load(turn, 2), load(turn, 3)
+    store(turn, 0, w * a - (x * b + y * c + z * e))
+    store(turn, 1, w * b + (x * a + y * e - z * c))
+    store(turn, 2, w * c + (y * a + z * b - x * e))
+    store(turn, 3, w * e + (z * a + x * c - y * b))
+
+
+@allocation_free
+def feed_back_own(m: int, white: Array, corrected: Array, turn: Array, linear: Array, own: Estimates) -> None:
+    """Correct the navigators and the estimates by ``K n = W u``, with the whitened innovations u.
+
+    Parameters
+    ----------
+    white : ndarray, shape (9 + q, SIX, LANES)
+        W, as `mcnav.physics.ins.filter_lanes.whiten` has it.
+    """
+    x = y = z = 0.0 * load(turn, 0)
+    for c in range(m):
+        u = load(own.whitened, c)
+        x += load(white, (0, c)) * u
+        y += load(white, (1, c)) * u
+        z += load(white, (2, c)) * u
+    _turn_back(x, y, z, turn)
+    for r in range(3, 9):
+        x = load(linear, r)
+        for c in range(m):
+            x -= load(white, (r, c)) * load(own.whitened, c)
+        store(linear, r, x)
+    for s in range(len(own.estimate)):
+        if corrected[9 + s] > 0.0:
+            x = load(own.estimate, s)
+            for c in range(m):
+                x += load(white, (9 + s, c)) * load(own.whitened, c)
+            store(own.estimate, s, x)
+
+
+@allocation_free
+def feed_back_shared(u: int, m: int, gains: Array, turn: Array, linear: Array, own: Estimates) -> None:
+    """Correct the navigators and the estimates by gains along the truth."""
+    for c in range(m):
+        store(own.innovation, c, load(own.accepted, 0) * load(own.innovation, c))
+    x = y = z = 0.0 * load(turn, 0)
+    for c in range(m):
+        n = load(own.innovation, c)
+        x += gains[u, 0, c] * n
+        y += gains[u, 1, c] * n
+        z += gains[u, 2, c] * n
+    _turn_back(x, y, z, turn)
+    for r in range(3, 9):
+        x = load(linear, r)
+        for c in range(m):
+            x -= gains[u, r, c] * load(own.innovation, c)
+        store(linear, r, x)
+    for s in range(len(own.estimate)):
+        x = load(own.estimate, s)
+        for c in range(m):
+            x += gains[u, 9 + s, c] * load(own.innovation, c)
+        store(own.estimate, s, x)

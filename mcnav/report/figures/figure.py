@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -14,6 +14,7 @@ import numpy as np
 from markupsafe import Markup, escape
 from numpy.typing import NDArray
 
+from mcnav.errors import suggestion
 from mcnav.report.figures.marks import Panel, Series
 from mcnav.report.figures.palette import VARIABLES
 from mcnav.report.svg import svg
@@ -104,20 +105,48 @@ class Figure:
         body = "\n".join(f"<tr><td>{'</td><td>'.join(row)}</td></tr>" for row in zip(*columns, strict=True))
         return Markup(f"<thead><tr>{head}</tr></thead>\n<tbody>{body}</tbody>")
 
-    def figure(self, width: float | None = None, font_scale: float = 1.0) -> MplFigure:
+    def of_panels(self, *titles: str) -> Figure:
+        """Return a figure of some of the panels, by their titles, in the order given.
+
+        Raises `ValueError` when it has no such panel.
+        """
+        by_title = {panel.title: panel for panel in self.panels}
+        for title in titles:
+            if title not in by_title:
+                raise ValueError(f"the figure has no panel {title!r:.60}{suggestion(title, list(by_title))}")
+        return replace(self, panels=[by_title[title] for title in titles], shown=0)
+
+    def figure(
+        self,
+        width: float | None = None,
+        font_scale: float = 1.0,
+        height: float | None = None,
+        columns: int | None = None,
+    ) -> MplFigure:
         """Draw the first panels as one matplotlib figure with a legend; its ``axes`` are the panels in order.
 
-        ``width`` is that of the whole figure, cm, by default the page's; ``font_scale`` multiplies its size of text.
+        ``width`` and ``height`` are those of the whole figure, cm, by default the page's, and in its proportions where
+        only the width is given; ``font_scale`` multiplies its size of text; ``columns`` are panels side by side.
         """
         from mcnav.report.figures.on_axes import drawn
 
-        return drawn(self, width, font_scale)
+        return drawn(self, width, font_scale, height, columns)
 
-    def save(self, path: Path, width: float | None = None, font_scale: float = 1.0) -> None:
-        """Write that matplotlib figure to a file, whose ending says how; the same bytes every time."""
+    def save(
+        self,
+        path: Path,
+        width: float | None = None,
+        font_scale: float = 1.0,
+        height: float | None = None,
+        columns: int | None = None,
+    ) -> None:
+        """Write that matplotlib figure to a file, whose ending says how; the same bytes every time.
+
+        Raises `ValueError` when panels and text of that size have no room in the figure.
+        """
         from mcnav.report.figures.on_axes import save
 
-        save(self.figure(width, font_scale), path)
+        save(self.figure(width, font_scale, height, columns), path)
 
     def _repr_svg_(self) -> str:
         """Shown by Jupyter: the first panels, and colours as such."""

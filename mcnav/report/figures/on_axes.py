@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -14,7 +16,8 @@ from matplotlib.patches import Patch, Rectangle
 
 from mcnav.report.figures import marks as m
 from mcnav.report.figures.palette import GRID, INK, MUTED, PAPER, readable_on
-from mcnav.report.figures.ticks import labelled, linear_ticks, log_label, log_ticks
+from mcnav.report.figures.paper import CENTIMETRES
+from mcnav.report.figures.ticks import labelled, linear_ticks, log_label, log_ticks, text_width
 
 if TYPE_CHECKING:
     from mcnav.report.figures.figure import Figure
@@ -30,53 +33,104 @@ STYLE: Final[Any] = {
     "axes.edgecolor": MUTED, "axes.labelcolor": INK, "axes.titlecolor": INK, "axes.titlelocation": "left",
     "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "axes.axisbelow": True,
     "grid.color": GRID, "grid.linewidth": 0.7, "xtick.color": MUTED, "ytick.color": MUTED, "xtick.labelcolor": INK,
-    "ytick.labelcolor": INK, "legend.frameon": False, "svg.fonttype": "none", "axes.unicode_minus": True,
+    "ytick.labelcolor": INK, "legend.frameon": False, "svg.fonttype": "none", "pdf.fonttype": 42,
+    "axes.unicode_minus": True,
 }  # fmt: skip
+
+LEGEND_HANDLE, LEGEND_GAP = 2.8, 2.0
+"""Width of a handle with its distance from the text, and distance of columns: matplotlib's, in sizes of the text."""
+
+TOUCHING: Final = 1.0
+"""Pixels by which labels may touch."""
 
 SHAPES: Final = {"dot": "o", "ring": "o", "square": "s", "box": "s", "triangle": "v", "onward": ">"}
 
 
-def drawn(figure: Figure, width: float | None, font_scale: float) -> MplFigure:
+def drawn(
+    figure: Figure, width: float | None, font_scale: float, height: float | None = None, columns: int | None = None
+) -> MplFigure:
     """Draw all panels; see `mcnav.report.figures.figure.Figure.figure`."""
     panels = figure.first
-    columns = min(3 if figure.layout == "thirds" else 2, len(panels))
+    columns = min(columns or (3 if figure.layout == "thirds" else 2), len(panels))
     rows = -(-len(panels) // columns)
     across, down = figure.size[0] * PX * columns, figure.size[1] * PX * rows + 0.4
-    shrunk = 1.0 if width is None else width / 2.54 / across
+    shrunk = 1.0 if width is None else width / CENTIMETRES["in"] / across
+    inches = across * shrunk, down * shrunk if height is None else height / CENTIMETRES["in"]
     with mpl.rc_context(STYLE | {"font.size": 9.0 * font_scale, "axes.titlesize": 10.0 * font_scale}):
-        made = MplFigure(figsize=(across * shrunk, down * shrunk), layout="constrained")
+        made = MplFigure(figsize=inches, layout="constrained")
         grid = made.subplots(rows, columns, squeeze=False)
+        room = shrunk / font_scale, inches[1] / down / font_scale
         for panel, axes in zip(panels, grid.flat, strict=False):
-            draw(panel, axes, font_scale)
+            draw(panel, axes, font_scale, room)
         for axes in grid.flat[len(panels) :]:
             axes.remove()
         if figure.key:
-            made.legend(handles=[_handle(series) for series in figure.key], loc="outside upper left", ncols=4)
+            side_by_side = _legend_columns(figure.key, inches[0] / PX, 9.0 / POINT * font_scale)
+            made.legend(handles=[_handle(each) for each in figure.key], loc="outside upper left", ncols=side_by_side)
     return made
 
 
+def _legend_columns(key: Sequence[m.Series], width: float, size: float) -> int:
+    """Return how many columns of a legend, four at most, fit into a width, px, with text of a size, px."""
+    for columns in range(min(4, len(key)), 1, -1):
+        each = -(-len(key) // columns)
+        widest = [max(text_width(series.label, size) for series in key[k : k + each]) for k in range(0, len(key), each)]
+        if sum(widest) + (LEGEND_HANDLE * len(widest) + LEGEND_GAP * (len(widest) - 1)) * size <= width:
+            return columns
+    return 1
+
+
 def save(figure: MplFigure, path: Path) -> None:
-    """Write a figure to a file without the date."""
+    """Write a figure to a file without the date.
+
+    Raises `ValueError` when panels and text have no room in it.
+    """
     undated = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}.get(path.suffix.lower(), {})
-    with mpl.rc_context(STYLE | {"svg.hashsalt": "mcnav"}):
-        figure.savefig(path, metadata=undated, dpi=200)
+    with mpl.rc_context(STYLE | {"svg.hashsalt": "mcnav"}), warnings.catch_warnings():
+        warnings.filterwarnings("error", message="constrained_layout not applied")
+        try:
+            figure.savefig(path, metadata=undated, dpi=200)
+        except UserWarning:
+            raise ValueError("panels and text do not fit; choose a larger size, smaller text or fewer panels") from None
 
 
-def draw(panel: m.Panel, axes: Axes, font_scale: float = 1.0) -> None:
-    """Draw a panel on axes."""
+def crowded(figure: MplFigure) -> bool:
+    """Return whether titles or labels of panels of a figure overlap, or do not fit into it."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", message="constrained_layout not applied")
+        try:
+            figure.draw_without_rendering()
+        except UserWarning:
+            return True
+    boxes = [
+        text.get_window_extent()
+        for axes in figure.axes
+        for text in (axes.title, axes._left_title, axes.xaxis.label, axes.yaxis.label)  # type: ignore[attr-defined]
+        if text.get_text()
+    ]
+    whole = figure.bbox.padded(TOUCHING)
+    if any(not (whole.contains(box.x0, box.y0) and whole.contains(box.x1, box.y1)) for box in boxes):
+        return True
+    inner = [box.padded(-TOUCHING) for box in boxes]
+    return any(one.overlaps(other) for k, one in enumerate(inner) for other in inner[:k])
+
+
+def draw(panel: m.Panel, axes: Axes, font_scale: float = 1.0, room: tuple[float, float] = (1.0, 1.0)) -> None:
+    """Draw a panel on axes; ``room`` is its width and height over the page's, in sizes of its text."""
     for order, mark in enumerate(panel.marks):
         _mark(axes, mark, 2.0 + 0.01 * order, font_scale)
     if panel.title:
         axes.set_title(panel.title)
     axes.set_xlabel(panel.x.title)
     axes.set_ylabel(panel.y.title)
-    for side, axis, reach in zip("xy", (panel.x, panel.y), panel.reaches(), strict=True):
-        _scale(axes, side, axis, reach)
+    ticks = [max(2, min(most, round(most * size))) for most, size in zip((5, 6), room, strict=True)]
+    for side, axis, reach, most in zip("xy", (panel.x, panel.y), panel.reaches(), ticks, strict=True):
+        _scale(axes, side, axis, reach, most)
     if panel.key:
         axes.legend(handles=[_handle(series) for series in panel.key], fontsize=8.0 * font_scale)
 
 
-def _scale(axes: Axes, side: str, axis: m.Axis, reach: Any) -> None:
+def _scale(axes: Axes, side: str, axis: m.Axis, reach: Any, most: int) -> None:
     own, to, grid = (axes.xaxis, axes.set_xlim, "x") if side == "x" else (axes.yaxis, axes.set_ylim, "y")
     low, high = axis.limits(reach)
     if axis.names:
@@ -87,13 +141,13 @@ def _scale(axes: Axes, side: str, axis: m.Axis, reach: Any) -> None:
         return
     if axis.log:
         (axes.set_xscale if side == "x" else axes.set_yscale)("log")
-        ticks = log_ticks(low, high, 6)
+        ticks = log_ticks(low, high, most if most < 5 else 6)
         own.set_ticks(ticks, [log_label(tick) for tick in ticks])
         own.set_minor_formatter(lambda value, _: "")
     elif axis.bare:
         own.set_ticks([])
     else:
-        ticks, step = linear_ticks(low, high, 6 if side == "y" else 5)
+        ticks, step = linear_ticks(low, high, most)
         own.set_ticks(ticks, labelled(ticks, step))
     to(low, high)
 

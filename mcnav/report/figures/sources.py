@@ -77,12 +77,27 @@ def contributors(content: RunAnalysis) -> list[Contributor]:
     mean = [float(shares[:, members].sum(axis=1).mean()) for _, members in grouped]
     largest = np.array([sizes[:, members].sum(axis=1).max(initial=0.0) for _, members in grouped])
     largest = np.maximum(largest, _largest_over_time(content, [members for _, members in grouped]))
+    few = len(labels) <= SHOWN  # then a source has the same colour in every run
+    return ranked(grouped, mean, largest, few)
+
+
+def ranked(
+    grouped: Sequence[tuple[str, tuple[int, ...]]], mean: Sequence[float], largest: Array, few: bool
+) -> list[Contributor]:
+    """Return groups of causes with a colour each, the largest mean share first, and the small ones together.
+
+    Parameters
+    ----------
+    mean, largest : sequence of float
+        Mean and largest share of each group.
+    few : bool
+        Whether every cause has a colour of its own, whatever its rank.
+    """
     falling = np.argsort(-largest, kind="stable")
     kept = {int(k) for place, k in enumerate(falling) if largest[k] >= SMALL and place < SHOWN}
     small = [k for k in range(len(grouped)) if k not in kept]
     if len(small) == 1 and len(kept) < SHOWN:
         kept, small = kept | set(small), []
-    few = len(labels) <= SHOWN  # then a source has the same colour in every run
     chosen = sorted(kept, key=lambda k: (-mean[k], k))
     found = [
         Contributor(numbered(grouped[k][1][0] if few else place, grouped[k][0]), grouped[k][1])
@@ -158,7 +173,7 @@ def budget(content: RunAnalysis) -> Figure:
     across = Axis("share of the linear variance", "%", low=0.0, high=100.0 * max(1.0, reach) * 1.02)
     panels = []
     for route, (title, shares) in routes.items():
-        panels.append(Panel(title, across, Axis(names=names), _stacked(names, shares, found)))
+        panels.append(Panel(title, across, Axis(names=names), stacked(names, shares, found)))
         columns |= {f"{name}, {route}, %": list(100.0 * shares[i, members]) for i, name in enumerate(names)}
     return Figure(
         name="budget",
@@ -184,7 +199,8 @@ def flown_shares(content: RunAnalysis) -> Array | None:
     return np.asarray(np.nan_to_num(alone / divisor[:, None]))
 
 
-def _stacked(names: list[str], shares: Array, found: Sequence[Contributor]) -> list[Mark]:
+def stacked(names: list[str], shares: Array, found: Sequence[Contributor]) -> list[Mark]:
+    """Return the bars of each contributor's share of each output, shares of shape (outputs, causes)."""
     left, rows = np.zeros(len(names)), np.arange(len(names))
     marks: list[Mark] = []
     for each in found:

@@ -10,7 +10,7 @@ import pandas as pd
 
 from mcnav.report.figures.figure import HALF, THIRD, Figure
 from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Points, Rule, Series, Span, Text, axis, numbered
-from mcnav.report.figures.palette import BAND, FLOWN, INK, LINEAR, MUTED
+from mcnav.report.figures.palette import BAND, FILTER, FLOWN, INK, LINEAR, MUTED
 from mcnav.report.figures.start_times import REENTRY, START
 from mcnav.report.model import humanize
 from mcnav.reproduce.tn_d1772.tables import INITIAL_CONDITIONS, TN_SOURCES
@@ -331,4 +331,43 @@ def figure_13(frame: pd.DataFrame) -> Figure:
         caption="Not in the report: trajectory 4 with the outputs taken as zero above an altitude, which it tried at "
         "one only.",
         file="figure_13.csv",
+    )
+
+
+def figure_14(frame: pd.DataFrame) -> Figure:
+    """Draw final errors in three dimensions against the time of the start and of the only update."""
+    shown = {
+        "altitude": Series("altitude", "altitude", LINEAR),
+        "range": Series("range", "range", FLOWN, "dashed"),
+        "crossrange": Series("crossrange", "crossrange", FILTER, "dashdot"),
+    }
+    sampled = {name: Series(f"{name}-flown", f"{name}, Monte Carlo", each.colour, "ring")
+               for name, each in shown.items()}  # fmt: skip
+
+    def panel(curve: str, title: str, words: str) -> Panel:
+        lines, points = (frame[frame["curve"] == name] for name in (curve, f"{curve}, samples"))
+        marks: list[Mark] = [
+            Line(series, lines["time from reentry [min]"], lines[f"{name} [km]"]) for name, series in shown.items()
+        ]
+        marks += [
+            Points(series, points["time from reentry [min]"], points[f"{name} [km]"], 6.0)
+            for name, series in sampled.items()
+        ]
+        return Panel(title, Axis(words, "min from reentry", margin=0.02), Axis("1σ", "km", low=0.0), marks)
+
+    return Figure(
+        name="tn-14",
+        title="Start or update in three dimensions",
+        description="Sigma of final altitude, range and crossrange in three dimensions, against the start of "
+        "navigation, and against the time of the only update of a navigator that runs from the first point.",
+        panels=[
+            panel("start", "navigation starts", "start of navigation"),
+            panel("update", "navigation is updated once", "update"),
+        ],
+        key=(*shown.values(), *sampled.values()),
+        columns=dict(frame.items()),
+        caption="Not in the report: trajectory 4 in three dimensions. Updates by tracking and a star tracker are as "
+        "accurate as the report's initial conditions and alignment; the filter goes on with what it has learnt of the "
+        "instruments.",
+        file="figure_14.csv",
     )

@@ -9,6 +9,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
 import pandas as pd
 
 from mcnav.files import write_texts
@@ -18,6 +19,9 @@ from mcnav.report.page import filled
 from mcnav.reproduce.tn_d1772 import curves as computed
 from mcnav.reproduce.tn_d1772 import figures as drawn
 from mcnav.reproduce.tn_d1772.claims import Finding, claims, settled
+from mcnav.reproduce.tn_d1772.globe import RESULTS
+from mcnav.reproduce.tn_d1772.in_three_dimensions import Comparison, comparisons, figure_14
+from mcnav.reproduce.tn_d1772.spatial_claims import spatial_claims
 from mcnav.reproduce.tn_d1772.tables import Cell, Mark, all_cells
 
 TITLE: Final = "NASA TN D-1772, recomputed"
@@ -55,6 +59,7 @@ FIGURES: Final[Mapping[str, tuple[Callable[[], pd.DataFrame], Callable[[pd.DataF
     "11": (computed.figure_11, drawn.figure_11),
     "12": (computed.figure_12, drawn.figure_12),
     "13": (computed.switching, drawn.figure_13),
+    "14": (figure_14, drawn.figure_14),
 }
 """Data and drawing of each figure."""
 
@@ -89,9 +94,9 @@ def _between_engines(cells: Sequence[Cell]) -> str:
 
 def render(
     title: str, cells: Sequence[Cell], figures: Mapping[str, Figure], said: Sequence[Finding],
-    decided: Sequence[Finding],
+    decided: Sequence[Finding], spatial: Sequence[Finding], compared: Sequence[Comparison],
 ) -> str:  # fmt: skip
-    """Render the page; figures by number."""
+    """Render the page; figures by number, findings and numbers of the navigator in three dimensions last."""
     tables = []
     for name, members in groupby(cells, key=lambda cell: cell.table):
         own = list(members)
@@ -113,22 +118,64 @@ def render(
         figures=figures,
         claims=said,
         settled=decided,
+        spatial=spatial,
+        compared=[_compared(each) for each in compared],
     )
+
+
+def _compared(each: Comparison) -> dict[str, Any]:
+    """Format a comparison for the template."""
+    numbers = {name: number(getattr(each, name)) for name in ("planar", "planar_simulated", "linear", "own")}
+    interval = "" if np.isnan(each.low) else f" ({number(each.low, 3)} to {number(each.high, 3)})"
+    return {
+        "case": each.case.replace("-", "−"),
+        "result": each.result,
+        **numbers,
+        "simulated": f"{number(each.simulated)}{interval}",
+    }
+
+
+def chapter(compared: Sequence[Comparison]) -> str:
+    """Write the table of the chapter on three dimensions in ``TN_D1772.md``.
+
+    Each cell has the planar navigator's number, where it has one, and that of the navigator in three dimensions; those
+    of samples are in brackets.
+    """
+    lines = [f"| case | {' | '.join(RESULTS)} |", f"| --- |{' --- |' * len(RESULTS)}"]
+    for case, members in groupby(compared, key=lambda each: each.case):
+        cells = {each.result: _cell(each) for each in members}
+        lines.append(f"| {case.replace('-', '−')} | {' | '.join(cells.get(name, '–') for name in RESULTS)} |")
+    return "\n".join(lines) + "\n"
+
+
+def _cell(each: Comparison) -> str:
+    """Write the numbers of a comparison."""
+
+    def pair(linear: float, sampled: float) -> str:
+        return number(linear, 3) if np.isnan(sampled) else f"{number(linear, 3)} ({number(sampled, 3)})"
+
+    spatial = pair(each.linear, each.simulated)
+    return spatial if np.isnan(each.planar) else f"{pair(each.planar, each.planar_simulated)}; {spatial}"
 
 
 def write_reproduction(path: Path) -> tuple[list[Cell], list[Path]]:
     """Recompute the whole report; return every number of Tables I to VI, and the files written.
 
-    They are the page, ``tables.csv``, ``findings.csv`` and ``figure_01.csv`` to ``figure_13.csv``.
+    They are the page, ``tables.csv``, ``findings.csv``, ``three_dimensions.csv``, the table ``three_dimensions.md`` of
+    the chapter on three dimensions, and ``figure_01.csv`` to ``figure_14.csv``.
     """
     cells = all_cells()
     data = {name: tabulate() for name, (tabulate, _) in FIGURES.items()}
     figures = {name: draw(data[name]) for name, (_, draw) in FIGURES.items()}
-    said, decided = claims(data), settled()
-    found = [("claim", finding) for finding in said] + [("decision", finding) for finding in decided]
+    said, decided, compared = claims(data), settled(), comparisons()
+    spatial = spatial_claims(compared, data["14"])
+    kinds = (("claim", said), ("decision", decided), ("three dimensions", spatial))
+    found = [(kind, finding) for kind, findings in kinds for finding in findings]
     findings = pd.DataFrame([{"kind": kind} | vars(finding) for kind, finding in found])
     files = {
-        PAGE: render(TITLE, cells, figures, said, decided),
+        PAGE: render(TITLE, cells, figures, said, decided, spatial, compared),
+        "three_dimensions.csv": pd.DataFrame(compared).to_csv(index=False),
+        "three_dimensions.md": chapter(compared),
         "tables.csv": table(cells).to_csv(index=False),
         "findings.csv": findings.to_csv(index=False),
         **{figure.file: data[name].to_csv(index=False) for name, figure in figures.items()},

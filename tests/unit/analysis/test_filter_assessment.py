@@ -10,7 +10,7 @@ import pytest
 from mcnav._types import Array
 from mcnav.analysis.comparison import Criterion
 from mcnav.analysis.filter_assessment import assess_filter, outputs_of
-from mcnav.analysis.filter_causes import neglected_errors
+from mcnav.analysis.filter_causes import Departure, largest_departure, neglected_errors
 from mcnav.analysis.filter_consistency import Band, FilterConsistency, Finding, Honesty
 from mcnav.analysis.filter_evidence import FilterEvidence, LinearFilter, MeanSquares
 from mcnav.analysis.filter_judgement import Rates, combine, find
@@ -193,11 +193,77 @@ def test_neglected_errors_share_what_the_filter_does_not_believe() -> None:
         np.full((1, 1, 1), 4.75), np.empty((1, 0)), np.full((1, 1, 1), 9.0), np.empty((1, 0)), contributions,
         {"walk": 0.25, "scale": 0.0},
     )  # fmt: skip
-    found = neglected_errors(linear, 0, 0)
+    found = neglected_errors(linear, Departure(0, 0))
     assert [each.name for each in found] == ["walk", "scale"]
     assert [each.share for each in found] == pytest.approx([2.25 / 4.25, 2.0 / 4.25], rel=1e-15)
     assert sum(each.true - each.believed for each in found) == pytest.approx(9.0 - 4.75, rel=1e-15)
-    assert neglected_errors(replace(linear, believed={}), 0, 0) == ()
+    assert neglected_errors(replace(linear, believed={}), Departure(0, 0)) == ()
+
+
+def test_a_mean_is_a_cause_of_its_own() -> None:
+    """Of a bias with mean square 1 + 8 the filter believes 3: its mean is named, with 6 of the 6 + 2 that are missing.
+
+    A bias of which the filter believes its mean square is no cause.
+    """
+    one = np.ones((1, 1))
+    linear = LinearFilter(
+        7.0 * one[:, :, None], np.empty((1, 0)), 15.0 * one[:, :, None], np.empty((1, 0)),
+        {"bias": one, "scale": 2.0 * one}, {"bias": 3.0 / 9.0, "scale": 0.0, "known": 1.0},
+        {"bias": 8.0 * one, "known": 4.0 * one},
+    )  # fmt: skip
+    found = neglected_errors(linear, Departure(0, 0))
+    assert [(each.name, each.true, each.believed) for each in found] == [
+        ("mean_of_bias", 9.0, pytest.approx(3.0)), ("scale", 2.0, 0.0)
+    ]  # fmt: skip
+    assert [each.share for each in found] == pytest.approx([0.75, 0.25], rel=1e-15)
+
+
+def test_linear_analysis_chooses_where_causes_are_named() -> None:
+    """Ratios of sigmas 3 and 3.1 at two epochs: chance decides which Monte Carlo ratio is larger, linear analysis not.
+
+    Where the filter believes in no more than rounding there is no ratio; within the tolerance there is no departure.
+    """
+    ratios = np.ones((5, 9))
+    ratios[1, 0], ratios[3, 1], ratios[4, 5] = 3.0, 3.1, 7.0
+    own = np.tile(np.eye(9), (5, 1, 1))
+    own[0, 2, 2] = 1e-20
+    true = own * (ratios**2)[:, :, None]
+    true[0, 2, 2] = 1.0
+    contributions = {f"cause_{i}": np.where(ratios > 1.0, ratios**2 - 1.0, 0.0) * (np.arange(9) == i) for i in range(9)}
+    believed = dict.fromkeys(contributions, 0.0)
+    linear = LinearFilter(own, np.empty((5, 0)), true, np.empty((5, 0)), contributions, believed)
+    assert largest_departure(linear, (0, 1, 2), 0.05) == Departure(3, 1)
+    assert largest_departure(linear, (6, 7, 8), 0.05) is None
+    assert largest_departure(linear, (0, 1, 2), 2.2) is None
+    assert largest_departure(replace(linear, true=None), (0,), 0.05) is None
+    steady = replace(linear, true=4.0 * own * (1.0 + 1e-9 * np.arange(5)[::-1, None, None]))
+    assert largest_departure(steady, (0, 1), 0.05) == Departure(4, 0)
+    scale = np.repeat([3.0, 1.0, 1.0], 3)
+    named = set()
+    for seed in range(8):
+        found = assessed(replace(drawn(100, scale, seed), linear=linear))
+        assert (found.verdict, found.group) == (Honesty.OPTIMISTIC, "position")
+        named.add((found.neglected_at, found.neglected_output, found.neglected[0].name, found.neglected[0].share))
+    assert named == {(3.0, "position_y", "cause_1", 1.0)}
+
+
+def test_considered_errors_are_known_to_correlate_innovations() -> None:
+    """A common error of a sample's fixes: white by no means, and matched all the same."""
+    generator = np.random.default_rng(11)
+    common = generator.standard_normal((400, 1, 1, 3))
+    innovations = np.sqrt(0.5) * (common + generator.standard_normal((400, 4, 3, 3)))
+    given = evidence(generator.standard_normal((400, 5, 9)), innovations, np.ones(9))
+    assert given.means is not None
+    schema = replace(SCHEMA, considered=("gnss_lever_arm", "gyro_bias"))
+    considering = replace(given, means=replace(given.means, schema=schema))
+    plain, aware = (assessed(each) for each in (given, considering))
+    assert "Innovations of fix are not white." in plain.remarks
+    assert (
+        "Innovations of fix are not white, as expected of a filter that considers errors without estimating them "
+        "(gnss lever arm and gyro bias)."
+    ) in aware.remarks
+    assert [found.sensors[0].whiteness.expected for found in (plain, aware)] == [False, True]
+    assert not aware.sensors[0].beyond
 
 
 def test_bands_judge_departures_together_and_consistency_each() -> None:

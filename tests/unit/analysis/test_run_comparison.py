@@ -60,6 +60,23 @@ def test_without_dispersion_there_is_no_ratio() -> None:
     assert np.isnan(found.ratio)
 
 
+def _noisy(seed: int, count: int, gain: float) -> SampleSet:
+    """y = x1 + x2 / 2 + g w with a variance of 1.25 + g^2, and the linear outcome of the same draws."""
+    generator = np.random.default_rng(seed)
+    draws, noise = generator.standard_normal((count, 2)), gain * generator.standard_normal((count, 1))
+    outputs = draws @ PARTIALS.T + noise
+    model = Model(PARTIALS, np.zeros(1), np.zeros(2), np.eye(2), {"walk": np.array([[gain**2]])})
+    return SampleSet(model, np.arange(count), draws, outputs, SamplingDesign(), outputs.copy())
+
+
+def test_noise_is_in_the_linear_outcomes() -> None:
+    """A linear system with noise is known exactly: variances 1.25 + 1 and 1.25 + 4."""
+    for common in (True, False):
+        found = change(_noisy(1, 500, 1.0), _noisy(2, 300, 2.0), (0, 0), common, 0.95)
+        assert (found.before**2, found.after**2) == pytest.approx((2.25, 5.25), rel=1e-12)
+        assert found.interval == pytest.approx((np.sqrt(5.25 / 2.25),) * 2, rel=1e-9)
+
+
 @pytest.mark.parametrize(
     ("common", "begin", "count"), [(True, 0, 400), (True, 0, 250), (True, 200, 400), (False, 0, 400)], ids=str
 )

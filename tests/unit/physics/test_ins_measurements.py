@@ -8,17 +8,10 @@ from scipy.spatial.transform import Rotation
 
 from mcnav._types import Array
 from mcnav.physics.ins.aiding import Sensor, aiding_constants
-from mcnav.physics.ins.measurements import (
-    ALTITUDE,
-    ATTITUDE,
-    HEADING,
-    Measurements,
-    altitude_change,
-    fill_row,
-    heading_change,
-    innovate,
-    measure,
-)
+from mcnav.physics.ins.filter_lanes import SIX
+from mcnav.physics.ins.measurements import ATTITUDE, HEADING, Measurements, measure
+from mcnav.physics.ins.update_lanes import UpdateTables, estimates_of, innovate
+from mcnav.physics.vectors import room
 from tests.aided import make_sensor
 from tests.flights import flight
 
@@ -35,31 +28,32 @@ def tabulated(sensors: tuple[Sensor, ...] = SENSORS) -> Measurements:
     return measure(flight(1.0), "strapdown", 300.0, sensors)
 
 
-def innovations(found: Measurements, turn: Array, velocity: Array, away: Array) -> Array:
-    """Compute all innovations of a navigator whose deviations are given."""
-    earth = flight(1.0).earth
-    over = Rotation.from_rotvec(turn).as_matrix() - np.eye(3)
-    values = []
-    for u in range(len(found.times)):
-        for c in range(found.sizes[u]):
-            kind, direction, arm = found.kinds[u, c], found.directions[u, c], found.arms[u, c]
-            if kind == ALTITUDE:
-                values.append(altitude_change(earth.constants, found.places[u], away))
-            elif kind == HEADING:
-                values.append(heading_change(found.forward[u], over, arm, away))
-            else:
-                values.append(innovate(kind, direction, arm, earth.rotation_rate, over, turn, velocity, away))
-    return np.array(values)
+def update_tables(found: Measurements) -> UpdateTables:
+    """Return the tables of updates whose measurements have no errors, of a filter without other states."""
+    updates, most = found.components.shape
+    none, whole = np.zeros((updates, most)), np.full((updates, most, 2), [0, 9])
+    return UpdateTables(
+        found.sensors, found.sizes, found.components, found.kinds, found.directions, found.arms,
+        found.constants[:, :, :0], found.rows, found.forward, found.places, whole, none, none, none, np.zeros(updates),
+        np.zeros((updates, most, 0)), none, np.zeros((updates, 9, most)), np.zeros((updates, most, most)),
+        np.zeros(updates, dtype=np.bool_), np.zeros(0, dtype=np.int64),
+    )  # fmt: skip
 
 
-def all_rows(found: Measurements, turned: Array) -> Array:
-    """Compute the responses of all innovations of a navigator that has turned."""
-    rows = np.zeros((sum(found.sizes), 9))
-    places = [(u, c) for u in range(len(found.times)) for c in range(found.sizes[u])]
-    for row, (u, c) in zip(rows, places, strict=True):
-        spin = flight(1.0).earth.rotation_rate
-        fill_row(found.kinds[u, c], found.directions[u, c], found.arms[u, c], spin, turned, row)
-    return rows
+def innovations_and_rows(found: Measurements, turn: Array, velocity: Array, away: Array) -> tuple[Array, Array]:
+    """Compute all innovations of a navigator whose deviations are given, and their responses to errors."""
+    tables, constants = update_tables(found), flight(1.0).earth.constants
+    quaternion, linear = room(4), room(9)
+    quaternion[:] = np.roll(Rotation.from_rotvec(turn).as_quat(), 1)[:, None]
+    linear[3:6], linear[6:] = velocity[:, None], away[:, None]
+    values, responses = [], []
+    for u, m in enumerate(found.sizes):
+        own, rows = estimates_of(0, 0, 0, len(SENSORS)), room(SIX, 9)
+        innovate(u, m, constants, tables, quaternion, room(9), linear, rows, own)
+        assert np.all(own.innovation == own.innovation[:, :1])
+        values.append(own.innovation[:m, 0])
+        responses.append(rows[:m, :, 0])
+    return np.concatenate(values), np.concatenate(responses)
 
 
 @pytest.mark.parametrize("turn", [np.zeros(3), np.array([0.01, -0.02, 0.015])])
@@ -71,14 +65,14 @@ def test_rows_are_the_derivatives_of_the_innovations(turn: Array) -> None:
     of a heading is the row along the truth.
     """
     found, base = tabulated(), Rotation.from_rotvec(turn)
-    rows = all_rows(found, base.as_matrix())
+    rows = innovations_and_rows(found, turn, np.zeros(3), np.zeros(3))[1]
     steps = np.concatenate([np.full(3, 1e-4), np.full(3, 1.0), np.full(3, 100.0)])
     numerical = np.empty_like(rows)
     for j, step in enumerate(steps):
         change = np.zeros(9)
         change[j] = step
         sides = [
-            innovations(found, (Rotation.from_rotvec(each[:3]) * base).as_rotvec(), each[3:6], each[6:])
+            innovations_and_rows(found, (Rotation.from_rotvec(each[:3]) * base).as_rotvec(), each[3:6], each[6:])[0]
             for each in (change, -change)
         ]
         numerical[:, j] = (sides[0] - sides[1]) / (2.0 * step)
@@ -90,8 +84,13 @@ def test_rows_are_the_derivatives_of_the_innovations(turn: Array) -> None:
         assert np.all(np.abs(numerical[:, part] - rows[:, part]).max(axis=1) <= allowed * scale + 1e-15)
 
 
-def test_no_errors_give_no_innovations() -> None:
-    assert not innovations(tabulated(), np.zeros(3), np.zeros(3), np.zeros(3)).any()
+def test_no_errors_give_no_innovations_and_the_rows_along_the_truth() -> None:
+    """To rounding, 1e-16 of the largest response: a navigator's speed of 300 m/s."""
+    found = tabulated()
+    values, rows = innovations_and_rows(found, np.zeros(3), np.zeros(3), np.zeros(3))
+    assert not values.any()
+    along = np.concatenate([found.rows[u, : found.sizes[u]] for u in range(len(found.times))])
+    np.testing.assert_allclose(rows, along, rtol=1e-13, atol=1e-13)
 
 
 def test_updates_are_in_order_of_time_and_of_the_sensors() -> None:

@@ -18,7 +18,9 @@ from hypothesis import strategies as st
 from mcnav.report.figures import marks as m
 from mcnav.report.figures.agreement import nees
 from mcnav.report.figures.figure import HALF, Figure
+from mcnav.report.figures.on_axes import crowded
 from mcnav.report.figures.palette import FLOWN, LINEAR, SOURCE_COLOURS
+from mcnav.report.figures.paper import read_size
 from mcnav.report.figures.ticks import (
     labelled,
     limits,
@@ -197,6 +199,70 @@ def test_on_demand_matplotlib(tmp_path: Path) -> None:
         for name in ("first", "again"):
             figure.save(tmp_path / f"{name}.{ending}", width=8.0, font_scale=0.8)
         assert (tmp_path / f"first.{ending}").read_bytes() == (tmp_path / f"again.{ending}").read_bytes()
+
+
+def paper_figure(panels: int = 4) -> Figure:
+    time = np.linspace(0.0, 10.0, 50)
+    x, y = m.Axis("time", "min"), m.Axis("position error", "m")
+    drawn = [m.Panel(f"panel {k}", x, y, [m.Line(CURVE, time, np.sin(time + k))]) for k in range(panels)]
+    return Figure("name", "Title", "", drawn, [CURVE, DOTS, BAR], {"x": [1.0]})
+
+
+def test_a_figure_of_a_size_for_a_paper(tmp_path: Path) -> None:
+    """Exact sizes in points of 1/72 inch; text is text, in fonts that journals take."""
+    figure = paper_figure(1)
+    width, height = read_size("88x60mm")
+    figure.save(tmp_path / "a.svg", width, 0.8, height)
+    figure.save(tmp_path / "a.pdf", width, 0.8, height)
+    picture = (tmp_path / "a.svg").read_text(encoding="utf-8")
+    found = re.search(r'<svg [^>]*width="([\d.]+)pt" height="([\d.]+)pt"', picture)
+    assert found is not None
+    assert [float(each) for each in found.groups()] == pytest.approx([88.0 / 25.4 * 72, 60.0 / 25.4 * 72], abs=1e-5)
+    assert re.findall(r"<text[^>]*>position error \(m\)</text>", picture)
+    sizes = {float(size) for size in re.findall(r"font(?:-size)?: ([\d.]+)px", picture)}
+    assert sorted(sizes) == pytest.approx([0.8 * 9.0, 0.8 * 10.0])  # a pixel of matplotlib's SVG is a point
+    page = (tmp_path / "a.pdf").read_bytes()
+    assert b"/Type3" not in page
+    assert b"/TrueType" in page or b"/CIDFontType2" in page
+    box = re.search(rb"/MediaBox \[ 0 0 ([\d.]+) ([\d.]+) \]", page)
+    assert box is not None
+    assert [float(each) for each in box.groups()] == pytest.approx([88.0 / 25.4 * 72, 60.0 / 25.4 * 72], abs=1e-3)
+
+
+def test_panels_and_columns() -> None:
+    figure = paper_figure()
+    assert [axes.get_title(loc="left") for axes in figure.of_panels("panel 2", "panel 0").figure().axes] == [
+        "panel 2",
+        "panel 0",
+    ]
+    places = [axes.get_subplotspec() for axes in figure.figure(columns=1).axes]
+    assert [(each.rowspan.start, each.colspan.start) for each in places if each] == [(k, 0) for k in range(4)]
+    with pytest.raises(ValueError, match="the figure has no panel 'panel 9'; did you mean 'panel"):
+        figure.of_panels("panel 9")
+
+
+def test_small_figures_have_fewer_ticks_and_narrower_keys() -> None:
+    large, small = paper_figure().figure(), paper_figure().figure(width=8.8)
+    assert len(small.axes[0].get_xticks()) < len(large.axes[0].get_xticks())
+    assert len(paper_figure(1).figure(font_scale=2.0).axes[0].get_yticks()) < len(large.axes[0].get_yticks())
+    for figure in (large, small):
+        figure.draw_without_rendering()
+        (legend,) = figure.legends
+        assert legend.get_window_extent().x1 <= figure.bbox.x1
+
+
+def test_what_does_not_fit_is_told(tmp_path: Path) -> None:
+    assert not crowded(paper_figure().figure())
+    assert crowded(paper_figure().figure(width=6.0, height=5.0))
+    assert crowded(paper_figure(9).figure(width=4.0, height=2.0))
+    with pytest.raises(ValueError, match="panels and text do not fit; choose a larger size"):
+        paper_figure(9).save(tmp_path / "a.pdf", 4.0, 1.0, 2.0)
+
+
+@pytest.mark.parametrize("text", ["", "88", "88x60", "x60mm", "88x60px", "1x60mm", "88x2000mm", "-8x6cm", "8e1x6cm"])
+def test_sizes_that_are_none(text: str) -> None:
+    with pytest.raises(ValueError, match=r"^got .*; expected"):
+        read_size(text)
 
 
 def test_reports_do_without_matplotlib() -> None:

@@ -1,0 +1,213 @@
+"""Measures of accuracy of linear errors: sigmas, and radii of outputs together, at the end or at other times.
+
+A measure is written as the name of an output, for its sigma, or as
+
+- ``drms(position_north, position_east)``: root mean square distance from zero, in two or three outputs;
+- ``cep``, ``r95`` (two outputs), ``sep`` (three): radius about zero of half or 95 % of normal errors.
+
+Names such as ``position_horizontal`` stand for the DRMS of two outputs. A limit may follow: ``r95(range, cross_range)
+< 2 km``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.analysis.requirements import Requirement, normal_box_probability, normal_quantile, size_probability
+from mcnav.analysis.requirements_over_time import largest_normal_quantile
+from mcnav.errors import suggestion
+from mcnav.scenarios.protocol import CovarianceReadings, Output
+from mcnav.units import UnitError, quantity
+
+SIGMA, DRMS, BOX = "sigma", "drms", "box"
+
+RADII: Final = {"cep": (0.5, (2,)), "r95": (0.95, (2,)), "sep": (0.5, (3,))}
+"""Probability and numbers of outputs of each radius."""
+
+TOGETHER: Final = {
+    "position_horizontal": (("position_north", "position_east"), ("range", "cross_range")),
+    "velocity_horizontal": (("velocity_north", "velocity_east"), ("range_rate", "cross_range_rate")),
+    "position": (("position_north", "position_east", "position_down"),),
+    "velocity": (("velocity_north", "velocity_east", "velocity_down"),),
+}
+"""Names of outputs together, and the outputs: the first of them that a scenario has."""
+
+USUAL: Final = ("position_horizontal", "position_down", "velocity_horizontal", "heading")
+"""Measures of a navigation in three dimensions without requirements."""
+
+MOST_USUAL: Final = 6
+"""Outputs of other scenarios that are measured without requirements."""
+
+_CALL: Final = re.compile(r"(\w+)\(([^()]*)\)")
+
+
+class MeasureError(ValueError):
+    """A measure that cannot be read; the message states what came and what is expected."""
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A measure of accuracy at some readings: the largest of them.
+
+    Attributes
+    ----------
+    name : str
+        Unique in a sweep.
+    kind : str
+        ``sigma``, ``drms``, ``box``; else a radius or quantile about zero with a probability.
+    outputs : tuple of int
+    readings : tuple of int
+        Numbers of the times; empty for the end, which `at_reading` knows.
+    limits : tuple of float
+        SI; of a requirement. One, or one for each output of a box, which then has a probability as well.
+    unit, shown_in : str
+        SI unit of its values, and unit shown.
+    requirement : int or None
+        Number of the campaign's requirement that it is.
+    """
+
+    name: str
+    kind: str
+    outputs: tuple[int, ...]
+    unit: str
+    shown_in: str
+    probability: float = 0.5
+    readings: tuple[int, ...] = ()
+    limits: tuple[float, ...] = ()
+    requirement: int | None = None
+
+    @property
+    def bound(self) -> float | None:
+        """Value at which it just meets its limit: a probability of a box; none without a limit."""
+        if not self.limits:
+            return None
+        return self.probability if self.kind == BOX else self.limits[0]
+
+    @property
+    def falls(self) -> bool:
+        """Whether it falls as errors grow: the probability of a box."""
+        return self.kind == BOX
+
+    def at_reading(self, number: int) -> Measure:
+        """Return the measure at a reading, unless it has readings of its own."""
+        return self if self.readings else replace(self, readings=(number,))
+
+    def value(self, found: CovarianceReadings) -> float:
+        """Compute it for the true errors, SI."""
+        return self._value(found.mean, found.covariance)
+
+    def own_value(self, found: CovarianceReadings) -> float:
+        """Compute it for errors as the filter states them, SI; NaN without a filter."""
+        return float("nan") if found.own is None else self._value(np.zeros_like(found.mean), found.own)
+
+    def _value(self, means: Array, covariances: Array) -> float:
+        at, picked = np.array(self.readings), np.array(self.outputs)
+        mean, covariance = means[np.ix_(at, picked)], covariances[np.ix_(at, picked, picked)]
+        if self.kind == SIGMA:
+            return float(np.sqrt(max(covariance[:, 0, 0].max(), 0.0)))
+        if self.kind == DRMS:
+            return float(np.sqrt((np.trace(covariance, axis1=1, axis2=2) + (mean**2).sum(axis=1)).max()))
+        if self.kind == BOX:
+            return normal_box_probability(mean[0], covariance[0], np.array(self.limits))
+        if len(at) == 1:
+            return normal_quantile(mean[0], covariance[0], self.probability)
+        return largest_normal_quantile(mean, covariance, self.probability)[0]
+
+
+def read_measure(written: str, outputs: Sequence[Output]) -> Measure:
+    """Read a measure of final errors.
+
+    Raises `MeasureError` when it names no output or measure, or its limit is no quantity.
+    """
+    text, less, limit = written.partition("<")
+    text = text.strip()
+    found = _read_unlimited(text, outputs)
+    if not less:
+        return found
+    try:
+        value = quantity(limit.strip(), found.unit)
+    except UnitError as wrong:
+        raise MeasureError(f"{text}: {wrong}") from None
+    if value <= 0.0:
+        raise MeasureError(f"{text}: got {limit.strip()!r}; expected a limit above zero")
+    return replace(found, limits=(value,), name=f"{text} < {' '.join(limit.split())}")
+
+
+def _read_unlimited(text: str, outputs: Sequence[Output]) -> Measure:
+    names = [output.name for output in outputs]
+    if text in names:
+        return _of(text, SIGMA, (names.index(text),), outputs)
+    together = _together(names)
+    if text in together:
+        return _of(text, DRMS, together[text], outputs)
+    call = _CALL.fullmatch(text)
+    kinds = (DRMS, *RADII)
+    if call is None or call[1] not in kinds:
+        known = [*names, *together]
+        hint = suggestion(text, known) if call is None else suggestion(call[1], list(kinds))
+        raise MeasureError(f"unknown output or measure {text!r}{hint}, or {', '.join(kinds)} of outputs")
+    kind, of = call[1], [each.strip() for each in call[2].split(",")]
+    if len(of) == 1 and of[0] in together:
+        picked = together[of[0]]
+    else:
+        for name in of:
+            if name not in names:
+                raise MeasureError(f"{kind}: unknown output {name!r}{suggestion(name, [*names, *together])}")
+        picked = tuple(names.index(name) for name in of)
+    probability, sizes = RADII.get(kind, (0.5, (2, 3)))
+    if len(picked) not in sizes or len(set(picked)) < len(picked):
+        wanted = " or ".join(map(str, sizes))
+        raise MeasureError(f"{kind}: got {', '.join(of)}; expected {wanted} different outputs")
+    if len({outputs[number].unit for number in picked}) > 1:
+        raise MeasureError(f"{kind}: {', '.join(of)} have different units")
+    return replace(_of(text, kind, picked, outputs), probability=probability)
+
+
+def _together(names: Sequence[str]) -> dict[str, tuple[int, ...]]:
+    """Return the names of outputs together that a scenario has, with the numbers of the outputs."""
+    found = {}
+    for name, choices in TOGETHER.items():
+        for choice in choices:
+            if name not in names and name not in found and set(choice) <= set(names):
+                found[name] = tuple(names.index(each) for each in choice)
+    return found
+
+
+def _of(name: str, kind: str, picked: tuple[int, ...], outputs: Sequence[Output]) -> Measure:
+    return Measure(name, kind, picked, outputs[picked[0]].unit, outputs[picked[0]].shown_in)
+
+
+def usual_measures(outputs: Sequence[Output]) -> list[Measure]:
+    """Return the measures of a scenario without requirements."""
+    names = [output.name for output in outputs]
+    known = [*names, *_together(names)]
+    if all(name in known for name in USUAL):
+        return [read_measure(name, outputs) for name in USUAL]
+    return [read_measure(name, outputs) for name in names[:MOST_USUAL]]
+
+
+def requirement_measures(requirements: Sequence[Requirement], outputs: Sequence[Output]) -> list[Measure]:
+    """Return the measures that requirements limit, in order; a sigma ratio is none."""
+    found: list[Measure] = []
+    for number, each in enumerate(requirements):
+        if each.kind == "sigma_ratio":
+            continue
+        names = ", ".join(outputs[place].name for place in each.outputs)
+        shown = "" if each.kind in RADII else f", {size_probability(each):g}"
+        name = f"{each.kind}({names}{shown})" + (f" {each.when}" if each.when else "")
+        taken = [measure.name for measure in found]
+        name = name if name not in taken else f"{name} #{number + 1}"
+        of = outputs[each.outputs[0]]
+        unit, shown_in = ("1", "%") if each.kind == BOX else (of.unit, of.shown_in)
+        found.append(
+            Measure(
+                name, each.kind, each.outputs, unit, shown_in, size_probability(each), each.epochs, each.limits, number
+            )
+        )
+    return found

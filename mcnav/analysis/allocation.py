@@ -1,0 +1,231 @@
+"""Changes of a data sheet's numbers with which requirements are just met, and the multiples at which that is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement
+
+MOST: Final = 1_000.0
+"""Largest multiple of a number that is looked at."""
+
+STRIDE: Final = 4.0
+"""Ratio of successive multiples in the search for one at which a goal is not met."""
+
+LEAST: Final = 1e-3
+"""Multiple that stands for none where a number cannot be zero."""
+
+PRECISION: Final = 1e-4
+"""Relative width to which a multiple is found; proposed numbers have three digits."""
+
+MOST_TRIALS: Final = 60
+"""Multiples tried before the search for one ends."""
+
+
+@dataclass(frozen=True)
+class NumberChange:
+    """Change of one number, or of several by the same factor, with which a goal is just met.
+
+    Attributes
+    ----------
+    label : str
+        Such as ``imu.gyro.bias``, or ``all numbers``.
+    paths : tuple of str
+        Keys that change.
+    now, needed : str
+        The number; empty for several, and where no change is found.
+    factor : float
+        Needed over present size. Infinite where the goal is met at any size up to `MOST` times the present one, NaN
+        where it is not met by this change alone.
+    least : float
+        Factor at which ``result`` is where the goal is not met.
+    result : LinearRequirement
+        Requirement with the least margin, by a linear answer computed with the needed number.
+    """
+
+    label: str
+    paths: tuple[str, ...]
+    now: str
+    needed: str
+    factor: float
+    least: float
+    result: LinearRequirement
+
+    @property
+    def reached(self) -> bool:
+        """Return whether the goal is met by this change alone."""
+        return not math.isnan(self.factor)
+
+
+@dataclass(frozen=True)
+class Goal:
+    """Requirements to be met together.
+
+    Attributes
+    ----------
+    requirements : tuple of int
+        Their numbers in the campaign, from zero.
+    met : bool
+        Whether they are met now, so that numbers may be loosened.
+    changes : tuple of NumberChange
+        The smallest change first.
+    """
+
+    requirements: tuple[int, ...]
+    met: bool
+    changes: tuple[NumberChange, ...]
+
+
+@dataclass(frozen=True)
+class GradeMove:
+    """A number at the value of another grade: key, grade, present and new value."""
+
+    path: str
+    grade: str
+    now: str
+    needed: str
+
+
+@dataclass(frozen=True)
+class GradeChange:
+    """Numbers moved by one grade of the catalogue, and the requirements then.
+
+    Attributes
+    ----------
+    worst : LinearRequirement
+        Requirement with the least margin.
+    """
+
+    moves: tuple[GradeMove, ...]
+    worst: LinearRequirement
+
+    @property
+    def met(self) -> bool:
+        """Return whether all requirements are met."""
+        return self.worst.met
+
+
+@dataclass(frozen=True)
+class GradeSearch:
+    """Changes by one grade.
+
+    Attributes
+    ----------
+    finer : bool
+        Whether numbers move to finer grades to meet the requirements, or to coarser ones that still meet them.
+    changes : tuple of GradeChange
+        The fewest finer changes that meet all requirements, or each coarser one alone; the largest margin first.
+    whole : GradeChange or None
+        All numbers moved; none where no grade states another value.
+    exhaustive : bool
+        Whether no fewer changes do.
+    """
+
+    finer: bool
+    changes: tuple[GradeChange, ...]
+    whole: GradeChange | None
+    exhaustive: bool
+
+
+@dataclass(frozen=True)
+class Allocation:
+    """Numbers that would meet a campaign's requirements.
+
+    Attributes
+    ----------
+    answer : LinearAnswer
+        Of the campaign as it is.
+    numbers : int
+        Numbers of its data sheet.
+    goals : tuple of Goal
+        Each requirement that is not met, and all of them together; where all are met, that they stay so.
+    grades : GradeSearch or None
+        None of a campaign without inertial measurement unit.
+    computed : int
+        Linear answers that were computed.
+    """
+
+    answer: LinearAnswer
+    numbers: int
+    goals: tuple[Goal, ...]
+    grades: GradeSearch | None
+    computed: int
+
+
+def worst_of(found: Sequence[LinearRequirement], goal: Sequence[int]) -> LinearRequirement:
+    """Return the requirement of a goal with the least margin."""
+    return min((found[number] for number in goal), key=lambda each: each.margin)
+
+
+def critical_multiple(margin: Callable[[float], float], least: float = 0.0) -> float:
+    """Find the multiple of an error at which a margin becomes one.
+
+    The square of a size over its limit, ``1 / margin^2``, is linear in the square of the multiple where errors add up;
+    regula falsi (Illinois) in these is then exact at once, and converges where a filter's gains change, too.
+
+    Parameters
+    ----------
+    margin : callable
+        Margin of a goal at a multiple; at least one where it is met. NaN beyond multiples that can be computed.
+    least : float
+        Smallest multiple to be looked at.
+
+    Returns
+    -------
+    float
+        The largest multiple found at which the goal is met, within `PRECISION`; infinite where it is met up to `MOST`,
+        NaN where it is not met at ``least``.
+    """
+
+    def excess(multiple: float) -> float:
+        found = margin(multiple)
+        return math.nan if math.isnan(found) else 1.0 / found**2 - 1.0
+
+    at_one = excess(1.0)
+    if at_one <= 0.0:
+        beyond = _first_beyond(excess, at_one)
+        return math.inf if beyond is None else _root(excess, *beyond)
+    at_least = excess(least)
+    return _root(excess, (least, at_least), (1.0, at_one)) if at_least <= 0.0 else math.nan
+
+
+def _first_beyond(
+    excess: Callable[[float], float], at_one: float
+) -> tuple[tuple[float, float], tuple[float, float]] | None:
+    """Find two multiples from one on between which a goal ceases to be met, with their excess; none up to `MOST`."""
+    met, multiple = (1.0, at_one), 1.0
+    while multiple < MOST:
+        multiple = min(STRIDE * multiple, MOST)
+        found = excess(multiple)
+        if math.isnan(found):
+            return None
+        if found > 0.0:
+            return met, (multiple, found)
+        met = multiple, found
+    return None
+
+
+def _root(excess: Callable[[float], float], met: tuple[float, float], unmet: tuple[float, float]) -> float:
+    """Close in on a root between a multiple at which a goal is met and a larger one at which it is not."""
+    (low, at_low), (high, at_high) = met, unmet
+    weight_low, weight_high, side = at_low, at_high, 0
+    for _ in range(MOST_TRIALS):
+        if high - low <= PRECISION * high or -PRECISION <= at_low <= 0.0:
+            break
+        square = high**2 - weight_high * (high**2 - low**2) / (weight_high - weight_low)
+        multiple = math.sqrt(max(square, 0.0))
+        edge = 0.1 * PRECISION * high
+        multiple = min(max(multiple - edge, low + edge), high - edge)  # a hair on the side where the goal is met
+        found = excess(multiple)
+        if found <= 0.0:
+            low, at_low, weight_low = multiple, found, found
+            weight_high = 0.5 * weight_high if side < 0 else at_high
+            side = -1
+        else:
+            high, at_high, weight_high = multiple, found, found
+            weight_low = 0.5 * weight_low if side > 0 else at_low
+            side = 1
+    return low

@@ -1,0 +1,59 @@
+"""Values of a variable at which a limit is just met, found on linear answers rather than between those of a grid."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.analysis.sweep import JustMet, Span, Variable
+from mcnav.errors import CampaignError
+from mcnav.statistics.bisection import root_between
+
+TOLERANCE: Final = 1e-6
+"""Width of the last bracket: a share of the value on a logarithmic axis, of the range on a linear one."""
+
+
+def find_crossings(
+    variable: Variable, margins: Array, margin_at: Callable[[float], float], measure: int, fixed: float | None = None
+) -> JustMet:
+    """Find where a margin changes its sign.
+
+    Parameters
+    ----------
+    margins : ndarray, shape (n,)
+        At the variable's values; above zero where the limit is exceeded. One that is not finite is skipped.
+    margin_at : callable
+        Margin at any value; raises `CampaignError` for a value that the key cannot have.
+    """
+    known = np.flatnonzero(~np.isnan(margins))
+    signs = [(float(variable.values[place]), float(margins[place])) for place in known]
+    values: list[float] = []
+    spans: list[Span] = []
+    begin: float | None = None
+    inside = bool(signs) and signs[0][1] <= 0.0
+    for (low, at_low), (high, at_high) in pairwise(signs):
+        if (at_low <= 0.0) == (at_high <= 0.0):
+            continue
+        try:
+            values.append(_root(variable, margin_at, (low, at_low), (high, at_high)))
+        except CampaignError:  # a key of whole numbers: the last one that meets the limit
+            values.append(low if at_low <= 0.0 else high)
+        if inside:
+            spans.append((begin, values[-1]))
+        begin, inside = values[-1], not inside
+    if inside:
+        spans.append((begin, None))
+    return JustMet(measure, fixed, tuple(values), tuple(spans))
+
+
+def _root(
+    variable: Variable, margin_at: Callable[[float], float], low: tuple[float, float], high: tuple[float, float]
+) -> float:
+    width = TOLERANCE if variable.log else TOLERANCE * float(np.ptp(variable.values))
+    low, high = (variable.along(low[0]), low[1]), (variable.along(high[0]), high[1])
+    begin, end = root_between(lambda place: margin_at(variable.at(place)), low, high, width)
+    return variable.at(0.5 * (begin + end))

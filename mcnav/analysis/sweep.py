@@ -1,0 +1,150 @@
+"""A sweep as a report shows it: variables, measures of accuracy at every point, and where limits are just met."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mcnav._types import Array
+from mcnav.analysis.accuracy_measures import Measure
+from mcnav.scenarios.protocol import Output
+
+Point = tuple[float, ...]
+"""Values of the variables, in their units."""
+
+Span = tuple[float | None, float | None]
+"""Begin and end of an interval of values; none at an end of the range."""
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A key of a campaign and its values.
+
+    Attributes
+    ----------
+    path : str
+        As `mcnav.config.overrides` reads it.
+    values : ndarray, shape (n,)
+        Rising, in the unit.
+    unit : str
+        As written; empty for pure numbers.
+    log : bool
+        Whether the axis is logarithmic.
+    """
+
+    path: str
+    values: Array
+    unit: str
+    log: bool
+
+    @property
+    def label(self) -> str:
+        """Path and unit, such as ``imu.gyro.bias [deg/h]``."""
+        return f"{self.path} [{self.unit}]" if self.unit else self.path
+
+    def written(self, value: float) -> str | int | float:
+        """Return a value as a campaign file has it; a whole number without a unit is an integer."""
+        if self.unit:
+            return f"{float(value)!r} {self.unit}"
+        return int(value) if float(value).is_integer() and abs(value) < 1e15 else float(value)
+
+    def along(self, value: float) -> float:
+        """Return the place of a value on the axis: its logarithm on a logarithmic one."""
+        return math.log(value) if self.log else value
+
+    def at(self, place: float) -> float:
+        """Return the value at a place on the axis."""
+        return math.exp(place) if self.log else place
+
+
+@dataclass(frozen=True)
+class JustMet:
+    """Where a limit is met along a variable.
+
+    Attributes
+    ----------
+    measure : int
+        Number of the measure.
+    fixed : float or None
+        Value of the first variable, where the second one is varied.
+    values : tuple of float
+        At which the limit is just met, rising; empty if it is met, or not, at every value of the grid.
+    met : tuple of Span
+        Intervals in which it is met; one without begin and end if it is met in the whole range.
+    """
+
+    measure: int
+    fixed: float | None
+    values: tuple[float, ...]
+    met: tuple[Span, ...]
+
+    @property
+    def throughout(self) -> bool:
+        """Whether the limit is met in the whole range."""
+        return self.met == ((None, None),)
+
+
+@dataclass(frozen=True)
+class Confirmation:
+    """Monte Carlo at a point.
+
+    Attributes
+    ----------
+    place : tuple of int
+        Of the point in the grid.
+    point : tuple of float
+        Values of the variables.
+    folder : Path
+        Run folder.
+    summary : mapping
+        The content of its ``summary.json``.
+    values : ndarray, shape (measures,)
+        Paired estimates of sigmas and DRMS at the end, Monte Carlo estimates of requirements; SI, NaN for others.
+    """
+
+    place: tuple[int, ...]
+    point: Point
+    folder: Path
+    summary: Mapping[str, Any]
+    values: Array
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A sweep of one variable with n values, or of two with n and m: its shape is (n,) or (n, m).
+
+    Attributes
+    ----------
+    campaign : str
+        Its name.
+    times : tuple of (float or None)
+        Time of each measure, in the trajectory's time, s; none for the end or the epochs of a requirement.
+    values, own : ndarray, shape (n, [m,] measures)
+        Of the true errors, and as the filter states them (NaN without one); SI.
+    bounds, margins : ndarray, shape (n, [m,] measures)
+        At which a limit is just met, and the logarithm of the value over it (of a probability the other way round);
+        NaN without a limit.
+    present : ndarray, shape (measures,)
+        Values of the campaign as it is.
+    """
+
+    campaign: str
+    outputs: tuple[Output, ...]
+    variables: tuple[Variable, ...]
+    measures: tuple[Measure, ...]
+    times: tuple[float | None, ...]
+    values: Array
+    own: Array
+    bounds: Array
+    margins: Array
+    present: Array
+    just_met: tuple[JustMet, ...]
+    confirmations: tuple[Confirmation, ...] = ()
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Numbers of values of the variables."""
+        return self.values.shape[:-1]

@@ -1,0 +1,220 @@
+"""Sizes of errors as a campaign's file and the catalogue give them: the numbers of a data sheet, and their multiples.
+
+A number is a key with its entry: one quantity, quantities by axis, a distribution, or a process with its sigma.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from mcnav.config.imu import ALLAN_MINIMUM
+from mcnav.config.imu_catalogue import INSTABILITY, KINDS, CatalogueUnit, catalogue, catalogue_units
+from mcnav.config.overrides import ALL_AXES, SIZES, Value
+from mcnav.config.sensors import SENSOR_TYPES
+from mcnav.scenarios.protocol import Source
+from mcnav.units import UnitError, multiplied, quantity
+
+SCALED: Final = (*SIZES, "limit", "loc", "mean")
+"""Keys of a distribution that are multiplied with its size."""
+
+GRADE: Final = "Grade:"
+"""Beginning of the titles of the catalogue's grades."""
+
+DIGITS: Final = 3
+"""Significant digits of a number that is proposed."""
+
+
+@dataclass(frozen=True)
+class DataSheetNumber:
+    """A key that gives the size of errors.
+
+    Attributes
+    ----------
+    path : str
+        Such as ``imu.gyro.bias``, ``errors.position``, ``aiding.gnss.position``.
+    entry : Value
+        As the file or the catalogue has it.
+    causes : frozenset of str
+        Names of the sources that it sizes; those of the unit's errors without the axis.
+    kept : mapping of str to Value
+        Entries that a change of this one must leave as they are, by path.
+    """
+
+    path: str
+    entry: Value
+    causes: frozenset[str]
+    kept: Mapping[str, Value]
+
+    def covers(self, cause: str) -> bool:
+        """Return whether it sizes a source or process."""
+        return cause in self.causes or (self.path.startswith("imu.") and cause.rpartition("_")[0] in self.causes)
+
+    def multiplied(self, factor: float) -> dict[str, Value]:
+        """Return the values to be set for a multiple of it, by path."""
+        return {self.path: _multiplied(self.entry, factor), **self.kept}
+
+    @property
+    def text(self) -> str:
+        """The size in words."""
+        return shown(self.entry)
+
+    def rounded(self, factor: float) -> float:
+        """Reduce a factor so that the number, or with several sizes the factor itself, has three digits."""
+        size = _single(self.entry)
+        if size is None:
+            return round_down(factor)
+        return round_down(size * factor) / size
+
+
+def round_down(value: float) -> float:
+    """Round a positive number down to three significant digits.
+
+    >>> round_down(0.123987), round_down(99.99), round_down(0.0025)
+    (0.123, 99.9, 0.0025)
+    """
+    if value <= 0.0 or not math.isfinite(value):
+        return value
+    exponent = DIGITS - 1 - math.floor(math.log10(value))
+    return math.floor(value * 10.0**exponent * (1.0 + 1e-12)) / 10.0**exponent
+
+
+def _single(entry: Value) -> float | None:
+    """Return the number of a quantity, or of a table's only size; none where there are several."""
+    if isinstance(entry, bool):
+        return None
+    if isinstance(entry, (int, float)):
+        return float(entry) or None
+    if isinstance(entry, str):
+        try:
+            return float(multiplied(entry, 1.0).split()[0]) or None
+        except UnitError:
+            return None
+    sizes = [name for name in SIZES if isinstance(entry, dict) and name in entry]
+    return _single(entry[sizes[0]]) if isinstance(entry, dict) and len(sizes) == 1 else None
+
+
+def _multiplied(entry: Value, factor: float) -> Value:
+    if isinstance(entry, bool):
+        return entry
+    if isinstance(entry, (int, float)):
+        return float(f"{entry * factor:.9g}")
+    if isinstance(entry, str):
+        return multiplied(entry, factor)
+    if isinstance(entry, list):
+        return [_multiplied(each, factor) for each in entry]
+    if _by_axis(entry):
+        return {axis: _multiplied(each, factor) for axis, each in entry.items()}
+    return {name: _multiplied(each, factor) if name in SCALED else each for name, each in entry.items()}
+
+
+def _by_axis(entry: Mapping[str, Any]) -> bool:
+    return any(set(entry) <= set(axes) for axes in ALL_AXES)
+
+
+def shown(entry: Value) -> str:
+    """Write the size of an entry.
+
+    >>> shown({"sigma": "0.003 deg/h", "correlation_time": "1 h"}), shown({"x": "1 m", "y": "2 m"})
+    ('0.003 deg/h', 'x 1 m, y 2 m')
+    """
+    if isinstance(entry, list):
+        return ", ".join(shown(each) for each in entry)
+    if not isinstance(entry, dict):
+        return str(entry)
+    if _by_axis(entry):
+        return ", ".join(f"{axis} {shown(each)}" for axis, each in entry.items())
+    sizes = [name for name in SIZES if name in entry]
+    return shown(entry[sizes[0]]) if sizes else str(entry)
+
+
+def data_sheet_numbers(content: Mapping[str, Any], sources: tuple[Source, ...]) -> list[DataSheetNumber]:
+    """List the numbers of a campaign file that are not zero; columns of files have no size to change.
+
+    Parameters
+    ----------
+    content : mapping
+        Of the file.
+    sources : tuple of Source
+        Of its scenario.
+    """
+    found = [*_of_imu(content.get("imu", {})), *_of_errors(content.get("errors", {}), sources)]
+    for sensor in content.get("aiding", []):
+        name = sensor.get("name", sensor["type"].replace("-", "_"))
+        keys = [key for key in SENSOR_TYPES[sensor["type"]].keys if key in sensor and key != "lever_arm"]
+        found += [DataSheetNumber(f"aiding.{name}.{key}", sensor[key], frozenset(), {}) for key in keys]
+    return [number for number in found if _multiplied(number.entry, 0.0) != _multiplied(number.entry, 1.0)]
+
+
+def _of_imu(entries: Mapping[str, Any]) -> list[DataSheetNumber]:
+    below = catalogue().get(entries.get("grade", ""), {})
+    found = []
+    for instrument in KINDS:
+        for key, entry in {**below.get(instrument, {}), **entries.get(instrument, {})}.items():
+            causes = frozenset([f"{instrument}_{key}"])
+            found.append(DataSheetNumber(f"imu.{instrument}.{key}", entry, causes, {}))
+    return found
+
+
+def _of_errors(entries: Mapping[str, Any], sources: tuple[Source, ...]) -> list[DataSheetNumber]:
+    found = []
+    for key, entry in entries.items():
+        members = [source.name for source in sources if key in (source.name, source.group)]
+        own = [name for name in members if name in entries and name != key]
+        causes = frozenset(name for name in members if name not in own)
+        kept = {f"errors.{name}": entries[name] for name in own}
+        found.append(DataSheetNumber(f"errors.{key}", entry, causes, kept))
+    return found
+
+
+@dataclass(frozen=True)
+class GradedValue:
+    """A value of a grade of the catalogue, for a number."""
+
+    grade: str
+    entry: Value
+
+
+def grades() -> list[CatalogueUnit]:
+    """Return the grades of the catalogue, the finest first."""
+    return [unit for unit in catalogue_units() if unit.title.startswith(GRADE)]
+
+
+def next_grade(number: DataSheetNumber, finer: bool) -> GradedValue | None:
+    """Return the next finer value of a number of the unit among the catalogue's grades, or the next coarser one.
+
+    None where no grade states one.
+    """
+    root, _, rest = number.path.partition(".")
+    instrument, _, key = rest.partition(".")
+    present = _largest(number.entry, instrument, key) if root == "imu" else None
+    if present is None:
+        return None
+    for unit in reversed(grades()) if finer else grades():
+        entry: Value | None = unit.table[instrument].get(key)
+        size = None if entry is None else _largest(entry, instrument, key)
+        if entry is None or size is None:
+            continue
+        if size < present * (1.0 - 1e-9) if finer else size > present * (1.0 + 1e-9):
+            axes = number.entry if isinstance(number.entry, dict) and _by_axis(number.entry) else None
+            return GradedValue(unit.name, entry if axes is None else dict.fromkeys(axes, entry))
+    return None
+
+
+def _largest(entry: Any, instrument: str, key: str) -> float | None:
+    """Return the largest size of an entry over its axes, SI; none where it has no single kind of size."""
+    if isinstance(entry, dict) and not _by_axis(entry):
+        sizes = [name for name in SIZES if name in entry]
+        found = _largest(entry[sizes[0]], instrument, f"{key}.{sizes[0]}") if len(sizes) == 1 else None
+        allan = key == INSTABILITY and sizes == ["allan_minimum"]
+        return found / ALLAN_MINIMUM if allan and found is not None else found
+    parts = entry if isinstance(entry, list) else list(entry.values()) if isinstance(entry, dict) else [entry]
+    unit = KINDS[instrument].get(key) or KINDS[instrument].get(f"{key}.sigma")
+    if unit is None:
+        return None
+    try:
+        return max(abs(quantity(each, unit)) for each in parts)
+    except UnitError:
+        return None

@@ -1,0 +1,75 @@
+"""Example campaigns: in the package where it is installed, else in the checkout."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Final
+
+from mcnav.errors import CampaignError, Problem, suggestion
+from mcnav.files import write_whole
+
+FOLDER: Final = "campaigns"
+
+FIRST: Final = "01_tn_d1772_trajectory_4"
+"""Name of the first example."""
+
+ENDINGS: Final = (".toml", ".py", ".csv")
+
+_QUESTION: Final = re.compile(r"\A# Question: (.*?)\n# Expected answer", re.DOTALL)
+
+
+def examples_folder() -> Path:
+    """Return the folder of the examples.
+
+    ``setup.py`` copies it into the package when this is built. Raises `CampaignError` when there is none.
+    """
+    package = Path(__file__).parents[1]
+    for folder in (package / FOLDER, package.parent / FOLDER):
+        if (folder / f"{FIRST}.toml").is_file():
+            return folder
+    raise CampaignError([Problem(str(package / FOLDER), "", "the example campaigns are missing; install mcnav again")])
+
+
+def examples() -> Mapping[str, str]:
+    """Return the question that each example answers, by the name of its file."""
+    found = {}
+    for path in sorted(examples_folder().glob("*.toml")):
+        asked = _QUESTION.match(path.read_text(encoding="utf-8"))
+        found[path.stem] = "" if asked is None else " ".join(asked[1].replace("\n#", " ").split())
+    return found
+
+
+def example(name: str) -> Path:
+    """Return the file of an example by its name or its number.
+
+    Raises `CampaignError` when there is no such example.
+    """
+    names = list(examples())
+    chosen = [each for each in names if each == name or (name.isdecimal() and each.startswith(f"{int(name):02}_"))]
+    if not chosen:
+        message = f"no example {name!r:.60}{suggestion(name, names)}"
+        raise CampaignError([Problem("NAME", "", message)])
+    return examples_folder() / f"{chosen[0]}.toml"
+
+
+def copy_examples(folder: Path) -> list[Path]:
+    """Copy the examples and the files that they read into a folder; return the copies.
+
+    Raises `CampaignError` when one of them exists there with another content.
+    """
+    source = examples_folder()
+    found = {path.name: path.read_bytes() for path in sorted(source.iterdir()) if path.suffix in ENDINGS}
+    other = [name for name, content in found.items() if (folder / name).exists() and _differs(folder / name, content)]
+    if other:
+        message = "exists already with another content; choose another folder"
+        raise CampaignError([Problem(str(folder / name), "", message) for name in other])
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, content in found.items():
+        write_whole(folder / name, content)
+    return [folder / name for name in found]
+
+
+def _differs(path: Path, content: bytes) -> bool:
+    return not path.is_file() or path.read_bytes() != content

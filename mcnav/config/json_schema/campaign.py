@@ -1,0 +1,164 @@
+"""Schema of a whole campaign file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from mcnav.config.json_schema.errors import ErrorDefinitions
+from mcnav.config.json_schema.filters import filter_schema
+from mcnav.config.json_schema.instruments import imu_schema
+from mcnav.config.json_schema.nodes import Node, by_type, choice, first_of, narrowed, of_model, suggested
+from mcnav.config.json_schema.sensors import aiding_schema, error_pattern
+from mcnav.config.json_schema.trajectories import columns_schema, trajectory_schema
+from mcnav.config.scenarios import SCENARIO_TYPES, USER
+from mcnav.config.schema import CampaignTable, UntilTable
+from mcnav.config.stopping import QUANTITIES
+from mcnav.scenarios.ins import NAVIGATION_ERRORS
+from mcnav.scenarios.protocol import Output, Source
+from mcnav.scenarios.reentry import OUTPUTS as REENTRY_OUTPUTS
+from mcnav.scenarios.steady import OUTPUTS as STEADY_OUTPUTS
+
+DRAFT: Final = "http://json-schema.org/draft-07/schema#"
+"""Version of JSON schema that TOML language servers know."""
+
+TITLE: Final = "Campaign of mcnav"
+
+INS: Final = "ins"
+USERS: Final = "of your own"
+"""Name of the scenarios whose type is a file and class."""
+
+OUTPUTS: Final[Mapping[str, Sequence[Output]]] = {
+    "reentry": REENTRY_OUTPUTS,
+    "cruise": STEADY_OUTPUTS,
+    "hover": STEADY_OUTPUTS,
+    INS: NAVIGATION_ERRORS,
+}
+"""Outputs of each type of scenario."""
+
+STARTS: Final = ("reentry", INS)
+"""Types of scenario whose start can be chosen."""
+
+OF_INS: Final = ("imu", "aiding", "filter")
+"""Tables of the type ins alone."""
+
+
+@dataclass(frozen=True)
+class Names:
+    """Names that a type of scenario knows: schemas of one of its sources and of one of its outputs."""
+
+    source: Node
+    output: Node
+
+
+def campaign_schema() -> Node:
+    """Build the schema of campaign files.
+
+    It knows keys, types and names, and not what a unit measures, what another table or a file must contain, or what a
+    scenario of the user's own declares.
+    """
+    errors = ErrorDefinitions()
+    node = of_model(CampaignTable)
+    properties: dict[str, Node] = node["properties"]
+    told = {key: each["description"] for key, each in properties.items() if "description" in each}
+    samples, rule = properties["samples"], of_model(UntilTable)
+    rule["properties"]["until"]["pattern"] = rf"^\s*({'|'.join(QUANTITIES)}) "
+    properties["samples"] = {
+        "description": f"{told['samples'][:-1]}, or a table with the precision at which the run stops.",
+        **{key: value for key, value in {**samples, **rule}.items() if key != "description"},
+        "type": ["integer", "object"],
+    }
+    properties["scenario"] = _scenario_schema(told["scenario"])
+    properties["imu"] = imu_schema(told["imu"])
+    properties["aiding"] = aiding_schema()
+    properties["filter"] = filter_schema()
+    sources = {name: kind.sources or () for name, kind in SCENARIO_TYPES.items()}
+    every = {source.name: source for each in sources.values() for source in each}
+    known = errors.sources(list(every.values()))
+    properties["errors"] = {
+        **known,
+        "additionalProperties": errors.node("", ""),
+        "description": told["errors"],
+    }
+    anything = {output.name: None for each in OUTPUTS.values() for output in each}
+    _name(node, Names(suggested(every), suggested(anything)))
+    restricted = {name: _of_type(name, each, errors, known["properties"]) for name, each in sources.items()}
+    conditions = {name: _has_type(choice([name])) for name in sources} | {USERS: _has_type(_user_type())}
+    node |= first_of(conditions, {**restricted, USERS: {"propertyNames": choice(_keys(properties, USERS))}})
+    some: Node = {"properties": {"aiding": {"minItems": 1}}}
+    node["dependencies"] = {
+        "filter": {**some, "required": ["aiding"]},
+        "aiding": {"if": some, "then": {"required": ["filter"]}},
+    }
+    return {
+        "$schema": DRAFT,
+        "title": TITLE,
+        "description": "Campaign file of mcnav; mcnav docs campaigns is the reference.",
+        **{key: value for key, value in node.items() if key != "title"},
+        "definitions": errors.found,
+    }
+
+
+def _scenario_schema(description: str) -> Node:
+    tables = {name: of_model(kind.table) for name, kind in SCENARIO_TYPES.items()}
+    ins = tables[INS]["properties"]
+    ins["trajectory"] = trajectory_schema(ins["trajectory"]["description"])
+    ins["columns"] |= columns_schema()
+    own = of_model(USER.table)
+    own["additionalProperties"] = True
+    own["properties"]["type"] |= _user_type()
+    conditions = {**{name: choice([name]) for name in SCENARIO_TYPES}, USERS: _user_type()}
+    node = by_type("type", conditions, {**tables, USERS: own}, description)
+    node["properties"]["type"]["description"] = "Type of scenario, or file and class of one of your own."
+    return node
+
+
+def _user_type() -> Node:
+    return {"type": "string", "pattern": r"^[^\x00-\x1f\x7f:]{1,200}\.py:[A-Za-z_][A-Za-z0-9_]{0,100}$"}
+
+
+def _has_type(condition: Node) -> Node:
+    inside = {"required": ["type"], "properties": {"type": condition}}
+    return {"required": ["scenario"], "properties": {"scenario": inside}}
+
+
+def _keys(properties: Mapping[str, Any], kind: str) -> list[str]:
+    """Return the keys of a file with a type of scenario."""
+    other = {*(() if kind == INS else OF_INS), *(() if kind in STARTS else ("start_times",))}
+    return [key for key in properties if key not in other]
+
+
+def _of_type(kind: str, sources: Sequence[Source], errors: ErrorDefinitions, every: Mapping[str, Node]) -> Node:
+    """Restrict a file with a type of scenario to its keys, sources and outputs."""
+    known = narrowed(errors.sources(sources, sensors=kind == INS), every)
+    names, outputs = [source.name for source in sources], choice(output.name for output in OUTPUTS[kind])
+    restricted: Node = {"properties": {"errors": known}}
+    _name(restricted, Names(suggested(names, error_pattern()) if kind == INS else choice(names), outputs))
+    keys = choice(_keys(CampaignTable.model_fields, kind))
+    return {"propertyNames": keys, **restricted}
+
+
+def _name(node: Node, names: Names) -> None:
+    """Put the names of sources and outputs where a file has such names."""
+    places = {
+        "correlations": {"between": names.source},
+        "joint": {"sources": names.source},
+    }
+    properties = node["properties"]
+    for key, lists in places.items():
+        items = properties.setdefault(key, {}).setdefault("items", {}).setdefault("properties", {})
+        for each, name in lists.items():
+            items.setdefault(each, {})["items"] = name
+    requirements = properties.setdefault("accept", {}).setdefault("properties", {})
+    for kind in ("cep", "r95", "sep", "quantile", "box"):
+        items = requirements.setdefault(kind, {}).setdefault("items", {}).setdefault("properties", {})
+        if kind == "quantile":
+            items.setdefault("output", {}).update(names.output)
+        elif kind == "box":
+            items.setdefault("within", {})["propertyNames"] = names.output
+        else:
+            items.setdefault("outputs", {})["items"] = names.output
+    starts = properties.setdefault("start_times", {}).setdefault("properties", {})
+    starts.setdefault("weights", {})["propertyNames"] = names.output
+    starts.setdefault("errors", {})["propertyNames"] = names.source

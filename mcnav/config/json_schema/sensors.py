@@ -1,0 +1,152 @@
+"""Schema of ``[[aiding]]``, of ``[filter.believes.aiding]``, and of the names of the sensors' errors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Final
+
+from mcnav.config.aiding import MOST_SENSORS, NAME
+from mcnav.config.filter import GATE
+from mcnav.config.instants import MOST_OUTAGES
+from mcnav.config.json_schema.axes import by_axes
+from mcnav.config.json_schema.nodes import Node, by_type, choice, quantity, table
+from mcnav.config.sensors import SENSOR_TYPES, SensorType
+from mcnav.physics.ins.aiding import COMPONENTS, SCALED
+from mcnav.physics.ins.instruments import AXES
+from mcnav.scenarios.aiding_sources import LEVER_ARM, SCALE_FACTOR, UNITS
+
+MEASURED: Final[Mapping[str, str]] = {
+    "gnss": "Receiver of a satellite navigation system: position and velocity of its antenna, or one of them.",
+    "altimeter": "Altitude above the ellipsoid.",
+    "star-tracker": "Attitude, as a rotation vector along the axes of the instruments.",
+    "position-fix": "Position.",
+    "zero-velocity": "Velocity of a vehicle at rest.",
+    "velocity": "Velocity over the earth along the axes of the body: odometer, Doppler.",
+    "heading": "Heading of the body.",
+}
+"""What each type of sensor measures."""
+
+
+def aiding_schema() -> Node:
+    """Return the schema of ``[[aiding]]``."""
+    tables = {name: _sensor(name, kind) for name, kind in SENSOR_TYPES.items()}
+    conditions = {name: choice([name]) for name in tables}
+    return {
+        "type": "array",
+        "maxItems": MOST_SENSORS,
+        "description": "Sensors that aid the navigation; needs [filter].",
+        "items": by_type("type", conditions, tables, "A sensor, its instants, and the sizes of its errors."),
+    }
+
+
+def believed_sensors() -> Node:
+    """Return the schema of ``[filter.believes.aiding]``; the types of the sensors are known to [[aiding]] alone."""
+    every: dict[str, Node] = {}
+    for kind in SENSOR_TYPES.values():
+        for key, node in _errors(kind, believed=True).items():
+            same = every.setdefault(key, node) == node
+            if not same:
+                every[key] = {"description": every[key]["description"]}
+    every.pop("lever_arm")
+    return {
+        "type": "object",
+        "description": "Believed errors of the sensors, by their names.",
+        "patternProperties": {
+            f"^{NAME.pattern}$": table(every, description="Errors that the filter takes others for.")
+        },
+        "additionalProperties": False,
+    }
+
+
+def _sensor(name: str, kind: SensorType) -> Node:
+    times = "of the trajectory's time."
+    outage: Node = {"type": "array", "items": quantity("s", example="1200 s"), "minItems": 2, "maxItems": 2}
+    properties: dict[str, Node] = {
+        "type": choice([name], MEASURED[name]),
+        "name": {
+            "type": "string", "pattern": f"^{NAME.pattern}$", "description": "Name of its own; its type unless given."
+        },
+        "interval": quantity("s", "Time between measurements, the first one interval after the start.", example="1 s"),
+        "begin": quantity("s", f"First instant of measurements at an interval, {times}", example="600 s"),
+        "end": quantity("s", f"Last instant of measurements at an interval, {times}", example="1200 s"),
+        "instants": {
+            "type": "array",
+            "items": quantity("s", example="600 s"),
+            "minItems": 1,
+            "description": f"Instants of measurements in place of an interval, {times}",
+        },
+        "outages": {
+            "type": "array",
+            "items": outage,
+            "maxItems": MOST_OUTAGES,
+            "description": "Pairs of begin, included, and end, not included, without measurements.",
+        },
+        "gate": quantity("1", GATE, {"gt": 0.0, "lt": 1.0}, 0.999),
+        **_errors(kind),
+    }  # fmt: skip
+    if "kind" in kind.further:
+        properties["kind"] = choice(["barometric", "radar"], "A radar is silent above its ceiling.")
+        properties["ceiling"] = quantity("m", "Altitude above the ellipsoid up to which a radar measures.")
+    node = table(properties, ["type"])
+    node["oneOf"] = [{"required": ["interval"]}, {"required": ["instants"]}]
+    node["dependencies"] = {"begin": ["interval"], "end": ["interval"]}
+    node["anyOf"] = [{"required": [quantity_measured]} for quantity_measured in kind.quantities]
+    return node
+
+
+def _errors(kind: SensorType, believed: bool = False) -> dict[str, Node]:
+    """Return the schemas of the sizes of a sensor's errors."""
+    found: dict[str, Node] = {}
+    for measured, measures in kind.quantities.items():
+        unit, names = UNITS[measures][0], COMPONENTS[measures]
+        found[measured] = by_axes(unit, names, f"Sigma of the white noise of one measurement of the {measured}.")
+        if kind.errors:
+            bias, correlated = kind.key(measured, "bias"), kind.key(measured, "correlated")
+            found[bias] = by_axes(unit, names, f"Sigma of the constant bias of the {measured}.")
+            values = {
+                "sigma": by_axes(unit, names, "Sigma of the process."),
+                "correlation_time": by_axes("s", names, "Correlation time of the process.", "100 s"),
+            }
+            process = table(values, () if believed else values, f"First-order Gauss-Markov error of the {measured}.")
+            found[correlated] = {**process, **({"minProperties": 1} if believed else {})}
+        if measures in SCALED:
+            scale = kind.key(measured, "scale_factor")
+            found[scale] = by_axes(SCALE_FACTOR[0], names, f"Sigma of the scale factor of the {measured}.")
+    if kind.lever_arm:
+        arm = "From the unit to the antenna, forward, right and down."
+        found["lever_arm"] = by_axes(LEVER_ARM[0], AXES, arm, whole=False)
+        found["lever_arm_error"] = by_axes(LEVER_ARM[0], AXES, "Sigma of the lever arm's error.", "1 cm")
+    return found
+
+
+def error_patterns() -> dict[str, str]:
+    """Return patterns of the names of sensors' constant errors and of their kinds, by SI unit; empty for any unit."""
+    units: dict[str, set[str]] = {}
+    for suffix, unit in _suffixes():
+        units.setdefault(suffix, set()).add(unit)
+    found: dict[str, list[str]] = {}
+    for suffix, several in units.items():
+        found.setdefault(next(iter(several)) if len(several) == 1 else "", []).append(suffix)
+    return {unit: _pattern(suffixes) for unit, suffixes in found.items()}
+
+
+def error_pattern(kinds: bool = False) -> str:
+    """Return the pattern of the names of all sensors' constant errors, or of their kinds alone."""
+    return _pattern([suffix for suffix, _ in _suffixes(not kinds)])
+
+
+def _pattern(suffixes: Iterable[str]) -> str:
+    return f"^{NAME.pattern}_({'|'.join(dict.fromkeys(suffixes))})$"
+
+
+def _suffixes(axes: bool = True) -> Iterator[tuple[str, str]]:
+    """Yield what follows a sensor's name in those of its constant errors, with their SI units."""
+    for kind in SENSOR_TYPES.values():
+        for measured, measures in kind.quantities.items():
+            names = [f"_{axis}" for axis in COMPONENTS[measures] if axis and axes]
+            unit, label = UNITS[measures][0], kind.label("", measured).removeprefix("_")
+            errors = [("bias", unit), *([("scale_factor", SCALE_FACTOR[0])] if measures in SCALED else [])]
+            for error, unit in errors:
+                yield from ((f"{label}_{error}{axis}".removeprefix("_"), unit) for axis in ("", *names))
+        if kind.lever_arm:
+            yield from ((f"lever_arm{axis}", LEVER_ARM[0]) for axis in ("", *(f"_{each}" for each in AXES if axes)))

@@ -1,0 +1,237 @@
+"""Keys of a campaign set to other values before it is read, by their paths such as ``imu.gyro.bias``.
+
+A path has the names of tables and of a key. Besides, it may have
+
+- the name of a sensor, ``aiding.gnss.position``, or the number of an entry from one on, ``accept.r95.1.below``;
+- an axis, ``imu.gyro.bias.x``: the others keep their values.
+
+A quantity for a key that holds a table sets what gives the table its size: ``sigma``, ``half_width``, ``value`` … of a
+distribution, ``sigma`` of a process. For a list or a table of axes it sets each axis that is there. Values of the
+catalogue that ``grade`` names count as values of the file.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from mcnav.config.campaign import Campaign
+from mcnav.config.empirical import SCIPY, TABLE
+from mcnav.config.imu_catalogue import KINDS, catalogue
+from mcnav.config.quantization import QUANTIZATION
+from mcnav.config.read import UNNAMED, parse_campaign
+from mcnav.config.toml import load_file, load_mapping
+from mcnav.errors import CampaignError, Problem, suggestion
+from mcnav.physics.ins.aiding import LEVEL_AXES
+from mcnav.physics.ins.instruments import AXES, CROSS_AXES
+
+Value = str | int | float | bool | list[Any] | dict[str, Any]
+"""A value as a campaign file has it: a quantity is text with its unit."""
+
+SIZES: Final = ("sigma", "allan_minimum", "step", "half_width", "value", "scale")
+"""Keys that give a table its size, of which it has one."""
+
+ALL_AXES: Final = (AXES, CROSS_AXES, LEVEL_AXES)
+
+PROCESSES: Final = ("bias_instability", "quantization", "correlated", "position_correlated", "velocity_correlated")
+"""Keys whose tables have a ``sigma``."""
+
+
+class _Mistake(Exception):
+    """A path that leads nowhere."""
+
+
+def override(document: Mapping[str, Any], values: Mapping[str, Value], file: str = UNNAMED) -> dict[str, Any]:
+    """Return the content of a campaign file with some keys set to other values; the rest is the same.
+
+    Unknown keys and wrong units are found when the result is read.
+
+    Parameters
+    ----------
+    values : mapping of str to Value
+        By path.
+    file : str
+        Name of the campaign file, for messages.
+
+    Raises
+    ------
+    CampaignError
+        When a path does not lead to a key, or the key holds a table without a size.
+
+    Examples
+    --------
+    >>> override({"errors": {"altitude": {"sigma": "5 km"}}}, {"errors.altitude": "1 km"})
+    {'errors': {'altitude': {'sigma': '1 km'}}}
+    """
+    found = copy.deepcopy(dict(document))
+    for path, value in values.items():
+        names = path.split(".")
+        try:
+            if not all(name.strip() == name != "" for name in names):
+                raise _Mistake("expected the names of tables and a key with dots between, such as imu.gyro.bias")
+            _set(found, names, value, ())
+        except _Mistake as wrong:
+            raise CampaignError([Problem(file, path, str(wrong))]) from None
+    return found
+
+
+def vary(campaign: str | Path | Campaign | Mapping[str, Any], values: Mapping[str, Value]) -> Campaign:
+    """Read a campaign with some keys set to other values.
+
+    Parameters
+    ----------
+    campaign : str, Path, Campaign or mapping
+        Relative paths in it start from its own folder, those in a mapping from the current one. The file of a
+        `Campaign` is read again.
+    values : mapping of str to Value
+        By path.
+
+    Raises
+    ------
+    CampaignError
+        Lists every mistake that was found.
+    """
+    content, file, stem = document_of(campaign)
+    return parse_campaign(override(content, values, file), file, stem)
+
+
+class VariedCampaign:
+    """A campaign that is read with many values of some keys; its file is read once.
+
+    Raises `CampaignError` when it cannot be read as it is.
+
+    Parameters
+    ----------
+    campaign : str, Path, Campaign or mapping
+        See `vary`.
+
+    Attributes
+    ----------
+    campaign : Campaign
+        As it is.
+    """
+
+    def __init__(self, campaign: str | Path | Campaign | Mapping[str, Any]) -> None:
+        self._content, self._file, self._stem = document_of(campaign)
+        self.campaign = self.at({})
+
+    def at(self, values: Mapping[str, Value]) -> Campaign:
+        """Read it with some keys set to other values, by path; `CampaignError` as `vary`."""
+        return parse_campaign(override(self._content, values, self._file), self._file, self._stem)
+
+
+def document_of(campaign: str | Path | Campaign | Mapping[str, Any]) -> tuple[dict[str, Any], str, str]:
+    """Return the content of a campaign file, its path for messages and relative paths, and its stem.
+
+    Raises `CampaignError` when it cannot be read.
+    """
+    if isinstance(campaign, Mapping):
+        return load_mapping(campaign, UNNAMED), UNNAMED, UNNAMED
+    if isinstance(campaign, Campaign):
+        if campaign.file in ("", UNNAMED):
+            return load_mapping(campaign.resolved, UNNAMED), UNNAMED, campaign.name
+        campaign = campaign.file
+    path = Path(campaign)
+    return load_file(path), str(path), path.stem
+
+
+def _set(table: dict[str, Any], names: list[str], value: Value, above: tuple[str, ...]) -> None:
+    """Set a key in a table that itself is at ``above``."""
+    name, rest, here = names[0], names[1:], (*above, names[0])
+    if above[-1:] == ("imu",) and name in KINDS:
+        table[name] = _with_grade(table, name, above)
+    if not rest:
+        for key in _keys_of(table, name, above):
+            table[key] = _resized(table.get(key), value, key)
+        return
+    inside = table.get(name)
+    if inside is None and here == ("aiding",):
+        raise _Mistake("the campaign has no [[aiding]]")
+    if inside is None:
+        inside = table[name] = {}
+    if isinstance(inside, dict):
+        _set(inside, rest, value, here)
+    elif isinstance(inside, list) and any(isinstance(entry, dict) for entry in inside):
+        place = _place(inside, rest[0], here)
+        if len(rest) == 1:
+            raise _Mistake("expected a key of this entry as well")
+        _set(inside[place], rest[1:], value, (*here, rest[0]))
+    elif len(rest) == 1:
+        table[name] = _with_part(inside, rest[0], value)
+    else:
+        raise _Mistake(f"{'.'.join(here)} is no table")
+
+
+def _with_grade(imu: Mapping[str, Any], name: str, above: tuple[str, ...]) -> Any:
+    """Return ``[imu.gyro]`` or ``[imu.accelerometer]`` with the values of the catalogue spelled out below its own."""
+    grade, own = imu.get("grade"), imu.get(name, {})
+    known = catalogue()
+    if not isinstance(own, dict) or not isinstance(grade, str) or grade not in known:
+        return own
+    below = copy.deepcopy(known[grade].get(name, {}))
+    if "filter" in above:
+        below.pop(QUANTIZATION, None)  # filters neglect it, and refuse it where it is spelled out
+    return {**below, **own}
+
+
+def _keys_of(table: Mapping[str, Any], name: str, above: tuple[str, ...]) -> list[str]:
+    """Return the keys that a name stands for: of errors, it may be a group whose sources have entries of their own."""
+    if above[-1:] != ("errors",):
+        return [name]
+    single = [f"{name}_{axis}" for axes in ALL_AXES for axis in axes if f"{name}_{axis}" in table]
+    return [*([name] if name in table or not single else []), *single]
+
+
+def _place(entries: list[Any], name: str, above: tuple[str, ...]) -> int:
+    """Return the place of an entry in a list: by its number from one on, or by the name of a sensor."""
+    if name.isdecimal() and 1 <= int(name) <= len(entries):
+        return int(name) - 1
+    if above[-1:] == ("aiding",):
+        named = [str(each.get("name", str(each.get("type", "")).replace("-", "_"))) for each in entries]
+        if name in named:
+            return named.index(name)
+        raise _Mistake(f"no sensor of [[aiding]] is named {name!r}{suggestion(name, named)}")
+    raise _Mistake(f"got {name!r}; expected the number of an entry, from 1 to {len(entries)}")
+
+
+def _resized(present: object, value: Value, key: str) -> Value:
+    """Return what a key holds after its size is set."""
+    if isinstance(value, (dict, list)):
+        return value
+    if isinstance(present, dict):
+        if any(set(present) <= set(axes) for axes in ALL_AXES if present):
+            return dict.fromkeys(present, value)
+        size = _size_key(present)
+        return {**present, size: _resized(present.get(size), value, size)}
+    if isinstance(present, list):
+        if any(isinstance(entry, (dict, list)) for entry in present):
+            raise _Mistake(f"has several entries; expected the number of one, such as {key}.1")
+        return [value] * len(present)
+    return {"sigma": value} if present is None and key in PROCESSES else value
+
+
+def _size_key(table: Mapping[str, Any]) -> str:
+    """Return the key that gives a table its size."""
+    kind = str(table.get("distribution", ""))
+    sized = [name for name in SIZES if name in table]
+    if kind == TABLE:
+        raise _Mistake("has the values of a file, and no size to set")
+    if kind.startswith(SCIPY) and sized != ["scale"]:
+        raise _Mistake(f"is {kind!r} without a scale to set; name one of its keys")
+    if len(sized) != 1:
+        raise _Mistake(f"is a table; name one of its keys: {', '.join(table)}")
+    return sized[0]
+
+
+def _with_part(present: object, name: str, value: Value) -> Value:
+    """Return what a key without a table holds after one of its axes is set, or a key of the table it stands for."""
+    axes = next((axes for axes in ALL_AXES if name in axes), None)
+    if axes is None:
+        return {"sigma": present, name: value}  # a quantity alone is a sigma
+    if not isinstance(present, list):
+        return {axis: value if axis == name else present for axis in axes}
+    if len(present) != len(axes):
+        raise _Mistake(f"the list has {len(present)} entries; expected {len(axes)}, for {', '.join(axes)}")
+    return [value if axis == name else each for axis, each in zip(axes, present, strict=True)]

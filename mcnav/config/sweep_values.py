@@ -1,0 +1,129 @@
+"""Values of a key that a sweep varies: a range such as ``0.001..1 deg/h``, or a list such as ``1, 2, 5 deg/h``."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.analysis.sweep import Variable
+from mcnav.errors import CampaignError, Problem
+from mcnav.units import UnitError, conversion
+
+POINTS: Final = 20
+"""Values of a range."""
+
+MOST_POINTS: Final = 10_000
+"""Points of a grid."""
+
+DECADE: Final = 10.0
+"""Ratio of the ends from which the values of a range are evenly spaced by their logarithm."""
+
+NUMBER: Final = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_ITEM: Final = re.compile(rf"\s*({NUMBER})\s*(.*?)\s*", re.DOTALL)
+
+EXPECTED: Final = 'expected a range such as "0.001..1 deg/h", or a list such as "1, 2, 5 deg/h"'
+
+
+def read_variables(varied: Mapping[str, str | Sequence[object]], points: int = POINTS) -> tuple[Variable, ...]:
+    """Read the variables of a sweep: one or two.
+
+    Parameters
+    ----------
+    varied : mapping of str to str or sequence
+        Ranges and lists as written, by path; or sequences of quantities, or of numbers without a unit.
+    points : int
+        Values of each range.
+
+    Raises
+    ------
+    CampaignError
+        When there are none or more than two, one has no two different values, or the grid has too many points.
+
+    Examples
+    --------
+    >>> (bias,) = read_variables({"imu.gyro.bias": "0.01..1 deg/h"}, 3)
+    >>> bias.values, bias.unit, bias.log
+    (array([0.01, 0.1 , 1.  ]), 'deg/h', True)
+    """
+    if not 1 <= len(varied) <= 2:
+        raise CampaignError([Problem("--vary", "", f"got {len(varied)} keys; expected one or two")])
+    found = []
+    for path, written in varied.items():
+        text = written if isinstance(written, str) else ", ".join(map(str, written))
+        try:
+            found.append(_read_variable(path, text, points))
+        except UnitError as wrong:
+            raise CampaignError([Problem("--vary", path, str(wrong))]) from None
+    count = math.prod(len(each.values) for each in found)
+    if count > MOST_POINTS:
+        sizes = " x ".join(str(len(each.values)) for each in found)
+        message = f"got {sizes} points; at most {MOST_POINTS:,} in all, fewer --points make fewer"
+        raise CampaignError([Problem("--vary", "", message)])
+    return tuple(found)
+
+
+def split_varied(written: Sequence[str]) -> dict[str, str]:
+    """Split ``KEY=VALUES``; `CampaignError` when one has no key, or a key comes twice."""
+    found: dict[str, str] = {}
+    for each in written:
+        path, equals, values = each.partition("=")
+        if not equals or not path.strip():
+            message = f'got {each!r}; expected KEY=VALUES such as imu.gyro.bias="0.001..1 deg/h"'
+            raise CampaignError([Problem("--vary", "", message)])
+        if path.strip() in found:
+            raise CampaignError([Problem("--vary", path.strip(), "is given twice; keep one")])
+        found[path.strip()] = values
+    return found
+
+
+def _read_variable(path: str, text: str, points: int) -> Variable:
+    if ".." in text:
+        ends = text.split("..")
+        if len(ends) != 2:
+            raise UnitError(f"got {text!r}; {EXPECTED}")
+        given, unit = _read_items(ends, text)
+        low, high = float(given[0]), float(given[1])
+        if not low < high:
+            raise UnitError(f"got {text!r}, which is empty; expected a range from a smaller value to a larger one")
+        log = low > 0.0 and high / low >= DECADE * (1.0 - 1e-12)
+        values = np.geomspace(low, high, points) if log else np.linspace(low, high, points)
+        rounded = np.array([float(f"{value:.12g}") for value in values])
+        rounded[[0, -1]] = low, high
+        return Variable(path, rounded, unit, log)
+    given, unit = _read_items(text.split(","), text)
+    values = np.unique(given)
+    if len(values) < 2:
+        raise UnitError(f"got {text!r}; expected at least two different values")
+    if len(values) < len(given):
+        raise UnitError(f"got {text!r}; a value is there twice")
+    log = bool(values[0] > 0.0 and values[-1] / values[0] >= DECADE * (1.0 - 1e-12))
+    return Variable(path, values, unit, log)
+
+
+def _read_items(items: Sequence[str], text: str) -> tuple[Array, str]:
+    """Read numbers with their units into the last one's unit, which those without one have."""
+    matches = [_ITEM.fullmatch(each) for each in items]
+    if not all(matches):
+        raise UnitError(f"got {text!r}; {EXPECTED}")
+    numbers = [(float(each[1]), each[2]) for each in matches if each is not None]
+    unit = numbers[-1][1]
+    values = []
+    for number, own in numbers:
+        if not own or own == unit:
+            values.append(number)
+            continue
+        try:
+            values.append(number * conversion(own, unit or "1"))
+        except UnitError:
+            raise
+        except Exception:  # pint raises many types where dimensions differ
+            raise UnitError(f"got {text!r}, whose units are not of one dimension") from None
+    found = np.array(values)
+    if not np.isfinite(found).all():
+        raise UnitError(f"got {text!r}; expected finite values")
+    return found, unit

@@ -1,0 +1,342 @@
+"""New campaigns of inertial navigation: any unit of the catalogue, any sensors, a trajectory of the user's or none."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcnav._types import Array
+from mcnav.config.aiding import MOST_SPEED
+from mcnav.config.context import FileContext
+from mcnav.config.files import is_inside
+from mcnav.config.imu import ALLAN_MINIMUM
+from mcnav.config.imu_catalogue import INSTABILITY, CatalogueUnit, catalogue_units
+from mcnav.config.json_schema.instruments import MEANINGS
+from mcnav.config.read import parse_campaign
+from mcnav.config.sensors import SENSOR_TYPES
+from mcnav.config.templates import fill_in, place_of, write_new
+from mcnav.config.trajectories import read_trajectory
+from mcnav.config.trajectory_file import read_trajectory_file
+from mcnav.constants import STANDARD_GRAVITY
+from mcnav.errors import CampaignError, Problem, suggestion
+from mcnav.physics.ins.earth import WGS84
+from mcnav.physics.ins.rows import TrajectoryError, TrajectoryRows
+from mcnav.units import quantity
+
+Platform = Literal["strapdown", "inertial", "level"]
+
+COMMENT: Final = 36
+"""Column of the comments."""
+
+INTERVALS: Final[Mapping[str, float]] = {
+    "gnss": 1.0,
+    "altimeter": 10.0,
+    "star-tracker": 60.0,
+    "position-fix": 120.0,
+    "velocity": 2.0,
+    "heading": 10.0,
+}
+"""Intervals between measurements, s; longer ones in flights of more than `MOST_UPDATES` of them."""
+
+MOST_UPDATES: Final = 3_600
+
+ROUND: Final = (
+    1.0,
+    2.0,
+    5.0,
+    10.0,
+    15.0,
+    20.0,
+    30.0,
+    60.0,
+    80.0,
+    120.0,
+    150.0,
+    200.0,
+    300.0,
+    600.0,
+    1200.0,
+    1800.0,
+    3600.0,
+)
+"""Intervals and instants to choose from, s."""
+
+ESTIMATED: Final[Mapping[str, tuple[str, ...]]] = {
+    "altimeter": ("altimeter_bias",),
+    "star-tracker": ("star_tracker_bias",),
+    "velocity": ("velocity_scale_factor",),
+    "heading": ("heading_bias",),
+}
+"""Constant errors that a sensor has as it is written, which the filter estimates."""
+
+BOUNDING: Final = ("gnss", "star-tracker", "zero-velocity", "velocity")
+"""Sensors by which a filter keeps the attitude, whatever the gyros' bias."""
+
+LARGEST_TURN: Final = 0.3
+"""Error of the attitude due to the gyros' bias, rad, at which navigation without such sensors ends."""
+
+CONSIDERED: Final = ("scale_factor", "misalignment", "g_sensitivity", "nonlinearity")
+"""Errors of the instruments besides their biases: the filter has their covariance, and does not estimate them."""
+
+EARTH_RATE: Final = 7.292115e-5
+"""rad/s."""
+
+TILTS: Final = (0.03, 10.0)
+HEADINGS: Final = (0.3, 10.0)
+"""Smallest and largest initial errors of attitude, mrad."""
+
+
+@dataclass(frozen=True)
+class Flight:
+    """What a campaign must know of its trajectory.
+
+    Attributes
+    ----------
+    rows : TrajectoryRows
+    text : str
+        Entry of the campaign file.
+    longest : float
+        Longest navigation along it, s.
+    """
+
+    rows: TrajectoryRows
+    text: str
+    longest: float = np.inf
+
+    @property
+    def first(self) -> float:
+        """First time, s."""
+        return float(self.rows.time[0])
+
+    @property
+    def last(self) -> float:
+        """End of navigation, s."""
+        return min(float(self.rows.time[-1]), self.first + self.longest)
+
+    def resting(self) -> Array:
+        """Return up to three instants at which the vehicle is at rest, whole seconds where possible, s."""
+        truth, times = self.rows.truth(WGS84), self.rows.time[1:]
+        times = times[times <= self.last]
+
+        def at_rest(times: Array) -> NDArray[np.bool_]:
+            return np.asarray(np.linalg.norm(truth.earth_fixed(times)[1], axis=1) <= MOST_SPEED)
+
+        times = times[at_rest(times)]
+        times = times[np.unique(np.linspace(0, len(times), 5).astype(int))[1:-1]] if len(times) > 4 else times[:3]
+        whole = np.maximum(np.floor(times), self.first)
+        return np.unique(np.where((whole > self.first) & at_rest(whole), whole, times))
+
+    def at(self, share: float) -> float:
+        """Return a round time after a share of the flight, s."""
+        duration = self.last - self.first
+        step = _below(duration / 8.0)
+        return float(self.first + step * np.floor(share * duration / step))
+
+
+@dataclass(frozen=True)
+class NewIns:
+    """A campaign to write.
+
+    Attributes
+    ----------
+    imu : str
+        Grade or unit of the catalogue.
+    aids : sequence of str
+        Types of sensors.
+    trajectory : Path, optional
+        Trajectory file; a flight of segments without.
+    columns : mapping of str to str
+        Names of its columns; see `read_trajectory_file`.
+    """
+
+    imu: str
+    aids: Sequence[str] = ()
+    platform: Platform = "strapdown"
+    trajectory: Path | None = None
+    columns: Mapping[str, str] = field(default_factory=dict)
+
+
+def new_ins(name: str, folder: Path, wanted: NewIns) -> list[Path]:
+    """Write a campaign of inertial navigation that runs as it stands; return the path written, in a list.
+
+    Raises `CampaignError` when the name, the unit, the trajectory or a sensor cannot be used, or the file exists.
+    """
+    folder, stem = place_of(name, folder)
+    path = folder / f"{stem}.toml"
+    unit = _find_unit(wanted.imu)
+    if unknown := [aid for aid in wanted.aids if aid not in SENSOR_TYPES]:
+        raise _mistake("--aid", f"no type of sensor {unknown[0]!r}{suggestion(unknown[0], list(SENSOR_TYPES))}")
+    if twice := next((aid for aid in wanted.aids if wanted.aids.count(aid) > 1), None):
+        raise _mistake("--aid", f"got {twice} twice; write a second [[aiding]] table with a name of its own")
+    flight = _segments(str(path)) if wanted.trajectory is None else _file(wanted.trajectory, wanted.columns, folder)
+    text = _campaign(stem, unit, wanted, flight)
+    parse_campaign(tomllib.loads(text), str(path), stem)
+    return write_new(folder, {path.name: text})
+
+
+def _below(seconds: float) -> float:
+    """Return the largest round time that is not longer than another, s."""
+    return max((each for each in ROUND if each <= seconds), default=seconds)
+
+
+def _mistake(place: str, message: str) -> CampaignError:
+    return CampaignError([Problem(place, "", message)])
+
+
+def _find_unit(name: str) -> CatalogueUnit:
+    units = {unit.name: unit for unit in catalogue_units()}
+    if name not in units:
+        raise _mistake("--imu", f"no grade or unit {name!r}{suggestion(name, list(units))}")
+    return units[name]
+
+
+def _segments(name: str) -> Flight:
+    """Return the flight of the template."""
+    text = fill_in("segments.toml", {})
+    context = FileContext(name, Path())
+    built = read_trajectory(tomllib.loads(text)["scenario"]["trajectory"], WGS84, context)
+    if built is None:
+        raise context.error()
+    return Flight(built.rows, text)
+
+
+def _file(path: Path, columns: Mapping[str, str], folder: Path) -> Flight:
+    """Read a trajectory file, which must lie in the folder of the campaign or below it."""
+    try:
+        rows = read_trajectory_file(path, columns)
+    except TrajectoryError as wrong:
+        raise _mistake(str(path), str(wrong)) from None
+    within = path.resolve().is_relative_to(folder.resolve())
+    written = path.resolve().relative_to(folder.resolve()).as_posix() if within else ""
+    if not within or not is_inside(written):
+        remedy = f"write the campaign there with --in {path.parent}"
+        raise _mistake(str(path), f"must lie in the folder of the campaign, {folder}, or below it; {remedy}")
+    first, last = float(rows.time[0]), float(rows.time[-1])
+    named = ", ".join(f"{name} = {_quoted(column)}" for name, column in columns.items())
+    text = f"trajectory = {_quoted(written)}  # {len(rows.time):,} rows, from {_time(first)} to {_time(last)}\n"
+    text += f"columns = {{ {named} }}  # names of the file's columns\n" if columns else ""
+    return Flight(rows, text)
+
+
+def _campaign(stem: str, unit: CatalogueUnit, wanted: NewIns, flight: Flight) -> str:
+    """Fill in the templates of the campaign, its sensors and its filter."""
+    tilt = _size(unit, "accelerometer", "m/s^2") / STANDARD_GRAVITY * 1e3
+    drift = _size(unit, "gyro", "rad/s")
+    heading, whole = drift / EARTH_RATE * 1e3, flight.last
+    if drift * (flight.last - flight.first) > 2.0 * LARGEST_TURN and not set(wanted.aids) & set(BOUNDING):
+        flight = replace(flight, longest=_below(LARGEST_TURN / drift))
+    end = f'# end = "{_time(np.floor(whole * 1e3) / 1e3)}"  # of navigation, s'
+    if flight.last < whole:
+        end = f'end = "{_time(flight.last)}"  # of navigation, s: the gyros turn by {LARGEST_TURN} rad'
+    times = {"FIRST": _time(np.ceil(flight.first * 1e3) / 1e3), "END": end}
+    times |= {"MIDDLE": _time(flight.at(0.4)), "LATER": _time(flight.at(0.6))}
+    text = fill_in(
+        "ins.toml",
+        {
+            "NAME": stem,
+            "SAMPLES": "200" if wanted.aids else "2_000",
+            "TOLERANCE": "20 %" if wanted.aids else "5 %",
+            "PLATFORM": wanted.platform,
+            "TRAJECTORY": flight.text,
+            "GRADE": unit.name,
+            "TITLE": unit.title[0].lower() + unit.title[1:] if unit.title.startswith("Grade") else unit.title,
+            "GYRO": _values(unit, "gyro"),
+            "ACCELEROMETER": _values(unit, "accelerometer"),
+            "TILT": _angle(tilt, TILTS),
+            "HEADING": _angle(heading, HEADINGS),
+            **times,
+        },
+    )
+    for aid in wanted.aids:
+        text += fill_in(f"aid_{aid}.toml", {**_instants(aid, flight), **times})
+    if wanted.aids:
+        text += fill_in("filter.toml", _states(unit, wanted.aids))
+    return _aligned(text + fill_in("requirement.toml", times))
+
+
+def _time(seconds: float) -> str:
+    return f"{seconds:.10g} s"
+
+
+def _angle(size: float, limits: tuple[float, float]) -> str:
+    return f"{float(f'{np.clip(size, *limits):.1g}'):g} mrad"
+
+
+def _size(unit: CatalogueUnit, instrument: str, si: str) -> float:
+    """Return the size of an instrument's bias, SI: the constant one, or the bias instability of a unit without."""
+    table = unit.table[instrument]
+    if "bias" in table:
+        return quantity(table["bias"], si)
+    process = table.get(INSTABILITY, {})
+    if "sigma" in process:
+        return quantity(process["sigma"], si)
+    return quantity(process["allan_minimum"], si) / ALLAN_MINIMUM if process else 0.0
+
+
+def _values(unit: CatalogueUnit, instrument: str) -> str:
+    """Write the values of an instrument as comments, each with its meaning and SI unit."""
+    lines = []
+    for key, entry in unit.table[instrument].items():
+        units = {value.key: value.unit for value in unit.values if value.instrument == instrument}
+        if isinstance(entry, dict):
+            written = "{ " + ", ".join(f'{name} = "{text}"' for name, text in entry.items()) + " }"
+            si = " and ".join(dict.fromkeys(units[f"{key}.{name}"] for name in entry))
+        else:
+            written, si = f'"{entry}"', units[key]
+        meaning = MEANINGS[key].partition(":")[0].rstrip(".")
+        told = meaning[0].lower() + meaning[1:] + ("" if si == "1" else f", {si}")
+        lines.append(f"# {key} = {written}  # {told}\n")
+    return "".join(lines)
+
+
+def _instants(aid: str, flight: Flight) -> dict[str, str]:
+    """Return when a sensor measures: at an interval, or at rest."""
+    duration = flight.last - flight.first
+    if aid in INTERVALS:
+        least = max(min(INTERVALS[aid], duration / 4.0), duration / MOST_UPDATES)
+        return {"INTERVAL": _time(next((each for each in ROUND if least <= each <= duration / 4.0), least))}
+    chosen = flight.resting()
+    if not len(chosen):
+        raise _mistake("--aid", "zero-velocity needs a vehicle at rest, and this one always moves; leave it out")
+    return {"INSTANTS": ", ".join(f'"{_time(time)}"' for time in chosen.tolist())}
+
+
+def _states(unit: CatalogueUnit, aids: Sequence[str]) -> dict[str, str]:
+    """Return what the filter estimates, and what it considers."""
+    tables = unit.table
+    biases = [f"{each}_bias" for each in tables if tables[each].keys() & {"bias", INSTABILITY}]
+    rows = [["position", "velocity", "attitude"], biases, [name for aid in aids for name in ESTIMATED.get(aid, ())]]
+    considered = [f"{each}_{kind}" for each in tables for kind in CONSIDERED if kind in tables[each]]
+    return {
+        "ESTIMATES": "\n".join(f"    {_listed(row)}," for row in rows if row),
+        "CONSIDERS": "".join(f"    {_listed([name])},\n" for name in considered),
+    }
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(f'"{name}"' for name in names)
+
+
+def _quoted(text: str) -> str:
+    """Write a text as TOML does."""
+    import tomli_w
+
+    return tomli_w.dumps({"text": text}).partition(" = ")[2].strip()
+
+
+def _aligned(text: str) -> str:
+    """Align the comments behind values.
+
+    >>> _aligned("a = 1  # first")
+    'a = 1                               # first'
+    """
+    lines = (line.partition("  # ") for line in text.split("\n"))
+    return "\n".join(
+        f"{value:{COMMENT - 2}}  # {comment}" if mark else value for value, mark, comment in lines
+    )  # fmt: skip

@@ -1,0 +1,51 @@
+"""Check of a user's own scenario before its linear model is used: its code runs where it cannot end the program."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.execution.chunks import DrawPlan
+from mcnav.execution.processes import IsolatedEngine
+from mcnav.scenarios.noise_soundness import find_unsettled_noise
+from mcnav.scenarios.protocol import Engine, Scenario
+from mcnav.scenarios.soundness import Unsettled, find_unsettled
+from mcnav.scenarios.stochastic_user import StochasticUserScenario
+from mcnav.scenarios.user import UserScenario
+
+
+def exact_engine(scenario: Scenario, probes: Array, timeout: float | None) -> Engine:
+    """Prepare the scenario's first engine, isolated where that is needed."""
+    return isolated(scenario, scenario.engine(scenario.engines[0], probes), timeout)
+
+
+def isolated(scenario: Scenario, engine: Engine, timeout: float | None) -> Engine:
+    """Run a user's code in a process of its own where it may end the process."""
+    at_risk = isinstance(scenario, UserScenario) and (engine.parallel == "processes" or timeout is not None)
+    return IsolatedEngine(engine, len(scenario.outputs), timeout) if at_risk else engine
+
+
+def find_doubt(scenario: Scenario, draws: DrawPlan, tolerance: float, timeout: float | None) -> Unsettled | None:
+    """Find out why a user's own scenario has no linear model; none where it has one, and for other scenarios.
+
+    Parameters
+    ----------
+    tolerance : float
+        Relative difference between linear analysis and Monte Carlo that the campaign tolerates.
+    timeout : float or None
+        Time limit of one sample, s.
+
+    Raises
+    ------
+    ScenarioError
+        When the scenario is not a function of the errors.
+    """
+    if not isinstance(scenario, UserScenario):
+        return None
+    errors = draws.errors
+    engine = exact_engine(scenario, draws.probes(), timeout)
+    varied = np.asarray((errors.standard_deviations > 0.0) | (errors.mean != 0.0))
+    doubt = find_unsettled(scenario, engine, varied, tolerance)
+    if doubt is None and isinstance(scenario, StochasticUserScenario) and isinstance(engine, IsolatedEngine):
+        doubt = find_unsettled_noise(scenario, engine, varied, tolerance)
+    return doubt

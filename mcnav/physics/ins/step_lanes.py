@@ -1,0 +1,350 @@
+"""One step of LANES samples: the linear response to the errors of their instruments, and the nonlinear deviation.
+
+A sample is the rotation from true to indicated axes, a linear deviation, and what velocity and position have beyond it
+(`mcnav.physics.ins.ensemble` has the equations). Vectors of lanes are handled in threes, as those of space are.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+from mcnav._types import Array
+from mcnav.physics.ins.earth import gravitation
+from mcnav.physics.jit import allocation_free, allocation_free_uncontracted, inlined
+from mcnav.physics.vectors import Vector, load, room, store, where
+
+LARGEST_TURN: Final = 0.5
+"""Largest rotation by the gyros' errors within a step, rad: beyond it a sample leaves the engine's validity."""
+
+SMALLEST_RADIUS: Final = 0.5
+"""Smallest distance from the earth's centre, as a share of the earth's radius."""
+
+
+class StepTables(NamedTuple):
+    """What samples share over K steps, as `mcnav.physics.ins.ensemble.EnsembleTables` has it.
+
+    Attributes
+    ----------
+    inputs : ndarray, shape (K, p, 9)
+        Of the constant errors that are not zero, those of the gyros first.
+    gyros : int
+        Number of these.
+    """
+
+    constants: Array
+    durations: Array
+    motion: Array
+    force: Array
+    thrust: Array
+    inputs: Array
+    gyros: int
+    biases: Array
+    decays: Array
+    factors: Array
+    places: Array
+    fields: Array
+    gradients: Array
+
+
+class Deviations(NamedTuple):
+    """Samples at the beginning of a step, and what it takes to its end; rows of lanes.
+
+    Attributes
+    ----------
+    turn : ndarray, shape (4, LANES)
+        Quaternion from true to indicated axes.
+    linear : ndarray, shape (9, LANES)
+        Linear deviation of attitude, velocity and position.
+    beyond : ndarray, shape (6, LANES)
+        What velocity and position have beyond it.
+    here, pull : ndarray, shape (3, LANES)
+        Deviation of the position, and the change of gravitation by it beyond the linear one.
+    errors, bias : ndarray, shapes (p, LANES), (b, LANES)
+        Constant errors of the instruments, and biases of processes.
+    response : ndarray, shape (9, LANES)
+        Linear response of attitude, velocity and position to the errors of the instruments in the step.
+    turned : ndarray, shape (9, LANES)
+        R - I at the beginning of the step.
+    sound : ndarray, shape (1, LANES)
+        1 as long as a sample stays where the scheme holds, then 0.
+    moved, moved_linear : ndarray, shape (6, LANES)
+        Velocity and position at the end of a step without the remainder of gravity, beyond the linear ones and linear.
+    there, middle, last : ndarray, shape (3, LANES)
+        Position at the end of a step, and remainders of gravity in its middle and at its end.
+    """
+
+    turn: Array
+    linear: Array
+    beyond: Array
+    here: Array
+    pull: Array
+    errors: Array
+    bias: Array
+    response: Array
+    turned: Array
+    sound: Array
+    moved: Array
+    moved_linear: Array
+    there: Array
+    middle: Array
+    last: Array
+
+
+def deviations_of(errors: int, biases: int) -> Deviations:
+    """Return room for samples with a number of constant errors and of biases of processes."""
+    return Deviations(
+        room(4), room(9), room(6), room(3), room(3), room(errors), room(biases), room(9), room(9), room(1), room(6),
+        room(6), room(3), room(3), room(3),
+    )  # fmt: skip
+
+
+@allocation_free_uncontracted
+def change_gravitation(constants: Array, place: Array, field: Array, gradient: Array, x: Array, out: Array) -> None:
+    """Compute the change of gravitation by deviations, shape (3, LANES), beyond its linear part.
+
+    Without deviations it is exactly zero: not contracted, as the field of the truth.
+    """
+    a, b, c = load(x, 0), load(x, 1), load(x, 2)
+    gx, gy, gz = gravitation(constants, place[0] + a, place[1] + b, place[2] + c)
+    store(out, 0, (gx - field[0]) - (gradient[0, 0] * a + gradient[0, 1] * b + gradient[0, 2] * c))
+    store(out, 1, (gy - field[1]) - (gradient[1, 0] * a + gradient[1, 1] * b + gradient[1, 2] * c))
+    store(out, 2, (gz - field[2]) - (gradient[2, 0] * a + gradient[2, 1] * b + gradient[2, 2] * c))
+
+
+@allocation_free
+def place(i: int, errors: Array, linear: Array, state: Array, samples: Deviations) -> None:
+    """Put a sample at its start into lane i.
+
+    Parameters
+    ----------
+    errors : ndarray, shape (p,)
+    linear, state : ndarray, shapes (9,), (10,)
+        Linear deviation; quaternion, and deviations of velocity and position.
+    """
+    samples.sound[0, i] = 1.0
+    for q in range(len(errors)):
+        samples.errors[q, i] = errors[q]
+    for r in range(4):
+        samples.turn[r, i] = state[r]
+    for r in range(9):
+        samples.linear[r, i] = linear[r]
+    for r in range(6):
+        samples.beyond[r, i] = state[4 + r] - linear[3 + r]
+
+
+@allocation_free
+def start(k: int, tables: StepTables, samples: Deviations) -> None:
+    """Compute the deviations of the position, and the remainder of gravitation, at the beginning of step k."""
+    for r in range(3):
+        store(samples.here, r, load(samples.linear, 6 + r) + load(samples.beyond, 3 + r))
+    change_gravitation(
+        tables.constants, tables.places[2 * k], tables.fields[2 * k], tables.gradients[2 * k], samples.here,
+        samples.pull,
+    )  # fmt: skip
+
+
+@allocation_free
+def respond_to_errors(k: int, tables: StepTables, samples: Deviations) -> None:
+    """Compute the linear response in step k to constant errors and biases of processes, and decay the biases."""
+    errors, bias, inputs, biases = samples.errors, samples.bias, tables.inputs, tables.biases
+    for r in range(0, 9, 3):
+        # an accelerometer turns nothing
+        count = tables.gyros if r == 0 else len(errors)
+        x = y = z = 0.0
+        for q in range(count):
+            error = load(errors, q)
+            x += inputs[k, q, r] * error
+            y += inputs[k, q, r + 1] * error
+            z += inputs[k, q, r + 2] * error
+        for q in range(len(bias)):
+            error = load(bias, q)
+            x += biases[k, q, r] * error
+            y += biases[k, q, r + 1] * error
+            z += biases[k, q, r + 2] * error
+        store(samples.response, r, x)
+        store(samples.response, r + 1, y)
+        store(samples.response, r + 2, z)
+    for q in range(len(bias)):
+        store(bias, q, tables.decays[k, q] * load(bias, q))
+
+
+@allocation_free
+def add_noise(k: int, factors: Array, normals: Array, first: int, samples: Deviations) -> None:
+    """Add what processes add in step k to the response and the biases: factors times normal variates.
+
+    Parameters
+    ----------
+    first : int
+        Row of the step's first variate.
+    """
+    for r in range(0, 9, 3):
+        x, y, z = load(samples.response, r), load(samples.response, r + 1), load(samples.response, r + 2)
+        for c in range(r + 3):
+            normal = load(normals, first + c)
+            x += factors[k, r, c] * normal
+            y += factors[k, r + 1, c] * normal
+            z += factors[k, r + 2, c] * normal
+        store(samples.response, r, x)
+        store(samples.response, r + 1, y)
+        store(samples.response, r + 2, z)
+    for q in range(len(samples.bias)):
+        x = load(samples.bias, q)
+        for c in range(10 + q):
+            x += factors[k, 9 + q, c] * load(normals, first + c)
+        store(samples.bias, q, x)
+
+
+@allocation_free
+def add_given(added: Array, i: int, samples: Deviations) -> None:
+    """Add what processes add in a step to the response and the biases of lane i: shape (9 + b,)."""
+    for r in range(9):
+        samples.response[r, i] += added[r]
+    for q in range(len(samples.bias)):
+        samples.bias[q, i] += added[9 + q]
+
+
+@allocation_free
+def turn_less_one(turn: Array, out: Array) -> None:
+    """Compute R - I of rotations, shape (9, LANES)."""
+    a, b, c, e = load(turn, 0), load(turn, 1), load(turn, 2), load(turn, 3)
+    store(out, 0, -2.0 * (c * c + e * e))
+    store(out, 1, 2.0 * (b * c - a * e))
+    store(out, 2, 2.0 * (b * e + a * c))
+    store(out, 3, 2.0 * (b * c + a * e))
+    store(out, 4, -2.0 * (b * b + e * e))
+    store(out, 5, 2.0 * (c * e - a * b))
+    store(out, 6, 2.0 * (b * e - a * c))
+    store(out, 7, 2.0 * (c * e + a * b))
+    store(out, 8, -2.0 * (b * b + c * c))
+
+
+@inlined
+def multiply_turns(turn: Array, w: Vector, x: Vector, y: Vector, z: Vector) -> None:
+    """Multiply rotations by further ones from the right."""
+    a, b, c, e = load(turn, 0), load(turn, 1), load(turn, 2), load(turn, 3)
+    store(turn, 0, a * w - (b * x + c * y + e * z))
+    store(turn, 1, b * w + (a * x + c * z - e * y))
+    store(turn, 2, c * w + (a * y + e * x - b * z))
+    store(turn, 3, e * w + (a * z + b * y - c * x))
+
+
+@inlined
+def products_within(
+    turned: Array,
+    thrust: Array,
+    half: int,
+    k: int,
+    ax: Vector,
+    ay: Vector,
+    az: Vector,
+    lx: Vector,
+    ly: Vector,
+    lz: Vector,
+) -> tuple[Vector, Vector, Vector]:
+    """Compute the products of errors within a step, of which the rotation (ax, ay, az) grows evenly.
+
+    Parameters
+    ----------
+    half : int
+        0 for the velocity, 1 for the position.
+    lx, ly, lz : vectors
+        The linear response.
+    """
+    of_force, of_input, share = (1.0 / 6.0, 0.5, 0.5) if half == 0 else (1.0 / 12.0, 1.0 / 3.0, 1.0 / 3.0)
+    fx, fy, fz = thrust[k, 3 * half], thrust[k, 3 * half + 1], thrust[k, 3 * half + 2]
+    tx, ty, tz = ay * fz - az * fy, az * fx - ax * fz, ax * fy - ay * fx
+    # of the step's linear response, what is not turned force; the force turns by a half on average
+    ux, uy, uz = lx - share * tx, ly - share * ty, lz - share * tz
+    px = of_force * (ay * tz - az * ty) + of_input * (ay * uz - az * uy)
+    py = of_force * (az * tx - ax * tz) + of_input * (az * ux - ax * uz)
+    pz = of_force * (ax * ty - ay * tx) + of_input * (ax * uy - ay * ux)
+    qx, qy, qz = px + lx, py + ly, pz + lz
+    return (
+        px + (load(turned, 0) * qx + load(turned, 1) * qy + load(turned, 2) * qz),
+        py + (load(turned, 3) * qx + load(turned, 4) * qy + load(turned, 5) * qz),
+        pz + (load(turned, 6) * qx + load(turned, 7) * qy + load(turned, 8) * qz),
+    )
+
+
+@allocation_free
+def advance(k: int, tables: StepTables, samples: Deviations) -> None:
+    """Take samples over step k, with their response to the errors of the instruments in it."""
+    constants, motion, force, turned = tables.constants, tables.motion, tables.force, samples.turned
+    response, here, h = samples.response, samples.here, tables.durations[k]
+    moved, linear, there, middle, last = (
+        samples.moved,
+        samples.moved_linear,
+        samples.there,
+        samples.middle,
+        samples.last,
+    )
+    turn_less_one(samples.turn, turned)
+    # R - I without its linear part
+    a, b, c = load(samples.linear, 0), load(samples.linear, 1), load(samples.linear, 2)
+    b01, b02, b12 = load(turned, 1) + c, load(turned, 2) - b, load(turned, 5) + a
+    b10, b20, b21 = load(turned, 3) - c, load(turned, 6) + b, load(turned, 7) - a
+    b00, b11, b22 = load(turned, 0), load(turned, 4), load(turned, 8)
+    ax, ay, az = load(response, 0), load(response, 1), load(response, 2)
+    vx, vy, vz = load(samples.linear, 3), load(samples.linear, 4), load(samples.linear, 5)
+    x, y, z = load(samples.linear, 6), load(samples.linear, 7), load(samples.linear, 8)
+    dvx, dvy, dvz = load(samples.beyond, 0), load(samples.beyond, 1), load(samples.beyond, 2)
+    dx, dy, dz = load(samples.beyond, 3), load(samples.beyond, 4), load(samples.beyond, 5)
+    for half in range(2):
+        lx, ly, lz = load(response, 3 + 3 * half), load(response, 4 + 3 * half), load(response, 5 + 3 * half)
+        px, py, pz = products_within(turned, tables.thrust, half, k, ax, ay, az, lx, ly, lz)
+        store(moved, 3 * half, px)
+        store(moved, 3 * half + 1, py)
+        store(moved, 3 * half + 2, pz)
+    for r in range(6):
+        extra = load(moved, r)
+        extra += force[k, r, 0] * b00 + force[k, r, 1] * b01 + force[k, r, 2] * b02
+        extra += force[k, r, 3] * b10 + force[k, r, 4] * b11 + force[k, r, 5] * b12
+        extra += force[k, r, 6] * b20 + force[k, r, 7] * b21 + force[k, r, 8] * b22
+        extra += motion[k, r, 3] * dvx + motion[k, r, 4] * dvy + motion[k, r, 5] * dvz
+        extra += motion[k, r, 6] * dx + motion[k, r, 7] * dy + motion[k, r, 8] * dz
+        store(moved, r, extra)
+        along = load(response, 3 + r) + (motion[k, r, 0] * a + motion[k, r, 1] * b + motion[k, r, 2] * c)
+        along += motion[k, r, 3] * vx + motion[k, r, 4] * vy + motion[k, r, 5] * vz
+        along += motion[k, r, 6] * x + motion[k, r, 7] * y + motion[k, r, 8] * z
+        store(linear, r, along)
+    first = samples.pull
+    for r in range(3):
+        store(samples.linear, r, load(samples.linear, r) + load(response, r))
+        f = load(first, r)
+        end = load(linear, 3 + r) + load(moved, 3 + r) + (0.5 * h * h) * f
+        change = (load(samples.linear, 3 + r) + load(samples.beyond, r)) - (load(linear, r) + load(moved, r) + h * f)
+        store(there, r, end)
+        store(here, r, 0.5 * (load(here, r) + end) + 0.125 * h * change)
+    change_gravitation(
+        constants, tables.places[2 * k + 1], tables.fields[2 * k + 1], tables.gradients[2 * k + 1], here, middle
+    )  # fmt: skip
+    change_gravitation(
+        constants, tables.places[2 * k + 2], tables.fields[2 * k + 2], tables.gradients[2 * k + 2], there, last
+    )  # fmt: skip
+    # Simpson's rule for the remainder, and for what its velocity and position change in gravity
+    for r in range(3):
+        pushed = pulled = 0.0
+        for c in range(3):
+            gradient = tables.gradients[2 * k + 1, r, c]
+            pushed += gradient * (load(first, c) + load(middle, c))
+            pulled += gradient * (2.0 * load(first, c) + load(middle, c))
+        f, m = load(first, r), load(middle, r)
+        velocity = load(moved, r) + h * ((1.0 / 6.0) * (f + 4.0 * m + load(last, r)) + (h * h / 12.0) * pushed)
+        position = load(moved, 3 + r) + h * h * ((1.0 / 6.0) * (f + 2.0 * m) + (h * h / 72.0) * pulled)
+        store(samples.beyond, r, velocity)
+        store(samples.beyond, 3 + r, position)
+        store(samples.linear, 3 + r, load(linear, r))
+        store(samples.linear, 6 + r, load(linear, 3 + r))
+        store(here, r, load(linear, 3 + r) + position)
+    for r in range(3):
+        store(first, r, load(last, r))
+    square = ax * ax + ay * ay + az * az
+    t = 0.25 * square
+    cosine = 1.0 - t * (1 / 2 - t * (1 / 24 - t * (1 / 720 - t * (1 / 40320 - t * (1 / 3628800)))))
+    sine = 0.5 * (1.0 - t * (1 / 6 - t * (1 / 120 - t * (1 / 5040 - t * (1 / 362880 - t * (1 / 39916800))))))
+    multiply_turns(samples.turn, cosine, sine * ax, sine * ay, sine * az)
+    x, y = tables.places[2 * k + 2, 0] + load(here, 0), tables.places[2 * k + 2, 1] + load(here, 1)
+    z = tables.places[2 * k + 2, 2] + load(here, 2)
+    floor = (SMALLEST_RADIUS * constants[0]) ** 2
+    good = (square < LARGEST_TURN * LARGEST_TURN) & (x * x + y * y + z * z > floor)
+    store(samples.sound, 0, where(good, load(samples.sound, 0), 0.0))

@@ -1,0 +1,228 @@
+"""Figures of a linear covariance: sigmas and requirements over time, error budget, correlations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import product
+from typing import Final
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement, sizes_over_time
+from mcnav.analysis.linear_covariance import LinearCovariance
+from mcnav.lincov.covariance import propagated_variances
+from mcnav.report.figures.figure import HALF, Figure, side_by_side
+from mcnav.report.figures.marks import Axis, Cells, Line, Mark, Panel, Points, Rule, Series, Span, axis
+from mcnav.report.figures.matrices import DEEPEST, NEGATIVE, NIL, POSITIVE
+from mcnav.report.figures.outages import OPACITY, SHADED, shading_key
+from mcnav.report.figures.palette import FILTER, FLOWN, INK, LINEAR
+from mcnav.report.figures.sources import Contributor, groups, ranked, stacked
+from mcnav.report.format import fixed
+from mcnav.report.model import humanize, labels_of, scale_of
+
+Outages = Mapping[str, Sequence[tuple[float, float]]]
+"""Begin and end of the outages of each sensor, in the unit of the history's times."""
+
+TRUE: Final = Series("linear", "linear, 1σ", LINEAR)
+STATED: Final = Series("filter", "filter's own, 1σ", FILTER, "dashed")
+LIMIT: Final = Series("limit", "limit", FLOWN, "dashed")
+SIZE: Final = Series("size", "linear", LINEAR)
+COUNTED: Final = Series("counted", "epochs that count", INK, "dot")
+
+
+def cause_labels(found: LinearAnswer) -> list[str]:
+    """Return the names of the sources and processes for people."""
+    return [*labels_of(found.sources, found.outputs), *map(humanize, found.model.processes)]
+
+
+def _shading(outages: Outages, label: str) -> list[Span]:
+    unit = label.partition("[")[2].removesuffix("]")
+    return [
+        Span(SHADED, begin, end, text=f"outage of {humanize(name)}: {begin:g} to {end:g} {unit}", opacity=OPACITY)
+        for name, spans in outages.items()
+        for begin, end in spans
+    ]
+
+
+def short_name(each: LinearRequirement, found: LinearAnswer) -> str:
+    """Name a requirement in a few words: its kind and outputs."""
+    required = each.requirement
+    names = ", ".join(humanize(found.outputs[i].name) for i in required.outputs)
+    kind = required.kind if required.kind == "box" else required.kind.upper()
+    named = f"{100.0 * (required.probability or 0.5):g} % of |{names}|" if kind == "QUANTILE" else f"{kind}, {names}"
+    return f"{named}, {required.when}" if required.when else named
+
+
+def _moving(history: LinearCovariance) -> list[int]:
+    return [int(i) for i in np.flatnonzero(history.sigma.max(axis=0) > 0.0)]
+
+
+def sigmas(found: LinearAnswer, outages: Outages) -> Figure | None:
+    """Draw sigma of every output over time, with that of the filter; none without a history."""
+    history = found.history
+    if history is None or not _moving(history):
+        return None
+    label, times, scale = history.readings.label, history.readings.times, scale_of(found.outputs)
+    shaded = _shading(outages, label)
+    columns: dict[str, Array] = {label: times}
+    panels = []
+    for i in _moving(history):
+        name, unit = humanize(found.outputs[i].name), found.outputs[i].shown_in
+        marks: list[Mark] = [*shaded, Line(TRUE, times, history.sigma[:, i] * scale[i], 2.3)]
+        columns[f"{name}, 1σ [{unit}]"] = history.sigma[:, i] * scale[i]
+        if history.sigma_filter is not None:
+            marks.append(Line(STATED, times, history.sigma_filter[:, i] * scale[i]))
+            columns[f"{name}, filter's 1σ [{unit}]"] = history.sigma_filter[:, i] * scale[i]
+        panels.append(Panel(name, axis(label, margin=0.0, link=True), Axis("1σ", unit, low=0.0), marks))
+    filtered = history.sigma_filter is not None
+    return Figure(
+        name="sigmas",
+        title="Linear sigma over time",
+        description="Standard deviation of each output over time by linear analysis"
+        + (", and that which the filter states." if filtered else "."),
+        panels=panels,
+        key=(TRUE, *([STATED] if filtered else []), *shading_key(shaded)),
+        columns=columns,
+        size=side_by_side(len(panels)),
+        caption="Two values at a time are those before and after its updates." if filtered else "",
+        file="lincov.json",
+    )
+
+
+def requirements(found: LinearAnswer, outages: Outages) -> Figure | None:
+    """Draw the quantile or radius of each requirement over time with its limit; none without one over time."""
+    history = found.history
+    wanted = [each for each in found.requirements if each.requirement.epochs]
+    if history is None or not wanted:
+        return None
+    label, scale = history.readings.label, scale_of(found.outputs)
+    times, shaded = history.readings.times[history.settled], _shading(outages, label)
+    columns: dict[str, Array] = {label: times}
+    panels = []
+    for number, each in enumerate(wanted, start=1):
+        first = each.requirement.outputs[0]
+        unit, values = found.outputs[first].shown_in, sizes_over_time(each.requirement, history) * scale[first]
+        limit, at = each.requirement.limits[0] * scale[first], list(each.requirement.epochs)
+        title = f"{number}: {short_name(each, found)}"
+        columns[f"{title} [{unit}]"] = values
+        marks: list[Mark] = [
+            *shaded,
+            Line(SIZE, times, values, 2.1),
+            Points(COUNTED, times[at], values[at], 4.0),
+            Rule(limit, level=True, colour=FLOWN, kind="dashed", series=LIMIT),
+        ]
+        reach = max(2.0 * limit, 1.1 * float(values[at].max()))
+        high = reach if values.max() > reach else max(1.1 * limit, 1.1 * float(values.max()))
+        panels.append(Panel(title, axis(label, margin=0.0, link=True), Axis("error", unit, low=0.0, high=high), marks))
+    return Figure(
+        name="requirements",
+        title="Requirements over time",
+        description="Quantile or radius of each requirement over time by linear analysis, with its limit.",
+        panels=panels,
+        key=(SIZE, COUNTED, LIMIT, *shading_key(shaded)),
+        columns=columns,
+        size=side_by_side(len(panels)),
+        caption="After updates, for normal errors.",
+    )
+
+
+def contributors(found: LinearAnswer) -> list[Contributor]:
+    """Return the causes with a colour each, those that differ only in their axis together where there are many."""
+    labels, shares = cause_labels(found), np.nan_to_num(found.budget.shares)
+    active = [j for j in range(len(labels)) if found.budget.contributions[:, j].any()]
+    grouped = groups(labels, active)
+    parts = np.array([shares[:, list(members)].sum(axis=1) for _, members in grouped]).reshape(len(grouped), -1)
+    return ranked(grouped, parts.mean(axis=1).tolist(), parts.max(axis=1, initial=0.0), len(labels) <= len(active))
+
+
+def budget(found: LinearAnswer) -> Figure | None:
+    """Draw the share of each contributor in each output's final variance; none without dispersion."""
+    names, shares, parts = [humanize(each.name) for each in found.outputs], found.budget.shares, contributors(found)
+    if not parts:
+        return None
+    shares = np.nan_to_num(shares)
+    labels, members = cause_labels(found), [j for each in parts for j in each.members]
+    reach = float(shares[:, members].sum(axis=1).max(initial=0.0))
+    across = Axis("share of the linear variance", "%", low=0.0, high=100.0 * max(1.0, reach) * 1.02)
+    columns: dict[str, Sequence[object]] = {"cause": [labels[j] for j in members]}
+    columns |= {f"{name}, %": list(100.0 * shares[i, members]) for i, name in enumerate(names)}
+    return Figure(
+        name="budget",
+        title="Error budget at the end",
+        description="Share of each cause in the final variance of each output, in per cent.",
+        panels=[Panel("At the end", across, Axis(names=names), stacked(names, shares, parts))],
+        key=[each.series.of_kind("area") for each in parts],
+        columns=columns,
+        size=(HALF[0], 82.0 + 36.0 * len(names)),
+        caption="In brackets: the number of causes, which differ only in their axis."
+        if any(len(each.members) > 1 and not each.other for each in parts) else "",
+    )  # fmt: skip
+
+
+def development(found: LinearAnswer, outages: Outages) -> Figure | None:
+    """Draw sigma of each output over time by contributor; none without a history."""
+    history = found.history
+    if history is None or not _moving(history):
+        return None
+    label, times, scale = history.readings.label, history.readings.times, scale_of(found.outputs)
+    curves = {Series("all", "all errors", INK): history.sigma * scale}
+    for each in contributors(found):
+        curves[each.series] = np.sqrt(np.maximum(_variances(found, history, each.members), 0.0)) * scale
+    shaded = _shading(outages, label)
+    columns: dict[str, Array] = {label: times}
+    panels = []
+    for i in _moving(history):
+        name, unit = humanize(found.outputs[i].name), found.outputs[i].shown_in
+        columns |= {f"{name}, {series.label} [{unit}]": part[:, i] for series, part in curves.items()}
+        marks: list[Mark] = [*shaded]
+        marks += [
+            Line(series, times, part[:, i], 2.7 if series.name == "all" else 1.9) for series, part in curves.items()
+        ]
+        panels.append(Panel(name, axis(label, margin=0.0, link=True), Axis("1σ", unit, low=0.0), marks))
+    return Figure(
+        name="development",
+        title="Error budget over time",
+        description="Standard deviation of each output over time, for all errors and for each cause.",
+        panels=panels,
+        key=(*curves, *shading_key(shaded)),
+        columns=columns,
+        size=side_by_side(len(panels)),
+    )
+
+
+def _variances(found: LinearAnswer, history: LinearCovariance, members: Sequence[int]) -> Array:
+    """Compute the variance over time due to some causes, shape (times, outputs), SI."""
+    count = len(found.sources)
+    sources = [j for j in members if j < count]
+    partials, covariance = history.readings.partials[:, :, sources], found.model.covariance[np.ix_(sources, sources)]
+    total = np.stack([propagated_variances(each, covariance) for each in partials])
+    for j in (j for j in members if j >= count):
+        total = total + history.variances[found.causes[j]]
+    return total
+
+
+def correlations(found: LinearAnswer) -> Figure:
+    """Draw the correlation matrix of the final errors; the table has the covariances."""
+    names, scale = [humanize(each.name) for each in found.outputs], scale_of(found.outputs)
+    units = [each.shown_in for each in found.outputs]
+    values = np.nan_to_num(found.correlation)
+    texts = [["0" if abs(value) < NIL else fixed(value, 2) for value in row] for row in values]
+    rows, across = np.transpose(list(product(range(len(names)), repeat=2)))
+    square = Axis(names=names)
+    return Figure(
+        name="correlations",
+        title="Correlations of the final errors",
+        description="Correlation matrix of the outputs by linear analysis, as numbers on coloured squares.",
+        panels=[Panel("Correlation", square, square, [Cells(POSITIVE, NEGATIVE, values, texts, DEEPEST)])],
+        key=(POSITIVE, NEGATIVE),
+        columns={
+            "row": [names[i] for i in rows],
+            "column": [names[j] for j in across],
+            "unit": [f"{units[i]}·{units[j]}" for i, j in zip(rows, across, strict=True)],
+            "covariance": (found.covariance * np.outer(scale, scale))[rows, across],
+            "correlation": found.correlation[rows, across],
+        },
+        size=(HALF[0], 60.0 + 36.0 * len(names)),
+        caption="The table has the covariances.",
+    )

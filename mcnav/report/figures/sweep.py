@@ -1,0 +1,222 @@
+"""Figures of a sweep: curves over one variable, contours over two, with limits and Monte Carlo."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+from contourpy import contour_generator
+
+from mcnav._types import Array
+from mcnav.analysis.accuracy_measures import Measure
+from mcnav.analysis.sweep import Sweep, Variable
+from mcnav.report.figures.figure import HALF, Figure, side_by_side
+from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Points, Series, Text
+from mcnav.report.figures.palette import FILTER, FLOWN, INK, LINEAR, MUTED
+from mcnav.report.figures.ticks import linear_ticks
+from mcnav.report.format import number
+from mcnav.units import conversion
+
+WIDE: Final = 8.0
+"""Largest over smallest value from which on an axis, or the levels of contours, are logarithmic."""
+
+LEVELS: Final = 8
+"""Contours in a panel, at most."""
+
+CONSTANT: Final = 1e-9
+"""Relative change of a value that is rounding."""
+
+SAME: Final = 1e-4
+"""Relative difference below which the curves of a filter and of the true errors are one."""
+
+MANTISSAS: Final = ((1.0, 1.5, 2.0, 3.0, 5.0, 7.0), (1.0, 2.0, 5.0), (1.0, 3.0), (1.0,))
+"""Of the levels of contours, from dense to sparse."""
+
+TRUE: Final = Series("linear", "linear analysis, true errors", LINEAR)
+OWN: Final = Series("filter", "as the filter states it", FILTER, "dashed")
+LIMIT: Final = Series("limit", "limit", INK, "dotted")
+BOUNDARY: Final = Series("limit", "limit", INK)
+MET: Final = Series("met", "point of the grid that meets it", MUTED, "dot")
+SOLVED: Final = Series("solved", "limit just met, solved", INK, "dot")
+CHECKED: Final = Series("flown", "Monte Carlo", FLOWN, "ring")
+
+
+def axis_of(variable: Variable) -> Axis:
+    """Return the axis of a variable."""
+    return Axis(variable.path, variable.unit, variable.log, margin=0.02, link=variable.path)
+
+
+def scales(sweep: Sweep) -> Array:
+    """Return the factors from SI to the units shown, shape (measures,)."""
+    return scales_of(sweep.measures)
+
+
+def scales_of(measures: Sequence[Measure]) -> Array:
+    """Return the factors from SI to the units shown of some measures."""
+    return np.array([conversion(each.unit, each.shown_in) for each in measures])
+
+
+def figure(sweep: Sweep, titles: Sequence[str], columns: dict[str, Any]) -> Figure:
+    """Draw all measures of a sweep, a panel each.
+
+    Parameters
+    ----------
+    titles : sequence of str
+        Of the measures.
+    columns : dict
+        The numbers behind it.
+    """
+    draw = _curve if len(sweep.variables) == 1 else _contours
+    panels = [draw(sweep, number, title) for number, title in enumerate(titles)]
+    return Figure(
+        name="sweep",
+        title="Accuracy over " + " and ".join(each.path for each in sweep.variables),
+        description="Each measure of accuracy by linear analysis over the values that are varied, with its limit and "
+        "the points at which Monte Carlo was run.",
+        panels=panels,
+        key=_key(sweep),
+        columns=columns,
+        size=side_by_side(len(panels), 300.0) if len(sweep.variables) == 1 else (HALF[0], 330.0),
+        file="sweep.csv",
+    )
+
+
+def _key(sweep: Sweep) -> list[Series]:
+    limited = np.isfinite(sweep.bounds).any()
+    alone = len(sweep.variables) == 1
+    solved = any(each.values for each in sweep.just_met)
+    return [
+        TRUE,
+        *([OWN] if any(differs(sweep, index) for index in range(len(sweep.measures))) else []),
+        *([LIMIT] if limited and alone else [BOUNDARY, MET] if limited else []),
+        *([SOLVED] if solved else []),
+        *([CHECKED] if sweep.confirmations else []),
+    ]
+
+
+def differs(sweep: Sweep, index: int) -> bool:
+    """Return whether the filter states other values of a measure than the true ones."""
+    true, own = sweep.values[..., index], sweep.own[..., index]
+    known = np.isfinite(true) & np.isfinite(own)
+    return bool((np.abs(own - true)[known] > SAME * np.abs(true[known])).any())
+
+
+def _curve(sweep: Sweep, number: int, title: str) -> Panel:
+    """Draw a measure over the only variable."""
+    (variable,) = sweep.variables
+    measure, scale = sweep.measures[number], scales(sweep)[number]
+    values, own, bounds = (each[:, number] * scale for each in (sweep.values, sweep.own, sweep.bounds))
+    marks: list[Mark] = []
+    if np.isfinite(bounds).any():
+        marks.append(Line(LIMIT, variable.values, bounds, 1.6))
+    marks.append(Line(TRUE, variable.values, values, 2.2))
+    if differs(sweep, number):
+        marks.append(Line(OWN, variable.values, own, 1.7))
+    solved = [value for each in sweep.just_met if each.measure == number for value in each.values]
+    at_solved = np.interp(variable_places(variable, solved), variable_places(variable, variable.values), bounds)
+    if solved:
+        texts = [f"limit just met at {plain(value)} {variable.unit}" for value in solved]
+        marks.append(Points(SOLVED, solved, at_solved, 7.0, texts=texts))
+    checked = np.array([(each.point[0], each.values[number] * scale) for each in sweep.confirmations]).reshape(-1, 2)
+    if np.isfinite(checked[:, 1]).any():
+        marks.append(Points(CHECKED, checked[:, 0], checked[:, 1], 8.0))
+    known = np.concatenate([values, own, bounds, checked[:, 1]])
+    known = known[np.isfinite(known)]
+    log = bool(len(known)) and known.min() > 0.0 and known.max() > WIDE * known.min()
+    return Panel(title, axis_of(variable), Axis("", measure.shown_in, log, None if log else 0.0), marks)
+
+
+def plain(value: float) -> str:
+    """Format a value to four digits without zeros at its end.
+
+    >>> plain(0.5), plain(12.3456), plain(2e-7)
+    ('0.5', '12.35', '2.000·10⁻⁷')
+    """
+    text = number(value, 4)
+    return text.rstrip("0").rstrip(".") if "." in text and "·" not in text else text
+
+
+def variable_places(variable: Variable, values: Any) -> Array:
+    """Return the places of values along an axis, which are logarithms on a logarithmic one."""
+    found = np.asarray(values, dtype=float)
+    return np.asarray(np.log(found) if variable.log else found)
+
+
+def _contours(sweep: Sweep, index: int, title: str) -> Panel:
+    """Draw a measure over two variables as lines of equal values."""
+    across, up = sweep.variables
+    measure, scale = sweep.measures[index], scales(sweep)[index]
+    values, own = sweep.values[..., index] * scale, sweep.own[..., index] * scale
+    levels = contour_levels(values)
+    marks: list[Mark] = []
+    for level in levels:
+        lines = contour_lines(across, up, values, level)
+        marks += [Line(TRUE, x, y, 1.5) for x, y in lines]
+        if differs(sweep, index):
+            marks += [Line(OWN, x, y, 1.2) for x, y in contour_lines(across, up, own, level)]
+        if lines:
+            x, y = max(lines, key=lambda line: len(line[0]))
+            middle = len(x) // 2
+            marks.append(Text(plain(level), float(x[middle]), float(y[middle]), colour=LINEAR))
+    margins = sweep.margins[..., index]
+    if np.isfinite(margins).any():
+        i, j = np.nonzero(margins <= 0.0)
+        marks.append(Points(MET, across.values[i], up.values[j], 2.4, 0.7))
+        marks += [Line(BOUNDARY, x, y, 3.0) for x, y in contour_lines(across, up, margins, 0.0, False)]
+    solved = [(each.fixed, value) for each in sweep.just_met if each.measure == index for value in each.values]
+    if solved:
+        x, y = np.array(solved, dtype=float).T
+        marks.append(Points(SOLVED, x, y, 6.5))
+    checked = [each for each in sweep.confirmations if np.isfinite(each.values[index])]
+    if checked:
+        texts = [f"Monte Carlo {number(float(each.values[index] * scale))} {measure.shown_in}" for each in checked]
+        x, y = np.array([each.point for each in checked]).T
+        marks.append(Points(CHECKED, x, y, 8.0, texts=texts))
+    corners = ([across.values[0], across.values[-1]], [up.values[0], up.values[-1]])
+    marks.append(Line(TRUE, *corners, 0.0, silent=True))  # the axes reach over the whole grid
+    unit = f" [{measure.shown_in}]" if measure.shown_in else ""
+    return Panel(f"{title}{unit}", axis_of(across), axis_of(up), marks)
+
+
+def contour_levels(values: Array) -> list[float]:
+    """Choose round levels within the range of some values.
+
+    >>> contour_levels(np.array([0.9, 120.0]))
+    [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0]
+    """
+    known = values[np.isfinite(values)]
+    if not len(known):
+        return []
+    low, high = float(known.min()), float(known.max())
+    if high - low <= CONSTANT * max(abs(low), abs(high)):
+        return []
+    if low <= 0.0 or high <= 2.0 * low:
+        return [tick for tick in linear_ticks(low, high, LEVELS)[0] if low < tick < high]
+    powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    levels: list[float] = []
+    for mantissas in MANTISSAS:
+        every = (float(f"{mantissa}e{power}") for power in powers for mantissa in mantissas)
+        levels = [level for level in every if low < level < high]
+        if len(levels) <= LEVELS:
+            break
+    return levels
+
+
+def contour_lines(
+    across: Variable, up: Variable, values: Array, level: float, positive: bool = True
+) -> list[tuple[Array, Array]]:
+    """Find the lines on which values, shape (n, m), are equal to a level, as pairs of coordinates.
+
+    Between the points of the grid values are interpolated along the axes, those that are ``positive`` by logarithm.
+    """
+    log = positive and bool(np.nanmin(values) > 0.0)
+    z = np.log(values) if log else values
+    if not np.isfinite(z).any() or min(values.shape) < 2:
+        return []
+    masked = np.ma.masked_invalid(z.T)
+    found = contour_generator(variable_places(across, across.values), variable_places(up, up.values), masked)
+    back_x, back_y = (np.exp if each.log else np.asarray for each in (across, up))
+    lines: Any = found.lines(float(np.log(level)) if log else level)
+    return [(back_x(line[:, 0]), back_y(line[:, 1])) for line in lines]

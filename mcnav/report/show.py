@@ -1,0 +1,153 @@
+"""A finished run in the terminal: verdicts, sigmas, budget, requirements and the filter, from its summary."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Final
+
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from mcnav.analysis.filter_remarks import instant
+from mcnav.errors import suggestion
+from mcnav.report import filter_verdict, terminal
+from mcnav.report.fitted_table import FittedTable, numbers, texts
+from mcnav.report.format import interval, number, share
+from mcnav.report.model import humanize, labels_in
+from mcnav.report.result_table import ResultTable, Row, Units
+from mcnav.report.result_tables import CORRELATIONS, final_tables
+from mcnav.units import printable
+
+LONGEST: Final = 2_000
+"""Characters of a text that are shown."""
+
+MOST: Final = 12
+"""Causes that a budget lists."""
+
+LEAST: Final = 0.005
+"""Share of some output's variance from which a cause is listed."""
+
+
+def escaped(value: Any) -> Any:
+    """Escape what is not printable in the texts of a JSON value: a run folder may come from anywhere."""
+    if isinstance(value, str):
+        return printable(value, LONGEST)
+    if isinstance(value, Mapping):
+        return {printable(str(key), LONGEST): escaped(entry) for key, entry in value.items()}
+    return [escaped(entry) for entry in value] if isinstance(value, list) else value
+
+
+def unknown_table(tables: Mapping[str, ResultTable], name: str) -> str:
+    """Return the message on a table that a run does not have."""
+    return f"the run has no table {printable(name)!r}{suggestion(name, list(tables))}"
+
+
+def show(summary: Mapping[str, Any], units: Units = "shown") -> RenderableType:
+    """Show verdicts, sigmas, budget, requirements and consistency of the filter."""
+    tables = final_tables(summary, units)
+    parts: list[RenderableType] = [terminal.comparison({"": summary}), terminal.verdict(summary)]
+    if (warning := terminal.warnings({summary["campaign"]: summary})) is not None:
+        parts.insert(0, warning)
+    if any(summary["sigma_linear"]):
+        parts.append(budget(summary, tables["budget"]))
+    if summary["requirements"]:
+        parts.append(terminal.requirements(summary))
+    if summary.get("filter"):
+        parts += _filter(summary, tables)
+    return Group(*_spaced(parts))
+
+
+def _spaced(parts: Sequence[RenderableType]) -> Iterator[RenderableType]:
+    for place, part in enumerate(parts):
+        if place:
+            yield Text()
+        yield part
+
+
+def budget(summary: Mapping[str, Any], table: ResultTable) -> FittedTable:
+    """Tabulate the shares of the largest causes in the linear variance of each output, in per cent."""
+    labels = [*labels_in(summary), *(humanize(entry["name"]) for entry in summary.get("processes") or ())]
+    names = [entry["name"] for key in ("sources", "processes") for entry in summary.get(key) or ()]
+    outputs = [entry["name"] for entry in summary["outputs"]]
+    shares: dict[str, list[float]] = {name: [] for name in (*names, CORRELATIONS)}
+    for row in table.rows:
+        shares[row["cause"]].append(math.nan if row["share"] is None else row["share"])
+    crossed = shares.pop(CORRELATIONS)
+    sizes = {name: [0.0 if math.isnan(each) else each for each in found] for name, found in shares.items()}
+    falling = sorted(sizes, key=lambda name: -sum(sizes[name]))
+    large = [name for name in falling if max(sizes[name], default=0.0) >= LEAST][:MOST]
+    rest = [name for name in falling if name not in large and any(sizes[name])]
+    shown = FittedTable("Linear error budget: share of the variance, %", [
+        *texts("error"), *numbers(*map(humanize, outputs)),
+    ])  # fmt: skip
+    label_of = dict(zip(names, labels, strict=True))
+    for name in large:
+        shown.add(label_of[name], *map(share, shares[name]))
+    if rest:
+        shown.add(f"{len(rest)} others", *(share(sum(shares[name][i] for name in rest)) for i in range(len(outputs))))
+    if any(abs(each) > 1e-12 for each in crossed):
+        shown.add(CORRELATIONS, *map(share, crossed))
+    return shown
+
+
+def _filter(summary: Mapping[str, Any], tables: Mapping[str, ResultTable]) -> list[RenderableType]:
+    """Tabulate the verdicts on groups of states and outputs, and the innovations of sensors."""
+    found, parts = summary["filter"], list[RenderableType]()
+    unit, rows = str(found["time"]).rpartition("[")[2].removesuffix("]"), dict[tuple[str, str], list[Row]]()
+    if "filter_groups" in tables:
+        rows["Filter: true over filter sigma by groups of states", "group"] = tables["filter_groups"].rows
+    if "filter_sigmas" in tables:
+        outputs = [row for row in tables["filter_sigmas"].rows if row["kind"] == "output"]
+        rows["Filter: true over filter sigma of each output", "output"] = outputs
+    for (title, kind), entries in rows.items():
+        sized = kind == "output"
+        headings = (*(("true σ", "filter σ") if sized else ()), "ratio at the end", "interval", "worst ratio")
+        columns = [*texts(kind), *numbers(*headings, f"at [{unit}]"), *texts("verdict")]
+        shown = FittedTable(title, columns)
+        for row in entries:
+            name = f"{humanize(row['state'])} [{row['unit']}]" if sized else humanize(row["group"])
+            sigmas = [number(row["sigma_true"]), number(row["sigma_filter"])] if sized else []
+            verdict = Text(row["verdict"], style=terminal.COLOURS[filter_verdict.TONES[row["verdict"]]])
+            when = "–" if row["time_worst"] is None else instant(row["time_worst"], "")
+            ends = interval(row["ratio_from"], row["ratio_to"])
+            shown.add(name, *sigmas, number(row["ratio"]), ends, number(row["worst_ratio"]), when, verdict)
+        parts.append(shown)
+    if "filter_sensors" in tables:
+        parts.append(_sensors(tables["filter_sensors"]))
+    return parts
+
+
+def _sensors(table: ResultTable) -> FittedTable:
+    headings = numbers("accepted", "rejected", "mean NIS", "expected"), numbers("correlation", "bound")
+    shown = FittedTable("Innovations over the whole flight", [
+        *texts("sensor"), *headings[0], *texts("NIS"), *headings[1], *texts("innovations"),
+    ])  # fmt: skip
+    for row in table.rows:
+        nis, white = row["nis"], row["correlation"]
+        words = "–" if nis is None else "beyond bounds" if row["nis_beyond"] else "within bounds"
+        told = "–" if white is None else "correlated" if row["correlation_beyond"] else "white"
+        shown.add(humanize(row["sensor"]), number(row["accepted"]), number(row["rejected"]), number(nis),
+                  str(row["components"]), words, number(white), number(row["correlation_bound"], 2), told)  # fmt: skip
+    return shown
+
+
+def tabulate(table: ResultTable) -> FittedTable:
+    """Show any table of results."""
+    first = table.rows[0]
+    columns = [
+        (numbers if isinstance(first[name], (int, float)) and not isinstance(first[name], bool) else texts)(name)[0]
+        for name in table.columns
+    ]
+    shown = FittedTable(table.title, columns, keys=max(table.keys, 1))
+    for row in table.rows:
+        shown.add(*map(_cell, row.values()))
+    return shown
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if value is None or (isinstance(value, float) and not math.isfinite(value)):
+        return "–"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

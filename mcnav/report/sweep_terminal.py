@@ -1,0 +1,88 @@
+"""A sweep in the terminal."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from mcnav.analysis.sweep import Sweep
+from mcnav.report.figures import sweep as drawn
+from mcnav.report.fitted_table import FittedTable, numbers, texts
+from mcnav.report.format import interval, number
+from mcnav.report.model import humanize
+from mcnav.report.sweep_words import (
+    confirmation_rows,
+    confirmed_words,
+    headline,
+    met_words,
+    point_words,
+    remarks,
+    shown,
+    title_of,
+    tone_of,
+)
+
+TERMINAL: Final = {"agrees": "green", "differs": "red", "partly": "yellow", "undecided": "yellow"}
+
+MOST_LINES: Final = 12
+"""Points of a grid that are shown."""
+
+
+def printed(sweep: Sweep) -> RenderableType:
+    """Arrange the terminal's lines: headline, limits, some points of the grid, Monte Carlo."""
+    words, tone = headline(sweep)
+    lines: list[RenderableType] = [Text(words, style=f"bold {TERMINAL.get(tone, '')}")]
+    lines += [Text(each) for each in remarks(sweep)]
+    if sweep.just_met:
+        lines += ["", _limits(sweep)]
+    lines += ["", _points(sweep)]
+    if sweep.confirmations:
+        stated, colour = confirmed_words(sweep)
+        lines += ["", Text(stated, style=f"bold {TERMINAL[colour]}"), _confirmations(sweep)]
+    return Group(*lines)
+
+
+def _limits(sweep: Sweep) -> FittedTable:
+    *first, last = sweep.variables
+    found = FittedTable(f"Limits along {last.path}", texts("limit", *(each.path for each in first), "met"), keys=1)
+    for each in sweep.just_met:
+        fixed = [] if each.fixed is None else [shown(first[0], each.fixed)]
+        words = Text(met_words(each, last), style=TERMINAL[tone_of(each)])
+        found.add(title_of(sweep.measures[each.measure], sweep, True), *fixed, words)
+    return found
+
+
+def _points(sweep: Sweep) -> FittedTable:
+    """Tabulate some points of the grid, the ends included."""
+    scale = drawn.scales(sweep)
+    titles = [f"{title_of(each, sweep)} [{each.shown_in}]" for each in sweep.measures]
+    found = FittedTable("Linear analysis", numbers(*(v.label for v in sweep.variables), *titles), len(sweep.variables))
+    places = list(np.ndindex(sweep.shape))
+    chosen = np.unique(np.linspace(0, len(places) - 1, min(len(places), MOST_LINES)).round().astype(int))
+    own = np.isfinite(sweep.own)
+    for place in (places[each] for each in chosen):
+        values = [v.values[at] for v, at in zip(sweep.variables, place, strict=True)]
+        cells = [
+            number(true) + (f" ({number(stated)})" if own[(*place, index)] else "")
+            for index, (true, stated) in enumerate(
+                zip(sweep.values[place] * scale, sweep.own[place] * scale, strict=True)
+            )
+        ]
+        found.add(*map(number, values), *cells)
+    return found
+
+
+def _confirmations(sweep: Sweep) -> FittedTable:
+    columns = [*texts("point", "final error"), *numbers("linear σ", "paired σ", "paired ratio", "interval")]
+    found = FittedTable("Monte Carlo", [*columns, *texts("verdict")], keys=2)
+    for each in sweep.confirmations:
+        for row in confirmation_rows(sweep, each):
+            label = f"{humanize(row['output'])} [{row['unit']}]"
+            ends = interval(row["ratio_paired_from"], row["ratio_paired_to"])
+            figures = [number(row[name]) for name in ("sigma_linear", "sigma_paired", "ratio_paired")]
+            words = Text(row["verdict"] or "–", style=TERMINAL.get(row["verdict"], ""))
+            found.add(point_words(sweep, each), label, *figures, ends, words)
+    return found

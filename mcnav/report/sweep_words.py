@@ -1,0 +1,186 @@
+"""A sweep in words: measures, where limits are met, whether Monte Carlo confirms it."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+
+from mcnav.analysis.accuracy_measures import BOX, DRMS, SIGMA, Measure
+from mcnav.analysis.sweep import Confirmation, JustMet, Span, Sweep, Variable
+from mcnav.report.export import output_rows
+from mcnav.report.figures import sweep as drawn
+from mcnav.report.model import humanize
+
+KINDS: Final = {"cep": "CEP", "r95": "R95", "sep": "SEP"}
+
+
+def title_of(measure: Measure, sweep: Sweep, long: bool = False) -> str:
+    """Name a measure for people; ``long`` with its limit."""
+    names = [humanize(sweep.outputs[place].name) for place in measure.outputs]
+    together = names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+    when = sweep.times[sweep.measures.index(measure)]
+    written = measure.name.partition(" <")[0].partition(" at ")[0].partition("(")[0]
+    if measure.kind == SIGMA:
+        title = f"{together}, 1σ"
+    elif measure.kind == DRMS:
+        title = f"{humanize(written)}, DRMS" if written != DRMS else f"DRMS of {together}"
+    elif measure.kind in KINDS:
+        title = f"{KINDS[measure.kind]} of {together}"
+    elif measure.kind == BOX:
+        title = f"share of {together} within their limits"
+    else:
+        title = f"{100.0 * measure.probability:g} % of |{together}|"
+    at = f" at {when:g} s" if when is not None else ""
+    if measure.requirement is not None and ") " in measure.name:
+        at = f", {measure.name.partition(') ')[2]}"
+    return f"{title}{at}" + (f", {limit_words(measure)}" if long and measure.limits else "")
+
+
+def limit_words(measure: Measure) -> str:
+    """State the limit of a measure."""
+    if measure.kind == BOX:
+        return f"at least {100.0 * measure.probability:g} %"
+    (scale,) = drawn.scales_of([measure])
+    return f"at most {drawn.plain(measure.limits[0] * scale)} {measure.shown_in}"
+
+
+def shown(variable: Variable, value: float) -> str:
+    """Write a value of a variable with its unit."""
+    return f"{drawn.plain(value)} {variable.unit}".strip()
+
+
+def met_words(found: JustMet, variable: Variable) -> str:
+    """Say where a limit is met."""
+    if found.throughout:
+        return "met in the whole range"
+    if not found.met:
+        return "not met anywhere in the range"
+    spans = []
+    for begin, end in found.met:
+        if begin is None and end is not None:
+            spans.append(f"up to {shown(variable, end)}")
+        elif begin is not None and end is None:
+            spans.append(f"from {shown(variable, begin)} on")
+        elif begin is not None and end is not None:
+            spans.append(f"from {shown(variable, begin)} to {shown(variable, end)}")
+    return f"met {' and '.join(spans)}"
+
+
+def tone_of(found: JustMet) -> str:
+    """Return the tone of a limit: met throughout, nowhere, or in part of the range."""
+    return "agrees" if found.throughout else "partly" if found.met else "differs"
+
+
+def headline(sweep: Sweep) -> tuple[str, str]:
+    """State where the limits are met; return the words and their tone."""
+    if not sweep.just_met:
+        varied = " and ".join(each.path for each in sweep.variables)
+        return f"Accuracy by linear analysis over {varied}", ""
+    tones = [tone_of(each) for each in sweep.just_met]
+    *first, last = sweep.variables
+    if len(sweep.just_met) == 1:
+        (only,) = sweep.just_met
+        return f"{_capital(title_of(sweep.measures[only.measure], sweep, True))}: {met_words(only, last)}", tones[0]
+    over = " and ".join(each.path for each in sweep.variables)
+    if set(tones) == {"agrees"}:
+        return f"All limits are met over the whole range of {over}", "agrees"
+    if set(tones) == {"differs"}:
+        return f"No limit is met anywhere in the range of {over}", "differs"
+    if first:
+        return f"Limits are met in part of the range of {over}", "partly"
+    together = common_spans(sweep)
+    if together is None:
+        return f"Limits are met in parts of the range of {over}", "partly"
+    words = met_words(JustMet(0, None, (), together), last)
+    return f"All limits together are {words}: {over}", tone_of(JustMet(0, None, (), together))
+
+
+def common_spans(sweep: Sweep) -> tuple[Span, ...] | None:
+    """Return the interval in which all limits along one variable are met; none if one has several intervals."""
+    low, high = -np.inf, np.inf
+    for each in sweep.just_met:
+        if len(each.met) > 1:
+            return None
+        if not each.met:
+            return ()
+        begin, end = each.met[0]
+        low, high = max(low, -np.inf if begin is None else begin), min(high, np.inf if end is None else end)
+    if low >= high:
+        return ()
+    return ((None if low == -np.inf else low, None if high == np.inf else high),)
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def remarks(sweep: Sweep) -> list[str]:
+    """List what must be known of the numbers: points without an answer, measures that a variable does not change."""
+    found = []
+    missing = int((~np.isfinite(sweep.values).all(axis=-1)).sum())
+    if missing:
+        points = "1 point has" if missing == 1 else f"{missing} points have"
+        found.append(f"{points} no linear answer: a covariance loses its definiteness there.")
+    if np.isfinite(sweep.own).any() and not any(drawn.differs(sweep, index) for index in range(len(sweep.measures))):
+        found.append("The filter states the same values: at every point it believes what is true.")
+    for axis, variable in enumerate(sweep.variables):
+        low, high = np.nanmin(sweep.values, axis=axis), np.nanmax(sweep.values, axis=axis)
+        still = (high - low <= drawn.CONSTANT * np.abs(high)).all(axis=tuple(range(low.ndim - 1)))
+        names = [title_of(measure, sweep) for measure, same in zip(sweep.measures, still, strict=True) if same]
+        if names:
+            every = len(names) == len(sweep.measures)
+            found.append(f"{variable.path} does not change {'any of the measures' if every else ', '.join(names)}.")
+    return found
+
+
+def disagreements(sweep: Sweep, found: Confirmation) -> list[str]:
+    """List the requirements on which a run and linear analysis find the opposite."""
+    names = []
+    for index, measure in enumerate(sweep.measures):
+        if measure.requirement is None:
+            continue
+        finding = found.summary["requirements"][measure.requirement]["finding"]
+        linear = "met" if sweep.margins[(*found.place, index)] <= 0.0 else "not met"
+        if {finding, linear} == {"met", "not met"}:
+            names.append(f"{title_of(measure, sweep)}: linear analysis finds it {linear}, Monte Carlo {finding}")
+    return names
+
+
+def confirmation_rows(sweep: Sweep, found: Confirmation) -> list[dict[str, Any]]:
+    """List the paired estimates of the outputs that the measures are of."""
+    concerned = {sweep.outputs[place].name for measure in sweep.measures for place in measure.outputs}
+    rows = output_rows({"": dict(found.summary)})
+    return [row for row in rows if row["output"] in concerned]
+
+
+def verdict_at(sweep: Sweep, found: Confirmation) -> str:
+    """Return the verdict of Monte Carlo on the outputs and requirements of a sweep at a point."""
+    verdicts = [row["verdict"] for row in confirmation_rows(sweep, found)]
+    if "differs" in verdicts or disagreements(sweep, found):
+        return "differs"
+    if found.summary.get("unsettled") or not verdicts or set(verdicts) & {"undecided", None}:
+        return "undecided"
+    return "agrees"
+
+
+def confirmed_words(sweep: Sweep) -> tuple[str, str]:
+    """State whether Monte Carlo confirms the linear answers; return the words and their tone."""
+    count = len(sweep.confirmations)
+    verdicts = [verdict_at(sweep, each) for each in sweep.confirmations]
+    if wrong := verdicts.count("differs"):
+        where = f"{wrong} of {count} points: do not rely on the linear numbers there"
+        return f"Monte Carlo disagrees with linear analysis at {where}", "differs"
+    if undecided := verdicts.count("undecided"):
+        where = f"{undecided} of {count} points whether linear analysis holds: more samples would"
+        return f"Monte Carlo does not decide at {where}", "undecided"
+    joint = sum(each.summary.get("verdict_matrix") == "differs" for each in sweep.confirmations)
+    words = f"Monte Carlo agrees with linear analysis at all {count} points where it was run"
+    if joint:
+        return f"{words}, except for the joint distribution of all outputs at {joint} of them", "partly"
+    return words, "agrees"
+
+
+def point_words(sweep: Sweep, found: Confirmation) -> str:
+    """Describe a point by the values of the variables."""
+    return ", ".join(shown(variable, value) for variable, value in zip(sweep.variables, found.point, strict=True))

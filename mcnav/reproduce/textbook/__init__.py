@@ -1,0 +1,1 @@
+"""Numbers of textbooks and public pages on inertial navigation and filters, computed again."""

@@ -1,0 +1,287 @@
+"""Allocation of errors: numbers of a campaign's data sheet with which its requirements are just met.
+
+Without a filter the final covariance is a sum of the squares of the numbers, so that multiples follow from the budget.
+With one, the gains change with what the filter believes, and each multiple takes a linear answer of its own. Either
+way every number proposed is put into the campaign and its linear answer computed.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import combinations
+from math import comb
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from mcnav.analysis.allocation import (
+    LEAST,
+    MOST,
+    Allocation,
+    Goal,
+    GradeChange,
+    GradeMove,
+    GradeSearch,
+    NumberChange,
+    critical_multiple,
+    worst_of,
+)
+from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement, judge_linearly
+from mcnav.analysis.linear_covariance import covariance_over_time
+from mcnav.config.data_sheet import DataSheetNumber, GradedValue, data_sheet_numbers, next_grade, round_down, shown
+from mcnav.config.overrides import Value, document_of, override
+from mcnav.config.read import Campaign, parse_campaign
+from mcnav.errors import CampaignError, Problem
+from mcnav.files import to_json, write_texts
+from mcnav.progress import SILENT, Phase, Progress
+from mcnav.report import allocate as tables
+from mcnav.scenarios.ins import Ins
+from mcnav.studies.lincov import linear_covariance
+
+FILE: Final = "allocate.json"
+PAGE: Final = "allocate.html"
+
+INSTRUMENTS: Final = {"all of imu.gyro": "imu.gyro.", "all of imu.accelerometer": "imu.accelerometer.",
+                      "all of imu": "imu."}  # fmt: skip
+"""Beginnings of the keys of numbers that are also changed together."""
+
+EVERYTHING: Final = "all numbers"
+
+MOST_GRADES: Final = 100
+"""Linear answers computed in the search for the fewest changes by one grade."""
+
+LISTED: Final = 5
+"""Changes by one grade that are kept, of those that do equally."""
+
+CORRECTIONS: Final = 3
+"""Times that the last digit of a proposed number is reduced until its linear answer meets the goal."""
+
+
+class _Variations:
+    """Linear answers of a campaign with some numbers changed; each is computed once."""
+
+    def __init__(self, campaign: str | Path | Campaign | Mapping[str, Any], progress: Progress) -> None:
+        self.content, self._file, self._stem = document_of(campaign)
+        self.campaign = self.at({})
+        self.base = linear_covariance(self.campaign)
+        self.numbers = data_sheet_numbers(self.content, self.campaign.scenario.sources)
+        self.computed = 1
+        self._progress = progress
+        self._known: dict[str, tuple[LinearRequirement, ...] | None] = {}
+        self._scaled = _Scaled(self.base)
+
+    def at(self, values: Mapping[str, Value]) -> Campaign:
+        """Read the campaign with some keys set; `CampaignError` where it is refused."""
+        return parse_campaign(override(self.content, values, self._file), self._file, self._stem)
+
+    @property
+    def closed_loop(self) -> bool:
+        """Return whether a filter's gains depend on the numbers."""
+        scenario = self.campaign.scenario
+        return isinstance(scenario, Ins) and scenario.navigation.filter is not None
+
+    def judged(self, values: Mapping[str, Value]) -> tuple[LinearRequirement, ...] | None:
+        """Judge the requirements by a linear answer with some keys set; none where the campaign is refused then."""
+        key = json.dumps(values, sort_keys=True)
+        if key not in self._known:
+            self.computed += 1
+            self._progress.advance(1)
+            try:
+                self._known[key] = linear_covariance(self.at(values)).requirements
+            except CampaignError:
+                self._known[key] = None
+        return self._known[key]
+
+    def with_multiple(self, changed: Sequence[DataSheetNumber], factor: float) -> tuple[LinearRequirement, ...] | None:
+        """Judge the requirements with some numbers multiplied."""
+        if factor == 1.0:
+            return self.base.requirements
+        if self.closed_loop:
+            return self.judged(values_of(changed, factor))
+        return self._scaled.judged(changed, factor)
+
+
+class _Scaled:
+    """Requirements of a campaign without a filter whose errors are multiplied: all covariances add up."""
+
+    def __init__(self, answer: LinearAnswer) -> None:
+        self._answer = answer
+        self._names = [source.name for source in answer.sources]
+        self._requirements = [each.requirement for each in answer.requirements]
+        self._over_time = any(each.epochs for each in self._requirements)
+
+    def judged(self, changed: Sequence[DataSheetNumber], factor: float) -> tuple[LinearRequirement, ...]:
+        model, history = self._answer.model, self._answer.history
+        sizes = np.array([factor if any(each.covers(name) for each in changed) else 1.0 for name in self._names])
+        mean, covariance = sizes * model.mean, model.covariance * np.outer(sizes, sizes)
+        squares = {name: factor**2 if any(each.covers(name) for each in changed) else 1.0 for name in model.processes}
+        processes = {name: squares[name] * each for name, each in model.processes.items()}
+        scaled = replace(model, mean=mean, covariance=covariance, processes=processes)
+        if history is not None and self._over_time:
+            noise = {name: squares[name] * each for name, each in history.readings.processes.items()}
+            readings = replace(history.readings, processes=noise)
+            history = covariance_over_time(readings, tuple(self._names), mean, covariance)
+        return judge_linearly(self._requirements, scaled, history)
+
+
+def values_of(changed: Sequence[DataSheetNumber], factor: float) -> dict[str, Value]:
+    """Return the keys to be set where some numbers are multiplied."""
+    found: dict[str, Value] = {}
+    for number in changed:
+        found |= number.multiplied(factor)
+    for number in changed:  # those that another one kept as they are
+        found |= {path: value for path, value in number.multiplied(factor).items() if path == number.path}
+    return found
+
+
+def allocate(campaign: str | Path | Campaign | Mapping[str, Any], progress: Progress = SILENT) -> Allocation:
+    """Find the numbers of a campaign's data sheet with which its requirements are just met, for normal errors.
+
+    For each requirement that is not met, every number is changed alone and all together; where all are met, each is
+    loosened until one is not.
+
+    Parameters
+    ----------
+    campaign : str, Path, Campaign or mapping
+        Campaign file, campaign, or dictionary shaped like a campaign file.
+
+    Raises
+    ------
+    CampaignError
+        When the campaign has mistakes, no linear model, no requirements that linear analysis can judge, or no numbers.
+    """
+    progress.phase(Phase.PREPARING)
+    variations = _Variations(campaign, progress)
+    base, file = variations.base, variations.campaign.file
+    judged = tuple(number for number, each in enumerate(base.requirements) if each.judged)
+    if not judged:
+        message = "has no requirement that linear analysis can judge; add an [[accept.quantile]] or another one"
+        raise CampaignError([Problem(file, "accept", message)])
+    if not variations.numbers:
+        raise CampaignError([Problem(file, "errors", "has no size that could be changed")])
+    progress.phase(Phase.SIMULATING, note="linear answers of changed numbers")
+    unmet = [number for number in judged if not base.requirements[number].met]
+    goals = [(number,) for number in unmet] + ([judged] if len(judged) > 1 and unmet else [])
+    found = tuple(_goal(variations, goal) for goal in goals or [judged])
+    grades = _search_grades(variations, judged, finer=bool(unmet))
+    return Allocation(base, len(variations.numbers), found, grades, variations.computed)
+
+
+def _groups(numbers: Sequence[DataSheetNumber]) -> dict[str, list[DataSheetNumber]]:
+    """Return the numbers that are changed together, by name: those of instruments, and all."""
+    found = {
+        name: [number for number in numbers if number.path.startswith(prefix)] for name, prefix in INSTRUMENTS.items()
+    } | {EVERYTHING: list(numbers)}
+    kept: dict[str, list[DataSheetNumber]] = {}
+    for name, members in found.items():
+        if len(members) > 1 and members not in kept.values():
+            kept[name] = members
+    return kept
+
+
+def _goal(variations: _Variations, goal: tuple[int, ...]) -> Goal:
+    numbers = variations.numbers
+    together = _groups(numbers)
+    changes = [_change(variations, goal, number.path, [number]) for number in numbers]
+    changes += [_change(variations, goal, name, members) for name, members in together.items()]
+    met = worst_of(variations.base.requirements, goal).met
+
+    def order(change: NumberChange) -> tuple[bool, float]:
+        if not change.reached:
+            return True, -change.result.margin
+        return False, change.factor if met else -change.factor
+
+    return Goal(goal, met, tuple(sorted(changes, key=order)))
+
+
+def _change(
+    variations: _Variations, goal: tuple[int, ...], label: str, changed: Sequence[DataSheetNumber]
+) -> NumberChange:
+    """Find the multiple of some numbers with which a goal is just met, and compute the linear answer with it."""
+
+    def margin(factor: float) -> float:
+        found = variations.with_multiple(changed, factor)
+        return math.nan if found is None else worst_of(found, goal).margin
+
+    met = worst_of(variations.base.requirements, goal).met
+    least = LEAST if not met and math.isnan(margin(0.0)) else 0.0
+    factor = critical_multiple(margin, least)
+    alone = changed[0] if len(changed) == 1 else None
+    now, paths = "" if alone is None else alone.text, tuple(number.path for number in changed)
+    if math.isnan(factor) or math.isinf(factor):
+        found = variations.judged(values_of(changed, least if math.isnan(factor) else MOST))
+        result = worst_of(found or variations.base.requirements, goal)
+        return NumberChange(label, paths, now, "", factor, least, result)
+    rounded = alone.rounded(factor) if alone is not None else round_down(factor)
+    for _ in range(CORRECTIONS):
+        found = variations.judged(values_of(changed, rounded))
+        if found is not None and worst_of(found, goal).met:
+            break
+        less = rounded * (1.0 - 1e-3)
+        rounded = alone.rounded(less) if alone is not None else round_down(less)
+    result = worst_of(found or variations.base.requirements, goal)
+    needed = "" if alone is None else replace(alone, entry=alone.multiplied(rounded)[alone.path]).text
+    return NumberChange(label, paths, now, needed, rounded, least, result)
+
+
+def _search_grades(variations: _Variations, goal: tuple[int, ...], finer: bool) -> GradeSearch | None:
+    """Search the fewest numbers of the unit to be moved by one grade of the catalogue; coarser ones one by one."""
+    if not isinstance(variations.campaign.scenario, Ins) or "imu" not in variations.content:
+        return None
+    offered = [(number, next_grade(number, finer)) for number in variations.numbers]
+    moves = [(number, graded) for number, graded in offered if graded is not None]
+    if not moves:
+        return GradeSearch(finer, (), None, True)
+
+    def moved(chosen: Sequence[tuple[DataSheetNumber, GradedValue]]) -> GradeChange | None:
+        found = variations.judged({number.path: graded.entry for number, graded in chosen})
+        if found is None:
+            return None
+        named = tuple(
+            GradeMove(number.path, graded.grade, number.text, shown(graded.entry)) for number, graded in chosen
+        )
+        return GradeChange(named, worst_of(found, goal))
+
+    def best(found: Sequence[GradeChange]) -> tuple[GradeChange, ...]:
+        return tuple(sorted(found, key=lambda each: -each.worst.margin)[:LISTED])
+
+    whole = moved(moves)
+    if not finer:
+        single = [change for each in moves if (change := moved([each])) is not None]
+        return GradeSearch(finer, tuple(sorted(single, key=lambda each: -each.worst.margin)), whole, True)
+    if whole is None or not whole.met:
+        return GradeSearch(finer, (), whole, True)
+    tried = 0
+    for size in range(1, len(moves)):
+        if tried + comb(len(moves), size) > MOST_GRADES:
+            return GradeSearch(finer, (_irreducible(moves, moved, whole),), whole, False)
+        tried += comb(len(moves), size)
+        found = [change for each in combinations(moves, size) if (change := moved(each)) is not None and change.met]
+        if found:
+            return GradeSearch(finer, best(found), whole, True)
+    return GradeSearch(finer, (whole,), whole, True)
+
+
+def _irreducible(moves: Sequence[Any], moved: Any, whole: GradeChange) -> GradeChange:
+    """Take moves back one by one while the requirements are met, and return what is left."""
+    kept, found = list(moves), whole
+    for each in list(moves):
+        fewer = [other for other in kept if other is not each]
+        change = moved(fewer) if fewer else None
+        if change is not None and change.met:
+            kept, found = fewer, change
+    return found
+
+
+def write_allocation(
+    campaign: str | Path | Campaign | Mapping[str, Any], path: Path, progress: Progress = SILENT
+) -> tuple[Allocation, list[Path]]:
+    """Write the allocation of a campaign as ``allocate.json`` and a page; see `allocate`."""
+    found = allocate(campaign, progress)
+    progress.phase(Phase.REPORTING)
+    files = {FILE: json.dumps(to_json(tables.table(found)), indent=1) + "\n", PAGE: tables.render(found)}
+    return found, write_texts(path, files)

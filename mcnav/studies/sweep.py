@@ -1,0 +1,218 @@
+"""Sweep: measures of accuracy over values of one or two keys of a campaign, and where requirements are just met.
+
+The answers are linear. Monte Carlo confirms them at chosen points.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.analysis.accuracy_measures import (
+    Measure,
+    MeasureError,
+    read_measure,
+    requirement_measures,
+    usual_measures,
+)
+from mcnav.analysis.crossings import find_crossings
+from mcnav.analysis.sweep import JustMet, Point, Sweep, Variable
+from mcnav.config.overrides import VariedCampaign
+from mcnav.config.read import Campaign
+from mcnav.config.sweep_values import POINTS, read_variables
+from mcnav.errors import CampaignError, Problem
+from mcnav.files import to_json, write_texts
+from mcnav.progress import SILENT, Phase, Progress
+from mcnav.report import sweep as report
+from mcnav.scenarios.protocol import Output
+from mcnav.scenarios.user import UserScenario
+from mcnav.studies.confirmation import check_count, choose_points, confirm
+from mcnav.studies.lincov import linear_covariance
+from mcnav.studies.sweep_points import LinearPoints, campaign_requirements
+
+JOBS: Final = 2
+
+ROWS: Final = 5
+"""Values of the first of two variables at which the second one is solved for."""
+
+CSV, JSON, PAGE = "sweep.csv", "sweep.json", "sweep.html"
+
+
+@dataclass(frozen=True)
+class SweepPlan:
+    """What is varied, and what is looked at.
+
+    Attributes
+    ----------
+    varied : mapping of str to (str or sequence)
+        Values by path; see `mcnav.config.sweep_values.read_variables`.
+    against : sequence of str
+        Measures; by default those of the requirements, or the usual ones of the scenario.
+    points : int
+        Values of each range.
+    at : sequence of float
+        Times in the trajectory's time at which ``against`` is looked at, s; by default the end.
+    jobs : int
+        Threads.
+    """
+
+    varied: Mapping[str, str | Sequence[object]]
+    against: Sequence[str] = ()
+    points: int = POINTS
+    at: Sequence[float] = ()
+    jobs: int = JOBS
+
+
+def run_sweep(
+    campaign: str | Path | Campaign | Mapping[str, object], plan: SweepPlan, progress: Progress = SILENT
+) -> Sweep:
+    """Compute the linear answers of a sweep, and the values at which its limits are just met.
+
+    Raises
+    ------
+    CampaignError
+        When the campaign cannot be read, or has no linear model, at one of the points; the first mistake alone.
+    """
+    return _Study(campaign, plan, progress).sweep()
+
+
+def write_sweep(
+    campaign: Path, plan: SweepPlan, path: Path, confirmed: int | None = None, progress: Progress = SILENT
+) -> tuple[Sweep, list[Path]]:
+    """Write a sweep as ``sweep.csv``, ``sweep.json`` and, last, a page.
+
+    Parameters
+    ----------
+    confirmed : int, optional
+        Points at which Monte Carlo runs, in folders of their own below the path.
+    """
+    study = _Study(campaign, plan, progress)
+    if confirmed is not None:
+        check_count(confirmed, study.shape)
+    found = study.sweep()
+    if confirmed is not None:
+        found = study.confirmed(found, confirmed, path)
+    progress.phase(Phase.REPORTING)
+    texts = {
+        CSV: report.frame(found).to_csv(index=False, float_format="%.10g"),
+        JSON: json.dumps(to_json(report.table(found)), indent=1) + "\n",
+        PAGE: report.render(found),
+    }
+    return found, write_texts(path, texts)
+
+
+class _Study:
+    """A sweep in the making: its variables, measures and linear answers."""
+
+    def __init__(self, campaign: object, plan: SweepPlan, progress: Progress) -> None:
+        self._plan, self._progress = plan, progress
+        progress.phase(Phase.PREPARING)
+        self.variables = read_variables(plan.varied, plan.points)
+        self._varied = VariedCampaign(campaign)  # type: ignore[arg-type]
+        described = self._varied.campaign
+        self.outputs = described.scenario.outputs
+        self.measures, self.times = _measures(described, plan)
+        self.points = LinearPoints(self._varied, self.variables, self.measures, self.times)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return tuple(len(each.values) for each in self.variables)
+
+    def sweep(self) -> Sweep:
+        """Compute the answers of the grid, and then those at which limits are just met."""
+        self._check_corners()
+        self._progress.phase(Phase.PREPARING, note=f"{int(np.prod(self.shape)):,} linear answers")
+        answers = self.points.answers(self.points.grid(), self._plan.jobs)
+        shape = (*self.shape, len(self.measures))
+        arrays = {
+            name: np.array([getattr(answer, name) for answer in answers]).reshape(shape)
+            for name in ("values", "own", "bounds", "margins")
+        }
+        just_met = self._just_met(arrays["margins"])
+        return Sweep(
+            self._varied.campaign.name, self.outputs, self.variables, self.measures, self.times,
+            arrays["values"], arrays["own"], arrays["bounds"], arrays["margins"], self.points.present.values, just_met,
+        )  # fmt: skip
+
+    def _check_corners(self) -> None:
+        """Check the linear model of a user's own scenario, whose settings may spoil it, where these are farthest."""
+        if isinstance(self._varied.campaign.scenario, UserScenario):
+            for point in product(*((float(each.values[0]), float(each.values[-1])) for each in self.variables)):
+                linear_covariance(self.points.campaign_at(point))
+
+    def _just_met(self, margins: Array) -> tuple[JustMet, ...]:
+        """Solve for the values at which each limit is just met: of the second variable at some values of the first."""
+        *first, last = self.variables
+        rows: list[tuple[float | None, Array]] = [(None, margins)]
+        if first:
+            chosen = np.unique(np.linspace(0, len(first[0].values) - 1, ROWS).round().astype(int))
+            rows = [(float(first[0].values[number]), margins[number]) for number in chosen]
+
+        found = []
+        for number in range(len(self.measures)):
+            if np.isnan(margins[..., number]).all():
+                continue
+            for fixed, row in rows:
+
+                def margin_at(value: float, number: int = number, fixed: float | None = fixed) -> float:
+                    point = (value,) if fixed is None else (fixed, value)
+                    return float(self.points.answers([point], 1)[0].margins[number])
+
+                found.append(find_crossings(last, row[:, number], margin_at, number, fixed))
+        return tuple(found)
+
+    def confirmed(self, sweep: Sweep, count: int, path: Path) -> Sweep:
+        """Run Monte Carlo at so many points of the grid."""
+        chosen = choose_points(self.shape, [_place(sweep, each) for each in sweep.just_met if each.values], count)
+        points = [(place, _point(self.variables, place)) for place in chosen]
+        final = [
+            measure.requirement is not None or time is None
+            for measure, time in zip(self.measures, self.times, strict=True)
+        ]
+        found = confirm(self.points, self.measures, final, points, path, self._plan.jobs, self._progress)
+        return replace(sweep, confirmations=tuple(found))
+
+
+def _measures(campaign: Campaign, plan: SweepPlan) -> tuple[tuple[Measure, ...], tuple[float | None, ...]]:
+    """Return the measures of a sweep and their times: those asked for, then those of the requirements."""
+    outputs: tuple[Output, ...] = campaign.scenario.outputs
+    required = requirement_measures(campaign_requirements(campaign), outputs)
+    try:
+        asked = [read_measure(each, outputs) for each in plan.against]
+    except MeasureError as wrong:
+        raise CampaignError([Problem("--against", "", str(wrong))]) from None
+    if not asked and (plan.at or not required):
+        asked = usual_measures(outputs)
+    times: list[float | None] = [*sorted(set(plan.at))] or [None]
+    found = [
+        (measure if time is None else replace(measure, name=f"{measure.name} at {time:g} s"), time)
+        for measure in asked
+        for time in times
+    ]
+    found += [(measure, None) for measure in required]
+    names = [measure.name for measure, _ in found]
+    for name in names:
+        if names.count(name) > 1:
+            raise CampaignError([Problem("--against", "", f"got {name!r} twice; keep one")])
+    return tuple(measure for measure, _ in found), tuple(time for _, time in found)
+
+
+def _place(sweep: Sweep, found: JustMet) -> tuple[float, ...]:
+    """Return the place in the grid at which a limit is just met first, counted in points."""
+    *first, last = sweep.variables
+    values = [variable.along(float(value)) for variable in (last,) for value in variable.values]
+    place = float(np.interp(last.along(found.values[0]), values, np.arange(len(values))))
+    if not first or found.fixed is None:
+        return (place,)
+    return float(np.searchsorted(first[0].values, found.fixed)), place
+
+
+def _point(variables: Sequence[Variable], place: Sequence[int]) -> Point:
+    return tuple(float(variable.values[number]) for variable, number in zip(variables, place, strict=True))

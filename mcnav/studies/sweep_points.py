@@ -1,0 +1,214 @@
+"""Linear answers at many points: a campaign with some keys set to other values, once for each."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import product
+from typing import Final
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from mcnav._subprocess import side_threads
+from mcnav._types import Array
+from mcnav.analysis.accuracy_measures import Measure, requirement_measures
+from mcnav.analysis.comparison import Model
+from mcnav.analysis.requirements import Requirement, requirements_from
+from mcnav.analysis.sweep import Point, Variable
+from mcnav.config.overrides import Value, VariedCampaign
+from mcnav.config.read import Campaign
+from mcnav.errors import CampaignError, Problem
+from mcnav.lincov.partials import SimulationFailed
+from mcnav.scenarios.protocol import (
+    CovarianceReadings,
+    FilterScenario,
+    HasCovarianceReadings,
+    LinearModel,
+    ScenarioError,
+    SharedTables,
+)
+from mcnav.scenarios.user import UserScenario
+
+PIECES: Final = 4
+"""Parts of a grid that each thread computes, one after another."""
+
+
+@dataclass(frozen=True)
+class PointAnswer:
+    """Linear answer at a point.
+
+    Attributes
+    ----------
+    values, own : ndarray, shape (measures,)
+        Of the true errors, and as the filter states them (NaN without one); SI.
+    bounds : ndarray, shape (measures,)
+        At which a measure just meets its limit; NaN without a limit.
+    margins : ndarray, shape (measures,)
+        Logarithm of the value over its bound, of a box the other way round: above zero where the limit is exceeded.
+    """
+
+    values: Array
+    own: Array
+    bounds: Array
+    margins: Array
+
+
+class LinearPoints:
+    """Linear answers of a campaign at points of some variables; those that were computed are kept.
+
+    Parameters
+    ----------
+    varied : VariedCampaign
+    variables : sequence of Variable
+    measures : sequence of Measure
+        Of final errors, of errors ``at`` a time, or of requirements, which are those of each point's own campaign.
+    at : sequence of (float or None)
+        Time of each measure, in the trajectory's time, s; none for the end or the epochs of a requirement.
+    """
+
+    def __init__(
+        self,
+        varied: VariedCampaign,
+        variables: Sequence[Variable],
+        measures: Sequence[Measure],
+        at: Sequence[float | None],
+    ) -> None:
+        self._varied, self._variables, self._measures, self._at = varied, variables, measures, at
+        self._shared = SharedTables()
+        self._known: dict[Point, PointAnswer] = {}
+        with threadpool_limits(1):
+            self.present = self._answer(varied.campaign, self._shared)
+
+    def values_at(self, point: Point) -> dict[str, Value]:
+        """Return the values of a point by path, as a campaign file has them."""
+        return {each.path: each.written(value) for each, value in zip(self._variables, point, strict=True)}
+
+    def campaign_at(self, point: Point) -> Campaign:
+        """Read the campaign of a point; `CampaignError` with its first mistake."""
+        try:
+            return self._varied.at(self.values_at(point))
+        except CampaignError as wrong:
+            raise CampaignError(wrong.problems[:1]) from None
+
+    def grid(self) -> list[Point]:
+        """Return the points of the grid; the last variable changes first."""
+        return list(product(*(each.values.tolist() for each in self._variables)))
+
+    def answers(self, points: Sequence[Point], jobs: int) -> list[PointAnswer]:
+        """Compute the answers at some points by so many threads; mistakes in a campaign are found before."""
+        unknown = [point for point in points if point not in self._known]
+        campaigns = [self.campaign_at(point) for point in unknown]
+        size = max(1, -(-len(unknown) // (PIECES * jobs)))
+        pieces = [slice(begin, begin + size) for begin in range(0, len(unknown), size)]
+
+        def compute(piece: slice) -> list[PointAnswer]:
+            shared = SharedTables(self._shared.tables)
+            return [self._answer(each, shared) for each in campaigns[piece]]
+
+        with threadpool_limits(1):
+            if jobs == 1 or len(pieces) < 2:
+                found = [compute(piece) for piece in pieces]
+            else:
+                with side_threads(jobs) as threads:
+                    found = list(threads.map(compute, pieces))
+        for piece, part in zip(pieces, found, strict=True):
+            self._known.update(zip(unknown[piece], part, strict=True))
+        return [self._known[point] for point in points]
+
+    def _answer(self, campaign: Campaign, shared: SharedTables) -> PointAnswer:
+        with _scenario_errors(campaign):
+            end, found = _readings(campaign, [time for time in self._at if time is not None], shared)
+        own = campaign_requirements(campaign)
+        required = {each.requirement: each for each in requirement_measures(own, campaign.scenario.outputs)}
+        values, stated, bounds, margins = np.full((4, len(self._measures)), np.nan)
+        for number, (measure, time) in enumerate(zip(self._measures, self._at, strict=True)):
+            held = measure if measure.requirement is None else required[measure.requirement]
+            held = held.at_reading(end if time is None else int(np.argmin(np.abs(found.times - time))))
+            values[number], stated[number] = held.value(found), held.own_value(found)
+            if held.bound is not None:
+                bounds[number] = held.bound
+                margins[number] = _margin(held, float(values[number]))
+        return PointAnswer(values, stated, bounds, margins)
+
+
+def campaign_requirements(campaign: Campaign) -> tuple[Requirement, ...]:
+    """Return the requirements of a campaign."""
+    outputs = [{"name": output.name} for output in campaign.scenario.outputs]
+    return requirements_from([record.model_dump() for record in campaign.requirements], outputs)
+
+
+def _margin(measure: Measure, value: float) -> float:
+    bound = measure.bound or 1.0
+    if math.isnan(value):
+        return math.nan
+    ratio = (bound / value if value > 0.0 else math.inf) if measure.falls else value / bound
+    return math.log(ratio) if ratio > 0.0 else -math.inf
+
+
+def _readings(campaign: Campaign, at: Sequence[float], shared: SharedTables) -> tuple[int, CovarianceReadings]:
+    """Read the linear system out at the scenario's epochs, and then at further times; of others at the end.
+
+    Return the number of the end among the readings as well.
+    """
+    scenario, errors = campaign.scenario, campaign.errors
+    if not np.isfinite(errors.standard_deviations).all():
+        name = errors.names[int(np.argmin(np.isfinite(errors.standard_deviations)))]
+        message = "has no finite variance, and a linear covariance needs that of every source"
+        raise CampaignError([Problem(campaign.file, f"errors.{name}", message)])
+    if isinstance(scenario, HasCovarianceReadings):
+        epochs = scenario.reading_times
+        for time in at:
+            if not epochs[0] - 1e-9 <= time <= epochs[-1] + 1e-9:
+                span = f"navigation is from {epochs[0]:g} s to {epochs[-1]:g} s"
+                raise CampaignError([Problem(campaign.file, "--at", f"got {time:g} s; {span}")])
+        apart = np.unique([time for time in at if np.abs(epochs - time).min() > 1e-9])
+        times = np.union1d(epochs, apart)
+        found = scenario.covariance_readings(times, errors.mean, errors.covariance, shared)
+        order = np.concatenate([np.searchsorted(times, epochs), np.searchsorted(times, apart)])
+        own = None if found.own is None else found.own[order]
+        ordered = CovarianceReadings(times[order], found.mean[order], found.covariance[order], own)
+        return len(epochs) - 1, ordered
+    if at:
+        raise CampaignError(
+            [Problem(campaign.file, "--at", "the scenario has no trajectory whose times could be named")]
+        )
+    linear = _linear_model(campaign, shared)
+    model = Model(linear.partials, linear.nominal, errors.mean, errors.covariance, linear.processes)
+    prediction = scenario.filter_prediction() if isinstance(scenario, FilterScenario) else None
+    own = None if prediction is None else prediction.covariance[-1:]
+    return 0, CovarianceReadings(np.zeros(1), model.outcome_mean[None], model.outcome_covariance[None], own)
+
+
+def _linear_model(campaign: Campaign, shared: SharedTables) -> LinearModel:
+    """Compute the linear model of a scenario, or take over that of the one before if it is the same."""
+    if isinstance(campaign.scenario, UserScenario):
+        return campaign.scenario.linear_model()  # its differences depend on the sizes of the errors
+    key = repr(campaign.resolved["scenario"])
+    if isinstance(shared.tables, tuple) and shared.tables[0] == key:
+        return shared.tables[1]  # type: ignore[no-any-return]
+    found = campaign.scenario.linear_model()
+    shared.tables = (key, found)
+    return found
+
+
+@contextmanager
+def _scenario_errors(campaign: Campaign) -> Iterator[None]:
+    """Convert errors of scenarios into `CampaignError`."""
+    try:
+        yield
+    except ScenarioError as wrong:
+        raise CampaignError([Problem(campaign.file, f"scenario.{wrong.key}", str(wrong))]) from None
+    except SimulationFailed as wrong:
+        raise CampaignError([Problem(campaign.file, "scenario", str(wrong))]) from None
+
+
+def described(values: Mapping[str, Value]) -> str:
+    """Describe a point in words.
+
+    >>> described({"imu.gyro.bias": "0.1 deg/h", "scenario.trajectory": 4})
+    'imu.gyro.bias = 0.1 deg/h, scenario.trajectory = 4'
+    """
+    return ", ".join(f"{path} = {value}" for path, value in values.items())

@@ -1,0 +1,57 @@
+"""Draw one figure of a run's report for a paper."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+from threadpoolctl import threadpool_limits
+
+from mcnav.errors import RunFolderError, reading_file
+from mcnav.report.page import figures
+from mcnav.store.run_folder import RunFolder
+from mcnav.workflow.analyse import analyse
+
+ENDINGS: Final = (".pdf", ".svg", ".png")
+
+CROWDED: Final = "labels overlap at this size; choose a larger one, a smaller --font-scale, --panel or --columns"
+
+
+def draw_figure(
+    folder: Path,
+    name: str,
+    into: Path,
+    width: float | None,
+    height: float | None,
+    font_scale: float,
+    panels: Sequence[str] = (),
+    columns: int | None = None,
+) -> list[str]:
+    """Draw a figure by name into a file, and return notes; see `mcnav.report.figures.figure.Figure.figure`.
+
+    Parameters
+    ----------
+    panels : sequence of str
+        Titles of its panels, by default the first ones.
+
+    Raises
+    ------
+    RunFolderError
+        When there is no finished run, no such figure or panel, or it cannot be drawn so small.
+    """
+    if into.suffix.lower() not in ENDINGS:
+        raise RunFolderError(f"{into}: must end in .pdf, .svg or .png")
+    with threadpool_limits(1), reading_file(folder):
+        found = figures(analyse(RunFolder(folder)))
+    if name not in found:
+        raise RunFolderError(f"NAME: must be one of {', '.join(found)}; got {name}")
+    from mcnav.report.figures.on_axes import crowded, save
+
+    try:
+        chosen = found[name].of_panels(*panels) if panels else found[name]
+        drawn = chosen.figure(width, font_scale, height, columns)
+        save(drawn, into)
+    except ValueError as wrong:
+        raise RunFolderError(f"{name}: {wrong}") from None
+    return [CROWDED] if crowded(drawn) else []

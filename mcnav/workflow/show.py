@@ -1,0 +1,43 @@
+"""Show a finished run from its summary; nothing is analysed or simulated."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+from rich.console import RenderableType
+
+from mcnav.errors import RunFolderError, reading_file
+from mcnav.report import show
+from mcnav.report.export import as_csv, as_json
+from mcnav.report.result_table import Units
+from mcnav.report.result_tables import final_tables
+from mcnav.store.run_folder import SUMMARY
+from mcnav.workflow.analyse import summary_of
+
+
+def show_run(
+    folder: Path, table: str | None = None, units: Units = "shown", form: Literal["table", "csv", "json"] = "table"
+) -> tuple[str, RenderableType | None]:
+    """Return CSV or JSON as text, and what a terminal shows; one of them is empty.
+
+    CSV is that of one table, by default ``outputs``; JSON has all tables by name, or the one asked for.
+
+    Raises
+    ------
+    RunFolderError
+        When there is no finished run, its summary is damaged, or it has no such table.
+    """
+    found = summary_of(folder)
+    with reading_file(folder / SUMMARY):
+        summary = show.escaped(found)
+        tables = final_tables(summary, units)
+        shown = show.show(summary, units)
+    if table is not None and table not in tables:
+        raise RunFolderError(f"--table: {show.unknown_table(tables, table)}")
+    if form == "csv":
+        return as_csv(tables[table or "outputs"].rows), None
+    if form == "json":
+        chosen = tables if table is None else {table: tables[table]}
+        return as_json({name: each.rows for name, each in chosen.items()}), None
+    return "", shown if table is None else show.tabulate(tables[table])

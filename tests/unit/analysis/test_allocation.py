@@ -1,0 +1,58 @@
+"""Multiples at which a requirement is just met: errors that add up, and gains that change with them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import pytest
+
+from mcnav.analysis.allocation import MOST, PRECISION, critical_multiple
+
+CASES: dict[str, tuple[Callable[[float], float], float]] = {
+    "tightened": (lambda k: math.sqrt(0.3 + 0.9 * k * k), math.sqrt(0.7 / 0.9)),
+    "loosened": (lambda k: math.sqrt(0.3 + 0.1 * k * k), math.sqrt(7.0)),
+    "alone": (lambda k: 4.0 * k, 0.25),
+    "a Kalman update": (lambda k: 1.5 * k / math.hypot(0.5, k), 0.5 / math.sqrt(1.25)),
+    "a slow power": (lambda k: 1.5 * k**0.1, 1.5**-10),
+    "a high power": (lambda k: 0.1 + k**6, 0.9 ** (1.0 / 6.0)),
+}
+"""Size over its limit by the multiple of a number, and the multiple at which it is one."""
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_root(name: str) -> None:
+    size, expected = CASES[name]
+    found = critical_multiple(lambda k: 1.0 / size(k) if size(k) > 0.0 else math.inf)
+    assert size(found) <= 1.0
+    assert found == pytest.approx(expected, rel=2.0 * PRECISION)
+
+
+def test_errors_that_add_up_take_three_answers() -> None:
+    """At one, at zero, and at the root of a line."""
+    asked = list[float]()
+
+    def margin(multiple: float) -> float:
+        asked.append(multiple)
+        return 1.0 / math.sqrt(0.3 + 0.9 * multiple**2)
+
+    critical_multiple(margin)
+    assert len(asked) == 3
+
+
+def test_what_others_leave_is_too_much() -> None:
+    assert math.isnan(critical_multiple(lambda k: 1.0 / math.sqrt(1.1 + k * k)))
+
+
+def test_a_number_that_does_not_matter() -> None:
+    assert math.isinf(critical_multiple(lambda k: 2.0 - 0.5 * k / MOST))
+
+
+def test_multiples_that_cannot_be_computed_end_the_search() -> None:
+    assert math.isinf(critical_multiple(lambda k: math.nan if k > 10.0 else 2.0))
+
+
+def test_the_least_multiple_stands_for_none() -> None:
+    """A sensor's noise cannot be zero."""
+    found = critical_multiple(lambda k: math.nan if k == 0.0 else 0.5 / k, least=1e-3)
+    assert found == pytest.approx(0.5, rel=2.0 * PRECISION)

@@ -1,0 +1,82 @@
+"""Linear answers: requirements with closed forms, margins, and moments over time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import special
+
+from mcnav.analysis.comparison import Model
+from mcnav.analysis.linear_answer import judge_linearly
+from mcnav.analysis.linear_covariance import covariance_over_time
+from mcnav.analysis.requirements import Requirement
+from mcnav.scenarios.protocol import LinearReadings
+
+ROOT = 1e-9
+"""Relative error of a radius by quadrature, and of roots."""
+
+
+def model(*sigmas: float) -> Model:
+    size = len(sigmas)
+    return Model(np.eye(size), np.zeros(size), np.zeros(size), np.diag(np.square(sigmas)))
+
+
+def test_quantile_and_radius_of_normal_errors() -> None:
+    """The quantile of |x| is Phi^-1((1 + p) / 2) sigma; the Rayleigh radius is sigma sqrt(-2 ln(1 - p))."""
+    requirements = [Requirement("quantile", (0,), (5.0,), 0.95), Requirement("cep", (0, 1), (2.0,), 0.5)]
+    one, two = judge_linearly(requirements, model(2.0, 2.0), None)
+    assert one.value == pytest.approx(2.0 * special.ndtri(0.975), rel=ROOT)
+    assert two.value == pytest.approx(2.0 * np.sqrt(2.0 * np.log(2.0)), rel=ROOT)
+    assert (one.met, two.met) == (True, False)
+    assert one.margin == pytest.approx(5.0 / one.value)
+
+
+def test_margin_of_a_box() -> None:
+    """Of one output: sigma may grow to limit / Phi^-1((1 + p) / 2)."""
+    (found,) = judge_linearly([Requirement("box", (0,), (3.0,), 0.9)], model(1.0), None)
+    assert found.value == pytest.approx(2.0 * special.ndtr(3.0) - 1.0, rel=ROOT)
+    assert found.margin == pytest.approx(3.0 / special.ndtri(0.95), rel=ROOT)
+    assert found.met
+
+
+def test_margin_scales_all_errors_with_their_mean() -> None:
+    requirement = Requirement("cep", (0, 1), (2.0,), 0.5)
+    described = Model(np.eye(2), np.array([0.3, 0.0]), np.array([0.0, 0.4]), np.diag([1.0, 4.0]))
+    (found,) = judge_linearly([requirement], described, None)
+    k = found.margin
+    scaled = Model(np.eye(2), k * described.nominal, k * described.mean, k**2 * described.covariance)
+    (just,) = judge_linearly([requirement], scaled, None)
+    assert just.value == pytest.approx(2.0, rel=ROOT)
+
+
+def test_a_sigma_ratio_needs_monte_carlo() -> None:
+    (found,) = judge_linearly([Requirement("sigma_ratio", (0,), (0.05,), None)], model(1.0), None)
+    assert not found.judged
+
+
+def test_requirements_over_time_are_on_readings_after_updates() -> None:
+    """Sigma is 1, then 3 before an update and 2 after it: the largest at epochs 0 and 1 is 2, at the time 10."""
+    partials = np.array([1.0, 3.0, 2.0])[:, None, None]
+    readings = LinearReadings(np.array([0.0, 10.0, 10.0]), (None, "before", "after"), partials)
+    history = covariance_over_time(readings, ("x",), np.zeros(1), np.eye(1))
+    requirement = Requirement("quantile", (0,), (4.0,), 0.6826894921370859, "", (0, 1))
+    (found,) = judge_linearly([requirement], model(1.0), history)
+    assert found.value == pytest.approx(2.0, rel=1e-9)
+    assert found.time == 10.0
+    assert found.margin == pytest.approx(2.0, rel=1e-9)
+
+
+def test_covariance_over_time_adds_up() -> None:
+    """Sources that are correlated, a mean, and noise: the diagonal is that of P S P^T + Q."""
+    rng = np.random.default_rng(5)
+    partials, half = rng.standard_normal((4, 2, 3)), rng.standard_normal((3, 3))
+    noise = np.stack([np.eye(2) * k for k in range(4)])
+    readings = LinearReadings(np.arange(4.0), (None,) * 4, partials, {"noise": noise})
+    sources, mean = half @ half.T, rng.standard_normal(3)
+    found = covariance_over_time(readings, ("a", "b", "c"), mean, sources)
+    expected = np.stack([each @ sources @ each.T for each in partials]) + noise
+    np.testing.assert_allclose(found.covariance, expected, rtol=1e-12)
+    np.testing.assert_allclose(found.sigma**2, np.diagonal(expected, axis1=1, axis2=2), rtol=1e-12)
+    np.testing.assert_allclose(found.mean, partials @ mean, rtol=1e-12)
+    total = found.correlations + sum(found.variances.values())
+    np.testing.assert_allclose(total, found.sigma**2, rtol=1e-12)

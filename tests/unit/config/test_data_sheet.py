@@ -1,0 +1,93 @@
+"""Numbers of a data sheet: what a file gives, their multiples, and the next grade of the catalogue."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from mcnav.config.data_sheet import DataSheetNumber, data_sheet_numbers, next_grade, round_down, shown
+from mcnav.scenarios.ins import SOURCES
+
+IMU: dict[str, Any] = {
+    "grade": "tactical",
+    "gyro": {
+        "bias": ["1 deg/h", "2 deg/h", "3 deg/h"],
+        "bias_instability": {"allan_minimum": "0.5 deg/h", "correlation_time": "1 h"},
+    },
+}
+CONTENT: dict[str, Any] = {
+    "imu": IMU,
+    "errors": {
+        "position": "5 m",
+        "position_down": {"distribution": "truncated-normal", "sigma": "10 m", "limit": "20 m"},
+        "heading": "0 mrad",
+    },
+    "aiding": [
+        {"type": "gnss", "name": "receiver", "interval": "1 s", "position": "3 m", "lever_arm": ["1 m", "0 m", "0 m"],
+         "position_correlated": {"sigma": "2 m", "correlation_time": "100 s"}},
+    ],
+}  # fmt: skip
+
+
+def numbers() -> dict[str, DataSheetNumber]:
+    return {number.path: number for number in data_sheet_numbers(CONTENT, SOURCES)}
+
+
+def test_numbers_of_a_file() -> None:
+    """Those of the file and, below them, the grade; none that are zero, and no lever arm, which is known."""
+    found = numbers()
+    assert found["imu.gyro.bias"].text == "1 deg/h, 2 deg/h, 3 deg/h"
+    assert found["imu.gyro.angle_random_walk"].text == "0.125 deg/sqrt(h)"
+    assert found["imu.gyro.bias_instability"].text == "0.5 deg/h"
+    assert found["aiding.receiver.position_correlated"].text == "2 m"
+    assert not {"errors.heading", "aiding.receiver.lever_arm", "aiding.receiver.interval"} & found.keys()
+
+
+def test_causes() -> None:
+    found = numbers()
+    assert found["imu.gyro.bias"].covers("gyro_bias_x")
+    assert not found["imu.gyro.bias"].covers("gyro_bias_instability_x")
+    assert found["imu.gyro.bias_instability"].covers("gyro_bias_instability_x")
+    assert found["errors.position"].covers("position_north")
+    assert not found["errors.position"].covers("position_down")
+    assert found["errors.position_down"].covers("position_down")
+
+
+def test_multiples() -> None:
+    found = numbers()
+    assert found["imu.gyro.bias"].multiplied(0.5) == {"imu.gyro.bias": ["0.5 deg/h", "1 deg/h", "1.5 deg/h"]}
+    assert found["aiding.receiver.position_correlated"].multiplied(2.0) == {
+        "aiding.receiver.position_correlated": {"sigma": "4 m", "correlation_time": "100 s"}
+    }
+    own = CONTENT["errors"]["position_down"]
+    assert found["errors.position"].multiplied(3.0) == {"errors.position": "15 m", "errors.position_down": own}
+    changed = found["errors.position_down"].multiplied(0.1)["errors.position_down"]
+    assert changed == {"distribution": "truncated-normal", "sigma": "1 m", "limit": "2 m"}
+
+
+@pytest.mark.parametrize(("value", "expected"), [(0.123999, 0.123), (9999.0, 9990.0), (0.3, 0.3), (0.0, 0.0)])
+def test_numbers_are_rounded_down(value: float, expected: float) -> None:
+    assert round_down(value) == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_proposed_number_has_three_digits() -> None:
+    """One quantity is rounded itself; of several, their factor is."""
+    single = DataSheetNumber("errors.tilt", "0.07 mrad", frozenset(), {})
+    factor = single.rounded(0.123456)
+    assert single.multiplied(factor) == {"errors.tilt": "0.00864 mrad"}
+    assert numbers()["imu.gyro.bias"].rounded(0.123456) == pytest.approx(0.123)
+
+
+def test_next_grades() -> None:
+    """The next finer grade is the coarsest whose value is below the largest axis'."""
+    found = numbers()
+    finer, coarser = (next_grade(found["imu.gyro.bias"], each) for each in (True, False))
+    assert finer is not None
+    assert coarser is not None
+    assert (finer.grade, coarser.grade) == ("tactical", "consumer")
+    walk = next_grade(found["imu.gyro.angle_random_walk"], True)
+    assert walk is not None
+    assert (walk.grade, shown(walk.entry)) == ("navigation", "0.002 deg/sqrt(h)")
+    assert next_grade(found["imu.gyro.misalignment"], True) is None  # no finer grade states one
+    assert next_grade(found["errors.position"], True) is None

@@ -1,0 +1,67 @@
+"""Examples that come with the program."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from mcnav.config.examples import FIRST, copy_examples, example, examples, examples_folder
+from mcnav.config.read import read_campaign
+from mcnav.errors import CampaignError
+from tests.commands import invoke
+from tests.conftest import ROOT
+
+
+def test_every_campaign_is_an_example_with_a_question() -> None:
+    assert examples_folder() == ROOT / "campaigns"
+    assert list(examples()) == sorted(path.stem for path in (ROOT / "campaigns").glob("*.toml"))
+    for question in examples().values():
+        assert "?" in question
+        assert "#" not in question
+
+
+@pytest.mark.parametrize("name", ["1", "01", FIRST])
+def test_an_example_by_number_or_name(name: str) -> None:
+    assert example(name) == ROOT / "campaigns" / f"{FIRST}.toml"
+
+
+@pytest.mark.parametrize("name", ["0", "99", "1_", "polar", "../14_polar", "", "²"])
+def test_what_is_no_example(name: str) -> None:
+    with pytest.raises(CampaignError, match=r"^NAME: no example "):
+        example(name)
+
+
+def test_copies_can_be_read_and_are_made_again(tmp_path: Path) -> None:
+    for _ in range(2):
+        copies = copy_examples(tmp_path / "campaigns")
+    assert {path.name: path.read_bytes() for path in copies} == {
+        path.name: path.read_bytes() for path in (ROOT / "campaigns").iterdir() if path.is_file()
+    }
+    assert read_campaign(tmp_path / "campaigns" / "15_flight_navigation_grade.toml").name
+
+
+def test_a_changed_copy_is_kept(tmp_path: Path) -> None:
+    (tmp_path / "polar.py").write_text("mine")
+    (tmp_path / "boost.py").mkdir()
+    with pytest.raises(CampaignError) as found:
+        copy_examples(tmp_path)
+    assert [problem.file for problem in found.value.problems] == [
+        str(tmp_path / name) for name in ("boost.py", "polar.py")
+    ]
+    assert (tmp_path / "polar.py").read_text() == "mine"
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_the_command(tmp_path: Path) -> None:
+    listed = invoke("demo", "--list", cwd=tmp_path)
+    assert listed.stdout.splitlines()[::2] == list(examples())
+    assert invoke("demo", "--copy", "mine", cwd=tmp_path).stdout.endswith("written: mine\n")
+    assert (tmp_path / "mine" / "flight.csv").exists()
+    refused = invoke("demo", "polr", cwd=tmp_path)
+    assert refused.returncode == 2
+    assert refused.stderr.startswith("error: NAME: no example 'polr'; ")
+    done = invoke("demo", "14", cwd=tmp_path)
+    assert done.returncode == 0
+    assert done.stdout.endswith("report: reports/14_polar/report.html\n")
+    assert (tmp_path / "reports" / "14_polar" / "report.html").exists()
