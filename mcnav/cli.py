@@ -16,6 +16,7 @@ from typing import Annotated, Any, Literal, ParamSpec, TypeVar
 import typer
 
 from mcnav import shell_completion as completion
+from mcnav.pages import Page, page_text
 from mcnav.report.fitted_table import OpenConsole
 
 CHECK_FAILED, BAD_INPUT, SOME_FAILED, BUSY, INTERRUPTED, TERMINATED = 1, 2, 3, 4, 130, 143
@@ -23,13 +24,6 @@ CHECK_FAILED, BAD_INPUT, SOME_FAILED, BUSY, INTERRUPTED, TERMINATED = 1, 2, 3, 4
 
 GARBAGE_THRESHOLD = 50_000
 """New objects after which Python looks for cycles to free."""
-
-FILES = {
-    "tn-d1772": "reproduce/tn_d1772/TN_D1772.md",
-    "story": "reproduce/story_of_84_minutes/STORY_OF_84_MINUTES.md",
-    "textbook": "reproduce/textbook/TEXTBOOK.md",
-}
-"""Files of pages that are not named like the page."""
 
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None, add_completion=True)
 new = typer.Typer(no_args_is_help=True, help="Write a new campaign, or a new scenario with its test, ready to run.")
@@ -41,10 +35,6 @@ Format = Literal["table", "csv", "json"]
 Axes = Literal["start", "trajectory"]
 TemplateType = Literal["reentry", "cruise", "hover"]
 Platform = Literal["strapdown", "inertial", "level"]
-Page = Literal[
-    "guide", "campaigns", "scenarios", "trajectories", "commands", "report", "notebook", "scaling", "notation",
-    "architecture", "tn-d1772", "story", "textbook",
-]  # fmt: skip
 CampaignFile = Annotated[
     Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file (TOML).", autocompletion=completion.campaigns)
 ]
@@ -232,6 +222,8 @@ def run(
 
     Exit status: 0 success, 1 a requirement is not met or undecided (with --check), 2 bad input,
     3 some samples failed, 4 folder in use, 130 interrupted.
+
+    Example: mcnav run campaigns/11_cruise.toml --samples 1000
     """
     from mcnav.config.read import read_campaign
     from mcnav.execution.dask_cluster import open_executor
@@ -307,7 +299,10 @@ def report(
     folders: Folders,
     show: Annotated[bool, typer.Option("--open", help="Open the reports in the browser.")] = False,
 ) -> None:
-    """Analyse finished runs again and write their reports."""
+    """Analyse finished runs again and write their reports.
+
+    Example: mcnav report reports/11_cruise --open
+    """
     import webbrowser
 
     from mcnav.workflow.analyse import report_run
@@ -404,6 +399,8 @@ def compare(
 
     With several runs, show the inputs that differ and the change of each output from the first run, with intervals.
     Runs with the same seed, design and sources are compared on common draws.
+
+    Example: mcnav compare reports/11_cruise reports/other --html both.html
     """
     from mcnav.errors import reading_file
     from mcnav.files import write_whole
@@ -462,6 +459,8 @@ def replay(
     """Simulate one sample of a run again; write its errors, outcome and time history as a page and a CSV file.
 
     Exit status: 0 the outcome is as stored, 1 it is different, 2 bad input.
+
+    Example: mcnav replay reports/11_cruise 12
     """
     from mcnav.report.replay import lines
     from mcnav.workflow import replay as replaying
@@ -481,7 +480,10 @@ def index(
         "reports"
     ),
 ) -> None:
-    """Write index.html, a list of all runs in a folder and its subfolders."""
+    """Write index.html, a list of all runs in a folder and its subfolders.
+
+    Example: mcnav index reports
+    """
     from mcnav.workflow.index import write_index
 
     written, count = write_index(folder)
@@ -505,6 +507,8 @@ def partials(
     """Show the partial derivatives P of the final errors, and the differences between three methods.
 
     With --start-times, write P and the linear dispersion as functions of the start of navigation.
+
+    Example: mcnav partials campaigns/11_cruise.toml --method variational
     """
     from mcnav.config.read import read_campaign
     from mcnav.lincov.partials import compare_partials
@@ -545,6 +549,8 @@ def start_times(
 
     The campaign's optional table [start_times] sets errors that vary with the start time, weights of the outputs, and
     the start times to check.
+
+    Example: mcnav start-times campaigns/09_start_times.toml
     """
     _start_times(campaign, folder, axes, count, checks=True)
 
@@ -573,7 +579,10 @@ def linearity(
     largest: Annotated[float, typer.Option(min=0.2, max=1_000.0, help="Largest multiple of all errors.")] = 50.0,
     folder: OutFolder = None,
 ) -> None:
-    """Find the multiples of the errors at which linear analysis fails, for each source alone and all together."""
+    """Find the multiples of the errors at which linear analysis fails, for each source alone and all together.
+
+    Example: mcnav linearity campaigns/14_polar.toml --samples 500
+    """
     from mcnav.config.read import read_campaign
     from mcnav.report import progress, sentences, terminal
     from mcnav.studies.linearity import write_linearity
@@ -601,7 +610,9 @@ def lincov(
     """Compute the linear covariance at the end and over time, its causes, and requirements; nothing is simulated.
 
     With aiding, it is that of the closed loop: true sigmas and those that the filter states, twice where an update
-    falls on a time. Example: mcnav lincov campaigns/19_flight_with_gnss.toml
+    falls on a time.
+
+    Example: mcnav lincov campaigns/19_flight_with_gnss.toml --at "1800 s"
     """
     from mcnav.config.read import read_campaign
     from mcnav.report import lincov as tables
@@ -706,6 +717,8 @@ def check_scenario(campaign: CampaignFile) -> None:
     """Check a campaign's scenario: determinism, shapes, units, linearity near zero, partials against differences.
 
     Exit status: 0 all checks passed, 1 a check failed, 2 bad input.
+
+    Example: mcnav check-scenario campaigns/14_polar.toml
     """
     from mcnav.config.read import read_campaign
     from mcnav.report import terminal
@@ -741,7 +754,10 @@ def trajectory(
     column: NamedColumns = None,
     form: FormatOption = "table",
 ) -> None:
-    """Check and describe a trajectory: rows, ranges, largest force and turn rate, agreement of the velocities."""
+    """Check and describe a trajectory: rows, ranges, largest force and turn rate, agreement of the velocities.
+
+    Example: mcnav trajectory campaigns/flight.csv --out flight.html
+    """
     from mcnav.files import write_texts
     from mcnav.report import trajectory as described
     from mcnav.workflow.trajectory import describe_campaign, describe_file
@@ -774,6 +790,8 @@ def imu(
     """List the catalogue of inertial measurement units, or the values of one with their sources.
 
     A campaign takes one with grade = "NAME" in [imu].
+
+    Example: mcnav imu navigation
     """
     from mcnav.config.imu_catalogue import catalogue_units
     from mcnav.errors import suggestion
@@ -899,10 +917,11 @@ def schema(
 
 @app.command()
 def docs(page: Annotated[Page, typer.Argument(metavar="PAGE", help="Page to show.")] = "guide") -> None:
-    """Show a page of the documentation."""
-    from importlib.resources import files
+    """Show a page of the documentation.
 
-    text = files("mcnav").joinpath(FILES.get(page, f"{page.upper()}.md")).read_text(encoding="utf-8")
+    Example: mcnav docs campaigns
+    """
+    text = page_text(page)
     if out.is_terminal:
         from rich.markdown import Markdown
 
@@ -922,7 +941,10 @@ def reproduce(
     ],
     folder: Annotated[Path | None, typer.Option("--out", help="Output folder [default: reports/DOCUMENT].")] = None,
 ) -> None:
-    """Recompute the numbers and figures of a published document; write a page and CSV files."""
+    """Recompute the numbers and figures of a published document; write a page and CSV files.
+
+    Example: mcnav reproduce textbook --out recomputed
+    """
     from collections import Counter
 
     from mcnav.reproduce.story_of_84_minutes import page as story_page
@@ -956,6 +978,8 @@ def calibrate(
     """Validate the statistics: coverage of intervals, false alarms and power; write a page and a CSV file.
 
     The campaigns are synthetic and their moments known. Every measured rate has its binomial interval.
+
+    Example: mcnav calibrate --trials 100
     """
     from mcnav.calibration import page
 
