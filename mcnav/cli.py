@@ -868,8 +868,8 @@ def new_ins(
 ) -> None:
     """Write a commented campaign file of an inertial navigation in three dimensions, and its schema for editors.
 
-    Examples: mcnav new ins mine --imu tactical --aid gnss --aid altimeter;
-    mcnav new ins mine --imu STIM300 --trajectory flight.csv
+    A trajectory of your own: --trajectory flight.csv. Example:
+    mcnav new ins mine --imu tactical --aid gnss --aid altimeter
     """
     from mcnav.config.json_schema.files import write_schema
     from mcnav.config.templates.ins import NewIns, new_ins
@@ -904,7 +904,9 @@ def schema(
 ) -> None:
     """Print the JSON schema of campaign files, by which editors complete, describe and check them.
 
-    Example: mcnav schema --out mcnav.schema.json, and #:schema ./mcnav.schema.json as the first line of a campaign
+    A campaign names the file in its first line: #:schema ./mcnav.schema.json
+
+    Example: mcnav schema --out mcnav.schema.json
     """
     from mcnav.config.json_schema.files import schema_text
     from mcnav.files import write_texts
