@@ -269,7 +269,10 @@ def run(
 @_command()
 def demo(
     name: Annotated[
-        str, typer.Argument(metavar="NAME", help="Name or number of the example, such as 19.")
+        str,
+        typer.Argument(
+            metavar="NAME", help="Name or number of the example, such as 19.", autocompletion=completion.examples
+        ),
     ] = "01_tn_d1772_trajectory_4",
     listed: Annotated[bool, typer.Option("--list", help="List the examples and their questions.")] = False,
     copy: Annotated[
