@@ -27,8 +27,8 @@ check: lint test
 docs: .venv/documented
 	$(BIN)/python .github/site/build.py
 
-# Compare mcnav with its peers, into reports/benchmarks: a few minutes on an otherwise idle machine. BENCH=--full adds
-# 10^8 samples.
+# Compare mcnav with its peers, into reports/benchmarks: a quarter of an hour on an otherwise idle machine. BENCH=--full
+# adds 10^8 samples, BENCH="--only inertial" measures one of the chapters.
 bench: .venv/benched
 	$(BIN)/python -m tests.benchmarks $(BENCH)
 

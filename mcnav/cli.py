@@ -15,6 +15,7 @@ from typing import Annotated, Any, Literal, ParamSpec, TypeVar
 
 import typer
 
+from mcnav import shell_completion as completion
 from mcnav.pages import Page, page_text
 from mcnav.report.fitted_table import OpenConsole
 
@@ -34,9 +35,11 @@ Format = Literal["table", "csv", "json"]
 Axes = Literal["start", "trajectory"]
 TemplateType = Literal["reentry", "cruise", "hover"]
 Platform = Literal["strapdown", "inertial", "level"]
-CampaignFile = Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file (TOML).")]
-Folder = Annotated[Path, typer.Argument(metavar="RUN", help="Run folder.")]
-Folders = Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders.")]
+CampaignFile = Annotated[
+    Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file (TOML).", autocompletion=completion.campaigns)
+]
+Folder = Annotated[Path, typer.Argument(metavar="RUN", help="Run folder.", autocompletion=completion.runs)]
+Folders = Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders.", autocompletion=completion.runs)]
 FormatOption = Annotated[
     Format, typer.Option("--format", help="Print a table, or only CSV or JSON in full precision on stdout.")
 ]
@@ -178,7 +181,10 @@ def run(
     folder: Annotated[Path | None, typer.Option("--out", help="Run folder [default: reports/NAME].")] = None,
     engine: Annotated[
         str | None,
-        typer.Option(help="Simulation engine: ensemble, reference or map [default: the scenario's first]."),
+        typer.Option(
+            help="Simulation engine: ensemble, reference or map [default: the scenario's first].",
+            autocompletion=completion.engines,
+        ),
     ] = None,
     jobs: Annotated[int | None, typer.Option(min=1, help="Parallel jobs [default: 2].")] = None,
     dask: Annotated[
@@ -346,7 +352,14 @@ def export(
 @_command()
 def figure(
     folder: Folder,
-    name: Annotated[str, typer.Argument(metavar="NAME", help="A figure of the report, such as scatter or budget.")],
+    name: Annotated[
+        str,
+        typer.Argument(
+            metavar="NAME",
+            help="A figure of the report, such as scatter or budget.",
+            autocompletion=completion.for_words(completion.figures),
+        ),
+    ],
     into: Annotated[Path, typer.Option("--out", help="File to write: .pdf, .svg or .png.")],
     size: Annotated[
         str | None, typer.Option(metavar="WxH", help="Width and height, such as 88x60mm [default: the page's].")
@@ -432,7 +445,11 @@ def replay(
     folder: Folder,
     index: Annotated[int, typer.Argument(metavar="INDEX", min=0, help="Sample index.")],
     campaign: Annotated[
-        Path | None, typer.Option(help="Campaign file of the run; needed for a scenario in your own code.")
+        Path | None,
+        typer.Option(
+            help="Campaign file of the run; needed for a scenario in your own code.",
+            autocompletion=completion.campaigns,
+        ),
     ] = None,
     into: Annotated[Path | None, typer.Option("--out", help="Output folder [default: the run folder].")] = None,
 ) -> None:
@@ -641,11 +658,19 @@ def sweep(
     campaign: CampaignFile,
     vary: Annotated[
         list[str],
-        typer.Option(metavar="KEY=VALUES", help="""A key and its values, such as imu.gyro.bias="0.001..1 deg/h"."""),
+        typer.Option(
+            metavar="KEY=VALUES",
+            help="""A key and its values, such as imu.gyro.bias="0.001..1 deg/h".""",
+            autocompletion=completion.for_words(completion.keys),
+        ),
     ],
     against: Annotated[
         list[str] | None,
-        typer.Option(metavar="MEASURE", help="What is looked at, such as position_horizontal [default: requirements]."),
+        typer.Option(
+            metavar="MEASURE",
+            help="What is looked at, such as position_horizontal [default: requirements].",
+            autocompletion=completion.for_words(completion.outputs),
+        ),
     ] = None,
     points: Annotated[int, typer.Option(min=2, help="Values of each range.")] = 20,
     confirm: Annotated[
@@ -716,7 +741,12 @@ def _named_columns(named: Sequence[str] | None) -> dict[str, str]:
 @_command()
 def trajectory(
     campaign: Annotated[
-        Path, typer.Argument(metavar="FILE", help="Trajectory file (CSV or parquet), or a campaign of type ins (TOML).")
+        Path,
+        typer.Argument(
+            metavar="FILE",
+            help="Trajectory file (CSV or parquet), or a campaign of type ins (TOML).",
+            autocompletion=completion.campaigns_and_trajectories,
+        ),
     ],
     page: Annotated[Path | None, typer.Option("--out", help="Also write figures as an HTML page.")] = None,
     column: NamedColumns = None,
@@ -747,7 +777,11 @@ def trajectory(
 def imu(
     name: Annotated[
         str | None,
-        typer.Argument(metavar="NAME", help="A grade or unit, such as navigation or STIM300 [default: all]."),
+        typer.Argument(
+            metavar="NAME",
+            help="A grade or unit, such as navigation or STIM300 [default: all].",
+            autocompletion=completion.units,
+        ),
     ] = None,
     form: FormatOption = "table",
 ) -> None:
@@ -802,15 +836,29 @@ def new_campaign(
 def new_ins(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name or path of the file; .toml may be left out.")],
     unit: Annotated[
-        str, typer.Option("--imu", metavar="UNIT", help="Grade or unit of the catalogue; mcnav imu lists them.")
+        str,
+        typer.Option(
+            "--imu",
+            metavar="UNIT",
+            help="Grade or unit of the catalogue; mcnav imu lists them.",
+            autocompletion=completion.units,
+        ),
     ] = "navigation",
     trajectory: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Trajectory in the campaign's folder or below it [default: some segments]."),
+        typer.Option(
+            metavar="FILE",
+            help="Trajectory in the campaign's folder or below it [default: some segments].",
+            autocompletion=completion.trajectories,
+        ),
     ] = None,
     aid: Annotated[
         list[str] | None,
-        typer.Option(metavar="TYPE", help="Type of a sensor that aids the navigation, such as gnss; repeat."),
+        typer.Option(
+            metavar="TYPE",
+            help="Type of a sensor that aids the navigation, such as gnss; repeat.",
+            autocompletion=completion.aids,
+        ),
     ] = None,
     platform: Annotated[Platform, typer.Option(help="Carrier of the instruments.")] = "strapdown",
     column: NamedColumns = None,
@@ -896,7 +944,7 @@ def reproduce(
 ) -> None:
     """Recompute the numbers and figures of a published document; write a page and CSV files.
 
-    Example: mcnav reproduce tn-d1772
+    Example: mcnav reproduce textbook --out recomputed
     """
     from collections import Counter
 
