@@ -58,6 +58,8 @@ def test_help(tmp_path: Path) -> None:
         "reproduce",
         "calibrate",
         "new",
+        "lincov",
+        "allocate",
         "check-scenario",
     )
     for command in commands:
