@@ -313,7 +313,7 @@ def _from_file(
 ) -> TrajectorySpec | None:
     path = context.folder / table.file
     try:
-        if path.is_file() and path.stat().st_size > LARGEST_FILE:  # before its content is digested
+        if _size(path) > LARGEST_FILE:  # before its content is digested
             raise SettingError(f"{path} is longer than {LARGEST_FILE:,} bytes")
         file = read_file(table.file, key.rpartition(".")[2], context)
 
@@ -332,6 +332,14 @@ def _from_file(
     place = f"{INPUTS}/{file.name}"
     resolved = place if isinstance(entry, str) else {**entry, "file": place}
     return TrajectorySpec(Path(table.file).name, truth, rows, resolved, file)
+
+
+def _size(path: Path) -> int:
+    """Return the length of a file; zero where there is none, or its name is none."""
+    try:
+        return path.stat().st_size if path.is_file() else 0
+    except OSError:
+        return 0
 
 
 def _from_reentry(

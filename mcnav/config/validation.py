@@ -40,9 +40,14 @@ def validate(table: type[AnyTable], content: object, context: FileContext, key: 
             location = [part for part in error["loc"] if part not in _TAGS]
             at = key
             for part in location:
-                at += f" #{part + 1}" if isinstance(part, int) else f"{'.' if at else ''}{part}"
+                at += f" #{part + 1}" if isinstance(part, int) else f"{'.' if at else ''}{_named(part)}"
             context.problem(at, _message(error, location, table))
         return None
+
+
+def _named(key: str) -> str:
+    """Return a key as it is shown; one of blanks in quotes, as TOML writes it."""
+    return key if key.strip() else f'"{key}"'
 
 
 def _message(error: Mapping[str, Any], location: Sequence[str | int], table: type[Table]) -> str:

@@ -59,6 +59,8 @@ def test_help(tmp_path: Path) -> None:
         "reproduce",
         "calibrate",
         "new",
+        "lincov",
+        "allocate",
         "check-scenario",
     )
     for command in commands:
