@@ -689,9 +689,10 @@ def sweep(
     """Vary one or two keys of a campaign: accuracy by linear analysis, and the values at which requirements are met.
 
     VALUES is a range ("0.001..1 deg/h", logarithmic from a decade on) or a list ("1, 2, 5 deg/h"). A MEASURE is an
-    output, position_horizontal, velocity_horizontal, or drms, cep, r95, sep of outputs; a limit may follow:
+    output, position_horizontal, velocity_horizontal, or drms, cep, r95, sep of outputs; a limit may follow.
 
-    mcnav sweep campaign.toml --vary imu.gyro.bias="0.001..1 deg/h" --against "position_horizontal < 20 m"
+    Example: mcnav sweep campaigns/19_flight_with_gnss.toml --vary imu.gyro.bias="0.001..1 deg/h"
+    --against "position_horizontal < 20 m"
     """
     from mcnav.config.sweep_values import split_varied
     from mcnav.report import progress
@@ -868,8 +869,9 @@ def new_ins(
 ) -> None:
     """Write a commented campaign file of an inertial navigation in three dimensions, and its schema for editors.
 
-    A trajectory of your own: --trajectory flight.csv. Example:
-    mcnav new ins mine --imu tactical --aid gnss --aid altimeter
+    --aid repeats; --trajectory FILE takes a flight of your own.
+
+    Example: mcnav new ins mine --imu tactical --aid gnss --aid altimeter
     """
     from mcnav.config.json_schema.files import write_schema
     from mcnav.config.templates.ins import NewIns, new_ins
@@ -904,7 +906,7 @@ def schema(
 ) -> None:
     """Print the JSON schema of campaign files, by which editors complete, describe and check them.
 
-    A campaign names the file in its first line: #:schema ./mcnav.schema.json
+    A campaign names it in its first line: #:schema ./mcnav.schema.json
 
     Example: mcnav schema --out mcnav.schema.json
     """

@@ -7,9 +7,9 @@ from typing import Final, Literal, get_args
 
 Page = Literal[
     "guide", "tutorial-reentry", "tutorial-cruise", "tutorial-flight", "tutorial-aided", "tutorial-scenario",
-    "tutorial-noise", "howto-instruments", "howto-filter", "howto-requirements", "howto-samples", "howto-compare",
-    "howto-failures", "method", "report", "notation", "campaigns", "scenarios", "trajectories", "commands", "notebook",
-    "scaling", "architecture", "tn-d1772", "story", "textbook",
+    "tutorial-noise", "questions", "howto-instruments", "howto-filter", "howto-requirements", "howto-samples",
+    "howto-compare", "howto-export", "howto-failures", "method", "report", "notation", "campaigns", "scenarios",
+    "trajectories", "commands", "notebook", "scaling", "architecture", "tn-d1772", "story", "textbook",
 ]  # fmt: skip
 
 _ELSEWHERE: Final[dict[Page, str]] = {

@@ -2,8 +2,8 @@
 
 The pages are those that `mcnav docs` shows, the README, the changelog, the page for contributors and the benchmarks.
 They are copied to build/pages, with their links turned to each other, and with the pages of this folder and those that
-`generated.py` makes of the program itself: commands, examples. Sphinx then builds the site; a
-warning is an error, and no network is needed.
+`generated.py` and `keys.py` make of the program itself: commands, examples, keys of campaign files. Sphinx then builds
+the site; a warning is an error, and no network is needed.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ sys.path[:0] = [str(ROOT), str(HERE)]  # of this working copy, whatever is insta
 from mcnav.pages import PAGES  # noqa: E402
 
 import generated  # noqa: E402  # isort: skip
+import keys  # noqa: E402  # isort: skip
 
 FROM_THE_REPOSITORY: Final = {
     "contributing": ".github/CONTRIBUTING.md",
@@ -35,15 +36,16 @@ FROM_THE_REPOSITORY: Final = {
 
 GENERATED: Final = {
     "reference/commands": generated.commands,
+    "reference/keys": keys.page,
     "reference/examples": generated.examples,
 }
 
 CONTENTS: Final = {
     "Tutorials": ("guide", *(page for page in PAGES if page.startswith("tutorial-"))),
-    "How to": (*(page for page in PAGES if page.startswith("howto-")), "scaling"),
+    "How to": ("questions", *(page for page in PAGES if page.startswith("howto-")), "scaling"),
     "Explanation": ("method", "report", "notation", "tn-d1772", "story", "textbook"),
     "Reference": (
-        "commands", "reference/commands", "campaigns", "reference/examples", "trajectories",
+        "commands", "reference/commands", "campaigns", "reference/keys", "reference/examples", "trajectories",
         "scenarios", "notebook", "reference/api",
     ),
     "Project": ("architecture", "benchmarks", "contributing", "changelog"),
