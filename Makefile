@@ -3,7 +3,7 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constraint .ci/constraints.txt
 
-.PHONY: demo test quick lint check bench examples dist clean
+.PHONY: demo test quick lint check docs bench examples dist clean
 
 demo: .venv/installed
 	$(BIN)/mcnav demo
@@ -23,8 +23,12 @@ lint: .venv/tested
 
 check: lint test
 
-# Compare mcnav with its peers, into reports/benchmarks: a few minutes on an otherwise idle machine. BENCH=--full adds
-# 10^8 samples.
+# The documentation as a site, build/site/index.html, without a network; a warning is an error.
+docs: .venv/documented
+	$(BIN)/python .github/site/build.py
+
+# Compare mcnav with its peers, into reports/benchmarks: a quarter of an hour on an otherwise idle machine. BENCH=--full
+# adds 10^8 samples, BENCH="--only inertial" measures one of the chapters.
 bench: .venv/benched
 	$(BIN)/python -m tests.benchmarks $(BENCH)
 
@@ -44,6 +48,10 @@ examples: .venv/installed
 
 .venv/tested: .venv/installed
 	$(PIP) --editable '.[test]'
+	touch $@
+
+.venv/documented: .venv/installed
+	$(PIP) --editable '.[docs]'
 	touch $@
 
 # Each peer is installed separately: one that fails is listed with its reason, and the others continue.

@@ -15,6 +15,8 @@ from typing import Annotated, Any, Literal, ParamSpec, TypeVar
 
 import typer
 
+from mcnav import shell_completion as completion
+from mcnav.pages import Page, page_text
 from mcnav.report.fitted_table import OpenConsole
 
 CHECK_FAILED, BAD_INPUT, SOME_FAILED, BUSY, INTERRUPTED, TERMINATED = 1, 2, 3, 4, 130, 143
@@ -22,13 +24,6 @@ CHECK_FAILED, BAD_INPUT, SOME_FAILED, BUSY, INTERRUPTED, TERMINATED = 1, 2, 3, 4
 
 GARBAGE_THRESHOLD = 50_000
 """New objects after which Python looks for cycles to free."""
-
-FILES = {
-    "tn-d1772": "reproduce/tn_d1772/TN_D1772.md",
-    "story": "reproduce/story_of_84_minutes/STORY_OF_84_MINUTES.md",
-    "textbook": "reproduce/textbook/TEXTBOOK.md",
-}
-"""Files of pages that are not named like the page."""
 
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None, add_completion=True)
 new = typer.Typer(no_args_is_help=True, help="Write a new campaign, or a new scenario with its test, ready to run.")
@@ -40,13 +35,11 @@ Format = Literal["table", "csv", "json"]
 Axes = Literal["start", "trajectory"]
 TemplateType = Literal["reentry", "cruise", "hover"]
 Platform = Literal["strapdown", "inertial", "level"]
-Page = Literal[
-    "guide", "campaigns", "scenarios", "trajectories", "commands", "report", "notebook", "scaling", "notation",
-    "architecture", "tn-d1772", "story", "textbook",
-]  # fmt: skip
-CampaignFile = Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file (TOML).")]
-Folder = Annotated[Path, typer.Argument(metavar="RUN", help="Run folder.")]
-Folders = Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders.")]
+CampaignFile = Annotated[
+    Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file (TOML).", autocompletion=completion.campaigns)
+]
+Folder = Annotated[Path, typer.Argument(metavar="RUN", help="Run folder.", autocompletion=completion.runs)]
+Folders = Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders.", autocompletion=completion.runs)]
 FormatOption = Annotated[
     Format, typer.Option("--format", help="Print a table, or only CSV or JSON in full precision on stdout.")
 ]
@@ -188,7 +181,10 @@ def run(
     folder: Annotated[Path | None, typer.Option("--out", help="Run folder [default: reports/NAME].")] = None,
     engine: Annotated[
         str | None,
-        typer.Option(help="Simulation engine: ensemble, reference or map [default: the scenario's first]."),
+        typer.Option(
+            help="Simulation engine: ensemble, reference or map [default: the scenario's first].",
+            autocompletion=completion.engines,
+        ),
     ] = None,
     jobs: Annotated[int | None, typer.Option(min=1, help="Parallel jobs [default: 2].")] = None,
     dask: Annotated[
@@ -226,6 +222,8 @@ def run(
 
     Exit status: 0 success, 1 a requirement is not met or undecided (with --check), 2 bad input,
     3 some samples failed, 4 folder in use, 130 interrupted.
+
+    Example: mcnav run campaigns/11_cruise.toml --samples 1000
     """
     from mcnav.config.read import read_campaign
     from mcnav.execution.dask_cluster import open_executor
@@ -271,7 +269,10 @@ def run(
 @_command()
 def demo(
     name: Annotated[
-        str, typer.Argument(metavar="NAME", help="Name or number of the example, such as 19.")
+        str,
+        typer.Argument(
+            metavar="NAME", help="Name or number of the example, such as 19.", autocompletion=completion.examples
+        ),
     ] = "01_tn_d1772_trajectory_4",
     listed: Annotated[bool, typer.Option("--list", help="List the examples and their questions.")] = False,
     copy: Annotated[
@@ -298,7 +299,10 @@ def report(
     folders: Folders,
     show: Annotated[bool, typer.Option("--open", help="Open the reports in the browser.")] = False,
 ) -> None:
-    """Analyse finished runs again and write their reports."""
+    """Analyse finished runs again and write their reports.
+
+    Example: mcnav report reports/11_cruise --open
+    """
     import webbrowser
 
     from mcnav.workflow.analyse import report_run
@@ -351,7 +355,14 @@ def export(
 @_command()
 def figure(
     folder: Folder,
-    name: Annotated[str, typer.Argument(metavar="NAME", help="A figure of the report, such as scatter or budget.")],
+    name: Annotated[
+        str,
+        typer.Argument(
+            metavar="NAME",
+            help="A figure of the report, such as scatter or budget.",
+            autocompletion=completion.for_words(completion.figures),
+        ),
+    ],
     into: Annotated[Path, typer.Option("--out", help="File to write: .pdf, .svg or .png.")],
     size: Annotated[
         str | None, typer.Option(metavar="WxH", help="Width and height, such as 88x60mm [default: the page's].")
@@ -388,6 +399,8 @@ def compare(
 
     With several runs, show the inputs that differ and the change of each output from the first run, with intervals.
     Runs with the same seed, design and sources are compared on common draws.
+
+    Example: mcnav compare reports/11_cruise reports/other --html both.html
     """
     from mcnav.errors import reading_file
     from mcnav.files import write_whole
@@ -435,13 +448,19 @@ def replay(
     folder: Folder,
     index: Annotated[int, typer.Argument(metavar="INDEX", min=0, help="Sample index.")],
     campaign: Annotated[
-        Path | None, typer.Option(help="Campaign file of the run; needed for a scenario in your own code.")
+        Path | None,
+        typer.Option(
+            help="Campaign file of the run; needed for a scenario in your own code.",
+            autocompletion=completion.campaigns,
+        ),
     ] = None,
     into: Annotated[Path | None, typer.Option("--out", help="Output folder [default: the run folder].")] = None,
 ) -> None:
     """Simulate one sample of a run again; write its errors, outcome and time history as a page and a CSV file.
 
     Exit status: 0 the outcome is as stored, 1 it is different, 2 bad input.
+
+    Example: mcnav replay reports/11_cruise 12
     """
     from mcnav.report.replay import lines
     from mcnav.workflow import replay as replaying
@@ -461,7 +480,10 @@ def index(
         "reports"
     ),
 ) -> None:
-    """Write index.html, a list of all runs in a folder and its subfolders."""
+    """Write index.html, a list of all runs in a folder and its subfolders.
+
+    Example: mcnav index reports
+    """
     from mcnav.workflow.index import write_index
 
     written, count = write_index(folder)
@@ -485,6 +507,8 @@ def partials(
     """Show the partial derivatives P of the final errors, and the differences between three methods.
 
     With --start-times, write P and the linear dispersion as functions of the start of navigation.
+
+    Example: mcnav partials campaigns/11_cruise.toml --method variational
     """
     from mcnav.config.read import read_campaign
     from mcnav.lincov.partials import compare_partials
@@ -525,6 +549,8 @@ def start_times(
 
     The campaign's optional table [start_times] sets errors that vary with the start time, weights of the outputs, and
     the start times to check.
+
+    Example: mcnav start-times campaigns/09_start_times.toml
     """
     _start_times(campaign, folder, axes, count, checks=True)
 
@@ -553,7 +579,10 @@ def linearity(
     largest: Annotated[float, typer.Option(min=0.2, max=1_000.0, help="Largest multiple of all errors.")] = 50.0,
     folder: OutFolder = None,
 ) -> None:
-    """Find the multiples of the errors at which linear analysis fails, for each source alone and all together."""
+    """Find the multiples of the errors at which linear analysis fails, for each source alone and all together.
+
+    Example: mcnav linearity campaigns/14_polar.toml --samples 500
+    """
     from mcnav.config.read import read_campaign
     from mcnav.report import progress, sentences, terminal
     from mcnav.studies.linearity import write_linearity
@@ -581,7 +610,9 @@ def lincov(
     """Compute the linear covariance at the end and over time, its causes, and requirements; nothing is simulated.
 
     With aiding, it is that of the closed loop: true sigmas and those that the filter states, twice where an update
-    falls on a time. Example: mcnav lincov campaigns/19_flight_with_gnss.toml
+    falls on a time.
+
+    Example: mcnav lincov campaigns/19_flight_with_gnss.toml --at "1800 s"
     """
     from mcnav.config.read import read_campaign
     from mcnav.report import lincov as tables
@@ -630,11 +661,19 @@ def sweep(
     campaign: CampaignFile,
     vary: Annotated[
         list[str],
-        typer.Option(metavar="KEY=VALUES", help="""A key and its values, such as imu.gyro.bias="0.001..1 deg/h"."""),
+        typer.Option(
+            metavar="KEY=VALUES",
+            help="""A key and its values, such as imu.gyro.bias="0.001..1 deg/h".""",
+            autocompletion=completion.for_words(completion.keys),
+        ),
     ],
     against: Annotated[
         list[str] | None,
-        typer.Option(metavar="MEASURE", help="What is looked at, such as position_horizontal [default: requirements]."),
+        typer.Option(
+            metavar="MEASURE",
+            help="What is looked at, such as position_horizontal [default: requirements].",
+            autocompletion=completion.for_words(completion.outputs),
+        ),
     ] = None,
     points: Annotated[int, typer.Option(min=2, help="Values of each range.")] = 20,
     confirm: Annotated[
@@ -650,9 +689,10 @@ def sweep(
     """Vary one or two keys of a campaign: accuracy by linear analysis, and the values at which requirements are met.
 
     VALUES is a range ("0.001..1 deg/h", logarithmic from a decade on) or a list ("1, 2, 5 deg/h"). A MEASURE is an
-    output, position_horizontal, velocity_horizontal, or drms, cep, r95, sep of outputs; a limit may follow:
+    output, position_horizontal, velocity_horizontal, or drms, cep, r95, sep of outputs; a limit may follow.
 
-    mcnav sweep campaign.toml --vary imu.gyro.bias="0.001..1 deg/h" --against "position_horizontal < 20 m"
+    Example: mcnav sweep campaigns/19_flight_with_gnss.toml --vary imu.gyro.bias="0.001..1 deg/h"
+    --against "position_horizontal < 20 m"
     """
     from mcnav.config.sweep_values import split_varied
     from mcnav.report import progress
@@ -678,6 +718,8 @@ def check_scenario(campaign: CampaignFile) -> None:
     """Check a campaign's scenario: determinism, shapes, units, linearity near zero, partials against differences.
 
     Exit status: 0 all checks passed, 1 a check failed, 2 bad input.
+
+    Example: mcnav check-scenario campaigns/14_polar.toml
     """
     from mcnav.config.read import read_campaign
     from mcnav.report import terminal
@@ -702,13 +744,21 @@ def _named_columns(named: Sequence[str] | None) -> dict[str, str]:
 @_command()
 def trajectory(
     campaign: Annotated[
-        Path, typer.Argument(metavar="FILE", help="Trajectory file (CSV or parquet), or a campaign of type ins (TOML).")
+        Path,
+        typer.Argument(
+            metavar="FILE",
+            help="Trajectory file (CSV or parquet), or a campaign of type ins (TOML).",
+            autocompletion=completion.campaigns_and_trajectories,
+        ),
     ],
     page: Annotated[Path | None, typer.Option("--out", help="Also write figures as an HTML page.")] = None,
     column: NamedColumns = None,
     form: FormatOption = "table",
 ) -> None:
-    """Check and describe a trajectory: rows, ranges, largest force and turn rate, agreement of the velocities."""
+    """Check and describe a trajectory: rows, ranges, largest force and turn rate, agreement of the velocities.
+
+    Example: mcnav trajectory campaigns/flight.csv --out flight.html
+    """
     from mcnav.files import write_texts
     from mcnav.report import trajectory as described
     from mcnav.workflow.trajectory import describe_campaign, describe_file
@@ -730,13 +780,19 @@ def trajectory(
 def imu(
     name: Annotated[
         str | None,
-        typer.Argument(metavar="NAME", help="A grade or unit, such as navigation or STIM300 [default: all]."),
+        typer.Argument(
+            metavar="NAME",
+            help="A grade or unit, such as navigation or STIM300 [default: all].",
+            autocompletion=completion.units,
+        ),
     ] = None,
     form: FormatOption = "table",
 ) -> None:
     """List the catalogue of inertial measurement units, or the values of one with their sources.
 
     A campaign takes one with grade = "NAME" in [imu].
+
+    Example: mcnav imu navigation
     """
     from mcnav.config.imu_catalogue import catalogue_units
     from mcnav.errors import suggestion
@@ -783,15 +839,29 @@ def new_campaign(
 def new_ins(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name or path of the file; .toml may be left out.")],
     unit: Annotated[
-        str, typer.Option("--imu", metavar="UNIT", help="Grade or unit of the catalogue; mcnav imu lists them.")
+        str,
+        typer.Option(
+            "--imu",
+            metavar="UNIT",
+            help="Grade or unit of the catalogue; mcnav imu lists them.",
+            autocompletion=completion.units,
+        ),
     ] = "navigation",
     trajectory: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Trajectory in the campaign's folder or below it [default: some segments]."),
+        typer.Option(
+            metavar="FILE",
+            help="Trajectory in the campaign's folder or below it [default: some segments].",
+            autocompletion=completion.trajectories,
+        ),
     ] = None,
     aid: Annotated[
         list[str] | None,
-        typer.Option(metavar="TYPE", help="Type of a sensor that aids the navigation, such as gnss; repeat."),
+        typer.Option(
+            metavar="TYPE",
+            help="Type of a sensor that aids the navigation, such as gnss; repeat.",
+            autocompletion=completion.aids,
+        ),
     ] = None,
     platform: Annotated[Platform, typer.Option(help="Carrier of the instruments.")] = "strapdown",
     column: NamedColumns = None,
@@ -799,8 +869,9 @@ def new_ins(
 ) -> None:
     """Write a commented campaign file of an inertial navigation in three dimensions, and its schema for editors.
 
-    Examples: mcnav new ins mine --imu tactical --aid gnss --aid altimeter;
-    mcnav new ins mine --imu STIM300 --trajectory flight.csv
+    --aid repeats; --trajectory FILE takes a flight of your own.
+
+    Example: mcnav new ins mine --imu tactical --aid gnss --aid altimeter
     """
     from mcnav.config.json_schema.files import write_schema
     from mcnav.config.templates.ins import NewIns, new_ins
@@ -835,7 +906,9 @@ def schema(
 ) -> None:
     """Print the JSON schema of campaign files, by which editors complete, describe and check them.
 
-    Example: mcnav schema --out mcnav.schema.json, and #:schema ./mcnav.schema.json as the first line of a campaign
+    A campaign names it in its first line: #:schema ./mcnav.schema.json
+
+    Example: mcnav schema --out mcnav.schema.json
     """
     from mcnav.config.json_schema.files import schema_text
     from mcnav.files import write_texts
@@ -848,10 +921,11 @@ def schema(
 
 @app.command()
 def docs(page: Annotated[Page, typer.Argument(metavar="PAGE", help="Page to show.")] = "guide") -> None:
-    """Show a page of the documentation."""
-    from importlib.resources import files
+    """Show a page of the documentation.
 
-    text = files("mcnav").joinpath(FILES.get(page, f"{page.upper()}.md")).read_text(encoding="utf-8")
+    Example: mcnav docs campaigns
+    """
+    text = page_text(page)
     if out.is_terminal:
         from rich.markdown import Markdown
 
@@ -871,7 +945,10 @@ def reproduce(
     ],
     folder: Annotated[Path | None, typer.Option("--out", help="Output folder [default: reports/DOCUMENT].")] = None,
 ) -> None:
-    """Recompute the numbers and figures of a published document; write a page and CSV files."""
+    """Recompute the numbers and figures of a published document; write a page and CSV files.
+
+    Example: mcnav reproduce textbook --out recomputed
+    """
     from collections import Counter
 
     from mcnav.reproduce.story_of_84_minutes import page as story_page
@@ -905,6 +982,8 @@ def calibrate(
     """Validate the statistics: coverage of intervals, false alarms and power; write a page and a CSV file.
 
     The campaigns are synthetic and their moments known. Every measured rate has its binomial interval.
+
+    Example: mcnav calibrate --trials 100
     """
     from mcnav.calibration import page
 

@@ -12,10 +12,9 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.analysis.budget import ErrorBudget, error_budget
 from mcnav.analysis.comparison import Model
-from mcnav.analysis.linear_covariance import LinearCovariance
+from mcnav.analysis.linear_covariance import LinearCovariance, Moments
 from mcnav.analysis.requirements import (
     Requirement,
-    linear_quantile,
     normal_box_probability,
     normal_quantile,
     size_probability,
@@ -121,50 +120,53 @@ class LinearAnswer:
 
 
 def judge_linearly(
-    requirements: Sequence[Requirement], model: Model, history: LinearCovariance | None
+    requirements: Sequence[Requirement], mean: Array, covariance: Array, history: Moments | None
 ) -> tuple[LinearRequirement, ...]:
-    """Judge requirements by the linear model, for normal errors.
+    """Judge requirements for normal errors.
 
     Parameters
     ----------
-    history : LinearCovariance or None
-        Moments at the epochs of the campaign, for requirements over time.
+    mean, covariance : ndarray, shapes (outputs,) and (outputs, outputs)
+        Of the final errors.
+    history : Moments or None
+        At the epochs of the campaign, for requirements over time.
     """
-    return tuple(_judge(each, model, history) for each in requirements)
+    return tuple(_judge(each, mean, covariance, history) for each in requirements)
 
 
-def _judge(requirement: Requirement, model: Model, history: LinearCovariance | None) -> LinearRequirement:
+def _judge(requirement: Requirement, mean: Array, covariance: Array, history: Moments | None) -> LinearRequirement:
     if requirement.kind == "sigma_ratio":
         return LinearRequirement(requirement, math.nan, math.nan)
+    picked = np.array(requirement.outputs)
+    mean, covariance = mean[picked], covariance[np.ix_(picked, picked)]
     if requirement.kind == "box":
-        return _judge_box(requirement, model)
+        return _judge_box(requirement, mean, covariance)
     probability, time = size_probability(requirement), None
     if requirement.epochs and history is not None:
-        at, picked = history.settled[list(requirement.epochs)], np.array(requirement.outputs)
-        mean, covariance = history.mean[np.ix_(at, picked)], history.covariance[np.ix_(at, picked, picked)]
-        value, worst = largest_normal_quantile(mean, covariance, probability)
-        time = float(history.readings.times[at[worst]])
+        at = np.array(requirement.epochs)
+        means, covariances = history.mean[np.ix_(at, picked)], history.covariance[np.ix_(at, picked, picked)]
+        value, worst = largest_normal_quantile(means, covariances, probability)
+        time = float(history.times[at[worst]])
     else:
-        value = linear_quantile(model, requirement.outputs, probability)
+        value = normal_quantile(mean, covariance, probability)
     return LinearRequirement(requirement, value, requirement.limits[0] / value if value > 0.0 else math.inf, time)
 
 
-def sizes_over_time(requirement: Requirement, history: LinearCovariance) -> Array:
-    """Compute the quantile or radius of a requirement at every time, after updates, shape (m,), SI."""
-    at, picked = history.settled, np.array(requirement.outputs)
-    mean, covariance = history.mean[np.ix_(at, picked)], history.covariance[np.ix_(at, picked, picked)]
+def sizes_over_time(requirement: Requirement, history: Moments) -> Array:
+    """Compute the quantile or radius of a requirement at every time, shape (m,), SI."""
+    picked = np.array(requirement.outputs)
+    mean, covariance = history.mean[:, picked], history.covariance[:, picked[:, None], picked]
     probability = size_probability(requirement)
     return np.array([normal_quantile(*each, probability) for each in zip(mean, covariance, strict=True)])
 
 
-def _judge_box(requirement: Requirement, model: Model) -> LinearRequirement:
+def _judge_box(requirement: Requirement, mean: Array, covariance: Array) -> LinearRequirement:
     """Judge the probability that several outputs lie within their limits together.
 
     With all errors multiplied by k it is that of limits divided by k, so that the margin is the reciprocal of the
     smallest multiple of the limits with the required probability.
     """
-    limits, picked = np.array(requirement.limits), np.array(requirement.outputs)
-    mean, covariance = model.outcome_mean[picked], model.outcome_covariance[np.ix_(picked, picked)]
+    limits = np.array(requirement.limits)
     value = normal_box_probability(mean, covariance, limits)
     widest = float(((np.abs(mean) + 40.0 * np.sqrt(np.diag(covariance))) / limits).max())
     if widest == 0.0:

@@ -13,6 +13,22 @@ from mcnav.scenarios.protocol import LinearReadings
 
 
 @dataclass(frozen=True)
+class Moments:
+    """Mean and covariance of the errors at m times, after updates.
+
+    Attributes
+    ----------
+    times : ndarray, shape (m,)
+    mean, covariance : ndarray, shapes (m, outputs) and (m, outputs, outputs)
+        SI.
+    """
+
+    times: Array
+    mean: Array
+    covariance: Array
+
+
+@dataclass(frozen=True)
 class LinearCovariance:
     """Linear covariance at r readings.
 
@@ -43,6 +59,12 @@ class LinearCovariance:
     def settled(self) -> IndexArray:
         """Numbers of the readings after the updates of their times, one for each time."""
         return np.array([number for number, update in enumerate(self.readings.updates) if update != "before"])
+
+    @property
+    def moments(self) -> Moments:
+        """Moments after the updates of each time."""
+        at = self.settled
+        return Moments(self.readings.times[at], self.mean[at], self.covariance[at])
 
 
 def covariance_over_time(

@@ -194,7 +194,7 @@ def render(found: Allocation) -> str:
         "allocate.html",
         campaign=found.answer.campaign,
         headline=words,
-        tone=tone or "agrees",
+        tone=tone,
         explanation=EXPLANATION,
         requirements=requirements,
         goals=[_shown_goal(found, goal, place) for place, goal in enumerate(found.goals, start=1)],

@@ -32,6 +32,9 @@ MONTE_CARLO: Final = "needs Monte Carlo"
 
 COLOURS: Final = {"met": "green", "not met": "red"}
 
+INITIAL: Final = "initial"
+"""What a name begins with that is an initial error; alone it is no kind of causes."""
+
 TERMINAL: Final = {"agrees": "green", "differs": "red", "undecided": "yellow", "": ""}
 """Colours of the headline's tones."""
 
@@ -83,8 +86,9 @@ def printed(found: LinearAnswer) -> RenderableType:
 def largest_causes(found: LinearAnswer) -> list[str]:
     """Name the kinds of causes that are the largest of most outputs, at most two."""
     labels, shares = cause_labels(found), np.nan_to_num(found.budget.shares)
-    kinds = list(dict.fromkeys(map(stem, labels)))
-    of_kind = np.array([[stem(label) == kind for label in labels] for kind in kinds], dtype=float)
+    kind_of = [label if stem(label) == INITIAL else stem(label) for label in labels]
+    kinds = list(dict.fromkeys(kind_of))
+    of_kind = np.array([[each == kind for each in kind_of] for kind in kinds], dtype=float)
     summed = shares @ of_kind.T
     leading = [int(np.argmax(row)) for row in summed if row.any()]
     counted = sorted(set(leading), key=lambda k: (-leading.count(k), -summed[:, k].sum(), k))

@@ -26,7 +26,7 @@ def render(found: LinearAnswer, outages: drawn.Outages) -> str:
         "lincov.html",
         campaign=found.campaign,
         headline=words,
-        tone=tone or "agrees",
+        tone=tone,
         explanation=EXPLANATION,
         requirements=requirements,
         outputs=[row | {"name": humanize(row["output"])} for row in answer_rows(found)],

@@ -12,6 +12,7 @@ import pandas as pd
 from mcnav._types import Array
 from mcnav.analysis.accuracy_measures import DRMS, SIGMA
 from mcnav.analysis.sweep import Confirmation, Sweep
+from mcnav.files import to_json
 from mcnav.report import sentences
 from mcnav.report.figures import sweep as drawn
 from mcnav.report.format import interval, number
@@ -87,7 +88,7 @@ def just_met_rows(sweep: Sweep) -> list[dict[str, Any]]:
 
 def table(sweep: Sweep) -> Mapping[str, Any]:
     """Arrange a sweep as ``sweep.json`` has it: values of measures in SI."""
-    return {
+    found = {
         "campaign": sweep.campaign,
         "variables": [
             {"path": each.path, "unit": each.unit, "values": each.values, "logarithmic": each.log}
@@ -121,6 +122,8 @@ def table(sweep: Sweep) -> Mapping[str, Any]:
             for each in sweep.confirmations
         ],
     }
+    plain: Mapping[str, Any] = to_json(found)
+    return plain
 
 
 def requirement_rows(sweep: Sweep, found: Confirmation) -> list[dict[str, Any]]:
@@ -174,7 +177,7 @@ def render(sweep: Sweep) -> str:
         confirmed=confirmed_words(sweep) if sweep.confirmations else None,
         checks=[
             {
-                "point": point_words(sweep, each),
+                "point": point_words(sweep, each, True),
                 "folder": each.folder.relative_to(each.folder.parent.parent).as_posix(),
                 "headline": sentences.headline(each.summary),
                 "tone": verdict_at(sweep, each),

@@ -12,6 +12,9 @@ from mcnav.report.export import output_rows
 from mcnav.report.figures import sweep as drawn
 from mcnav.report.model import humanize
 
+OPTIMISTIC: Final = 1.05
+"""Ratio of a true value to that of the filter from which it is stated."""
+
 KINDS: Final = {"cep": "CEP", "r95": "R95", "sep": "SEP"}
 
 
@@ -124,6 +127,7 @@ def remarks(sweep: Sweep) -> list[str]:
         found.append(f"{points} no linear answer: a covariance loses its definiteness there.")
     if np.isfinite(sweep.own).any() and not any(drawn.differs(sweep, index) for index in range(len(sweep.measures))):
         found.append("The filter states the same values: at every point it believes what is true.")
+    found += _of_filter(sweep)
     for axis, variable in enumerate(sweep.variables):
         low, high = np.nanmin(sweep.values, axis=axis), np.nanmax(sweep.values, axis=axis)
         still = (high - low <= drawn.CONSTANT * np.abs(high)).all(axis=tuple(range(low.ndim - 1)))
@@ -132,6 +136,20 @@ def remarks(sweep: Sweep) -> list[str]:
             every = len(names) == len(sweep.measures)
             found.append(f"{variable.path} does not change {'any of the measures' if every else ', '.join(names)}.")
     return found
+
+
+def _of_filter(sweep: Sweep) -> list[str]:
+    """State the largest ratio of a true value to that of the filter, if it is optimistic."""
+    ratios = np.divide(sweep.values, sweep.own, out=np.ones_like(sweep.values), where=sweep.own > 0.0)
+    ratios[..., [measure.falls for measure in sweep.measures]] = 1.0
+    ratios[~np.isfinite(ratios)] = 1.0
+    place = np.unravel_index(int(np.argmax(ratios)), ratios.shape)
+    if ratios[place] <= OPTIMISTIC:
+        return []
+    values = [variable.values[number] for variable, number in zip(sweep.variables, place, strict=False)]
+    at = ", ".join(f"{v.path} = {shown(v, value)}" for v, value in zip(sweep.variables, values, strict=True))
+    name = title_of(sweep.measures[int(place[-1])], sweep)
+    return [f"The filter is optimistic by a factor of up to {ratios[place]:.3g}: {name}, at {at}."]
 
 
 def disagreements(sweep: Sweep, found: Confirmation) -> list[str]:
@@ -181,6 +199,9 @@ def confirmed_words(sweep: Sweep) -> tuple[str, str]:
     return words, "agrees"
 
 
-def point_words(sweep: Sweep, found: Confirmation) -> str:
-    """Describe a point by the values of the variables."""
-    return ", ".join(shown(variable, value) for variable, value in zip(sweep.variables, found.point, strict=True))
+def point_words(sweep: Sweep, found: Confirmation, paths: bool = False) -> str:
+    """Describe a point by the values of the variables, with their paths or without."""
+    values = [shown(variable, value) for variable, value in zip(sweep.variables, found.point, strict=True)]
+    if paths:
+        values = [f"{variable.path} = {value}" for variable, value in zip(sweep.variables, values, strict=True)]
+    return ", ".join(values)

@@ -1,15 +1,16 @@
 """Allocation of errors: numbers of a campaign's data sheet with which its requirements are just met.
 
 Without a filter the final covariance is a sum of the squares of the numbers, so that multiples follow from the budget.
-With one, the gains change with what the filter believes, and each multiple takes a linear answer of its own. Either
-way every number proposed is put into the campaign and its linear answer computed.
+With one, the gains change with what the filter believes, and each multiple takes a covariance of the closed loop of its
+own, from all causes at once. Either way every number proposed is put into the campaign and its linear answer, by cause,
+computed.
 """
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
 from math import comb
@@ -17,6 +18,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from mcnav.analysis.allocation import (
     LEAST,
@@ -31,7 +33,7 @@ from mcnav.analysis.allocation import (
     worst_of,
 )
 from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement, judge_linearly
-from mcnav.analysis.linear_covariance import covariance_over_time
+from mcnav.analysis.linear_covariance import Moments, covariance_over_time
 from mcnav.config.data_sheet import DataSheetNumber, GradedValue, data_sheet_numbers, next_grade, round_down, shown
 from mcnav.config.overrides import Value, document_of, override
 from mcnav.config.read import Campaign, parse_campaign
@@ -40,6 +42,7 @@ from mcnav.files import to_json, write_texts
 from mcnav.progress import SILENT, Phase, Progress
 from mcnav.report import allocate as tables
 from mcnav.scenarios.ins import Ins
+from mcnav.scenarios.protocol import HasCovarianceReadings, SharedTables
 from mcnav.studies.lincov import linear_covariance
 
 FILE: Final = "allocate.json"
@@ -61,6 +64,10 @@ CORRECTIONS: Final = 3
 """Times that the last digit of a proposed number is reduced until its linear answer meets the goal."""
 
 
+Move = tuple[DataSheetNumber, GradedValue]
+"""A number and its value in another grade."""
+
+
 class _Variations:
     """Linear answers of a campaign with some numbers changed; each is computed once."""
 
@@ -72,6 +79,8 @@ class _Variations:
         self.computed = 1
         self._progress = progress
         self._known: dict[str, tuple[LinearRequirement, ...] | None] = {}
+        self._tried: dict[str, tuple[LinearRequirement, ...] | None] = {}
+        self._shared = SharedTables()
         self._scaled = _Scaled(self.base)
 
     def at(self, values: Mapping[str, Value]) -> Campaign:
@@ -96,12 +105,33 @@ class _Variations:
                 self._known[key] = None
         return self._known[key]
 
+    def tried(self, values: Mapping[str, Value]) -> tuple[LinearRequirement, ...] | None:
+        """Judge the requirements with some keys set by the covariance of all causes at once, where there is one."""
+        key = json.dumps(values, sort_keys=True)
+        if key not in self._tried:
+            try:
+                campaign = self.at(values)
+            except CampaignError:
+                self._tried[key] = None
+                return None
+            scenario, errors = campaign.scenario, campaign.errors
+            if not isinstance(scenario, HasCovarianceReadings):
+                return self.judged(values)
+            with threadpool_limits(1):
+                found = scenario.covariance_readings(
+                    scenario.reading_times, errors.mean, errors.covariance, self._shared
+                )
+            moments = Moments(found.times, found.mean, found.covariance)
+            required = [each.requirement for each in self.base.requirements]
+            self._tried[key] = judge_linearly(required, found.mean[-1], found.covariance[-1], moments)
+        return self._tried[key]
+
     def with_multiple(self, changed: Sequence[DataSheetNumber], factor: float) -> tuple[LinearRequirement, ...] | None:
         """Judge the requirements with some numbers multiplied."""
         if factor == 1.0:
             return self.base.requirements
         if self.closed_loop:
-            return self.judged(values_of(changed, factor))
+            return self.tried(values_of(changed, factor))
         return self._scaled.judged(changed, factor)
 
 
@@ -125,7 +155,8 @@ class _Scaled:
             noise = {name: squares[name] * each for name, each in history.readings.processes.items()}
             readings = replace(history.readings, processes=noise)
             history = covariance_over_time(readings, tuple(self._names), mean, covariance)
-        return judge_linearly(self._requirements, scaled, history)
+        moments = None if history is None else history.moments
+        return judge_linearly(self._requirements, scaled.outcome_mean, scaled.outcome_covariance, moments)
 
 
 def values_of(changed: Sequence[DataSheetNumber], factor: float) -> dict[str, Value]:
@@ -159,7 +190,8 @@ def allocate(campaign: str | Path | Campaign | Mapping[str, Any], progress: Prog
     base, file = variations.base, variations.campaign.file
     judged = tuple(number for number, each in enumerate(base.requirements) if each.judged)
     if not judged:
-        message = "has no requirement that linear analysis can judge; add an [[accept.quantile]] or another one"
+        lacks = "has no requirement that linear analysis can judge" if base.requirements else "is missing"
+        message = f"{lacks}; add an [[accept.quantile]] or another requirement"
         raise CampaignError([Problem(file, "accept", message)])
     if not variations.numbers:
         raise CampaignError([Problem(file, "errors", "has no size that could be changed")])
@@ -237,7 +269,11 @@ def _search_grades(variations: _Variations, goal: tuple[int, ...], finer: bool) 
     if not moves:
         return GradeSearch(finer, (), None, True)
 
-    def moved(chosen: Sequence[tuple[DataSheetNumber, GradedValue]]) -> GradeChange | None:
+    def meets(chosen: Sequence[Move]) -> bool:
+        found = variations.tried({number.path: graded.entry for number, graded in chosen})
+        return found is not None and worst_of(found, goal).met
+
+    def moved(chosen: Sequence[Move]) -> GradeChange | None:
         found = variations.judged({number.path: graded.entry for number, graded in chosen})
         if found is None:
             return None
@@ -246,35 +282,34 @@ def _search_grades(variations: _Variations, goal: tuple[int, ...], finer: bool) 
         )
         return GradeChange(named, worst_of(found, goal))
 
-    def best(found: Sequence[GradeChange]) -> tuple[GradeChange, ...]:
-        return tuple(sorted(found, key=lambda each: -each.worst.margin)[:LISTED])
+    def best(found: Sequence[Sequence[Move]]) -> tuple[GradeChange, ...]:
+        changes = [change for each in found if (change := moved(each)) is not None]
+        return tuple(sorted(changes, key=lambda each: -each.worst.margin))
 
     whole = moved(moves)
     if not finer:
-        single = [change for each in moves if (change := moved([each])) is not None]
-        return GradeSearch(finer, tuple(sorted(single, key=lambda each: -each.worst.margin)), whole, True)
+        return GradeSearch(finer, best([[each] for each in moves]), whole, True)
     if whole is None or not whole.met:
         return GradeSearch(finer, (), whole, True)
     tried = 0
     for size in range(1, len(moves)):
         if tried + comb(len(moves), size) > MOST_GRADES:
-            return GradeSearch(finer, (_irreducible(moves, moved, whole),), whole, False)
+            return GradeSearch(finer, best([_irreducible(moves, meets)]), whole, False)
         tried += comb(len(moves), size)
-        found = [change for each in combinations(moves, size) if (change := moved(each)) is not None and change.met]
+        found = [each for each in combinations(moves, size) if meets(each)]
         if found:
-            return GradeSearch(finer, best(found), whole, True)
+            return GradeSearch(finer, best(found)[:LISTED], whole, True)
     return GradeSearch(finer, (whole,), whole, True)
 
 
-def _irreducible(moves: Sequence[Any], moved: Any, whole: GradeChange) -> GradeChange:
+def _irreducible(moves: Sequence[Move], meets: Callable[[Sequence[Move]], bool]) -> list[Move]:
     """Take moves back one by one while the requirements are met, and return what is left."""
-    kept, found = list(moves), whole
-    for each in list(moves):
+    kept = list(moves)
+    for each in moves:
         fewer = [other for other in kept if other is not each]
-        change = moved(fewer) if fewer else None
-        if change is not None and change.met:
-            kept, found = fewer, change
-    return found
+        if fewer and meets(fewer):
+            kept = fewer
+    return kept
 
 
 def write_allocation(

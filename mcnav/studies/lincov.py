@@ -75,7 +75,10 @@ def linear_covariance(campaign: str | Path | Campaign | Mapping[str, Any], times
         history = None if readings is None else covariance_over_time(readings, names, *moments)
         outputs = [{"name": output.name} for output in scenario.outputs]
         entries = [record.model_dump() for record in described.requirements]
-        found = judge_linearly(requirements_from(entries, outputs), model, history)
+        found = judge_linearly(
+            requirements_from(entries, outputs), model.outcome_mean, model.outcome_covariance,
+            None if history is None else history.moments,
+        )  # fmt: skip
         asked = None
         if isinstance(scenario, HasLinearReadings) and times is not None:
             asked = covariance_over_time(scenario.linear_readings(np.unique(times)), names, *moments)

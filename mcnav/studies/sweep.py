@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from mcnav._types import Array
 from mcnav.analysis.accuracy_measures import (
@@ -28,14 +29,14 @@ from mcnav.config.overrides import VariedCampaign
 from mcnav.config.read import Campaign
 from mcnav.config.sweep_values import POINTS, read_variables
 from mcnav.errors import CampaignError, Problem
-from mcnav.files import to_json, write_texts
+from mcnav.files import write_texts
 from mcnav.progress import SILENT, Phase, Progress
 from mcnav.report import sweep as report
 from mcnav.scenarios.protocol import Output
 from mcnav.scenarios.user import UserScenario
 from mcnav.studies.confirmation import check_count, choose_points, confirm
 from mcnav.studies.lincov import linear_covariance
-from mcnav.studies.sweep_points import LinearPoints, campaign_requirements
+from mcnav.studies.sweep_points import LinearPoints, campaign_requirements, in_threads
 
 JOBS: Final = 2
 
@@ -80,12 +81,14 @@ def run_sweep(
     CampaignError
         When the campaign cannot be read, or has no linear model, at one of the points; the first mistake alone.
     """
-    return _Study(campaign, plan, progress).sweep()
+    with threadpool_limits(1):
+        return _Study(campaign, plan, progress).sweep()
 
 
 def write_sweep(
-    campaign: Path, plan: SweepPlan, path: Path, confirmed: int | None = None, progress: Progress = SILENT
-) -> tuple[Sweep, list[Path]]:
+    campaign: str | Path | Campaign | Mapping[str, object], plan: SweepPlan, path: Path, confirmed: int | None = None,
+    progress: Progress = SILENT,
+) -> tuple[Sweep, list[Path]]:  # fmt: skip
     """Write a sweep as ``sweep.csv``, ``sweep.json`` and, last, a page.
 
     Parameters
@@ -93,16 +96,17 @@ def write_sweep(
     confirmed : int, optional
         Points at which Monte Carlo runs, in folders of their own below the path.
     """
-    study = _Study(campaign, plan, progress)
-    if confirmed is not None:
-        check_count(confirmed, study.shape)
-    found = study.sweep()
+    with threadpool_limits(1):
+        study = _Study(campaign, plan, progress)
+        if confirmed is not None:
+            check_count(confirmed, study.shape)
+        found = study.sweep()
     if confirmed is not None:
         found = study.confirmed(found, confirmed, path)
     progress.phase(Phase.REPORTING)
     texts = {
         CSV: report.frame(found).to_csv(index=False, float_format="%.10g"),
-        JSON: json.dumps(to_json(report.table(found)), indent=1) + "\n",
+        JSON: json.dumps(report.table(found), indent=1) + "\n",
         PAGE: report.render(found),
     }
     return found, write_texts(path, texts)
@@ -120,6 +124,7 @@ class _Study:
         self.outputs = described.scenario.outputs
         self.measures, self.times = _measures(described, plan)
         self.points = LinearPoints(self._varied, self.variables, self.measures, self.times)
+        self._jobs = 1 if isinstance(described.scenario, UserScenario) else plan.jobs  # a user's code may need it
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -129,7 +134,7 @@ class _Study:
         """Compute the answers of the grid, and then those at which limits are just met."""
         self._check_corners()
         self._progress.phase(Phase.PREPARING, note=f"{int(np.prod(self.shape)):,} linear answers")
-        answers = self.points.answers(self.points.grid(), self._plan.jobs)
+        answers = self.points.answers(self.points.grid(), self._jobs)
         shape = (*self.shape, len(self.measures))
         arrays = {
             name: np.array([getattr(answer, name) for answer in answers]).reshape(shape)
@@ -142,10 +147,11 @@ class _Study:
         )  # fmt: skip
 
     def _check_corners(self) -> None:
-        """Check the linear model of a user's own scenario, whose settings may spoil it, where these are farthest."""
-        if isinstance(self._varied.campaign.scenario, UserScenario):
-            for point in product(*((float(each.values[0]), float(each.values[-1])) for each in self.variables)):
-                linear_covariance(self.points.campaign_at(point))
+        """Read the campaigns of the corners, and check the linear model of a user's own scenario there."""
+        for point in product(*((float(each.values[0]), float(each.values[-1])) for each in self.variables)):
+            campaign = self.points.campaign_at(point)
+            if isinstance(campaign.scenario, UserScenario):
+                linear_covariance(campaign)
 
     def _just_met(self, margins: Array) -> tuple[JustMet, ...]:
         """Solve for the values at which each limit is just met: of the second variable at some values of the first."""
@@ -155,18 +161,18 @@ class _Study:
             chosen = np.unique(np.linspace(0, len(first[0].values) - 1, ROWS).round().astype(int))
             rows = [(float(first[0].values[number]), margins[number]) for number in chosen]
 
-        found = []
-        for number in range(len(self.measures)):
-            if np.isnan(margins[..., number]).all():
-                continue
-            for fixed, row in rows:
+        limited = [number for number in range(len(self.measures)) if not np.isnan(margins[..., number]).all()]
 
-                def margin_at(value: float, number: int = number, fixed: float | None = fixed) -> float:
-                    point = (value,) if fixed is None else (fixed, value)
-                    return float(self.points.answers([point], 1)[0].margins[number])
+        def solve(task: tuple[int, tuple[float | None, Array]]) -> JustMet:
+            number, (fixed, row) = task
 
-                found.append(find_crossings(last, row[:, number], margin_at, number, fixed))
-        return tuple(found)
+            def margin_at(value: float) -> float:
+                point = (value,) if fixed is None else (fixed, value)
+                return float(self.points.answers([point], 1)[0].margins[number])
+
+            return find_crossings(last, row[:, number], margin_at, number, fixed)
+
+        return tuple(in_threads(solve, list(product(limited, rows)), self._jobs))
 
     def confirmed(self, sweep: Sweep, count: int, path: Path) -> Sweep:
         """Run Monte Carlo at so many points of the grid."""

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import product
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from mcnav._subprocess import side_threads
 from mcnav._types import Array
@@ -32,8 +31,14 @@ from mcnav.scenarios.protocol import (
 )
 from mcnav.scenarios.user import UserScenario
 
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+BATCH: Final = 500
+"""Campaigns that are read before their answers are computed."""
+
 PIECES: Final = 4
-"""Parts of a grid that each thread computes, one after another."""
+"""Parts of a batch that each thread computes, one after another."""
 
 
 @dataclass(frozen=True)
@@ -79,8 +84,7 @@ class LinearPoints:
         self._varied, self._variables, self._measures, self._at = varied, variables, measures, at
         self._shared = SharedTables()
         self._known: dict[Point, PointAnswer] = {}
-        with threadpool_limits(1):
-            self.present = self._answer(varied.campaign, self._shared)
+        self.present = self._answer(varied.campaign, self._shared)
 
     def values_at(self, point: Point) -> dict[str, Value]:
         """Return the values of a point by path, as a campaign file has them."""
@@ -98,25 +102,21 @@ class LinearPoints:
         return list(product(*(each.values.tolist() for each in self._variables)))
 
     def answers(self, points: Sequence[Point], jobs: int) -> list[PointAnswer]:
-        """Compute the answers at some points by so many threads; mistakes in a campaign are found before."""
+        """Compute the answers at some points by so many threads."""
         unknown = [point for point in points if point not in self._known]
-        campaigns = [self.campaign_at(point) for point in unknown]
-        size = max(1, -(-len(unknown) // (PIECES * jobs)))
-        pieces = [slice(begin, begin + size) for begin in range(0, len(unknown), size)]
-
-        def compute(piece: slice) -> list[PointAnswer]:
-            shared = SharedTables(self._shared.tables)
-            return [self._answer(each, shared) for each in campaigns[piece]]
-
-        with threadpool_limits(1):
-            if jobs == 1 or len(pieces) < 2:
-                found = [compute(piece) for piece in pieces]
-            else:
-                with side_threads(jobs) as threads:
-                    found = list(threads.map(compute, pieces))
-        for piece, part in zip(pieces, found, strict=True):
-            self._known.update(zip(unknown[piece], part, strict=True))
+        for begin in range(0, len(unknown), BATCH):
+            batch = unknown[begin : begin + BATCH]
+            campaigns = [self.campaign_at(point) for point in batch]
+            size = max(1, -(-len(batch) // (PIECES * jobs)))
+            pieces = [campaigns[first : first + size] for first in range(0, len(batch), size)]
+            found = [answer for piece in in_threads(self._piece, pieces, jobs) for answer in piece]
+            self._known.update(zip(batch, found, strict=True))
         return [self._known[point] for point in points]
+
+    def _piece(self, campaigns: Sequence[Campaign]) -> list[PointAnswer]:
+        """Compute the answers of some campaigns one after another; each shares what it can with the one before."""
+        shared = SharedTables(self._shared.tables)
+        return [self._answer(each, shared) for each in campaigns]
 
     def _answer(self, campaign: Campaign, shared: SharedTables) -> PointAnswer:
         with _scenario_errors(campaign):
@@ -132,6 +132,14 @@ class LinearPoints:
                 bounds[number] = held.bound
                 margins[number] = _margin(held, float(values[number]))
         return PointAnswer(values, stated, bounds, margins)
+
+
+def in_threads(compute: Callable[[Item], Result], items: Sequence[Item], jobs: int) -> list[Result]:
+    """Compute results by so many threads, in the order of the items."""
+    if jobs == 1 or len(items) < 2:
+        return [compute(item) for item in items]
+    with side_threads(jobs) as threads:
+        return list(threads.map(compute, items))
 
 
 def campaign_requirements(campaign: Campaign) -> tuple[Requirement, ...]:

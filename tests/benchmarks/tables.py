@@ -11,7 +11,7 @@ from tests.benchmarks.kernel import sentence
 from tests.benchmarks.markdown import number, table
 
 METHOD: Final = """\
-    make bench                      # all peers on trajectories 3 and 4, then whole runs: minutes on an idle machine
+    make bench                      # both chapters with all peers and whole runs: a quarter of an hour, idle machine
     make bench BENCH="1 7 --full"   # other trajectories, and 10^8 samples; python -m tests.benchmarks --help
     make bench BENCH="--only inertial"    # one chapter: reentry, or inertial navigation in three dimensions
     .venv/bin/python -m tests.benchmarks.kernel    # the ensemble's kernel alone, all seven trajectories

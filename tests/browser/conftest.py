@@ -30,6 +30,7 @@ from mcnav.studies.allocate import write_allocation
 from mcnav.studies.lincov import write_lincov
 from mcnav.studies.linearity import write_linearity
 from mcnav.studies.start_times import write_start_times
+from mcnav.studies.sweep import SweepPlan, write_sweep
 from mcnav.workflow import compare, index
 from mcnav.workflow.replay import replay, write_replay
 from mcnav.workflow.run import run_campaign
@@ -259,6 +260,21 @@ def _allocate(folder: Path, _: Callable[[str], Path]) -> Path:
     return write_allocation({**described.resolved, "name": NAME}, folder)[1][-1]
 
 
+def _sweep(folder: Path, _: Callable[[str], Path]) -> Path:
+    """Curves with a limit, and Monte Carlo at three points."""
+    described = campaign(4, name=NAME, samples=2_000)
+    plan = SweepPlan({"errors.altitude": "1..100 km"}, ("altitude < 40 km", "range", "cep(altitude, range)"), 7)
+    return write_sweep(dict(described.resolved), plan, folder, 3)[1][-1]
+
+
+def _contours(folder: Path, _: Callable[[str], Path]) -> Path:
+    """Contours of an aided navigation whose filter believes less than is true."""
+    shutil.copy(ROOT / "campaigns" / "flight.csv", folder)
+    (folder / "aided.toml").write_text(AIDED.replace("NAME", NAME.replace("\\", "\\\\")), encoding="utf-8")
+    varied = {"imu.gyro.scale_factor": "100..10000 ppm", "aiding.gnss.position": "1..9 m"}
+    return write_sweep(folder / "aided.toml", SweepPlan(varied, ("position_horizontal",), 6), folder)[1][-1]
+
+
 def _index(_: Path, made: Callable[[str], Path]) -> Path:
     return index.write_index(made("report").parent.parent)[0]
 
@@ -267,6 +283,6 @@ KINDS: dict[str, Callable[[Path, Callable[[str], Path]], Path]] = {
     "report": _report, "many": _many, "aided": _aided, "replay": _replay, "comparison": _comparison, "index": _index,
     "start times": _start_times, "ins start times": _ins_start_times, "linearity": _linearity,
     "calibration": _calibration, "story": _story, "textbook": _textbook, "tn": _tn, "trajectory": _trajectory,
-    "lincov": _lincov, "allocate": _allocate,
+    "lincov": _lincov, "allocate": _allocate, "sweep": _sweep, "contours": _contours,
 }  # fmt: skip
 """What makes each kind of page, in a folder of its own."""

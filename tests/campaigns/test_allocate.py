@@ -238,4 +238,4 @@ def test_the_command(tmp_path: Path) -> None:
     assert (tmp_path / "out" / "allocate.html").exists()
     refused = invoke("allocate", CAMPAIGNS / "14_polar.toml", cwd=tmp_path)
     assert refused.returncode == 2
-    assert "accept: has no requirement" in refused.stderr
+    assert "accept: is missing; add" in refused.stderr

@@ -55,9 +55,12 @@ def test_help(tmp_path: Path) -> None:
         "partials",
         "start-times",
         "linearity",
+        "sweep",
         "reproduce",
         "calibrate",
         "new",
+        "lincov",
+        "allocate",
         "check-scenario",
     )
     for command in commands:

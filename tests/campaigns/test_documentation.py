@@ -24,8 +24,8 @@ from mcnav.config.templates import new_scenario
 from mcnav.workflow.analyse import report_run
 from mcnav.workflow.index import write_index
 from mcnav.workflow.run import run_campaign
-from tests.commands import invoke
 from tests.conftest import ROOT, campaign
+from tests.printed import follow
 from tests.processes import LONG, run_to_end, running
 from tests.unit.config.test_trajectory_file import flight, write_csv
 
@@ -50,21 +50,9 @@ def place(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def _run_every_command(page: str, place: Path) -> int:
-    commands = [line for block in _blocks(page, "sh") for line in block.splitlines() if line]
-    for command in commands:
-        program, *arguments = shlex.split(command)
-        assert program == "mcnav"
-        finished = invoke(*arguments, cwd=place, columns=160)
-        assert finished.returncode == 0, f"{command}\n{finished.stderr}"
-        for written in re.findall(r"^(?:written|report): (.*)$", finished.stdout, re.MULTILINE):
-            assert (place / written).exists()
-    return len(commands)
-
-
 @pytest.mark.slow
 def test_every_command_of_the_guide(place: Path) -> None:
-    assert _run_every_command("GUIDE.md", place) > 10
+    assert follow((PAGES / "GUIDE.md").read_text(encoding="utf-8"), place).done > 10
     assert (place / "reports" / "comparison.html").read_text().count("<svg") == 1
     index = (place / "reports" / "index.html").read_text()
     assert 'href="mine/report.html"' in index
@@ -73,7 +61,7 @@ def test_every_command_of_the_guide(place: Path) -> None:
 
 @pytest.mark.slow
 def test_every_command_of_the_page_on_scenarios(place: Path) -> None:
-    assert _run_every_command("SCENARIOS.md", place) == 4
+    assert follow((PAGES / "SCENARIOS.md").read_text(encoding="utf-8"), place).done == 4
 
 
 @pytest.mark.slow

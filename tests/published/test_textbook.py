@@ -73,10 +73,11 @@ def test_samples_contain_every_sigma(numbers: tuple[Number, ...]) -> None:
             assert low <= abs(each.linear) <= high, each
 
 
-def test_pairs_leave_what_bends(numbers: tuple[Number, ...]) -> None:
-    """At most 1 %: angles are milliradians or less, but for a heading of 3 deg, whose square is 0.3 %.
+def test_paired_estimates_are_near_the_linear_sigmas(numbers: tuple[Number, ...]) -> None:
+    """Second-order terms change a sigma by at most 1 %.
 
-    The smallest output of a navigation, 1e-3 of the largest, is bent by that.
+    Angles are milliradians, but for a heading of 3 deg, whose square is 0.3 %; and the largest output of a navigation
+    changes the smallest one, a hundredth of it, by its own share of milliradians.
     """
     paired = [each for each in numbers if each.paired is not None]
     assert len(paired) > 50

@@ -57,9 +57,9 @@ def test_legs_join_to_the_whole_flight() -> None:
     expected = whole.linear_model().partials * sizes
     assert (np.abs(joined * sizes - expected) <= 1e-6 * np.abs(expected).max(axis=1, keepdims=True)).all()
     errors = _one_of_each(globe.errors(whole.navigation.start, *draw(60, 3)))
-    middle = simulate(first, errors, 0)
-    flown = simulate(later, np.hstack([middle, errors[:, len(OUTPUTS) :]]), 0)
-    straight = simulate(whole, errors, 0)
+    middle, _ = simulate(first, errors, 0)
+    flown, _ = simulate(later, np.hstack([middle, errors[:, len(OUTPUTS) :]]), 0)
+    straight, _ = simulate(whole, errors, 0)
     assert (np.abs(flown - straight) <= 2.0 * 3e-6 * 7.0 * straight.std(axis=0)).all()
 
 

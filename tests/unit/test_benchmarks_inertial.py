@@ -226,7 +226,7 @@ def record() -> dict[str, Any]:
             {"command": "run", "samples": 1_000, "jobs": 2, "engine": "ensemble", **run},
             {"command": "lincov", "samples": None, "jobs": 1, "engine": None, **run},
         ],
-        "truth": {"rows": 360_001.0, "read": 0.3, "tables": 0.4},
+        "truth": {"rows": 360_001.0, "read": 0.3, "tables": 0.4, "engine": 2.0, "aided_tables": 1.5},
     }
 
 
@@ -237,6 +237,8 @@ def test_targets_hold_where_the_measurement_says_so() -> None:
     assert fastest_accurate(engine_rows()[:1], "free, without noise") is None
     assert found["mcnav run of 1,000 aided samples of an hour"].holds
     assert not found["mcnav lincov of the same campaign"].holds
+    assert found["tables of an hour at 100 rows a second, free"].holds
+    assert not found["tables of an hour at 100 rows a second, aided"].holds
     assert found[f"ten minutes, own gains, against {PYINS}"].measured == pytest.approx(6_000.0)
     assert not found[f"ten minutes, own gains, against {LOOP}"].holds
     assert not Target("nothing", 1.0, math.nan, "s").holds

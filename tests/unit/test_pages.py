@@ -5,15 +5,15 @@ from __future__ import annotations
 import re
 from functools import lru_cache
 from pathlib import Path
-from typing import get_args
 
 import pytest
 
-from mcnav.cli import FILES, Page, docs
+from mcnav.cli import docs
+from mcnav.pages import PAGES, Page
 from tests.conftest import ROOT
 
 PACKAGE = ROOT / "mcnav"
-PAGES = [ROOT / "README.md", ROOT / ".github" / "CONTRIBUTING.md", *sorted(PACKAGE.rglob("*.md"))]
+FILES = [ROOT / "README.md", ROOT / ".github" / "CONTRIBUTING.md", *sorted(PACKAGE.rglob("*.md"))]
 EXACT = [PACKAGE / "ARCHITECTURE.md", PACKAGE / "NOTATION.md", ROOT / ".github" / "CONTRIBUTING.md"]
 
 
@@ -88,7 +88,7 @@ def test_a_symbol_is_where_the_notation_says() -> None:
     assert rows > 50
 
 
-@pytest.mark.parametrize("page", PAGES, ids=named)
+@pytest.mark.parametrize("page", FILES, ids=named)
 def test_every_link_leads_somewhere(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
     for target in re.findall(r"\]\((?!https?:)([^)#]+)", text):
@@ -97,25 +97,29 @@ def test_every_link_leads_somewhere(page: Path) -> None:
     assert set(re.findall(r"\]\(#([^)]+)\)", text)) <= headings
 
 
-@pytest.mark.parametrize("page", PAGES, ids=named)
+@pytest.mark.parametrize("page", FILES, ids=named)
 def test_every_target_of_make_exists(page: Path) -> None:
     targets = re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
     asked = re.findall(r"(?:`|^ {4})make ([a-z]+)", page.read_text(encoding="utf-8"), re.MULTILINE)
     assert set(asked) <= set(targets)
 
 
-@pytest.mark.parametrize("page", get_args(Page))
+@pytest.mark.parametrize("page", FILES, ids=named)
+def test_every_page_that_is_named_exists(page: Path) -> None:
+    named = re.findall(r"`mcnav docs ([\w-]+)`", page.read_text(encoding="utf-8"))
+    assert {name for name in named if name != "PAGE"} <= set(PAGES)
+
+
+@pytest.mark.parametrize("page", PAGES)
 def test_every_page_is_shown(page: Page, capsys: pytest.CaptureFixture[str]) -> None:
     docs(page)
-    file = PACKAGE / FILES.get(page, f"{page.upper()}.md")
-    assert capsys.readouterr().out.strip() == file.read_text(encoding="utf-8").strip()
+    assert capsys.readouterr().out.strip() == (PACKAGE / PAGES[page]).read_text(encoding="utf-8").strip()
 
 
 def test_every_page_has_a_name_and_is_in_the_lists_of_pages() -> None:
-    assert {PACKAGE / FILES.get(page, f"{page.upper()}.md") for page in get_args(Page)} == set(PACKAGE.rglob("*.md"))
-    for index in (PACKAGE / "GUIDE.md", PACKAGE / "COMMANDS.md"):
-        text = index.read_text(encoding="utf-8")
-        assert all(f"`{page}`" in text for page in get_args(Page) if page.upper() != index.stem)
+    assert {PACKAGE / file for file in PAGES.values()} == set(PACKAGE.rglob("*.md"))
+    guide = (PACKAGE / "GUIDE.md").read_text(encoding="utf-8")
+    assert all(f"`{page}`" in guide for page in PAGES if page != "guide")
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     assert all(f"({page.relative_to(ROOT)})" in readme for page in PACKAGE.rglob("*.md"))
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field
 
+from mcnav._recent import Recent
 from mcnav.config.context import FileContext
 from mcnav.config.scenarios.base import ScenarioSpec
 from mcnav.config.schema import AreaPerMass, Duration, Length, Number, Speed, Table, TimePerLength
@@ -14,6 +15,9 @@ from mcnav.constants import BALLISTIC_COEFFICIENT, EARTH_RADIUS
 from mcnav.physics.reentry.vehicle import ConstantLift, LiftLaw, VariableLift, Vehicle
 from mcnav.scenarios.reentry import Flight, Reentry
 from mcnav.scenarios.table_i import TABLE_I, common_start, start_state
+
+_RECENT: Final = Recent[Reentry](most=2)
+"""Scenarios of the campaigns read last, which variations of a campaign share: each has a trajectory."""
 
 
 class ConstantLiftTable(Table):
@@ -125,4 +129,5 @@ def read_scenario(table: ReentryTable, entries: Mapping[str, Any], context: File
         "final_altitude": f"{flight.final_altitude!r} m",
         "axes": flight.axes,
     }
-    return ScenarioSpec(Reentry(flight), {**defaults, **entries})
+    scenario = _RECENT.get(repr(flight), lambda: Reentry(flight))
+    return ScenarioSpec(scenario, {**defaults, **entries})

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from mcnav._types import Array, IndexArray
 from mcnav.physics.ins.closed_loop import ClosedLoop, own_covariances
-from mcnav.physics.ins.deviations import deviate, locate, navigation_errors
-from mcnav.physics.ins.ensemble import STEPS_OF_NOISE, EnsembleTables
+from mcnav.physics.ins.deviations import deviate
+from mcnav.physics.ins.ensemble import STEPS_OF_NOISE, EnsembleTables, copy_rows, read_linear
 from mcnav.physics.ins.filter_lanes import (
     BEYOND,
     SIX,
@@ -36,6 +36,7 @@ from mcnav.physics.ins.filter_lanes import (
 )
 from mcnav.physics.ins.instruments import CONSTANTS
 from mcnav.physics.ins.noise import IMU_STREAM, draw_normals
+from mcnav.physics.ins.readout_lanes import LOCAL, TrueStates, read_errors
 from mcnav.physics.ins.step_lanes import (
     Deviations,
     StepTables,
@@ -60,7 +61,7 @@ from mcnav.physics.ins.update_lanes import (
     judge,
     rotation_vectors,
 )
-from mcnav.physics.jit import allocation_free
+from mcnav.physics.jit import allocation_free, allocation_free_part
 from mcnav.physics.vectors import LANES, load, room, store
 
 MEASUREMENT_STREAM: Final = 2
@@ -155,8 +156,8 @@ class AidedTables:
         """What compiled code takes of the epochs and of the start."""
         shared, model = self.ensemble, self.loop.filter
         return _EpochTables(
-            shared.epochs, shared.output_maps, self.covariances, self.loop.first_updates, shared.sizes, model.initial,
-            self.biases, self.drifts, self.drift_sigmas, self.faded, np.flatnonzero(model.corrected),
+            shared.epochs, shared.truth, shared.output_maps, self.covariances, self.loop.first_updates, shared.sizes,
+            model.initial, self.biases, self.drifts, self.drift_sigmas, self.faded, np.flatnonzero(model.corrected),
         )  # fmt: skip
 
 
@@ -229,6 +230,7 @@ class _EpochTables(NamedTuple):
     """
 
     numbers: IndexArray
+    truth: TrueStates
     output_maps: Array
     covariances: Array
     first_updates: IndexArray
@@ -276,13 +278,17 @@ class _LaneRooms(NamedTuple):
     cause: Array
     numbers: NDArray[np.uint64]
     seen: NDArray[np.bool_]
+    nees: Array
+    deviations: Array
+    local: Array
+    axes: Array
+    outputs: Array
 
 
 class _Recorded(NamedTuple):
     """Results of n samples at m epochs, as `AidedErrors` has them."""
 
-    turns: Array
-    deviations: Array
+    values: Array
     predicted: Array
     outcomes: IndexArray
     nees: Array
@@ -290,7 +296,6 @@ class _Recorded(NamedTuple):
     state_errors: Array
     state_variances: Array
     counts: Array
-    nees_of_lanes: Array
 
 
 @dataclass(frozen=True)
@@ -363,8 +368,8 @@ def simulate_aided(
     instruments, aiding = errors[:, 9 : len(CONSTANTS)], errors[:, len(CONSTANTS) :]
     active, active_aiding = np.flatnonzero(instruments.any(axis=0)), np.flatnonzero(aiding.any(axis=0))
     of_states = np.ascontiguousarray(np.where(model.constants >= 0, errors[:, np.maximum(model.constants, 0)], 0.0))
-    turns, deviations = np.empty((count, epochs, 4)), np.empty((count, epochs, 6))
-    predicted, outcome = np.empty((count, epochs, 9)), np.zeros(count, dtype=np.int64)
+    values, predicted = np.empty((count, epochs, 9)), np.empty((count, epochs, 9))
+    outcome = np.zeros(count, dtype=np.int64)
     nees, covariance = np.zeros((count, epochs, 6)), np.zeros((count, epochs, 45))
     state_error, state_variance = np.zeros((count, epochs, states)), np.zeros((count, epochs, states))
     counted = np.zeros((count, epochs, len(loop.sensors), 5))
@@ -386,6 +391,11 @@ def simulate_aided(
         room(1),
         np.zeros((1, LANES), dtype=np.uint64),
         np.zeros(len(loop.sensors), dtype=np.bool_),
+        room(6),
+        room(6),
+        room(LOCAL),
+        room(9),
+        room(9),
     )
     _run(
         shared.steps(truth.earth, active),
@@ -401,12 +411,9 @@ def simulate_aided(
         rooms,
         own,
         _Recorded(
-            turns, deviations, predicted, outcome, nees, covariance, state_error, state_variance, counted, room(6)
+            values, predicted, outcome, nees, covariance, state_error, state_variance, counted
         ),
     )  # fmt: skip
-    constants = truth.earth.constants
-    indicated = locate(constants, shared.angles, shared.states, deviations)
-    values = navigation_errors(constants, shared.truth, indicated, turns)
     outcome = np.where((outcome == SOUND) & ~np.isfinite(values).all(axis=(1, 2)), BEYOND, outcome)
     return AidedErrors(values, predicted, outcome, nees, covariance, state_error, state_variance, counted)
 
@@ -443,7 +450,7 @@ def _begin(
             store(filters.p, (r, c), initial[r, c])
 
 
-@allocation_free
+@allocation_free_part
 def _advance_twins(k: int, motion: Array, coupling: Array, response: Array, own: Estimates) -> None:
     """Take the linear samples over a step, given their response to the errors of the instruments."""
     twin, estimate = own.twin, own.twin_estimate
@@ -463,7 +470,7 @@ def _advance_twins(k: int, motion: Array, coupling: Array, response: Array, own:
         store(twin, r, x)
 
 
-@allocation_free
+@allocation_free_part
 def _subtract_estimates(k: int, coupling: Array, response: Array, own: Estimates) -> None:
     """Subtract from the response of a step what the filters have estimated of the errors of the instruments."""
     for r in range(9):
@@ -475,8 +482,8 @@ def _subtract_estimates(k: int, coupling: Array, response: Array, own: Estimates
 
 @allocation_free
 def _record(
-    reached: int, begin: int, size: int, states: _EpochTables, samples: Deviations, own: Estimates,
-    filters: Covariances, of_states: Array, epoch_normals: Array, covariance: Array, results: _Recorded,
+    reached: int, begin: int, size: int, constants: Array, states: _EpochTables, of_states: Array, lanes: _LaneRooms,
+    results: _Recorded,
 ) -> None:  # fmt: skip
     """Record the samples and their filters at an epoch.
 
@@ -484,9 +491,9 @@ def _record(
     ----------
     of_states : ndarray, shape (n, q)
         Constant errors that the other states model.
-    covariance : ndarray, shape (9 + q, 9 + q, LANES)
     """
-    errors, nees = filters.errors, results.nees_of_lanes
+    samples, own, filters, nees = lanes.samples, lanes.own, lanes.filters, lanes.nees
+    errors, epoch_normals, deviations, outputs = filters.errors, lanes.epoch_normals, lanes.deviations, lanes.outputs
     if len(epoch_normals) > 0:
         for c in range(len(own.shown)):
             kept = states.faded[reached, c]
@@ -496,7 +503,8 @@ def _record(
     for r in range(3):
         store(errors, r, load(own.rotation, r))
     for r in range(6):
-        store(errors, 3 + r, load(samples.linear, 3 + r) + load(samples.beyond, r))
+        store(deviations, r, load(samples.linear, 3 + r) + load(samples.beyond, r))
+        store(errors, 3 + r, load(deviations, r))
     for s in range(len(own.estimate)):
         for i in range(LANES):
             errors[9 + s, i] = of_states[begin + min(i, size - 1), s]
@@ -506,27 +514,22 @@ def _record(
         if states.drifts[s] >= 0:
             x += load(own.shown, states.drifts[s])
         store(errors, 9 + s, x)
-    normalize_errors(covariance, errors, states.chosen, states.output_maps[reached], filters, nees)
+    normalize_errors(filters.p, errors, states.chosen, states.output_maps[reached], filters, nees)
+    read_errors(reached, constants, states.truth, samples.turn, deviations, lanes.local, lanes.axes, outputs)
+    copy_rows(outputs, begin, size, reached, results.values)
+    read_linear(reached, states.output_maps, own.twin, outputs)
+    copy_rows(outputs, begin, size, reached, results.predicted)
+    copy_rows(nees, begin, size, reached, results.nees)
+    copy_rows(errors[9:], begin, size, reached, results.state_errors)
     for i in range(size):
         n = begin + i
-        for r in range(4):
-            results.turns[n, reached, r] = samples.turn[r, i]
-        for r in range(6):
-            results.deviations[n, reached, r] = errors[3 + r, i]
-            results.nees[n, reached, r] = nees[r, i]
-        for r in range(9):
-            total = 0.0
-            for c in range(9):
-                total += states.output_maps[reached, r, c] * own.twin[c, i]
-            results.predicted[n, reached, r] = total
-        place_of = 0
+        at = 0
         for r in range(9):
             for c in range(r + 1):
-                results.covariances[n, reached, place_of] = filters.mapped[r, c, i]
-                place_of += 1
+                results.covariances[n, reached, at] = filters.mapped[r, c, i]
+                at += 1
         for s in range(len(own.estimate)):
-            results.state_errors[n, reached, s] = errors[9 + s, i]
-            results.state_variances[n, reached, s] = covariance[9 + s, 9 + s, i]
+            results.state_variances[n, reached, s] = filters.p[9 + s, 9 + s, i]
         for sensor in range(len(own.tally)):
             for c in range(5):
                 results.counts[n, reached, sensor, c] = own.tally[sensor, c, i]
@@ -619,10 +622,7 @@ def _run(
                     for r in range(len(epochs.initial)):
                         for c in range(len(epochs.initial)):
                             store(filters.p, (r, c), epochs.covariances[reached, r, c])
-                _record(
-                    reached, begin, size, epochs, samples, own, filters, given.of_states, lanes.epoch_normals,
-                    filters.p, results,
-                )  # fmt: skip
+                _record(reached, begin, size, constants, epochs, given.of_states, lanes, results)
                 reached += 1
             if k == all_steps:
                 break

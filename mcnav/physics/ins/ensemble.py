@@ -19,10 +19,11 @@ from numpy.typing import NDArray
 
 from mcnav._types import Array, IndexArray
 from mcnav.physics.ins.covariance import output_map, process_systems
-from mcnav.physics.ins.deviations import deviate, locate, navigation_errors
+from mcnav.physics.ins.deviations import deviate
 from mcnav.physics.ins.earth import Earth
 from mcnav.physics.ins.instruments import GYRO, Imu
 from mcnav.physics.ins.noise import IMU_STREAM, draw_normals
+from mcnav.physics.ins.readout_lanes import LOCAL, TrueStates, read_errors, true_states
 from mcnav.physics.ins.response import StepResponses
 from mcnav.physics.ins.step_lanes import (
     Deviations,
@@ -36,7 +37,7 @@ from mcnav.physics.ins.step_lanes import (
     start,
 )
 from mcnav.physics.ins.truth import Platform, Truth
-from mcnav.physics.jit import allocation_free, compiled
+from mcnav.physics.jit import allocation_free, allocation_free_part, compiled
 from mcnav.physics.vectors import LANES, load, room, store
 
 STEPS_OF_NOISE: Final = 16
@@ -70,12 +71,8 @@ class EnsembleTables:
         True position, gravitation and its gradient at the ends and the middles of steps.
     start_map, output_maps : ndarray, shape (9, 9), (m, 9, 9)
         From initial errors to psi, v, x, and from these to outputs, to first order.
-    truth : ndarray, shape (m, 15)
-        True local states.
-    states : ndarray, shape (m, 6)
-        True inertial positions and velocities.
-    angles : ndarray, shape (m,)
-        By which the earth has turned, rad.
+    truth : TrueStates
+        At the epochs.
     """
 
     epochs: IndexArray
@@ -93,9 +90,7 @@ class EnsembleTables:
     gradients: Array
     start_map: Array
     output_maps: Array
-    truth: Array
-    states: Array
-    angles: Array
+    truth: TrueStates
 
     def steps(self, earth: Earth, active: IndexArray) -> StepTables:
         """Return what compiled code takes of it.
@@ -128,9 +123,7 @@ class EnsembleTables:
             self,
             epochs=self.epochs[-1:],
             output_maps=self.output_maps[-1:],
-            truth=self.truth[-1:],
-            states=self.states[-1:],
-            angles=self.angles[-1:],
+            truth=TrueStates(*(each[-1:] for each in self.truth)),
         )
 
 
@@ -187,8 +180,6 @@ def tabulate(
     earth = truth.earth
     around = truth.states(halves, platform, float(times[0]))
     at = truth.states(times[epochs], platform, float(times[0]))
-    angles = earth.rotation_rate * (times[epochs] - truth.times[0])
-    states = np.hstack([at.position, at.velocity])
     inputs = np.zeros((steps, 30, 9))
     inputs[:, :15] = responses.gyro
     inputs[:, 15:, 3:] = responses.accelerometer
@@ -208,9 +199,7 @@ def tabulate(
         gradients=earth.gravity_gradient(around.position),
         start_map=np.asarray(np.linalg.inv(output_map(truth, float(times[0]))), dtype=float),
         output_maps=np.stack([output_map(truth, float(time)) for time in times[epochs]]),
-        truth=locate(earth.constants, angles, states, np.zeros((1, len(epochs), 6)))[0],
-        states=states,
-        angles=angles,
+        truth=true_states(earth, np.hstack([at.position, at.velocity])),
     )
 
 
@@ -274,30 +263,44 @@ def _simulate(
     state = np.hstack([turn, velocity, position])
     linear = np.einsum("nj,ij->ni", errors[:, :9], tables.start_map)  # a matrix product rounds by a row's place
     active = np.flatnonzero(errors[:, 9:].any(axis=0))
-    shape = (len(errors), len(tables.epochs), 9)
-    turns, deviations = np.empty((*shape[:2], 4)), np.empty((*shape[:2], 6))
-    predicted, sound = np.empty(shape), np.empty(len(errors), dtype=np.bool_)
-    constants = truth.earth.constants
-    width = tables.factors.shape[1]
+    values, predicted = np.empty((len(errors), len(tables.epochs), 9)), np.empty((len(errors), len(tables.epochs), 9))
+    sound, width = np.empty(len(errors), dtype=np.bool_), tables.factors.shape[1]
     _run(
         tables.steps(truth.earth, active), deviations_of(len(active), len(tables.sizes)), room(STEPS_OF_NOISE * width),
-        np.zeros((1, LANES), dtype=np.uint64), tables.epochs, tables.output_maps, tables.sizes,
-        np.ascontiguousarray(errors[:, 9 + active]), state, linear, seed, samples, given, noisy, turns, deviations,
-        predicted, sound,
+        np.zeros((1, LANES), dtype=np.uint64), tables.epochs, tables.truth, tables.output_maps, tables.sizes,
+        np.ascontiguousarray(errors[:, 9 + active]), state, linear, seed, samples, given, noisy,
+        (room(6), room(LOCAL), room(9), room(9)), values, predicted, sound,
     )  # fmt: skip
-    indicated = locate(constants, tables.angles, tables.states, deviations)
-    values = navigation_errors(constants, tables.truth, indicated, turns)
     return EnsembleErrors(values, predicted, sound & np.isfinite(values).all(axis=(1, 2)))
+
+
+@allocation_free_part
+def copy_rows(rows: Array, begin: int, size: int, reached: int, out: Array) -> None:
+    """Copy rows of lanes, shape (r, LANES), to the samples' values at an epoch, shape (n, m, r)."""
+    for i in range(size):
+        for r in range(out.shape[2]):
+            out[begin + i, reached, r] = rows[r, i]
+
+
+@allocation_free_part
+def read_linear(reached: int, output_maps: Array, linear: Array, out: Array) -> None:
+    """Compute the linear navigation errors of samples at an epoch, shape (9, LANES)."""
+    for r in range(9):
+        total = output_maps[reached, r, 0] * load(linear, 0)
+        for c in range(1, 9):
+            total += output_maps[reached, r, c] * load(linear, c)
+        store(out, r, total)
 
 
 @allocation_free
 def _run(
     tables: StepTables, samples: Deviations, normals: Array, numbers: NDArray[np.uint64], epochs: IndexArray,
-    output_maps: Array, sizes: Array, equipment: Array, state: Array, linear: Array, seed: np.uint64,
-    indices: NDArray[np.uint64], given: Array, noisy: bool, turns: Array, deviations: Array, predicted: Array,
-    valid: NDArray[np.bool_],
+    truth: TrueStates, output_maps: Array, sizes: Array, equipment: Array, state: Array, linear: Array,
+    seed: np.uint64, indices: NDArray[np.uint64], given: Array, noisy: bool,
+    rooms: tuple[Array, Array, Array, Array], values: Array, predicted: Array, valid: NDArray[np.bool_],
 ) -> None:  # fmt: skip
     steps, count, width = len(tables.durations), len(sizes), tables.factors.shape[1]
+    deviations, local, axes, errors = rooms
     drawing = noisy and given.shape[1] == 0
     for begin in range(0, len(state), LANES):
         size = min(LANES, len(state) - begin)
@@ -313,16 +316,12 @@ def _run(
         reached = 0
         for k in range(steps + 1):
             if reached < len(epochs) and epochs[reached] == k:
-                for i in range(size):
-                    for r in range(4):
-                        turns[begin + i, reached, r] = samples.turn[r, i]
-                    for r in range(6):
-                        deviations[begin + i, reached, r] = samples.linear[3 + r, i] + samples.beyond[r, i]
-                    for r in range(9):
-                        total = 0.0
-                        for c in range(9):
-                            total += output_maps[reached, r, c] * samples.linear[c, i]
-                        predicted[begin + i, reached, r] = total
+                for r in range(6):
+                    store(deviations, r, load(samples.linear, 3 + r) + load(samples.beyond, r))
+                read_errors(reached, tables.constants, truth, samples.turn, deviations, local, axes, errors)
+                copy_rows(errors, begin, size, reached, values)
+                read_linear(reached, output_maps, samples.linear, errors)
+                copy_rows(errors, begin, size, reached, predicted)
                 reached += 1
             if k == steps:
                 break

@@ -102,7 +102,7 @@ def requirements(found: LinearAnswer, outages: Outages) -> Figure | None:
     panels = []
     for number, each in enumerate(wanted, start=1):
         first = each.requirement.outputs[0]
-        unit, values = found.outputs[first].shown_in, sizes_over_time(each.requirement, history) * scale[first]
+        unit, values = found.outputs[first].shown_in, sizes_over_time(each.requirement, history.moments) * scale[first]
         limit, at = each.requirement.limits[0] * scale[first], list(each.requirement.epochs)
         title = f"{number}: {short_name(each, found)}"
         columns[f"{title} [{unit}]"] = values

@@ -25,6 +25,9 @@ WIDE: Final = 8.0
 LEVELS: Final = 8
 """Contours in a panel, at most."""
 
+FEWER: Final = 6
+"""Those evenly spaced, which may be close together."""
+
 CONSTANT: Final = 1e-9
 """Relative change of a value that is rounding."""
 
@@ -84,15 +87,20 @@ def figure(sweep: Sweep, titles: Sequence[str], columns: dict[str, Any]) -> Figu
 
 
 def _key(sweep: Sweep) -> list[Series]:
-    limited = np.isfinite(sweep.bounds).any()
-    alone = len(sweep.variables) == 1
-    solved = any(each.values for each in sweep.just_met)
+    """Return the series that some panel has."""
+    limits: list[Series] = []
+    if len(sweep.variables) == 1:
+        limits = [LIMIT] if np.isfinite(sweep.bounds).any() else []
+    elif (met := sweep.margins <= 0.0).any():
+        crossed = (met & np.isfinite(sweep.margins)).any(axis=(0, 1)) & (sweep.margins > 0.0).any(axis=(0, 1))
+        limits = [*([BOUNDARY] if crossed.any() else []), MET]
+    checked = any(np.isfinite(each.values).any() for each in sweep.confirmations)
     return [
         TRUE,
         *([OWN] if any(differs(sweep, index) for index in range(len(sweep.measures))) else []),
-        *([LIMIT] if limited and alone else [BOUNDARY, MET] if limited else []),
-        *([SOLVED] if solved else []),
-        *([CHECKED] if sweep.confirmations else []),
+        *limits,
+        *([SOLVED] if any(each.values for each in sweep.just_met) else []),
+        *([CHECKED] if checked else []),
     ]
 
 
@@ -193,7 +201,7 @@ def contour_levels(values: Array) -> list[float]:
     if high - low <= CONSTANT * max(abs(low), abs(high)):
         return []
     if low <= 0.0 or high <= 2.0 * low:
-        return [tick for tick in linear_ticks(low, high, LEVELS)[0] if low < tick < high]
+        return [tick for tick in linear_ticks(low, high, FEWER)[0] if low < tick < high]
     powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
     levels: list[float] = []
     for mantissas in MANTISSAS:

@@ -199,8 +199,13 @@ PROBES: Final = 32
 """Samples on which an engine's steps are settled."""
 
 
-def simulate(scenario: Ins, errors: Array, seed: int) -> Array:
-    """Simulate samples with given constant errors, shape (n, 39), of a navigation: final errors, shape (n, 9).
+def simulate(scenario: Ins, errors: Array, seed: int) -> tuple[Array, Array]:
+    """Simulate samples with given constant errors, shape (n, 39), of a navigation.
+
+    Returns
+    -------
+    tuple of ndarray, shape (n, 9)
+        Final errors, and those of the linear system with the same errors and the same noise.
 
     Raises
     ------
@@ -218,4 +223,5 @@ def simulate(scenario: Ins, errors: Array, seed: int) -> Array:
         found.append(engine.simulate(Batch(index, padded[index], seed)))
         if found[-1].failures:
             raise RuntimeError(f"a sample fails: {next(iter(found[-1].failures.values()))}")
-    return np.concatenate([each.values for each in found])
+    linear = [each.linear_values for each in found if each.linear_values is not None]
+    return np.concatenate([each.values for each in found]), np.concatenate(linear)

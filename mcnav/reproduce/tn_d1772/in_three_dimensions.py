@@ -65,6 +65,8 @@ class Comparison:
         By the planar navigator: linear, and of samples.
     linear, simulated, low, high : float
         By the navigator in three dimensions: linear, and of samples with the interval.
+    departure : float
+        Share by which the samples' root mean square departs from that of their linear outcomes.
     own : float
         Sigma that the filter states, by linear analysis.
     """
@@ -78,6 +80,7 @@ class Comparison:
     simulated: float
     low: float
     high: float
+    departure: float = np.nan
     own: float = np.nan
 
 
@@ -93,6 +96,11 @@ def spread(errors: Array) -> tuple[float, float, float]:
     count, mean, error = len(squares), squares.mean(), squares.std(ddof=1) / np.sqrt(len(squares))
     low, high = mean_square_intervals(mean, error, np.array(count), np.array(count), CONFIDENCE)
     return float(np.sqrt(mean)), float(np.sqrt(low)), float(np.sqrt(high))
+
+
+def of_samples(values: Array, linear: Array) -> tuple[float, float, float, float]:
+    """Return `spread` of samples and the share by which it departs from that of their linear outcomes."""
+    return (*spread(values), float(np.sqrt((values**2).sum() / (linear**2).sum()) - 1.0))
 
 
 def _sigmas(planar: Array, across: Array) -> Array:
@@ -124,12 +132,14 @@ def start_comparisons() -> list[Comparison]:
         flat = flat if np.isinf(minutes) else flat.started_at(60.0 * minutes, "start")
         linear = _sigmas(*globe.results(scenario.linear_model().partials, time))
         known, sampled = _planar_sigmas(flat), _planar_spread(flat, planar)
-        values = simulate(scenario, globe.errors(time, planar, across), SEED) @ globe.to_results.T
+        values, outcomes = (each @ globe.to_results.T
+                            for each in simulate(scenario, globe.errors(time, planar, across), SEED))  # fmt: skip
         case = f"start at {(time - globe.reentry) / 60.0:.1f} min"
         found += [
-            Comparison("start", case, name, known[row], sampled[row], linear[row], *spread(values[:, row]))
+            Comparison("start", case, name, known[row], sampled[row], linear[row],
+                       *of_samples(values[:, row], outcomes[:, row]))
             for row, name in enumerate(RESULTS)
-        ]
+        ]  # fmt: skip
     return found
 
 
@@ -158,8 +168,7 @@ def switching_comparisons() -> list[Comparison]:
     """Compare the navigator whose accelerometers are off above the atmosphere with the one whose are on.
 
     Trajectory 4 stays in the atmosphere after reentry. In three dimensions the navigator coasts to reentry without
-    accelerometers, and goes on from there with its errors and with the platform as it was; what drag there is above is
-    left out.
+    accelerometers, and goes on from there with its errors and with the platform as it was; drag above is left out.
     """
     globe, (planar, across) = example(), draw(SAMPLES, SEED)
     alone = np.diag(ALL_ERRORS)[list(BIASES)]
@@ -170,16 +179,18 @@ def switching_comparisons() -> list[Comparison]:
     on, off = globe.navigation.linear_model().partials, _joined(coasting, later)
     flat_off = table_i_scenario(EXAMPLE, accelerometers_off_above=REENTRY_ALTITUDE)
     return [
-        *_switched("on", table_i_scenario(EXAMPLE), planar, on, simulate(globe.navigation, errors, SEED)),
-        *_switched("off", flat_off, planar, off, _coast(globe, errors)),
+        *_switched("on", table_i_scenario(EXAMPLE), planar, on, errors, simulate(globe.navigation, errors, SEED)[0]),
+        *_switched("off", flat_off, planar, off, errors, _coast(globe, errors)),
     ]
 
 
-def _switched(words: str, flat: Reentry, planar: Array, partials: Array, flown: Array) -> list[Comparison]:
+def _switched(
+    words: str, flat: Reentry, planar: Array, partials: Array, errors: Array, flown: Array
+) -> list[Comparison]:
     """Compare both navigators; the last samples, shape (n, planar errors), have one of `BIASES` each."""
     globe = example()
     effects, across = globe.results(partials, globe.navigation.navigation.start)
-    model, values = flat.linear_model(), flown @ globe.to_results.T
+    model, values, outcomes = flat.linear_model(), flown @ globe.to_results.T, errors @ (globe.to_results @ partials).T
     known = model.partials * ALL_ERRORS / KILOMETRE
     planar_values = flat.engine("ensemble", planar[:PLANAR_PROBES]).propagate(planar).values - model.nominal
     found = [
@@ -195,7 +206,7 @@ def _switched(words: str, flat: Reentry, planar: Array, partials: Array, flown: 
     sampled = [*(spread(planar_values[:SAMPLES, result])[0] for result in (ALTITUDE, RANGE)), np.nan]
     return found + [
         Comparison("switching", f"all errors, accelerometers {words}", name, sigmas[row], sampled[row], linear[row],
-                   *spread(values[:SAMPLES, row]))
+                   *of_samples(values[:SAMPLES, row], outcomes[:SAMPLES, row]))
         for row, name in enumerate(RESULTS)
     ]  # fmt: skip
 
@@ -224,9 +235,9 @@ def _coast(globe: Globe, errors: Array) -> Array:
     """Simulate samples that coast to reentry without accelerometers, and navigate from there: shape (n, 9)."""
     silent = errors.copy()
     silent[:, ACCELEROMETERS] = 0.0
-    middle = simulate(_until(globe.navigation, globe.reentry), silent, SEED)
+    middle, _ = simulate(_until(globe.navigation, globe.reentry), silent, SEED)
     rest = np.hstack([middle, errors[:, len(OUTPUTS) :]])
-    return simulate(globe.navigation.started_at(globe.reentry, "trajectory"), rest, SEED)
+    return simulate(globe.navigation.started_at(globe.reentry, "trajectory"), rest, SEED)[0]
 
 
 @dataclass(frozen=True)
@@ -265,10 +276,10 @@ def crossing(number: int) -> tuple[Crossing, Comparison]:
     )
     by_conditions, by_gyros, by_accelerometer = (float(np.sqrt((each**2).sum())) for each in parts)
     errors = globe.errors(start, *draw(SAMPLES, SEED))
-    values = simulate(globe.navigation, errors, SEED) @ globe.to_results[CROSSRANGE]
+    values, outcomes = (each @ globe.to_results[CROSSRANGE] for each in simulate(globe.navigation, errors, SEED))
     linear = float(_sigmas(planar, across)[CROSSRANGE])
     compared = Comparison(
-        "crossrange", f"trajectory {number}", "crossrange", np.nan, np.nan, linear, *spread(values)
+        "crossrange", f"trajectory {number}", "crossrange", np.nan, np.nan, linear, *of_samples(values, outcomes)
     )  # fmt: skip
     return Crossing(number, by_conditions, by_gyros, by_accelerometer, mixed), compared
 
@@ -278,7 +289,7 @@ def correlations(multiple: float) -> Array:
     globe = example()
     planar, across = draw(SAMPLES, SEED)
     errors = globe.errors(globe.navigation.navigation.start, multiple * planar, multiple * across)
-    values = simulate(globe.navigation, errors, SEED) @ globe.to_results.T
+    values = simulate(globe.navigation, errors, SEED)[0] @ globe.to_results.T
     return np.asarray(np.corrcoef(values.T))[CROSSRANGE, : RANGE + 1]
 
 
@@ -322,12 +333,13 @@ def update_comparisons() -> list[Comparison]:
         scenario = globe.updated(globe.time(minutes), stars)
         linear, own = _updated_sigmas(scenario)
         flat = _planar_sigmas(table_i_scenario(EXAMPLE).started_at(60.0 * minutes, "trajectory"))
-        values = simulate(scenario, errors, SEED) @ globe.to_results.T
+        values, outcomes = (each @ globe.to_results.T for each in simulate(scenario, errors, SEED))
         case = f"update at {minutes:.0f} min{'' if stars else ', no stars'}"
         found += [
-            Comparison("update", case, name, flat[row], np.nan, linear[row], *spread(values[:, row]), own[row])
+            Comparison("update", case, name, flat[row], np.nan, linear[row],
+                       *of_samples(values[:, row], outcomes[:, row]), own[row])
             for row, name in enumerate(RESULTS)
-        ]
+        ]  # fmt: skip
     return found
 
 

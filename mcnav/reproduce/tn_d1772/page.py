@@ -132,6 +132,7 @@ def _compared(each: Comparison) -> dict[str, Any]:
         "result": each.result,
         **numbers,
         "simulated": f"{number(each.simulated)}{interval}",
+        "departure": number(100.0 * each.departure, 2),
     }
 
 

@@ -50,6 +50,7 @@ def start_in_three_dimensions(compared: Sequence[Comparison], curves: pd.DataFra
     apart = max(abs(each.linear / each.planar - 1.0) for each in planar)
     sampled = max(abs(each.simulated / each.planar_simulated - 1.0) for each in planar)
     within = sum(each.low <= each.linear <= each.high for each in flown)
+    departure = max(abs(each.departure) for each in compared if np.isfinite(each.departure))
     frame = curves[curves["curve"] == "start"]
     early = frame[frame[TIME] <= -10.0]
     best = {name: early.loc[early[f"{name} [km]"].idxmin()] for name in ("altitude", "position")}
@@ -60,6 +61,8 @@ def start_in_three_dimensions(compared: Sequence[Comparison], curves: pd.DataFra
         f"In three dimensions as in the plane: at {len(planar) // 2} starts linear sigmas of altitude and range differ "
         f"by at most {apart:.0e} from those of the planar navigator, and those of the same {SAMPLES:,} samples by at "
         f"most {sampled:.0e}; {within} of {len(flown)} intervals of {100 * CONFIDENCE:g} % contain the linear sigma. "
+        f"From those of their linear outcomes the samples' depart by at most {100 * departure:.2f} %, here and in all "
+        "cases below. "
         f"The sum of absolute altitude errors is least at {summed[TIME]:.0f} min, their dispersion at "
         f"{best['altitude'][TIME]:.0f} min. Crossrange does not change this: its dispersion falls from {_both(first)} "
         f"with a start at the first point to {_both(last)} with one at reentry, and the root sum square of altitude, "
@@ -98,10 +101,10 @@ def update_in_mid_course(compared: Sequence[Comparison], curves: pd.DataFrame) -
 def accelerometers_off_in_three_dimensions(compared: Sequence[Comparison]) -> Finding:
     """Compare accelerometers on and off above the atmosphere."""
     words = []
-    for name in ("bias x", "bias z"):
-        on, off = (_find(compared, "switching", f"{name} alone, accelerometers {state}", "altitude")
+    for axis in ("x", "z"):
+        on, off = (_find(compared, "switching", f"bias {axis} alone, accelerometers {state}", "altitude")
                    for state in ("on", "off"))  # fmt: skip
-        words.append(f"{name}: {abs(on.linear):.2f} km of final altitude become {abs(off.linear):.2f} km")
+        words.append(f"{abs(on.linear):.2f} km of final altitude by bias {axis} become {abs(off.linear):.2f} km")
     sigmas = []
     for result in ("altitude", "range", "crossrange"):
         on, off = (

@@ -91,6 +91,6 @@ def measure(plan: Plan, report: Callable[[str], None]) -> dict[str, Any]:
             record["growth"] = growth.measure(places[1], plan.aided, report)
             record["commands"] = whole_runs.commands(places[2], plan.aided, plan.sizes, plan.repeats)
             report("whole runs measured")
-            record["truth"] = whole_runs.truth_at_high_rate(places[2], plan.free, plan.high_rate)
+            record["truth"] = whole_runs.truth_at_high_rate(places[2], plan.free, plan.aided, plan.high_rate)
             report("truth at a high rate measured")
     return record

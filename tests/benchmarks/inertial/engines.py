@@ -69,7 +69,7 @@ def _apart(found: Array, reference: Array, sigma: Array) -> tuple[float, float]:
     return float(np.abs(shares).max()), float(np.sqrt(np.mean(shares**2)))
 
 
-def free(folder: Path, setup: Setup = FREE, compared: int = COMPARED, most: int = 1 << 15) -> list[Work]:
+def free(folder: Path, setup: Setup = FREE, compared: int = COMPARED, most: int = 1 << 16) -> list[Work]:
     """Prepare free navigation without noise and with it: with rising numbers of steps, the engine's own the last."""
     campaign = read(folder, setup)
     errors = draws(campaign, most)

@@ -184,8 +184,9 @@ def _growth(record: Mapping[str, Any]) -> list[str]:
     truth = record["truth"]
     if truth:
         parts.append(
-            f"A trajectory of {truth['rows']:,.0f} rows is read in {truth['read']:.2f} s, and the ensemble's tables "
-            f"along it, with the steps settled, take {truth['tables']:.2f} s."
+            f"A trajectory of {truth['rows']:,.0f} rows is read in {truth['read']:.2f} s. Along it the tables of the "
+            f"free ensemble take {truth['tables']:.2f} s, those of the aided one {truth['aided_tables']:.2f} s, and "
+            f"all that a free run prepares, with the number of steps settled, {truth['engine']:.2f} s."
         )
     return parts
 

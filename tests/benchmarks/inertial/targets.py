@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from tests.benchmarks.inertial.peers import LOOP, OWN, PYINS
+from tests.benchmarks.inertial.peers import LOOP, OWN, PYINS, SHARED
 
 ACCURACY: Final = 1e-5
 """Largest error of free navigation, share of sigma."""
@@ -68,9 +68,10 @@ def targets(record: Mapping[str, Any]) -> Iterator[Target]:
         measured = nothing if row is None else row["two_threads_per_second"]["median"]
         yield Target(f"an hour, {name}{accuracy}, two cores", wanted, measured, "samples/s")
     peers = {row["peer"]: row.get("processor_milliseconds", {}).get("least", nothing) for row in record["peers"]}
-    for other, wanted in ((PYINS, TIMES_PYINS), (LOOP, TIMES_LOOP)):
-        times = peers.get(other, nothing) / peers.get(OWN, nothing)
-        yield Target(f"ten minutes, own gains, against {other}", wanted, times, "×")
+    for ours, gains in ((OWN, "own gains"), (SHARED, "shared gains")):
+        for other, wanted in ((PYINS, TIMES_PYINS), (LOOP, TIMES_LOOP)):
+            times = peers.get(other, nothing) / peers.get(ours, nothing)
+            yield Target(f"ten minutes, {gains}, against {other}", wanted, times, "×")
     for command, wanted in (("run", RUN_SECONDS), ("lincov", LINCOV_SECONDS)):
         found = [
             row for row in record["commands"]
@@ -86,9 +87,9 @@ def targets(record: Mapping[str, Any]) -> Iterator[Target]:
         measured = nothing if row is None else row["speed_up"]["median"]
         yield Target(f"an hour, {name}, two cores against one", SPEED_UP, measured, "×")
     truth = record["truth"]
-    yield Target(
-        "an hour's trajectory with 100 rows a second: truth and tables", TRUTH_SECONDS,
-        truth["read"] + truth["tables"] if truth else nothing, "s", False,
-    )  # fmt: skip
+    for name, key in (("free", "tables"), ("aided", "aided_tables")):
+        yield Target(
+            f"tables of an hour at 100 rows a second, {name}", TRUTH_SECONDS, truth.get(key, nothing), "s", False
+        )
     for row in record["earlier"]:
         yield Target(f"{row['name']}, a sample", SLOWER * row["before"], row["microseconds"], "µs", False)

@@ -4,16 +4,26 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
-from mcnav.config.read import read_campaign
+from mcnav.scenarios.ins import EPOCHS, EnsembleEngine
 from tests.benchmarks.inertial.compare import spread
-from tests.benchmarks.inertial.flight import Setup, draws, write_campaign, write_trajectory
+from tests.benchmarks.inertial.engines import PROBES
+from tests.benchmarks.inertial.flight import (
+    HOUR,
+    Setup,
+    draws,
+    navigation_of,
+    read,
+    write_campaign,
+    write_trajectory,
+)
 from tests.benchmarks.spawn import run
+
+Result = TypeVar("Result")
 
 REPEATS: Final = 3
 LONGEST: Final = 1_800.0
@@ -50,15 +60,32 @@ def commands(folder: Path, setup: Setup, sizes: Sequence[int], repeats: int = RE
     return rows
 
 
-def truth_at_high_rate(folder: Path, setup: Setup, rate: float = HIGH_RATE) -> dict[str, float]:
-    """Time the reading of an hour's trajectory with many rows, and the tables of the ensemble along it."""
+def truth_at_high_rate(folder: Path, free: Setup, aided: Setup, rate: float = HIGH_RATE) -> dict[str, float]:
+    """Time what is done once along a trajectory with many rows, after everything has been compiled.
+
+    Reading it; the free ensemble's tables with the steps that it chooses; the aided one's; and all that a run prepares.
+    """
     place = folder / "high_rate"
     place.mkdir(exist_ok=True)
     write_trajectory(place / "flight.csv", rate)
-    campaign_file = write_campaign(place, replace(setup, states=0, grade="all"))
-    begin = time.perf_counter()
-    campaign = read_campaign(campaign_file)
-    middle = time.perf_counter()
-    probes = draws(campaign, 64)
-    campaign.scenario.engine("ensemble", probes)
-    return {"rows": rate * 3600.0 + 1.0, "read": middle - begin, "tables": time.perf_counter() - middle}
+    engine = read(place, free).scenario.engine("ensemble", draws(read(place, free), PROBES))
+    if not isinstance(engine, EnsembleEngine):
+        raise TypeError("expected the ensemble of free navigation")
+    steps = len(engine.tables.durations) // EPOCHS
+    spent = []
+
+    def timed(work: Callable[[], Result]) -> Result:
+        begin = time.perf_counter()
+        result = work()
+        spent.append(time.perf_counter() - begin)
+        return result
+
+    campaign = timed(lambda: read(place, free))
+    timed(lambda: navigation_of(campaign).tables(steps))
+    timed(lambda: campaign.scenario.engine("ensemble", draws(campaign, PROBES)))
+    with_filter = navigation_of(read(place, aided)).aided
+    if with_filter is None:
+        raise TypeError("expected aided navigation")
+    timed(lambda: with_filter.tables(1))
+    names = ("read", "tables", "engine", "aided_tables")
+    return {"rows": rate * HOUR + 1.0, **dict(zip(names, spent, strict=True))}

@@ -7,8 +7,8 @@ import pytest
 from scipy import special
 
 from mcnav.analysis.comparison import Model
-from mcnav.analysis.linear_answer import judge_linearly
-from mcnav.analysis.linear_covariance import covariance_over_time
+from mcnav.analysis.linear_answer import LinearRequirement, judge_linearly
+from mcnav.analysis.linear_covariance import Moments, covariance_over_time
 from mcnav.analysis.requirements import Requirement
 from mcnav.scenarios.protocol import LinearReadings
 
@@ -21,10 +21,16 @@ def model(*sigmas: float) -> Model:
     return Model(np.eye(size), np.zeros(size), np.zeros(size), np.diag(np.square(sigmas)))
 
 
+def judged(
+    requirements: list[Requirement], described: Model, history: Moments | None = None
+) -> tuple[LinearRequirement, ...]:
+    return judge_linearly(requirements, described.outcome_mean, described.outcome_covariance, history)
+
+
 def test_quantile_and_radius_of_normal_errors() -> None:
     """The quantile of |x| is Phi^-1((1 + p) / 2) sigma; the Rayleigh radius is sigma sqrt(-2 ln(1 - p))."""
     requirements = [Requirement("quantile", (0,), (5.0,), 0.95), Requirement("cep", (0, 1), (2.0,), 0.5)]
-    one, two = judge_linearly(requirements, model(2.0, 2.0), None)
+    one, two = judged(requirements, model(2.0, 2.0))
     assert one.value == pytest.approx(2.0 * special.ndtri(0.975), rel=ROOT)
     assert two.value == pytest.approx(2.0 * np.sqrt(2.0 * np.log(2.0)), rel=ROOT)
     assert (one.met, two.met) == (True, False)
@@ -33,7 +39,7 @@ def test_quantile_and_radius_of_normal_errors() -> None:
 
 def test_margin_of_a_box() -> None:
     """Of one output: sigma may grow to limit / Phi^-1((1 + p) / 2)."""
-    (found,) = judge_linearly([Requirement("box", (0,), (3.0,), 0.9)], model(1.0), None)
+    (found,) = judged([Requirement("box", (0,), (3.0,), 0.9)], model(1.0))
     assert found.value == pytest.approx(2.0 * special.ndtr(3.0) - 1.0, rel=ROOT)
     assert found.margin == pytest.approx(3.0 / special.ndtri(0.95), rel=ROOT)
     assert found.met
@@ -42,15 +48,15 @@ def test_margin_of_a_box() -> None:
 def test_margin_scales_all_errors_with_their_mean() -> None:
     requirement = Requirement("cep", (0, 1), (2.0,), 0.5)
     described = Model(np.eye(2), np.array([0.3, 0.0]), np.array([0.0, 0.4]), np.diag([1.0, 4.0]))
-    (found,) = judge_linearly([requirement], described, None)
+    (found,) = judged([requirement], described)
     k = found.margin
     scaled = Model(np.eye(2), k * described.nominal, k * described.mean, k**2 * described.covariance)
-    (just,) = judge_linearly([requirement], scaled, None)
+    (just,) = judged([requirement], scaled)
     assert just.value == pytest.approx(2.0, rel=ROOT)
 
 
 def test_a_sigma_ratio_needs_monte_carlo() -> None:
-    (found,) = judge_linearly([Requirement("sigma_ratio", (0,), (0.05,), None)], model(1.0), None)
+    (found,) = judged([Requirement("sigma_ratio", (0,), (0.05,), None)], model(1.0))
     assert not found.judged
 
 
@@ -60,7 +66,7 @@ def test_requirements_over_time_are_on_readings_after_updates() -> None:
     readings = LinearReadings(np.array([0.0, 10.0, 10.0]), (None, "before", "after"), partials)
     history = covariance_over_time(readings, ("x",), np.zeros(1), np.eye(1))
     requirement = Requirement("quantile", (0,), (4.0,), 0.6826894921370859, "", (0, 1))
-    (found,) = judge_linearly([requirement], model(1.0), history)
+    (found,) = judged([requirement], model(1.0), history.moments)
     assert found.value == pytest.approx(2.0, rel=1e-9)
     assert found.time == 10.0
     assert found.margin == pytest.approx(2.0, rel=1e-9)

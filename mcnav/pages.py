@@ -1,0 +1,40 @@
+"""Pages of the documentation, by the names that ``mcnav docs`` has for them."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from typing import Final, Literal, get_args
+
+Page = Literal[
+    "guide", "tutorial-reentry", "tutorial-cruise", "tutorial-flight", "tutorial-aided", "tutorial-scenario",
+    "tutorial-noise", "questions", "howto-instruments", "howto-filter", "howto-requirements", "howto-samples",
+    "howto-compare", "howto-export", "howto-failures", "method", "report", "notation", "campaigns", "scenarios",
+    "trajectories", "commands", "notebook", "scaling", "architecture", "tn-d1772", "story", "textbook",
+]  # fmt: skip
+
+_ELSEWHERE: Final[dict[Page, str]] = {
+    "tn-d1772": "reproduce/tn_d1772/TN_D1772.md",
+    "story": "reproduce/story_of_84_minutes/STORY_OF_84_MINUTES.md",
+    "textbook": "reproduce/textbook/TEXTBOOK.md",
+}
+
+
+def _file(page: Page) -> str:
+    """Find the file of a page.
+
+    >>> _file("tutorial-noise"), _file("guide")
+    ('tutorials/NOISE.md', 'GUIDE.md')
+    """
+    for prefix, folder in (("tutorial-", "tutorials"), ("howto-", "howto")):
+        if page.startswith(prefix):
+            return f"{folder}/{page.removeprefix(prefix).upper()}.md"
+    return _ELSEWHERE.get(page, f"{page.upper()}.md")
+
+
+PAGES: Final[dict[Page, str]] = {page: _file(page) for page in get_args(Page)}
+"""Files of the pages, from the folder of this package."""
+
+
+def page_text(page: Page) -> str:
+    """Read a page, in Markdown."""
+    return files("mcnav").joinpath(PAGES[page]).read_text(encoding="utf-8")

@@ -1,0 +1,222 @@
+"""Completions of the command line: files, names and keys that fit where the cursor is.
+
+A shell starts the program for each, so that this module imports no numerical library: it looks into files for the few
+words that it needs.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import tomllib
+from collections.abc import Callable, Iterator, Mapping
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+MOST_FILES: Final = 2_000
+"""Files and folders that are looked at."""
+
+DEEPEST: Final = 3
+"""Folders below the one named so far that are looked into."""
+
+BEGINNING: Final = 65_536
+"""Bytes of a file in which a table of a campaign is looked for."""
+
+LARGEST: Final = 1_000_000
+"""Bytes of the largest file that is read as a whole."""
+
+SCENARIO: Final = re.compile(rb"^\s*(\[\s*scenario\b|scenario\s*[.=])", re.MULTILINE)
+FIGURE: Final = re.compile(r'<figure id="figure-([a-z_]+)">')
+
+AIDS: Final = ("gnss", "altimeter", "star-tracker", "position-fix", "zero-velocity", "velocity", "heading")
+"""Types of sensors."""
+
+ENGINES: Final = ("ensemble", "reference", "map")
+
+PLANAR: Final = ("altitude", "range", "cross_range", "altitude_rate", "range_rate", "cross_range_rate")
+
+OUTPUTS: Final[Mapping[str, tuple[str, ...]]] = {
+    "reentry": ("altitude", "range", "altitude_rate", "range_rate"),
+    "cruise": PLANAR,
+    "hover": PLANAR,
+    "ins": (
+        *(f"{kind}_{axis}" for kind in ("position", "velocity") for axis in ("north", "east", "down")),
+        "tilt_north", "tilt_east", "heading", "position_horizontal", "velocity_horizontal",
+    ),
+}  # fmt: skip
+"""Outputs of each type of scenario, and of type ins the horizontal errors that a sweep measures."""
+
+
+class Words(Protocol):
+    """The words before the cursor, read as parameters of the command; the others where an option has no value yet."""
+
+    params: dict[str, Any]
+    args: list[str]
+
+
+def campaigns(incomplete: str) -> list[str]:
+    """Return campaign files whose path begins with the incomplete one."""
+    return _quoted(path for path in _walk(incomplete, ".toml") if _is_campaign(Path(path)))
+
+
+def trajectories(incomplete: str) -> list[str]:
+    """Return files that may be trajectories."""
+    found = _walk(incomplete, (".csv", ".parquet", ".txt"))
+    return _quoted(path for path in found if not Path(path).with_name("manifest.json").exists())
+
+
+def campaigns_and_trajectories(incomplete: str) -> list[str]:
+    """Return campaign files, and files that may be trajectories."""
+    return campaigns(incomplete) + trajectories(incomplete)
+
+
+def runs(incomplete: str) -> list[str]:
+    """Return run folders: those with a manifest."""
+    return _quoted(path.removesuffix("/manifest.json") for path in _walk(incomplete, "/manifest.json"))
+
+
+def units(incomplete: str) -> list[str]:
+    """Return grades and units of the catalogue of inertial measurement units."""
+    return _quoted(_beginning([unit["name"] for unit in _catalogue()], incomplete))
+
+
+def aids(incomplete: str) -> list[str]:
+    """Return types of sensors."""
+    return _beginning(AIDS, incomplete)
+
+
+def engines(incomplete: str) -> list[str]:
+    """Return engines."""
+    return _beginning(ENGINES, incomplete)
+
+
+def examples(incomplete: str) -> list[str]:
+    """Return the example campaigns, which lie in the package or in the checkout."""
+    package = Path(__file__).parent
+    folders = (package / "campaigns", package.parent / "campaigns")
+    folder = next((each for each in folders if each.is_dir()), None)
+    return _beginning(sorted(path.stem for path in folder.glob("*.toml")) if folder else (), incomplete)
+
+
+def figures(words: Words, incomplete: str) -> list[str]:
+    """Return the figures of the report of the run named before."""
+    folder = words.params.get("folder")
+    text = _text(Path(folder) / "report.html", 100 * LARGEST) if folder else ""
+    return _beginning(dict.fromkeys(FIGURE.findall(text)), incomplete)
+
+
+def outputs(words: Words, incomplete: str) -> list[str]:
+    """Return the outputs of the campaign named before."""
+    content = _campaign(words)
+    scenario = content.get("scenario")
+    kind = scenario.get("type") if isinstance(scenario, dict) else None
+    return _beginning(OUTPUTS.get(str(kind), ()), incomplete)
+
+
+def keys(words: Words, incomplete: str) -> list[str]:
+    """Return the paths of the values in the campaign named before, with those of the unit that it names."""
+    content = _campaign(words)
+    imu = content.get("imu")
+    grade = imu.get("grade") if isinstance(imu, dict) else None
+    below = next((unit for unit in _catalogue() if unit["name"] == grade), {}) if grade else {}
+    of_unit = {name: dict.fromkeys(below[name]) for name in ("gyro", "accelerometer") if name in below}
+    found = [*_paths(content, ""), *_paths({"imu": of_unit}, "")]
+    return _beginning(dict.fromkeys(found), incomplete)
+
+
+def sources(words: Words, incomplete: str) -> list[str]:
+    """Return the error sources that the campaign named before gives in ``[errors]``."""
+    return _beginning(_campaign(words).get("errors", {}), incomplete)
+
+
+def for_words(complete: Callable[[Words, str], list[str]]) -> Callable[[Any, list[str], str], list[str]]:
+    """Return a completion with the parameters that typer calls it with."""
+
+    def completed(ctx: Any, args: list[str], incomplete: str) -> list[str]:
+        return complete(ctx, incomplete)
+
+    return completed
+
+
+def _beginning(names: Any, incomplete: str) -> list[str]:
+    return [name for name in names if name.startswith(incomplete)]
+
+
+def _walk(incomplete: str, ending: str | tuple[str, ...]) -> Iterator[str]:
+    """Yield paths of files with an ending, as written so far; hidden folders and those of packages are left out."""
+    above, _, begun = incomplete.rpartition("/")
+    start = f"{above}/" if "/" in incomplete else ""
+    left = [(start, DEEPEST)]
+    seen = 0
+    while left:
+        folder, depth = left.pop(0)
+        try:
+            entries = sorted(os.scandir(folder or "."), key=lambda entry: entry.name)
+        except OSError:
+            continue
+        for entry in entries:
+            seen += 1
+            if seen > MOST_FILES:
+                return
+            name = entry.name
+            if folder == start and not name.startswith(begun):
+                continue
+            if name.startswith((".", "__")) and not (folder == start and begun):
+                continue
+            if entry.is_file() and f"/{name}".endswith(ending):
+                yield folder + name
+            elif depth > 0 and name not in ("node_modules", "samples", "inputs", "tables") and entry.is_dir():
+                left.append((f"{folder}{name}/", depth - 1))
+
+
+def _is_campaign(path: Path) -> bool:
+    try:
+        with path.open("rb") as file:
+            return SCENARIO.search(file.read(BEGINNING)) is not None
+    except OSError:
+        return False
+
+
+def _campaign(words: Words) -> dict[str, Any]:
+    """Read the campaign file named before; nothing when it cannot be read."""
+    named = (words.params.get("campaign"), *(word for word in words.args if word.endswith(".toml")))
+    path = next((each for each in named if each), None)
+    try:
+        return tomllib.loads(_text(Path(path), LARGEST)) if path else {}
+    except (tomllib.TOMLDecodeError, RecursionError):
+        return {}
+
+
+def _catalogue() -> list[dict[str, Any]]:
+    text = files("mcnav").joinpath("config/imu_catalogue.toml").read_text(encoding="utf-8")
+    found: list[dict[str, Any]] = tomllib.loads(text)["unit"]
+    return found
+
+
+def _text(path: Path, largest: int) -> str:
+    try:
+        return path.read_text(encoding="utf-8", errors="replace") if path.stat().st_size <= largest else ""
+    except OSError:
+        return ""
+
+
+def _paths(table: Mapping[str, Any], above: str) -> Iterator[str]:
+    """Yield the paths of values with a size; entries of lists have their name, or type, or number."""
+    for key, value in table.items():
+        path = f"{above}{key}"
+        if isinstance(value, dict):
+            yield from _paths(value, f"{path}.")
+        elif isinstance(value, list) and value and all(isinstance(each, dict) for each in value):
+            for number, each in enumerate(value, start=1):
+                name = each.get("name", str(each.get("type", number)).replace("-", "_"))
+                yield from _paths(each, f"{path}.{name}.")
+        elif not isinstance(value, (list, bool)) and key not in ("name", "type", "grade"):
+            yield path
+
+
+def _quoted(names: Any) -> list[str]:
+    """Return names as a shell inserts them: bash takes a blank for the end of a word."""
+    if os.environ.get("_MCNAV_COMPLETE") != "complete_bash":
+        return list(names)
+    return [re.sub(r"([\s'\"\\$`&|;<>()*?\[\]])", r"\\\1", name) for name in names]

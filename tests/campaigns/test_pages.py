@@ -1,0 +1,72 @@
+"""Tutorials and how-to pages are followed from the first block to the last; what they show is what is printed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from mcnav.pages import PAGES, page_text
+from tests.conftest import ROOT
+from tests.printed import blocks, follow, missing_line, same_text
+
+FOLLOWED = [page for page in PAGES if page.startswith(("tutorial-", "howto-"))]
+LANGUAGES = {"console", "pycon", "toml", "python"}
+
+ELSEWHERE = {
+    "../README.md": {"toml", "python"},
+    "CAMPAIGNS.md": {"toml"},
+    "GUIDE.md": {"sh", "toml"},
+    "NOTEBOOK.md": {"python"},
+    "SCALING.md": {"sh"},
+    "SCENARIOS.md": {"sh", "python"},
+    "TRAJECTORIES.md": {"toml"},
+}
+"""Languages of the blocks of other pages, which `test_documentation.py` executes or checks."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", FOLLOWED)
+def test_a_page_is_followed(page: str, tmp_path: Path) -> None:
+    (tmp_path / "campaigns").symlink_to(ROOT / "campaigns")
+    text = page_text(page)
+    assert follow(text, tmp_path).done > 0
+    assert {block.language for block in blocks(text)} <= LANGUAGES
+    assert all(len(line) <= 160 for line in text.splitlines())
+
+
+@pytest.mark.parametrize(
+    "page", ["../README.md", *(file for page, file in PAGES.items() if page not in (*FOLLOWED, "questions"))]
+)
+def test_no_code_of_another_page_is_left_out(page: str) -> None:
+    text = (ROOT / "mcnav" / page).read_text(encoding="utf-8")
+    assert {block.language for block in blocks(text)} == ELSEWHERE.get(page, set())
+    assert text.count("\n```") == 2 * len(blocks(text))
+
+
+@pytest.mark.parametrize(
+    ("shown", "printed"),
+    [
+        ("sigma 1.25 m", "sigma 1.27 m"),
+        ("sigma 1.25 m", "sigma 1.25 km"),
+        ("a\nc", "a\nb\nc"),
+        ("a", "a\nb"),
+        ("a\n…\nd", "a\nb\nc"),
+        ("", "a"),
+    ],
+)
+def test_what_is_shown_must_be_printed(shown: str, printed: str) -> None:
+    assert missing_line(shown, printed) is not None
+
+
+@pytest.mark.parametrize(
+    ("shown", "printed"),
+    [("sigma 1.25 m", "sigma   1.26 m\n"), ("a\n…\nc", "a\nb\nc\n\n"), ("a …\n…", "a b c\nd\n"), ("", "\n")],
+)
+def test_what_is_left_out_is_marked(shown: str, printed: str) -> None:
+    assert missing_line(shown, printed) is None
+
+
+def test_exponents_have_the_unit_of_their_last_digit() -> None:
+    assert same_text("1.2e-3", "1.3e-3")
+    assert not same_text("1.2e-3", "1.4e-3")

@@ -1,0 +1,83 @@
+"""The site of the documentation: built without a warning, whole, and without a network."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from typer.main import get_command
+
+import mcnav
+from mcnav.cli import app
+from mcnav.pages import PAGES
+from tests.conftest import ROOT
+from tests.site import built_site
+
+pytestmark = pytest.mark.slow
+
+
+def pages() -> dict[str, str]:
+    """Read every page by its name on the site."""
+    site = built_site()
+    return {str(file.relative_to(site)): file.read_text(encoding="utf-8") for file in site.rglob("*.html")}
+
+
+def commands(group: object, name: str) -> list[str]:
+    """List the commands of a group and of those in it, with their whole names."""
+    inside = getattr(group, "commands", {})
+    return [name] if not inside else [one for word, each in inside.items() for one in commands(each, f"{name} {word}")]
+
+
+def test_every_page_is_there_and_in_the_navigation() -> None:
+    found = pages()
+    navigation = found["index.html"].partition("</nav>")[0] + found["index.html"]
+    for page in PAGES:
+        assert f"{page}.html" in found
+        assert f'href="{page}.html"' in navigation
+    for page in ("contributing", "changelog", "benchmarks"):
+        assert f"{page}.html" in found
+
+
+def test_nothing_is_fetched_from_a_network() -> None:
+    """Scripts, styles, pictures and fonts are files of the site; links that a reader follows may lead elsewhere."""
+    site = built_site()
+    for name, text in pages().items():
+        fetched = re.findall(r"<(?:script|link|img|iframe|source|object)\b[^>]*?(?:src|href|data)=\"([^\"]*)\"", text)
+        assert len(fetched) > 3
+        for target in fetched:
+            assert not re.match(r"(\w+:)?//", target), f"{name}: {target}"
+            if not target.startswith("data:"):
+                assert (site / name).parent.joinpath(re.sub(r"[?#].*", "", target)).exists(), f"{name}: {target}"
+        assert "mathjax" not in text.lower(), name
+    for style in site.rglob("*.css"):
+        assert not re.search(r"(?:url\(|@import)\s*[\"']?(?:https?:)?//", style.read_text(encoding="utf-8")), style.name
+
+
+def test_every_link_leads_to_a_page_and_an_anchor() -> None:
+    found, site = pages(), built_site()
+    anchors = {name: set(re.findall(r'\bid="([^"]+)"', text)) for name, text in found.items()}
+    count = 0
+    for name, text in found.items():
+        for target in re.findall(r'<a\b[^>]*?href="([^"]+)"', text):
+            if re.match(r"\w+:", target):
+                continue
+            path, _, anchor = target.partition("#")
+            file = ((site / name).parent / path).resolve() if path else (site / name).resolve()
+            assert file.exists(), f"{name}: {target}"
+            if anchor and file.suffix == ".html" and (there := str(file.relative_to(site.resolve()))) in anchors:
+                assert anchor in anchors[there], f"{name}: {target}"
+            count += 1
+    assert count > 1_000
+
+
+def test_every_public_name_is_documented() -> None:
+    documented = set(re.findall(r'id="(mcnav\.\w+)"', pages()["reference/api.html"]))
+    assert documented == {f"mcnav.{name}" for name in mcnav.__all__}
+
+
+def test_every_command_and_every_example_has_a_section() -> None:
+    headings = re.findall(r"<h2>(.*?)<a ", pages()["reference/commands.html"])
+    assert headings == commands(get_command(app), "mcnav")
+    examples = re.findall(r"<h2>(.*?)<a ", pages()["reference/examples.html"])
+    assert examples == sorted(file.stem for file in Path(ROOT / "campaigns").glob("*.toml"))

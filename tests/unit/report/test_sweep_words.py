@@ -1,0 +1,137 @@
+"""A sweep in words: limits met in a range, several of them together, filters, Monte Carlo that disagrees."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mcnav.analysis.accuracy_measures import read_measure, requirement_measures
+from mcnav.analysis.requirements import Requirement
+from mcnav.analysis.sweep import Confirmation, JustMet, Span, Sweep, Variable
+from mcnav.report.figures.sweep import contour_levels, contour_lines
+from mcnav.report.sweep import frame
+from mcnav.report.sweep_words import common_spans, confirmed_words, headline, met_words, remarks
+from mcnav.scenarios.protocol import Output
+
+OUTPUTS = (Output("range", "m", "km"), Output("altitude", "m", "km"))
+KEY = Variable("errors.range", np.array([1.0, 2.0, 3.0]), "km", False)
+MEASURES = (
+    read_measure("range < 2 km", OUTPUTS),
+    *requirement_measures([Requirement("quantile", (1,), (5e3,), 0.95)], OUTPUTS),
+)
+VALUES = np.array([[1e3, 4e3], [2e3, 4e3], [3e3, 4e3]])
+BOUNDS = np.array([[2e3, 5e3]] * 3)
+SWEEP = Sweep(
+    "some", OUTPUTS, (KEY,), MEASURES, (None, None), VALUES, VALUES, BOUNDS, np.log(VALUES / BOUNDS), VALUES[0],
+    (JustMet(0, None, (2.0,), ((None, 2.0),)), JustMet(1, None, (), ((None, None),))),
+)  # fmt: skip
+
+
+def confirmed(verdicts: tuple[str, str], finding: str, joint: str = "agrees") -> Sweep:
+    """Return the sweep with a run at its last point."""
+    rows: dict[str, Any] = {
+        "outputs": [{"name": each.name, "unit": each.unit} for each in OUTPUTS],
+        "shown_in": {"outputs": ["km", "km"]},
+        "requirements": [{"finding": finding}],
+        "verdicts": list(verdicts),
+        "verdict_matrix": joint,
+        "unsettled": None,
+        "samples": 100,
+    }
+    pairs = ("sigma_ratio_interval", "sigma_ratio_paired_interval")
+    for name in ("sigma_linear", "sigma_sample", "sigma_paired", "sigma_ratio", "sigma_ratio_paired"):
+        rows[name] = [1.0, 1.0]
+    rows |= {name: [[0.9, 1.1], [0.9, 1.1]] for name in pairs}
+    rows |= {name: [0.0, 0.0] for name in ("mean_linear", "mean_sample", "bias", "bias_standard_error")}
+    return replace(SWEEP, confirmations=(Confirmation((2,), (3.0,), Path("a/confirm/03"), rows, np.full(2, np.nan)),))
+
+
+@pytest.mark.parametrize(
+    ("spans", "words"),
+    [
+        (((None, None),), "met in the whole range"),
+        ((), "not met anywhere in the range"),
+        (((None, 2.0),), "met up to 2 km"),
+        (((2.0, None),), "met from 2 km on"),
+        (((1.5, 2.5),), "met from 1.5 km to 2.5 km"),
+        (((None, 1.5), (2.5, None)), "met up to 1.5 km and from 2.5 km on"),
+    ],
+)
+def test_where_a_limit_is_met(spans: tuple[Span, ...], words: str) -> None:
+    assert met_words(JustMet(0, None, (), spans), KEY) == words
+
+
+def test_limits_together() -> None:
+    assert headline(SWEEP) == ("All limits together are met up to 2 km: errors.range", "partly")
+    assert headline(replace(SWEEP, just_met=SWEEP.just_met[1:]))[0].startswith(
+        "95 % of |altitude|, at most 5 km: met in"
+    )
+    below = JustMet(1, None, (1.5,), ((None, 1.5),))
+    above = JustMet(1, None, (2.5,), ((2.5, None),))
+    inner = replace(SWEEP, just_met=(SWEEP.just_met[0], below))
+    assert common_spans(inner) == ((None, 1.5),)
+    apart = replace(SWEEP, just_met=(SWEEP.just_met[0], above))
+    assert common_spans(apart) == ()
+    assert headline(apart) == ("All limits together are not met anywhere in the range: errors.range", "differs")
+
+
+@pytest.mark.parametrize(
+    ("verdicts", "finding", "joint", "words", "tone"),
+    [
+        (("agrees", "agrees"), "met", "agrees", "agrees with linear analysis at all 1 points", "agrees"),
+        (("agrees", "agrees"), "undecided", "agrees", "agrees with linear analysis", "agrees"),
+        (("agrees", "agrees"), "not met", "agrees", "disagrees with linear analysis at 1 of 1 points", "differs"),
+        (("differs", "agrees"), "met", "agrees", "do not rely on the linear numbers there", "differs"),
+        (("agrees", "undecided"), "met", "agrees", "does not decide at 1 of 1 points", "undecided"),
+        (("agrees", "agrees"), "met", "differs", "except for the joint distribution", "partly"),
+    ],
+)
+def test_monte_carlo(verdicts: tuple[str, str], finding: str, joint: str, words: str, tone: str) -> None:
+    stated, colour = confirmed_words(confirmed(verdicts, finding, joint))
+    assert words in stated
+    assert colour == tone
+
+
+def test_remarks() -> None:
+    assert remarks(SWEEP) == [
+        "The filter states the same values: at every point it believes what is true.",
+        "errors.range does not change 95 % of |altitude|.",
+    ]
+    optimistic = remarks(replace(SWEEP, own=np.array([[1e3, 4e3], [1e3, 4e3], [1e3, 4e3]])))
+    assert optimistic[0] == "The filter is optimistic by a factor of up to 3: range, 1σ, at errors.range = 3 km."
+    missing = VALUES.copy()
+    missing[0] = np.nan
+    assert remarks(replace(SWEEP, values=missing, own=np.full_like(VALUES, np.nan)))[0].startswith(
+        "1 point has no linear"
+    )
+
+
+def test_the_frame_has_units_and_limits() -> None:
+    table = frame(SWEEP)
+    assert table["range < 2 km [km]"].tolist() == [1.0, 2.0, 3.0]
+    assert table["range < 2 km, met"].tolist() == [True, True, False]
+    assert table.attrs["units"]["errors.range [km]"] == "km"
+    assert table.attrs["just_met"][0]["just_met"] == [2.0]
+
+
+def test_contours_of_a_product_are_straight_on_logarithmic_axes() -> None:
+    """Of xy the logarithm is linear, so that contours are exact; over linear axes to the curvature between points."""
+    variables = [Variable(name, np.geomspace(1.0, 100.0, 7), "m", True) for name in ("a", "b")]
+    values = variables[0].values[:, None] * variables[1].values[None, :] ** 2
+    ((x, y),) = contour_lines(variables[0], variables[1], values, 500.0)
+    np.testing.assert_allclose(x * y**2, 500.0, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "expected"),
+    [
+        (1.0, 1.0, []), (0.1, 0.45, [0.15, 0.2, 0.3]), (1e-3, 1e6, [10.0**k for k in range(-2, 6)]),
+        (9.0, 10.2, [9.2, 9.4, 9.6, 9.8, 10.0]),
+    ],
+)  # fmt: skip
+def test_levels_of_contours_are_round(low: float, high: float, expected: list[float]) -> None:
+    assert contour_levels(np.array([low, high])) == pytest.approx(expected)

@@ -1,0 +1,50 @@
+"""The help of every command has an example that the command accepts."""
+
+from __future__ import annotations
+
+import shlex
+from typing import Any
+
+import pytest
+from typer.main import get_command
+
+from mcnav.cli import app
+from tests.conftest import ROOT
+
+WIDTH = 80
+"""Columns of a terminal."""
+
+
+def commands(group: Any, name: str) -> dict[str, Any]:
+    """List the commands of a group and of those in it, by their whole names."""
+    inside = getattr(group, "commands", {})
+    return (
+        {name: group}
+        if not inside
+        else {n: c for w, g in inside.items() for n, c in commands(g, f"{name} {w}").items()}
+    )
+
+
+COMMANDS = commands(get_command(app), "mcnav")
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_an_example_is_accepted(name: str) -> None:
+    """Its options are those of the command, and the campaigns that it names exist."""
+    command = COMMANDS[name]
+    paragraphs = [" ".join(paragraph.split()) for paragraph in command.help.split("\n\n")]
+    examples = [paragraph.partition("Example: ")[2] for paragraph in paragraphs if "Example: " in paragraph]
+    assert len(examples) == 1
+    for example in examples:
+        assert example.startswith(f"{name} ") or example == name
+        arguments = shlex.split(example.removeprefix(name))
+        command.make_context(name, arguments)
+        for word in arguments:
+            assert not word.startswith("campaigns/") or (ROOT / word).exists()
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_the_list_of_commands_has_its_first_sentence(name: str) -> None:
+    summary = COMMANDS[name].get_short_help_str(WIDTH)
+    assert len(summary) > 10
+    assert "Example" not in summary
