@@ -245,4 +245,9 @@ def test_the_committed_study_is_good() -> None:
     power = table[(table["statement"] == "filter optimistic, in position") & (table["samples"] == 100)]
     assert len(power) == 1
     assert float(power["measured"].iloc[0]) >= 0.9  # 20 % with 100 runs
+    named = table[table["statement"] == "largest neglected error named, where optimistic"]
+    assert set(named["system"]) == {*CAUSES, NEGLECTING}
+    assert (named["measured"].astype(float) == 1.0).all()
+    assert {"free navigation", "aided navigation, considering", "noise, twins", "errors steady"} <= set(table["system"])
+    assert set(stated["samples"]) >= {100, 200, 500}
     assert (COMMITTED.parent / "calibration.html").exists()
