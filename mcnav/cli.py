@@ -269,7 +269,10 @@ def run(
 @_command()
 def demo(
     name: Annotated[
-        str, typer.Argument(metavar="NAME", help="Name or number of the example, such as 19.")
+        str,
+        typer.Argument(
+            metavar="NAME", help="Name or number of the example, such as 19.", autocompletion=completion.examples
+        ),
     ] = "01_tn_d1772_trajectory_4",
     listed: Annotated[bool, typer.Option("--list", help="List the examples and their questions.")] = False,
     copy: Annotated[
@@ -686,10 +689,10 @@ def sweep(
     """Vary one or two keys of a campaign: accuracy by linear analysis, and the values at which requirements are met.
 
     VALUES is a range ("0.001..1 deg/h", logarithmic from a decade on) or a list ("1, 2, 5 deg/h"). A MEASURE is an
-    output, position_horizontal, velocity_horizontal, or drms, cep, r95, sep of outputs; a limit may follow, as in
-    "position_horizontal < 20 m".
+    output, position_horizontal, velocity_horizontal, or drms, cep, r95, sep of outputs; a limit may follow.
 
     Example: mcnav sweep campaigns/19_flight_with_gnss.toml --vary imu.gyro.bias="0.001..1 deg/h"
+    --against "position_horizontal < 20 m"
     """
     from mcnav.config.sweep_values import split_varied
     from mcnav.report import progress

@@ -91,6 +91,14 @@ def engines(incomplete: str) -> list[str]:
     return _beginning(ENGINES, incomplete)
 
 
+def examples(incomplete: str) -> list[str]:
+    """Return the example campaigns, which lie in the package or in the checkout."""
+    package = Path(__file__).parent
+    folders = (package / "campaigns", package.parent / "campaigns")
+    folder = next((each for each in folders if each.is_dir()), None)
+    return _beginning(sorted(path.stem for path in folder.glob("*.toml")) if folder else (), incomplete)
+
+
 def figures(words: Words, incomplete: str) -> list[str]:
     """Return the figures of the report of the run named before."""
     folder = words.params.get("folder")

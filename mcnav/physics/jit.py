@@ -55,6 +55,14 @@ def allocation_free(function: Function) -> Function:
     return _compile(function, fastmath={"contract"}, _nrt=False)
 
 
+def allocation_free_part(function: Function) -> Function:
+    """Compile a function that is `allocation_free` as a part of its callers.
+
+    A call would copy the descriptions of all arrays that it is given, a hundred numbers and more.
+    """
+    return _compile(function, fastmath={"contract"}, _nrt=False, forceinline=True)
+
+
 def allocation_free_uncontracted(function: Function) -> Function:
     """Compile a function that is `allocation_free` and `uncontracted`."""
     return _compile(function, fastmath=False, _nrt=False)

@@ -10,6 +10,7 @@ from typing import Any, Final
 from mcnav.report import export
 from mcnav.report.requirements import shown_units, stated
 from mcnav.report.result_table import ResultTable, Row, Units, in_units
+from mcnav.scenarios.failure import message_of
 
 CORRELATIONS: Final = "correlations"
 """Name of the row of a budget that correlations between sources contribute."""
@@ -262,7 +263,8 @@ def _directions(results: Results) -> list[Row]:
 
 
 def _failures(results: Results) -> list[Row]:
-    return [{"reason": reason, "samples": count} for reason, count in results.summary["failures"].items()]
+    failures = results.summary["failures"]
+    return [{"reason": message_of(reason), "samples": count} for reason, count in failures.items()]
 
 
 def _ends(name: str, interval: Sequence[float | None] | None) -> Row:

@@ -78,6 +78,8 @@ def budget(summary: Mapping[str, Any], table: ResultTable) -> FittedTable:
     falling = sorted(sizes, key=lambda name: -sum(sizes[name]))
     large = [name for name in falling if max(sizes[name], default=0.0) >= LEAST][:MOST]
     rest = [name for name in falling if name not in large and any(sizes[name])]
+    if len(rest) == 1:
+        large, rest = [*large, *rest], []
     shown = FittedTable("Linear error budget: share of the variance, %", [
         *texts("error"), *numbers(*map(humanize, outputs)),
     ])  # fmt: skip

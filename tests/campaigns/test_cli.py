@@ -55,6 +55,7 @@ def test_help(tmp_path: Path) -> None:
         "partials",
         "start-times",
         "linearity",
+        "sweep",
         "reproduce",
         "calibrate",
         "new",

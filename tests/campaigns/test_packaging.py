@@ -121,7 +121,7 @@ def test_an_installed_package_runs_in_an_empty_folder(wheel: zipfile.ZipFile, tm
     mcnav("new", "campaign", "mine")
     assert mcnav("docs", "commands").stdout.startswith("# Commands")
     assert "navigation" in mcnav("imu").stdout
-    assert sorted(path.name for path in place.iterdir()) == ["mine.toml", "reports"]
+    assert {"mine.toml", "reports"} <= {path.name for path in place.iterdir()}
 
 
 def test_the_version_is_in_one_place(tmp_path: Path) -> None:
@@ -139,4 +139,6 @@ def test_every_requirement_is_in_the_lock() -> None:
     extras = project()["optional-dependencies"].values()
     wanted = [*project()["dependencies"], *(each for extra in extras for each in extra)]
     for requirement in map(Requirement, wanted):
+        if requirement.name == project()["name"]:
+            continue  # an extra that holds another
         assert pinned[canonicalize_name(requirement.name)] in requirement.specifier, requirement

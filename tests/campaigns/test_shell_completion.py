@@ -71,6 +71,7 @@ def test_bash(place: Path) -> None:
     assert completed("mcnav imu Lea", place) == ["Leador\\ A15"]
     assert completed("mcnav new i", place) == ["ins"]
     assert completed("mcnav docs comm", place) == ["commands"]
+    assert completed("mcnav demo 19", place) == ["19_flight_with_gnss"]
     assert completed("mcnav new ins mine --trajectory ", place) == ["campaigns/flight.csv"]
     assert completed("mcnav new ins mine --aid z", place) == ["zero-velocity"]
 

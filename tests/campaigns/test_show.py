@@ -106,6 +106,15 @@ def test_one_table(name: str, runs: Path) -> None:
     ]
 
 
+def test_failed_samples_are_counted_by_reason(runs: Path, tmp_path: Path) -> None:
+    shutil.copytree(runs / "plain", tmp_path / "run")
+    summary = summary_of(runs, "plain") | {"failed": 3, "failures": {"failed: fell to 3 km": 2, "failed: too slow": 1}}
+    (tmp_path / "run" / "summary.json").write_text(json.dumps(summary))
+    done = invoke("show", "run", "--table", "failures", "--format", "csv", cwd=tmp_path)
+    assert done.stdout == "reason,samples\nfell to 3 km,2\ntoo slow,1\n"
+    assert "fell to 3 km" in invoke("show", "run", cwd=tmp_path).stdout
+
+
 def test_a_narrow_terminal_shows_every_number(runs: Path) -> None:
     done = invoke("show", "plain", cwd=runs, columns=40)
     assert done.returncode == 0

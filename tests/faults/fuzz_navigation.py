@@ -80,7 +80,7 @@ def read_trajectory(content: bytes, place: Path) -> str:
 
 def flights(place: Path) -> None:
     """Write the trajectory files that campaigns of the grammar name."""
-    rows = grammar.flight(random.Random(4))
+    rows = grammar.flight(random.Random(4), 121, 1.0)
     (place / "flight.csv").write_bytes(grammar.csv_of(rows, ","))
     (place / "flight.parquet").write_bytes(grammar.parquet_of(pa.table(rows)))
 

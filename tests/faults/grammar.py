@@ -292,9 +292,8 @@ UNITS: Final = ("rad", "deg", "m", "ft", "s", "kg", "", "[", "m/s")
 """Units in a header, right and wrong."""
 
 
-def flight(chance: random.Random) -> dict[str, list[float]]:
+def flight(chance: random.Random, count: int, rate: float) -> dict[str, list[float]]:
     """Rows of straight and level flight at constant speed to the north-east."""
-    count, rate = chance.choice([4, 5, 12, 30]), chance.choice([0.1, 1.0, 10.0])
     begin, latitude, speed = chance.choice([0.0, 1e5]), chance.uniform(-70.0, 70.0), chance.uniform(0.0, 250.0)
     time = [begin + k / rate for k in range(count)]
     north = east = math.sqrt(0.5) * speed
@@ -307,7 +306,8 @@ def flight(chance: random.Random) -> dict[str, list[float]]:
 
 def trajectory_file(chance: random.Random) -> tuple[str, bytes]:
     """A kind and the bytes of a trajectory file, CSV or parquet."""
-    rows, kind = flight(chance), chance.random()
+    count, rate = chance.choice([4, 5, 12, 30]), chance.choice([0.1, 1.0, 10.0])
+    rows, kind = flight(chance, count, rate), chance.random()
     if maybe(chance, 0.3):
         for name in ("VN", "VE", "VD"):
             del rows[name]

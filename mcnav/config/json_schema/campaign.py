@@ -9,7 +9,8 @@ from typing import Any, Final
 from mcnav.config.json_schema.errors import ErrorDefinitions
 from mcnav.config.json_schema.filters import filter_schema
 from mcnav.config.json_schema.instruments import imu_schema
-from mcnav.config.json_schema.nodes import Node, by_type, choice, first_of, narrowed, of_model, suggested
+from mcnav.config.json_schema.models import of_model
+from mcnav.config.json_schema.nodes import Node, by_type, choice, first_of, narrowed, suggested
 from mcnav.config.json_schema.sensors import aiding_schema, error_pattern
 from mcnav.config.json_schema.trajectories import columns_schema, trajectory_schema
 from mcnav.config.scenarios import SCENARIO_TYPES, USER
@@ -76,13 +77,9 @@ def campaign_schema() -> Node:
     sources = {name: kind.sources or () for name, kind in SCENARIO_TYPES.items()}
     every = {source.name: source for each in sources.values() for source in each}
     known = errors.sources(list(every.values()))
-    properties["errors"] = {
-        **known,
-        "additionalProperties": errors.node("", ""),
-        "description": told["errors"],
-    }
-    anything = {output.name: None for each in OUTPUTS.values() for output in each}
-    _name(node, Names(suggested(every), suggested(anything)))
+    properties["errors"] = {**known, "additionalProperties": errors.node("", ""), "description": told["errors"]}
+    outputs = dict.fromkeys(output.name for each in OUTPUTS.values() for output in each)
+    _name(node, Names(suggested(every), suggested(outputs)))
     restricted = {name: _of_type(name, each, errors, known["properties"]) for name, each in sources.items()}
     conditions = {name: _has_type(choice([name])) for name in sources} | {USERS: _has_type(_user_type())}
     node |= first_of(conditions, {**restricted, USERS: {"propertyNames": choice(_keys(properties, USERS))}})
@@ -141,15 +138,10 @@ def _of_type(kind: str, sources: Sequence[Source], errors: ErrorDefinitions, eve
 
 def _name(node: Node, names: Names) -> None:
     """Put the names of sources and outputs where a file has such names."""
-    places = {
-        "correlations": {"between": names.source},
-        "joint": {"sources": names.source},
-    }
     properties = node["properties"]
-    for key, lists in places.items():
+    for key, listed in (("correlations", "between"), ("joint", "sources")):
         items = properties.setdefault(key, {}).setdefault("items", {}).setdefault("properties", {})
-        for each, name in lists.items():
-            items.setdefault(each, {})["items"] = name
+        items.setdefault(listed, {})["items"] = names.source
     requirements = properties.setdefault("accept", {}).setdefault("properties", {})
     for kind in ("cep", "r95", "sep", "quantile", "box"):
         items = requirements.setdefault(kind, {}).setdefault("items", {}).setdefault("properties", {})

@@ -54,10 +54,10 @@ class ErrorDefinitions:
         found: dict[str, Node] = {}
         for source in sources:
             if source.group and source.group != source.name:
-                every = f"Error {source.group} along each of its axes, {_shown(source)}"
+                every = f"Errors {source.group} along each axis: {_shown(source)}"
                 found.setdefault(source.group, self.node(source.unit, every))
         for source in sources:
-            found[source.name] = self.node(source.unit, f"Error {source.name}, {_shown(source)}")
+            found[source.name] = self.node(source.unit, f"Error {source.name}: {_shown(source)}")
         node = table(found)
         if sensors:
             told = "Constant error of a sensor of [[aiding]]."
@@ -69,7 +69,7 @@ def _shown(source: Source) -> str:
     words, example = dimension_of(source.unit)
     size = source.nominal / conversion(source.shown_in, source.unit)
     example = f"{size:.2g} {source.shown_in}" if source.unit != "1" else example
-    return f'{words}: one sigma of a zero-mean normal error such as "{example}", or a table with a distribution.'
+    return f'one sigma of a zero-mean normal distribution, {words} such as "{example}"; or a table with a distribution.'
 
 
 def _distribution(unit: str) -> Node:

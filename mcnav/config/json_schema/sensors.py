@@ -59,7 +59,7 @@ def believed_sensors() -> Node:
 
 
 def _sensor(name: str, kind: SensorType) -> Node:
-    times = "of the trajectory's time."
+    times = "in the trajectory's time."
     outage: Node = {"type": "array", "items": quantity("s", example="1200 s"), "minItems": 2, "maxItems": 2}
     properties: dict[str, Node] = {
         "type": choice([name], MEASURED[name]),

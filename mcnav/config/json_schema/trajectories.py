@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from mcnav.config.json_schema.nodes import Node, by_key, of_model
+from mcnav.config.json_schema.models import of_model
+from mcnav.config.json_schema.nodes import Node, by_key
 from mcnav.config.trajectories import SEGMENTS, TRAJECTORIES
 from mcnav.physics.ins.rows import COLUMNS
 

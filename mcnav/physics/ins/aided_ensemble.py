@@ -61,7 +61,7 @@ from mcnav.physics.ins.update_lanes import (
     judge,
     rotation_vectors,
 )
-from mcnav.physics.jit import allocation_free
+from mcnav.physics.jit import allocation_free, allocation_free_part
 from mcnav.physics.vectors import LANES, load, room, store
 
 MEASUREMENT_STREAM: Final = 2
@@ -450,7 +450,7 @@ def _begin(
             store(filters.p, (r, c), initial[r, c])
 
 
-@allocation_free
+@allocation_free_part
 def _advance_twins(k: int, motion: Array, coupling: Array, response: Array, own: Estimates) -> None:
     """Take the linear samples over a step, given their response to the errors of the instruments."""
     twin, estimate = own.twin, own.twin_estimate
@@ -470,7 +470,7 @@ def _advance_twins(k: int, motion: Array, coupling: Array, response: Array, own:
         store(twin, r, x)
 
 
-@allocation_free
+@allocation_free_part
 def _subtract_estimates(k: int, coupling: Array, response: Array, own: Estimates) -> None:
     """Subtract from the response of a step what the filters have estimated of the errors of the instruments."""
     for r in range(9):

@@ -37,7 +37,7 @@ from mcnav.physics.ins.step_lanes import (
     start,
 )
 from mcnav.physics.ins.truth import Platform, Truth
-from mcnav.physics.jit import allocation_free, compiled
+from mcnav.physics.jit import allocation_free, allocation_free_part, compiled
 from mcnav.physics.vectors import LANES, load, room, store
 
 STEPS_OF_NOISE: Final = 16
@@ -274,7 +274,7 @@ def _simulate(
     return EnsembleErrors(values, predicted, sound & np.isfinite(values).all(axis=(1, 2)))
 
 
-@allocation_free
+@allocation_free_part
 def copy_rows(rows: Array, begin: int, size: int, reached: int, out: Array) -> None:
     """Copy rows of lanes, shape (r, LANES), to the samples' values at an epoch, shape (n, m, r)."""
     for i in range(size):
@@ -282,7 +282,7 @@ def copy_rows(rows: Array, begin: int, size: int, reached: int, out: Array) -> N
             out[begin + i, reached, r] = rows[r, i]
 
 
-@allocation_free
+@allocation_free_part
 def read_linear(reached: int, output_maps: Array, linear: Array, out: Array) -> None:
     """Compute the linear navigation errors of samples at an epoch, shape (9, LANES)."""
     for r in range(9):

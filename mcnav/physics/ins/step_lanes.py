@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 
 from mcnav._types import Array
 from mcnav.physics.ins.earth import gravitation
-from mcnav.physics.jit import allocation_free, allocation_free_uncontracted, inlined
+from mcnav.physics.jit import allocation_free, allocation_free_part, allocation_free_uncontracted, inlined
 from mcnav.physics.vectors import Vector, load, room, store, where
 
 LARGEST_TURN: Final = 0.5
@@ -132,7 +132,7 @@ def place(i: int, errors: Array, linear: Array, state: Array, samples: Deviation
         samples.beyond[r, i] = state[4 + r] - linear[3 + r]
 
 
-@allocation_free
+@allocation_free_part
 def start(k: int, tables: StepTables, samples: Deviations) -> None:
     """Compute the deviations of the position, and the remainder of gravitation, at the beginning of step k."""
     for r in range(3):
@@ -143,7 +143,7 @@ def start(k: int, tables: StepTables, samples: Deviations) -> None:
     )  # fmt: skip
 
 
-@allocation_free
+@allocation_free_part
 def respond_to_errors(k: int, tables: StepTables, samples: Deviations) -> None:
     """Compute the linear response in step k to constant errors and biases of processes, and decay the biases."""
     errors, bias, inputs, biases = samples.errors, samples.bias, tables.inputs, tables.biases
@@ -168,7 +168,7 @@ def respond_to_errors(k: int, tables: StepTables, samples: Deviations) -> None:
         store(bias, q, tables.decays[k, q] * load(bias, q))
 
 
-@allocation_free
+@allocation_free_part
 def add_noise(k: int, factors: Array, normals: Array, first: int, samples: Deviations) -> None:
     """Add what processes add in step k to the response and the biases: factors times normal variates.
 
@@ -203,7 +203,7 @@ def add_given(added: Array, i: int, samples: Deviations) -> None:
         samples.bias[q, i] += added[9 + q]
 
 
-@allocation_free
+@allocation_free_part
 def turn_less_one(turn: Array, out: Array) -> None:
     """Compute R - I of rotations, shape (9, LANES)."""
     a, b, c, e = load(turn, 0), load(turn, 1), load(turn, 2), load(turn, 3)
@@ -266,7 +266,7 @@ def products_within(
     )
 
 
-@allocation_free
+@allocation_free_part
 def advance(k: int, tables: StepTables, samples: Deviations) -> None:
     """Take samples over step k, with their response to the errors of the instruments in it."""
     constants, motion, force, turned = tables.constants, tables.motion, tables.force, samples.turned

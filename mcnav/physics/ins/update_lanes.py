@@ -12,7 +12,7 @@ from mcnav.physics.ins.earth import geodetic_altitude
 from mcnav.physics.ins.filter_lanes import SIX
 from mcnav.physics.ins.measurements import ALTITUDE, ATTITUDE, BODY_VELOCITY, HEADING, POSITION, VELOCITY
 from mcnav.physics.ins.step_lanes import turn_less_one
-from mcnav.physics.jit import allocation_free, allocation_free_uncontracted, inlined
+from mcnav.physics.jit import allocation_free, allocation_free_part, allocation_free_uncontracted, inlined
 from mcnav.physics.lanes import angle_of_half, half_turn
 from mcnav.physics.vectors import Vector, load, room, store, where
 
@@ -112,7 +112,7 @@ def rotation_vectors(turn: Array, out: Array) -> None:
     store(out, 2, factor * e)
 
 
-@allocation_free
+@allocation_free_part
 def disturb(u: int, m: int, tables: UpdateTables, white: Array, drifting: Array, first: int, own: Estimates) -> None:
     """Draw the errors of an update's measurements, from normal variates of white and of correlated errors.
 
@@ -144,7 +144,7 @@ def add_constant_errors(u: int, m: int, tables: UpdateTables, own: Estimates) ->
         store(own.disturbance, c, value)
 
 
-@allocation_free
+@allocation_free_part
 def correct_twins(u: int, m: int, tables: UpdateTables, own: Estimates) -> None:
     """Update the linear samples with the gains along the truth."""
     twin, estimate, innovation = own.twin, own.twin_estimate, own.innovation
@@ -273,7 +273,7 @@ def innovate(
         store(own.innovation, c, value)
 
 
-@allocation_free
+@allocation_free_part
 def judge(u: int, m: int, limit: float, lags: bool, sensor: int, root: Array, inverse: Array, own: Estimates) -> None:
     """Normalize the innovations of a sensor, count them, and accept or reject the measurement.
 
@@ -319,7 +319,7 @@ def _turn_back(x: Vector, y: Vector, z: Vector, turn: Array) -> None:
     store(turn, 3, w * e + (z * a + x * c - y * b))
 
 
-@allocation_free
+@allocation_free_part
 def feed_back_own(m: int, white: Array, corrected: Array, turn: Array, linear: Array, own: Estimates) -> None:
     """Correct the navigators and the estimates by ``K n = W u``, with the whitened innovations u.
 
@@ -348,7 +348,7 @@ def feed_back_own(m: int, white: Array, corrected: Array, turn: Array, linear: A
             store(own.estimate, s, x)
 
 
-@allocation_free
+@allocation_free_part
 def feed_back_shared(u: int, m: int, gains: Array, turn: Array, linear: Array, own: Estimates) -> None:
     """Correct the navigators and the estimates by gains along the truth."""
     for c in range(m):

@@ -20,7 +20,7 @@ from mcnav.errors import CampaignError
 from tests.conftest import ROOT
 
 Content = dict[str, Any]
-Path_ = tuple[str | int, ...]
+Place = tuple[str | int, ...]
 
 CAMPAIGNS = sorted((ROOT / "campaigns").glob("*.toml"))
 
@@ -325,7 +325,7 @@ def test_what_the_schema_cannot_know(name: str) -> None:
     assert validator().is_valid(content)
 
 
-def changed(content: Content) -> Iterator[tuple[Path_, Content]]:
+def changed(content: Content) -> Iterator[tuple[Place, Content]]:
     """Yield the content with each key misspelled, and with each value replaced by one that no key takes."""
     for place in places(content):
         for wrong in ("key", "value"):
@@ -343,7 +343,7 @@ def changed(content: Content) -> Iterator[tuple[Path_, Content]]:
             yield place, other
 
 
-def places(entry: Any, above: Path_ = ()) -> Iterator[Path_]:
+def places(entry: Any, above: Place = ()) -> Iterator[Place]:
     items = entry.items() if isinstance(entry, dict) else enumerate(entry) if isinstance(entry, list) else ()
     for key, value in items:
         yield (*above, key)
