@@ -18,10 +18,12 @@ AXES: Final = {"north", "east", "down"}
 
 def page() -> str:
     """Write the page."""
+    schema, known = campaign_schema(), dict[frozenset[str], str]()
+    list_tables(schema, "", known)
     parts = [
         "# Every key of a campaign file",
         "As the program reads them. [Campaign files](/campaigns.md) has what they are for, with examples.",
-        *sections(campaign_schema(), "", {}),
+        *sections(schema, "", known),
     ]
     return "\n\n".join(parts) + "\n"
 
@@ -34,20 +36,29 @@ def sections(node: Node, path: str, known: dict[frozenset[str], str]) -> Iterato
     path : str
         Path of the table, empty for the whole file.
     known : dict of frozenset of str to str
-        Paths of the tables that have a section, by their keys; those of this table are added.
+        Paths of the tables that have a section, by their keys.
     """
     name = f"`{path}`" if path else "Top level"
+    yield f"({anchor(path)})="
     for kind, properties, required in alternatives(node):
         yield f"## {name}{kind}"
         if path and not kind and "description" in node:
             yield escape(node["description"])
-        rows = [row(key, each, key in required, path, known) for key, each in properties.items()]
+        rows = [row(key, each, key in required, known) for key, each in properties.items()]
         yield "\n".join(["| key | default | meaning |", "| --- | --- | --- |", *rows])
+    for key, each in node["properties"].items():
+        inside, place = each.get("items", each), f"{path}.{key}".strip(".")
+        if has_section(inside) and known[frozenset(inside["properties"])] == place:
+            yield from sections(inside, place, known)
+
+
+def list_tables(node: Node, path: str, known: dict[frozenset[str], str]) -> None:
+    """List the first table of those with the same keys, in ``known``."""
     for key, each in node["properties"].items():
         inside, place = each.get("items", each), f"{path}.{key}".strip(".")
         if has_section(inside) and frozenset(inside["properties"]) not in known:
             known[frozenset(inside["properties"])] = place
-            yield from sections(inside, place, known)
+            list_tables(inside, place, known)
 
 
 def alternatives(node: Node) -> Iterator[tuple[str, dict[str, Node], list[str]]]:
@@ -76,12 +87,17 @@ def kind_of(condition: Node) -> str:
     return f"{key} of your own" if "pattern" in decided else ""
 
 
+def anchor(path: str) -> str:
+    """Name the place of a table's section."""
+    return f"table-{path.replace('.', '-').replace('_', '-')}"
+
+
 def has_section(node: Node) -> bool:
     """Return whether a table has keys other than axes."""
     return any(len(key) > 2 and key not in AXES for key in node.get("properties", ()))
 
 
-def row(key: str, node: Node, required: bool, path: str, known: dict[frozenset[str], str]) -> str:
+def row(key: str, node: Node, required: bool, known: dict[frozenset[str], str]) -> str:
     """Write the row of a key."""
     default = f"`{json.dumps(node['default'], ensure_ascii=False)}`" if "default" in node else ""
     words = [escape(" ".join(node.get("description", "").split()))]
@@ -89,8 +105,8 @@ def row(key: str, node: Node, required: bool, path: str, known: dict[frozenset[s
         words.append(f"One of {', '.join(f'`{json.dumps(each)}`' for each in choices)}.")
     inside = node.get("items", node)
     if has_section(inside):
-        place = known.get(frozenset(inside["properties"]), f"{path}.{key}".strip("."))
-        words.append(f"{'Tables' if 'items' in node else 'Table'} `{place}`.")
+        place = known[frozenset(inside["properties"])]
+        words.append(f"{'Tables' if 'items' in node else 'Table'} [`{place}`](#{anchor(place)}).")
     elif axes := list(inside.get("properties", ())):
         words.append(f"Axes: {', '.join(axes)}.")
     return f"| `{key}` | {'required' if required else default} | {' '.join(filter(None, words))} |"

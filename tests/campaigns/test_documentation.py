@@ -24,6 +24,7 @@ from mcnav.config.templates import new_scenario
 from mcnav.workflow.analyse import report_run
 from mcnav.workflow.index import write_index
 from mcnav.workflow.run import run_campaign
+from tests.commands import invoke
 from tests.conftest import ROOT, campaign
 from tests.printed import follow
 from tests.processes import LONG, run_to_end, running
@@ -131,6 +132,12 @@ def test_every_campaign_is_valid(page: str) -> None:
         rest = tomllib.loads((ROOT / "campaigns" / f"{file}.toml").read_text(encoding="utf-8"))
         whole = {"name", "scenario", "errors"} <= entries.keys()
         parse_campaign(entries if whole else rest | entries, str(ROOT / "mcnav" / page), "page")
+
+
+def test_a_new_campaign_begins_as_the_page_on_commands_says(tmp_path: Path) -> None:
+    (shown,) = _blocks("COMMANDS.md", "toml")
+    assert invoke("new", "campaign", "mine", cwd=tmp_path).returncode == 0
+    assert (tmp_path / "mine.toml").read_text(encoding="utf-8").startswith(shown)
 
 
 @pytest.mark.parametrize("page", ["../README.md", "SCENARIOS.md"])

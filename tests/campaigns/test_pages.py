@@ -16,6 +16,7 @@ LANGUAGES = {"console", "pycon", "toml", "python"}
 ELSEWHERE = {
     "../README.md": {"toml", "python"},
     "CAMPAIGNS.md": {"toml"},
+    "COMMANDS.md": {"toml"},
     "GUIDE.md": {"sh", "toml"},
     "NOTEBOOK.md": {"python"},
     "SCALING.md": {"sh"},

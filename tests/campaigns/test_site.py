@@ -10,6 +10,7 @@ from typer.main import get_command
 
 import mcnav
 from mcnav.cli import app
+from mcnav.config.schema import CampaignTable
 from mcnav.pages import PAGES
 from tests.conftest import ROOT
 from tests.site import built_site
@@ -74,6 +75,17 @@ def test_every_link_leads_to_a_page_and_an_anchor() -> None:
 def test_every_public_name_is_documented() -> None:
     documented = set(re.findall(r'id="(mcnav\.\w+)"', pages()["reference/api.html"]))
     assert documented == {f"mcnav.{name}" for name in mcnav.__all__}
+
+
+def test_every_key_is_documented() -> None:
+    page = pages()["reference/keys.html"]
+    sections = re.split(r"<h2>", page)
+    rows = {
+        section.partition("<a ")[0]: re.findall(r"<tr[^>]*><td><p><code[^>]*><span class=\"pre\">(\w+)</span>", section)
+        for section in sections
+    }
+    assert set(CampaignTable.model_fields) | {"imu", "aiding", "filter"} == set(rows["Top level"])
+    assert sum(map(len, rows.values())) > 300
 
 
 def test_every_command_and_every_example_has_a_section() -> None:
