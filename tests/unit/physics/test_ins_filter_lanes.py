@@ -1,0 +1,121 @@
+"""Covariances of filters in lanes: updates against matrix algebra, and the digits that Joseph's form keeps."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mcnav._types import Array
+from mcnav.physics.ins.filter_lanes import (
+    Covariances,
+    covariances_of,
+    factor_innovations,
+    normalize_errors,
+    reduce_by_joseph,
+    reduce_covariances,
+    whiten,
+)
+from mcnav.physics.vectors import LANES, room
+
+STATES, COMPONENTS = 6, 4
+SIZE = 9 + STATES
+CORRECTED = np.array([1.0] * 12 + [0.0] * 3)
+
+
+def make(prior: float = 1.0) -> tuple[Covariances, Array, Array, Array, Array]:
+    """Return filters whose lanes differ, rows of their innovations, and the measurements' variances."""
+    rng = np.random.default_rng(5)
+    filters = covariances_of(STATES)
+    factor = prior * rng.standard_normal((LANES, SIZE, SIZE))
+    covariance = factor @ factor.transpose(0, 2, 1)
+    filters.p[:] = np.moveaxis(covariance, 0, 2)
+    navigation = rng.standard_normal((LANES, COMPONENTS, 9))
+    filters.rows[:COMPONENTS] = np.moveaxis(navigation, 0, 2)
+    others = rng.standard_normal((1, COMPONENTS, STATES))
+    rows = np.concatenate([navigation, np.repeat(others, LANES, axis=0)], axis=2)
+    return filters, covariance, rows, others, 1.0 + rng.random((1, COMPONENTS))
+
+
+def update(
+    filters: Covariances, others: Array, variances: Array, joseph: bool, accepted: float = 1.0,
+    corrected: Array = CORRECTED,
+) -> Array:  # fmt: skip
+    """Return the covariances after an update, shape (LANES, 9 + q, 9 + q)."""
+    bounds = np.full((1, COMPONENTS, 2), [0, 9])
+    linked, sound, cause, share = np.arange(STATES), np.ones((1, LANES)), room(1), np.full((1, LANES), accepted)
+    factor_innovations(0, COMPONENTS, bounds, others, linked, variances, sound, cause, filters)
+    assert not cause.any()
+    whiten(COMPONENTS, share, filters)
+    if joseph:
+        reduce_by_joseph(0, COMPONENTS, corrected, bounds, others, linked, variances, filters)
+    else:
+        reduce_covariances(COMPONENTS, corrected, filters)
+    return np.moveaxis(filters.p, 2, 0)
+
+
+def josephs(covariance: Array, rows: Array, variances: Array) -> Array:
+    """Compute one covariance after an update in Joseph's form; considered states have no gain."""
+    innovations = rows @ covariance @ rows.T + np.diag(variances)
+    gain = CORRECTED[:, None] * (covariance @ rows.T @ np.linalg.inv(innovations))
+    kept = np.eye(SIZE) - gain @ rows
+    return np.asarray(kept @ covariance @ kept.T + gain @ np.diag(variances) @ gain.T)
+
+
+@pytest.mark.parametrize("joseph", [False, True])
+def test_an_update_is_that_of_matrix_algebra(joseph: bool) -> None:
+    """To 1e-12 of the prior's variances: 1e-16 times the innovations' condition number, below 1e4 here."""
+    filters, covariance, rows, others, variances = make()
+    found = update(filters, others, variances, joseph)
+    np.testing.assert_array_equal(found, found.transpose(0, 2, 1))
+    for lane in range(LANES):
+        innovations = rows[lane] @ covariance[lane] @ rows[lane].T + np.diag(variances[0])
+        assert np.linalg.cond(innovations) < 1e4
+        expected = josephs(covariance[lane], rows[lane], variances[0])
+        np.testing.assert_allclose(found[lane], expected, rtol=0.0, atol=1e-12 * np.abs(covariance[lane]).max())
+
+
+@pytest.mark.parametrize("joseph", [False, True])
+def test_a_rejected_measurement_changes_nothing(joseph: bool) -> None:
+    filters, covariance, _, others, variances = make()
+    np.testing.assert_array_equal(update(filters, others, variances, joseph, accepted=0.0), covariance)
+
+
+def test_josephs_form_keeps_the_digits_of_a_large_reduction() -> None:
+    """The variances of four states that are measured directly, for priors 1e12 times the measurement's variance.
+
+    Rounding of the prior, 1e-16 of it, is an error of 1e-4 and more of the variance after the update in the short form;
+    Joseph's form multiplies it by ``(I - K H)``. Exact is ``R - R S^-1 R`` with the innovations' covariance S.
+    """
+    errors = []
+    for joseph in (False, True):
+        filters, covariance, _, others, variances = make(prior=1e6)
+        filters.rows[:COMPONENTS] = np.eye(COMPONENTS, 9)[:, :, None]
+        found = update(filters, 0.0 * others, variances, joseph, corrected=np.ones(SIZE))
+        noise = np.diag(variances[0])
+        exact = [
+            np.diag(noise - noise @ np.linalg.solve(prior[:COMPONENTS, :COMPONENTS] + noise, noise))
+            for prior in covariance
+        ]
+        after = np.diagonal(found, axis1=1, axis2=2)[:, :COMPONENTS]
+        errors.append(float(np.max(np.abs(after / np.array(exact) - 1.0))))
+    assert errors[0] > 1e-5
+    assert errors[1] < 1e-4 * errors[0]
+
+
+def test_normalized_errors_are_quadratic_forms() -> None:
+    """All estimated states, navigation, groups of outputs, and the other estimated states, of every lane."""
+    filters, covariance, *_ = make()
+    rng = np.random.default_rng(6)
+    filters.errors[:] = rng.standard_normal((SIZE, LANES))
+    to_outputs, nees, chosen = rng.standard_normal((9, 9)), room(6), np.flatnonzero(CORRECTED)
+    normalize_errors(filters.p, filters.errors, chosen, to_outputs, filters, nees)
+    for lane in range(LANES):
+        error, matrix = filters.errors[:, lane], covariance[lane]
+        mapped, outputs = to_outputs @ matrix[:9, :9] @ to_outputs.T, to_outputs @ error[:9]
+        groups = [(matrix, error, chosen), (matrix, error, np.arange(9))]
+        groups += [(mapped, outputs, np.arange(begin, begin + 3)) for begin in (0, 3, 6)]
+        groups.append((matrix, error, chosen[9:]))
+        for found, (of, vector, states) in zip(nees[:, lane], groups, strict=True):
+            block = of[np.ix_(states, states)]
+            expected = vector[states] @ np.linalg.solve(block, vector[states])
+            assert found == pytest.approx(expected, rel=1e-13 * np.linalg.cond(block))
