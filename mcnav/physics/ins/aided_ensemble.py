@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from mcnav._types import Array, IndexArray
 from mcnav.physics.ins.closed_loop import ClosedLoop, own_covariances
 from mcnav.physics.ins.deviations import deviate
-from mcnav.physics.ins.ensemble import STEPS_OF_NOISE, EnsembleTables, copy_rows, read_linear
+from mcnav.physics.ins.ensemble import STEPS_OF_NOISE, EnsembleTables
 from mcnav.physics.ins.filter_lanes import (
     BEYOND,
     SIX,
@@ -36,7 +36,7 @@ from mcnav.physics.ins.filter_lanes import (
 )
 from mcnav.physics.ins.instruments import CONSTANTS
 from mcnav.physics.ins.noise import IMU_STREAM, draw_normals
-from mcnav.physics.ins.readout_lanes import LOCAL, TrueStates, read_errors
+from mcnav.physics.ins.readout_lanes import LOCAL, TrueStates, copy_rows, read_errors, read_linear
 from mcnav.physics.ins.step_lanes import (
     Deviations,
     StepTables,

@@ -23,7 +23,7 @@ from mcnav.physics.ins.deviations import deviate
 from mcnav.physics.ins.earth import Earth
 from mcnav.physics.ins.instruments import GYRO, Imu
 from mcnav.physics.ins.noise import IMU_STREAM, draw_normals
-from mcnav.physics.ins.readout_lanes import LOCAL, TrueStates, read_errors, true_states
+from mcnav.physics.ins.readout_lanes import LOCAL, TrueStates, copy_rows, read_errors, read_linear, true_states
 from mcnav.physics.ins.response import StepResponses
 from mcnav.physics.ins.step_lanes import (
     Deviations,
@@ -37,7 +37,7 @@ from mcnav.physics.ins.step_lanes import (
     start,
 )
 from mcnav.physics.ins.truth import Platform, Truth
-from mcnav.physics.jit import allocation_free, allocation_free_part, compiled
+from mcnav.physics.jit import allocation_free, compiled
 from mcnav.physics.vectors import LANES, load, room, store
 
 STEPS_OF_NOISE: Final = 16
@@ -272,24 +272,6 @@ def _simulate(
         (room(6), room(LOCAL), room(9), room(9)), values, predicted, sound,
     )  # fmt: skip
     return EnsembleErrors(values, predicted, sound & np.isfinite(values).all(axis=(1, 2)))
-
-
-@allocation_free_part
-def copy_rows(rows: Array, begin: int, size: int, reached: int, out: Array) -> None:
-    """Copy rows of lanes, shape (r, LANES), to the samples' values at an epoch, shape (n, m, r)."""
-    for i in range(size):
-        for r in range(out.shape[2]):
-            out[begin + i, reached, r] = rows[r, i]
-
-
-@allocation_free_part
-def read_linear(reached: int, output_maps: Array, linear: Array, out: Array) -> None:
-    """Compute the linear navigation errors of samples at an epoch, shape (9, LANES)."""
-    for r in range(9):
-        total = output_maps[reached, r, 0] * load(linear, 0)
-        for c in range(1, 9):
-            total += output_maps[reached, r, c] * load(linear, c)
-        store(out, r, total)
 
 
 @allocation_free

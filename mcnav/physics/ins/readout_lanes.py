@@ -1,7 +1,7 @@
 """Navigation errors of LANES samples from their deviations in inertial axes: exact, not to first order.
 
 Both the true and the indicated local state come from the same instructions, and differences of angles from their sines
-and cosines, so that without deviations all errors are exactly zero: nothing here is contracted.
+and cosines, so that without deviations all errors are exactly zero: what computes them is not contracted.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.physics.ins.earth import Earth, meridian_sides
-from mcnav.physics.jit import allocation_free_uncontracted, inlined
+from mcnav.physics.jit import allocation_free_part, allocation_free_uncontracted, inlined
 from mcnav.physics.lanes import angle_of_half
 from mcnav.physics.vectors import Vector, load, room, store, where
 
@@ -136,6 +136,24 @@ def read_errors(
     store(out, 6, factor * x)
     store(out, 7, factor * y)
     store(out, 8, factor * z)
+
+
+@allocation_free_part
+def copy_rows(rows: Array, begin: int, size: int, reached: int, out: Array) -> None:
+    """Copy rows of lanes, shape (r, LANES), to the samples' values at an epoch, shape (n, m, r)."""
+    for i in range(size):
+        for r in range(out.shape[2]):
+            out[begin + i, reached, r] = rows[r, i]
+
+
+@allocation_free_part
+def read_linear(reached: int, output_maps: Array, linear: Array, out: Array) -> None:
+    """Compute the linear navigation errors of samples at an epoch, shape (9, LANES)."""
+    for r in range(9):
+        total = output_maps[reached, r, 0] * load(linear, 0)
+        for c in range(1, 9):
+            total += output_maps[reached, r, c] * load(linear, c)
+        store(out, r, total)
 
 
 @allocation_free_uncontracted
