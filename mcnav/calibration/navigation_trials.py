@@ -47,7 +47,7 @@ AIDED: Final = "aided navigation"
 
 SIZES: Final = (100, 200)
 SHARE: Final = 3
-"""Of so many campaigns of another kind, one of these is simulated: they take longer."""
+"""Number of campaigns of another kind for each one of these, which take longer."""
 
 TOLERANCE: Final = 0.05
 HORIZONTAL: Final = (0, 1)
@@ -129,7 +129,7 @@ def _count(kind: tuple[str, int], seeds: Sequence[int], found: Tally) -> None:
 
 
 class _Free:
-    """What campaigns of free navigation are judged by, and the true quantiles by linear analysis."""
+    """Judgement of campaigns of free navigation, and the true quantiles by linear analysis."""
 
     def __init__(self, system: PreparedSystem) -> None:
         development = system.model.development

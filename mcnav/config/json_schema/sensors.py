@@ -24,7 +24,7 @@ MEASURED: Final[Mapping[str, str]] = {
     "velocity": "Velocity over the earth along the axes of the body: odometer, Doppler.",
     "heading": "Heading of the body.",
 }
-"""What each type of sensor measures."""
+"""Quantities that each type of sensor measures."""
 
 
 def aiding_schema() -> Node:

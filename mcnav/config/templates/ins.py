@@ -94,7 +94,7 @@ HEADINGS: Final = (0.3, 10.0)
 
 @dataclass(frozen=True)
 class Flight:
-    """What a campaign must know of its trajectory.
+    """Description of a trajectory as a campaign needs it.
 
     Attributes
     ----------

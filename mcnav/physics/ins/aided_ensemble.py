@@ -124,7 +124,7 @@ class AidedTables:
 
     @cached_property
     def filter_steps(self) -> FilterSteps:
-        """What compiled code takes of the filter over the steps."""
+        """Tables of the filter over the steps, for compiled code."""
         model = self.loop.filter
         coupled, noise = np.any(model.coupling, axis=0), np.any(model.noise[:, 9:, :9], axis=(0, 2))
         return FilterSteps(
@@ -153,7 +153,7 @@ class AidedTables:
 
     @cached_property
     def epochs(self) -> _EpochTables:
-        """What compiled code takes of the epochs and of the start."""
+        """Tables of the epochs and of the start, for compiled code."""
         shared, model = self.ensemble, self.loop.filter
         return _EpochTables(
             shared.epochs, shared.truth, shared.output_maps, self.covariances, self.loop.first_updates, shared.sizes,
@@ -217,7 +217,7 @@ def tabulate_aided(loop: ClosedLoop, ensemble: EnsembleTables, biases: tuple[str
 
 
 class _EpochTables(NamedTuple):
-    """What samples share of the epochs and of their start.
+    """Tables that samples share of the epochs and of their start.
 
     Attributes
     ----------

@@ -25,7 +25,7 @@ SINGULAR: Final = 1e-14
 
 
 class FilterSteps(NamedTuple):
-    """What the filters share over K steps, as `mcnav.physics.ins.filter_tables.FilterTables` has it.
+    """Tables that the filters share over K steps, as `mcnav.physics.ins.filter_tables.FilterTables` has it.
 
     Attributes
     ----------

@@ -21,7 +21,7 @@ SMALLEST_RADIUS: Final = 0.5
 
 
 class StepTables(NamedTuple):
-    """What samples share over K steps, as `mcnav.physics.ins.ensemble.EnsembleTables` has it.
+    """Tables that samples share over K steps, as `mcnav.physics.ins.ensemble.EnsembleTables` has it.
 
     Attributes
     ----------

@@ -18,7 +18,7 @@ from mcnav.physics.vectors import Vector, load, room, store, where
 
 
 class UpdateTables(NamedTuple):
-    """What samples share of U updates, as `mcnav.physics.ins.measurements.Measurements` and `AidedTables` have it.
+    """Tables that samples share of U updates, as `Measurements` and `AidedTables` have them.
 
     Attributes
     ----------
