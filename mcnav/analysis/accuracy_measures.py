@@ -91,7 +91,7 @@ class Measure:
 
     @property
     def falls(self) -> bool:
-        """Whether it falls as errors grow: the probability of a box."""
+        """Return whether it falls as errors grow: the probability of a box."""
         return self.kind == BOX
 
     def at_reading(self, number: int) -> Measure:

@@ -83,7 +83,7 @@ class JustMet:
 
     @property
     def throughout(self) -> bool:
-        """Whether the limit is met in the whole range."""
+        """Return whether the limit is met in the whole range."""
         return self.met == ((None, None),)
 
 

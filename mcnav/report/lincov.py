@@ -33,7 +33,7 @@ MONTE_CARLO: Final = "needs Monte Carlo"
 COLOURS: Final = {"met": "green", "not met": "red"}
 
 INITIAL: Final = "initial"
-"""What a name begins with that is an initial error; alone it is no kind of causes."""
+"""Beginning of the names of initial errors; alone it is no kind of causes."""
 
 TERMINAL: Final = {"agrees": "green", "differs": "red", "undecided": "yellow", "": ""}
 """Colours of the headline's tones."""

@@ -37,7 +37,7 @@ _INTEGER: Final = np.uint64(0x4330000000000000)
 
 _OFFSET_OF_INTEGER: Final = 2.0**52
 _OFFSET: Final = 2.0**52 + 1023.0
-"""What the bits of an exponent, as a mantissa of 2^52, exceed it by."""
+"""Excess of the bits of an exponent, as a mantissa of 2^52, over the exponent."""
 
 _LN2_HIGH: Final = 0.693147180369123816490
 """Logarithm of 2 to 33 bits, so that its multiples are exact, and what is missing."""

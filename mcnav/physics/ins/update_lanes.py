@@ -54,7 +54,7 @@ class UpdateTables(NamedTuple):
 
 
 class Estimates(NamedTuple):
-    """What the filters of LANES samples have estimated, and room for an update; the last axis is the lanes.
+    """Estimates of the filters of LANES samples, and room for an update; the last axis is the lanes.
 
     Attributes
     ----------

@@ -35,7 +35,7 @@ SAME: Final = 1e-4
 """Relative difference below which the curves of a filter and of the true errors are one."""
 
 MANTISSAS: Final = ((1.0, 1.5, 2.0, 3.0, 5.0, 7.0), (1.0, 2.0, 5.0), (1.0, 3.0), (1.0,))
-"""Of the levels of contours, from dense to sparse."""
+"""Factors of the levels of contours, from dense to sparse."""
 
 TRUE: Final = Series("linear", "linear analysis, true errors", LINEAR)
 OWN: Final = Series("filter", "as the filter states it", FILTER, "dashed")
