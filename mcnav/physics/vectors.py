@@ -2,8 +2,8 @@
 
 A loop over the lanes of arrays is vectorised by the compiler only after it has checked, each time, that the arrays do
 not overlap. Here a vector is a value: `load` and `store` take it from and to an array whose last axis is the lanes, and
-between them the operators ``+ - * /`` and comparisons, `numpy.sqrt`, `numpy.rint`, `numpy.abs` and `where` work lane by
-lane. A scalar next to a vector stands for equal lanes. An `inlined` function of numbers takes vectors as well.
+between them the operators ``+ - * /`` and comparisons, `numpy.sqrt`, `numpy.rint`, `numpy.abs`, `fma` and `where` work
+lane by lane. A scalar next to a vector stands for equal lanes. An `inlined` function of numbers takes vectors as well.
 
 `Lanes` holds doubles, `Words` unsigned integers of 64 bits, and `Mask` truth values.
 """
@@ -177,6 +177,18 @@ for _symbol, _name in ((np.sqrt, "sqrt"), (np.rint, "rint"), (np.abs, "fabs")):
 
 
 @intrinsic
+def _fma(context: Any, one: Any, other: Any, third: Any) -> Any:
+    """Return ``one * other + third``, rounded once, whatever the compiler may contract."""
+
+    def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+        kind = ir.FunctionType(_DOUBLES, [_DOUBLES] * 3)
+        called = cgutils.get_or_insert_function(builder.module, kind, f"llvm.fma.v{LANES}f64")
+        return builder.call(called, given)
+
+    return lanes(lanes, lanes, lanes), generate
+
+
+@intrinsic
 def _where(context: Any, condition: Any, one: Any, other: Any) -> Any:
     """Choose lane by lane: of one where the condition holds, of the other elsewhere."""
 
@@ -259,9 +271,14 @@ def _store(context: Any, array: Any, place: Any, value: Any) -> Any:
 
 load: Final[Callable[..., Vector]] = _load
 store: Final[Callable[..., None]] = _store
+fma: Final[Callable[..., Vector]] = _fma
 where: Final[Callable[..., Vector]] = _where
 bits: Final[Callable[..., Any]] = _bits
 doubles: Final[Callable[..., Vector]] = _doubles
+
+
+Rooms: TypeAlias = Callable[..., Array]
+"""Makes a room as `room` does."""
 
 
 def room(rows: int, *columns: int) -> Array:
@@ -270,3 +287,29 @@ def room(rows: int, *columns: int) -> Array:
     buffer = np.zeros(size + DOUBLES)
     begin = (-(buffer.ctypes.data // buffer.itemsize)) % DOUBLES
     return buffer[begin : begin + size].reshape((rows, *columns, LANES))
+
+
+class Store:
+    """One array that holds rooms, so that all of them can be copied together.
+
+    Attributes
+    ----------
+    rows : ndarray, shape (rows, LANES)
+        Of all rooms made so far.
+    """
+
+    def __init__(self, most: int = 1 << 14) -> None:
+        self._all, self._used = room(most), 0
+
+    def __call__(self, rows: int, *columns: int) -> Array:
+        """Make a room as `room` does."""
+        begin, shape = self._used, (rows, *columns, LANES)
+        self._used += int(np.prod((rows, *columns)))
+        if self._used > len(self._all):
+            raise ValueError(f"{len(self._all)} rows are too few")
+        return self._all[begin : self._used].reshape(shape)
+
+    @property
+    def rows(self) -> Array:
+        """Return the rows of all rooms made so far."""
+        return self._all[: self._used]

@@ -112,6 +112,9 @@ NOISE: Final = tuple(Output(name, *PROCESS_UNITS[name.rpartition("_")[0]]) for n
 BEFORE_OUTAGES_END: Final = 1.0
 """Time before the end of an outage at which errors are read out, s; less in a short outage."""
 
+REVISION: Final = 2
+"""Counts the changes of the samples' last digits: 1 drew normal variates one at a time."""
+
 EPOCHS: Final = 60
 """Intervals between instants at which the errors of all samples are read out; fewer in a shorter navigation."""
 
@@ -360,6 +363,7 @@ class Ins:
 
     outputs = NAVIGATION_ERRORS
     start_clock = START_CLOCK
+    revision = REVISION
 
     def __init__(self, navigation: Navigation) -> None:
         first, last = navigation.truth.times[[0, -1]]

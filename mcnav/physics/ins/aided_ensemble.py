@@ -1,9 +1,9 @@
 """Many samples of an aided navigator, each with its own filter, and the linear closed loop of the same draws.
 
-Between updates a sample is a deviation from the shared truth (`mcnav.physics.ins.ensemble`), and what its filter has
-estimated is subtracted from the errors of its instruments. Its filter's covariance is propagated with the step's tables
-turned to the sample's own indicated attitude and force; its gains are its own, or with shared gains those along the
-truth. The twin is linear, has the gains along the truth and the same noise.
+A sample is a deviation from the shared truth (`mcnav.physics.ins.ensemble`), whose linear part is its twin in the linear
+closed loop: the twin has the gains along the truth and the same noise. What a filter has estimated is subtracted from
+the errors of the instruments. The filter's covariance is propagated with the step's tables turned to the sample's own
+indicated attitude and force; its gains are its own, or with shared gains those along the truth.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from mcnav._types import Array, IndexArray
 from mcnav.physics.ins.closed_loop import ClosedLoop, own_covariances
 from mcnav.physics.ins.deviations import deviate
-from mcnav.physics.ins.ensemble import STEPS_OF_NOISE, EnsembleTables
+from mcnav.physics.ins.ensemble import EnsembleTables
 from mcnav.physics.ins.filter_lanes import (
     BEYOND,
     SIX,
@@ -38,11 +38,13 @@ from mcnav.physics.ins.instruments import CONSTANTS
 from mcnav.physics.ins.noise import IMU_STREAM, draw_normals
 from mcnav.physics.ins.readout_lanes import LOCAL, TrueStates, copy_rows, read_errors, read_linear
 from mcnav.physics.ins.step_lanes import (
+    SHORT,
     Deviations,
     StepTables,
     add_given,
     add_noise,
     advance,
+    advance_short,
     deviations_of,
     place,
     respond_to_errors,
@@ -58,11 +60,12 @@ from mcnav.physics.ins.update_lanes import (
     feed_back_own,
     feed_back_shared,
     innovate,
+    innovate_twins,
     judge,
     rotation_vectors,
 )
-from mcnav.physics.jit import allocation_free, allocation_free_part
-from mcnav.physics.vectors import LANES, load, room, store
+from mcnav.physics.jit import allocation_free, allocation_free_part, inlined
+from mcnav.physics.vectors import LANES, Store, load, room, store
 
 MEASUREMENT_STREAM: Final = 2
 """Stream of the measurements' white noise."""
@@ -70,8 +73,8 @@ MEASUREMENT_STREAM: Final = 2
 CORRELATED_STREAM: Final = 3
 """Stream of the measurements' correlated errors."""
 
-UPDATES_OF_NOISE: Final = 16
-"""Updates whose normal variates are drawn together."""
+STEPS_OF_BLOCK: Final = 16
+"""Steps that LANES samples take before others take them: their tables stay in the cache, their variates are drawn."""
 
 CAREFUL: Final = 1e6
 """Variance of an innovation, as a multiple of the measurement's, from which on an update needs Joseph's form.
@@ -144,11 +147,14 @@ class AidedTables:
         with np.errstate(divide="ignore", invalid="ignore"):
             known = np.diagonal(roots, axis1=1, axis2=2) ** 2 / model.variances
         careful = np.any(np.nan_to_num(known, nan=0.0) > CAREFUL, axis=1)
+        lags = np.zeros(len(measured.sensors), dtype=np.bool_)
+        for sensor in range(len(self.loop.sensors)):
+            lags[np.flatnonzero(measured.sensors == sensor)[1:]] = True
         return UpdateTables(
             measured.sensors, measured.sizes, measured.components, measured.kinds, measured.directions, measured.arms,
             np.ascontiguousarray(measured.constants[:, :, active]), measured.rows, measured.forward, measured.places,
             self.bounds, self.correlated, self.memory, self.white, self.limits, model.rows, model.variances,
-            self.loop.gains, roots, careful, np.flatnonzero(np.any(model.rows, axis=(0, 1))),
+            self.loop.gains, roots, lags, careful, np.flatnonzero(np.any(model.rows, axis=(0, 1))),
         )  # fmt: skip
 
     @cached_property
@@ -266,7 +272,15 @@ class _Noise(NamedTuple):
 
 
 class _LaneRooms(NamedTuple):
-    """Room for LANES samples."""
+    """Room for LANES samples, and for all samples between two blocks of steps.
+
+    Attributes
+    ----------
+    kept : ndarray, shape (rows, LANES)
+        All that outlasts a step.
+    others : ndarray, shape (groups, rows, LANES)
+        The same of all groups of LANES samples.
+    """
 
     samples: Deviations
     own: Estimates
@@ -277,12 +291,13 @@ class _LaneRooms(NamedTuple):
     epoch_normals: Array
     cause: Array
     numbers: NDArray[np.uint64]
-    seen: NDArray[np.bool_]
     nees: Array
     deviations: Array
     local: Array
     axes: Array
     outputs: Array
+    kept: Array
+    others: Array
 
 
 class _Recorded(NamedTuple):
@@ -380,22 +395,27 @@ def simulate_aided(
     drifting = given is None and bool(tables.correlated.any())
     most, width = measured.components.shape[1], shared.factors.shape[1]
     components = len(tables.drift_sigmas)
+    # the last block may end with the epoch after all steps
+    blocks = np.append(loop.first_updates[:-1:STEPS_OF_BLOCK], loop.first_updates[-1])
+    disturbed_together = int(np.diff(blocks).max())
+    keep = Store()
     rooms = _LaneRooms(
-        deviations_of(len(active), len(shared.sizes)),
-        estimates_of(states, len(active_aiding), components, len(loop.sensors)),
-        covariances_of(states),
-        room(STEPS_OF_NOISE * width),
-        room(UPDATES_OF_NOISE * most),
-        room(UPDATES_OF_NOISE * most),
+        deviations_of(len(active), len(shared.sizes), True, keep),
+        estimates_of(states, len(active_aiding), components, len(loop.sensors), keep),
+        covariances_of(states, own, keep if own else room),
+        room(max(STEPS_OF_BLOCK * width, len(shared.sizes))),
+        room(disturbed_together * most),
+        room(disturbed_together * most if drifting else 0),
         room(components if drifting else 0),
-        room(1),
+        keep(1),
         np.zeros((1, LANES), dtype=np.uint64),
-        np.zeros(len(loop.sensors), dtype=np.bool_),
         room(6),
         room(6),
         room(LOCAL),
         room(9),
         room(9),
+        keep.rows,
+        room(-(-count // LANES), len(keep.rows)),
     )
     _run(
         shared.steps(truth.earth, active),
@@ -420,20 +440,16 @@ def simulate_aided(
 
 @allocation_free
 def _begin(
-    begin: int, size: int, indices: NDArray[np.uint64], equipment: Array, aiding: Array, state: Array, linear: Array,
-    initial: Array, numbers: NDArray[np.uint64], samples: Deviations, own: Estimates, filters: Covariances,
+    begin: int, size: int, given: _Given, initial: Array, samples: Deviations, own: Estimates, filters: Covariances,
     cause: Array,
 ) -> None:  # fmt: skip
     """Put samples at their start into the lanes; the last one fills what is left of them."""
     for i in range(LANES):
         n = begin + min(i, size - 1)
-        numbers[0, i] = indices[n]
-        place(i, equipment[n], linear[n], state[n], samples)
+        place(i, given.equipment[n], given.linear[n], given.state[n], samples)
         cause[0, i] = SOUND
-        for r in range(9):
-            own.twin[r, i] = linear[n, r]
         for a in range(len(own.aiding)):
-            own.aiding[a, i] = aiding[n, a]
+            own.aiding[a, i] = given.aiding[n, a]
     for s in range(len(own.estimate)):
         store(own.estimate, s, 0.0)
         store(own.twin_estimate, s, 0.0)
@@ -451,33 +467,29 @@ def _begin(
 
 
 @allocation_free_part
-def _advance_twins(k: int, motion: Array, coupling: Array, response: Array, own: Estimates) -> None:
-    """Take the linear samples over a step, given their response to the errors of the instruments."""
-    twin, estimate = own.twin, own.twin_estimate
-    a, b, c = load(twin, 0), load(twin, 1), load(twin, 2)
-    vx, vy, vz = load(twin, 3), load(twin, 4), load(twin, 5)
-    dx, dy, dz = load(twin, 6), load(twin, 7), load(twin, 8)
-    for r in range(9):
-        x = load(response, r)
-        for s in range(len(estimate)):
-            x -= coupling[k, r, s] * load(estimate, s)
-        if r < 3:
-            x += load(twin, r)
-        else:
-            x += motion[k, r - 3, 0] * a + motion[k, r - 3, 1] * b + motion[k, r - 3, 2] * c
-            x += motion[k, r - 3, 3] * vx + motion[k, r - 3, 4] * vy + motion[k, r - 3, 5] * vz
-            x += motion[k, r - 3, 6] * dx + motion[k, r - 3, 7] * dy + motion[k, r - 3, 8] * dz
-        store(twin, r, x)
-
-
-@allocation_free_part
-def _subtract_estimates(k: int, coupling: Array, response: Array, own: Estimates) -> None:
+def _subtract_estimates(k: int, tables: FilterSteps, samples: Deviations, own: Estimates) -> None:
     """Subtract from the response of a step what the filters have estimated of the errors of the instruments."""
-    for r in range(9):
-        x = load(response, r)
-        for s in range(len(own.estimate)):
-            x -= coupling[k, r, s] * load(own.estimate, s)
-        store(response, r, x)
+    coupling = tables.coupling
+    for r in range(0, 9, 3):
+        x, y, z = load(samples.response, r), load(samples.response, r + 1), load(samples.response, r + 2)
+        a, b, c = x, y, z
+        for s in tables.turning if r == 0 else tables.moving:
+            estimate, of_twin = load(own.estimate, s), load(own.twin_estimate, s)
+            x -= coupling[k, r, s] * estimate
+            y -= coupling[k, r + 1, s] * estimate
+            z -= coupling[k, r + 2, s] * estimate
+            a -= coupling[k, r, s] * of_twin
+            b -= coupling[k, r + 1, s] * of_twin
+            c -= coupling[k, r + 2, s] * of_twin
+        store(samples.response, r, x)
+        store(samples.response, r + 1, y)
+        store(samples.response, r + 2, z)
+        store(samples.linear_response, r, a)
+        store(samples.linear_response, r + 1, b)
+        store(samples.linear_response, r + 2, c)
+    for s in range(len(own.estimate)):
+        store(own.estimate, s, tables.decay[k, s] * load(own.estimate, s))
+        store(own.twin_estimate, s, tables.decay[k, s] * load(own.twin_estimate, s))
 
 
 @allocation_free
@@ -517,7 +529,7 @@ def _record(
     normalize_errors(filters.p, errors, states.chosen, states.output_maps[reached], filters, nees)
     read_errors(reached, constants, states.truth, samples.turn, deviations, lanes.local, lanes.axes, outputs)
     copy_rows(outputs, begin, size, reached, results.values)
-    read_linear(reached, states.output_maps, own.twin, outputs)
+    read_linear(reached, states.output_maps, samples.linear, outputs)
     copy_rows(outputs, begin, size, reached, results.predicted)
     copy_rows(nees, begin, size, reached, results.nees)
     copy_rows(errors[9:], begin, size, reached, results.state_errors)
@@ -538,113 +550,171 @@ def _record(
             store(own.tally, (sensor, c), 0.0)
 
 
+@inlined
+def _copy_rows(rows: Array, group: int, others: Array, back: bool) -> None:
+    """Copy all that outlasts a step to the rooms of a group, or back."""
+    for r in range(len(rows)):
+        if back:
+            store(rows, r, load(others, (group, r)))
+        else:
+            store(others, (group, r), load(rows, r))
+
+
+@inlined
+def _draw_disturbances(begin: int, end: int, most: int, noise: _Noise, lanes: _LaneRooms) -> None:
+    """Draw the normal variates of the measurements from one update to before another."""
+    first, count = begin * most, (end - begin) * most
+    draw_normals(noise.seed, lanes.numbers, MEASUREMENT_STREAM, first, count, lanes.white)
+    if noise.drifting:
+        draw_normals(noise.seed, lanes.numbers, CORRELATED_STREAM, first, count, lanes.drifting)
+
+
+@inlined
+def _disturb(
+    u: int, m: int, row: int, begin: int, size: int, updates: UpdateTables, noise: _Noise, lanes: _LaneRooms
+) -> None:
+    """Compute the errors of an update's measurements from their variates or as given, and add the constant ones.
+
+    Parameters
+    ----------
+    row : int
+        Of the update's first variate.
+    """
+    own, most = lanes.own, updates.components.shape[1]
+    if noise.measured:
+        disturb(u, m, updates, lanes.white, lanes.drifting, row, own)
+    else:
+        for i in range(LANES):
+            for c in range(m):
+                own.disturbance[c, i] = noise.disturbances[begin + min(i, size - 1), u * most + c]
+    if len(own.aiding) > 0:
+        add_constant_errors(u, m, updates, own)
+
+
+@inlined
+def _update(
+    u: int, m: int, constants: Array, of_filter: FilterSteps, updates: UpdateTables, own_gains: bool, lanes: _LaneRooms
+) -> None:
+    """Update samples, their filters and the linear samples with a measurement."""
+    samples, own, filters, sensor = lanes.samples, lanes.own, lanes.filters, updates.sensors[u]
+    innovate_twins(u, m, updates, samples.linear, own)
+    innovate(u, m, constants, updates, samples, filters.rows, own)
+    if own_gains:
+        factor_innovations(
+            u, m, updates.bounds, updates.state_rows, updates.linked, updates.variances, samples.sound, lanes.cause,
+            filters,
+        )  # fmt: skip
+    else:
+        for c in range(m):
+            for e in range(c + 1):
+                store(filters.root, (c, e), updates.roots[u, c, e])
+            store(filters.inverse, c, 1.0 / updates.roots[u, c, c])
+    judge(u, m, updates.limits[u], updates.lags[u], sensor, filters.root, filters.inverse, own)
+    correct_twins(u, m, updates.gains, samples, own)
+    if own_gains:
+        whiten(m, own.accepted, filters)
+        feed_back_own(m, filters.white, of_filter.corrected, samples, own)
+        if updates.careful[u]:
+            reduce_by_joseph(
+                u, m, of_filter.corrected, updates.bounds, updates.state_rows, updates.linked, updates.variances,
+                filters,
+            )  # fmt: skip
+        else:
+            reduce_covariances(m, of_filter.corrected, filters)
+    else:
+        feed_back_shared(u, m, updates.gains, samples, own)
+
+
+@inlined
+def _respond(
+    k: int, first: int, begin: int, size: int, steps: StepTables, of_filter: FilterSteps, noise: _Noise,
+    lanes: _LaneRooms,
+) -> None:  # fmt: skip
+    """Compute the responses of samples and of linear samples in a step to all that drives them.
+
+    Parameters
+    ----------
+    first : int
+        Row of the step's first variate.
+    """
+    samples, width = lanes.samples, steps.factors.shape[1]
+    respond_to_errors(k, steps, samples)
+    if noise.drawn:
+        add_noise(k, steps.factors, lanes.normals, first, samples)
+    elif noise.added.shape[1] > 0:
+        for i in range(LANES):
+            add_given(noise.added[begin + min(i, size - 1), k * width : (k + 1) * width], i, samples)
+    _subtract_estimates(k, of_filter, samples, lanes.own)
+
+
 @allocation_free
 def _run(
     steps: StepTables, of_filter: FilterSteps, updates: UpdateTables, epochs: _EpochTables, given: _Given,
     noise: _Noise, lanes: _LaneRooms, own_gains: bool, results: _Recorded,
 ) -> None:  # fmt: skip
-    samples, own, filters = lanes.samples, lanes.own, lanes.filters
-    constants, turn, linear, cause = steps.constants, samples.turn, samples.linear, lanes.cause
-    count, width, most = len(epochs.sizes), steps.factors.shape[1], updates.components.shape[1]
-    total, all_steps = len(updates.sensors), len(steps.durations)
-    for begin in range(0, len(given.state), LANES):
-        size = min(LANES, len(given.state) - begin)
-        _begin(
-            begin, size, given.indices, given.equipment, given.aiding, given.state, given.linear, epochs.initial,
-            lanes.numbers, samples, own, filters, cause,
-        )  # fmt: skip
-        for sensor in range(len(lanes.seen)):
-            lanes.seen[sensor] = False
-        start(0, steps, samples)
-        if noise.drawn:
-            draw_normals(noise.seed, lanes.numbers, IMU_STREAM, 0, count, lanes.normals)
-        for q in range(count):
-            store(samples.bias, q, epochs.sizes[q] * load(lanes.normals, q) if noise.drawn else 0.0 * load(turn, 0))
-        reached = 0
-        for k in range(all_steps + 1):
-            first, last = epochs.first_updates[k], epochs.first_updates[k + 1]
-            if first < last:
-                for r in range(6):
-                    store(linear, 3 + r, load(linear, 3 + r) + load(samples.beyond, r))
-                    store(samples.beyond, r, 0.0)
-            for u in range(first, last):
-                m, sensor = updates.sizes[u], updates.sensors[u]
-                if noise.measured:
-                    row = u % UPDATES_OF_NOISE
-                    if row == 0:
-                        drawn = min(UPDATES_OF_NOISE, total - u) * most
-                        draw_normals(noise.seed, lanes.numbers, MEASUREMENT_STREAM, u * most, drawn, lanes.white)
-                        if noise.drifting:
-                            draw_normals(noise.seed, lanes.numbers, CORRELATED_STREAM, u * most, drawn, lanes.drifting)
-                    disturb(u, m, updates, lanes.white, lanes.drifting, row * most, own)
-                else:
-                    for i in range(LANES):
-                        for c in range(m):
-                            own.disturbance[c, i] = noise.disturbances[begin + min(i, size - 1), u * most + c]
-                if len(own.aiding) > 0:
-                    add_constant_errors(u, m, updates, own)
-                correct_twins(u, m, updates, own)
-                innovate(u, m, constants, updates, turn, samples.turned, linear, filters.rows, own)
-                if own_gains:
-                    factor_innovations(
-                        u, m, updates.bounds, updates.state_rows, updates.linked, updates.variances, samples.sound,
-                        cause, filters,
-                    )  # fmt: skip
-                else:
-                    for c in range(m):
-                        for e in range(c + 1):
-                            store(filters.root, (c, e), updates.roots[u, c, e])
-                        store(filters.inverse, c, 1.0 / updates.roots[u, c, c])
-                judge(u, m, updates.limits[u], lanes.seen[sensor], sensor, filters.root, filters.inverse, own)
-                lanes.seen[sensor] = True
-                if own_gains:
-                    whiten(m, own.accepted, filters)
-                    feed_back_own(m, filters.white, of_filter.corrected, turn, linear, own)
-                    if updates.careful[u]:
-                        reduce_by_joseph(
-                            u, m, of_filter.corrected, updates.bounds, updates.state_rows, updates.linked,
-                            updates.variances, filters,
-                        )  # fmt: skip
-                    else:
-                        reduce_covariances(m, of_filter.corrected, filters)
-                else:
-                    feed_back_shared(u, m, updates.gains, turn, linear, own)
-            if first < last:
-                rotation_vectors(turn, own.rotation)
-                for r in range(3):
-                    store(linear, r, load(own.rotation, r))
-                start(k, steps, samples)
-            if reached < len(epochs.numbers) and epochs.numbers[reached] == k:
-                if noise.drifting and noise.measured:
-                    shown = len(own.shown)
-                    draw_normals(noise.seed, lanes.numbers, EPOCH_STREAM, reached * shown, shown, lanes.epoch_normals)
-                if not own_gains:
-                    for r in range(len(epochs.initial)):
-                        for c in range(len(epochs.initial)):
-                            store(filters.p, (r, c), epochs.covariances[reached, r, c])
-                _record(reached, begin, size, constants, epochs, given.of_states, lanes, results)
-                reached += 1
-            if k == all_steps:
-                break
-            respond_to_errors(k, steps, samples)
+    """Simulate all samples, LANES at a time: each group over a block of steps, whose tables stay in the cache."""
+    samples, own, filters, constants = lanes.samples, lanes.own, lanes.filters, steps.constants
+    count, width, all_steps = len(epochs.sizes), steps.factors.shape[1], len(steps.durations)
+    groups, passed, most = len(lanes.others), 0, updates.components.shape[1]
+    for block in range(0, all_steps + 1, STEPS_OF_BLOCK):
+        end = min(block + STEPS_OF_BLOCK, all_steps + 1)
+        reached, drawn = passed, (min(end, all_steps) - block) * width
+        started, ended = epochs.first_updates[block], epochs.first_updates[end]
+        for group in range(groups):
+            begin = group * LANES
+            size, reached, fresh = min(LANES, len(given.state) - begin), passed, True
+            for i in range(LANES):
+                lanes.numbers[0, i] = given.indices[begin + min(i, size - 1)]
+            if block == 0:
+                _begin(begin, size, given, epochs.initial, samples, own, filters, lanes.cause)
+                if noise.drawn:
+                    draw_normals(noise.seed, lanes.numbers, IMU_STREAM, 0, count, lanes.normals)
+                for q in range(count):
+                    nothing = 0.0 * load(samples.turn, 0)
+                    store(samples.bias, q, epochs.sizes[q] * load(lanes.normals, q) if noise.drawn else nothing)
+            elif groups > 1:
+                _copy_rows(lanes.kept, group, lanes.others, True)
             if noise.drawn:
-                within = k % STEPS_OF_NOISE
-                if within == 0:
-                    drawn = min(STEPS_OF_NOISE, all_steps - k) * width
-                    draw_normals(noise.seed, lanes.numbers, IMU_STREAM, count + k * width, drawn, lanes.normals)
-                add_noise(k, steps.factors, lanes.normals, within * width, samples)
-            elif noise.added.shape[1] > 0:
-                for i in range(LANES):
-                    add_given(noise.added[begin + min(i, size - 1), k * width : (k + 1) * width], i, samples)
-            _advance_twins(k, steps.motion, of_filter.coupling, samples.response, own)
-            _subtract_estimates(k, of_filter.coupling, samples.response, own)
-            advance(k, steps, samples)
-            if own_gains:
-                turn_tables(k, steps.motion, steps.thrust, of_filter, samples.response, samples.turned, filters)
-                propagate_covariances(k, steps.motion, of_filter, filters)
-            for s in range(len(own.estimate)):
-                store(own.estimate, s, of_filter.decay[k, s] * load(own.estimate, s))
-                store(own.twin_estimate, s, of_filter.decay[k, s] * load(own.twin_estimate, s))
-        for i in range(size):
-            of_lane = int(cause[0, i])
-            results.outcomes[begin + i] = BEYOND if of_lane == SOUND and not samples.sound[0, i] > 0.0 else of_lane
+                draw_normals(noise.seed, lanes.numbers, IMU_STREAM, count + block * width, drawn, lanes.normals)
+            if noise.measured:
+                _draw_disturbances(started, ended, most, noise, lanes)
+            for k in range(block, end):
+                first, last = epochs.first_updates[k], epochs.first_updates[k + 1]
+                for u in range(first, last):
+                    m = updates.sizes[u]
+                    _disturb(u, m, (u - started) * most, begin, size, updates, noise, lanes)
+                    _update(u, m, constants, of_filter, updates, own_gains, lanes)
+                if reached < len(epochs.numbers) and epochs.numbers[reached] == k:
+                    if noise.drifting and noise.measured:
+                        shown = len(own.shown)
+                        draw_normals(
+                            noise.seed, lanes.numbers, EPOCH_STREAM, reached * shown, shown, lanes.epoch_normals
+                        )
+                    if not own_gains:
+                        for r in range(len(epochs.initial)):
+                            for c in range(len(epochs.initial)):
+                                store(filters.p, (r, c), epochs.covariances[reached, r, c])
+                    _record(reached, begin, size, constants, epochs, given.of_states, lanes, results)
+                    reached += 1
+                if k == all_steps:
+                    break
+                _respond(k, (k - block) * width, begin, size, steps, of_filter, noise, lanes)
+                if steps.durations[k] <= SHORT:
+                    advance_short(k, steps, samples)
+                    fresh = True
+                else:
+                    if fresh or first < last:
+                        start(k, steps, samples)
+                    advance(k, steps, samples)
+                    fresh = False
+                if own_gains:
+                    turn_tables(k, steps.motion, steps.thrust, of_filter, samples.response, samples.turned, filters)
+                    propagate_covariances(k, steps.motion, of_filter, filters)
+            if end > all_steps:
+                for i in range(size):
+                    of_lane = int(lanes.cause[0, i])
+                    beyond = of_lane == SOUND and not samples.sound[0, i] > 0.0
+                    results.outcomes[begin + i] = BEYOND if beyond else of_lane
+            elif groups > 1:
+                _copy_rows(lanes.kept, group, lanes.others, False)
+        passed = reached

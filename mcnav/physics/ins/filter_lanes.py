@@ -12,7 +12,7 @@ import numpy as np
 
 from mcnav._types import Array, IndexArray
 from mcnav.physics.jit import allocation_free, inlined
-from mcnav.physics.vectors import Vector, load, room, store, where
+from mcnav.physics.vectors import Rooms, Vector, load, room, store, where
 
 SIX: Final = 6
 """Components of the largest measurement."""
@@ -82,13 +82,21 @@ class Covariances(NamedTuple):
     output_errors: Array
 
 
-def covariances_of(states: int) -> Covariances:
-    """Return room for filters with a number of states besides those of navigation."""
+def covariances_of(states: int, own: bool = True, keep: Rooms = room) -> Covariances:
+    """Return room for filters with a number of states besides those of navigation.
+
+    Parameters
+    ----------
+    own : bool
+        Whether each filter has gains of its own; otherwise there are no rows.
+    keep : callable
+        Makes the rooms that outlast a step.
+    """
     size = 9 + states
     return Covariances(
-        room(size, size), room(6, 3), room(9, states), room(size, 9), room(9, size), room(SIX, 9), room(size, SIX),
-        room(size, SIX), room(size, SIX), room(SIX, SIX), room(SIX), room(size, size), room(9, 9), room(size),
-        room(size), room(9),
+        keep(size, size), room(6, 3), room(9, states), room(size, 9), room(9, size), room(SIX if own else 0, 9),
+        room(size, SIX), room(size, SIX), room(size, SIX), room(SIX, SIX), room(SIX), room(size, size), room(9, 9),
+        room(size), room(size), room(9),
     )  # fmt: skip
 
 

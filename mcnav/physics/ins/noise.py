@@ -6,6 +6,7 @@ normal variates by the transformation of Box and Muller.
 
 from __future__ import annotations
 
+from math import factorial
 from typing import Final
 
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.physics.jit import allocation_free_uncontracted, compiled, inlined
-from mcnav.physics.vectors import Vector, bits, doubles, load, store, where
+from mcnav.physics.vectors import Vector, bits, doubles, fma, load, store, where
 
 _LOW: Final = np.uint64(0xFFFFFFFF)
 _HALF: Final = np.uint64(32)
@@ -22,16 +23,22 @@ _SECOND: Final = np.uint64(0xCD9E8D57)
 _FIRST_KEY: Final = np.uint64(0x9E3779B9)
 _SECOND_KEY: Final = np.uint64(0xBB67AE85)
 _UNUSED: Final = np.uint64(12)
-"""Bits of a word that a mantissa has no place for."""
+_KEPT: Final = np.uint64(20)
+"""Bits of the second of two words that a mantissa has no place for, and has."""
 
 _ONE: Final = np.uint64(0x3FF0000000000000)
 """Bits of 1.0; with a mantissa, of a number from 1 to 2."""
 
-_LEAST: Final = 2.0**-52
+_HALF_ROOT: Final = np.uint64(0x3FE6A09E667F3BCD)
+"""Bits of the square root of a half."""
+
+_BELOW_ONE: Final = 1.0 - 2.0**-52
 _FRACTION: Final = np.uint64(0x000FFFFFFFFFFFFF)
 _PLACES: Final = np.uint64(52)
-_ONE_PLACE: Final = np.uint64(1)
-_SIGN: Final = np.uint64(63)
+_TO_SIGN: Final = np.uint64(62)
+_SIGN: Final = np.uint64(1 << 63)
+"""Place of the second bit of a number under the sign, and the bit of a sign."""
+
 _INTEGER: Final = np.uint64(0x4330000000000000)
 """Bits of 2^52; with an integer in the mantissa, of their sum."""
 
@@ -53,11 +60,27 @@ def philox(
     a: np.uint64, b: np.uint64, c: np.uint64, d: np.uint64, first: np.uint64, second: np.uint64
 ) -> tuple[np.uint64, np.uint64, np.uint64, np.uint64]:
     """Compute four words of 32 bits from a counter of four words and a key of two."""
+    # of what stands above the 32 bits of a word nothing is used
     for _ in range(10):
-        one, two = _FIRST * a, _SECOND * c
-        a, b, c, d = (two >> _HALF) ^ b ^ first, two & _LOW, (one >> _HALF) ^ d ^ second, one & _LOW
-        first, second = (first + _FIRST_KEY) & _LOW, (second + _SECOND_KEY) & _LOW
-    return a, b, c, d
+        one, two = _FIRST * (a & _LOW), _SECOND * (c & _LOW)
+        a, b, c, d = (two >> _HALF) ^ b ^ first, two, (one >> _HALF) ^ d ^ second, one
+        first, second = first + _FIRST_KEY, second + _SECOND_KEY
+    return a & _LOW, b & _LOW, c & _LOW, d & _LOW
+
+
+_ARTANH: Final = tuple(1 / (2 * n + 1) for n in range(10))
+_SINE: Final = tuple((-1) ** n / factorial(2 * n + 1) for n in range(8))
+_COSINE: Final = tuple((-1) ** n / factorial(2 * n) for n in range(9))
+"""Coefficients of Taylor series in the square: of artanh(x) / x, sin(x) / x and cos(x)."""
+
+
+@inlined
+def _series(z: Vector, coefficients: tuple[float, ...]) -> Vector:
+    """Sum a power series."""
+    total = 0.0 * z + coefficients[-1]
+    for n in range(len(coefficients) - 2, -1, -1):
+        total = fma(total, z, coefficients[n])
+    return total
 
 
 @inlined
@@ -66,17 +89,13 @@ def _log(u: Vector) -> Vector:
 
     With ``u = m 2^e`` and m between 1 / sqrt(2) and sqrt(2), ``log(m) = 2 artanh((m - 1) / (m + 1))``.
     """
-    written = bits(u)
-    mantissa = doubles((written & _FRACTION) | _ONE)
-    exponent = doubles((written >> _PLACES) | _INTEGER) - _OFFSET
-    large = mantissa > np.sqrt(2.0)
-    mantissa = where(large, 0.5 * mantissa, mantissa)
-    exponent = where(large, exponent + 1.0, exponent)
+    shifted = bits(u) + (_ONE - _HALF_ROOT)
+    mantissa = doubles((shifted & _FRACTION) + _HALF_ROOT)
+    exponent = doubles((shifted >> _PLACES) | _INTEGER) - _OFFSET
     f = (mantissa - 1.0) / (mantissa + 1.0)
     z = f * f
-    series = 1.0 + z * (1 / 3 + z * (1 / 5 + z * (1 / 7 + z * (1 / 9 + z * (1 / 11 + z * (
-        1 / 13 + z * (1 / 15 + z * (1 / 17 + z * (1 / 19 + z * (1 / 21))))))))))  # fmt: skip
-    return exponent * _LN2_HIGH + (2.0 * f * series + exponent * _LN2_LOW)
+    series = _series(z, _ARTANH)
+    return fma(exponent, _LN2_HIGH, fma(2.0 * f, series, exponent * _LN2_LOW))
 
 
 @inlined
@@ -85,14 +104,11 @@ def _circle(t: Vector) -> tuple[Vector, Vector]:
     quadrant = np.rint(4.0 * t)
     a = (0.5 * np.pi) * (4.0 * t - quadrant)
     z = a * a
-    sine = a * (1 + z * (-1 / 6 + z * (1 / 120 + z * (-1 / 5040 + z * (1 / 362880 + z * (-1 / 39916800 + z * (
-        1 / 6227020800 + z * (-1 / 1307674368000 + z * (1 / 355687428096000)))))))))  # fmt: skip
-    cosine = 1 + z * (-1 / 2 + z * (1 / 24 + z * (-1 / 720 + z * (1 / 40320 + z * (-1 / 3628800
-        + z * (1 / 479001600 + z * (-1 / 87178291200 + z * (1 / 20922789888000 + z * (
-            -1 / 6402373705728000)))))))))  # fmt: skip
+    sine = a * _series(z, _SINE)
+    cosine = _series(z, _COSINE)
     number = bits(quadrant + _OFFSET_OF_INTEGER)
     even = (number & np.uint64(1)) == np.uint64(0)
-    of_cosine, of_sine = ((number + np.uint64(1)) >> _ONE_PLACE) << _SIGN, (number >> _ONE_PLACE) << _SIGN
+    of_cosine, of_sine = ((number + np.uint64(1)) << _TO_SIGN) & _SIGN, (number << _TO_SIGN) & _SIGN
     return doubles(bits(where(even, cosine, sine)) ^ of_cosine), doubles(bits(where(even, sine, cosine)) ^ of_sine)
 
 
@@ -113,8 +129,8 @@ def draw_normals(seed: np.uint64, samples: NDArray[np.uint64], stream: int, firs
     for pair in range(first // 2, (first + count + 1) // 2):
         number = np.uint64(pair)
         a, b, c, d = philox(number & _LOW, number >> _HALF, low, high, key & _LOW, key >> _HALF)
-        radius = np.sqrt(-2.0 * _log((doubles(((a << _HALF | b) >> _UNUSED) | _ONE) - 1.0) + _LEAST))
-        cosine, sine = _circle(doubles(((c << _HALF | d) >> _UNUSED) | _ONE) - 1.0)
+        radius = np.sqrt(-2.0 * _log(doubles(a << _KEPT | b >> _UNUSED | _ONE) - _BELOW_ONE))
+        cosine, sine = _circle(doubles(c << _KEPT | d >> _UNUSED | _ONE) - 1.0)
         row = 2 * pair - first
         if row >= 0:
             store(out, row, radius * cosine)

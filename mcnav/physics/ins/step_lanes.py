@@ -11,10 +11,13 @@ from typing import Final, NamedTuple
 from mcnav._types import Array
 from mcnav.physics.ins.earth import gravitation
 from mcnav.physics.jit import allocation_free, allocation_free_part, allocation_free_uncontracted, inlined
-from mcnav.physics.vectors import Vector, load, room, store, where
+from mcnav.physics.vectors import Rooms, Vector, load, room, store, where
 
 LARGEST_TURN: Final = 0.5
 """Largest rotation by the gyros' errors within a step, rad: beyond it a sample leaves the engine's validity."""
+
+SHORT: Final = 2.0
+"""Longest step for `advance_short`, s: gravity's gradient, 3e-6 1/s^2, changes a remainder's growth by 2e-6 of it."""
 
 SMALLEST_RADIUS: Final = 0.5
 """Smallest distance from the earth's centre, as a share of the earth's radius."""
@@ -61,8 +64,9 @@ class Deviations(NamedTuple):
         Deviation of the position, and the change of gravitation by it beyond the linear one.
     errors, bias : ndarray, shapes (p, LANES), (b, LANES)
         Constant errors of the instruments, and biases of processes.
-    response : ndarray, shape (9, LANES)
-        Linear response of attitude, velocity and position to the errors of the instruments in the step.
+    response, linear_response : ndarray, shape (9, LANES)
+        Linear response of attitude, velocity and position to the errors of the instruments in the step: of the sample,
+        and of its linear deviation. Without a filter they are one array.
     turned : ndarray, shape (9, LANES)
         R - I at the beginning of the step.
     sound : ndarray, shape (1, LANES)
@@ -81,6 +85,7 @@ class Deviations(NamedTuple):
     errors: Array
     bias: Array
     response: Array
+    linear_response: Array
     turned: Array
     sound: Array
     moved: Array
@@ -90,11 +95,21 @@ class Deviations(NamedTuple):
     last: Array
 
 
-def deviations_of(errors: int, biases: int) -> Deviations:
-    """Return room for samples with a number of constant errors and of biases of processes."""
+def deviations_of(errors: int, biases: int, closed: bool = False, keep: Rooms = room) -> Deviations:
+    """Return room for samples with a number of constant errors and of biases of processes.
+
+    Parameters
+    ----------
+    closed : bool
+        Whether a filter estimates errors of the instruments, so that samples and their linear deviations respond to
+        what is left of different estimates.
+    keep : callable
+        Makes the rooms that outlast a step.
+    """
+    response = room(9)
     return Deviations(
-        room(4), room(9), room(6), room(3), room(3), room(errors), room(biases), room(9), room(9), room(1), room(6),
-        room(6), room(3), room(3), room(3),
+        keep(4), keep(9), keep(6), keep(3), keep(3), keep(errors), keep(biases), response,
+        room(9) if closed else response, room(9), keep(1), room(6), room(6), room(3), room(3), room(3),
     )  # fmt: skip
 
 
@@ -266,11 +281,29 @@ def products_within(
     )
 
 
+@inlined
+def _turn(ax: Vector, ay: Vector, az: Vector, samples: Deviations) -> None:
+    """Turn samples by what their gyros' errors amount to in a step; beyond `LARGEST_TURN` they are not sound."""
+    square = ax * ax + ay * ay + az * az
+    t = 0.25 * square
+    cosine = 1.0 - t * (1 / 2 - t * (1 / 24 - t * (1 / 720 - t * (1 / 40320 - t * (1 / 3628800)))))
+    sine = 0.5 * (1.0 - t * (1 / 6 - t * (1 / 120 - t * (1 / 5040 - t * (1 / 362880 - t * (1 / 39916800))))))
+    multiply_turns(samples.turn, cosine, sine * ax, sine * ay, sine * az)
+    store(samples.sound, 0, where(square < LARGEST_TURN * LARGEST_TURN, load(samples.sound, 0), 0.0))
+
+
+@inlined
+def _check_distance(constants: Array, x: Vector, y: Vector, z: Vector, samples: Deviations) -> None:
+    """Note which samples are so near to the earth's centre that they are not sound."""
+    floor = (SMALLEST_RADIUS * constants[0]) ** 2
+    store(samples.sound, 0, where(x * x + y * y + z * z > floor, load(samples.sound, 0), 0.0))
+
+
 @allocation_free_part
 def advance(k: int, tables: StepTables, samples: Deviations) -> None:
     """Take samples over step k, with their response to the errors of the instruments in it."""
     constants, motion, force, turned = tables.constants, tables.motion, tables.force, samples.turned
-    response, here, h = samples.response, samples.here, tables.durations[k]
+    response, along_it, here, h = samples.response, samples.linear_response, samples.here, tables.durations[k]
     moved, linear, there, middle, last = (
         samples.moved,
         samples.moved_linear,
@@ -296,20 +329,20 @@ def advance(k: int, tables: StepTables, samples: Deviations) -> None:
         store(moved, 3 * half + 1, py)
         store(moved, 3 * half + 2, pz)
     for r in range(6):
-        extra = load(moved, r)
+        extra = load(moved, r) + (load(response, 3 + r) - load(along_it, 3 + r))
         extra += force[k, r, 0] * b00 + force[k, r, 1] * b01 + force[k, r, 2] * b02
         extra += force[k, r, 3] * b10 + force[k, r, 4] * b11 + force[k, r, 5] * b12
         extra += force[k, r, 6] * b20 + force[k, r, 7] * b21 + force[k, r, 8] * b22
         extra += motion[k, r, 3] * dvx + motion[k, r, 4] * dvy + motion[k, r, 5] * dvz
         extra += motion[k, r, 6] * dx + motion[k, r, 7] * dy + motion[k, r, 8] * dz
         store(moved, r, extra)
-        along = load(response, 3 + r) + (motion[k, r, 0] * a + motion[k, r, 1] * b + motion[k, r, 2] * c)
+        along = load(along_it, 3 + r) + (motion[k, r, 0] * a + motion[k, r, 1] * b + motion[k, r, 2] * c)
         along += motion[k, r, 3] * vx + motion[k, r, 4] * vy + motion[k, r, 5] * vz
         along += motion[k, r, 6] * x + motion[k, r, 7] * y + motion[k, r, 8] * z
         store(linear, r, along)
     first = samples.pull
     for r in range(3):
-        store(samples.linear, r, load(samples.linear, r) + load(response, r))
+        store(samples.linear, r, load(samples.linear, r) + load(along_it, r))
         f = load(first, r)
         end = load(linear, 3 + r) + load(moved, 3 + r) + (0.5 * h * h) * f
         change = (load(samples.linear, 3 + r) + load(samples.beyond, r)) - (load(linear, r) + load(moved, r) + h * f)
@@ -338,13 +371,60 @@ def advance(k: int, tables: StepTables, samples: Deviations) -> None:
         store(here, r, load(linear, 3 + r) + position)
     for r in range(3):
         store(first, r, load(last, r))
-    square = ax * ax + ay * ay + az * az
-    t = 0.25 * square
-    cosine = 1.0 - t * (1 / 2 - t * (1 / 24 - t * (1 / 720 - t * (1 / 40320 - t * (1 / 3628800)))))
-    sine = 0.5 * (1.0 - t * (1 / 6 - t * (1 / 120 - t * (1 / 5040 - t * (1 / 362880 - t * (1 / 39916800))))))
-    multiply_turns(samples.turn, cosine, sine * ax, sine * ay, sine * az)
+    _turn(ax, ay, az, samples)
     x, y = tables.places[2 * k + 2, 0] + load(here, 0), tables.places[2 * k + 2, 1] + load(here, 1)
     z = tables.places[2 * k + 2, 2] + load(here, 2)
-    floor = (SMALLEST_RADIUS * constants[0]) ** 2
-    good = (square < LARGEST_TURN * LARGEST_TURN) & (x * x + y * y + z * z > floor)
-    store(samples.sound, 0, where(good, load(samples.sound, 0), 0.0))
+    _check_distance(constants, x, y, z, samples)
+
+
+@allocation_free_part
+def advance_short(k: int, tables: StepTables, samples: Deviations) -> None:
+    """Take samples over a step of at most `SHORT`, with their response to the errors of the instruments in it.
+
+    What gravity has beyond its linear part is that of the step's middle, and what the remainder of the velocity grows
+    by within the step is linear in time.
+    """
+    motion, thrust, turned, h = tables.motion, tables.thrust, samples.turned, tables.durations[k]
+    response, along_it, here, middle = samples.response, samples.linear_response, samples.here, samples.middle
+    linear, beyond, moved, gradients = samples.linear, samples.beyond, samples.moved, tables.gradients
+    turn_less_one(samples.turn, turned)
+    a, b, c = load(linear, 0), load(linear, 1), load(linear, 2)
+    vx, vy, vz = load(linear, 3), load(linear, 4), load(linear, 5)
+    x, y, z = load(linear, 6), load(linear, 7), load(linear, 8)
+    dvx, dvy, dvz = load(beyond, 0), load(beyond, 1), load(beyond, 2)
+    # position beyond the linear one in the middle of the step, and all of it
+    dx, dy, dz = load(beyond, 3) + 0.5 * h * dvx, load(beyond, 4) + 0.5 * h * dvy, load(beyond, 5) + 0.5 * h * dvz
+    store(here, 0, (x + 0.5 * h * vx) + dx)
+    store(here, 1, (y + 0.5 * h * vy) + dy)
+    store(here, 2, (z + 0.5 * h * vz) + dz)
+    change_gravitation(
+        tables.constants, tables.places[2 * k + 1], tables.fields[2 * k + 1], gradients[2 * k + 1], here, middle
+    )  # fmt: skip
+    ax, ay, az = load(response, 0), load(response, 1), load(response, 2)
+    lx, ly, lz = load(response, 3), load(response, 4), load(response, 5)
+    px, py, pz = products_within(turned, thrust, 0, k, ax, ay, az, lx, ly, lz)
+    # of the position, what noise adds besides half of the velocity's part, is turned too
+    lx, ly, lz = load(response, 6) - 0.5 * h * lx, load(response, 7) - 0.5 * h * ly, load(response, 8) - 0.5 * h * lz
+    # R - I without its linear part, times the specific force
+    fx, fy, fz = thrust[k, 0], thrust[k, 1], thrust[k, 2]
+    store(moved, 0, px + (load(turned, 0) * fx + (load(turned, 1) + c) * fy + (load(turned, 2) - b) * fz))
+    store(moved, 1, py + ((load(turned, 3) - c) * fx + load(turned, 4) * fy + (load(turned, 5) + a) * fz))
+    store(moved, 2, pz + ((load(turned, 6) + b) * fx + (load(turned, 7) - a) * fy + load(turned, 8) * fz))
+    for r in range(3):
+        pulled = gradients[2 * k + 1, r, 0] * dx + gradients[2 * k + 1, r, 1] * dy + gradients[2 * k + 1, r, 2] * dz
+        more = load(moved, r) + h * (load(middle, r) + pulled)
+        velocity, position = load(beyond, r), load(beyond, 3 + r)
+        position += h * velocity + 0.5 * h * more
+        position += load(turned, 3 * r) * lx + load(turned, 3 * r + 1) * ly + load(turned, 3 * r + 2) * lz
+        store(beyond, r, velocity + more + (load(response, 3 + r) - load(along_it, 3 + r)))
+        store(beyond, 3 + r, position + (load(response, 6 + r) - load(along_it, 6 + r)))
+        store(linear, r, load(linear, r) + load(along_it, r))
+    for r in range(6):
+        along = load(along_it, 3 + r) + (motion[k, r, 0] * a + motion[k, r, 1] * b + motion[k, r, 2] * c)
+        along += motion[k, r, 3] * vx + motion[k, r, 4] * vy + motion[k, r, 5] * vz
+        along += motion[k, r, 6] * x + motion[k, r, 7] * y + motion[k, r, 8] * z
+        store(linear, 3 + r, along)
+    _turn(ax, ay, az, samples)
+    x, y = tables.places[2 * k + 1, 0] + load(here, 0), tables.places[2 * k + 1, 1] + load(here, 1)
+    z = tables.places[2 * k + 1, 2] + load(here, 2)
+    _check_distance(tables.constants, x, y, z, samples)

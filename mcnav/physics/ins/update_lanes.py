@@ -11,10 +11,10 @@ from mcnav._types import Array, IndexArray
 from mcnav.physics.ins.earth import geodetic_altitude
 from mcnav.physics.ins.filter_lanes import SIX
 from mcnav.physics.ins.measurements import ALTITUDE, ATTITUDE, BODY_VELOCITY, HEADING, POSITION, VELOCITY
-from mcnav.physics.ins.step_lanes import turn_less_one
-from mcnav.physics.jit import allocation_free, allocation_free_part, allocation_free_uncontracted, inlined
+from mcnav.physics.ins.step_lanes import Deviations, turn_less_one
+from mcnav.physics.jit import allocation_free_part, allocation_free_uncontracted, inlined
 from mcnav.physics.lanes import angle_of_half, half_turn
-from mcnav.physics.vectors import Vector, load, room, store, where
+from mcnav.physics.vectors import Rooms, Vector, load, room, store, where
 
 
 class UpdateTables(NamedTuple):
@@ -24,6 +24,8 @@ class UpdateTables(NamedTuple):
     ----------
     constant_rows : ndarray, shape (U, M, a)
         Responses to the constant errors of the sensors that are not zero.
+    lags : ndarray of bool, shape (U,)
+        Whether an update's sensor has had one before.
     careful : ndarray of bool, shape (U,)
         Whether an update takes nearly all of a variance away.
     linked : ndarray of int
@@ -49,6 +51,7 @@ class UpdateTables(NamedTuple):
     variances: Array
     gains: Array
     roots: Array
+    lags: NDArray[np.bool_]
     careful: NDArray[np.bool_]
     linked: IndexArray
 
@@ -60,13 +63,11 @@ class Estimates(NamedTuple):
     ----------
     estimate, twin_estimate : ndarray, shape (q, LANES)
         Of the other states, with the sample's gains and along the truth.
-    twin : ndarray, shape (9, LANES)
-        Linear deviation of attitude, velocity and position.
     aiding : ndarray, shape (A, LANES)
         Constant errors of the sensors.
     drifts, shown : ndarray, shape (G, LANES)
         Correlated errors of all components, and those that the epochs show.
-    disturbance, innovation, whitened : ndarray, shape (SIX, LANES)
+    disturbance, innovation, twin_innovation, whitened : ndarray, shape (SIX, LANES)
     rotation : ndarray, shape (3, LANES)
         Rotation vector from true to indicated axes.
     accepted : ndarray, shape (1, LANES)
@@ -78,12 +79,12 @@ class Estimates(NamedTuple):
 
     estimate: Array
     twin_estimate: Array
-    twin: Array
     aiding: Array
     drifts: Array
     shown: Array
     disturbance: Array
     innovation: Array
+    twin_innovation: Array
     whitened: Array
     rotation: Array
     accepted: Array
@@ -91,11 +92,17 @@ class Estimates(NamedTuple):
     tally: Array
 
 
-def estimates_of(states: int, aiding: int, components: int, sensors: int) -> Estimates:
-    """Return room for estimates."""
+def estimates_of(states: int, aiding: int, components: int, sensors: int, keep: Rooms = room) -> Estimates:
+    """Return room for estimates.
+
+    Parameters
+    ----------
+    keep : callable
+        Makes the rooms that outlast an update.
+    """
     return Estimates(
-        room(states), room(states), room(9), room(aiding), room(components), room(components), room(SIX), room(SIX),
-        room(SIX), room(3), room(1), room(sensors, SIX), room(sensors, 5),
+        keep(states), keep(states), keep(aiding), keep(components), keep(components), room(SIX), room(SIX), room(SIX),
+        room(SIX), room(3), room(1), keep(sensors, SIX), keep(sensors, 5),
     )  # fmt: skip
 
 
@@ -134,7 +141,7 @@ def disturb(u: int, m: int, tables: UpdateTables, white: Array, drifting: Array,
         store(own.disturbance, c, value)
 
 
-@allocation_free
+@allocation_free_part
 def add_constant_errors(u: int, m: int, tables: UpdateTables, own: Estimates) -> None:
     """Add what constant errors of the sensors contribute to an update."""
     for c in range(m):
@@ -145,26 +152,21 @@ def add_constant_errors(u: int, m: int, tables: UpdateTables, own: Estimates) ->
 
 
 @allocation_free_part
-def correct_twins(u: int, m: int, tables: UpdateTables, own: Estimates) -> None:
-    """Update the linear samples with the gains along the truth."""
-    twin, estimate, innovation = own.twin, own.twin_estimate, own.innovation
+def innovate_twins(u: int, m: int, tables: UpdateTables, linear: Array, own: Estimates) -> None:
+    """Compute the innovations of the linear samples.
+
+    Parameters
+    ----------
+    linear : ndarray, shape (9, LANES)
+        Linear deviations.
+    """
     for c in range(m):
         value = -load(own.disturbance, c)
         for j in range(tables.bounds[u, c, 0], tables.bounds[u, c, 1]):
-            value += tables.rows[u, c, j] * load(twin, j)
+            value += tables.rows[u, c, j] * load(linear, j)
         for s in tables.linked:
-            value -= tables.state_rows[u, c, s] * load(estimate, s)
-        store(innovation, c, value)
-    for r in range(9):
-        value = load(twin, r)
-        for c in range(m):
-            value -= tables.gains[u, r, c] * load(innovation, c)
-        store(twin, r, value)
-    for s in range(len(estimate)):
-        value = load(estimate, s)
-        for c in range(m):
-            value += tables.gains[u, 9 + s, c] * load(innovation, c)
-        store(estimate, s, value)
+            value -= tables.state_rows[u, c, s] * load(own.twin_estimate, s)
+        store(own.twin_innovation, c, value)
 
 
 @inlined
@@ -207,25 +209,23 @@ def _heading_change(u: int, tables: UpdateTables, turned: Array) -> Vector:
     return 2.0 * angle_of_half(across / (further + np.sqrt(further * further + across * across)))
 
 
-@allocation_free
+@allocation_free_part
 def innovate(
-    u: int, m: int, constants: Array, tables: UpdateTables, turn: Array, turned: Array, linear: Array, rows: Array,
-    own: Estimates,
-) -> None:  # fmt: skip
+    u: int, m: int, constants: Array, tables: UpdateTables, samples: Deviations, rows: Array, own: Estimates
+) -> None:
     """Compute the innovations of the samples, and their responses to errors about each sample's own attitude.
 
     Parameters
     ----------
-    turned : ndarray, shape (9, LANES)
-        Room for R - I.
-    linear : ndarray, shape (9, LANES)
-        Whose last six are the deviations of velocity and position.
     rows : ndarray, shape (SIX, 9, LANES)
+        Or none, if the responses are not needed.
     """
+    turn, turned, linear, beyond = samples.turn, samples.turned, samples.linear, samples.beyond
     turn_less_one(turn, turned)
-    spin = constants[3]
-    x, y, z = load(linear, 6), load(linear, 7), load(linear, 8)
-    vx, vy, vz = load(linear, 3) + spin * y, load(linear, 4) - spin * x, load(linear, 5)  # over the earth
+    spin, wanted = constants[3], len(rows) > 0
+    x, y, z = load(linear, 6) + load(beyond, 3), load(linear, 7) + load(beyond, 4), load(linear, 8) + load(beyond, 5)
+    vx, vy = (load(linear, 3) + load(beyond, 0)) + spin * y, (load(linear, 4) + load(beyond, 1)) - spin * x
+    vz = load(linear, 5) + load(beyond, 2)  # over the earth
     zero = 0.0 * x
     for c in range(m):
         kind = tables.kinds[u, c]
@@ -235,39 +235,46 @@ def innovate(
         if kind in (POSITION, VELOCITY):
             if kind == POSITION:
                 value += dx * x + dy * y + dz * z
-                _store_three(rows, c, 3, zero, zero, zero)
-                _store_three(rows, c, 6, zero + dx, zero + dy, zero + dz)
             else:
                 value += dx * vx + dy * vy + dz * vz
+            if wanted and kind == POSITION:
+                _store_three(rows, c, 3, zero, zero, zero)
+                _store_three(rows, c, 6, zero + dx, zero + dy, zero + dz)
+            elif wanted:
                 _store_three(rows, c, 3, zero + dx, zero + dy, zero + dz)
                 _store_three(rows, c, 6, zero - spin * dy, zero + spin * dx, zero)
             if ax != 0.0 or ay != 0.0 or az != 0.0:
                 lx, ly, lz = _turned(turned, ax, ay, az)
                 value += dx * lx + dy * ly + dz * lz
-                lx, ly, lz = ax + lx, ay + ly, az + lz
-                _store_three(rows, c, 0, ly * dz - lz * dy, lz * dx - lx * dz, lx * dy - ly * dx)
+                if wanted:
+                    lx, ly, lz = ax + lx, ay + ly, az + lz
+                    _store_three(rows, c, 0, ly * dz - lz * dy, lz * dx - lx * dz, lx * dy - ly * dx)
         elif kind == ALTITUDE:
             value += _altitude_change(constants, u, tables.places, x, y, z)
-            _store_three(rows, c, 6, zero - dx, zero - dy, zero - dz)
+            if wanted:
+                _store_three(rows, c, 6, zero - dx, zero - dy, zero - dz)
         elif kind == ATTITUDE:
             rotation_vectors(turn, own.rotation)
             value += dx * load(own.rotation, 0) + dy * load(own.rotation, 1) + dz * load(own.rotation, 2)
-            ex, ey, ez = _turned(turned, dx, dy, dz)
-            _store_three(rows, c, 0, dx + ex, dy + ey, dz + ez)
+            if wanted:
+                ex, ey, ez = _turned(turned, dx, dy, dz)
+                _store_three(rows, c, 0, dx + ex, dy + ey, dz + ez)
         elif kind == BODY_VELOCITY:
             ex, ey, ez = _turned(turned, dx, dy, dz)
             value += ex * ax + ey * ay + ez * az
             ex, ey, ez = dx + ex, dy + ey, dz + ez
             value += ex * vx + ey * vy + ez * vz
-            ux, uy, uz = ax + vx, ay + vy, az + vz  # the navigator's own velocity over the earth
-            _store_three(rows, c, 0, ey * uz - ez * uy, ez * ux - ex * uz, ex * uy - ey * ux)
-            _store_three(rows, c, 3, ex, ey, ez)
-            _store_three(rows, c, 6, -spin * ey, spin * ex, zero)
+            if wanted:
+                ux, uy, uz = ax + vx, ay + vy, az + vz  # the navigator's own velocity over the earth
+                _store_three(rows, c, 0, ey * uz - ez * uy, ez * ux - ex * uz, ex * uy - ey * ux)
+                _store_three(rows, c, 3, ex, ey, ez)
+                _store_three(rows, c, 6, -spin * ey, spin * ex, zero)
         elif kind == HEADING:
             value += _heading_change(u, tables, turned) + (ax * x + ay * y + az * z)
-            _store_three(rows, c, 0, zero + dx, zero + dy, zero + dz)
-            _store_three(rows, c, 3, zero, zero, zero)
-            _store_three(rows, c, 6, zero + ax, zero + ay, zero + az)
+            if wanted:
+                _store_three(rows, c, 0, zero + dx, zero + dy, zero + dz)
+                _store_three(rows, c, 3, zero, zero, zero)
+                _store_three(rows, c, 6, zero + ax, zero + ay, zero + az)
         for s in tables.linked:
             value -= tables.state_rows[u, c, s] * load(own.estimate, s)
         store(own.innovation, c, value)
@@ -319,8 +326,47 @@ def _turn_back(x: Vector, y: Vector, z: Vector, turn: Array) -> None:
     store(turn, 3, w * e + (z * a + x * c - y * b))
 
 
+@inlined
+def _correction(
+    u: int, m: int, gains: Array, r: int, s: int, t: int, innovation: Array
+) -> tuple[Vector, Vector, Vector]:
+    """Compute ``K n`` of three states."""
+    n = load(innovation, 0)
+    x, y, z = gains[u, r, 0] * n, gains[u, s, 0] * n, gains[u, t, 0] * n
+    for c in range(1, m):
+        n = load(innovation, c)
+        x += gains[u, r, c] * n
+        y += gains[u, s, c] * n
+        z += gains[u, t, c] * n
+    return x, y, z
+
+
+@inlined
+def _add_three(out: Array, r: int, s: int, t: int, x: Vector, y: Vector, z: Vector) -> None:
+    """Add to three rows, or to fewer where some are the same."""
+    x, y, z = load(out, r) + x, load(out, s) + y, load(out, t) + z
+    store(out, r, x)
+    store(out, s, y)
+    store(out, t, z)
+
+
 @allocation_free_part
-def feed_back_own(m: int, white: Array, corrected: Array, turn: Array, linear: Array, own: Estimates) -> None:
+def correct_twins(u: int, m: int, gains: Array, samples: Deviations, own: Estimates) -> None:
+    """Correct the linear samples and their estimates by gains along the truth; the samples stay where they are."""
+    linear, beyond, last = samples.linear, samples.beyond, len(own.twin_estimate) - 1
+    for r in range(0, 9, 3):
+        x, y, z = _correction(u, m, gains, r, r + 1, r + 2, own.twin_innovation)
+        _add_three(linear, r, r + 1, r + 2, -x, -y, -z)
+        if r > 0:
+            _add_three(beyond, r - 3, r - 2, r - 1, x, y, z)
+    for s in range(0, last + 1, 3):
+        t, e = min(s + 1, last), min(s + 2, last)
+        x, y, z = _correction(u, m, gains, 9 + s, 9 + t, 9 + e, own.twin_innovation)
+        _add_three(own.twin_estimate, s, t, e, x, y, z)
+
+
+@allocation_free_part
+def feed_back_own(m: int, white: Array, corrected: Array, samples: Deviations, own: Estimates) -> None:
     """Correct the navigators and the estimates by ``K n = W u``, with the whitened innovations u.
 
     Parameters
@@ -328,18 +374,19 @@ def feed_back_own(m: int, white: Array, corrected: Array, turn: Array, linear: A
     white : ndarray, shape (9 + q, SIX, LANES)
         W, as `mcnav.physics.ins.filter_lanes.whiten` has it.
     """
-    x = y = z = 0.0 * load(turn, 0)
+    beyond = samples.beyond
+    x = y = z = 0.0 * load(samples.turn, 0)
     for c in range(m):
         u = load(own.whitened, c)
         x += load(white, (0, c)) * u
         y += load(white, (1, c)) * u
         z += load(white, (2, c)) * u
-    _turn_back(x, y, z, turn)
-    for r in range(3, 9):
-        x = load(linear, r)
+    _turn_back(x, y, z, samples.turn)
+    for r in range(6):
+        x = load(beyond, r)
         for c in range(m):
-            x -= load(white, (r, c)) * load(own.whitened, c)
-        store(linear, r, x)
+            x -= load(white, (3 + r, c)) * load(own.whitened, c)
+        store(beyond, r, x)
     for s in range(len(own.estimate)):
         if corrected[9 + s] > 0.0:
             x = load(own.estimate, s)
@@ -349,24 +396,17 @@ def feed_back_own(m: int, white: Array, corrected: Array, turn: Array, linear: A
 
 
 @allocation_free_part
-def feed_back_shared(u: int, m: int, gains: Array, turn: Array, linear: Array, own: Estimates) -> None:
+def feed_back_shared(u: int, m: int, gains: Array, samples: Deviations, own: Estimates) -> None:
     """Correct the navigators and the estimates by gains along the truth."""
+    beyond, last = samples.beyond, len(own.estimate) - 1
     for c in range(m):
         store(own.innovation, c, load(own.accepted, 0) * load(own.innovation, c))
-    x = y = z = 0.0 * load(turn, 0)
-    for c in range(m):
-        n = load(own.innovation, c)
-        x += gains[u, 0, c] * n
-        y += gains[u, 1, c] * n
-        z += gains[u, 2, c] * n
-    _turn_back(x, y, z, turn)
-    for r in range(3, 9):
-        x = load(linear, r)
-        for c in range(m):
-            x -= gains[u, r, c] * load(own.innovation, c)
-        store(linear, r, x)
-    for s in range(len(own.estimate)):
-        x = load(own.estimate, s)
-        for c in range(m):
-            x += gains[u, 9 + s, c] * load(own.innovation, c)
-        store(own.estimate, s, x)
+    x, y, z = _correction(u, m, gains, 0, 1, 2, own.innovation)
+    _turn_back(x, y, z, samples.turn)
+    for r in range(0, 6, 3):
+        x, y, z = _correction(u, m, gains, 3 + r, 4 + r, 5 + r, own.innovation)
+        _add_three(beyond, r, r + 1, r + 2, -x, -y, -z)
+    for s in range(0, last + 1, 3):
+        t, e = min(s + 1, last), min(s + 2, last)
+        x, y, z = _correction(u, m, gains, 9 + s, 9 + t, 9 + e, own.innovation)
+        _add_three(own.estimate, s, t, e, x, y, z)

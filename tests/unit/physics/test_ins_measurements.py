@@ -10,6 +10,7 @@ from mcnav._types import Array
 from mcnav.physics.ins.aiding import Sensor, aiding_constants
 from mcnav.physics.ins.filter_lanes import SIX
 from mcnav.physics.ins.measurements import ATTITUDE, HEADING, Measurements, measure
+from mcnav.physics.ins.step_lanes import deviations_of
 from mcnav.physics.ins.update_lanes import UpdateTables, estimates_of, innovate
 from mcnav.physics.vectors import room
 from tests.aided import make_sensor
@@ -36,20 +37,20 @@ def update_tables(found: Measurements) -> UpdateTables:
         found.sensors, found.sizes, found.components, found.kinds, found.directions, found.arms,
         found.constants[:, :, :0], found.rows, found.forward, found.places, whole, none, none, none, np.zeros(updates),
         np.zeros((updates, most, 0)), none, np.zeros((updates, 9, most)), np.zeros((updates, most, most)),
-        np.zeros(updates, dtype=np.bool_), np.zeros(0, dtype=np.int64),
+        np.zeros(updates, dtype=np.bool_), np.zeros(updates, dtype=np.bool_), np.zeros(0, dtype=np.int64),
     )  # fmt: skip
 
 
 def innovations_and_rows(found: Measurements, turn: Array, velocity: Array, away: Array) -> tuple[Array, Array]:
     """Compute all innovations of a navigator whose deviations are given, and their responses to errors."""
     tables, constants = update_tables(found), flight(1.0).earth.constants
-    quaternion, linear = room(4), room(9)
-    quaternion[:] = np.roll(Rotation.from_rotvec(turn).as_quat(), 1)[:, None]
-    linear[3:6], linear[6:] = velocity[:, None], away[:, None]
+    samples = deviations_of(0, 0)
+    samples.turn[:] = np.roll(Rotation.from_rotvec(turn).as_quat(), 1)[:, None]
+    samples.linear[3:6], samples.beyond[3:] = velocity[:, None], away[:, None]  # the sum of both counts
     values, responses = [], []
     for u, m in enumerate(found.sizes):
         own, rows = estimates_of(0, 0, 0, len(SENSORS)), room(SIX, 9)
-        innovate(u, m, constants, tables, quaternion, room(9), linear, rows, own)
+        innovate(u, m, constants, tables, samples, rows, own)
         assert np.all(own.innovation == own.innovation[:, :1])
         values.append(own.innovation[:m, 0])
         responses.append(rows[:m, :, 0])

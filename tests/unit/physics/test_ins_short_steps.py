@@ -1,0 +1,86 @@
+"""Short steps of deviations: by their own scheme and by the general one."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from mcnav._types import Array
+from mcnav.physics.ins.step_lanes import SHORT, Deviations, StepTables, advance, advance_short, deviations_of, start
+from tests.cross.test_ins_aided import engine
+
+STEP = 100
+TURN, APART, VELOCITY, AWAY = 0.02, 1e-3, 1.0, 2_000.0
+"""Turn of the sample, rad; linear and nonlinear deviations: of attitude, rad, velocity, m/s, and position, m."""
+
+RESPONSE = np.repeat([1e-5, 1e-3, 1e-3], 3)
+"""To the errors of the instruments in the step, rad, m/s, m."""
+
+
+def tables() -> StepTables:
+    """Return the tables of a flight with steps of a second."""
+    made = engine().tables
+    return made.ensemble.steps(made.loop.truth.earth, np.zeros(0, dtype=np.int64))
+
+
+def samples() -> Deviations:
+    """Return samples whose nonlinear deviations are far larger than a filter leaves them."""
+    rng = np.random.default_rng(3)
+    made = deviations_of(0, 0, closed=True)
+    lanes = made.turn.shape[1]
+    turn = TURN * rng.standard_normal((lanes, 3))
+    made.turn[:] = np.roll(Rotation.from_rotvec(turn).as_quat(), 1, axis=1).T
+    made.linear[:3] = turn.T + APART * rng.standard_normal((3, lanes))
+    sizes = np.repeat([VELOCITY, AWAY], 3)[:, None]
+    made.linear[3:] = sizes * rng.standard_normal((6, lanes))
+    made.beyond[:] = 0.01 * sizes * rng.standard_normal((6, lanes))
+    made.response[:] = RESPONSE[:, None] * rng.standard_normal((9, lanes))
+    made.linear_response[:] = made.response + 0.1 * RESPONSE[:, None] * rng.standard_normal((9, lanes))
+    made.sound[:] = 1.0
+    return made
+
+
+def stepped(short: bool) -> Deviations:
+    shared, made = tables(), samples()
+    if short:
+        advance_short(STEP, shared, made)
+    else:
+        start(STEP, shared, made)
+        advance(STEP, shared, made)
+    assert np.all(made.sound == 1.0)
+    return made
+
+
+def largest(rows: Array) -> float:
+    return float(np.linalg.norm(rows, axis=0).max())
+
+
+def test_a_short_step_is_that_of_the_general_scheme() -> None:
+    """Velocities differ by what gravity's gradient makes, within the step, of what the velocity grows by.
+
+    Positions differ besides by the part of the specific force's second integral that is not half of the first, and by
+    products of the errors within the step.
+    """
+    shared, before = tables(), samples()
+    found, expected = stepped(short=True), stepped(short=False)
+    h = shared.durations[STEP]
+    assert h <= SHORT
+    np.testing.assert_array_equal(found.turn, expected.turn)
+    np.testing.assert_array_equal(found.linear, expected.linear)
+    force, twice = shared.thrust[STEP, :3], shared.thrust[STEP, 3:]
+    gradient = float(np.linalg.norm(shared.gradients[2 * STEP + 1], 2))
+    growth = float(np.abs(found.beyond[:3] - before.beyond[:3]).max())
+    turned = largest(before.linear[:3]) + APART  # at least the size of R - I
+    left = gradient * h**2 * (growth + gradient * h * largest(before.beyond[3:]) + largest(before.beyond[:3]))
+    # Simpson's rule against the middle: gravity's remainder grows with the square of the distance
+    away = largest(before.linear[6:]) + largest(before.beyond[3:])
+    remainder = 3.0 * gradient * away**2 / np.linalg.norm(shared.places[2 * STEP])
+    left += remainder * h * (h * (largest(before.linear[3:6]) + growth) / away) ** 2
+    rounding = 1e-15 * (away + h * float(np.linalg.norm(shared.fields[2 * STEP])))
+    assert np.abs(found.beyond[:3] - expected.beyond[:3]).max() <= left + rounding
+    rotation, velocity = largest(before.response[:3]), largest(before.response[3:6])
+    products = rotation * (rotation * float(np.linalg.norm(force)) + velocity)
+    further = turned**2 * float(np.linalg.norm(twice - 0.5 * h * force)) + h * products
+    assert np.abs(found.beyond[3:] - expected.beyond[3:]).max() <= h * left + further + rounding
+    # the bound is far below what the step adds
+    assert left < 1e-3 * growth
