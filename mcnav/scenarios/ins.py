@@ -272,7 +272,8 @@ class EnsembleEngine:
         found = simulate(
             self.navigation.truth, self.navigation.start, self.tables, batch.errors, batch.seed, batch.index
         )
-        values = np.where(found.valid[:, None, None], found.values, np.nan)
+        values = found.values
+        values[~found.valid] = np.nan
         return SimulationResult(
             values[:, -1], self._failures(found.valid), linear_values=found.linear[:, -1], history=values
         )
@@ -280,8 +281,8 @@ class EnsembleEngine:
     def propagate(self, errors: Array) -> SimulationResult:
         """Simulate samples without noise, shape (n, sources)."""
         found = simulate(self.navigation.truth, self.navigation.start, self._quiet, errors, 0, np.arange(len(errors)))
-        values = np.where(found.valid[:, None, None], found.values, np.nan)
-        return SimulationResult(values[:, -1], self._failures(found.valid))
+        found.values[~found.valid] = np.nan
+        return SimulationResult(found.values[:, -1], self._failures(found.valid))
 
     @cached_property
     def _quiet(self) -> EnsembleTables:

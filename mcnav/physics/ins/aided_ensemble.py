@@ -1,9 +1,9 @@
 """Many samples of an aided navigator, each with its own filter, and the linear closed loop of the same draws.
 
-A sample is a deviation from the shared truth (`mcnav.physics.ins.ensemble`), whose linear part is its twin in the linear
-closed loop: the twin has the gains along the truth and the same noise. What a filter has estimated is subtracted from
-the errors of the instruments. The filter's covariance is propagated with the step's tables turned to the sample's own
-indicated attitude and force; its gains are its own, or with shared gains those along the truth.
+A sample is a deviation from the shared truth (`mcnav.physics.ins.ensemble`), whose linear part is its twin in the
+linear closed loop: the twin has the gains along the truth and the same noise. What a filter has estimated is subtracted
+from the errors of the instruments. The filter's covariance is propagated with the step's tables turned to the sample's
+own indicated attitude and force; its gains are its own, or with shared gains those along the truth.
 """
 
 from __future__ import annotations
@@ -377,8 +377,7 @@ def simulate_aided(
     truth, measured, model = loop.truth, loop.measurements, loop.filter
     errors = np.ascontiguousarray(errors, dtype=float)
     count, epochs, states = len(errors), len(shared.epochs), len(model.constants)
-    turn, velocity, position = deviate(truth, float(loop.times[0]), errors[:, :9])
-    state = np.hstack([turn, velocity, position])
+    state = deviate(truth, float(loop.times[0]), errors[:, :9])
     linear = np.einsum("nj,ij->ni", errors[:, :9], shared.start_map)
     instruments, aiding = errors[:, 9 : len(CONSTANTS)], errors[:, len(CONSTANTS) :]
     active, active_aiding = np.flatnonzero(instruments.any(axis=0)), np.flatnonzero(aiding.any(axis=0))

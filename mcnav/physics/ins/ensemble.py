@@ -259,8 +259,7 @@ def _simulate(
     noisy: bool,
 ) -> EnsembleErrors:
     errors = np.ascontiguousarray(errors, dtype=float)
-    turn, velocity, position = deviate(truth, start, errors[:, :9])
-    state = np.hstack([turn, velocity, position])
+    state = deviate(truth, start, errors[:, :9])
     linear = np.einsum("nj,ij->ni", errors[:, :9], tables.start_map)  # a matrix product rounds by a row's place
     active = np.flatnonzero(errors[:, 9:].any(axis=0))
     values, predicted = np.empty((len(errors), len(tables.epochs), 9)), np.empty((len(errors), len(tables.epochs), 9))
