@@ -7,15 +7,17 @@ spline with a continuous angular acceleration. A vehicle at rest is at rest exac
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from mcnav._types import Array
 from mcnav.physics.ins.earth import Earth, local_axes
+from mcnav.physics.ins.spline_states import intervals, states_of_splines
 
 if TYPE_CHECKING:
-    from scipy.interpolate import CubicSpline
+    from scipy.interpolate import CubicSpline, PPoly
     from scipy.spatial.transform import Rotation, RotationSpline
 
 Platform = Literal["strapdown", "inertial", "level"]
@@ -140,6 +142,8 @@ class Truth:
             Instant at which navigation starts, and at which an inertial platform has the body's directions.
         """
         time = np.atleast_1d(np.asarray(time, dtype=float))
+        if platform == "strapdown" and self._attitude_spline is not None:
+            return self._states_of_splines(time, *self._attitude_spline)
         earth = self.earth
         position, velocity = self.earth_fixed(time)
         to_inertial = earth.turned(time - self.times[0])
@@ -164,6 +168,31 @@ class Truth:
             force,
             np.ascontiguousarray(rate),
         )
+
+    @cached_property
+    def _attitude_spline(self) -> tuple[PPoly, Array] | None:
+        """Rotation vectors and matrices from body to earth-fixed axes at their knots; none where not all is splines."""
+        from scipy.interpolate import PPoly
+        from scipy.spatial.transform import RotationSpline
+
+        if isinstance(self.position, PPoly) and isinstance(self.attitude, RotationSpline):
+            return self.attitude.interpolator, np.ascontiguousarray(self.attitude.rotations.as_matrix())
+        return None
+
+    def _states_of_splines(self, time: Array, vectors: PPoly, turns: Array) -> TruthStates:
+        """Compute the truth with the instruments on the body."""
+        count = len(time)
+        found = TruthStates(
+            time, np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 3, 3)), np.empty((count, 3)),
+            np.empty((count, 3)),
+        )  # fmt: skip
+        knots = self.position.x
+        states_of_splines(
+            self.earth.constants, time - self.times[0], time, intervals(knots, time), self.position.c, knots,
+            intervals(vectors.x, time), vectors.c, vectors.x, turns, found.position, found.velocity, found.axes,
+            found.force, found.rate,
+        )  # fmt: skip
+        return found
 
     def _level(self, position: Array, velocity: Array) -> tuple[Array, Array]:
         """Compute the local axes, n to e, and their inertial rate in n."""
