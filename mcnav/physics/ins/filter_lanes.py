@@ -1,7 +1,7 @@
 """Covariances of the filters of LANES aided samples: propagation, updates and normalized errors.
 
 Each filter's transition is that of the step's tables, turned to the attitude and the force that its sample indicates.
-Rows and columns are those of its 9 + q states; covariances are kept whole, and exactly symmetric.
+Rows and columns are those of its 9 + q states; of the covariances the lower triangles count.
 """
 
 from __future__ import annotations
@@ -174,6 +174,12 @@ def turn_tables(
             store(added, (9 + s, row + 2), z)
 
 
+@inlined
+def _at(row: int, column: int) -> tuple[int, int]:
+    """Return the place of an entry of a covariance in its lower triangle."""
+    return max(row, column), min(row, column)
+
+
 @allocation_free
 def propagate_covariances(k: int, motion: Array, tables: FilterSteps, filters: Covariances) -> None:
     """Take the filters' covariances over a step: ``P' = Phi P Phi^T + Q``."""
@@ -182,10 +188,10 @@ def propagate_covariances(k: int, motion: Array, tables: FilterSteps, filters: C
     )  # fmt: skip
     size, turning, moving = len(p), tables.turning, tables.moving
     for j in range(size):
-        a, b, c = load(p, (0, j)), load(p, (1, j)), load(p, (2, j))
+        a, b, c = load(p, _at(0, j)), load(p, _at(1, j)), load(p, _at(2, j))
         x, y, z = a, b, c
         for s in turning:
-            e = load(p, (9 + s, j))
+            e = load(p, _at(9 + s, j))
             x += load(coupled, (0, s)) * e
             y += load(coupled, (1, s)) * e
             z += load(coupled, (2, s)) * e
@@ -197,12 +203,12 @@ def propagate_covariances(k: int, motion: Array, tables: FilterSteps, filters: C
             y = load(transition, (r + 1, 0)) * a + load(transition, (r + 1, 1)) * b + load(transition, (r + 1, 2)) * c
             z = load(transition, (r + 2, 0)) * a + load(transition, (r + 2, 1)) * b + load(transition, (r + 2, 2)) * c
             for i in range(3, 9):
-                e = load(p, (i, j))
+                e = load(p, _at(i, j))
                 x += motion[k, r, i] * e
                 y += motion[k, r + 1, i] * e
                 z += motion[k, r + 2, i] * e
             for s in moving:
-                e = load(p, (9 + s, j))
+                e = load(p, _at(9 + s, j))
                 x += load(coupled, (3 + r, s)) * e
                 y += load(coupled, (4 + r, s)) * e
                 z += load(coupled, (5 + r, s)) * e
@@ -215,7 +221,6 @@ def propagate_covariances(k: int, motion: Array, tables: FilterSteps, filters: C
             for s in turning:
                 x += load(product, (r, 9 + s)) * load(coupled, (j, s))
             store(p, (r, j), x)
-            store(p, (j, r), x)
         a, b, c = load(product, (r, 0)), load(product, (r, 1)), load(product, (r, 2))
         for j in range(3, r + 1):
             x = load(added, (r, j)) + (
@@ -226,16 +231,13 @@ def propagate_covariances(k: int, motion: Array, tables: FilterSteps, filters: C
             for s in moving:
                 x += load(product, (r, 9 + s)) * load(coupled, (j, s))
             store(p, (r, j), x)
-            store(p, (j, r), x)
         for s in range(size - 9):
             x = tables.decay[k, s] * load(product, (r, 9 + s)) + load(added, (9 + s, r))
             store(p, (9 + s, r), x)
-            store(p, (r, 9 + s), x)
     for s in range(size - 9):
         for e in range(s + 1):
             x = tables.decay[k, s] * tables.decay[k, e] * load(p, (9 + s, 9 + e)) + tables.noise[k, 9 + s, 9 + e]
             store(p, (9 + s, 9 + e), x)
-            store(p, (9 + e, 9 + s), x)
 
 
 @inlined
@@ -248,6 +250,19 @@ def _project(
         x += load(p, (r, j)) * load(rows, (c, j))
     for s in linked:
         x += load(p, (r, 9 + s)) * state_rows[u, c, s]
+    return x
+
+
+@inlined
+def _project_covariance(
+    p: Array, r: int, c: int, rows: Array, begin: int, end: int, state_rows: Array, u: int, linked: IndexArray
+) -> Vector:
+    """Compute the same of a covariance's lower triangle."""
+    x = load(p, _at(r, begin)) * load(rows, (c, begin))
+    for j in range(begin + 1, end):
+        x += load(p, _at(r, j)) * load(rows, (c, j))
+    for s in linked:
+        x += load(p, _at(r, 9 + s)) * state_rows[u, c, s]
     return x
 
 
@@ -271,7 +286,7 @@ def factor_innovations(
     for c in range(m):
         begin, end = bounds[u, c, 0], bounds[u, c, 1]
         for r in range(len(filters.p)):
-            store(cross, (r, c), _project(filters.p, r, c, rows, begin, end, state_rows, u, linked))
+            store(cross, (r, c), _project_covariance(filters.p, r, c, rows, begin, end, state_rows, u, linked))
     for c in range(m):
         for e in range(c + 1):
             x = 0.0 * load(cross, (0, e))
@@ -324,7 +339,6 @@ def reduce_covariances(m: int, corrected: Array, filters: Covariances) -> None:
                     x = load(p, (r, j))
                     x = x - a * load(white, (j, 0)) - b * load(white, (j, 1)) - c * load(white, (j, 2))
                     store(p, (r, j), x)
-                    store(p, (j, r), x)
         else:
             d, e, f = load(white, (r, 3)), load(white, (r, 4)), load(white, (r, 5))
             for j in range(r + 1):
@@ -333,7 +347,6 @@ def reduce_covariances(m: int, corrected: Array, filters: Covariances) -> None:
                     x = x - a * load(white, (j, 0)) - b * load(white, (j, 1)) - c * load(white, (j, 2))
                     x = x - d * load(white, (j, 3)) - e * load(white, (j, 4)) - f * load(white, (j, 5))
                     store(p, (r, j), x)
-                    store(p, (j, r), x)
 
 
 @allocation_free
@@ -356,7 +369,7 @@ def reduce_by_joseph(
             store(gain, (r, c), x * load(filters.inverse, c))
     for r in range(len(p)):
         for j in range(len(p)):
-            x = load(p, (r, j))
+            x = load(p, _at(r, j))
             for c in range(m):
                 x -= load(gain, (r, c)) * load(cross, (j, c))
             store(left, (r, j), x)
@@ -371,7 +384,6 @@ def reduce_by_joseph(
             for c in range(m):
                 x -= load(white, (r, c)) * load(gain, (j, c))
             store(p, (r, j), x)
-            store(p, (j, r), x)
 
 
 @inlined
@@ -427,7 +439,7 @@ def normalize_errors(
         for c in range(9):
             x = 0.0 * error
             for j in range(9):
-                x += to_outputs[r, j] * load(p, (j, c))
+                x += to_outputs[r, j] * load(p, _at(j, c))
             store(half, (r, c), x)
     for r in range(9):
         for c in range(r + 1):
