@@ -6,7 +6,6 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.execution.chunks import DrawPlan
-from mcnav.execution.processes import IsolatedEngine
 from mcnav.scenarios.noise_soundness import find_unsettled_noise
 from mcnav.scenarios.protocol import Engine, Scenario
 from mcnav.scenarios.soundness import Unsettled, find_unsettled
@@ -21,8 +20,11 @@ def exact_engine(scenario: Scenario, probes: Array, timeout: float | None) -> En
 
 def isolated(scenario: Scenario, engine: Engine, timeout: float | None) -> Engine:
     """Run a user's code in a process of its own where it may end the process."""
-    at_risk = isinstance(scenario, UserScenario) and (engine.parallel == "processes" or timeout is not None)
-    return IsolatedEngine(engine, len(scenario.outputs), timeout) if at_risk else engine
+    if not (isinstance(scenario, UserScenario) and (engine.parallel == "processes" or timeout is not None)):
+        return engine
+    from mcnav.execution.processes import IsolatedEngine  # a tenth of a second, which other scenarios do not need
+
+    return IsolatedEngine(engine, len(scenario.outputs), timeout)
 
 
 def find_doubt(scenario: Scenario, draws: DrawPlan, tolerance: float, timeout: float | None) -> Unsettled | None:
