@@ -44,6 +44,8 @@ def find_doubt(scenario: Scenario, draws: DrawPlan, tolerance: float, timeout: f
     """
     if not isinstance(scenario, UserScenario):
         return None
+    from mcnav.execution.processes import IsolatedEngine
+
     errors = draws.errors
     engine = exact_engine(scenario, draws.probes(), timeout)
     varied = np.asarray((errors.standard_deviations > 0.0) | (errors.mean != 0.0))
