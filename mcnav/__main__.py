@@ -1,5 +1,15 @@
-"""``python -m mcnav``."""
+"""``mcnav`` and ``python -m mcnav``."""
 
-from mcnav.cli import main
+from mcnav._interrupts import interruptible
 
-main()
+
+def main() -> None:
+    """Run the command line; its import takes long enough to be interrupted."""
+    with interruptible():
+        from mcnav import cli
+
+        cli.main()
+
+
+if __name__ == "__main__":
+    main()

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import atexit
 import gc
 import os
-import signal
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
 from typing import Annotated, Any, Literal, ParamSpec, TypeVar
@@ -16,11 +14,12 @@ from typing import Annotated, Any, Literal, ParamSpec, TypeVar
 import typer
 
 from mcnav import shell_completion as completion
+from mcnav._interrupts import RESUMES, interruptible, interrupts
 from mcnav.pages import Page, page_text
 from mcnav.report.fitted_table import OpenConsole
 
-CHECK_FAILED, BAD_INPUT, SOME_FAILED, BUSY, INTERRUPTED, TERMINATED = 1, 2, 3, 4, 130, 143
-"""Exit statuses; 0 is success."""
+CHECK_FAILED, BAD_INPUT, SOME_FAILED, BUSY = 1, 2, 3, 4
+"""Exit statuses; 0 is success, and those of interrupts are in `mcnav._interrupts`."""
 
 GARBAGE_THRESHOLD = 50_000
 """New objects after which Python looks for cycles to free."""
@@ -56,22 +55,6 @@ NamedColumns = Annotated[
     typer.Option(metavar="NAME=COLUMN", help="Column of a trajectory file, such as 'lat=latitude [rad]'; repeat."),
 ]
 
-_signals: list[int] = []
-"""Signals received that end the command."""
-
-
-def _end(number: int, frame: object) -> None:
-    """Interrupt the command; exit at once on a second signal, as files are written whole and workers end with it."""
-    _signals.append(number)
-    if len(_signals) > 1:
-        os._exit(_signal_status())
-    raise KeyboardInterrupt
-
-
-def _signal_status() -> int:
-    return TERMINATED if _signals[:1] == [signal.SIGTERM] else INTERRUPTED
-
-
 def _fail(message: str, status: int = BAD_INPUT) -> typer.Exit:
     for line in message.splitlines():
         err.print(f"error: {line}", markup=False)
@@ -85,16 +68,16 @@ def _reported_errors(file: Path | None) -> Iterator[None]:
     from mcnav.lincov.partials import SimulationFailed
     from mcnav.scenarios.protocol import ScenarioError
 
-    resumes = "stored samples are kept, and the same command{} resumes the run"
     try:
         yield
     except RunFolderBusy as problem:
         raise _fail(str(problem), BUSY) from None
     except TooManyFailures as problem:
-        raise _fail(f"{problem}; {resumes.format(' without --max-failures')}", SOME_FAILED) from None
+        raise _fail(f"{problem}; {RESUMES.format(' without --max-failures')}", SOME_FAILED) from None
     except MemoryError:
         place = f"{file}: " if file else ""
-        raise _fail(f"{place}not enough memory; {resumes.format('')} (fewer --jobs need less)") from None
+        remedy = f"; {RESUMES.format('')} (fewer --jobs need less)" if interrupts.resumes else ""
+        raise _fail(f"{place}not enough memory{remedy}") from None
     except ScenarioError as problem:
         raise _fail(str(Problem(str(file or ""), f"scenario.{problem.key}", str(problem)))) from None
     except SimulationFailed as problem:
@@ -103,20 +86,20 @@ def _reported_errors(file: Path | None) -> Iterator[None]:
         raise _fail(str(problem)) from None
     except OSError as problem:
         raise _fail(f"{problem.filename or 'a file'}: {problem.strerror or problem}") from None
-    except KeyboardInterrupt:
-        raise _fail(f"interrupted; {resumes.format('')}", _signal_status()) from None
 
 
 def _command(
-    name: str | None = None, group: typer.Typer = app
+    name: str | None = None, group: typer.Typer = app, resumes: bool = False
 ) -> Callable[[Callable[Parameters, Result]], Callable[Parameters, Result]]:
-    """Add a command whose errors are reported; its parameter ``campaign``, if any, is the file that they name."""
+    """Add a command whose errors are reported; its parameter ``campaign``, if any, is the file that they name.
+
+    One that ``resumes`` stores samples, and continues where it was interrupted.
+    """
 
     def add(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
         @wraps(function)
         def command(*arguments: Parameters.args, **options: Parameters.kwargs) -> Result:
-            for number in (signal.SIGINT, signal.SIGTERM):
-                signal.signal(number, _end)
+            interrupts.resumes = resumes
             file = options.get("campaign")
             with _reported_errors(file if isinstance(file, Path) else None):
                 return function(*arguments, **options)
@@ -175,7 +158,7 @@ def program(
     """Test the linear covariance analysis of an inertial navigation system by Monte Carlo simulation."""
 
 
-@_command()
+@_command(resumes=True)
 def run(
     campaign: CampaignFile,
     folder: Annotated[Path | None, typer.Option("--out", help="Run folder [default: reports/NAME].")] = None,
@@ -266,7 +249,7 @@ def run(
         raise typer.Exit(SOME_FAILED)
 
 
-@_command()
+@_command(resumes=True)
 def demo(
     name: Annotated[
         str,
@@ -656,7 +639,7 @@ def allocate(
     _print_written(files)
 
 
-@_command()
+@_command(resumes=True)
 def sweep(
     campaign: CampaignFile,
     vary: Annotated[
@@ -1006,14 +989,7 @@ def _prepare_process() -> None:
 
 
 def main() -> None:
-    """Run the command line; after a signal, exit without waiting for threads that still simulate or import."""
+    """Run the command line."""
     _prepare_process()
-    try:
+    with interruptible():
         app(prog_name="mcnav")
-    finally:
-        if _signals:
-            atexit._run_exitfuncs()  # temporary folders, semaphores; an ordinary exit would join threads first
-            with suppress(OSError):  # the reader of the output may have ended
-                sys.stdout.flush()
-                sys.stderr.flush()
-            os._exit(_signal_status())

@@ -318,7 +318,7 @@ def _from_file(
         file = read_file(table.file, key.rpartition(".")[2], context)
 
         def read() -> tuple[Truth, TrajectoryRows]:
-            rows = read_trajectory_file(Path(file.path), table.columns, earth)
+            rows = read_trajectory_file(Path(file.path), table.columns, earth, file.digest)
             return rows.truth(earth), rows
 
         named = tuple(sorted((table.columns or {}).items()))

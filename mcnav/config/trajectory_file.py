@@ -8,6 +8,7 @@ stand in the header itself. VN, VE and VD may be missing, and other columns are 
 from __future__ import annotations
 
 import csv
+import hashlib
 import io
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -69,7 +70,9 @@ class Column:
     factor: float
 
 
-def read_trajectory_file(path: Path, columns: Mapping[str, str] | None = None, earth: Earth = WGS84) -> TrajectoryRows:
+def read_trajectory_file(
+    path: Path, columns: Mapping[str, str] | None = None, earth: Earth = WGS84, sha256: str | None = None
+) -> TrajectoryRows:
     """Read and check a trajectory file.
 
     Parameters
@@ -78,6 +81,8 @@ def read_trajectory_file(path: Path, columns: Mapping[str, str] | None = None, e
         Names in the file, each with its unit in brackets where it is another: ``{"lat": "latitude [rad]"}``.
     earth : Earth
         Figure over which positions and velocities are compared.
+    sha256 : str, optional
+        Digest by which the file was identified: another content is not read.
 
     Raises
     ------
@@ -88,6 +93,8 @@ def read_trajectory_file(path: Path, columns: Mapping[str, str] | None = None, e
         content = read_whole(path, LARGEST_FILE)
     except OSError as failure:
         raise TrajectoryError(_why_unreadable(path, failure)) from None
+    if sha256 is not None and hashlib.sha256(content).hexdigest() != sha256:
+        raise TrajectoryError("has changed while it was read; run the command again")
     read = _read_parquet if content.startswith(PARQUET) else _read_csv
     rows = _rows_of(read(content, columns or {}))
     check_rows(rows, earth)

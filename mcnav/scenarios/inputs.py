@@ -27,7 +27,7 @@ from typing import Any, Final
 from mcnav.scenarios.protocol import ScenarioError
 
 SETTLED_AFTER: Final = 2.0
-"""Age of a file's last change, s, from which equal time stamps and sizes imply equal content."""
+"""Time for which a file's time stamps are known, s, after which a change alters them, however coarse they are."""
 
 LONGEST_NAME: Final = 100
 """Characters."""
@@ -79,29 +79,40 @@ def identify_file(path: str, name: str = "", setting: str | None = None) -> Inpu
     return InputFile(name or safe_name(path), path, digest, size, setting)
 
 
-_known: dict[str, tuple[tuple[int, ...], str]] = {}
-"""Digests of files by path, with their time stamps and sizes."""
+@dataclass(frozen=True)
+class _Known:
+    """Digest of a file with the time stamps and size ``mark``, first seen ``since``; monotonic time, s."""
+
+    mark: tuple[int, ...]
+    digest: str
+    since: float
+    settled: bool
+
+
+_known: dict[str, _Known] = {}
+"""Digests of files by path."""
 
 
 def content_of(path: str) -> tuple[str, int]:
-    """Return SHA-256 and size of a regular file, which is read again only when its time stamp or size differ.
+    """Return SHA-256 and size of a regular file, which is read again only when its time stamps or size differ.
+
+    Time stamps are compared with each other, never with a clock, which may be set and may differ from a file server's.
 
     Raises `OSError` when it cannot be read, or is not a regular file.
     """
-    found = Path(path).stat()
+    now, found = time.monotonic(), Path(path).stat()
     if not stat.S_ISREG(found.st_mode):
         raise OSError("is not a regular file")
     mark = (found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns)
     known = _known.get(path)
-    if known is not None and known[0] == mark:
-        return known[1], found.st_size
-    settled = (
-        abs(time.time() - max(found.st_mtime, found.st_ctime)) > SETTLED_AFTER
-    )  # clocks of file servers may be ahead
+    if known is not None and known.mark != mark:
+        known = None
+    if known is not None and known.settled:
+        return known.digest, found.st_size
     with Path(path).open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
-    if settled:
-        _known[path] = (mark, digest)
+    since = now if known is None else known.since
+    _known[path] = _Known(mark, digest, since, now - since > SETTLED_AFTER)
     return digest, found.st_size
 
 

@@ -67,7 +67,10 @@ def describe_campaign(path: Path) -> TrajectoryReport:
         entries = load_file(path)["scenario"]
         entry = entries["trajectory"]
         columns = entry.get("columns") if isinstance(entry, dict) else entries.get("columns")
-        rows = read_trajectory_file(Path(file.path), columns, truth.earth)
+        try:
+            rows = read_trajectory_file(Path(file.path), columns, truth.earth, file.digest)
+        except TrajectoryError as wrong:
+            raise CampaignError([Problem(str(path), "scenario.trajectory", f"{file.path}: {wrong}")]) from None
         name = f"{campaign.name}: {file.name}"
     events = {"start of navigation": navigation.start, "end of navigation": navigation.end}
     inside = {

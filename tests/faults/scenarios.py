@@ -6,7 +6,8 @@ import os
 import subprocess
 import sys
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,6 +22,8 @@ from mcnav.store.chunk_files import SampleSchema
 from mcnav.store.run_folder import RunFolder
 from tests.conftest import ROOT
 from tests.processes import run_to_end
+
+NOBODY = 65_534
 
 SINGLE = """
 import ctypes, os, time
@@ -96,6 +99,18 @@ class OnAdvance(Silent):
     def advance(self, samples: int, stored: bool = False) -> None:
         """Call it."""
         self.call()
+
+
+@contextmanager
+def as_nobody() -> Iterator[None]:
+    """Act without the rights of root, who may write anywhere; whoever is not root stays who they are."""
+    own = os.geteuid()
+    if own == 0:
+        os.seteuid(NOBODY)
+    try:
+        yield
+    finally:
+        os.seteuid(own)
 
 
 def environment() -> dict[str, str]:

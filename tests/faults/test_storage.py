@@ -9,8 +9,6 @@ import resource
 import shutil
 import signal
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -30,7 +28,7 @@ from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.analyse import report_run
 from mcnav.workflow.run import run_campaign
 from tests.faults.kills import left_of
-from tests.faults.scenarios import SINGLE, VECTORISED, command, environment, write_campaign
+from tests.faults.scenarios import SINGLE, VECTORISED, as_nobody, command, environment, write_campaign
 from tests.processes import LONG, run_to_end, running, wait_for
 
 POSITIONS = 2_000
@@ -194,18 +192,6 @@ def test_stale_files_are_swept(finished: Path, tmp_path: Path) -> None:
     assert not stale.exists()
 
 
-@contextmanager
-def _as_nobody() -> Iterator[None]:
-    """Without the rights of root, who may write anywhere; whoever is not root stays who they are."""
-    own = os.geteuid()
-    if own == 0:
-        os.seteuid(65_534)
-    try:
-        yield
-    finally:
-        os.seteuid(own)
-
-
 def test_a_read_only_folder(finished: Path) -> None:
     """One line, and what is stored there is untouched."""
     with TemporaryDirectory() as place:
@@ -214,7 +200,7 @@ def test_a_read_only_folder(finished: Path) -> None:
         shutil.copytree(finished, run)
         run.chmod(0o555)
         try:
-            with _as_nobody(), pytest.raises(RunFolderError, match="cannot be written"):
+            with as_nobody(), pytest.raises(RunFolderError, match="cannot be written"):
                 run_campaign(small(400), run, "ensemble", 1)
         finally:
             run.chmod(0o755)

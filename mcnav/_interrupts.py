@@ -1,0 +1,86 @@
+"""Ctrl-C and termination of a command: one message and an exit status, whatever the command is doing."""
+
+from __future__ import annotations
+
+import atexit
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+INTERRUPTED: Final = 130
+TERMINATED: Final = 143
+"""Exit statuses."""
+
+RESUMES: Final = "stored samples are kept, and the same command{} resumes the run"
+"""Remedy of a command that stores samples, with room for options to leave out."""
+
+
+@dataclass
+class Interrupts:
+    """Signals of this process.
+
+    Attributes
+    ----------
+    received : list of int
+        Signals that end the command.
+    resumes : bool
+        The command resumes where it stopped.
+    """
+
+    received: list[int] = field(default_factory=list)
+    resumes: bool = False
+
+    @property
+    def status(self) -> int:
+        """Exit status of the command."""
+        return TERMINATED if self.received[:1] == [signal.SIGTERM] else INTERRUPTED
+
+
+interrupts: Final = Interrupts()
+
+
+def listen() -> None:
+    """Interrupt the command at a signal; end it at once at a second one, and where a library ignored the first."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _interrupt)
+    sys.unraisablehook = _end_if_ignored
+
+
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """After a signal, end the process with one message, however the block ends and whatever its threads do."""
+    listen()
+    try:
+        yield
+    finally:
+        if interrupts.received:
+            _end()
+
+
+def _interrupt(number: int, frame: object) -> None:
+    interrupts.received.append(number)
+    if len(interrupts.received) > 1:  # files are written whole, and workers end with this process
+        os._exit(interrupts.status)
+    raise KeyboardInterrupt
+
+
+def _end_if_ignored(ignored: Any) -> None:
+    """End the process when an interrupt came in a finalizer or callback, from which exceptions do not propagate."""
+    if interrupts.received and issubclass(ignored.exc_type, KeyboardInterrupt):
+        _end()
+    sys.__unraisablehook__(ignored)
+
+
+def _end() -> None:
+    with suppress(OSError):  # the reader of the output may have ended
+        sys.stdout.flush()
+        remedy = f"; {RESUMES.format('')}" if interrupts.resumes else ""
+        print(f"error: interrupted{remedy}", file=sys.stderr, flush=True)
+    atexit._run_exitfuncs()  # temporary folders, semaphores; an ordinary exit would join threads first
+    with suppress(OSError):
+        sys.stdout.flush()
+    os._exit(interrupts.status)
