@@ -55,6 +55,7 @@ NamedColumns = Annotated[
     typer.Option(metavar="NAME=COLUMN", help="Column of a trajectory file, such as 'lat=latitude [rad]'; repeat."),
 ]
 
+
 def _fail(message: str, status: int = BAD_INPUT) -> typer.Exit:
     for line in message.splitlines():
         err.print(f"error: {line}", markup=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -9,6 +10,8 @@ from typing import Final, TypeVar
 
 from joblib import Parallel, delayed
 from threadpoolctl import threadpool_limits
+
+from mcnav._subprocess import end_with_parent
 
 LEVEL: Final = 0.95
 """Confidence of each single statement."""
@@ -53,7 +56,8 @@ def tally(trials: int, jobs: int, kinds: Sequence[Kind], count: Callable[[Kind, 
         (kind, range(begin, min(begin + stretch, trials))) for kind in kinds for begin in range(0, trials, stretch)
     ]
     total = Tally()
-    for part in Parallel(n_jobs=jobs)(delayed(_piece)(count, *piece) for piece in pieces):
+    workers = Parallel(n_jobs=jobs, backend="loky", initializer=end_with_parent, initargs=(os.getpid(),))
+    for part in workers(delayed(_piece)(count, *piece) for piece in pieces):
         total += part
     return total
 

@@ -54,8 +54,8 @@ KINDS: Final = {
 }
 """Campaign, engine, samples and store of each kind."""
 
-BOTH: Final = ("free", "aided, summary")
-"""Kinds with and without a filter, of stored samples and of a summary."""
+BOTH: Final = ("free, reference", "aided, summary")
+"""Kinds with and without a filter, of stored samples and of a summary; the cheapest."""
 
 CHUNKS: Final = 3
 

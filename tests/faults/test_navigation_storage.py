@@ -107,7 +107,7 @@ def test_a_folder_made_read_only_before_a_run_resumes(
     assert not run.exists()
     break_off(campaign, kind, run)
     before = contents(run)
-    with read_only(run, run), pytest.raises(RunFolderError, match="run.*: cannot be written.*: Permission denied"):
+    with read_only(run, run), pytest.raises(RunFolderError, match=r"run.*: cannot be written.*: Permission denied"):
         run_navigation(campaign, kind, run)
     assert contents(run) == before
     with (

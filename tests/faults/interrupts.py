@@ -1,0 +1,170 @@
+"""Commands of inertial navigation interrupted in every phase, as by Ctrl-C at a terminal: in all their processes.
+
+Commands are forks of a process that has everything imported. The signal comes at a call of a function, whatever the
+time is.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Final
+from unittest.mock import patch
+
+from mcnav.__main__ import main
+from tests.faults.kills import left_of
+from tests.faults.navigation import small_summaries, write_navigation
+from tests.processes import LONG, wait_for
+
+RUN: Final = ("run", "navigation.toml", "--jobs", "2", "--out", "run")
+SWEEP: Final = ("sweep", "navigation.toml", "--vary", "imu.gyro.angle_random_walk=0.01, 0.02 deg/sqrt(h)",
+                "--against", "position_horizontal", "--out", "swept")  # fmt: skip
+
+BUSY: Final = "busy"
+"""File of a worker that is busy."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A command, and when it is interrupted.
+
+    Attributes
+    ----------
+    kind : str
+        Of `tests.faults.navigation.KINDS`.
+    at : str
+        Function, with its module.
+    call : int
+        Number of the call of this function at which the signal comes.
+    """
+
+    command: Sequence[str]
+    kind: str
+    at: str
+    call: int = 1
+    number: signal.Signals = signal.SIGINT
+
+
+CASES: Final = {
+    "importing": Case(RUN, "free, reference", "mcnav.cli._prepare_process"),
+    "reading": Case(RUN, "aided", "mcnav.config.trajectory_file.read_whole"),
+    "compiling": Case(RUN, "aided", "numba.core.typed_passes.type_inference_stage"),
+    "tabulating": Case(RUN, "aided", "mcnav.scenarios.aided.tabulate_aided"),
+    "in a finalizer": Case(RUN, "aided", "mcnav.scenarios.aided.tabulate_aided"),
+    "first chunk": Case(RUN, "aided, summary", "mcnav.execution.chunks.simulate_batch"),
+    "amid chunks": Case(RUN, "free", "mcnav.execution.chunks.simulate_batch", 2),
+    "terminated": Case(RUN, "aided", "mcnav.execution.chunks.write_chunk", 2, signal.SIGTERM),
+    "summary": Case(RUN, "aided, summary", "mcnav.workflow.run.analyse"),
+    "report": Case(RUN, "aided", "mcnav.report.page.render"),
+    "lincov": Case(("lincov", "navigation.toml", "--out", "linear"), "aided", "mcnav.studies.lincov._linearize"),
+    "sweep": Case(SWEEP, "free", "mcnav.studies.sweep_points.LinearPoints._answer", 2),
+    "confirming": Case((*SWEEP, "--confirm", "2"), "free", "mcnav.execution.chunks.simulate_batch"),
+    "calibrate": Case(("calibrate", "--trials", "2", "--out", "rates"), "free", "mcnav.calibration.trials._count"),
+}
+
+
+@dataclass(frozen=True)
+class Ended:
+    """The end of a command that was interrupted."""
+
+    status: int
+    errors: str
+    left: list[str]
+
+
+class _Finalized:
+    """An object in whose finalizer a signal comes."""
+
+    def __del__(self) -> None:
+        os.killpg(0, signal.SIGINT)
+        time.sleep(0.0)
+
+
+def _interrupting(name: str, case: Case, function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a function that sends the signal to all processes of the command when it is called."""
+    calls = [0]
+
+    def call(*arguments: Any, **options: Any) -> Any:
+        calls[0] += 1
+        if calls[0] == case.call:
+            if name == "in a finalizer":
+                _Finalized()
+            else:
+                os.killpg(0, case.number)
+        return function(*arguments, **options)
+
+    return call
+
+
+def _linger(*arguments: object) -> None:
+    """Keep a worker of a calibration busy."""
+    Path(BUSY).touch()
+    time.sleep(LONG)
+
+
+def _interrupt_busy_workers() -> None:
+    wait_for(Path(BUSY).exists)
+    os.killpg(0, signal.SIGINT)
+
+
+def _command(name: str, case: Case, folder: Path) -> None:
+    """Run a command in this process to its interrupt."""
+    os.setsid()
+    os.chdir(folder)
+    for number, place in enumerate((os.devnull, os.devnull, "errors")):
+        os.dup2(os.open(place, os.O_RDWR | os.O_CREAT), number)
+    sys.argv = ["mcnav", *case.command]
+    module, _, function = case.at.rpartition(".")
+    with ExitStack() as patches:
+        patches.enter_context(small_summaries())
+        if name == "compiling":  # what is stored on disk is not loaded
+            patches.enter_context(patch("numba.core.caching.Cache.load_overload", lambda *_: None))
+        if name == "calibrate":
+            patches.enter_context(patch(case.at, _linger))
+            threading.Thread(target=_interrupt_busy_workers, daemon=True).start()
+        else:
+            owner = _owner(module)
+            patches.enter_context(patch.object(owner, function, _interrupting(name, case, getattr(owner, function))))
+        main()
+
+
+def _owner(name: str) -> Any:
+    """Import a module, or the class that a name ends with."""
+    try:
+        return import_module(name)
+    except ModuleNotFoundError:
+        module, _, attribute = name.rpartition(".")
+        return getattr(import_module(module), attribute)
+
+
+def interrupt(name: str, folder: Path) -> Ended:
+    """Run the command of a case in a folder and interrupt it."""
+    case = CASES[name]
+    write_navigation(folder, case.kind)
+    process = os.fork()
+    if not process:
+        status = 99
+        try:
+            _command(name, case, folder)
+        except SystemExit as end:
+            status = int(end.code or 0)
+        finally:
+            os._exit(status)
+    _, status = os.waitpid(process, 0)
+    return Ended(os.waitstatus_to_exitcode(status), (folder / "errors").read_text(), left_of(process))
+
+
+def interrupt_all(place: str) -> None:
+    """Interrupt each case in a folder of its own, and print how it ended."""
+    for case in CASES.values():
+        _owner(case.at.rpartition(".")[0])
+    print(json.dumps({name: asdict(interrupt(name, Path(place) / name)) for name in CASES}))
