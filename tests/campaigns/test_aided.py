@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from copy import deepcopy
 from pathlib import Path
@@ -15,7 +16,9 @@ from mcnav._types import Array
 from mcnav.analysis.linear_covariance import LinearCovariance
 from mcnav.config.read import Campaign, parse_campaign
 from mcnav.physics.ins.instruments import OUTPUTS
+from mcnav.scenarios.aided import TOLERANCE
 from mcnav.scenarios.ins import Ins
+from mcnav.store.run_folder import RunFolder
 from mcnav.studies.lincov import linear_covariance
 from mcnav.workflow.analyse import samples_of
 from mcnav.workflow.run import run_campaign
@@ -96,6 +99,18 @@ def test_a_matched_filter_is_consistent(tmp_path: Path) -> None:
     (requirement,) = summary["requirements"]
     assert (requirement["finding"], requirement["when"]) == ("met", "during outages")
     assert 60.0 * requirement["time"] == pytest.approx(outage[1], abs=1.0)  # just before its end
+
+
+def test_errors_that_a_filter_believes_absent(tmp_path: Path) -> None:
+    """Their variances are rounding, of either sign; steps are settled by the errors themselves, without a warning."""
+    described = shortened(19, 40.0, (20.0, 30.0))
+    described["errors"] = {"position": "5 m", "heading": "0.5 mrad"}
+    for engine in ("ensemble", "shared-gains"):
+        run(tmp_path / engine, described, engine, samples=20)
+        accuracy = RunFolder(tmp_path / engine).existing_manifest().accuracy
+        stated = re.search(r"numerical error of 8 probe samples (\S+) of the filter's sigma", accuracy)
+        assert stated is not None
+        assert float(stated[1]) <= TOLERANCE
 
 
 def test_in_the_outage_the_position_drifts_as_the_file_says() -> None:

@@ -159,7 +159,7 @@ def test_too_little_memory_for_a_chunk(kind: str, tmp_path: Path, undisturbed: d
             raise MemoryError
         return simulate_batch(*arguments)
 
-    command = ("run", campaign, "--jobs", 1, "--no-report", "--out", run)
+    command = ("run", campaign, "--engine", KINDS[kind][1], "--jobs", 1, "--no-report", "--out", run)
     with small_summaries():
         with patch("mcnav.execution.chunks.simulate_batch", simulate):
             done = invoke(*command, cwd=tmp_path)
