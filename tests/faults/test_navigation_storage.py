@@ -14,7 +14,8 @@ from unittest.mock import patch
 import pytest
 
 from mcnav.errors import RunFolderBusy, RunFolderError
-from mcnav.execution.chunks import simulate_batch
+from mcnav.scenarios.aided import AidedEngine
+from mcnav.scenarios.ins import ReferenceEngine
 from mcnav.scenarios.protocol import SimulationResult
 from mcnav.workflow.analyse import report_run, samples_of, summary_of
 from tests.commands import invoke
@@ -31,6 +32,9 @@ from tests.faults.navigation import (
     write_navigation,
 )
 from tests.faults.scenarios import NOBODY, OnAdvance, as_nobody
+
+
+ENGINES: dict[str, Any] = {"free, reference": ReferenceEngine, "aided, summary": AidedEngine}
 
 
 @pytest.fixture(scope="module")
@@ -152,16 +156,18 @@ def test_commands_beside_a_run(kind: str, tmp_path: Path, undisturbed: dict[str,
 def test_too_little_memory_for_a_chunk(kind: str, tmp_path: Path, undisturbed: dict[str, dict[str, str]]) -> None:
     """One line with what would do; the chunks before it stay, and the same command goes on."""
     campaign, run, calls = write_navigation(tmp_path, kind), tmp_path / "run", [0]
+    engine = ENGINES[kind]
+    simulate = engine.simulate
 
-    def simulate(*arguments: Any) -> SimulationResult:
+    def simulate_or_fail(*arguments: Any) -> SimulationResult:
         calls[0] += 1
         if calls[0] == 2:
             raise MemoryError
-        return simulate_batch(*arguments)
+        return simulate(*arguments)
 
     command = ("run", campaign, "--engine", KINDS[kind][1], "--jobs", 1, "--no-report", "--out", run)
     with small_summaries():
-        with patch("mcnav.execution.chunks.simulate_batch", simulate):
+        with patch.object(engine, "simulate", simulate_or_fail):
             done = invoke(*command, cwd=tmp_path)
         assert done.returncode == 2
         remedy = "stored samples are kept, and the same command resumes the run (fewer --jobs need less)"
