@@ -33,7 +33,6 @@ from tests.faults.navigation import (
 )
 from tests.faults.scenarios import NOBODY, OnAdvance, as_nobody
 
-
 ENGINES: dict[str, Any] = {"free, reference": ReferenceEngine, "aided, summary": AidedEngine}
 
 
