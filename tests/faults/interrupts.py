@@ -28,6 +28,7 @@ from tests.processes import LONG, wait_for
 RUN: Final = ("run", "navigation.toml", "--jobs", "2", "--out", "run")
 SWEEP: Final = ("sweep", "navigation.toml", "--vary", "imu.gyro.angle_random_walk=0.01, 0.02 deg/sqrt(h)",
                 "--against", "position_horizontal", "--out", "swept")  # fmt: skip
+CALIBRATE: Final = ("calibrate", "--trials", "2", "--out", "rates")
 
 BUSY: Final = "busy"
 """File of a worker that is busy."""
@@ -68,7 +69,8 @@ CASES: Final = {
     "lincov": Case(("lincov", "navigation.toml", "--out", "linear"), "aided", "mcnav.studies.lincov._linearize"),
     "sweep": Case(SWEEP, "free", "mcnav.studies.sweep_points.LinearPoints._answer", 2),
     "confirming": Case((*SWEEP, "--confirm", "2"), "free", "mcnav.execution.chunks.simulate_batch"),
-    "calibrate": Case(("calibrate", "--trials", "2", "--out", "rates"), "free", "mcnav.calibration.trials._count"),
+    "calibrate": Case(CALIBRATE, "free", "mcnav.calibration.trials._count"),
+    "calibrate, killed": Case(CALIBRATE, "free", "mcnav.calibration.trials._count", number=signal.SIGKILL),
 }
 
 
@@ -111,9 +113,10 @@ def _linger(*arguments: object) -> None:
     time.sleep(LONG)
 
 
-def _interrupt_busy_workers() -> None:
+def _interrupt_busy_workers(number: signal.Signals) -> None:
+    """Interrupt all processes when a worker is busy, or kill the command alone."""
     wait_for(Path(BUSY).exists)
-    os.killpg(0, signal.SIGINT)
+    (os.kill if number == signal.SIGKILL else os.killpg)(os.getpid(), number)
 
 
 def _command(name: str, case: Case, folder: Path) -> None:
@@ -128,9 +131,9 @@ def _command(name: str, case: Case, folder: Path) -> None:
         patches.enter_context(small_summaries())
         if name == "compiling":  # what is stored on disk is not loaded
             patches.enter_context(patch("numba.core.caching.Cache.load_overload", lambda *_: None))
-        if name == "calibrate":
+        if case.command == CALIBRATE:
             patches.enter_context(patch(case.at, _linger))
-            threading.Thread(target=_interrupt_busy_workers, daemon=True).start()
+            threading.Thread(target=_interrupt_busy_workers, args=(case.number,), daemon=True).start()
         else:
             owner = _owner(module)
             patches.enter_context(patch.object(owner, function, _interrupting(name, case, getattr(owner, function))))
