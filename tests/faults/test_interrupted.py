@@ -135,7 +135,7 @@ def test_a_command_that_is_interrupted_waits_for_no_thread(name: str, status: in
 import atexit, os, signal, sys, threading, time
 from mcnav import cli
 
-@cli._command()
+@cli._command(resumes=True)
 def busy():
     threading.Thread(target=time.sleep, args=(100_000,)).start()
     atexit.register(print, "tidied up")
