@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
+from numba.core.types import unliteral
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -31,10 +32,15 @@ def sources_digest() -> str:
 
 
 def _compile(function: Function, **options: Any) -> Function:
+    """Compile a function once for a type: numba would compile it again for each constant that a caller passes."""
     dispatcher = numba.njit(cache=True, error_model="numpy", nogil=True, **options)(function)
     stored = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
     if stored is not None:
         stored._source_stamp = (*stored._source_stamp, sources_digest())
+    template = dispatcher.get_call_template
+    dispatcher.get_call_template = lambda arguments, keywords: template(
+        tuple(map(unliteral, arguments)), {name: unliteral(each) for name, each in keywords.items()}
+    )
     return cast(Function, dispatcher)
 
 
