@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
-from numba.core.types import unliteral
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -37,7 +36,7 @@ def _compile(function: Function, **options: Any) -> Function:
     stored = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
     if stored is not None:
         stored._source_stamp = (*stored._source_stamp, sources_digest())
-    template = dispatcher.get_call_template
+    template, unliteral = dispatcher.get_call_template, numba.types.unliteral
     dispatcher.get_call_template = lambda arguments, keywords: template(
         tuple(map(unliteral, arguments)), {name: unliteral(each) for name, each in keywords.items()}
     )
