@@ -3,6 +3,9 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constraint .ci/constraints.txt
 
+# Modules are compiled on all processors, where pip uses one; some packages hold files that are not for this Python.
+install = $(PIP) --no-compile --editable '.$(1)' && { $(BIN)/python -m compileall -qq -j 0 .venv/lib mcnav || true; }
+
 .PHONY: demo test quick lint check docs bench examples dist clean
 
 demo: .venv/installed
@@ -41,17 +44,20 @@ examples: .venv/installed
 	done
 	$(BIN)/mcnav index reports/examples
 
-.venv/installed: pyproject.toml .ci/constraints.txt
+$(BIN)/python:
 	$(PYTHON) -m venv .venv
-	$(PIP) --editable .
+
+.venv/installed: pyproject.toml .ci/constraints.txt | $(BIN)/python
+	$(call install,)
 	touch $@
 
-.venv/tested: .venv/installed
-	$(PIP) --editable '.[test]'
-	touch $@
+# What the tests need includes all of the rest.
+.venv/tested: pyproject.toml .ci/constraints.txt | $(BIN)/python
+	$(call install,[test])
+	touch .venv/installed .venv/documented $@
 
 .venv/documented: .venv/installed
-	$(PIP) --editable '.[docs]'
+	$(call install,[docs])
 	touch $@
 
 # Each peer is installed separately: one that fails is listed with its reason, and the others continue.

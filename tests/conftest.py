@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Callable
 from functools import lru_cache
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from filelock import FileLock
 from hypothesis import settings
 
 from mcnav.config.read import Campaign, parse_campaign
@@ -17,13 +21,34 @@ from mcnav.physics.reentry.vehicle import Vehicle
 from mcnav.progress import Phase
 from mcnav.scenarios.reentry import SOURCES, Flight, Reentry
 from mcnav.scenarios.table_i import COLUMNS, ERROR_SIZES, ERRORS, TABLE_I, among_all, start_state
+from tests.processes import run_to_end
+
+FOLDER = Path(__file__).parent
+COMPILING = FOLDER / "cross" / "test_compiled.py"
+"""Tests that compile what most others then load."""
+
+LONG_FIRST = ("faults", "browser", "campaigns", "published", "statistical", "cross", "properties")
+"""Folders whose tests come first, those with the longest before the others."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark every test with the folder it is in; `pyproject.toml` lists what each folder costs."""
+    """Mark every test with the folder it is in, and order them; `pyproject.toml` lists what each folder costs.
+
+    Two workers begin with a half of the tests each, and take from each other's last ones when they have done their own.
+    Both begin by compiling, each something else, and end with short tests, so that neither waits.
+    """
+    compiling, others = [], []
     for item in items:
-        if Path(__file__).parent in item.path.parents:
-            item.add_marker(item.path.relative_to(Path(__file__).parent).parts[0])
+        folder = item.path.relative_to(FOLDER).parts[0] if FOLDER in item.path.parents else "mcnav"
+        if folder != "mcnav":
+            item.add_marker(folder)
+        if item.path == COMPILING:
+            compiling.append(item)
+        else:
+            others.append((LONG_FIRST.index(folder) if folder in LONG_FIRST else len(LONG_FIRST), item))
+    rest = [item for _, item in sorted(others, key=itemgetter(0))]
+    first, half = compiling[:-1], len(items) // 2
+    items[:] = [*first, *rest[: half - len(first)], *compiling[-1:], *rest[half - len(first) :]]
 
 
 settings.register_profile("suite", derandomize=True, deadline=None)
@@ -94,6 +119,19 @@ def content(trajectory: int = 4, multiple: float = 1.0, **entries: Any) -> dict[
 def campaign(trajectory: int = 4, multiple: float = 1.0, **entries: Any) -> Campaign:
     """Return a campaign at a multiple of the errors of NASA TN D-1772."""
     return parse_campaign(content(trajectory, multiple, **entries), "test.toml", "test")
+
+
+@pytest.fixture(scope="session")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Build the documentation as a site, once for all workers; any warning of Sphinx fails it."""
+    folder = tmp_path_factory.getbasetemp()
+    shared = folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder
+    with FileLock(shared / "site.lock"):
+        if not (shared / "site").exists():
+            finished = run_to_end([sys.executable, ROOT / ".github" / "site" / "build.py", shared / "built"], cwd=ROOT)
+            assert finished.returncode == 0, finished.stderr
+            (shared / "built").rename(shared / "site")
+    return shared / "site"
 
 
 @pytest.fixture(params=TRAJECTORIES, ids=lambda number: f"trajectory {number}")

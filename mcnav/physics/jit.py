@@ -31,10 +31,15 @@ def sources_digest() -> str:
 
 
 def _compile(function: Function, **options: Any) -> Function:
+    """Compile a function once for a type: numba would compile it again for each constant that a caller passes."""
     dispatcher = numba.njit(cache=True, error_model="numpy", nogil=True, **options)(function)
     stored = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
     if stored is not None:
         stored._source_stamp = (*stored._source_stamp, sources_digest())
+    template, unliteral = dispatcher.get_call_template, numba.types.unliteral
+    dispatcher.get_call_template = lambda arguments, keywords: template(
+        tuple(map(unliteral, arguments)), {name: unliteral(each) for name, each in keywords.items()}
+    )
     return cast(Function, dispatcher)
 
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import pytest
-
-from tests.site import built_site
 
 pytestmark = pytest.mark.slow
 
@@ -17,7 +16,7 @@ PAGES = ("index", "tutorial-aided", "campaigns", "reference/commands", "referenc
 
 
 @contextmanager
-def opened(browser: Any, page: str, width: int, **options: Any) -> Iterator[Any]:
+def opened(browser: Any, site: Path, page: str, width: int, **options: Any) -> Iterator[Any]:
     """Open a page of the site; at the end, it has said nothing and asked for files alone."""
     window = browser.new_page(viewport={"width": width, "height": 900}, **options)
     said: list[str] = []
@@ -25,7 +24,7 @@ def opened(browser: Any, page: str, width: int, **options: Any) -> Iterator[Any]
     window.on("console", lambda message: said.append(message.text))
     window.on("pageerror", lambda error: said.append(str(error)))
     window.on("request", lambda request: asked.append(request.url))
-    window.goto((built_site() / f"{page}.html").as_uri())
+    window.goto((site / f"{page}.html").as_uri())
     yield window
     window.close()
     assert said == []
@@ -34,21 +33,21 @@ def opened(browser: Any, page: str, width: int, **options: Any) -> Iterator[Any]
 
 @pytest.mark.parametrize("page", PAGES)
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_a_page_is_readable(browser: Any, page: str, scheme: str) -> None:
+def test_a_page_is_readable(browser: Any, site: Path, page: str, scheme: str) -> None:
     """No page is wider than its window; text has the contrast that axe asks for; the page of a phone has its menu."""
     axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
     for width in (1280, 380):
-        with opened(browser, page, width, color_scheme=scheme) as window:
+        with opened(browser, site, page, width, color_scheme=scheme) as window:
             assert window.evaluate("document.documentElement.scrollWidth") <= width
             assert window.locator("label.nav-overlay-icon").is_visible() == (width == 380)
-    with opened(browser, page, 1280, color_scheme=scheme) as window:
+    with opened(browser, site, page, 1280, color_scheme=scheme) as window:
         found = axe.run(window, options={"runOnly": ["color-contrast"], "resultTypes": ["violations"]})
         assert [node["html"] for each in found.response["violations"] for node in each["nodes"]] == []
 
 
-def test_a_word_is_found(browser: Any) -> None:
+def test_a_word_is_found(browser: Any, site: Path) -> None:
     """The search works from files, without a server."""
-    with opened(browser, "index", 1280) as window:
+    with opened(browser, site, "index", 1280) as window:
         window.get_by_placeholder("Search").first.fill("Schuler")
         window.keyboard.press("Enter")
         window.locator("#search-results li a").first.wait_for()

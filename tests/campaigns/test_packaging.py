@@ -106,7 +106,7 @@ def test_an_installed_package_runs_in_an_empty_folder(wheel: zipfile.ZipFile, tm
     installed, place = tmp_path / "installed", tmp_path / "place"
     wheel.extractall(installed)
     place.mkdir()
-    environment = os.environ | {"PYTHONPATH": str(installed), "PYTHONDONTWRITEBYTECODE": "1"}
+    environment = os.environ | {"PYTHONPATH": str(installed)}
 
     def mcnav(*arguments: str) -> subprocess.CompletedProcess[str]:
         done = run_to_end([sys.executable, "-m", "mcnav", *arguments], cwd=place, env=environment)

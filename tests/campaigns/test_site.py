@@ -13,14 +13,13 @@ from mcnav.cli import app
 from mcnav.config.schema import CampaignTable
 from mcnav.pages import PAGES
 from tests.conftest import ROOT
-from tests.site import built_site
 
 pytestmark = pytest.mark.slow
 
 
-def pages() -> dict[str, str]:
-    """Read every page by its name on the site."""
-    site = built_site()
+@pytest.fixture
+def pages(site: Path) -> dict[str, str]:
+    """Every page by its name on the site."""
     return {str(file.relative_to(site)): file.read_text(encoding="utf-8") for file in site.rglob("*.html")}
 
 
@@ -30,20 +29,18 @@ def commands(group: object, name: str) -> list[str]:
     return [name] if not inside else [one for word, each in inside.items() for one in commands(each, f"{name} {word}")]
 
 
-def test_every_page_is_there_and_in_the_navigation() -> None:
-    found = pages()
-    navigation = found["index.html"].partition("</nav>")[0] + found["index.html"]
+def test_every_page_is_there_and_in_the_navigation(pages: dict[str, str]) -> None:
+    navigation = pages["index.html"].partition("</nav>")[0] + pages["index.html"]
     for page in PAGES:
-        assert f"{page}.html" in found
+        assert f"{page}.html" in pages
         assert f'href="{page}.html"' in navigation
     for page in ("contributing", "changelog", "benchmarks"):
-        assert f"{page}.html" in found
+        assert f"{page}.html" in pages
 
 
-def test_nothing_is_fetched_from_a_network() -> None:
+def test_nothing_is_fetched_from_a_network(site: Path, pages: dict[str, str]) -> None:
     """Scripts, styles, pictures and fonts are files of the site; links that a reader follows may lead elsewhere."""
-    site = built_site()
-    for name, text in pages().items():
+    for name, text in pages.items():
         fetched = re.findall(r"<(?:script|link|img|iframe|source|object)\b[^>]*?(?:src|href|data)=\"([^\"]*)\"", text)
         assert len(fetched) > 3
         for target in fetched:
@@ -55,11 +52,10 @@ def test_nothing_is_fetched_from_a_network() -> None:
         assert not re.search(r"(?:url\(|@import)\s*[\"']?(?:https?:)?//", style.read_text(encoding="utf-8")), style.name
 
 
-def test_every_link_leads_to_a_page_and_an_anchor() -> None:
-    found, site = pages(), built_site()
-    anchors = {name: set(re.findall(r'\bid="([^"]+)"', text)) for name, text in found.items()}
+def test_every_link_leads_to_a_page_and_an_anchor(site: Path, pages: dict[str, str]) -> None:
+    anchors = {name: set(re.findall(r'\bid="([^"]+)"', text)) for name, text in pages.items()}
     count = 0
-    for name, text in found.items():
+    for name, text in pages.items():
         for target in re.findall(r'<a\b[^>]*?href="([^"]+)"', text):
             if re.match(r"\w+:", target):
                 continue
@@ -72,13 +68,13 @@ def test_every_link_leads_to_a_page_and_an_anchor() -> None:
     assert count > 1_000
 
 
-def test_every_public_name_is_documented() -> None:
-    documented = set(re.findall(r'id="(mcnav\.\w+)"', pages()["reference/api.html"]))
+def test_every_public_name_is_documented(pages: dict[str, str]) -> None:
+    documented = set(re.findall(r'id="(mcnav\.\w+)"', pages["reference/api.html"]))
     assert documented == {f"mcnav.{name}" for name in mcnav.__all__}
 
 
-def test_every_key_is_documented() -> None:
-    page = pages()["reference/keys.html"]
+def test_every_key_is_documented(pages: dict[str, str]) -> None:
+    page = pages["reference/keys.html"]
     sections = re.split(r"<h2>", page)
     rows = {
         section.partition("<a ")[0]: re.findall(r"<tr[^>]*><td><p><code[^>]*><span class=\"pre\">(\w+)</span>", section)
@@ -88,8 +84,8 @@ def test_every_key_is_documented() -> None:
     assert sum(map(len, rows.values())) > 300
 
 
-def test_every_command_and_every_example_has_a_section() -> None:
-    headings = re.findall(r"<h2>(.*?)<a ", pages()["reference/commands.html"])
+def test_every_command_and_every_example_has_a_section(pages: dict[str, str]) -> None:
+    headings = re.findall(r"<h2>(.*?)<a ", pages["reference/commands.html"])
     assert headings == commands(get_command(app), "mcnav")
-    examples = re.findall(r"<h2>(.*?)<a ", pages()["reference/examples.html"])
+    examples = re.findall(r"<h2>(.*?)<a ", pages["reference/examples.html"])
     assert examples == sorted(file.stem for file in Path(ROOT / "campaigns").glob("*.toml"))

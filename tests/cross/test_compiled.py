@@ -1,23 +1,56 @@
-"""Code compiled in a process and code loaded from disk give the same bits, in whichever order it is loaded."""
+"""Code compiled in a process and code loaded from disk give the same bits, in whichever order it is loaded.
+
+What a process compiles here is stored where all tests find it. These tests therefore come first (`tests/conftest.py`),
+so that hardly any other compiles.
+"""
 
 from __future__ import annotations
 
 import os
 import sys
-from pathlib import Path
 
 from tests.conftest import ROOT
 from tests.processes import run_to_end
 
-CODE = """
+BEGIN = """
 import hashlib, sys
-from pathlib import Path
 import numpy as np
-from mcnav.config.read import read_campaign
-from mcnav.execution.chunks import DrawPlan
+from numba.core import event
+from numba.core.caching import IndexDataCacheFile
+
+compilations = event.RecordingListener()
+event.register("numba:compile", compilations)
+if sys.argv[1] == "compile":
+    IndexDataCacheFile.load = lambda file, key: None
 
 def printed(name, values):
     print(name, hashlib.sha256(np.ascontiguousarray(values).tobytes()).hexdigest())
+"""
+
+END = """
+print("compiles" if compilations.buffer else "loads", file=sys.stderr)
+"""
+
+
+def bits(code: str, order: str) -> list[str]:
+    """Run code in a process that either loads nothing and stores what it compiles, or compiles nothing.
+
+    Parameters
+    ----------
+    order : str
+        ``compile``, or, of loaded code, ``forwards`` or ``backwards``.
+    """
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    done = run_to_end([sys.executable, "-c", BEGIN + code + END, order], cwd=ROOT, env=environment)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.splitlines()[-1] == ("compiles" if order == "compile" else "loads")
+    return done.stdout.splitlines()
+
+
+REENTRY_AND_STEADY = """
+from pathlib import Path
+from mcnav.config.read import read_campaign
+from mcnav.execution.chunks import DrawPlan
 
 def final(name, engine, samples):
     printed(f"{name}, final errors", engine.propagate(samples).values)
@@ -28,9 +61,8 @@ def history(name, engine, samples):
 def moments(name, engine, samples):
     printed(f"{name}, sums", engine.history_sums(samples).sums)
 
-backwards = sys.argv[2] == "backwards"
 for file in ("01_tn_d1772_trajectory_4", "11_cruise", "12_hover"):
-    campaign = read_campaign(Path(sys.argv[1]) / f"{file}.toml")
+    campaign = read_campaign(Path("campaigns") / f"{file}.toml")
     draws = DrawPlan(campaign.errors, campaign.design, campaign.seed, campaign.samples)
     scenario = campaign.scenario
     calls = [
@@ -40,44 +72,67 @@ for file in ("01_tn_d1772_trajectory_4", "11_cruise", "12_hover"):
         lambda: moments(f"{file}, ensemble", scenario.engine("ensemble", draws.probes()), draws.draw(0, 200)),
         lambda: final(f"{file}, reference", scenario.engine("reference", draws.probes()), draws.draw(0, 3)),
     ]
-    for call in reversed(calls) if backwards else calls:
+    for call in reversed(calls) if sys.argv[1] == "backwards" else calls:
         call()
 """
 
 
-def test_compiled_and_loaded_code_give_the_same_bits(tmp_path: Path) -> None:
+def test_compiled_and_loaded_code_give_the_same_bits() -> None:
     """Linear model, final errors, histories and sums, by both engines, of reentry, cruise and hover."""
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
-    compiled, loaded, backwards = (
-        run_to_end([sys.executable, "-c", CODE, ROOT / "campaigns", order], env=environment)
-        for order in ("forwards", "forwards", "backwards")
-    )
-    assert len(compiled.stdout.splitlines()) == 15, compiled.stderr
-    assert loaded.stdout == compiled.stdout, loaded.stderr
-    assert sorted(backwards.stdout.splitlines()) == sorted(compiled.stdout.splitlines()), backwards.stderr
+    compiled, loaded, backwards = (bits(REENTRY_AND_STEADY, order) for order in ("compile", "forwards", "backwards"))
+    assert len(compiled) == 15
+    assert loaded == compiled
+    assert sorted(backwards) == sorted(compiled)
 
 
-AIDED = """
-import hashlib
-import numpy as np
+SCENARIO = """
 from mcnav.scenarios.protocol import Batch
-from tests.cross.test_ins_aided import SIGMAS, draw, scenario
-
-names = ("gnss", "altimeter", "stars", "doppler", "compass")
-of = scenario(names)
+from tests.cross.test_ins_aided import END, SIGMAS, START, WALK, draw, scenario
+of = scenario(("gnss", "altimeter", "stars", "doppler", "compass"))
 errors = draw(19, SIGMAS, 1, of)
+"""
+
+FREE_AND_LINEAR = (
+    SCENARIO
+    + """
+from mcnav.scenarios.ins import Ins, Navigation
+from tests.flights import flight
+
+free = Ins(Navigation(flight(1.0), "strapdown", START, START + 60.0, WALK))
+size = len(free.sources)
+for name in ("ensemble", "reference"):
+    found = free.engine(name, errors[:, :size]).simulate(Batch(np.arange(2), errors[:2, :size], 1))
+    for values in (found.values, found.linear_values, found.history):
+        printed(f"free, {name}", values)
+for name, scenario in (("free", free), ("aided", of)):
+    linear = scenario.linear_model()
+    printed(f"{name}, partial derivatives", linear.partials)
+    printed(f"{name}, processes", np.stack([linear.processes[name] for name in sorted(linear.processes)]))
+printed("own covariance", of.filter_prediction().covariance)
+"""
+)
+
+
+def test_compiled_and_loaded_code_of_inertial_navigation_give_the_same_bits() -> None:
+    """Errors of free samples by both engines, and linear covariance, free and aided."""
+    compiled, loaded = (bits(FREE_AND_LINEAR, order) for order in ("compile", "forwards"))
+    assert len(compiled) == 11
+    assert loaded == compiled
+
+
+AIDED = (
+    SCENARIO
+    + """
 for name in ("ensemble", "shared-gains"):
     found = of.engine(name, errors).simulate(Batch(np.arange(19), errors, 1))
     for values in (found.values, found.linear_values, found.history, found.filter_values):
-        print(name, hashlib.sha256(np.ascontiguousarray(values).tobytes()).hexdigest())
-prediction = of.filter_prediction()
-print("own covariance", hashlib.sha256(prediction.covariance.tobytes()).hexdigest())
+        printed(name, values)
 """
+)
 
 
-def test_compiled_and_loaded_code_of_aided_samples_give_the_same_bits(tmp_path: Path) -> None:
+def test_compiled_and_loaded_code_of_aided_samples_give_the_same_bits() -> None:
     """Errors, linear errors, histories and records of the filters, with own and with shared gains."""
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": str(ROOT)}
-    compiled, loaded = (run_to_end([sys.executable, "-c", AIDED], env=environment) for _ in range(2))
-    assert len(compiled.stdout.splitlines()) == 9, compiled.stderr
-    assert loaded.stdout == compiled.stdout, loaded.stderr
+    compiled, loaded = (bits(AIDED, order) for order in ("compile", "forwards"))
+    assert len(compiled) == 8
+    assert loaded == compiled

@@ -1,4 +1,4 @@
-"""Compiled code on disk is used only with the sources it was made of."""
+"""Compiled code: on disk it is valid for its sources alone, and constants have no version of their own."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from numba import types
 
+from mcnav.physics.jit import compiled
 from tests.processes import run_to_end
 
 CODE = """
@@ -31,3 +33,16 @@ def test_compiled_code_belongs_to_its_sources(sources: str, hits: str, tmp_path:
     for digest, expected in (("as before", "0"), (sources, hits)):
         command = [sys.executable, "-c", CODE, digest, str(tmp_path)]
         assert run_to_end(command, env=environment).stdout.strip() == expected
+
+
+@compiled
+def _double(number: int) -> int:
+    return 2 * number
+
+
+def test_constants_have_no_version_of_their_own() -> None:
+    """As numba asks for a function when it compiles calls with a constant and with a variable."""
+    for argument in (types.literal(3), types.int64):
+        _double.get_call_template((argument,), {})
+    assert _double(4) == 8
+    assert len(_double.signatures) == 1

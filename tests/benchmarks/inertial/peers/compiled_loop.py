@@ -59,8 +59,14 @@ def fly(  # type: ignore[no-untyped-def]
     innovation, correction, gain = np.empty(6), np.empty(STATES), np.empty(STATES)
     block, left, state = np.empty((interval, 6)), np.empty(6), np.empty(10)
     for n in range(len(start)):
-        state[:], left[:], last[:], p[:] = start[n], biases[n], 0.0, covariance
-        reached, first = 0, 0
+        for r in range(10):
+            state[r] = start[n, r]
+        for r in range(6):
+            left[r], last[r] = biases[n, r], 0.0
+        for r in range(STATES):
+            for c in range(STATES):
+                p[r, c] = covariance[r, c]
+        reached, first = 0, np.int64(0)  # what is called with a literal would be compiled twice
         for u in range(len(updates)):
             while first < updates[u]:
                 steps = min(interval, updates[u] - first)
@@ -88,7 +94,8 @@ def fly(  # type: ignore[no-untyped-def]
             update(p, innovation, variances, correction, gain)
             feed_back(state, left, correction, READING)
             if reached < len(epochs) and epochs[reached] == updates[u]:
-                states[n, reached] = state
+                for r in range(10):
+                    states[n, reached, r] = state[r]
                 reached += 1
 
 
@@ -103,8 +110,9 @@ def prepare(case: Case, setting: float, cores: int) -> Simulate:
         states = np.empty((len(samples), len(case.epochs), 10))
         fly(
             readings, case.updates, case.epochs, truth, densities, sizes, variances,
-            quaternions(case.started(samples)), samples.biases * READING, samples.increments, samples.measurements,
-            level, covariance, np.random.Generator(np.random.SFC64(seed)), interval, states,
+            quaternions(case.started(samples)), np.ascontiguousarray(samples.biases) * READING,
+            samples.increments, samples.measurements, level, covariance, np.random.Generator(np.random.SFC64(seed)),
+            interval, states,
         )  # fmt: skip
         return returned(states)
 
