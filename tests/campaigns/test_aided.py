@@ -98,6 +98,20 @@ def test_a_matched_filter_is_consistent(tmp_path: Path) -> None:
     assert 60.0 * requirement["time"] == pytest.approx(outage[1], abs=1.0)  # just before its end
 
 
+@pytest.mark.parametrize("engine", ["ensemble", "shared-gains"])
+def test_a_velocity_known_at_the_start(engine: str) -> None:
+    """The filter's variance of zero, which rounding makes negative, is no reason for a warning."""
+    described = shortened(19, 20.0, (8.0, 12.0))
+    del described["errors"]["velocity"]
+    campaign = parse_campaign(described, str(FOLDER / "small.toml"), "small")
+    assert isinstance(campaign.scenario, Ins)
+    aided = campaign.scenario.navigation.aided
+    assert aided is not None
+    assert np.diagonal(aided.linear.own[0]).min() < 0.0
+    probes = campaign.errors.draw("random", 1, 8, 0, 8)
+    assert "probe samples" in campaign.scenario.engine(engine, probes).accuracy
+
+
 def test_in_the_outage_the_position_drifts_as_the_file_says() -> None:
     described = entries(19)
     found = covariance(described, [1199.9, 1499.9, 1560.0])
