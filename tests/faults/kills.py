@@ -54,6 +54,9 @@ TIMES: Final = ("started", "flight", "checksum")
 KILLS: Final = (1, 1, 1, 1, 1, 1, 1, 2, 2, 3)
 """Kills of one run, all equally likely."""
 
+PAUSE: Final = 0.004
+"""Seconds between looks at a run."""
+
 BEFORE, AMID, AFTER = "before the first chunk", "amid chunks", "after the last chunk"
 COLUMNS: Final = (
     "runs",
@@ -174,26 +177,28 @@ def finish(process: int) -> int:
 
 @dataclass(frozen=True)
 class Undisturbed:
-    """A run that nothing happened to: its files, and the seconds to its first chunk and to its end."""
+    """A run that nothing happened to: its files, and the seconds to its first chunk, between chunks, and to its end."""
 
     files: dict[str, str]
     chunks: dict[str, str]
     first: float
+    spacing: float
     seconds: float
 
     @classmethod
     def of(cls, case: Case, place: Place) -> Undisturbed:
         """Run a campaign to its end."""
         place.clear()
-        began, first = time.monotonic(), 0.0
+        began, times = time.monotonic(), list[float]()
         process = start_run(case, place)
         while (ended := os.waitpid(process, os.WNOHANG))[0] == 0:
-            if not first and place.kept():
-                first = time.monotonic() - began
-            time.sleep(0.002)
+            times += [time.monotonic() - began] * (len(place.kept()) - len(times))
+            time.sleep(PAUSE)
         if ended[1] != 0:
             raise RuntimeError(f"{case}: an undisturbed run ended with {ended[1]}: {place.printed.read_text()}")
-        return cls(contents(place.folder), digests(place.folder), first, time.monotonic() - began)
+        chunks, seconds = digests(place.folder), time.monotonic() - began
+        times += [seconds] * (len(chunks) - len(times))
+        return cls(contents(place.folder), chunks, times[0], (times[-1] - times[0]) / len(times), seconds)
 
 
 def _wait_for_moment(process: int, place: Place, whole: Undisturbed, chance: random.Random) -> bool:
@@ -203,13 +208,12 @@ def _wait_for_moment(process: int, place: Place, whole: Undisturbed, chance: ran
     limit = {"beginning": whole.first, "chunk": LONG, "anywhere": whole.seconds}[moment]
     wanted = stored + chance.randint(1, max(1, len(whole.chunks) - stored - 1)) if moment == "chunk" else None
     until = began + chance.uniform(0.0, limit) if wanted is None else began + limit
-    spacing = (whole.seconds - whole.first) / len(whole.chunks)
     while time.monotonic() < until:
         if os.waitid(os.P_PID, process, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None:
             return False
         if wanted is not None and len(place.kept()) >= wanted:
-            wanted, until = None, time.monotonic() + chance.uniform(0.0, 0.5 * spacing)
-        time.sleep(0.002)
+            wanted, until = None, time.monotonic() + chance.uniform(0.0, whole.spacing)
+        time.sleep(PAUSE)
     return True
 
 
