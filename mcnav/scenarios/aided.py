@@ -114,14 +114,6 @@ class AidedNavigation:
         places = self.places(self.loop)
         return propagate_closed_loop(self.loop, places, np.ones(len(places)))
 
-    @property
-    def _filter_sigmas(self) -> Array:
-        """Sigmas that the filter along the truth states at the epochs, shape (m, 9).
-
-        Rounding may make a variance of zero negative, such as that of a velocity known at the start.
-        """
-        return np.asarray(np.sqrt(np.maximum(np.diagonal(self.linear.own, axis1=1, axis2=2), 0.0)))
-
     def read_out(
         self, times: Array | None = None
     ) -> tuple[tuple[Literal["before", "after"] | None, ...], ClosedLoopErrors]:
@@ -182,7 +174,7 @@ class AidedNavigation:
             finer = self.tables(2 * division)
             fine = self._without_noise(finer, probes)
             # the filter's sigma, or the errors themselves where it is optimistic
-            scale = np.maximum(self._filter_sigmas, np.abs(fine).max(axis=0))
+            scale = np.maximum(self._own_sigma, np.abs(fine).max(axis=0))
             sizes = np.where(scale > 0.0, scale, 1.0)
             error = float((np.abs(coarse - fine) / sizes).max(initial=0.0)) / 3.0  # of the finer one
             if 4.0 * error <= TOLERANCE:
@@ -190,6 +182,11 @@ class AidedNavigation:
             if error <= TOLERANCE or 2 * division >= LARGEST_DIVISION:
                 return finer, error
             division, tables, coarse = 2 * division, finer, fine
+
+    @property
+    def _own_sigma(self) -> Array:
+        """The filter's sigmas at the epochs, shape (m, 9); variances of errors that it believes absent are rounded."""
+        return np.asarray(np.sqrt(np.maximum(np.diagonal(self.linear.own, axis1=1, axis2=2), 0.0)))
 
     def _without_noise(self, tables: AidedTables, probes: Array) -> Array:
         values, outcomes = self.propagate(tables, probes, False)
@@ -208,7 +205,7 @@ class AidedNavigation:
         index = np.arange(min(len(probes), PROBES))
         own, shared = (simulate_aided(tables, probes[:PROBES], 0, index, each) for each in (True, False))
         good = (own.outcome == SOUND) & (shared.outcome == SOUND)
-        sigma = self._filter_sigmas[1:]
+        sigma = self._own_sigma[1:]
         apart = np.abs(own.values - shared.values)[good, 1:]
         return float((apart / np.where(sigma > 0.0, sigma, np.inf)).max(initial=0.0))
 

@@ -29,8 +29,8 @@ from mcnav.progress import SILENT
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.run import run_campaign
 from tests.conftest import ROOT, campaign
-from tests.faults.kills import contents, digests, left_of
 from tests.faults.kinds import Case
+from tests.faults.remains import contents, digests, left_of
 from tests.faults.scenarios import VECTORISED, OnAdvance, chunk_job, command, environment, write_campaign
 from tests.faults.test_failures import LIMIT, REASONS
 from tests.processes import LONG, run_to_end, running, wait_for

@@ -13,8 +13,8 @@ import tomli_w
 
 from mcnav.execution.processes import TRIED_WHOLE
 from tests.conftest import TWO_ERRORS, content
-from tests.faults.kills import digests
 from tests.faults.kinds import KINDS, Case
+from tests.faults.remains import digests
 from tests.faults.scenarios import OnAdvance, command, environment
 from tests.processes import LONG, run_to_end, running, wait_for
 
