@@ -23,7 +23,6 @@ from __future__ import annotations
 import argparse
 import os
 import random
-import shutil
 import signal
 import sys
 import tempfile
@@ -146,7 +145,7 @@ def kill_at_fixed_moments(case: Case, place: Place, whole: Undisturbed, chance: 
         with _killed_in_writing(1):
             case.run(place.path, place.folder, 1)
 
-    trial, threads = Trial(case, place, whole), KINDS[case.kind].engine != "single"
+    trial, threads = Trial(case, place, whole), not case.in_processes
     for number, run in enumerate((run_until_stored, run_until_half_written if threads else run_until_stored)):
         process = start(place, run)
         trial.look(process, finish(process))
@@ -159,14 +158,6 @@ def kill_at_fixed_moments(case: Case, place: Place, whole: Undisturbed, chance: 
 
 
 MODES: Final = {"random": kill_at_random, "workers": kill_workers, "fixed": kill_at_fixed_moments}
-
-
-def _warm_up(kinds: Sequence[str], place: Path) -> None:
-    """Compile, so that forks need not."""
-    for kind in kinds:
-        if KINDS[kind].engine != "single":
-            Case(kind, STORES[0]).run(place, place / "warm", 1, samples=2 * KINDS[kind].chunk)
-            shutil.rmtree(place / "warm")
 
 
 @contextmanager
@@ -189,12 +180,16 @@ def _running_cluster(place: Place) -> Iterator[str]:
         finish(process)
 
 
-def _known(case: Case, place: Place, known: dict[Case, Undisturbed]) -> Undisturbed:
+def _known(case: Case, place: Place, known: dict[Case, Undisturbed], measure: bool) -> Undisturbed:
     """Return the undisturbed run of a case, without a cluster unless it is the run's own; it is run if necessary."""
     here = Case(case.kind, case.store)
     measured = case if case.backend == DASK else here
     if measured not in known:
-        known[measured] = Undisturbed.of(measured, place)
+        run_here = not (measured.in_processes or measured.backend == DASK)  # forks would have its pool of processes
+        if run_here:
+            known[measured] = Undisturbed.here(measured, place)
+        if measure or not run_here:
+            known[measured] = Undisturbed.of(measured, place)
         if here in known and known[measured].files != known[here].files:
             raise RuntimeError(f"{measured}: files differ from those without a cluster")
     return known[measured]
@@ -225,7 +220,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     with tempfile.TemporaryDirectory() as path, ExitStack() as stack, suppress(KeyboardInterrupt):
         place, scheduler = Place(Path(path)), None
-        _warm_up(options.kinds, place.path)
         if SCHEDULER in options.backends:
             scheduler = stack.enter_context(_running_cluster(Place(place.path / "cluster")))
         chosen = product(options.kinds, STORES, options.backends)
@@ -233,7 +227,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         cases = [each for each in cases if options.mode != "workers" or each.has_workers]
         for number in range(len(cases) if options.mode == "fixed" else options.count):
             case = cases[number % len(cases)]
-            trial = MODES[options.mode](case, place, _known(case, place, known), chance)
+            trial = MODES[options.mode](case, place, _known(case, place, known, options.mode != "fixed"), chance)
             counts[str(case)].update(trial.counts)
             told = [f"{count} {name}" for name, count in trial.counts.items() if count and name != "runs"]
             print(f"{number + 1} {case}: {', '.join(told)}", *trial.faults, sep="\n  ", flush=True)

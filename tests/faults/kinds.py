@@ -74,11 +74,11 @@ KINDS: Final = {
     "reentry, ensemble": Kind("ensemble", content(1), 8_192, 24),
     "reentry, reference": Kind("reference", content(1, errors=TWO_ERRORS), 32, 6),
     "free, ensemble": Kind("ensemble", FREE, 2_048, 4),
-    "free, reference": Kind("reference", FREE, 8, 12),
-    "aided, own gains": Kind("ensemble", AIDED, 64, 8),
-    "aided, shared gains": Kind("shared-gains", AIDED, 256, 8),
+    "free, reference": Kind("reference", FREE, 8, 8),
+    "aided, own gains": Kind("ensemble", AIDED, 64, 6),
+    "aided, shared gains": Kind("shared-gains", AIDED, 256, 6),
     "aided, reference": Kind("reference", AIDED, 8, 6),
-    "own, stochastic": Kind("single", STOCHASTIC, 32, 12),
+    "own, stochastic": Kind("single", STOCHASTIC, 32, 8),
 }
 
 
@@ -95,14 +95,19 @@ class Case:
         return f"{self.kind}, {self.store}, {self.backend}"
 
     @property
+    def in_processes(self) -> bool:
+        """Return whether the engine simulates in processes of its own."""
+        return KINDS[self.kind].engine == "single"
+
+    @property
     def has_workers(self) -> bool:
         """Return whether other processes simulate, which end with the run's."""
-        return self.backend == DASK or (self.backend == JOBLIB and KINDS[self.kind].engine == "single")
+        return self.backend == DASK or (self.backend == JOBLIB and self.in_processes)
 
     def campaign(self, place: Path, **changes: Any) -> Campaign:
         """Read the campaign with some entries changed; a user's class is written into a folder."""
         kind = KINDS[self.kind]
-        if kind.engine == "single" and not (place / f"{OWN}.py").exists():
+        if self.in_processes and not (place / f"{OWN}.py").exists():
             code, _, _ = new_scenario(OWN, place, stochastic=True)
             text = code.read_text()
             code.write_text(text.replace("    settings = {", f"    chunk = {kind.chunk}\n    settings = {{", 1))
