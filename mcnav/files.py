@@ -23,13 +23,18 @@ def to_json(value: Any) -> Any:
     """Convert a value to JSON: arrays to lists, numbers that are not finite to null."""
     if isinstance(value, np.ndarray):
         return to_json(value.tolist())
-    if isinstance(value, Mapping):
-        return {key: to_json(entry) for key, entry in value.items()}
     if isinstance(value, (list, tuple)):
-        return [to_json(entry) for entry in value]
+        return list(value) if _all_finite(value) else [to_json(entry) for entry in value]
     if isinstance(value, (float, np.floating)):
         return float(value) if math.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {key: to_json(entry) for key, entry in value.items()}
     return value
+
+
+def _all_finite(values: Sequence[Any]) -> bool:
+    """Return whether all values are finite floating-point numbers, of which there is at least one."""
+    return set(map(type, values)) == {float} and all(map(math.isfinite, values))
 
 
 _TEMPORARY: Final = re.compile(r"\..+\.[0-9a-f]{12}\.tmp")

@@ -21,7 +21,7 @@ from typing import Any, Final
 from unittest.mock import patch
 
 from mcnav.__main__ import main
-from tests.faults.kills import left_of
+from tests.faults.remains import left_of
 from tests.faults.navigation import small_summaries, write_navigation
 from tests.processes import LONG, wait_for
 

@@ -1,118 +1,239 @@
-"""Kill a campaign at random moments and see that nothing is ever lost: ``python -m tests.faults.kills 200``.
+"""Kill campaigns at random moments and see that nothing is ever lost: ``python -m tests.faults.kills 200``.
 
-Each campaign is flown once undisturbed. Then, again and again, it is started, killed with all that a kill leaves
-(SIGKILL to the parent alone, so that its workers must notice by themselves) after a random time, now and then twice,
-and resumed; half the kills wait for the first chunk. To spare the start of the interpreter, campaigns are flown by
-forks of this process, which has everything imported. The chunks must be the same bits as those of the undisturbed
-run, and after each kill its processes must all end. The seed makes the moments repeatable as far as a computer's load
-is.
+Each of `tests.faults.kinds` is run undisturbed. Then, again and again, it is started, killed with SIGKILL at a random
+moment, three in ten twice or more, and resumed. Moments are within what precedes the first chunk, after a chunk, or
+anywhere. Mostly the run's own process alone is killed, so that its workers must notice by themselves; one in four times
+all of its processes are, as when a machine stops.
+
+After each kill its processes must end, and leave nothing in the folder of temporary files. Chunks that are stored must
+be those of the undisturbed run, and a resumed run must keep them. Finally every file of the run folder must be the
+same, bit for bit, except for times in the manifest, and there must be no other. The bits are those of a run without a
+cluster also where dask simulates, on a cluster of the run's own (``dask``) or on one that outlives it
+(``scheduler``).
+
+With ``--mode workers`` it is single worker processes that are killed, of campaigns that have any; with ``--mode fixed``
+each campaign is killed twice at moments that do not depend on time.
+
+To spare the start of the interpreter, campaigns are run by forks of this process, which has everything imported and
+compiled. The seed makes the moments repeatable as far as a computer's load is.
 """
 
 from __future__ import annotations
 
-import hashlib
+import argparse
 import os
 import random
-import shutil
 import signal
-import subprocess
 import sys
 import tempfile
 import time
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
+from itertools import product
 from pathlib import Path
+from typing import Final
+from unittest.mock import patch
 
-from mcnav.config.read import read_campaign
-from mcnav.workflow.run import run_campaign
-from tests.conftest import ROOT
-from tests.processes import LONG
+from mcnav.execution.dask_cluster import connect
+from mcnav.files import write_whole
+from mcnav.progress import Silent
+from mcnav.store.chunk_files import chunk_name
+from tests.faults.kinds import BACKENDS, DASK, KINDS, SCHEDULER, STORES, Case
+from tests.faults.remains import left_of, workers_of
+from tests.faults.trials import COLUMNS, PAUSE, Place, Trial, Undisturbed, finish, start, start_run
+from tests.processes import LONG, wait_for
 
-CAMPAIGN = ROOT / "campaigns" / "02_tn_d1772_trajectory_1.toml"
-ENGINES = {"reference": 128, "ensemble": 200_000}
-"""Samples of each."""
-
-
-def digests(folder: Path) -> dict[str, str]:
-    """Chunks of a run folder by name."""
-    parts = sorted((folder / "samples").glob("part-*.parquet"))
-    return {part.name: hashlib.sha256(part.read_bytes()).hexdigest() for part in parts}
+KILLS: Final = (1, 1, 1, 1, 1, 1, 1, 2, 2, 3)
+"""Kills of one run, all equally likely."""
 
 
-def started(folder: Path, engine: str) -> int:
-    """A campaign in a process and session of its own."""
-    process = os.fork()
-    if process:
-        return process
-    status = 1
+def _wait_for_moment(process: int, place: Place, whole: Undisturbed, chance: random.Random) -> bool:
+    """Wait until a random moment of a run; return whether it goes on."""
+    stored, began = len(place.kept()), time.monotonic()
+    moment = chance.choice(("beginning", "chunk", "chunk", "anywhere"))
+    limit = {"beginning": whole.first, "chunk": LONG, "anywhere": whole.seconds}[moment]
+    wanted = stored + chance.randint(1, max(1, len(whole.chunks) - stored - 1)) if moment == "chunk" else None
+    until = began + chance.uniform(0.0, limit) if wanted is None else began + limit
+    while time.monotonic() < until:
+        if os.waitid(os.P_PID, process, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None:
+            return False
+        if wanted is not None and len(place.kept()) >= wanted:
+            wanted, until = None, time.monotonic() + chance.uniform(0.0, whole.spacing)
+        time.sleep(PAUSE)
+    return True
+
+
+def kill_at_random(case: Case, place: Place, whole: Undisturbed, chance: random.Random) -> Trial:
+    """Kill a campaign once or more at random moments, and resume it."""
+    trial, kills = Trial(case, place, whole), chance.choice(KILLS)
+    while trial.counts["kills"] < kills:
+        process = start_run(case, place)
+        if _wait_for_moment(process, place, whole, chance):
+            trial.kill(process, everything=chance.random() < 0.25)
+            continue
+        trial.finished(finish(process))  # sooner than expected
+        if trial.counts["kills"]:
+            return trial
+        trial = Trial(case, place, whole)
+    trial.resume()
+    return trial
+
+
+def kill_workers(case: Case, place: Place, whole: Undisturbed, chance: random.Random) -> Trial:
+    """Kill one worker of a campaign, up to three times at random moments; the campaign goes on by itself.
+
+    A run that is refused says why in one line, and is resumed.
+    """
+    trial, process = Trial(case, place, whole), start_run(case, place)
+    for _ in range(chance.randint(1, 3)):
+        if not _wait_for_moment(process, place, whole, chance):
+            break
+        if workers := workers_of(process):
+            with suppress(ProcessLookupError):
+                os.kill(chance.choice(workers), signal.SIGKILL)
+            trial.counts["workers"] += 1
+    status, orphans = finish(process), left_of(process)
+    trial.check(not orphans, f"left {orphans}")
+    *_, last = ["", *place.printed.read_text().splitlines()]
+    if status == 1 and last.startswith("mcnav.errors."):
+        print(f"{case}: {last}", flush=True)
+        trial.counts["refused"] = 1
+        trial.resume()
+    else:
+        trial.finished(status)
+    return trial
+
+
+class _KillWhenStored(Silent):
+    """Progress that kills its process as soon as a chunk is stored."""
+
+    def advance(self, samples: int, stored: bool = False) -> None:
+        if not stored:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+
+@contextmanager
+def _killed_in_writing(number: int) -> Iterator[None]:
+    """Kill this process when half of a chunk's bytes are on the disk."""
+
+    def write(path: Path, content: bytes) -> None:
+        def end(file: int) -> None:
+            os.ftruncate(file, len(content) // 2)
+            os.kill(os.getpid(), signal.SIGKILL)
+
+        with patch("mcnav.files.os.fsync", end) if path.name == chunk_name(number) else nullcontext():
+            write_whole(path, content)
+
+    with patch("mcnav.store.chunk_files.write_whole", write):
+        yield
+
+
+def kill_at_fixed_moments(case: Case, place: Place, whole: Undisturbed, chance: random.Random) -> Trial:
+    """Kill a campaign when its first chunk is stored, then amid the writing of its second, and resume it.
+
+    A user's class, whose chunks other processes write, is killed when the second is stored. One worker simulates until
+    then, so that the number of chunks does not depend on time.
+    """
+
+    del chance
+
+    def run_until_stored() -> None:
+        case.run(place.path, place.folder, 1, _KillWhenStored())
+
+    def run_until_half_written() -> None:
+        with _killed_in_writing(1):
+            case.run(place.path, place.folder, 1)
+
+    trial, threads = Trial(case, place, whole), not case.in_processes
+    for number, run in enumerate((run_until_stored, run_until_half_written if threads else run_until_stored)):
+        process = start(place, run)
+        trial.look(process, finish(process))
+        stored = 1 if threads else number + 1
+        trial.check(len(trial.kept) == stored, f"{len(trial.kept)} chunks are stored, not {stored}")
+        partial = len(list(place.folder.rglob(".*.tmp")))
+        trial.check(partial == (threads and number == 1), f"{partial} half-written files")
+    trial.resume()
+    return trial
+
+
+MODES: Final = {"random": kill_at_random, "workers": kill_workers, "fixed": kill_at_fixed_moments}
+
+
+@contextmanager
+def _running_cluster(place: Place) -> Iterator[str]:
+    """Start a cluster in a process of its own, and yield its scheduler's address; both end with the context."""
+    address = place.path / "address"
+    place.clear()
+
+    def serve() -> None:
+        with connect(None, 2) as (cluster, _):
+            address.write_text(cluster.address + "\n")
+            signal.pause()
+
+    process = start(place, serve)
     try:
-        os.setsid()
-        quiet = os.open(os.devnull, os.O_RDWR)
-        for number in range(3):
-            os.dup2(quiet, number)
-        run_campaign(read_campaign(CAMPAIGN, {"samples": ENGINES[engine]}), folder, engine, 2)
-        status = 0
+        wait_for(lambda: address.exists() and address.read_text().endswith("\n"))
+        yield address.read_text().strip()
     finally:
-        os._exit(status)
+        os.kill(process, signal.SIGKILL)
+        finish(process)
 
 
-def left_of(session: int, seconds: float = LONG) -> list[str]:
-    """Processes of a session that are still there after some seconds; returns as soon as there are none."""
-    deadline = time.monotonic() + seconds
-    while True:
-        listed = subprocess.run(["ps", "-o", "pid=,stat=,args=", "--sid", str(session)], capture_output=True, text=True)
-        alive = [line for line in listed.stdout.splitlines() if line.split()[1][0] != "Z"]
-        if not alive or time.monotonic() > deadline:
-            return alive
-        time.sleep(0.05)
+def _known(case: Case, place: Place, known: dict[Case, Undisturbed], measure: bool) -> Undisturbed:
+    """Return the undisturbed run of a case, without a cluster unless it is the run's own; it is run if necessary."""
+    here = Case(case.kind, case.store)
+    measured = case if case.backend == DASK else here
+    if measured not in known:
+        run_here = not (measured.in_processes or measured.backend == DASK)  # forks would have its pool of processes
+        if run_here:
+            known[measured] = Undisturbed.here(measured, place)
+        if measure or not run_here:
+            known[measured] = Undisturbed.of(measured, place)
+        if here in known and known[measured].files != known[here].files:
+            raise RuntimeError(f"{measured}: files differ from those without a cluster")
+    return known[measured]
 
 
-def finished(folder: Path, engine: str) -> None:
-    """Run a campaign to its end."""
-    _, status = os.waitpid(started(folder, engine), 0)
-    assert status == 0, status
+def _print_table(counts: Mapping[str, Counter[str]]) -> None:
+    width = max(map(len, counts))
+    print(" " * width, *COLUMNS, sep="  ")
+    for name, row in sorted(counts.items()):
+        print(name.ljust(width), *(str(row[column]).rjust(len(column)) for column in COLUMNS), sep="  ")
+    total: Counter[str] = sum(counts.values(), Counter())
+    print("all".ljust(width), *(str(total[column]).rjust(len(column)) for column in COLUMNS), sep="  ", flush=True)
 
 
-def main(count: int, seed: int = 1) -> int:
-    """Kill so many runs, the engines in turn; the number of those that went wrong."""
-    chance, wrong = random.Random(seed), 0
-    with tempfile.TemporaryDirectory() as place:
-        whole, takes = {}, {}
-        run_campaign(read_campaign(CAMPAIGN, {"samples": 200}), Path(place) / "warm", "ensemble", 1)
-        for name in ENGINES:
-            began = time.monotonic()
-            finished(Path(place) / name, name)
-            whole[name], takes[name] = digests(Path(place) / name), time.monotonic() - began
-        amid = 0
-        for number in range(count):
-            name = list(ENGINES)[number % 2]
-            folder = Path(place) / "run"
-            shutil.rmtree(folder, ignore_errors=True)
-            for _ in range(chance.choice([1, 1, 1, 2])):
-                process, part = started(folder, name), folder / "samples" / "part-00000.parquet"
-                deadline = time.monotonic() + chance.uniform(0.0, 1.05 * takes[name])
-                wait_for_it = chance.random() < 0.5
-                while time.monotonic() < deadline and not (wait_for_it and part.exists()):
-                    time.sleep(0.002)
-                if wait_for_it:
-                    time.sleep(chance.uniform(0.0, 0.1 * takes[name]))
-                os.kill(process, signal.SIGKILL)
-                os.waitpid(process, 0)
-                orphans = left_of(process)
-                amid += 0 < len(digests(folder)) < len(whole[name])
-                if orphans:
-                    wrong += 1
-                    print(f"{number} {name}: left {orphans}", flush=True)
-            finished(folder, name)
-            if digests(folder) != whole[name]:
-                wrong += 1
-                print(f"{number} {name}: other results", flush=True)
-            litter = list(folder.rglob(".*.tmp"))
-            if litter:
-                wrong += 1
-                print(f"{number} {name}: litter {litter}", flush=True)
-            if number % 10 == 9:
-                print(f"{number + 1} killed and resumed, {amid} of the kills amid chunks, {wrong} wrong", flush=True)
-    return wrong
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Kill so many runs, the cases in turn; return the number of those that went wrong. Ctrl-C ends it early."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("count", type=int, nargs="?", default=200, help="runs")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--kinds", nargs="+", choices=list(KINDS), default=list(KINDS), metavar="KIND")
+    parser.add_argument("--backends", nargs="+", choices=BACKENDS, default=list(BACKENDS))
+    parser.add_argument("--mode", choices=list(MODES), default="random")
+    options = parser.parse_args(arguments)
+    chance, known, counts = (
+        random.Random(options.seed),
+        dict[Case, Undisturbed](),
+        defaultdict[str, Counter[str]](Counter),
+    )
+    with tempfile.TemporaryDirectory() as path, ExitStack() as stack, suppress(KeyboardInterrupt):
+        place, scheduler = Place(Path(path)), None
+        if SCHEDULER in options.backends:
+            scheduler = stack.enter_context(_running_cluster(Place(place.path / "cluster")))
+        chosen = product(options.kinds, STORES, options.backends)
+        cases = [Case(*each, scheduler if each[-1] == SCHEDULER else None) for each in chosen]
+        cases = [each for each in cases if options.mode != "workers" or each.has_workers]
+        for number in range(len(cases) if options.mode == "fixed" else options.count):
+            case = cases[number % len(cases)]
+            trial = MODES[options.mode](case, place, _known(case, place, known, options.mode != "fixed"), chance)
+            counts[str(case)].update(trial.counts)
+            told = [f"{count} {name}" for name, count in trial.counts.items() if count and name != "runs"]
+            print(f"{number + 1} {case}: {', '.join(told)}", *trial.faults, sep="\n  ", flush=True)
+    _print_table(counts)
+    return sum(row["wrong"] for row in counts.values())
 
 
 if __name__ == "__main__":
-    sys.exit(main(int(sys.argv[1]) if len(sys.argv) > 1 else 200) > 0)
+    sys.exit(main() > 0)

@@ -29,7 +29,8 @@ from mcnav.progress import SILENT
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.run import run_campaign
 from tests.conftest import ROOT, campaign
-from tests.faults.kills import digests, left_of
+from tests.faults.kinds import Case
+from tests.faults.remains import contents, digests, left_of
 from tests.faults.scenarios import VECTORISED, OnAdvance, chunk_job, command, environment, write_campaign
 from tests.faults.test_failures import LIMIT, REASONS
 from tests.processes import LONG, run_to_end, running, wait_for
@@ -134,6 +135,22 @@ def test_a_killed_worker(together: int, cluster: Cluster, tmp_path: Path, monkey
     assert ready[0] == 60
     assert digests(tmp_path / "here") == digests(tmp_path / "there")
     assert workers(cluster) != before
+
+
+def test_a_killed_worker_of_an_aided_run(cluster: Cluster, tmp_path: Path) -> None:
+    """Amid chunks; all files of the run are those of one without a cluster."""
+    cluster.client.wait_for_workers(2)
+    case, killed, before = Case("aided, own gains", "summary"), list[int](), workers(cluster)
+
+    def kill() -> None:
+        if not killed:
+            killed.append(min(before))
+            os.kill(killed[0], signal.SIGKILL)
+
+    case.run(tmp_path, tmp_path / "here")
+    case.run(tmp_path, tmp_path / "there", progress=OnAdvance(kill), executor=cluster.simulate)
+    assert contents(tmp_path / "here") == contents(tmp_path / "there")
+    assert killed[0] not in workers(cluster)
 
 
 def test_a_chunk_that_always_kills_its_worker(cluster: Cluster, tmp_path: Path) -> None:

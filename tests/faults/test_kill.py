@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-import hashlib
+import os
 import signal
+import sys
+from multiprocessing import active_children
 from pathlib import Path
 
 import pytest
 import tomli_w
 
+from mcnav.execution.processes import TRIED_WHOLE
 from tests.conftest import TWO_ERRORS, content
-from tests.faults.scenarios import command, environment
+from tests.faults.kinds import KINDS, Case
+from tests.faults.remains import digests
+from tests.faults.scenarios import OnAdvance, command, environment
 from tests.processes import LONG, run_to_end, running, wait_for
 
 SAMPLES = 192
@@ -29,30 +34,55 @@ def _run(folder: Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
-def _parts(folder: Path) -> dict[str, str]:
-    parts = sorted((folder / "samples").glob("part-*.parquet"))
-    return {part.name: hashlib.sha256(part.read_bytes()).hexdigest() for part in parts}
-
-
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     folder = tmp_path_factory.mktemp("undisturbed") / "run"
     _run(folder)
-    return _parts(folder)
+    return digests(folder)
 
 
 @pytest.mark.parametrize(("sign", "status"), [(signal.SIGKILL, -9), (signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_resume_after_a_signal(sign: signal.Signals, status: int, tmp_path: Path, undisturbed: dict[str, str]) -> None:
     folder = tmp_path / "run"
     with running(command(*_arguments(folder)), env=environment()) as process:
-        wait_for(lambda: _parts(folder), process)
+        wait_for(lambda: digests(folder), process)
         process.send_signal(sign)
         _, said = process.communicate(timeout=LONG)  # the pipes stay open as long as any worker lives
-    left = _parts(folder)
+    left = digests(folder)
     assert process.returncode == status
     assert 0 < len(left) < len(undisturbed)
     assert left.items() <= undisturbed.items()
     if sign != signal.SIGKILL:
         assert said == "error: interrupted; stored samples are kept, and the same command resumes the run\n"
     _run(folder)
-    assert _parts(folder) == undisturbed
+    assert digests(folder) == undisturbed
+
+
+def test_killed_workers_of_an_aided_run(tmp_path: Path) -> None:
+    """One of each of two pools: what is left is simulated chunk by chunk, and no sample is lost."""
+    case, others, killed = Case("aided, own gains", "samples"), set(active_children()), list[int]()
+
+    def kill() -> None:
+        pool = [worker.pid for worker in active_children() if worker not in others and worker.pid]
+        if pool and len(killed) < TRIED_WHOLE:
+            killed.append(pool[0])
+            os.kill(pool[0], signal.SIGKILL)
+            others.update(active_children())
+
+    case.run(tmp_path, tmp_path / "calm")
+    case.run(tmp_path, tmp_path / "hit", progress=OnAdvance(kill), sample_timeout="1 h")  # with a limit, in processes
+    assert killed
+    assert digests(tmp_path / "hit") == digests(tmp_path / "calm")
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if not kind.startswith("reentry")])
+def test_resume_of_every_kind(kind: str) -> None:
+    """Killed after the first chunk, then amid the writing of the second: all files are those of a run at one go.
+
+    With samples and with a summary; `tests.faults.kills` says what else is looked at.
+    """
+    tool = [sys.executable, "-m", "tests.faults.kills", "--mode", "fixed", "--backends", "joblib", "--kinds", kind]
+    done = run_to_end(tool, env=environment())
+    assert done.returncode == 0, done.stdout + done.stderr
+    runs, kills, *_, wrong = done.stdout.splitlines()[-1].split()[1:]
+    assert (runs, kills, wrong) == ("2", "4", "0")

@@ -26,7 +26,7 @@ from mcnav.store.chunk_files import verify_chunk
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.analyse import report_run
 from mcnav.workflow.run import run_campaign
-from tests.faults.kills import left_of
+from tests.faults.remains import left_of
 from tests.faults.scenarios import SINGLE, VECTORISED, as_nobody, command, environment, write_campaign
 from tests.processes import LONG, run_to_end, running, wait_for
 

@@ -1,0 +1,145 @@
+"""Small campaigns of every kind of engine, each of several chunks, for tests that interrupt runs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+from unittest.mock import patch
+
+from mcnav.config.read import Campaign, parse_campaign
+from mcnav.config.templates import new_scenario
+from mcnav.execution.dask_cluster import connect
+from mcnav.execution.runner import ChunkExecutor
+from mcnav.progress import SILENT, Progress
+from mcnav.store import summaries
+from mcnav.workflow.run import run_campaign
+from tests.conftest import TWO_ERRORS, content
+
+STORES: Final = ("samples", "summary")
+JOBLIB, DASK, SCHEDULER = "joblib", "dask", "scheduler"
+BACKENDS: Final = (JOBLIB, DASK, SCHEDULER)
+"""This machine's threads and processes; a cluster of a run's own; a cluster that outlives it."""
+
+OWN: Final = "own"
+"""Name of the user's files."""
+
+START: Final = {"latitude": "47 deg", "longitude": "9 deg", "course": "80 deg", "speed": "60 m/s"}
+FREE: Final = {
+    "scenario": {
+        "type": "ins",
+        "trajectory": {"rate": "1 Hz", "start": START, "segments": [{"turn": "3 deg"}, {"straight": "6 s"}]},
+    },
+    "imu": {
+        "gyro": {"bias": "1 deg/h", "angle_random_walk": "0.1 deg/sqrt(h)"},
+        "accelerometer": {"velocity_random_walk": "20 ug/sqrt(Hz)"},
+    },
+    "errors": {"position": "5 m", "tilt": "0.5 mrad"},
+}
+"""Some ten seconds of flight; the instruments have noise."""
+
+AIDED: Final = FREE | {
+    "aiding": [{"type": "gnss", "interval": "2 s", "position": "3 m"}],
+    "filter": {"estimates": ["position", "velocity", "attitude", "gyro_bias"]},
+}
+STOCHASTIC: Final = {
+    "scenario": {"type": f"{OWN}.py:Own", "duration": "1.5 h", "angle_random_walk": "0.003 deg/sqrt(h)"},
+    "errors": {"tilt": "10 arcsec", "gyro_drift": "0.01 deg/h"},
+}
+
+
+@dataclass(frozen=True)
+class Kind:
+    """Campaigns of one engine.
+
+    Attributes
+    ----------
+    content : mapping
+        Campaign file, without samples, seed and store.
+    chunk : int
+        Samples of the engine's chunks.
+    chunks : int
+        Chunks of the campaign, an even number: one that stores a summary has half as many, of two each.
+    """
+
+    engine: str
+    content: Mapping[str, Any] = field(repr=False)
+    chunk: int
+    chunks: int
+
+
+KINDS: Final = {
+    "reentry, ensemble": Kind("ensemble", content(1), 8_192, 24),
+    "reentry, reference": Kind("reference", content(1, errors=TWO_ERRORS), 32, 6),
+    "free, ensemble": Kind("ensemble", FREE, 2_048, 4),
+    "free, reference": Kind("reference", FREE, 8, 8),
+    "aided, own gains": Kind("ensemble", AIDED, 64, 6),
+    "aided, shared gains": Kind("shared-gains", AIDED, 256, 6),
+    "aided, reference": Kind("reference", AIDED, 8, 6),
+    "own, stochastic": Kind("single", STOCHASTIC, 32, 8),
+}
+
+
+@dataclass(frozen=True)
+class Case:
+    """Campaign of a kind, by what it stores and what simulates it, with the address of a scheduler."""
+
+    kind: str
+    store: str
+    backend: str = JOBLIB
+    scheduler: str | None = field(default=None, repr=False)
+
+    def __str__(self) -> str:
+        return f"{self.kind}, {self.store}, {self.backend}"
+
+    @property
+    def in_processes(self) -> bool:
+        """Return whether the engine simulates in processes of its own."""
+        return KINDS[self.kind].engine == "single"
+
+    @property
+    def has_workers(self) -> bool:
+        """Return whether other processes simulate, which end with the run's."""
+        return self.backend == DASK or (self.backend == JOBLIB and self.in_processes)
+
+    def campaign(self, place: Path, **changes: Any) -> Campaign:
+        """Read the campaign with some entries changed; a user's class is written into a folder."""
+        kind = KINDS[self.kind]
+        if self.in_processes and not (place / f"{OWN}.py").exists():
+            code, _, _ = new_scenario(OWN, place, stochastic=True)
+            text = code.read_text()
+            code.write_text(text.replace("    settings = {", f"    chunk = {kind.chunk}\n    settings = {{", 1))
+        described = {"samples": kind.chunk * kind.chunks, "seed": 1772, "store": self.store, **kind.content}
+        return parse_campaign(described | changes, str(place / f"{OWN}.toml"), OWN)
+
+    def run(
+        self,
+        place: Path,
+        folder: Path,
+        jobs: int = 2,
+        progress: Progress = SILENT,
+        executor: ChunkExecutor | None = None,
+        **changes: Any,
+    ) -> None:
+        """Run the campaign, with some entries changed, into a run folder; that of its backend simulates it."""
+        campaign, kind = self.campaign(place, **changes), KINDS[self.kind]
+        with self._executor(executor) as simulate, small_summaries(kind.chunk):
+            run_campaign(campaign, folder, kind.engine, jobs, progress=progress, executor=simulate, report=False)
+
+    @contextmanager
+    def _executor(self, given: ChunkExecutor | None) -> Iterator[ChunkExecutor | None]:
+        with ExitStack() as stack:
+            own = given is None and self.backend != JOBLIB
+            yield stack.enter_context(connect(self.scheduler, 2))[0].simulate if own else given
+
+
+@contextmanager
+def small_summaries(chunk: int) -> Iterator[None]:
+    """Let chunks of summaries have two of the engine's: otherwise they have 262,144 samples, of slow engines 1,024.
+
+    Workers are told by the run how many samples a chunk has.
+    """
+    with patch.multiple(summaries, CHUNK=2 * chunk, SLOW=0):
+        yield
