@@ -174,7 +174,8 @@ class AidedNavigation:
             finer = self.tables(2 * division)
             fine = self._without_noise(finer, probes)
             # the filter's sigma, or the errors themselves where it is optimistic
-            scale = np.maximum(np.sqrt(np.diagonal(self.linear.own, axis1=1, axis2=2)), np.abs(fine).max(axis=0))
+            own = np.sqrt(np.maximum(np.diagonal(self.linear.own, axis1=1, axis2=2), 0.0))  # rounding
+            scale = np.maximum(own, np.abs(fine).max(axis=0))
             sizes = np.where(scale > 0.0, scale, 1.0)
             error = float((np.abs(coarse - fine) / sizes).max(initial=0.0)) / 3.0  # of the finer one
             if 4.0 * error <= TOLERANCE:
