@@ -93,13 +93,13 @@ def fuzz(
     what: str,
 ) -> tuple[Counter[tuple[str, str]], list[str]]:
     """Read so many files; the numbers of kinds and outcomes, and the findings."""
-    chance, counted, findings, slowest = random.Random(seed), Counter[tuple[str, str]](), list[str](), 0.0
+    chance, counted, findings, slowest = random.Random(seed), Counter[tuple[str, str]](), list[str](), (0.0, "none")
     for number in range(count):
         kind, content = made(chance)
         began = time.process_time()
         try:
             counted[kind, outcome(content)] += 1
-            slowest = max(slowest, time.process_time() - began)
+            slowest = max(slowest, (time.process_time() - began, f"number {number}, {kind}"))
         except Exception as failure:
             counted[kind, "finding"] += 1
             kept = Path(tempfile.gettempdir()) / f"finding_{what}_{seed}_{number}"
@@ -111,7 +111,7 @@ def fuzz(
     largest = 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     if largest > LARGEST:
         findings.append(f"{what}: {largest:,} bytes of memory")
-    print(f"{count} {what}: {dict(counted)}, slowest {slowest:.2f} s, {largest:,} bytes", flush=True)
+    print(f"{count} {what}: {dict(counted)}, slowest {slowest[0]:.2f} s ({slowest[1]}), {largest:,} bytes", flush=True)
     return counted, findings
 
 
