@@ -218,6 +218,7 @@ def try_folder(
     outside.fill()
     for name in ("hostile", "out"):
         (place / name).mkdir()
+    print(f"{number}\t{kind}", flush=True)
     made = make_hostile(chance, kind, runs[base], folder, outside)
     for name in chance.sample(commands, count):  # some write into the folder
         print(f"{number}\t{name}", flush=True)

@@ -25,7 +25,8 @@ from tests.faults.folders.runs import Outside
 
 
 def _some_parquet(chance: random.Random, folder: Path) -> Path:
-    return chance.choice(sorted(folder.rglob("*.parquet")))
+    """Choose a file that has columns."""
+    return chance.choice([path for path in sorted(folder.rglob("*.parquet")) if pq.read_schema(path).names])
 
 
 def parquet_bits(chance: random.Random, folder: Path, outside: Outside) -> None:
