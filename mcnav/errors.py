@@ -21,6 +21,9 @@ LONGEST: Final = 400
 LONGEST_MESSAGE: Final = 1_000
 """Characters of a message that are shown: some list names."""
 
+LONGEST_LINE: Final = 2_000
+"""Characters of a message about a run folder that are shown."""
+
 LONGEST_NAME: Final = 100
 """Characters of a name that may have been meant for another."""
 
@@ -57,7 +60,10 @@ class CampaignError(Exception):
 
 
 class RunFolderError(Exception):
-    """A run folder that cannot be used; the message names it and the remedy."""
+    """A run folder that cannot be used; the message, of one printable line, names it and the remedy."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(printable(message.strip(), LONGEST_LINE))
 
 
 class ClusterError(Exception):

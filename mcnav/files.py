@@ -58,16 +58,21 @@ def write_whole(path: Path, content: bytes) -> None:
         temporary.unlink(missing_ok=True)
 
 
-def read_whole(path: Path, most: int) -> bytes:
-    """Read a regular file of at most so many bytes.
-
-    Raises `OSError` when it cannot be read, is no file (reading a pipe might never end), or is longer.
-    """
+def check_regular(path: Path, most: int) -> None:
+    """Raise `OSError` unless this is a file of at most so many bytes: reading a pipe might never end."""
     found = path.stat()
     if not stat.S_ISREG(found.st_mode):
         raise OSError(errno.EINVAL, "is no file")
     if found.st_size > most:
         raise OSError(errno.EFBIG, f"is longer than {most:,} bytes")
+
+
+def read_whole(path: Path, most: int) -> bytes:
+    """Read a regular file of at most so many bytes.
+
+    Raises `OSError` when it cannot be read, is no file, or is longer.
+    """
+    check_regular(path, most)
     with path.open("rb") as file:
         return file.read(most)
 

@@ -4,11 +4,28 @@ from __future__ import annotations
 
 import contextlib
 import subprocess
+from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
+from typing import Any
+from unittest.mock import patch
 
-from typer.testing import CliRunner
+import typer.main
+from typer import testing
 
 from mcnav.cli import app
+
+
+@cache
+def _program(app: typer.Typer) -> Any:
+    """Build the commands; the runner of typer builds them each time, for a fifth of a second."""
+    return typer.main.get_command(app)
+
+
+def in_process(words: Sequence[str], columns: int = 300) -> testing.Result:
+    """Run a command in the current folder; an exception that a process would end with is in the result."""
+    with patch.object(testing, "_get_command", _program):
+        return testing.CliRunner().invoke(app, words, prog_name="mcnav", env={"COLUMNS": str(columns)})
 
 
 def invoke(*arguments: object, cwd: Path, columns: int = 300) -> subprocess.CompletedProcess[str]:
@@ -18,7 +35,7 @@ def invoke(*arguments: object, cwd: Path, columns: int = 300) -> subprocess.Comp
     """
     words = [str(argument) for argument in arguments]
     with contextlib.chdir(cwd):
-        done = CliRunner().invoke(app, words, prog_name="mcnav", env={"COLUMNS": str(columns)})
+        done = in_process(words, columns)
     if done.exception is not None and not isinstance(done.exception, SystemExit):
         raise done.exception
     return subprocess.CompletedProcess(words, done.exit_code, done.stdout, done.stderr)

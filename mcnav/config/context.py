@@ -33,6 +33,8 @@ class FileContext:
         Files of an earlier run by setting: a copy replaces a file that has changed since.
     content : mapping
         The whole file.
+    confined : bool
+        Whether files may be read in the folder of the campaign only, also where links lead elsewhere: that of a run.
     problems : list of Problem
         Mistakes found so far; functions that read a table add theirs and go on.
     """
@@ -41,11 +43,16 @@ class FileContext:
     folder: Path
     earlier: Mapping[str, EarlierFile] = field(default_factory=dict)
     content: Mapping[str, Any] = field(default_factory=dict)
+    confined: bool = False
     problems: list[Problem] = field(default_factory=list)
 
     def problem(self, key: str, message: str) -> None:
         """Add a mistake."""
         self.problems.append(Problem(self.file, key, message))
+
+    def leaves(self, written: str) -> bool:
+        """Return whether a path leads out of a folder that the campaign must not leave."""
+        return self.confined and not (self.folder / written).resolve().is_relative_to(self.folder.resolve())
 
     def error(self) -> CampaignError:
         """Return the exception that lists all mistakes."""

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcnav.config.context import FileContext
+from mcnav.config.files import OUTSIDE
 from mcnav.errors import suggestion
 from mcnav.files import read_whole
 from mcnav.sampling.scipy_and_tables import (
@@ -79,6 +80,9 @@ def read_table(
         elif not isinstance(table[name], str):
             context.problem(f"{key}.{name}", f"got {table[name]!r}; expected text in quotes")
     if len(context.problems) > before:
+        return None
+    if context.leaves(table["file"]):
+        context.problem(f"{key}.file", f"got {table['file']!r}; in a run folder {OUTSIDE}")
         return None
     path = context.folder / table["file"]
     try:

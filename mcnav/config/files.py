@@ -26,7 +26,7 @@ def read_file(value: object, key: str, context: FileContext) -> InputFile:
     """Identify the file of a setting; when a run is repeated and the file has changed, its copy in the run folder."""
     if not isinstance(value, str):
         raise SettingError(f"got {display(value)}; expected the path of a file in quotes")
-    if not FILE.fullmatch(value) or not is_inside(value):
+    if not FILE.fullmatch(value) or not is_inside(value) or context.leaves(value):
         raise SettingError(f"got {display(value)}; {OUTSIDE}")
     path, name, earlier = context.folder / value, safe_name(value), context.earlier.get(key)
     try:

@@ -49,7 +49,7 @@ def read_campaign(
     overrides : mapping, optional
         Top-level entries that replace those of the file.
     execute : bool
-        Whether the code of a user-defined scenario may be executed.
+        Whether the code of a user-defined scenario may be executed, and files outside of the campaign's folder read.
     earlier : mapping of str to EarlierFile, optional
         Files of an earlier run by setting; they replace files that have changed since.
 
@@ -64,7 +64,7 @@ def read_campaign(
     if not execute and scenario_type(kind) is USER:
         message = f"got {kind!r}, which is code; nothing in a run folder is executed, so name the run's --campaign"
         raise CampaignError([Problem(str(path), "scenario.type", message)])
-    return parse_campaign(content, str(path), path.stem, overrides, earlier)
+    return parse_campaign(content, str(path), path.stem, overrides, earlier, confined=not execute)
 
 
 def campaign_from(
@@ -97,10 +97,11 @@ def parse_campaign(
     stem: str,
     overrides: Mapping[str, Any] | None = None,
     earlier: Mapping[str, EarlierFile] | None = None,
+    confined: bool = False,
 ) -> Campaign:
     """Check the content of a campaign file and build the campaign; see `read_campaign`."""
     content = {**content, **(overrides or {})}
-    context = FileContext(file, Path(file).parent, earlier or {}, content)
+    context = FileContext(file, Path(file).parent, earlier or {}, content, confined)
     rule: UntilTable | None = None
     plain = content
     if isinstance(content.get("samples"), dict):

@@ -7,14 +7,17 @@ as one record below another. In a pipe or a file the width is unlimited.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
 from rich.cells import cell_len
-from rich.console import Console, ConsoleDimensions, ConsoleOptions, RenderResult
+from rich.console import Console, ConsoleDimensions, ConsoleOptions, RenderableType, RenderResult
+from rich.segment import Segment
 from rich.style import Style
 from rich.text import Text
+
+from mcnav.units import printable
 
 UNLIMITED: Final = 1_000_000
 """Width of a pipe."""
@@ -27,7 +30,17 @@ INDENT: Final = 2
 
 
 class OpenConsole(Console):
-    """A console that is as wide as its terminal, and unlimited when it writes to a pipe or a file."""
+    """A console that is as wide as its terminal, and unlimited when it writes to a pipe or a file.
+
+    Characters that are not printable are escaped: names in a run folder may be anyone's, and would act
+    in a terminal.
+    """
+
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterator[Segment]:
+        """Yield segments of printable text."""
+        for text, style, control in super().render(renderable, options):
+            lines = text if control else "\n".join(printable(line, len(line)) for line in text.split("\n"))
+            yield Segment(lines, style, control)
 
     @property
     def size(self) -> ConsoleDimensions:

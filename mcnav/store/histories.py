@@ -16,10 +16,10 @@ import numpy as np
 import pyarrow.parquet as pq
 
 from mcnav._types import Array
-from mcnav.files import arrow_table, parquet_bytes
+from mcnav.files import arrow_table, check_regular, parquet_bytes
 from mcnav.physics.power_sums import PowerSums
 from mcnav.scenarios.protocol import Epochs, Output
-from mcnav.store.chunk_files import ChunkFile
+from mcnav.store.chunk_files import ChunkFile, check_room
 
 MARK: Final = "mcnav.histories"
 FIRST_MARK: Final = "mcnav.first_histories"
@@ -28,6 +28,9 @@ PERCENTILES: Final = (1.0, 5.0, 50.0, 95.0, 99.0)
 
 STORED: Final = 2_000
 """Samples whose histories are stored in full: the first of the campaign."""
+
+LARGEST: Final = 900_000_000
+"""Bytes of their histories: of the file, and of the table in it."""
 
 MOST_EPOCHS: Final = 10_000
 """Epochs up to which as many samples are read as are asked for."""
@@ -135,7 +138,9 @@ def first_histories(path: Path, samples: int) -> tuple[str, Array, dict[str, Arr
 
     Raises what pyarrow raises, or `ValueError`, when the file holds no such table.
     """
+    check_regular(path, LARGEST)
     with pq.ParquetFile(path, page_checksum_verification=True) as file:
+        check_room(file.metadata, path.stat().st_size, LARGEST)
         first = next(file.iter_batches(batch_size=samples * MOST_EPOCHS), None)
         if first is None:
             raise ValueError("it has no rows")

@@ -29,6 +29,8 @@ from mcnav._types import Array
 from mcnav.files import to_json
 from mcnav.sampling.designs import DESIGNS, SamplingDesign
 from mcnav.scenarios.filter_record import FilterSchema
+from mcnav.scenarios.protocol import ScenarioError
+from mcnav.scenarios.settings import check_unit
 from mcnav.store.chunk_files import MOST_SAMPLES, ChunkFile, Count, Digest, SampleSchema, Words
 
 FORMAT: Final = 1
@@ -36,6 +38,7 @@ FORMAT: Final = 1
 
 Positive = Annotated[float, Field(ge=0.0)]
 Share = Annotated[float, Field(gt=0.0, lt=1.0)]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,199}$")]
 Number = Annotated[float, BeforeValidator(lambda value: math.nan if value is None else value)]
 """JSON has no value for what is not finite: null is read as NaN."""
 
@@ -79,9 +82,17 @@ class Record(BaseModel):
 class Variable(Record):
     """An error source or an output: its name, SI unit, and the unit in which it is shown."""
 
-    name: Words
+    name: Name
     unit: Words
     shown_in: Words
+
+    @model_validator(mode="after")
+    def _units(self) -> Self:
+        try:
+            check_unit(self.name, self.unit, self.shown_in)
+        except ScenarioError as wrong:
+            raise ValueError(str(wrong)) from None
+        return self
 
 
 class PartialsRecord(Record):
@@ -94,7 +105,7 @@ class PartialsRecord(Record):
     label: Words
     times: Vector
     partials: Matrices
-    processes: Mapping[Words, Matrix] = {}
+    processes: Mapping[Name, Matrix] = {}
     covariance: Matrices | None = None
 
 
@@ -119,11 +130,11 @@ class FilterRecord(Record):
     label: Words
     times: Vector
 
-    groups: Annotated[Mapping[Words, Annotated[int, Field(ge=1)]], Field(min_length=1)]
+    groups: Annotated[Mapping[Name, Annotated[int, Field(ge=1)]], Field(min_length=1)]
     outputs: Annotated[int, Field(ge=1)]
-    states: tuple[Words, ...] = ()
+    states: tuple[Name, ...] = ()
     units: tuple[tuple[Words, Words], ...] = ()
-    sensors: Mapping[Words, Annotated[int, Field(ge=1)]] = {}
+    sensors: Mapping[Name, Annotated[int, Field(ge=1)]] = {}
     considered: tuple[Words, ...] = ()
     prediction: FilterPredictionRecord | None = None
 
@@ -160,7 +171,7 @@ class ModelRecord(Record):
     nominal: Vector
     start_mean: Vector
     start_covariance: Matrix
-    processes: Mapping[Words, Matrix] | None = None
+    processes: Mapping[Name, Matrix] | None = None
     filter: FilterRecord | None = None
     development: PartialsRecord | None = None
     unscented: Mapping[str, Any] | None = None

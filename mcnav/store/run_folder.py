@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import re
 from collections.abc import Iterator, Mapping, Sequence, Set
 from concurrent.futures import ThreadPoolExecutor
@@ -32,7 +33,8 @@ from mcnav.scenarios.inputs import InputFile
 from mcnav.scenarios.protocol import History, Panel
 from mcnav.store.chunk_files import (
     LARGEST_CHUNK,
-    MOST_ROWS,
+    MOST_EXPANSION,
+    STATUS,
     ChunkFile,
     Samples,
     in_order,
@@ -53,6 +55,9 @@ TABLES: Final = "tables"
 
 LARGEST_JSON: Final = 64_000_000
 """Bytes of a manifest or summary; a quarter of a million chunks."""
+
+MOST_ENTRIES: Final = 3_000_000
+"""Entries of a manifest or summary; those of a quarter of a million chunks are half of it."""
 
 READERS: Final = 2
 """Threads that read and verify sample files."""
@@ -93,9 +98,7 @@ class RunFolder:
         to.
         """
         lock = filelock.FileLock(self.path / LOCK)
-        linked = [place for place in (self.path / LOCK, self.chunk_folder, *self._folders) if place.is_symlink()]
-        if linked:
-            raise RunFolderError(f"{linked[0]}: is a link to somewhere else, which no run makes; remove it")
+        _refuse_links([self.path / LOCK, *self._all_folders])
         try:
             self.chunk_folder.mkdir(parents=True, exist_ok=True)
             lock.acquire(timeout=0)
@@ -110,20 +113,28 @@ class RunFolder:
         finally:
             lock.release()
 
+    def check_links(self) -> None:
+        """Raise `RunFolderError` where a link is in place of a file of a run: it may lead anywhere."""
+        _refuse_links([*(self.path / name for name in (*FILES, LOCK)), *self._all_folders])
+        _refuse_links([path for folder in self._all_folders if folder.is_dir() for path in _links_in(folder)])
+
     def manifest(self) -> Manifest | None:
         """Read the manifest; none when nothing has been run here.
 
-        Raises `RunFolderError` when the manifest is damaged, or of a format that this version does not read.
+        Raises `RunFolderError` when the manifest is damaged, or of a format that this version does not read, or when
+        there are links in the folder.
         """
+        self.check_links()
         remedy = "run the campaign again to mend it"
         content = self._json(MANIFEST, remedy)
         if content is None:
             return None
         try:
             whole = _as_text(content) == self._read(MANIFEST, remedy)
-        except ValueError:
-            whole = False
-        if not whole or content.pop("checksum", None) != json_digest(content):
+            known = content.pop("checksum", None) == json_digest(content)
+        except (ValueError, RecursionError):
+            whole = known = False
+        if not (whole and known):
             raise RunFolderError(f"{self.path / MANIFEST}: is damaged or was edited; {remedy}")
         try:
             return Manifest.from_json(content)
@@ -163,7 +174,7 @@ class RunFolder:
     def summary(self) -> dict[str, Any]:
         """Read the analysed results; `RunFolderError` when there are none, or they are not those of the run."""
         remedy = "run mcnav report on the folder"
-        summary, manifest = self._json(SUMMARY, remedy), self.manifest()
+        manifest, summary = self.manifest(), self._json(SUMMARY, remedy)
         if summary is None or manifest is None:
             raise RunFolderError(f"{self.path}: holds no finished run; run the campaign first")
         same = all(summary.get(key) == getattr(manifest, key) for key in ("campaign", "samples", "seed", "design"))
@@ -185,6 +196,8 @@ class RunFolder:
         found = self._read(name, remedy)
         if found is None:
             return None
+        if sum(found.count(mark) for mark in (b",", b"[", b"{")) > MOST_ENTRIES:
+            raise RunFolderError(f"{self.path / name}: has more than {MOST_ENTRIES:,} entries; {remedy}")
         try:
             content = json.loads(found.decode("utf-8"))
         except (ValueError, RecursionError):
@@ -250,6 +263,10 @@ class RunFolder:
         """Folders that some runs have beside that of their samples."""
         return self.path / TABLES, self.path / INPUTS
 
+    @property
+    def _all_folders(self) -> tuple[Path, ...]:
+        return self.chunk_folder, *self._folders
+
     def foreign(self) -> list[str]:
         """Names in the folder that no run writes."""
         own = {*FILES, SAMPLES, TABLES, INPUTS, LOCK}
@@ -290,7 +307,7 @@ class RunFolder:
 
     def remove_partial_files(self) -> None:
         """Delete what a killed process left half written."""
-        for place in (self.path, self.chunk_folder, *self._folders):
+        for place in (self.path, *self._all_folders):
             for entry in place.glob(".*.tmp"):
                 if is_temporary(entry.name):
                     entry.unlink()
@@ -313,7 +330,9 @@ class RunFolder:
             _refuse_strangers(present, {chunk.file for chunk in chunks})
         layout = manifest.sample_schema
         begins = list(accumulate((_rows_of(chunk, stored_rows) for chunk in chunks), initial=0))
-        if begins[-1] > MOST_ROWS * sum(found.stat().st_size for found in present) and len(present) >= len(chunks):
+        columns = sum(map(len, (layout.errors, layout.outputs, layout.linear, layout.filter))) + 2
+        room = MOST_EXPANSION * sum(found.stat().st_size for found in present) + LARGEST_CHUNK
+        if 8 * begins[-1] * columns > room and len(present) >= len(chunks):
             raise ValueError("it claims to have more samples than there is room for")
         samples = room_for(begins[-1], layout)
 
@@ -408,6 +427,18 @@ def _content_of(file: InputFile) -> bytes:
     return content
 
 
+def _links_in(folder: Path) -> list[Path]:
+    with os.scandir(folder) as entries:
+        return [folder / entry.name for entry in entries if entry.is_symlink()]
+
+
+def _refuse_links(places: Sequence[Path]) -> None:
+    """Raise `RunFolderError` naming the first of some places that is a link."""
+    for place in places:
+        if place.is_symlink():
+            raise RunFolderError(f"{place}: is a link to somewhere else, which no run makes; remove it")
+
+
 def _refuse_strangers(present: Sequence[Path], listed: Set[str]) -> None:
     """Raise `RunFolderError` when there are files that the manifest does not list."""
     for found in present:
@@ -424,6 +455,6 @@ def _verified(path: Path, chunk: ChunkFile, stored_rows: int | None) -> pa.Table
     if hashlib.sha256(content).hexdigest() != chunk.sha256:
         raise RunFolderError(f"{path}: is damaged (its checksum differs); run the campaign again to mend it")
     try:
-        return table_from(content, _rows_of(chunk, stored_rows))
+        return table_from(content, _rows_of(chunk, stored_rows), STATUS)
     except (pa.ArrowException, ValueError, OSError) as failure:
         raise RunFolderError(f"{path}: is no chunk of this program ({failure})") from None

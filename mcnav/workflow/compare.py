@@ -11,6 +11,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from mcnav.analysis.run_comparison import SampleSet, change
+from mcnav.errors import reading_file
 from mcnav.report.comparison import Row, inputs, outputs, render
 from mcnav.report.model import RunAnalysis
 from mcnav.store.manifest import Manifest
@@ -77,8 +78,11 @@ def compare_runs(paths: Sequence[str | Path]) -> RunComparison:
     """
     with threadpool_limits(1):
         summaries = tuple(summary_of(Path(path)) for path in paths)
-        runs = [analyse(RunFolder(Path(path))) for path in paths]
-        sample_sets = [_sample_set(run) for run in runs]
+        runs, sample_sets = [], []
+        for path in paths:
+            with reading_file(Path(path)):
+                runs.append(analyse(RunFolder(Path(path))))
+                sample_sets.append(_sample_set(runs[-1]))
     first, confidence = runs[0], runs[0].criterion.confidence
     names = [[(output.name, output.unit) for output in run.manifest.model.outputs] for run in runs]
     pairs = [

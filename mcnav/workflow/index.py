@@ -7,14 +7,14 @@ from pathlib import Path
 from typing import Any, Final
 from urllib.parse import quote
 
-from mcnav.errors import RunFolderError
+from mcnav.errors import RunFolderError, reading_file
 from mcnav.files import write_whole
 from mcnav.report import filter_verdict, sentences
 from mcnav.report.format import number
 from mcnav.report.model import humanize
 from mcnav.report.page import filled
 from mcnav.report.requirements import shown_units, tone_of
-from mcnav.store.run_folder import MANIFEST, REPORT, RunFolder
+from mcnav.store.run_folder import MANIFEST, REPORT, SUMMARY, RunFolder
 
 DEEPEST: Final = 3
 """Folders below the one that is looked through."""
@@ -46,10 +46,11 @@ def write_index(folder: Path) -> tuple[Path, int]:
 
 
 def _below(folder: Path, depth: int) -> list[Path]:
-    """Walk a folder and those in it in order of their names, but not into run folders."""
+    """Walk a folder and those in it in order of their names, but neither into run folders nor along links."""
     found = [folder]
     if depth and not (folder / MANIFEST).exists():
-        inside = sorted(entry for entry in folder.iterdir() if entry.is_dir() and not entry.name.startswith("."))
+        entries = (entry for entry in folder.iterdir() if entry.is_dir() and not entry.is_symlink())
+        inside = sorted(entry for entry in entries if not entry.name.startswith("."))
         found += [place for entry in inside for place in _below(entry, depth - 1)]
     return found
 
@@ -63,32 +64,32 @@ def _entry(folder: Path, place: Path) -> dict[str, Any]:
     """Build a run's row; a run that cannot be read has the reason."""
     entry: dict[str, Any] = _link(folder, place / REPORT) | {"folder": place.name, "report": (place / REPORT).exists()}
     try:
-        run = RunFolder(place)
-        summary, manifest = run.summary(), run.existing_manifest()
-        units = shown_units(summary)
-        counts = sentences.met(summary)
-        sigmas = summary["sigma_paired"] or summary["sigma_linear"]
-        return entry | {
-            "name": summary["campaign"],
-            "tone": sentences.tone(summary),
-            "standing": sentences.standing(summary),
-            "headline": sentences.headline(summary),
-            "warning": sentences.unsettled(summary),
-            "filter": filter_verdict.verdict(summary),
-            "filter_tone": filter_verdict.TONES.get(filter_verdict.verdict(summary), ""),
-            "filter_headline": filter_verdict.headline(summary),
-            "samples": f"{summary['samples']:,}",
-            "failed": f"{summary['failed']:,}",
-            "sigmas": [
-                (humanize(output["name"]), number(None if sigma is None else sigma * units[output["name"]][0], 4),
-                 units[output["name"]][1])
-                for output, sigma in zip(summary["outputs"], sigmas, strict=True)
-            ],
-            "date": manifest.started[:10],
-            "hash": manifest.identity.digest[:HASH],
-            "requirements": counts and f"{counts['met']} of {counts['of']} met",
-            "requirements_tone": counts and tone_of(counts),
-        }  # fmt: skip
-    except (RunFolderError, KeyError, TypeError, ValueError) as failure:
-        told = str(failure) if isinstance(failure, RunFolderError) else f"{type(failure).__name__}: {failure}"
-        return entry | {"name": place.name, "tone": "", "failure": told.replace(str(place), place.name)}
+        with reading_file(place / SUMMARY):
+            run = RunFolder(place)
+            summary, manifest = run.summary(), run.existing_manifest()
+            units = shown_units(summary)
+            counts = sentences.met(summary)
+            sigmas = summary["sigma_paired"] or summary["sigma_linear"]
+            return entry | {
+                "name": summary["campaign"],
+                "tone": sentences.tone(summary),
+                "standing": sentences.standing(summary),
+                "headline": sentences.headline(summary),
+                "warning": sentences.unsettled(summary),
+                "filter": filter_verdict.verdict(summary),
+                "filter_tone": filter_verdict.TONES.get(filter_verdict.verdict(summary), ""),
+                "filter_headline": filter_verdict.headline(summary),
+                "samples": f"{summary['samples']:,}",
+                "failed": f"{summary['failed']:,}",
+                "sigmas": [
+                    (humanize(output["name"]), number(None if sigma is None else sigma * units[output["name"]][0], 4),
+                     units[output["name"]][1])
+                    for output, sigma in zip(summary["outputs"], sigmas, strict=True)
+                ],
+                "date": manifest.started[:10],
+                "hash": manifest.identity.digest[:HASH],
+                "requirements": counts and f"{counts['met']} of {counts['of']} met",
+                "requirements_tone": counts and tone_of(counts),
+            }  # fmt: skip
+    except RunFolderError as failure:
+        return entry | {"name": place.name, "tone": "", "failure": str(failure).replace(str(place), place.name)}

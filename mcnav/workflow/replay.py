@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-import pyarrow.parquet as pq
 from threadpoolctl import threadpool_limits
 
 from mcnav.config.context import EarlierFile
@@ -16,7 +15,7 @@ from mcnav.errors import CampaignError, Problem, RunFolderError, shortened
 from mcnav.execution.chunks import DrawPlan
 from mcnav.execution.identity import chunk_digest, identity_of
 from mcnav.execution.processes import IsolatedEngine, end_workers
-from mcnav.files import write_whole
+from mcnav.files import read_whole, write_whole
 from mcnav.lincov.polynomial import PolynomialFitError
 from mcnav.lincov.polynomial_engine import prepare_engine
 from mcnav.report.replay import Outcome, Replay, files
@@ -31,7 +30,15 @@ from mcnav.scenarios.protocol import (
     StochasticEngine,
     StochasticScenario,
 )
-from mcnav.store.chunk_files import chunk_name, samples_from, tracebacks_in, verify_chunk
+from mcnav.store.chunk_files import (
+    LARGEST_CHUNK,
+    STATUS,
+    chunk_name,
+    samples_from,
+    table_from,
+    tracebacks_in,
+    verify_chunk,
+)
 from mcnav.store.inputs import INPUTS
 from mcnav.store.manifest import Manifest
 from mcnav.store.run_folder import CAMPAIGN, RunFolder
@@ -131,6 +138,8 @@ def _campaign_of(folder: RunFolder, manifest: Manifest, file: Path | None) -> tu
     """Read the campaign of a run and its engine's name; refuse a campaign that is not the run's."""
     then = manifest.identity
     given = {key: then.campaign[key] for key in ("samples", "seed")} | {"store": then.campaign.get("store", "samples")}
+    if file is None:
+        folder.campaign()  # refuses a pipe, which may have no end
     path = folder.path / CAMPAIGN if file is None else file
     earlier = {
         record.setting: EarlierFile(record.sha256, folder.copy_of(record) if record.copied else None)
@@ -183,8 +192,11 @@ def _stored(
         if path.exists():
             raise RunFolderError(f"{path}: is damaged, or of another run; run the campaign again to mend it")
         return None, ""
-    table = pq.read_table(path)
-    samples = samples_from(table, manifest.sample_schema)
+    try:
+        table = table_from(read_whole(path, LARGEST_CHUNK), text=STATUS)
+        samples = samples_from(table, manifest.sample_schema)
+    except (OSError, LookupError, TypeError, ValueError):
+        raise RunFolderError(f"{path}: does not have this run's columns; run the campaign again") from None
     rows, traceback = np.flatnonzero(samples.index == index), tracebacks_in(table).get(index, "")
     if len(rows) == 0:
         return None, traceback

@@ -19,7 +19,7 @@ from mcnav.workflow.run import run_campaign
 from tests import scalar_filter
 from tests.commands import invoke
 from tests.conftest import content
-from tests.faults.test_hostile import VALUES, _places, _set
+from tests.faults.folders.content import VALUES, places_in, set_at
 
 ESCAPE = "\x1b[31mred"
 """Text that would colour a terminal."""
@@ -145,9 +145,9 @@ def test_a_summary_of_anything(name: str, runs: Path, tmp_path: Path) -> None:
     chance, summary = random.Random(9), summary_of(runs, name)
     shutil.copytree(runs / name, tmp_path / "run")
     statuses = []
-    for path in chance.sample(list(_places(summary)), 20):
+    for path in chance.sample(list(places_in(summary)), 20):
         changed = copy.deepcopy(summary)
-        _set(changed, path, chance.choice([*VALUES, ESCAPE]))
+        set_at(changed, path, chance.choice([*VALUES, ESCAPE]))
         (tmp_path / "run" / "summary.json").write_text(json.dumps(changed))
         for arguments in ([], ["--format", "json"], ["--table", "budget", "--units", "SI"]):
             done = invoke("show", "run", *arguments, cwd=tmp_path)

@@ -12,7 +12,7 @@ import random
 import resource
 import shutil
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -26,11 +26,10 @@ from mcnav.cli import app
 from mcnav.config.read import parse_campaign, read_campaign
 from mcnav.errors import CampaignError, RunFolderError
 from mcnav.files import parquet_bytes
-from mcnav.store.manifest import json_digest
-from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.analyse import report_run, samples_of, summary_of
 from mcnav.workflow.run import run_campaign
 from tests.conftest import campaign, content
+from tests.faults.folders.content import VALUES, places_in, set_at, sign
 from tests.faults.scenarios import VECTORISED, mcnav, write_campaign
 from tests.processes import LONG
 
@@ -49,15 +48,6 @@ def folder(stored: Path, tmp_path: Path) -> Path:
     return tmp_path / "run"
 
 
-def signed(folder: Path, change: Callable[[dict[str, Any]], object]) -> None:
-    """Change a manifest and give it the checksum that it should have, as somebody would who means harm."""
-    path = folder / "manifest.json"
-    content = json.loads(path.read_text())
-    del content["checksum"]
-    change(content)
-    RunFolder(folder).write_json(path.name, content | {"checksum": json_digest(content)})
-
-
 def refused(folder: Path) -> str:
     """The one line of `mcnav report` on a folder that it refuses."""
     began = time.process_time()
@@ -72,7 +62,7 @@ def refused(folder: Path) -> str:
 
 @pytest.mark.parametrize("name", ["../../secret.parquet", "/etc/passwd", "part-00000.parquet/..", "", "part-0.parquet"])
 def test_parts_that_lie_elsewhere(name: str, folder: Path) -> None:
-    signed(folder, lambda manifest: manifest["parts"][0].update(file=name))
+    sign(folder, lambda manifest: manifest["parts"][0].update(file=name))
     assert "is not as this program writes it (parts.0.file" in refused(folder)
 
 
@@ -86,7 +76,7 @@ def _swap(samples: Path, folder: Path) -> None:
 def _forge(samples: Path, folder: Path, table: pa.Table) -> None:
     forged = parquet_bytes(table, [name for name in table.column_names if not pa.types.is_floating(table[name].type)])
     (samples / "part-00000.parquet").write_bytes(forged)
-    signed(folder, lambda manifest: manifest["parts"][0].update(sha256=hashlib.sha256(forged).hexdigest()))
+    sign(folder, lambda manifest: manifest["parts"][0].update(sha256=hashlib.sha256(forged).hexdigest()))
 
 
 def _hole(samples: Path, folder: Path) -> None:
@@ -124,7 +114,7 @@ def _expanding(samples: Path, folder: Path) -> None:
     pq.write_table(table, buffer, compression="zstd")
     (samples / "part-00000.parquet").write_bytes(buffer.getvalue())
     forged = hashlib.sha256(buffer.getvalue()).hexdigest()
-    signed(folder, lambda manifest: manifest["parts"][0].update(sha256=forged))
+    sign(folder, lambda manifest: manifest["parts"][0].update(sha256=forged))
 
 
 def _sparse(samples: Path, folder: Path) -> None:
@@ -164,49 +154,16 @@ def test_chunks_that_are_none(kind: str, folder: Path) -> None:
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 1_500_000, "kilobytes"
 
 
-VALUES: list[Any] = [
-    None,
-    True,
-    -1,
-    2**70,
-    1e300,
-    "",
-    "x" * 3_000,
-    [],
-    {},
-    [[]],
-    {"a": {}},
-    "<script>alert(1)</script>",
-]
-
-
-def _places(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
-    """Every place in a JSON value; of a long list the first and last entries."""
-    if path:
-        yield path
-    entries = value.items() if isinstance(value, dict) else []
-    if isinstance(value, list):
-        entries = [(number, value[number]) for number in sorted({0, len(value) - 1} if value else ())]
-    for key, entry in entries:
-        yield from _places(entry, (*path, key))
-
-
-def _set(value: Any, path: tuple[Any, ...], new: Any) -> None:
-    for key in path[:-1]:
-        value = value[key]
-    value[path[-1]] = new
-
-
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_a_manifest_of_anything(folder: Path) -> None:
     """Values of wrong types anywhere, checksum and all: used or refused, never anything else."""
     chance = random.Random(7)
     content = json.loads((folder / "manifest.json").read_text())
     outcomes = {"read": 0, "refused": 0}
-    for place in chance.sample(list(_places(content)), 16):
+    for place in chance.sample(list(places_in(content)), 16):
         value = chance.choice(VALUES)
         (folder / "manifest.json").write_text(json.dumps(content))
-        signed(folder, lambda manifest, place=place, value=value: _set(manifest, place, value))  # type: ignore[misc]
+        sign(folder, lambda manifest, place=place, value=value: set_at(manifest, place, value))  # type: ignore[misc]
         try:
             report_run(folder)
             outcomes["read"] += 1
@@ -219,9 +176,9 @@ def test_a_summary_of_anything(folder: Path) -> None:
     """The same of ``mcnav compare``, which reads nothing else."""
     chance = random.Random(8)
     summary = json.loads((folder / "summary.json").read_text())
-    for path in chance.sample(list(_places(summary)), 50):
+    for path in chance.sample(list(places_in(summary)), 50):
         changed = copy.deepcopy(summary)
-        _set(changed, path, chance.choice(VALUES))
+        set_at(changed, path, chance.choice(VALUES))
         (folder / "summary.json").write_text(json.dumps(changed))
         done = CliRunner().invoke(app, ["compare", str(folder)])
         assert done.exit_code in (0, 2), (path, done.output, done.exception)
@@ -265,7 +222,7 @@ def test_fresh_deletes_only_what_a_run_wrote(folder: Path) -> None:
     (folder / "thesis.py").write_text("precious")
     (folder / ".thesis.tmp").write_text("precious")
     code = {"file": "thesis.py", "sha256": "0" * 64}
-    signed(folder, lambda manifest: manifest["identity"].update(code=code))
+    sign(folder, lambda manifest: manifest["identity"].update(code=code))
     run_campaign(campaign(4, samples=64), folder, "ensemble", 1, fresh=True)
     assert (folder / "thesis.py").read_text() == "precious"
     assert (folder / ".thesis.tmp").read_text() == "precious"
@@ -329,7 +286,7 @@ def test_fresh_deletes_the_copies_of_the_earlier_run(with_inputs: Path) -> None:
     ids=repr,
 )  # fmt: skip
 def test_manifests_that_list_other_files(entry: dict[str, Any], with_inputs: Path) -> None:
-    signed(with_inputs, lambda manifest: manifest["files"][0].update(entry))
+    sign(with_inputs, lambda manifest: manifest["files"][0].update(entry))
     told = refused(with_inputs)
     assert f"manifest.json: is not as this program writes it (files.0.{next(iter(entry))}" in told
 
@@ -424,7 +381,7 @@ def test_names_that_are_html_or_mathematics(tmp_path: Path) -> None:
 
 
 def _unfinished(folder: Path) -> None:
-    signed(folder, lambda manifest: manifest.update(complete=False))
+    sign(folder, lambda manifest: manifest.update(complete=False))
 
 
 def _damaged(folder: Path) -> None:
