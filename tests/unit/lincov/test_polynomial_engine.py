@@ -88,3 +88,18 @@ def test_derivatives_are_those_of_a_known_system() -> None:
             value = derivatives[tuple(first + second)] / (scale[i] * scale[j])
             assert value * (2.0 if i == j else 1.0) == pytest.approx(hessian[i, j], abs=1e-10)
     assert found.error < 1e-10
+
+
+def test_terms_that_one_output_needs_are_kept_and_no_others() -> None:
+    """Two outputs with a cubic each: terms of order three that neither has are left out, the others found again."""
+
+    def cubics(errors: np.ndarray) -> SimulationResult:
+        x, y = errors.T
+        return SimulationResult(np.stack([2.0 * x + 0.5 * x**3, y - 0.25 * y**3], axis=1))
+
+    found = fit(cubics, np.zeros(2), np.ones(2), 3, 1e-6)
+    coefficients = dict(zip(map(tuple, found.exponents.tolist()), found.coefficients.tolist(), strict=True))
+    assert {term for term in coefficients if sum(term) == 3} == {(3, 0), (0, 3)}
+    assert coefficients[3, 0] == pytest.approx([0.5, 0.0], abs=1e-12)
+    assert coefficients[0, 3] == pytest.approx([0.0, -0.25], abs=1e-12)
+    assert found.error < 1e-12

@@ -9,7 +9,7 @@ from scipy.interpolate import make_lsq_spline
 from mcnav.constants import STANDARD_GRAVITY
 from mcnav.physics.ins.earth import WGS84
 from mcnav.physics.ins.rows import TrajectoryRows
-from mcnav.physics.ins.smoothing import last_decimal, least_squares
+from mcnav.physics.ins.smoothing import FIRST_KNOTS, last_decimal, least_squares, spline_within
 from mcnav.physics.ins.truth import Truth
 
 RATE = 50.0
@@ -87,6 +87,21 @@ def test_a_sharp_turn_stays_sharp() -> None:
     found = np.abs(force(truth, rows.time)[:, 0])
     assert 32.5 < rows.time[int(np.argmax(found))] < 33.5
     assert np.max(found) > 0.5 * STANDARD_GRAVITY
+
+
+@pytest.mark.parametrize("row", [0, -1, 777])
+def test_knots_gather_at_a_row_that_departs_alone(row: int) -> None:
+    """Further away than the first distance of knots there are no others than at first."""
+    time = 0.02 * np.arange(1_001)
+    position = np.zeros((1_001, 3))
+    position[row, 1] = 10.0
+    spline = spline_within(time, position, np.tile(np.eye(3), (1_001, 1, 1)), np.ones(3))
+    assert spline is not None
+    assert np.abs(spline(time) - position).max() <= 1.0
+    knots = np.append(np.arange(0, 1_000, FIRST_KNOTS), 1_000)
+    found = np.rint(spline.x / 0.02).astype(int)
+    away = np.abs(np.arange(1_001) - row % 1_001) > FIRST_KNOTS
+    assert found[away[found]].tolist() == knots[away[knots]].tolist()
 
 
 def test_least_squares_are_those_of_scipy() -> None:

@@ -1,0 +1,3 @@
+"""Mutation trials are no tests."""
+
+collect_ignore_glob = ["*"]
