@@ -21,8 +21,8 @@ from typing import Any, Final
 from unittest.mock import patch
 
 from mcnav.__main__ import main
-from tests.faults.remains import left_of
 from tests.faults.navigation import small_summaries, write_navigation
+from tests.faults.remains import left_of
 from tests.processes import LONG, wait_for
 
 RUN: Final = ("run", "navigation.toml", "--jobs", "2", "--out", "run")
