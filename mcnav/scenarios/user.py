@@ -32,6 +32,9 @@ from mcnav.scenarios.user_engine import UserEngine
 
 VECTORISED_CHUNK: Final = 8_192
 SINGLE_CHUNK: Final = 128
+MOST_SAMPLES: Final = 1_000_000
+MOST_NUMBERS: Final = 60_000_000
+"""Samples of a chunk, and numbers: the reading of a chunk's file refuses more than half a gigabyte."""
 
 SETTLED: Final = 1e-3
 """Largest difference of the best two steps of a settled derivative, as a share of the largest contribution.
@@ -97,8 +100,10 @@ class UserScenario:
     def chunk(self, default: int) -> int:
         """Return the samples of a chunk that the class declares; `ScenarioError` when it is no such number."""
         chunk = getattr(self._instance, "chunk", default)
-        if not isinstance(chunk, int) or isinstance(chunk, bool) or not 1 <= chunk <= 1_000_000:
-            message = f"{self.spec.name}.chunk must be a whole number from 1 to 1,000,000; got {chunk!r}"
+        # index, status, errors, outputs and the linear ones
+        most = min(MOST_SAMPLES, MOST_NUMBERS // (2 + len(self.sources) + 2 * len(self.outputs)))
+        if not isinstance(chunk, int) or isinstance(chunk, bool) or not 1 <= chunk <= most:
+            message = f"{self.spec.name}.chunk must be a whole number from 1 to {most:,}; got {chunk!r}"
             raise ScenarioError("type", message)
         return chunk
 

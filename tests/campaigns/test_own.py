@@ -263,6 +263,11 @@ def test_what_is_no_scenario_is_told_in_one_line(before: str, after: str, messag
         ("def fly", "def partials(self): return 3\n    def fly", "partials must return finite numbers of shape (1, 1)"),
         ("def fly", "def history(self): return 3\n    def fly", "history: TypeError: history must return a History"),
         ("def fly", "chunk = 0\n    def fly", "Mine.chunk must be a whole number from 1"),
+        (
+            "def fly",
+            "sources += tuple(Source(f'e{n}', 'm', 'm', 1.0) for n in range(95))\n    chunk = 600_001\n    def fly",
+            "Mine.chunk must be a whole number from 1 to 600,000; got 600001",
+        ),
     ],
 )
 @pytest.mark.filterwarnings("ignore:invalid value:RuntimeWarning")
