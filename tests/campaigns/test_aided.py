@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy import stats
 
@@ -344,3 +345,15 @@ def test_errors_that_are_zero_at_the_start() -> None:
     probes = campaign.errors.draw(campaign.design, campaign.seed, campaign.samples, 0, 8)
     accuracy = campaign.scenario.engine("ensemble", probes).accuracy
     assert "largest numerical error of 8 probe samples" in accuracy
+
+
+@pytest.mark.parametrize(("engine", "samples"), [("ensemble", 100), ("shared-gains", 100), ("reference", 4)])
+def test_a_matched_filter_is_not_judged_by_rounding(engine: str, samples: int, tmp_path: Path) -> None:
+    """Without tilt at the start, its variance is what rounding leaves, and its error of second order in position."""
+    described = shortened(19, 80.0, (70.0, 75.0))
+    described["scenario"]["start"] = "60 s"
+    described["errors"] = {"position": "5 m", "heading": "0.5 mrad"}
+    summary = run(tmp_path / "run", described, engine, samples=samples)
+    assert summary["failed"] == 0
+    assert not summary["filter_verdict"].startswith(("The filter is optimistic", "The filter is pessimistic"))
+    assert not pd.read_parquet(tmp_path / "run" / "epochs.parquet").iloc[0].filter(regex="filter sigma tilt").any()

@@ -27,7 +27,6 @@ from mcnav.physics.ins.filter_lanes import (
     FilterSteps,
     covariances_of,
     factor_innovations,
-    normalize_errors,
     propagate_covariances,
     reduce_by_joseph,
     reduce_covariances,
@@ -36,6 +35,14 @@ from mcnav.physics.ins.filter_lanes import (
 )
 from mcnav.physics.ins.instruments import CONSTANTS
 from mcnav.physics.ins.noise import IMU_STREAM, draw_normals
+from mcnav.physics.ins.normalization_lanes import (
+    NormalizationRooms,
+    SharedCovariances,
+    normalization_rooms,
+    normalize_by_own,
+    normalize_by_shared,
+    share_covariances,
+)
 from mcnav.physics.ins.readout_lanes import LOCAL, TrueStates, copy_rows, read_errors, read_linear
 from mcnav.physics.ins.step_lanes import (
     SHORT,
@@ -161,9 +168,11 @@ class AidedTables:
     def epochs(self) -> _EpochTables:
         """Tables of the epochs and of the start, for compiled code."""
         shared, model = self.ensemble, self.loop.filter
+        chosen = np.flatnonzero(model.corrected)
         return _EpochTables(
-            shared.epochs, shared.truth, shared.output_maps, self.covariances, self.loop.first_updates, shared.sizes,
-            model.initial, self.biases, self.drifts, self.drift_sigmas, self.faded, np.flatnonzero(model.corrected),
+            shared.epochs, shared.truth, shared.output_maps,
+            share_covariances(self.covariances, chosen, shared.output_maps), self.loop.first_updates, shared.sizes,
+            model.initial, self.biases, self.drifts, self.drift_sigmas, self.faded, chosen,
         )  # fmt: skip
 
 
@@ -238,7 +247,7 @@ class _EpochTables(NamedTuple):
     numbers: IndexArray
     truth: TrueStates
     output_maps: Array
-    covariances: Array
+    covariances: SharedCovariances
     first_updates: IndexArray
     sizes: Array
     initial: Array
@@ -291,7 +300,7 @@ class _LaneRooms(NamedTuple):
     epoch_normals: Array
     cause: Array
     numbers: NDArray[np.uint64]
-    nees: Array
+    normalization: NormalizationRooms
     deviations: Array
     local: Array
     axes: Array
@@ -408,7 +417,7 @@ def simulate_aided(
         room(components if drifting else 0),
         keep(1),
         np.zeros((1, LANES), dtype=np.uint64),
-        room(6),
+        normalization_rooms(states, own),
         room(6),
         room(LOCAL),
         room(9),
@@ -493,8 +502,8 @@ def _subtract_estimates(k: int, tables: FilterSteps, samples: Deviations, own: E
 
 @allocation_free
 def _record(
-    reached: int, begin: int, size: int, constants: Array, states: _EpochTables, of_states: Array, lanes: _LaneRooms,
-    results: _Recorded,
+    reached: int, begin: int, size: int, constants: Array, states: _EpochTables, of_states: Array, own_gains: bool,
+    lanes: _LaneRooms, results: _Recorded,
 ) -> None:  # fmt: skip
     """Record the samples and their filters at an epoch.
 
@@ -503,8 +512,8 @@ def _record(
     of_states : ndarray, shape (n, q)
         Constant errors that the other states model.
     """
-    samples, own, filters, nees = lanes.samples, lanes.own, lanes.filters, lanes.nees
-    errors, epoch_normals, deviations, outputs = filters.errors, lanes.epoch_normals, lanes.deviations, lanes.outputs
+    samples, own, epoch_normals, deviations = lanes.samples, lanes.own, lanes.epoch_normals, lanes.deviations
+    outputs, errors, to_outputs = lanes.outputs, lanes.normalization.errors, states.output_maps[reached]
     if len(epoch_normals) > 0:
         for c in range(len(own.shown)):
             kept = states.faded[reached, c]
@@ -525,28 +534,41 @@ def _record(
         if states.drifts[s] >= 0:
             x += load(own.shown, states.drifts[s])
         store(errors, 9 + s, x)
-    normalize_errors(filters.p, errors, states.chosen, states.output_maps[reached], filters, nees)
+    if own_gains:
+        normalize_by_own(lanes.filters.p, states.chosen, to_outputs, lanes.normalization)
+        _copy_own_covariances(begin, size, reached, lanes, results)
+    else:
+        normalize_by_shared(reached, states.covariances, states.chosen, to_outputs, lanes.normalization)
+        for n in range(begin, begin + size):
+            for c in range(len(states.covariances.mapped[reached])):
+                results.covariances[n, reached, c] = states.covariances.mapped[reached, c]
+            for s in range(len(own.estimate)):
+                results.state_variances[n, reached, s] = states.covariances.variances[reached, s]
     read_errors(reached, constants, states.truth, samples.turn, deviations, lanes.local, lanes.axes, outputs)
     copy_rows(outputs, begin, size, reached, results.values)
     read_linear(reached, states.output_maps, samples.linear, outputs)
     copy_rows(outputs, begin, size, reached, results.predicted)
-    copy_rows(nees, begin, size, reached, results.nees)
+    copy_rows(lanes.normalization.nees, begin, size, reached, results.nees)
     copy_rows(errors[9:], begin, size, reached, results.state_errors)
+    for sensor in range(len(own.tally)):
+        for c in range(5):
+            for i in range(size):
+                results.counts[begin + i, reached, sensor, c] = own.tally[sensor, c, i]
+            store(own.tally, (sensor, c), 0.0)
+
+
+@allocation_free_part
+def _copy_own_covariances(begin: int, size: int, reached: int, lanes: _LaneRooms, results: _Recorded) -> None:
+    """Copy the covariances of the outputs, and the variances of the other states, to the samples' records."""
+    mapped, p = lanes.normalization.mapped, lanes.filters.p
     for i in range(size):
-        n = begin + i
         at = 0
         for r in range(9):
             for c in range(r + 1):
-                results.covariances[n, reached, at] = filters.mapped[r, c, i]
+                results.covariances[begin + i, reached, at] = mapped[r, c, i]
                 at += 1
-        for s in range(len(own.estimate)):
-            results.state_variances[n, reached, s] = filters.p[9 + s, 9 + s, i]
-        for sensor in range(len(own.tally)):
-            for c in range(5):
-                results.counts[n, reached, sensor, c] = own.tally[sensor, c, i]
-    for sensor in range(len(own.tally)):
-        for c in range(5):
-            store(own.tally, (sensor, c), 0.0)
+        for s in range(len(p) - 9):
+            results.state_variances[begin + i, reached, s] = p[9 + s, 9 + s, i]
 
 
 @inlined
@@ -689,11 +711,7 @@ def _run(
                         draw_normals(
                             noise.seed, lanes.numbers, EPOCH_STREAM, reached * shown, shown, lanes.epoch_normals
                         )
-                    if not own_gains:
-                        for r in range(len(epochs.initial)):
-                            for c in range(len(epochs.initial)):
-                                store(filters.p, (r, c), epochs.covariances[reached, r, c])
-                    _record(reached, begin, size, constants, epochs, given.of_states, lanes, results)
+                    _record(reached, begin, size, constants, epochs, given.of_states, own_gains, lanes, results)
                     reached += 1
                 if k == all_steps:
                     break

@@ -1,4 +1,4 @@
-"""Covariances of the filters of LANES aided samples: propagation, updates and normalized errors.
+"""Covariances of the filters of LANES aided samples: propagation and updates.
 
 Each filter's transition is that of the step's tables, turned to the attitude and the force that its sample indicates.
 Rows and columns are those of its 9 + q states; of the covariances the lower triangles count.
@@ -19,9 +19,6 @@ SIX: Final = 6
 
 SOUND, BEYOND, INDEFINITE = 0, 1, 2
 """Outcomes of a sample: good; beyond the validity of the scheme; a covariance that is not positive definite."""
-
-SINGULAR: Final = 1e-14
-"""Share of a variance below which what is left of it in Cholesky's method is rounding."""
 
 
 class FilterSteps(NamedTuple):
@@ -59,9 +56,6 @@ class Covariances(NamedTuple):
     root, inverse : ndarray, shapes (SIX, SIX, LANES), (SIX, LANES)
         Cholesky factor L of the innovations' covariance, and its diagonal inverted.
     left : ndarray, shape (9 + q, 9 + q, LANES)
-    mapped : ndarray, shape (9, 9, LANES)
-    errors, solved : ndarray, shape (9 + q, LANES)
-    output_errors : ndarray, shape (9, LANES)
     """
 
     p: Array
@@ -76,10 +70,6 @@ class Covariances(NamedTuple):
     root: Array
     inverse: Array
     left: Array
-    mapped: Array
-    errors: Array
-    solved: Array
-    output_errors: Array
 
 
 def covariances_of(states: int, own: bool = True, keep: Rooms = room) -> Covariances:
@@ -95,8 +85,7 @@ def covariances_of(states: int, own: bool = True, keep: Rooms = room) -> Covaria
     size = 9 + states
     return Covariances(
         keep(size, size), room(6, 3), room(9, states), room(size, 9), room(9, size), room(SIX if own else 0, 9),
-        room(size, SIX), room(size, SIX), room(size, SIX), room(SIX, SIX), room(SIX), room(size, size), room(9, 9),
-        room(size), room(size), room(9),
+        room(size, SIX), room(size, SIX), room(size, SIX), room(SIX, SIX), room(SIX), room(size, size),
     )  # fmt: skip
 
 
@@ -384,69 +373,3 @@ def reduce_by_joseph(
             for c in range(m):
                 x -= load(white, (r, c)) * load(gain, (j, c))
             store(p, (r, j), x)
-
-
-@inlined
-def _quadratic(
-    matrix: Array, vector: Array, chosen: IndexArray, begin: int, end: int, root: Array, out: Array
-) -> Vector:
-    """Compute ``e^T P^-1 e`` of chosen states by Cholesky's method; states without variance count nothing."""
-    total = 0.0 * load(vector, 0)
-    for i in range(begin, end):
-        at = chosen[i]
-        value, pivot = load(vector, at), load(matrix, (at, at))
-        least = SINGULAR * pivot
-        for c in range(begin, i):
-            entry = load(root, (i, c))
-            value -= entry * load(out, c)
-            pivot -= entry * entry
-        inverse = where(pivot > least, 1.0 / np.sqrt(pivot), 0.0)
-        for j in range(i + 1, end):
-            entry = load(matrix, (chosen[j], at))
-            for c in range(begin, i):
-                entry -= load(root, (j, c)) * load(root, (i, c))
-            store(root, (j, i), entry * inverse)
-        value *= inverse
-        store(out, i, value)
-        total += value * value
-    return total
-
-
-@allocation_free
-def normalize_errors(
-    p: Array, errors: Array, chosen: IndexArray, to_outputs: Array, filters: Covariances, nees: Array
-) -> None:
-    """Compute the covariance of the outputs, as ``filters.mapped``, lower triangle, and normalized errors squared.
-
-    Parameters
-    ----------
-    p, errors : ndarray, shapes (9 + q, 9 + q, LANES), (9 + q, LANES)
-        Covariance and errors of all states.
-    chosen : ndarray of int
-        Numbers of the states that are estimated, the nine of navigation first.
-    nees : ndarray, shape (6, LANES)
-        Of all estimated states, navigation, position, velocity, attitude and the other estimated states.
-    """
-    mapped, half, root, solved = filters.mapped, filters.product, filters.left, filters.solved
-    store(nees, 0, _quadratic(p, errors, chosen, 0, len(chosen), root, solved))
-    store(nees, 1, _quadratic(p, errors, chosen, 0, 9, root, solved))
-    store(nees, 5, _quadratic(p, errors, chosen, 9, len(chosen), root, solved))
-    for r in range(9):
-        error = 0.0 * load(errors, 0)
-        for j in range(9):
-            error += to_outputs[r, j] * load(errors, j)
-        store(filters.output_errors, r, error)
-        for c in range(9):
-            x = 0.0 * error
-            for j in range(9):
-                x += to_outputs[r, j] * load(p, _at(j, c))
-            store(half, (r, c), x)
-    for r in range(9):
-        for c in range(r + 1):
-            x = 0.0 * load(half, (r, 0))
-            for j in range(9):
-                x += load(half, (r, j)) * to_outputs[c, j]
-            store(mapped, (r, c), x)
-    for group in range(3):
-        begin = 3 * group
-        store(nees, 2 + group, _quadratic(mapped, filters.output_errors, chosen, begin, begin + 3, root, solved))

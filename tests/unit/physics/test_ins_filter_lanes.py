@@ -10,7 +10,6 @@ from mcnav.physics.ins.filter_lanes import (
     Covariances,
     covariances_of,
     factor_innovations,
-    normalize_errors,
     reduce_by_joseph,
     reduce_covariances,
     whiten,
@@ -100,22 +99,3 @@ def test_josephs_form_keeps_the_digits_of_a_large_reduction() -> None:
         errors.append(float(np.max(np.abs(after / np.array(exact) - 1.0))))
     assert errors[0] > 1e-5
     assert errors[1] < 1e-4 * errors[0]
-
-
-def test_normalized_errors_are_quadratic_forms() -> None:
-    """All estimated states, navigation, groups of outputs, and the other estimated states, of every lane."""
-    filters, covariance, *_ = make()
-    rng = np.random.default_rng(6)
-    filters.errors[:] = rng.standard_normal((SIZE, LANES))
-    to_outputs, nees, chosen = rng.standard_normal((9, 9)), room(6), np.flatnonzero(CORRECTED)
-    normalize_errors(filters.p, filters.errors, chosen, to_outputs, filters, nees)
-    for lane in range(LANES):
-        error, matrix = filters.errors[:, lane], covariance[lane]
-        mapped, outputs = to_outputs @ matrix[:9, :9] @ to_outputs.T, to_outputs @ error[:9]
-        groups = [(matrix, error, chosen), (matrix, error, np.arange(9))]
-        groups += [(mapped, outputs, np.arange(begin, begin + 3)) for begin in (0, 3, 6)]
-        groups.append((matrix, error, chosen[9:]))
-        for found, (of, vector, states) in zip(nees[:, lane], groups, strict=True):
-            block = of[np.ix_(states, states)]
-            expected = vector[states] @ np.linalg.solve(block, vector[states])
-            assert found == pytest.approx(expected, rel=1e-13 * np.linalg.cond(block))
