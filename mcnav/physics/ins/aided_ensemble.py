@@ -27,6 +27,8 @@ from mcnav.physics.ins.filter_lanes import (
     FilterSteps,
     covariances_of,
     factor_innovations,
+    project_along_samples,
+    project_along_truth,
     propagate_covariances,
     reduce_by_joseph,
     reduce_covariances,
@@ -49,17 +51,17 @@ from mcnav.physics.ins.step_lanes import (
     Deviations,
     StepTables,
     add_given,
-    add_noise,
     advance,
     advance_short,
     deviations_of,
     place,
-    respond_to_errors,
+    respond,
     start,
 )
 from mcnav.physics.ins.update_lanes import (
     Estimates,
     UpdateTables,
+    along_truth,
     add_constant_errors,
     correct_twins,
     disturb,
@@ -161,7 +163,7 @@ class AidedTables:
             measured.sensors, measured.sizes, measured.components, measured.kinds, measured.directions, measured.arms,
             np.ascontiguousarray(measured.constants[:, :, active]), measured.rows, measured.forward, measured.places,
             self.bounds, self.correlated, self.memory, self.white, self.limits, model.rows, model.variances,
-            self.loop.gains, roots, lags, careful, np.flatnonzero(np.any(model.rows, axis=(0, 1))),
+            self.loop.gains, roots, lags, careful, along_truth(measured), np.flatnonzero(np.any(model.rows, axis=(0, 1))),
         )  # fmt: skip
 
     @cached_property
@@ -621,10 +623,12 @@ def _update(
     innovate_twins(u, m, updates, samples.linear, own)
     innovate(u, m, constants, updates, samples, filters.rows, own)
     if own_gains:
-        factor_innovations(
-            u, m, updates.bounds, updates.state_rows, updates.linked, updates.variances, samples.sound, lanes.cause,
-            filters,
-        )  # fmt: skip
+        bounds, state_rows, linked = updates.bounds, updates.state_rows, updates.linked
+        if updates.along_truth[u]:
+            project_along_truth(u, m, updates.rows, bounds, state_rows, linked, filters)
+        else:
+            project_along_samples(u, m, bounds, state_rows, linked, filters)
+        factor_innovations(u, m, updates.variances, samples.sound, lanes.cause, filters)
     else:
         for c in range(m):
             for e in range(c + 1):
@@ -659,10 +663,8 @@ def _respond(
         Row of the step's first variate.
     """
     samples, width = lanes.samples, steps.factors.shape[1]
-    respond_to_errors(k, steps, samples)
-    if noise.drawn:
-        add_noise(k, steps.factors, lanes.normals, first, samples)
-    elif noise.added.shape[1] > 0:
+    respond(k, steps, noise.drawn, lanes.normals, first, samples)
+    if not noise.drawn and noise.added.shape[1] > 0:
         for i in range(LANES):
             add_given(noise.added[begin + min(i, size - 1), k * width : (k + 1) * width], i, samples)
     _subtract_estimates(k, of_filter, samples, lanes.own)

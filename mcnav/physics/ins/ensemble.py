@@ -29,11 +29,10 @@ from mcnav.physics.ins.step_lanes import (
     Deviations,
     StepTables,
     add_given,
-    add_noise,
     advance,
     deviations_of,
     place,
-    respond_to_errors,
+    respond,
     start,
 )
 from mcnav.physics.ins.truth import Platform, Truth
@@ -306,14 +305,12 @@ def _run(
                 reached += 1
             if k == steps:
                 break
-            respond_to_errors(k, tables, samples)
-            if drawing:
-                within = k % STEPS_OF_NOISE
-                if within == 0:
-                    drawn = min(STEPS_OF_NOISE, steps - k) * width
-                    draw_normals(seed, numbers, IMU_STREAM, count + k * width, drawn, normals)
-                add_noise(k, tables.factors, normals, within * width, samples)
-            elif noisy:
+            within = k % STEPS_OF_NOISE
+            if drawing and within == 0:
+                drawn = min(STEPS_OF_NOISE, steps - k) * width
+                draw_normals(seed, numbers, IMU_STREAM, count + k * width, drawn, normals)
+            respond(k, tables, drawing, normals, within * width, samples)
+            if noisy and not drawing:
                 for i in range(LANES):
                     add_given(given[begin + min(i, size - 1), k * width : (k + 1) * width], i, samples)
             advance(k, tables, samples)

@@ -256,22 +256,59 @@ def _project_covariance(
 
 
 @allocation_free
-def factor_innovations(
-    u: int, m: int, bounds: IndexArray, state_rows: Array, linked: IndexArray, variances: Array, sound: Array,
-    cause: Array, filters: Covariances,
-) -> None:  # fmt: skip
-    """Compute ``P H^T`` of update u and the Cholesky factor of the innovations' covariance.
+def project_along_truth(
+    u: int, m: int, rows: Array, bounds: IndexArray, state_rows: Array, linked: IndexArray, filters: Covariances
+) -> None:
+    """Compute ``P H^T`` and ``H P H^T`` of update u, whose responses H are those along the truth.
+
+    Components are handled in threes, so that an entry of the covariance is read once for three of them.
 
     Parameters
     ----------
     m : int
         Components.
+    rows : ndarray, shape (U, M, 9)
+        Responses to psi, v, x, which are zero but from the first to the second of their bounds.
     linked : ndarray of int
         Other states that any innovation responds to.
-    sound, cause : ndarray, shape (1, LANES)
-        Whether a sample is good as yet, and why it is not: what came first, as each brings about the other.
     """
-    rows, cross, root, inverse = filters.rows, filters.cross, filters.root, filters.inverse
+    p, cross = filters.p, filters.cross
+    for c in range(0, m, 3):
+        d, e = min(c + 1, m - 1), min(c + 2, m - 1)
+        begin = min(bounds[u, c, 0], bounds[u, d, 0], bounds[u, e, 0])
+        end = max(bounds[u, c, 1], bounds[u, d, 1], bounds[u, e, 1])
+        for r in range(len(p)):
+            entry = load(p, _at(r, begin))
+            x, y, z = rows[u, c, begin] * entry, rows[u, d, begin] * entry, rows[u, e, begin] * entry
+            for j in range(begin + 1, end):
+                entry = load(p, _at(r, j))
+                x += rows[u, c, j] * entry
+                y += rows[u, d, j] * entry
+                z += rows[u, e, j] * entry
+            for s in linked:
+                entry = load(p, _at(r, 9 + s))
+                x += state_rows[u, c, s] * entry
+                y += state_rows[u, d, s] * entry
+                z += state_rows[u, e, s] * entry
+            store(cross, (r, c), x)
+            store(cross, (r, d), y)
+            store(cross, (r, e), z)
+    for c in range(m):
+        for e in range(c + 1):
+            x = 0.0 * load(cross, (0, e))
+            for j in range(bounds[u, c, 0], bounds[u, c, 1]):
+                x += rows[u, c, j] * load(cross, (j, e))
+            for s in linked:
+                x += state_rows[u, c, s] * load(cross, (9 + s, e))
+            store(filters.root, (c, e), x)
+
+
+@allocation_free
+def project_along_samples(
+    u: int, m: int, bounds: IndexArray, state_rows: Array, linked: IndexArray, filters: Covariances
+) -> None:
+    """Compute the same where each sample has responses of its own, ``filters.rows``."""
+    rows, cross = filters.rows, filters.cross
     for c in range(m):
         begin, end = bounds[u, c, 0], bounds[u, c, 1]
         for r in range(len(filters.p)):
@@ -283,6 +320,24 @@ def factor_innovations(
                 x += load(rows, (c, j)) * load(cross, (j, e))
             for s in linked:
                 x += state_rows[u, c, s] * load(cross, (9 + s, e))
+            store(filters.root, (c, e), x)
+
+
+@allocation_free
+def factor_innovations(u: int, m: int, variances: Array, sound: Array, cause: Array, filters: Covariances) -> None:
+    """Compute the Cholesky factor of the innovations' covariance, ``H P H^T`` as projected and the measurements'.
+
+    Parameters
+    ----------
+    variances : ndarray, shape (U, M)
+        Of the measurements.
+    sound, cause : ndarray, shape (1, LANES)
+        Whether a sample is good as yet, and why it is not: what came first, as each brings about the other.
+    """
+    root, inverse = filters.root, filters.inverse
+    for c in range(m):
+        for e in range(c + 1):
+            x = load(root, (c, e))
             for j in range(e):
                 x -= load(root, (c, j)) * load(root, (e, j))
             if e < c:
@@ -301,14 +356,27 @@ def factor_innovations(
 @allocation_free
 def whiten(m: int, accepted: Array, filters: Covariances) -> None:
     """Compute ``P H^T L^-T``, zero where a measurement is rejected; columns up to a multiple of three are zero."""
-    cross, white, root = filters.cross, filters.white, filters.root
-    share = load(accepted, 0)
+    cross, white, root, inverse = filters.cross, filters.white, filters.root, filters.inverse
+    share, threes = load(accepted, 0), m - m % 3
     for r in range(len(filters.p)):
-        for c in range(m):
+        for c in range(0, threes, 3):
+            x, y, z = share * load(cross, (r, c)), share * load(cross, (r, c + 1)), share * load(cross, (r, c + 2))
+            for e in range(c):
+                known = load(white, (r, e))
+                x -= known * load(root, (c, e))
+                y -= known * load(root, (c + 1, e))
+                z -= known * load(root, (c + 2, e))
+            x *= load(inverse, c)
+            y = (y - x * load(root, (c + 1, c))) * load(inverse, c + 1)
+            z = (z - x * load(root, (c + 2, c)) - y * load(root, (c + 2, c + 1))) * load(inverse, c + 2)
+            store(white, (r, c), x)
+            store(white, (r, c + 1), y)
+            store(white, (r, c + 2), z)
+        for c in range(threes, m):
             x = share * load(cross, (r, c))
             for e in range(c):
                 x -= load(white, (r, e)) * load(root, (c, e))
-            store(white, (r, c), x * load(filters.inverse, c))
+            store(white, (r, c), x * load(inverse, c))
         for c in range(m, 3 if m <= 3 else SIX):
             store(white, (r, c), 0.0 * share)
 

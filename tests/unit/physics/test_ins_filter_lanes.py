@@ -10,6 +10,8 @@ from mcnav.physics.ins.filter_lanes import (
     Covariances,
     covariances_of,
     factor_innovations,
+    project_along_samples,
+    project_along_truth,
     reduce_by_joseph,
     reduce_covariances,
     whiten,
@@ -42,7 +44,8 @@ def update(
     """Return the covariances after an update, shape (LANES, 9 + q, 9 + q)."""
     bounds = np.full((1, COMPONENTS, 2), [0, 9])
     linked, sound, cause, share = np.arange(STATES), np.ones((1, LANES)), room(1), np.full((1, LANES), accepted)
-    factor_innovations(0, COMPONENTS, bounds, others, linked, variances, sound, cause, filters)
+    project_along_samples(0, COMPONENTS, bounds, others, linked, filters)
+    factor_innovations(0, COMPONENTS, variances, sound, cause, filters)
     assert not cause.any()
     whiten(COMPONENTS, share, filters)
     if joseph:
@@ -71,6 +74,45 @@ def test_an_update_is_that_of_matrix_algebra(joseph: bool) -> None:
         assert np.linalg.cond(innovations) < 1e4
         expected = josephs(covariance[lane], rows[lane], variances[0])
         np.testing.assert_allclose(found[lane], expected, rtol=0.0, atol=1e-12 * np.abs(covariance[lane]).max())
+
+
+@pytest.mark.parametrize("components", [1, 2, 3, 4, 5, 6])
+def test_responses_along_the_truth_are_those_of_samples_that_are_all_the_same(components: int) -> None:
+    """Some entries are zero; products are summed in the same order, and zeros are added to those along the truth."""
+    filters, *_ = make()
+    rng = np.random.default_rng(9)
+    rows, others = rng.standard_normal((1, components, 9)), rng.standard_normal((1, components, STATES))
+    bounds = np.array([[[3 * (c % 3), 9] for c in range(components)]])
+    for c in range(components):
+        rows[0, c, : bounds[0, c, 0]] = 0.0
+    filters.rows[:components] = rows[0, :, :, None]
+    linked = np.arange(0, STATES, 2)
+    project_along_samples(0, components, bounds, others, linked, filters)
+    cross, root = filters.cross.copy(), filters.root.copy()
+    filters.cross[:] = filters.root[:] = np.nan
+    project_along_truth(0, components, rows, bounds, others, linked, filters)
+    np.testing.assert_allclose(filters.cross[:, :components], cross[:, :components], rtol=1e-13, atol=1e-12)
+    lower = np.tril_indices(components)
+    np.testing.assert_allclose(filters.root[lower], root[lower], rtol=1e-13, atol=1e-12)
+
+
+@pytest.mark.parametrize("components", [1, 2, 3, 4, 5, 6])
+def test_whitened_responses_times_their_transposes_are_the_reduction(components: int) -> None:
+    filters, covariance, *_ = make()
+    rng = np.random.default_rng(10)
+    rows, others = rng.standard_normal((1, components, 9)), np.zeros((1, components, STATES))
+    variances, share = 1.0 + rng.random((1, components)), np.ones((1, LANES))
+    bounds, none = np.full((1, components, 2), [0, 9]), np.zeros(0, dtype=np.int64)
+    project_along_truth(0, components, rows, bounds, others, none, filters)
+    factor_innovations(0, components, variances, np.ones((1, LANES)), room(1), filters)
+    whiten(components, share, filters)
+    response = np.concatenate([rows[0], others[0]], axis=1)
+    for lane in range(LANES):
+        cross = covariance[lane] @ response.T
+        innovations = response @ cross + np.diag(variances[0])
+        white = filters.white[:, :, lane]
+        expected = cross @ np.linalg.solve(innovations, cross.T)
+        np.testing.assert_allclose(white @ white.T, expected, rtol=0.0, atol=1e-12 * np.abs(covariance[lane]).max())
 
 
 @pytest.mark.parametrize("joseph", [False, True])
