@@ -269,9 +269,7 @@ class EnsembleEngine:
 
     def simulate(self, batch: Batch) -> SimulationResult:
         """Simulate samples with their noise."""
-        found = simulate(
-            self.navigation.truth, self.navigation.start, self.tables, batch.errors, batch.seed, batch.index
-        )
+        found = simulate(self.tables, batch.errors, batch.seed, batch.index)
         values = found.values
         values[~found.valid] = np.nan
         return SimulationResult(
@@ -280,7 +278,7 @@ class EnsembleEngine:
 
     def propagate(self, errors: Array) -> SimulationResult:
         """Simulate samples without noise, shape (n, sources)."""
-        found = simulate(self.navigation.truth, self.navigation.start, self._quiet, errors, 0, np.arange(len(errors)))
+        found = simulate(self._quiet, errors, 0, np.arange(len(errors)))
         found.values[~found.valid] = np.nan
         return SimulationResult(found.values[:, -1], self._failures(found.valid))
 
@@ -580,7 +578,7 @@ class Ins:
         index, navigation = np.arange(len(probes)), self.navigation
 
         def flown(tables: EnsembleTables) -> Array:
-            found = simulate(navigation.truth, navigation.start, tables.without_noise(), probes, 0, index)
+            found = simulate(tables.without_noise(), probes, 0, index)
             return np.asarray(np.where(found.valid[:, None, None], found.values, 0.0))
 
         steps = 1

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,15 +37,16 @@ from mcnav.physics.ins.filter_lanes import (
 )
 from mcnav.physics.ins.instruments import CONSTANTS
 from mcnav.physics.ins.noise import IMU_STREAM, draw_normals
-from mcnav.physics.ins.normalization_lanes import (
-    NormalizationRooms,
-    SharedCovariances,
-    normalization_rooms,
-    normalize_by_own,
-    normalize_by_shared,
-    share_covariances,
+from mcnav.physics.ins.normalization_lanes import share_covariances
+from mcnav.physics.ins.record_lanes import (
+    EpochTables,
+    ReadingRooms,
+    Readings,
+    change_correlated_errors,
+    read,
+    reading_rooms,
+    width_of_record,
 )
-from mcnav.physics.ins.readout_lanes import LOCAL, TrueStates, copy_rows, read_errors, read_linear
 from mcnav.physics.ins.step_lanes import (
     SHORT,
     Deviations,
@@ -61,8 +62,8 @@ from mcnav.physics.ins.step_lanes import (
 from mcnav.physics.ins.update_lanes import (
     Estimates,
     UpdateTables,
-    along_truth,
     add_constant_errors,
+    along_truth,
     correct_twins,
     disturb,
     estimates_of,
@@ -71,7 +72,6 @@ from mcnav.physics.ins.update_lanes import (
     innovate,
     innovate_twins,
     judge,
-    rotation_vectors,
 )
 from mcnav.physics.jit import allocation_free, allocation_free_part, inlined
 from mcnav.physics.vectors import LANES, Store, load, room, store
@@ -144,6 +144,24 @@ class AidedTables:
             np.flatnonzero(np.any(coupled[3:], axis=0)), np.flatnonzero(noise),
         )  # fmt: skip
 
+    @cached_property
+    def _of_active(self) -> dict[tuple[str, bytes], Any]:
+        """Tables made for constant errors that are not zero; those of all chunks of a campaign are the same."""
+        return {}
+
+    def steps(self, active: IndexArray) -> StepTables:
+        """Return what compiled code takes of the steps.
+
+        Parameters
+        ----------
+        active : ndarray of int
+            Numbers of the constant errors of the instruments that are not zero.
+        """
+        key = ("steps", active.tobytes())
+        if key not in self._of_active:
+            self._of_active[key] = self.ensemble.steps(active)
+        return cast(StepTables, self._of_active[key])
+
     def updates(self, active: IndexArray) -> UpdateTables:
         """Return what compiled code takes of the updates.
 
@@ -152,6 +170,12 @@ class AidedTables:
         active : ndarray of int
             Numbers of the constant errors of the sensors that are not zero.
         """
+        key = ("updates", active.tobytes())
+        if key not in self._of_active:
+            self._of_active[key] = self._updates(active)
+        return cast(UpdateTables, self._of_active[key])
+
+    def _updates(self, active: IndexArray) -> UpdateTables:
         measured, model, roots = self.loop.measurements, self.loop.filter, self.loop.roots
         with np.errstate(divide="ignore", invalid="ignore"):
             known = np.diagonal(roots, axis1=1, axis2=2) ** 2 / model.variances
@@ -163,15 +187,16 @@ class AidedTables:
             measured.sensors, measured.sizes, measured.components, measured.kinds, measured.directions, measured.arms,
             np.ascontiguousarray(measured.constants[:, :, active]), measured.rows, measured.forward, measured.places,
             self.bounds, self.correlated, self.memory, self.white, self.limits, model.rows, model.variances,
-            self.loop.gains, roots, lags, careful, along_truth(measured), np.flatnonzero(np.any(model.rows, axis=(0, 1))),
+            self.loop.gains, roots, lags, careful, along_truth(measured),
+            np.flatnonzero(np.any(model.rows, axis=(0, 1))),
         )  # fmt: skip
 
     @cached_property
-    def epochs(self) -> _EpochTables:
+    def epochs(self) -> EpochTables:
         """Tables of the epochs and of the start, for compiled code."""
         shared, model = self.ensemble, self.loop.filter
         chosen = np.flatnonzero(model.corrected)
-        return _EpochTables(
+        return EpochTables(
             shared.epochs, shared.truth, shared.output_maps,
             share_covariances(self.covariances, chosen, shared.output_maps), self.loop.first_updates, shared.sizes,
             model.initial, self.biases, self.drifts, self.drift_sigmas, self.faded, chosen,
@@ -233,33 +258,6 @@ def tabulate_aided(loop: ClosedLoop, ensemble: EnsembleTables, biases: tuple[str
     )
 
 
-class _EpochTables(NamedTuple):
-    """Tables that samples share of the epochs and of their start.
-
-    Attributes
-    ----------
-    numbers : ndarray of int, shape (m,)
-        Steps that begin at the epochs.
-    initial : ndarray, shape (9 + q, 9 + q)
-        Covariance of the filter at the start.
-    chosen : ndarray of int
-        Numbers of the states that are estimated.
-    """
-
-    numbers: IndexArray
-    truth: TrueStates
-    output_maps: Array
-    covariances: SharedCovariances
-    first_updates: IndexArray
-    sizes: Array
-    initial: Array
-    biases: IndexArray
-    drifts: IndexArray
-    drift_sigmas: Array
-    faded: Array
-    chosen: IndexArray
-
-
 class _Given(NamedTuple):
     """Errors of n samples."""
 
@@ -299,29 +297,12 @@ class _LaneRooms(NamedTuple):
     normals: Array
     white: Array
     drifting: Array
-    epoch_normals: Array
     cause: Array
     numbers: NDArray[np.uint64]
-    normalization: NormalizationRooms
-    deviations: Array
-    local: Array
-    axes: Array
-    outputs: Array
+    shown: Array
+    reading: ReadingRooms
     kept: Array
     others: Array
-
-
-class _Recorded(NamedTuple):
-    """Results of n samples at m epochs, as `AidedErrors` has them."""
-
-    values: Array
-    predicted: Array
-    outcomes: IndexArray
-    nees: Array
-    covariances: Array
-    state_errors: Array
-    state_variances: Array
-    counts: Array
 
 
 @dataclass(frozen=True)
@@ -333,25 +314,14 @@ class AidedErrors:
     values, linear : ndarray, shape (n, m, 9)
         Nonlinear, and by the linear closed loop from the same draws.
     outcome : ndarray of int, shape (n,)
-    nees : ndarray, shape (n, m, 6)
-        Normalized estimation errors squared of all estimated states, navigation, position, velocity, attitude and
-        the other estimated states.
-    covariance : ndarray, shape (n, m, 45)
-        The filter's, of the outputs: lower triangle by rows.
-    state_error, state_variance : ndarray, shape (n, m, q)
-        Of the other states.
-    counted : ndarray, shape (n, m, sensors, 5)
-        As `mcnav.scenarios.filter_record.BY_SENSOR` has them.
+    records : ndarray, shape (n, m, width)
+        Of the filters, as `mcnav.physics.ins.record_lanes` has them.
     """
 
     values: Array
     linear: Array
     outcome: IndexArray
-    nees: Array
-    covariance: Array
-    state_error: Array
-    state_variance: Array
-    counted: Array
+    records: Array
 
 
 @dataclass(frozen=True)
@@ -385,19 +355,16 @@ def simulate_aided(
         Whether each sample computes its own gains.
     """
     loop, shared = tables.loop, tables.ensemble
-    truth, measured, model = loop.truth, loop.measurements, loop.filter
+    measured, model, chosen = loop.measurements, loop.filter, tables.epochs.chosen
     errors = np.ascontiguousarray(errors, dtype=float)
     count, epochs, states = len(errors), len(shared.epochs), len(model.constants)
-    state = deviate(truth, float(loop.times[0]), errors[:, :9])
+    state = deviate(shared.start, errors[:, :9])
     linear = np.einsum("nj,ij->ni", errors[:, :9], shared.start_map)
     instruments, aiding = errors[:, 9 : len(CONSTANTS)], errors[:, len(CONSTANTS) :]
     active, active_aiding = np.flatnonzero(instruments.any(axis=0)), np.flatnonzero(aiding.any(axis=0))
     of_states = np.ascontiguousarray(np.where(model.constants >= 0, errors[:, np.maximum(model.constants, 0)], 0.0))
     values, predicted = np.empty((count, epochs, 9)), np.empty((count, epochs, 9))
     outcome = np.zeros(count, dtype=np.int64)
-    nees, covariance = np.zeros((count, epochs, 6)), np.zeros((count, epochs, 45))
-    state_error, state_variance = np.zeros((count, epochs, states)), np.zeros((count, epochs, states))
-    counted = np.zeros((count, epochs, len(loop.sensors), 5))
     nothing = np.zeros((0, 0))
     added = nothing if given is None else np.ascontiguousarray(given.added.reshape(count, -1))
     disturbed = nothing if given is None else np.ascontiguousarray(given.measured.reshape(count, -1))
@@ -416,19 +383,16 @@ def simulate_aided(
         room(max(STEPS_OF_BLOCK * width, len(shared.sizes))),
         room(disturbed_together * most),
         room(disturbed_together * most if drifting else 0),
-        room(components if drifting else 0),
         keep(1),
         np.zeros((1, LANES), dtype=np.uint64),
-        normalization_rooms(states, own),
-        room(6),
-        room(LOCAL),
-        room(9),
-        room(9),
+        room(components if drifting else 0),
+        reading_rooms(states, width_of_record(len(chosen), states, len(loop.sensors)), own),
         keep.rows,
         room(-(-count // LANES), len(keep.rows)),
     )
+    records = np.empty((count, epochs, len(rooms.reading.record)))
     _run(
-        shared.steps(truth.earth, active),
+        tables.steps(active),
         tables.filter_steps,
         tables.updates(active_aiding),
         tables.epochs,
@@ -440,12 +404,10 @@ def simulate_aided(
         _Noise(np.uint64(seed), noisy and given is None, given is None, drifting, added, disturbed),
         rooms,
         own,
-        _Recorded(
-            values, predicted, outcome, nees, covariance, state_error, state_variance, counted
-        ),
+        Readings(values, predicted, outcome, records),
     )  # fmt: skip
     outcome = np.where((outcome == SOUND) & ~np.isfinite(values).all(axis=(1, 2)), BEYOND, outcome)
-    return AidedErrors(values, predicted, outcome, nees, covariance, state_error, state_variance, counted)
+    return AidedErrors(values, predicted, outcome, records)
 
 
 @allocation_free
@@ -500,77 +462,6 @@ def _subtract_estimates(k: int, tables: FilterSteps, samples: Deviations, own: E
     for s in range(len(own.estimate)):
         store(own.estimate, s, tables.decay[k, s] * load(own.estimate, s))
         store(own.twin_estimate, s, tables.decay[k, s] * load(own.twin_estimate, s))
-
-
-@allocation_free
-def _record(
-    reached: int, begin: int, size: int, constants: Array, states: _EpochTables, of_states: Array, own_gains: bool,
-    lanes: _LaneRooms, results: _Recorded,
-) -> None:  # fmt: skip
-    """Record the samples and their filters at an epoch.
-
-    Parameters
-    ----------
-    of_states : ndarray, shape (n, q)
-        Constant errors that the other states model.
-    """
-    samples, own, epoch_normals, deviations = lanes.samples, lanes.own, lanes.epoch_normals, lanes.deviations
-    outputs, errors, to_outputs = lanes.outputs, lanes.normalization.errors, states.output_maps[reached]
-    if len(epoch_normals) > 0:
-        for c in range(len(own.shown)):
-            kept = states.faded[reached, c]
-            driven = states.drift_sigmas[c] * np.sqrt(1.0 - kept * kept)
-            store(own.shown, c, kept * load(own.shown, c) + driven * load(epoch_normals, c))
-    rotation_vectors(samples.turn, own.rotation)
-    for r in range(3):
-        store(errors, r, load(own.rotation, r))
-    for r in range(6):
-        store(deviations, r, load(samples.linear, 3 + r) + load(samples.beyond, r))
-        store(errors, 3 + r, load(deviations, r))
-    for s in range(len(own.estimate)):
-        for i in range(LANES):
-            errors[9 + s, i] = of_states[begin + min(i, size - 1), s]
-        x = load(errors, 9 + s) - load(own.estimate, s)
-        if states.biases[s] >= 0:
-            x += load(samples.bias, states.biases[s])
-        if states.drifts[s] >= 0:
-            x += load(own.shown, states.drifts[s])
-        store(errors, 9 + s, x)
-    if own_gains:
-        normalize_by_own(lanes.filters.p, states.chosen, to_outputs, lanes.normalization)
-        _copy_own_covariances(begin, size, reached, lanes, results)
-    else:
-        normalize_by_shared(reached, states.covariances, states.chosen, to_outputs, lanes.normalization)
-        for n in range(begin, begin + size):
-            for c in range(len(states.covariances.mapped[reached])):
-                results.covariances[n, reached, c] = states.covariances.mapped[reached, c]
-            for s in range(len(own.estimate)):
-                results.state_variances[n, reached, s] = states.covariances.variances[reached, s]
-    read_errors(reached, constants, states.truth, samples.turn, deviations, lanes.local, lanes.axes, outputs)
-    copy_rows(outputs, begin, size, reached, results.values)
-    read_linear(reached, states.output_maps, samples.linear, outputs)
-    copy_rows(outputs, begin, size, reached, results.predicted)
-    copy_rows(lanes.normalization.nees, begin, size, reached, results.nees)
-    copy_rows(errors[9:], begin, size, reached, results.state_errors)
-    for sensor in range(len(own.tally)):
-        for c in range(5):
-            for i in range(size):
-                results.counts[begin + i, reached, sensor, c] = own.tally[sensor, c, i]
-            store(own.tally, (sensor, c), 0.0)
-
-
-@allocation_free_part
-def _copy_own_covariances(begin: int, size: int, reached: int, lanes: _LaneRooms, results: _Recorded) -> None:
-    """Copy the covariances of the outputs, and the variances of the other states, to the samples' records."""
-    mapped, p = lanes.normalization.mapped, lanes.filters.p
-    for i in range(size):
-        at = 0
-        for r in range(9):
-            for c in range(r + 1):
-                results.covariances[begin + i, reached, at] = mapped[r, c, i]
-                at += 1
-        for s in range(len(p) - 9):
-            results.state_variances[begin + i, reached, s] = p[9 + s, 9 + s, i]
 
 
 @inlined
@@ -672,8 +563,8 @@ def _respond(
 
 @allocation_free
 def _run(
-    steps: StepTables, of_filter: FilterSteps, updates: UpdateTables, epochs: _EpochTables, given: _Given,
-    noise: _Noise, lanes: _LaneRooms, own_gains: bool, results: _Recorded,
+    steps: StepTables, of_filter: FilterSteps, updates: UpdateTables, epochs: EpochTables, given: _Given,
+    noise: _Noise, lanes: _LaneRooms, own_gains: bool, results: Readings,
 ) -> None:  # fmt: skip
     """Simulate all samples, LANES at a time: each group over a block of steps, whose tables stay in the cache."""
     samples, own, filters, constants = lanes.samples, lanes.own, lanes.filters, steps.constants
@@ -710,10 +601,12 @@ def _run(
                 if reached < len(epochs.numbers) and epochs.numbers[reached] == k:
                     if noise.drifting and noise.measured:
                         shown = len(own.shown)
-                        draw_normals(
-                            noise.seed, lanes.numbers, EPOCH_STREAM, reached * shown, shown, lanes.epoch_normals
-                        )
-                    _record(reached, begin, size, constants, epochs, given.of_states, own_gains, lanes, results)
+                        draw_normals(noise.seed, lanes.numbers, EPOCH_STREAM, reached * shown, shown, lanes.shown)
+                        change_correlated_errors(reached, epochs, lanes.shown, own)
+                    read(
+                        reached, begin, size, constants, epochs, given.of_states, own_gains, samples, own, filters.p,
+                        lanes.reading, results,
+                    )  # fmt: skip
                     reached += 1
                 if k == all_steps:
                     break

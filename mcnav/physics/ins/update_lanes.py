@@ -24,7 +24,6 @@ from mcnav.physics.jit import allocation_free_part, allocation_free_uncontracted
 from mcnav.physics.lanes import angle_of_half, half_turn_of_square
 from mcnav.physics.vectors import Rooms, Vector, load, room, store, where
 
-
 LARGEST_CORRECTION: Final = 3.0
 """Largest rotation by a correction, rad: beyond it a sample leaves the engine's validity."""
 
