@@ -369,6 +369,19 @@ def _correction(
 
 
 @inlined
+def _own_correction(m: int, white: Array, r: int, s: int, t: int, whitened: Array) -> tuple[Vector, Vector, Vector]:
+    """Compute ``W u`` of three states."""
+    u = load(whitened, 0)
+    x, y, z = load(white, (r, 0)) * u, load(white, (s, 0)) * u, load(white, (t, 0)) * u
+    for c in range(1, m):
+        u = load(whitened, c)
+        x += load(white, (r, c)) * u
+        y += load(white, (s, c)) * u
+        z += load(white, (t, c)) * u
+    return x, y, z
+
+
+@inlined
 def _add_three(out: Array, r: int, s: int, t: int, x: Vector, y: Vector, z: Vector) -> None:
     """Add to three rows, or to fewer where some are the same."""
     x, y, z = load(out, r) + x, load(out, s) + y, load(out, t) + z
@@ -401,25 +414,17 @@ def feed_back_own(m: int, white: Array, corrected: Array, samples: Deviations, o
     white : ndarray, shape (9 + q, SIX, LANES)
         W, as `mcnav.physics.ins.filter_lanes.whiten` has it.
     """
-    beyond = samples.beyond
-    x = y = z = 0.0 * load(samples.turn, 0)
-    for c in range(m):
-        u = load(own.whitened, c)
-        x += load(white, (0, c)) * u
-        y += load(white, (1, c)) * u
-        z += load(white, (2, c)) * u
+    x, y, z = _own_correction(m, white, 0, 1, 2, own.whitened)
     _turn_back(x, y, z, samples.turn, samples.sound)
-    for r in range(6):
-        x = load(beyond, r)
-        for c in range(m):
-            x -= load(white, (3 + r, c)) * load(own.whitened, c)
-        store(beyond, r, x)
-    for s in range(len(own.estimate)):
-        if corrected[9 + s] > 0.0:
-            x = load(own.estimate, s)
-            for c in range(m):
-                x += load(white, (9 + s, c)) * load(own.whitened, c)
-            store(own.estimate, s, x)
+    for r in range(0, 6, 3):
+        x, y, z = _own_correction(m, white, 3 + r, 4 + r, 5 + r, own.whitened)
+        _add_three(samples.beyond, r, r + 1, r + 2, -x, -y, -z)
+    last = len(own.estimate) - 1
+    for s in range(0, last + 1, 3):
+        t, e = min(s + 1, last), min(s + 2, last)
+        x, y, z = _own_correction(m, white, 9 + s, 9 + t, 9 + e, own.whitened)
+        x, y, z = corrected[9 + s] * x, corrected[9 + t] * y, corrected[9 + e] * z
+        _add_three(own.estimate, s, t, e, x, y, z)
 
 
 @allocation_free_part
