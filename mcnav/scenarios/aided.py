@@ -302,7 +302,7 @@ class AidedReferenceEngine:
     def simulate(self, batch: Batch) -> SimulationResult:
         """Simulate samples with their noise; the linear ones by the closed loop along the truth."""
         count, epochs = len(batch.errors), len(self.navigation.times)
-        histories, linear = np.full((2, count, epochs, len(OUTPUTS)), np.nan)
+        histories, linear = np.full((count, epochs, len(OUTPUTS)), np.nan), np.full((count, len(OUTPUTS)), np.nan)
         records = np.full((count, epochs, self.filter_schema.width), np.nan)
 
         def simulate(row: int) -> Array:
@@ -313,10 +313,10 @@ class AidedReferenceEngine:
 
         values = np.empty((count, len(OUTPUTS)))
         failures = simulate_each(simulate, range(count), values, Diverged)
-        return SimulationResult(values, failures, linear_values=linear[:, -1], history=histories, filter_values=records)
+        return SimulationResult(values, failures, linear_values=linear, history=histories, filter_values=records)
 
     def linear(self, errors: Array, noise: SampleNoise) -> Array:
-        """Simulate one sample by the linear closed loop with given noise, shape (m, 9)."""
+        """Simulate one sample by the linear closed loop with given noise: errors at the last epoch, shape (9,)."""
         return np.asarray(
             simulate_aided(self._tables, errors[None], 0, np.zeros(1, int), False, self.given(noise)).linear[0]
         )
@@ -382,7 +382,7 @@ class AidedEngine:
         return SimulationResult(
             values[:, -1],
             _failures(found.outcome),
-            linear_values=found.linear[:, -1],
+            linear_values=found.linear,
             history=values,
             filter_values=found.records,
         )

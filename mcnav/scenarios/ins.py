@@ -272,9 +272,7 @@ class EnsembleEngine:
         found = simulate(self.tables, batch.errors, batch.seed, batch.index)
         values = found.values
         values[~found.valid] = np.nan
-        return SimulationResult(
-            values[:, -1], self._failures(found.valid), linear_values=found.linear[:, -1], history=values
-        )
+        return SimulationResult(values[:, -1], self._failures(found.valid), linear_values=found.linear, history=values)
 
     def propagate(self, errors: Array) -> SimulationResult:
         """Simulate samples without noise, shape (n, sources)."""

@@ -263,7 +263,7 @@ def test_the_ensemble_agrees_with_the_reference_fed_the_same_noise(sensors: tupl
         assert reference.linear(errors[number], noise) == pytest.approx(found.linear[0], abs=1e-12)
         places = of.filter_schema.places  # type: ignore[union-attr]
         # navigation's NEES: twice the difference of errors in sigmas, times the error in sigmas, some 5 at most
-        assert records[:, places["nees"]][:, 1] == pytest.approx(found.nees[0, :, 1], rel=2e-3, abs=2e-3)
+        assert records[:, places["nees"]][:, 1] == pytest.approx(found.records[0, :, 1], rel=2e-3, abs=2e-3)
 
 
 @pytest.mark.parametrize(("name", "count"), [("ensemble", 400), ("reference", 30)])

@@ -311,8 +311,9 @@ class AidedErrors:
 
     Attributes
     ----------
-    values, linear : ndarray, shape (n, m, 9)
-        Nonlinear, and by the linear closed loop from the same draws.
+    values : ndarray, shape (n, m, 9)
+    linear : ndarray, shape (n, 9)
+        At the last epoch, by the linear closed loop from the same draws.
     outcome : ndarray of int, shape (n,)
     records : ndarray, shape (n, m, width)
         Of the filters, as `mcnav.physics.ins.record_lanes` has them.
@@ -363,7 +364,7 @@ def simulate_aided(
     instruments, aiding = errors[:, 9 : len(CONSTANTS)], errors[:, len(CONSTANTS) :]
     active, active_aiding = np.flatnonzero(instruments.any(axis=0)), np.flatnonzero(aiding.any(axis=0))
     of_states = np.ascontiguousarray(np.where(model.constants >= 0, errors[:, np.maximum(model.constants, 0)], 0.0))
-    values, predicted = np.empty((count, epochs, 9)), np.empty((count, epochs, 9))
+    values, predicted = np.empty((count, epochs, 9)), np.empty((count, 9))
     outcome = np.zeros(count, dtype=np.int64)
     nothing = np.zeros((0, 0))
     added = nothing if given is None else np.ascontiguousarray(given.added.reshape(count, -1))

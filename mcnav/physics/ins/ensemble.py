@@ -210,8 +210,9 @@ class EnsembleErrors:
 
     Attributes
     ----------
-    values, linear : ndarray, shape (n, m, 9)
-        Nonlinear, and by the linear system from the same draws.
+    values : ndarray, shape (n, m, 9)
+    linear : ndarray, shape (n, 9)
+        At the last epoch, by the linear system from the same draws.
     valid : ndarray of bool, shape (n,)
         Whether a sample stayed where the scheme holds.
     """
@@ -254,7 +255,7 @@ def _simulate(
     state = deviate(tables.start, errors[:, :9])
     linear = np.einsum("nj,ij->ni", errors[:, :9], tables.start_map)  # a matrix product rounds by a row's place
     active = np.flatnonzero(errors[:, 9:].any(axis=0))
-    values, predicted = np.empty((len(errors), len(tables.epochs), 9)), np.empty((len(errors), len(tables.epochs), 9))
+    values, predicted = np.empty((len(errors), len(tables.epochs), 9)), np.empty((len(errors), 9))
     sound, width = np.empty(len(errors), dtype=np.bool_), tables.factors.shape[1]
     _run(
         tables.steps(active), deviations_of(len(active), len(tables.sizes)), room(STEPS_OF_NOISE * width),
@@ -293,9 +294,9 @@ def _run(
                     store(deviations, r, load(samples.linear, 3 + r) + load(samples.beyond, r))
                 read_errors(reached, tables.constants, truth, samples.turn, deviations, local, axes, errors)
                 copy_rows(errors, begin, size, reached, values)
-                read_linear(reached, output_maps, samples.linear, errors)
-                copy_rows(errors, begin, size, reached, predicted)
                 reached += 1
+                if reached == len(epochs):
+                    read_linear(output_maps[-1], samples.linear, begin, size, predicted)
             if k == steps:
                 break
             within = k % STEPS_OF_NOISE

@@ -86,7 +86,9 @@ class Readings(NamedTuple):
 
     Attributes
     ----------
-    values, linear : ndarray, shape (n, m, 9)
+    values : ndarray, shape (n, m, 9)
+    linear : ndarray, shape (n, 9)
+        At the last epoch.
     outcomes : ndarray of int, shape (n,)
     records : ndarray, shape (n, m, width)
     """
@@ -222,5 +224,5 @@ def read(
     copy_rows(rooms.outputs, begin, size, reached, results.values)
     _record(reached, epochs, own_gains, own, p, rooms)
     copy_rows(rooms.record, begin, size, reached, results.records)
-    read_linear(reached, epochs.output_maps, samples.linear, rooms.outputs)
-    copy_rows(rooms.outputs, begin, size, reached, results.linear)
+    if reached == len(epochs.numbers) - 1:
+        read_linear(epochs.output_maps[reached], samples.linear, begin, size, results.linear)
