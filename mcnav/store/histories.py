@@ -13,10 +13,11 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 
 from mcnav._types import Array
-from mcnav.files import arrow_table, check_regular, parquet_bytes
+from mcnav.files import arrow_table, check_regular, numbers_in, parquet_bytes
 from mcnav.physics.power_sums import PowerSums
 from mcnav.scenarios.protocol import Epochs, Output
 from mcnav.store.chunk_files import ChunkFile, check_room
@@ -145,7 +146,7 @@ def first_histories(path: Path, samples: int) -> tuple[str, Array, dict[str, Arr
         if first is None:
             raise ValueError("it has no rows")
         index, label, *outputs = first.schema.names
-        numbers = {name: first.column(name).to_numpy(zero_copy_only=False) for name in first.schema.names}
+        numbers = {name: numbers_in(pa.chunked_array([first.column(name)])) for name in first.schema.names}
     epochs = int(np.count_nonzero(numbers[index] == numbers[index][0]))
     known = min(len(numbers[index]) // epochs, samples)
     shaped = {name: numbers[name][: known * epochs].reshape(known, epochs).astype(float) for name in outputs}
