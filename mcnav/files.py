@@ -45,13 +45,15 @@ class _Indented:
     """Formatter of JSON with an indent of one blank; lists and tables of scalars are left to compiled code."""
 
     def __init__(self, ensure_ascii: bool, allow_nan: bool) -> None:
-        self._options = {"ensure_ascii": ensure_ascii, "allow_nan": allow_nan}
+        self._ensure_ascii, self._allow_nan = ensure_ascii, allow_nan
         self._encoders: list[json.JSONEncoder] = []
 
     def _scalars(self, value: Any, depth: int) -> str:
         while len(self._encoders) <= depth:
-            separator = ",\n" + " " * len(self._encoders)
-            self._encoders.append(json.JSONEncoder(separators=(separator, ": "), **self._options))
+            separators = ",\n" + " " * len(self._encoders), ": "
+            self._encoders.append(
+                json.JSONEncoder(ensure_ascii=self._ensure_ascii, allow_nan=self._allow_nan, separators=separators)
+            )
         return self._encoders[depth].encode(value)
 
     def format(self, value: Any, depth: int = 0) -> str:
