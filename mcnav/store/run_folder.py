@@ -178,7 +178,7 @@ class RunFolder:
     def write_manifest(self, manifest: Manifest) -> None:
         """Write the manifest with a checksum of itself."""
         content = manifest.to_json()
-        self.write_json(MANIFEST, content | {"checksum": json_digest(content)})
+        self.write(MANIFEST, _as_text(content | {"checksum": json_digest(content)}))
 
     def summary(self) -> dict[str, Any]:
         """Read the analysed results; `RunFolderError` when there are none, or they are not those of the run."""
