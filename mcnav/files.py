@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import io
+import json
 import math
 import os
 import re
@@ -35,6 +36,56 @@ def to_json(value: Any) -> Any:
 def _all_finite(values: Sequence[Any]) -> bool:
     """Return whether all values are finite floating-point numbers, of which there is at least one."""
     return set(map(type, values)) == {float} and all(map(math.isfinite, values))
+
+
+_SCALARS: Final = frozenset({float, int, str, bool, type(None)})
+
+
+class _Indented:
+    """Formatter of JSON with an indent of one blank; lists and tables of scalars are left to compiled code."""
+
+    def __init__(self, ensure_ascii: bool, allow_nan: bool) -> None:
+        self._ensure_ascii, self._allow_nan = ensure_ascii, allow_nan
+        self._encoders: list[json.JSONEncoder] = []
+
+    def _scalars(self, value: Any, depth: int) -> str:
+        while len(self._encoders) <= depth:
+            separators = ",\n" + " " * len(self._encoders), ": "
+            self._encoders.append(
+                json.JSONEncoder(ensure_ascii=self._ensure_ascii, allow_nan=self._allow_nan, separators=separators)
+            )
+        return self._encoders[depth].encode(value)
+
+    def format(self, value: Any, depth: int = 0) -> str:
+        """Format a value that stands at a depth."""
+        table = isinstance(value, dict)
+        if not (table or isinstance(value, (list, tuple))) or not value:
+            return self._scalars(value, depth)
+        inner, outer = "\n" + " " * (depth + 1), "\n" + " " * depth
+        if set(map(type, value.values() if table else value)) <= _SCALARS:
+            whole = self._scalars(value, depth + 1)
+            return f"{whole[0]}{inner}{whole[1:-1]}{outer}{whole[-1]}"
+        if table:
+            entries = (f"{self._scalars(key, 0)}: {self.format(each, depth + 1)}" for key, each in value.items())
+            return f"{{{inner}{f',{inner}'.join(entries)}{outer}}}"
+        return f"[{inner}{f',{inner}'.join(self.format(each, depth + 1) for each in value)}{outer}]"
+
+
+def indented_json(value: Any, ensure_ascii: bool = True, allow_nan: bool = True) -> str:
+    """Format JSON as `json.dumps` with an indent of one blank, which takes three times as long.
+
+    Keys of tables are texts.
+
+    >>> print(indented_json({"mean": [1.5, 2.0], "unit": "m"}))
+    {
+     "mean": [
+      1.5,
+      2.0
+     ],
+     "unit": "m"
+    }
+    """
+    return _Indented(ensure_ascii, allow_nan).format(value)
 
 
 _TEMPORARY: Final = re.compile(r"\..+\.[0-9a-f]{12}\.tmp")

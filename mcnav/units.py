@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import lru_cache
 from importlib.resources import files
@@ -45,6 +45,71 @@ DIMENSIONS: Final = {
     "1": Dimension("a pure number", "100 ppm"),
 }
 """Named dimensions by SI unit."""
+
+USUAL: Final[Mapping[str, Mapping[str, tuple[float, float]]]] = {
+    "m": {
+        "m": (1.0, 1.0),
+        "km": (1000.0, 0.001),
+        "cm": (0.01, 100.0),
+        "mm": (0.001, 1000.0),
+        "ft": (0.3048, 3.280839895013123),
+        "mi": (1609.344, 0.0006213711922373339),
+        "nmi": (1852.0, 0.0005399568034557236),
+    },
+    "s": {
+        "s": (1.0, 1.0),
+        "min": (60.0, 0.016666666666666666),
+        "h": (3600.0, 0.0002777777777777778),
+        "d": (86400.0, 1.1574074074074073e-05),
+    },
+    "m/s": {
+        "m/s": (1.0, 1.0),
+        "km/s": (1000.0, 0.001),
+        "cm/s": (0.01, 100.0),
+        "mm/s": (0.001, 1000.0),
+        "km/h": (0.2777777777777778, 3.6),
+        "ft/s": (0.3048, 3.280839895013123),
+    },
+    "m/s^2": {
+        "m/s^2": (1.0, 1.0),
+        "g": (9.80665, 0.10197162129779283),
+        "mg": (0.00980665, 101.97162129779284),
+        "ug": (9.806649999999999e-06, 101971.62129779284),
+        "ft/s^2": (0.3048, 3.280839895013123),
+    },
+    "rad": {
+        "rad": (1.0, 1.0),
+        "mrad": (0.001, 1000.0),
+        "urad": (1e-06, 1000000.0),
+        "deg": (0.017453292519943295, 57.29577951308232),
+        "arcmin": (0.0002908882086657216, 3437.746770784939),
+        "arcsec": (4.84813681109536e-06, 206264.80624709636),
+    },
+    "rad/s": {
+        "rad/s": (1.0, 1.0),
+        "deg/s": (0.017453292519943295, 57.29577951308232),
+        "deg/h": (4.84813681109536e-06, 206264.80624709636),
+        "meru": (7.292115e-08, 13713442.533476228),
+    },
+    "m^2/kg": {"m^2/kg": (1.0, 1.0), "km^2/kg": (1000000.0, 1e-06)},
+    "s/m": {"s/m": (1.0, 1.0), "s/km": (0.001, 1000.0)},
+    "rad/sqrt(s)": {"rad/sqrt(s)": (1.0, 1.0), "deg/sqrt(h)": (0.0002908882086657216, 3437.746770784939)},
+    "rad/s/sqrt(s)": {"rad/s/sqrt(s)": (1.0, 1.0), "deg/h/sqrt(h)": (8.080228018492267e-08, 12375888.374825781)},
+    "m/s/sqrt(s)": {
+        "m/s/sqrt(s)": (1.0, 1.0),
+        "m/s/sqrt(h)": (0.016666666666666666, 60.0),
+        "ft/s/sqrt(h)": (0.00508, 196.85039370078738),
+        "mg/sqrt(Hz)": (0.00980665, 101.97162129779284),
+        "ug/sqrt(Hz)": (9.806649999999999e-06, 101971.62129779284),
+    },
+    "m/s^2/sqrt(s)": {"m/s^2/sqrt(s)": (1.0, 1.0), "ug/sqrt(h)": (1.6344416666666664e-07, 6118297.27786757)},
+    "rad/s/(m/s^2)": {"rad/s/(m/s^2)": (1.0, 1.0), "deg/h/g": (4.94372370900905e-07, 2022766.7621830872)},
+    "(m/s^2)/(m/s^2)^2": {"(m/s^2)/(m/s^2)^2": (1.0, 1.0), "ug/g^2": (1.0197162129779283e-07, 9806650.0)},
+    "1/s": {"1/s": (1.0, 1.0), "Hz": (1.0, 1.0)},
+    "1": {"1": (1.0, 1.0), "%": (0.01, 100.0), "ppm": (1e-06, 1000000.0)},
+    "m^3/s^2": {"m^3/s^2": (1.0, 1.0)},
+}
+"""Factors of usual units, by SI unit: to it, and from it. They are pint's, whose import takes a tenth of a second."""
 
 _QUANTITY: Final = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
 _UNIT: Final = re.compile(r"[A-Za-zµμ%_]+|sqrt\(|[()*/ ]|[\^]-?\d(?!\d)|(?<![\d.])1(?![\d.])")
@@ -115,14 +180,27 @@ def dimension_of(unit: str) -> Dimension:
     return DIMENSIONS.get(unit, Dimension(f"a quantity in {unit}", f"1 {unit}"))
 
 
+def _usual(unit: str, target: str) -> float | None:
+    """Return the factor from a unit to another, if one is the SI unit and the other usual."""
+    if unit in USUAL.get(target, {}):
+        return USUAL[target][unit][0]
+    return USUAL[unit][target][1] if target in USUAL.get(unit, {}) else None
+
+
 def conversion(unit: str, target: str) -> float:
     """Return the factor that converts values from one unit to another.
 
     >>> conversion("km", "m")
     1000.0
     """
+    known = _usual(unit, target)
+    return _converted(_unit(unit), target) if known is None else known
+
+
+def _converted(unit: pint.Unit, target: str) -> float:
+    """Return the factor that pint computes."""
     registry = _registry()
-    return float(registry.Quantity(1.0, _unit(unit)).to(_unit(target)).magnitude)
+    return float(registry.Quantity(1.0, unit).to(_unit(target)).magnitude)
 
 
 def quantity(text: object, unit: str) -> float:
@@ -166,13 +244,16 @@ def quantity(text: object, unit: str) -> float:
     number, name = float(match[1]), match[2]
     if not name and unit != "1":
         raise UnitError(f"got {_quoted(text)} without a unit; {expected}")
-    try:
-        found = _unit(name or "1")
-    except UnitError as problem:
-        raise UnitError(f"{problem}; {expected}") from None
-    if found.dimensionality != _unit(unit).dimensionality:
-        raise UnitError(f"got {_quoted(text)}, which is {_words(found)}; {expected}")
-    value = number * float(_registry().Quantity(1.0, found).to(_unit(unit)).magnitude)
+    factor = _usual(name or "1", unit)
+    if factor is None:
+        try:
+            found = _unit(name or "1")
+        except UnitError as problem:
+            raise UnitError(f"{problem}; {expected}") from None
+        if found.dimensionality != _unit(unit).dimensionality:
+            raise UnitError(f"got {_quoted(text)}, which is {_words(found)}; {expected}")
+        factor = _converted(found, unit)
+    value = number * factor
     if not math.isfinite(value):
         raise UnitError(f"got {_quoted(text)}, which is not finite; {expected}")
     return value

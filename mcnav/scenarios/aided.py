@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final, Literal
@@ -164,17 +165,24 @@ class AidedNavigation:
         return tabulate_aided(loop, shared, biased_processes(loop.responses, self.imu))
 
     def refined(self, probes: Array) -> tuple[AidedTables, float]:
-        """Divide the steps until probes without noise, shape (n, sources), agree; return the tables and the error."""
+        """Divide the steps until probes without noise, shape (n, sources), agree; return the tables and the error.
+
+        The tables of half the coarsest steps are computed in a thread beside what needs those of the coarsest ones.
+        """
         probes = probes[:PROBES]
-        division, tables = 1, self.tables(1)
-        coarse = self._without_noise(tables, probes)
-        while True:
-            if (len(tables.loop.times) - 1) * 2 > MOST_STEPS:
+        division, most = 1, MOST_STEPS // 2
+        with ThreadPoolExecutor(1) as beside:
+            halved = beside.submit(self.tables, 2) if len(self.loop.times) - 1 <= most else None
+            tables = self.tables(1)
+            coarse = self._without_noise(tables, probes)
+            if halved is None:
                 return tables, float("nan")
-            finer = self.tables(2 * division)
+            sigma = self._own_sigma
+            finer = halved.result()
+        while True:
             fine = self._without_noise(finer, probes)
             # the filter's sigma, or the errors themselves where it is optimistic
-            scale = np.maximum(self._own_sigma, np.abs(fine).max(axis=0))
+            scale = np.maximum(sigma, np.abs(fine).max(axis=0))
             sizes = np.where(scale > 0.0, scale, 1.0)
             error = float((np.abs(coarse - fine) / sizes).max(initial=0.0)) / 3.0  # of the finer one
             if 4.0 * error <= TOLERANCE:
@@ -182,6 +190,9 @@ class AidedNavigation:
             if error <= TOLERANCE or 2 * division >= LARGEST_DIVISION:
                 return finer, error
             division, tables, coarse = 2 * division, finer, fine
+            if len(tables.loop.times) - 1 > most:
+                return tables, float("nan")
+            finer = self.tables(2 * division)
 
     @property
     def _own_sigma(self) -> Array:

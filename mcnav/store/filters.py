@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import base64
 import zlib
-from collections.abc import Sequence
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
-import pyarrow.parquet as pq
 
 from mcnav._types import Array
 from mcnav.files import arrow_table, parquet_bytes
 from mcnav.scenarios.filter_record import FilterPrediction, FilterSchema
 from mcnav.scenarios.filter_sums import FilterMeans, FilterSums
 from mcnav.scenarios.protocol import Epochs, Output
-from mcnav.store.chunk_files import ChunkFile
 
 MARK: Final = "mcnav.filter"
 
@@ -31,19 +28,16 @@ def filter_marks(sums: FilterSums | None) -> dict[str, str]:
     return {MARK: base64.b64encode(zlib.compress(sums.to_numbers().astype("<f8").tobytes(), 1)).decode()}
 
 
-def read_filter_sums(schema: FilterSchema, folder: Path, chunks: Sequence[ChunkFile]) -> FilterSums | None:
-    """Add up the sums of chunks in order of index; none without any.
+def filter_sums_in(marks: Mapping[bytes, bytes], schema: FilterSchema) -> FilterSums | None:
+    """Decode the sums in the metadata of a chunk's file; none without.
 
-    Raises `OSError`, `ValueError`, `pyarrow.ArrowException`, `zlib.error` when a file cannot be read.
+    Raises `ValueError`, `OverflowError`, `zlib.error` when they are damaged.
     """
-    total = None
-    for chunk in chunks:
-        text = (pq.read_schema(folder / chunk.file).metadata or {}).get(MARK.encode())
-        if text is not None:
-            content = zlib.decompressobj().decompress(base64.b64decode(text), LARGEST)
-            sums = FilterSums.from_numbers(schema, np.frombuffer(content, dtype="<f8").astype(float))
-            total = sums if total is None else total + sums
-    return total
+    text = marks.get(MARK.encode())
+    if text is None:
+        return None
+    content = zlib.decompressobj().decompress(base64.b64decode(text), LARGEST)
+    return FilterSums.from_numbers(schema, np.frombuffer(content, dtype="<f8").astype(float))
 
 
 def filter_columns(

@@ -8,15 +8,17 @@ from __future__ import annotations
 
 import base64
 import json
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 
 from mcnav._types import Array
-from mcnav.files import arrow_table, check_regular, parquet_bytes
+from mcnav.files import arrow_table, check_regular, numbers_in, parquet_bytes
 from mcnav.physics.power_sums import PowerSums
 from mcnav.scenarios.protocol import Epochs, Output
 from mcnav.store.chunk_files import ChunkFile, check_room
@@ -44,16 +46,13 @@ def history_marks(power_sums: PowerSums | None) -> dict[str, str]:
     return {MARK: base64.b64encode(numbers.tobytes()).decode()}
 
 
-def read_power_sums(pivot: Array, folder: Path, chunks: Sequence[ChunkFile]) -> PowerSums | None:
-    """Add up the power sums of chunks in order of index, about a pivot of shape (m, outputs); none without any."""
-    total = None
-    for chunk in chunks:
-        text = (pq.read_schema(folder / chunk.file).metadata or {}).get(MARK.encode())
-        if text is not None:
-            numbers = np.frombuffer(base64.b64decode(text), dtype="<f8")
-            sums = PowerSums(int(numbers[-1]), pivot, numbers[:-1].reshape(len(pivot), -1).astype(float))
-            total = sums if total is None else total + sums
-    return total
+def power_sums_in(marks: Mapping[bytes, bytes], pivot: Array) -> PowerSums | None:
+    """Decode the power sums, about a pivot of shape (m, outputs), in the metadata of a chunk's file; none without."""
+    text = marks.get(MARK.encode())
+    if text is None:
+        return None
+    numbers = np.frombuffer(base64.b64decode(text), dtype="<f8")
+    return PowerSums(int(numbers[-1]), pivot, numbers[:-1].reshape(len(pivot), -1).astype(float))
 
 
 def first_marks(histories: Array | None) -> dict[str, str]:
@@ -63,19 +62,19 @@ def first_marks(histories: Array | None) -> dict[str, str]:
     return {FIRST_MARK: base64.b64encode(histories.astype("<f8").tobytes()).decode()}
 
 
-def read_first_histories(shape: tuple[int, int], folder: Path, chunks: Sequence[ChunkFile]) -> Array | None:
-    """Read the histories of the first samples, shape (n, m, outputs); none unless all of their chunks have them."""
-    found = []
-    for chunk in chunks:
-        wanted = min(chunk.end, STORED) - chunk.begin
-        if wanted <= 0:
-            break
-        text = (pq.read_schema(folder / chunk.file).metadata or {}).get(FIRST_MARK.encode(), b"")
-        numbers = np.frombuffer(base64.b64decode(text), dtype="<f8").astype(float)
-        if len(numbers) != wanted * shape[0] * shape[1]:
-            return None
-        found.append(numbers.reshape(wanted, *shape))
-    return np.concatenate(found) if found else None
+def first_histories_in(marks: Mapping[bytes, bytes], chunk: ChunkFile, shape: tuple[int, ...]) -> Array | None:
+    """Decode the histories of a chunk's samples that are among the first, shape (n, m, outputs); none without them.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Epochs and outputs.
+    """
+    wanted = max(min(chunk.end, STORED) - chunk.begin, 0)
+    numbers = np.empty(0)
+    if wanted:
+        numbers = np.frombuffer(base64.b64decode(marks.get(FIRST_MARK.encode(), b"")), dtype="<f8").astype(float)
+    return numbers.reshape(wanted, *shape) if len(numbers) == wanted * math.prod(shape) else None
 
 
 def histories_table(epochs: Epochs, outputs: Sequence[Output], histories: Array) -> bytes:
@@ -145,7 +144,7 @@ def first_histories(path: Path, samples: int) -> tuple[str, Array, dict[str, Arr
         if first is None:
             raise ValueError("it has no rows")
         index, label, *outputs = first.schema.names
-        numbers = {name: first.column(name).to_numpy(zero_copy_only=False) for name in first.schema.names}
+        numbers = {name: numbers_in(pa.chunked_array([first.column(name)])) for name in first.schema.names}
     epochs = int(np.count_nonzero(numbers[index] == numbers[index][0]))
     known = min(len(numbers[index]) // epochs, samples)
     shaped = {name: numbers[name][: known * epochs].reshape(known, epochs).astype(float) for name in outputs}

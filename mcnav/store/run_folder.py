@@ -27,7 +27,16 @@ import pyarrow as pa
 
 from mcnav._types import Array
 from mcnav.errors import RunFolderBusy, RunFolderError
-from mcnav.files import arrow_table, is_temporary, numbers_in, parquet_bytes, read_whole, to_json, write_whole
+from mcnav.files import (
+    arrow_table,
+    indented_json,
+    is_temporary,
+    numbers_in,
+    parquet_bytes,
+    read_whole,
+    to_json,
+    write_whole,
+)
 from mcnav.scenarios.histories import check_history
 from mcnav.scenarios.inputs import InputFile
 from mcnav.scenarios.protocol import History, Panel
@@ -67,7 +76,7 @@ _REPLAY: Final = re.compile(r"replay_\d+\.(?:html|csv)")
 
 def _as_text(content: Mapping[str, Any]) -> bytes:
     """Format a JSON file."""
-    return (json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
+    return (indented_json(content, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
 def _rows_of(chunk: ChunkFile, stored_rows: int | None) -> int:
@@ -169,7 +178,7 @@ class RunFolder:
     def write_manifest(self, manifest: Manifest) -> None:
         """Write the manifest with a checksum of itself."""
         content = manifest.to_json()
-        self.write_json(MANIFEST, content | {"checksum": json_digest(content)})
+        self.write(MANIFEST, _as_text(content | {"checksum": json_digest(content)}))
 
     def summary(self) -> dict[str, Any]:
         """Read the analysed results; `RunFolderError` when there are none, or they are not those of the run."""

@@ -38,7 +38,7 @@ from mcnav.config.data_sheet import DataSheetNumber, GradedValue, data_sheet_num
 from mcnav.config.overrides import Value, document_of, override
 from mcnav.config.read import Campaign, parse_campaign
 from mcnav.errors import CampaignError, Problem
-from mcnav.files import to_json, write_texts
+from mcnav.files import indented_json, to_json, write_texts
 from mcnav.progress import SILENT, Phase, Progress
 from mcnav.report import allocate as tables
 from mcnav.scenarios.ins import Ins
@@ -318,5 +318,5 @@ def write_allocation(
     """Write the allocation of a campaign as ``allocate.json`` and a page; see `allocate`."""
     found = allocate(campaign, progress)
     progress.phase(Phase.REPORTING)
-    files = {FILE: json.dumps(to_json(tables.table(found)), indent=1) + "\n", PAGE: tables.render(found)}
+    files = {FILE: indented_json(to_json(tables.table(found))) + "\n", PAGE: tables.render(found)}
     return found, write_texts(path, files)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,7 +19,7 @@ from mcnav.config.read import Campaign, campaign_from
 from mcnav.errors import CampaignError, Problem
 from mcnav.execution.chunks import DrawPlan
 from mcnav.execution.soundness import find_doubt
-from mcnav.files import to_json, write_texts
+from mcnav.files import indented_json, to_json, write_texts
 from mcnav.lincov.partials import SimulationFailed
 from mcnav.report.lincov_page import render
 from mcnav.scenarios.ins import Ins
@@ -135,7 +134,7 @@ def write_lincov(campaign: Campaign, path: Path, times: Array | None = None) -> 
     found, outages = linear_covariance(campaign, times), {}
     if isinstance(campaign.scenario, Ins):
         outages = {sensor.name: sensor.outages for sensor in campaign.scenario.navigation.sensors}
-    files = {FILE: json.dumps(to_json(lincov_table(found)), indent=1) + "\n", PAGE: render(found, outages)}
+    files = {FILE: indented_json(to_json(lincov_table(found))) + "\n", PAGE: render(found, outages)}
     return found, write_texts(path, files)
 
 

@@ -5,7 +5,6 @@ The answers are linear. Monte Carlo confirms them at chosen points.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
@@ -29,7 +28,7 @@ from mcnav.config.overrides import VariedCampaign
 from mcnav.config.read import Campaign
 from mcnav.config.sweep_values import POINTS, read_variables
 from mcnav.errors import CampaignError, Problem
-from mcnav.files import write_texts
+from mcnav.files import indented_json, write_texts
 from mcnav.progress import SILENT, Phase, Progress
 from mcnav.report import sweep as report
 from mcnav.scenarios.protocol import Output
@@ -106,7 +105,7 @@ def write_sweep(
     progress.phase(Phase.REPORTING)
     texts = {
         CSV: report.frame(found).to_csv(index=False, float_format="%.10g"),
-        JSON: json.dumps(report.table(found), indent=1) + "\n",
+        JSON: indented_json(report.table(found)) + "\n",
         PAGE: report.render(found),
     }
     return found, write_texts(path, texts)

@@ -30,12 +30,12 @@ from mcnav.report.model import RunAnalysis
 from mcnav.sampling.designs import SamplingDesign
 from mcnav.scenarios.filter_sums import FilterMeans
 from mcnav.scenarios.protocol import Output
-from mcnav.store.filters import read_filter_sums
-from mcnav.store.histories import STORED, read_power_sums
+from mcnav.store.histories import STORED
 from mcnav.store.manifest import FilterRecord, Manifest, ModelRecord, PartialsRecord
 from mcnav.store.run_folder import MANIFEST, REPORT, RunFolder
 from mcnav.store.run_folder import SUMMARY as SUMMARY_FILE
 from mcnav.store.summaries import SUMMARY, collect_summary
+from mcnav.store.totals import read_totals
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -159,8 +159,8 @@ def filter_evidence(folder: RunFolder, manifest: Manifest, failed: int) -> Filte
         return None
     schema, chunks = record.columns, manifest.chunks
     try:
-        sums = read_filter_sums(schema, folder.chunk_folder, chunks)
-        true = read_power_sums(np.zeros((len(record.times), len(outputs))), folder.chunk_folder, chunks)
+        totals = read_totals(np.zeros((len(record.times), len(outputs))), schema, folder.chunk_folder, chunks)
+        sums, true = totals.filter_sums, totals.power_sums
         if sums is not None and len(sums.counts) != len(record.times) + 1:
             raise ValueError(f"{len(sums.counts) - 1} epochs in place of {len(record.times)}")
     except (OSError, ValueError, OverflowError, pa.ArrowException, zlib.error) as failure:

@@ -45,13 +45,11 @@ from mcnav.scenarios.soundness import LARGEST, SHARE, Unsettled
 from mcnav.scenarios.stochastic_user import NOISE, StochasticUserScenario
 from mcnav.scenarios.stochastic_user_engine import StochasticUserEngine
 from mcnav.store.chunk_files import ChunkFile, Samples
-from mcnav.store.filters import filter_columns, filter_table, read_filter_sums
+from mcnav.store.filters import filter_columns, filter_table
 from mcnav.store.histories import (
     STORED,
     epochs_table,
     histories_table,
-    read_first_histories,
-    read_power_sums,
 )
 from mcnav.store.manifest import (
     FilterPredictionRecord,
@@ -62,6 +60,7 @@ from mcnav.store.manifest import (
     Variable,
 )
 from mcnav.store.run_folder import EPOCHS, FILTER, HISTORIES
+from mcnav.store.totals import read_totals
 
 DEVELOPMENT_POINTS: Final = 61
 """Times of the error budget's history, where the scenario has partial derivatives throughout the flight."""
@@ -151,7 +150,7 @@ class PreparedSystem:
             return {}
         first = self.draws.draw(0, STORED)
         epochs, histories, own = engine.epochs, engine.histories(first), engine.history_sums(first)
-        sums = read_power_sums(own.pivot, folder, chunks) or own
+        sums = read_totals(own.pivot, None, folder, chunks).power_sums or own
         if sums.count < FEWEST_FOLLOWED:
             return {}
         partials, nominal = partials_throughout(engine, _sizes(self.scenario))
@@ -178,14 +177,13 @@ class PreparedSystem:
         self, engine: StochasticEngine, folder: Path, chunks: Sequence[ChunkFile]
     ) -> dict[str, bytes]:
         errors, outputs, epochs = self.draws.errors, self.scenario.outputs, engine.epochs
-        sums = read_power_sums(np.zeros((len(epochs.times), len(outputs))), folder, chunks)
-        histories = read_first_histories((len(epochs.times), len(outputs)), folder, chunks)
+        schema, tables, columns = filter_schema_of(engine), {}, {}
+        totals = read_totals(np.zeros((len(epochs.times), len(outputs))), schema, folder, chunks, histories=True)
+        sums, histories = totals.power_sums, totals.first
         if histories is None and len(epochs.times):
             histories = self._first_histories(engine)
-        schema, tables, columns = filter_schema_of(engine), {}, {}
-        filter_sums = None if schema is None else read_filter_sums(schema, folder, chunks)
-        if schema is not None and filter_sums is not None:
-            means = FilterMeans.of(schema, filter_sums)
+        if schema is not None and totals.filter_sums is not None:
+            means = FilterMeans.of(schema, totals.filter_sums)
             tables[FILTER] = filter_table(epochs, outputs, means)
             columns = filter_columns(outputs, means, _filter_prediction(self.scenario, epochs))
         if sums is None or sums.count < FEWEST_FOLLOWED or histories is None:

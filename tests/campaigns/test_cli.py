@@ -111,6 +111,32 @@ def test_a_run_without_report_imports_neither_pandas_nor_what_draws(tmp_path: Pa
     assert finished.stdout.rpartition("loaded: ")[2] == "numpy\n"
 
 
+AIDED = ROOT / "campaigns" / "19_flight_with_gnss.toml"
+
+SLOW_IMPORTS = {"pandas", "pint", "scipy.stats", "matplotlib", "filterpy", "dask", "distributed"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "slow"),
+    [
+        (("lincov", AIDED), {*SLOW_IMPORTS, "joblib"}),
+        (("lincov", DEMO), {*SLOW_IMPORTS, "joblib"}),
+        (("run", AIDED, "--samples", 100), SLOW_IMPORTS),
+        (("run", DEMO, "--samples", 100), SLOW_IMPORTS),
+    ],
+)
+def test_what_is_slow_to_import_and_not_needed_is_not_imported(
+    arguments: tuple[object, ...], slow: set[str], tmp_path: Path
+) -> None:
+    whole = ["mcnav", *map(str, arguments), "--out", str(tmp_path / "out")]
+    program = f"import sys; from mcnav import cli; sys.argv = {whole}\ntry: cli.main()\n" + (
+        f"except SystemExit as ended: assert not ended.code\nprint('loaded:', *{slow} & sys.modules.keys())"
+    )
+    finished = run_to_end([sys.executable, "-c", program])
+    assert finished.returncode == 0, finished.stderr
+    assert finished.stdout.rpartition("loaded:")[2].strip() == ""
+
+
 def test_without_report(workplace: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with_report = workplace / "reports" / DEMO.stem
     finished = invoke("run", DEMO, "--samples", 2000, "--out", "run", "--no-report", cwd=tmp_path)

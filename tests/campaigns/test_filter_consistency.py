@@ -15,10 +15,11 @@ import pytest
 
 from mcnav.errors import RunFolderError
 from mcnav.execution.chunks import DrawPlan
-from mcnav.scenarios.filter_sums import FilterMeans
+from mcnav.scenarios.filter_sums import FilterMeans, FilterSums
 from mcnav.scenarios.protocol import Batch, SimulationResult
-from mcnav.store.filters import MARK, read_filter_sums
+from mcnav.store.filters import MARK
 from mcnav.store.run_folder import RunFolder
+from mcnav.store.totals import read_totals
 from mcnav.workflow.analyse import filter_evidence, samples_of
 from mcnav.workflow.compare import compare_runs
 from mcnav.workflow.run import run_campaign
@@ -27,6 +28,13 @@ from tests.scalar_filter import SCHEMA, FilterThatBelieves, campaign, steady_var
 
 def run(folder: Path, samples: int = 300, jobs: int = 1, report: bool = True, **changes: Any) -> dict[str, Any]:
     return dict(run_campaign(campaign(samples, **changes), folder, None, jobs, report=report).summary)
+
+
+def filter_sums(folder: RunFolder) -> FilterSums | None:
+    manifest = folder.finished_manifest()
+    assert manifest.model.filter is not None
+    pivot = np.zeros((len(manifest.model.filter.times), len(manifest.model.outputs)))
+    return read_totals(pivot, SCHEMA, folder.chunk_folder, manifest.chunks).filter_sums
 
 
 def test_sums_are_the_same_bits_however_a_run_is_divided(tmp_path: Path) -> None:
@@ -41,7 +49,7 @@ def test_sums_are_the_same_bits_however_a_run_is_divided(tmp_path: Path) -> None
         for samples in sizes:
             run(tmp_path / name, samples, **changes)
         folder = RunFolder(tmp_path / name)
-        sums = read_filter_sums(SCHEMA, folder.chunk_folder, folder.finished_manifest().chunks)
+        sums = filter_sums(folder)
         assert sums is not None
         assert sums.samples == 700
         found.append(sums.to_numbers())
@@ -89,7 +97,7 @@ def test_means_of_a_record_by_place(tmp_path: Path) -> None:
     """Means and standard errors of what `FilterMeans` returns are numpy's."""
     run(tmp_path / "run", 200)
     folder = RunFolder(tmp_path / "run")
-    sums = read_filter_sums(SCHEMA, folder.chunk_folder, folder.finished_manifest().chunks)
+    sums = filter_sums(folder)
     assert sums is not None
     means = FilterMeans.of(SCHEMA, sums)
     np.testing.assert_allclose(np.sqrt(means.variances.value[:-1, 0]), np.sqrt(steady_variance(0.25)), rtol=1e-12)
@@ -198,12 +206,12 @@ def test_damaged_sums_are_refused_in_a_line(tmp_path: Path, monkeypatch: pytest.
     """Sums of another length, and what is no number of samples."""
     run(tmp_path / "run", 60)
     folder, manifest = RunFolder(tmp_path / "run"), RunFolder(tmp_path / "run").finished_manifest()
-    sums = read_filter_sums(SCHEMA, folder.chunk_folder, manifest.chunks)
+    sums = filter_sums(folder)
     assert sums is not None
     for numbers in (sums.to_numbers()[:-7], np.append(sums.to_numbers()[:-1], np.inf), np.zeros(0)):
         text = base64.b64encode(zlib.compress(numbers.tobytes())).decode()
         described = pa.schema([]).with_metadata({MARK: text})
-        monkeypatch.setattr("mcnav.store.filters.pq.read_schema", lambda path, described=described: described)
+        monkeypatch.setattr("mcnav.store.totals.pq.read_schema", lambda path, described=described: described)
         with pytest.raises(RunFolderError, match="sums of filters are damaged"):
             filter_evidence(folder, manifest, 0)
         monkeypatch.undo()

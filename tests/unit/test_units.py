@@ -7,7 +7,8 @@ import sys
 
 import pytest
 
-from mcnav.units import DIMENSIONS, UnitError, conversion, quantity
+from mcnav import units
+from mcnav.units import DIMENSIONS, USUAL, UnitError, conversion, quantity
 from tests.processes import run_to_end
 
 ARCSEC = math.pi / 648_000.0
@@ -82,6 +83,20 @@ def test_what_cannot_be_read(text: object, unit: str, message: str) -> None:
     assert str(found.value).isprintable()
 
 
+@pytest.mark.parametrize(("unit", "usual"), [(unit, each) for unit, known in USUAL.items() for each in known])
+def test_usual_units_are_converted_as_by_pint(unit: str, usual: str) -> None:
+    registry = units._registry()
+    for one, other, factor in ((usual, unit, USUAL[unit][usual][0]), (unit, usual, USUAL[unit][usual][1])):
+        assert registry.Quantity(1.0, units._unit(one)).to(units._unit(other)).magnitude == factor
+        assert conversion(one, other) == factor
+    assert quantity(f"3 {'' if usual == '1' else usual}", unit) == 3.0 * USUAL[unit][usual][0]
+
+
+def test_usual_units_are_read_without_pint() -> None:
+    program = "import sys; from mcnav.units import quantity; quantity('2 deg/h', 'rad/s'); print('pint' in sys.modules)"
+    assert run_to_end([sys.executable, "-c", program]).stdout == "False\n"
+
+
 def test_examples_are_of_their_kind() -> None:
     for unit, dimension in DIMENSIONS.items():
         quantity(dimension.example, unit)
@@ -89,7 +104,7 @@ def test_examples_are_of_their_kind() -> None:
 
 @pytest.mark.parametrize("first", ["", "import dask.base; "])
 def test_units_do_not_load_dask_but_leave_it_usable(first: str) -> None:
-    program = f"{first}import sys; from mcnav.units import conversion; conversion('km', 'm')\n" + (
+    program = f"{first}import sys; from mcnav.units import conversion; conversion('lb', 'kg')\n" + (
         "print('dask' in sys.modules); import dask.base; print(dask.base.is_dask_collection(1))"
     )
     finished = run_to_end([sys.executable, "-c", program])
