@@ -21,6 +21,7 @@ from mcnav.physics.reentry.vehicle import Vehicle
 from mcnav.progress import Phase
 from mcnav.scenarios.reentry import SOURCES, Flight, Reentry
 from mcnav.scenarios.table_i import COLUMNS, ERROR_SIZES, ERRORS, TABLE_I, among_all, start_state
+from tests import worker_server
 from tests.processes import run_to_end
 
 FOLDER = Path(__file__).parent
@@ -30,6 +31,11 @@ COMPILING = FOLDER / "cross" / "test_compiled.py"
 LONG_FIRST = ("faults", "browser", "campaigns", "published", "statistical", "cross", "properties")
 """Folders whose tests come first, those with the longest before the others."""
 
+NOT_INERTIAL = (
+    "campaigns/test_own_noise.py", "faults/test_storage.py", "faults/test_failures.py", "faults/test_hostile.py",
+)  # fmt: skip
+"""Files whose tests load nothing of inertial navigation; they take longer than its compilation by the other worker."""
+
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark every test with the folder it is in, and order them; `pyproject.toml` lists what each folder costs.
@@ -38,6 +44,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     Both begin by compiling, each something else, and end with short tests, so that neither waits.
     """
     compiling, others = [], []
+    meanwhile = [FOLDER / file for file in NOT_INERTIAL]
     for item in items:
         folder = item.path.relative_to(FOLDER).parts[0] if FOLDER in item.path.parents else "mcnav"
         if folder != "mcnav":
@@ -45,7 +52,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if item.path == COMPILING:
             compiling.append(item)
         else:
-            others.append((LONG_FIRST.index(folder) if folder in LONG_FIRST else len(LONG_FIRST), item))
+            cost = LONG_FIRST.index(folder) if folder in LONG_FIRST else len(LONG_FIRST)
+            others.append((-1 if item.path in meanwhile else cost, item))
     rest = [item for _, item in sorted(others, key=itemgetter(0))]
     first, half = compiling[:-1], len(items) // 2
     items[:] = [*first, *rest[: half - len(first)], *compiling[-1:], *rest[half - len(first) :]]
@@ -119,6 +127,13 @@ def content(trajectory: int = 4, multiple: float = 1.0, **entries: Any) -> dict[
 def campaign(trajectory: int = 4, multiple: float = 1.0, **entries: Any) -> Campaign:
     """Return a campaign at a multiple of the errors of NASA TN D-1772."""
     return parse_campaign(content(trajectory, multiple, **entries), "test.toml", "test")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def forked_workers() -> None:
+    """Fork the workers of runs in this process."""
+    if hasattr(os, "fork"):
+        worker_server.start()
 
 
 @pytest.fixture(scope="session")
