@@ -23,6 +23,7 @@ from mcnav.scenarios.reentry import SOURCES, Flight, Reentry
 from mcnav.scenarios.table_i import COLUMNS, ERROR_SIZES, ERRORS, TABLE_I, among_all, start_state
 from tests import worker_server
 from tests.processes import run_to_end
+from tests.reproduction import Reproduction, reproduce, reproduced
 
 FOLDER = Path(__file__).parent
 COMPILING = FOLDER / "cross" / "test_compiled.py"
@@ -136,17 +137,32 @@ def forked_workers() -> None:
         worker_server.start()
 
 
+def _once(tmp_path_factory: pytest.TempPathFactory, name: str, make: Callable[[Path], None]) -> Path:
+    """Return a folder that the first of all workers makes, and the others wait for."""
+    folder = tmp_path_factory.getbasetemp()
+    shared = folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder
+    with FileLock(shared / f"{name}.lock"):
+        if not (shared / name).exists():
+            make(shared / f"{name}.part")
+            (shared / f"{name}.part").rename(shared / name)
+    return shared / name
+
+
 @pytest.fixture(scope="session")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Build the documentation as a site, once for all workers; any warning of Sphinx fails it."""
-    folder = tmp_path_factory.getbasetemp()
-    shared = folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder
-    with FileLock(shared / "site.lock"):
-        if not (shared / "site").exists():
-            finished = run_to_end([sys.executable, ROOT / ".github" / "site" / "build.py", shared / "built"], cwd=ROOT)
-            assert finished.returncode == 0, finished.stderr
-            (shared / "built").rename(shared / "site")
-    return shared / "site"
+
+    def build(folder: Path) -> None:
+        finished = run_to_end([sys.executable, ROOT / ".github" / "site" / "build.py", folder], cwd=ROOT)
+        assert finished.returncode == 0, finished.stderr
+
+    return _once(tmp_path_factory, "site", build)
+
+
+@pytest.fixture(scope="session")
+def reproduction(tmp_path_factory: pytest.TempPathFactory) -> Reproduction:
+    """Reproduce NASA TN D-1772, once for all workers."""
+    return reproduced(_once(tmp_path_factory, "reproduction", reproduce))
 
 
 @pytest.fixture(params=TRAJECTORIES, ids=lambda number: f"trajectory {number}")
