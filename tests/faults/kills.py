@@ -133,7 +133,8 @@ def kill_at_fixed_moments(case: Case, place: Place, whole: Undisturbed, chance: 
     """Kill a campaign when its first chunk is stored, then amid the writing of its second, and resume it.
 
     A user's class, whose chunks other processes write, is killed when the second is stored. One worker simulates until
-    then, so that the number of chunks does not depend on time.
+    then, so that the number of chunks does not depend on time; one of a user's class also does so afterwards, because
+    a worker takes long to start.
     """
 
     del chance
@@ -153,7 +154,7 @@ def kill_at_fixed_moments(case: Case, place: Place, whole: Undisturbed, chance: 
         trial.check(len(trial.kept) == stored, f"{len(trial.kept)} chunks are stored, not {stored}")
         partial = len(list(place.folder.rglob(".*.tmp")))
         trial.check(partial == (threads and number == 1), f"{partial} half-written files")
-    trial.resume()
+    trial.resume(2 if threads else 1)
     return trial
 
 
@@ -189,7 +190,7 @@ def _known(case: Case, place: Place, known: dict[Case, Undisturbed], measure: bo
         if run_here:
             known[measured] = Undisturbed.here(measured, place)
         if measure or not run_here:
-            known[measured] = Undisturbed.of(measured, place)
+            known[measured] = Undisturbed.of(measured, place, 2 if measure else 1)
         if here in known and known[measured].files != known[here].files:
             raise RuntimeError(f"{measured}: files differ from those without a cluster")
     return known[measured]

@@ -94,9 +94,9 @@ def start(place: Place, run: Callable[[], None]) -> int:
         os._exit(status)
 
 
-def start_run(case: Case, place: Place) -> int:
+def start_run(case: Case, place: Place, jobs: int = 2) -> int:
     """Run a campaign in a process of its own; return the process."""
-    return start(place, lambda: case.run(place.path, place.folder))
+    return start(place, lambda: case.run(place.path, place.folder, jobs))
 
 
 def finish(process: int) -> int:
@@ -122,11 +122,11 @@ class Undisturbed:
         return cls(contents(place.folder), digests(place.folder), 0.0, 0.0, 0.0)
 
     @classmethod
-    def of(cls, case: Case, place: Place) -> Undisturbed:
+    def of(cls, case: Case, place: Place, jobs: int = 2) -> Undisturbed:
         """Run a campaign in a process of its own."""
         place.clear()
         began, times = time.monotonic(), list[float]()
-        process = start_run(case, place)
+        process = start_run(case, place, jobs)
         while (ended := os.waitpid(process, os.WNOHANG))[0] == 0:
             times += [time.monotonic() - began] * (len(place.kept()) - len(times))
             time.sleep(PAUSE)
@@ -191,9 +191,9 @@ class Trial:
         self.check(self.kept.items() <= now.items(), "a stored chunk was simulated again")
         self.kept = now
 
-    def resume(self) -> None:
+    def resume(self, jobs: int = 2) -> None:
         """Run the campaign to its end, and compare its files with those of the undisturbed run."""
-        self.finished(finish(start_run(self.case, self.place)))
+        self.finished(finish(start_run(self.case, self.place, jobs)))
 
     def finished(self, status: int) -> None:
         """Compare the files of a finished run with those of the undisturbed run."""
