@@ -132,9 +132,9 @@ def _killed_in_writing(number: int) -> Iterator[None]:
 def kill_at_fixed_moments(case: Case, place: Place, whole: Undisturbed, chance: random.Random) -> Trial:
     """Kill a campaign when its first chunk is stored, then amid the writing of its second, and resume it.
 
-    A user's class, whose chunks other processes write, is killed when the second is stored. One worker simulates until
-    then, so that the number of chunks does not depend on time; one of a user's class also does so afterwards, because
-    a worker takes long to start.
+    Where other processes write chunks, it is killed when the second is stored. One worker simulates until then, so that
+    the number of chunks does not depend on time; one of a user's class also does so afterwards, because a worker takes
+    long to start.
     """
 
     del chance
@@ -186,7 +186,7 @@ def _known(case: Case, place: Place, known: dict[Case, Undisturbed], measure: bo
     here = Case(case.kind, case.store)
     measured = case if case.backend == DASK else here
     if measured not in known:
-        run_here = not (measured.in_processes or measured.backend == DASK)  # forks would have its pool of processes
+        run_here = not (measured.in_processes or measured.backend == DASK)  # forks would have its tracker
         if run_here:
             known[measured] = Undisturbed.here(measured, place)
         if measure or not run_here:

@@ -39,6 +39,12 @@ def contents(folder: Path) -> dict[str, str]:
     return found
 
 
+def processes_of(session: int) -> list[int]:
+    """List the processes of a session."""
+    listed = subprocess.run(["ps", "-o", "pid=", "--sid", str(session)], capture_output=True, text=True)
+    return [int(each) for each in listed.stdout.split()]
+
+
 def workers_of(session: int) -> list[int]:
     """List the worker processes of a session, of joblib and of dask."""
     listed = subprocess.run(["ps", "-ww", "-o", "pid=,args=", "--sid", str(session)], capture_output=True, text=True)

@@ -17,10 +17,13 @@ from pathlib import Path
 from typing import Final
 
 from tests.faults.kinds import Case
-from tests.faults.remains import contents, digests, left_of
+from tests.faults.remains import contents, digests, left_of, processes_of
 
 PAUSE: Final = 0.004
 """Seconds between looks at a run."""
+
+SHARED: Final = Path("/dev/shm")
+"""Folder of semaphores and shared memory, whose names have the number of the process that made them."""
 
 BEFORE, AMID, AFTER = "before the first chunk", "amid chunks", "after the last chunk"
 COLUMNS: Final = (
@@ -162,9 +165,12 @@ class Trial:
 
     def kill(self, process: int, everything: bool = False) -> None:
         """Kill a run, and look at what is left of it."""
+        killed = processes_of(process) if everything else []
         with suppress(ProcessLookupError):
             (os.killpg if everything else os.kill)(process, signal.SIGKILL)
         self.look(process, finish(process), everything)
+        for path in [path for each in killed for path in SHARED.glob(f"*-{each}-*")]:
+            path.unlink(missing_ok=True)  # nobody is left to do so, and numbers of processes come again
 
     def look(self, process: int, status: int, everything: bool = False) -> None:
         """Look at what is left of a run that was killed."""
@@ -176,7 +182,7 @@ class Trial:
             self.place.scratch.mkdir()
         else:
             litter = [path.name for path in self.place.scratch.iterdir()]
-            litter += [path.name for path in Path("/dev/shm").glob(f"*-{process}-*")]
+            litter += [path.name for path in SHARED.glob(f"*-{process}-*")]
             self.check(not litter, f"left temporary files {litter}")
         stored = digests(self.place.folder)
         self.check(stored.items() <= self.whole.chunks.items(), "a chunk is not that of the undisturbed run")
