@@ -134,7 +134,7 @@ def campaign(trajectory: int = 4, multiple: float = 1.0, **entries: Any) -> Camp
 def forked_workers() -> None:
     """Fork the workers of runs in this process."""
     if hasattr(os, "fork"):
-        worker_server.start()
+        worker_server.use_server()
 
 
 def _once(tmp_path_factory: pytest.TempPathFactory, name: str, make: Callable[[Path], None]) -> Path:

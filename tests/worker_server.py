@@ -10,8 +10,11 @@ from __future__ import annotations
 import ctypes
 import os
 import signal
+import sys
+from contextlib import suppress
 from importlib import import_module
-from multiprocessing import forkserver
+from multiprocessing import forkserver, resource_tracker
+from multiprocessing.synchronize import SemLock, sem_unlink
 from pathlib import Path
 from typing import Final
 from unittest.mock import patch
@@ -26,17 +29,32 @@ SERVING: Final = "MCNAV_WORKER_SERVER"
 
 def _end_with_server(_: int) -> None:
     """End this worker when the server ends, which ends with the tests: it, and not they, is the worker's parent."""
-    ctypes.CDLL(None).prctl(_subprocess._PR_SET_PDEATHSIG, signal.SIGKILL)
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_subprocess._PR_SET_PDEATHSIG, signal.SIGKILL)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def start() -> None:
-    """Start the server, and let joblib's workers of this process be its forks."""
+def _unlink(name: str) -> None:
+    """Remove a semaphore that may have been removed, as joblib's own semaphores do."""
+    with suppress(FileNotFoundError):
+        sem_unlink(name)
+    resource_tracker.unregister(name, "semaphore")
+
+
+def use_server() -> None:
+    """Let joblib's workers of this process be forks of the server, which starts with the first of them."""
     root = str(Path(__file__).parent.parent)
     alone = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}  # as joblib has it with a worker for each processor
-    with patch.dict(os.environ, {"PYTHONPATH": root, SERVING: "1", **alone}):
-        forkserver.set_forkserver_preload([__name__])
-        forkserver.ensure_running()
+    server = forkserver._forkserver
+    ensure_running = server.ensure_running
+
+    def ensure_running_for_tests() -> None:
+        with patch.dict(os.environ, {"PYTHONPATH": root, SERVING: "1", **alone}):
+            ensure_running()
+
+    SemLock._cleanup = staticmethod(_unlink)  # type: ignore[method-assign]
+    server.set_forkserver_preload([__name__])
+    server.ensure_running = ensure_running_for_tests
     context.set_start_method("forkserver", force=True)
 
 
