@@ -21,7 +21,9 @@ from mcnav.physics.reentry.vehicle import Vehicle
 from mcnav.progress import Phase
 from mcnav.scenarios.reentry import SOURCES, Flight, Reentry
 from mcnav.scenarios.table_i import COLUMNS, ERROR_SIZES, ERRORS, TABLE_I, among_all, start_state
+from tests import worker_server
 from tests.processes import run_to_end
+from tests.reproduction import Reproduction, reproduce, reproduced
 
 FOLDER = Path(__file__).parent
 COMPILING = FOLDER / "cross" / "test_compiled.py"
@@ -29,6 +31,11 @@ COMPILING = FOLDER / "cross" / "test_compiled.py"
 
 LONG_FIRST = ("faults", "browser", "campaigns", "published", "statistical", "cross", "properties")
 """Folders whose tests come first, those with the longest before the others."""
+
+NOT_INERTIAL = (
+    "campaigns/test_own_noise.py", "faults/test_storage.py", "faults/test_failures.py", "faults/test_hostile.py",
+)  # fmt: skip
+"""Files whose tests load nothing of inertial navigation; they take longer than its compilation by the other worker."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -38,6 +45,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     Both begin by compiling, each something else, and end with short tests, so that neither waits.
     """
     compiling, others = [], []
+    meanwhile = [FOLDER / file for file in NOT_INERTIAL]
     for item in items:
         folder = item.path.relative_to(FOLDER).parts[0] if FOLDER in item.path.parents else "mcnav"
         if folder != "mcnav":
@@ -45,7 +53,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if item.path == COMPILING:
             compiling.append(item)
         else:
-            others.append((LONG_FIRST.index(folder) if folder in LONG_FIRST else len(LONG_FIRST), item))
+            cost = LONG_FIRST.index(folder) if folder in LONG_FIRST else len(LONG_FIRST)
+            others.append((-1 if item.path in meanwhile else cost, item))
     rest = [item for _, item in sorted(others, key=itemgetter(0))]
     first, half = compiling[:-1], len(items) // 2
     items[:] = [*first, *rest[: half - len(first)], *compiling[-1:], *rest[half - len(first) :]]
@@ -121,17 +130,39 @@ def campaign(trajectory: int = 4, multiple: float = 1.0, **entries: Any) -> Camp
     return parse_campaign(content(trajectory, multiple, **entries), "test.toml", "test")
 
 
+@pytest.fixture(scope="session", autouse=True)
+def forked_workers() -> None:
+    """Fork the workers of runs in this process."""
+    if hasattr(os, "fork"):
+        worker_server.start()
+
+
+def _once(tmp_path_factory: pytest.TempPathFactory, name: str, make: Callable[[Path], None]) -> Path:
+    """Return a folder that the first of all workers makes, and the others wait for."""
+    folder = tmp_path_factory.getbasetemp()
+    shared = folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder
+    with FileLock(shared / f"{name}.lock"):
+        if not (shared / name).exists():
+            make(shared / f"{name}.part")
+            (shared / f"{name}.part").rename(shared / name)
+    return shared / name
+
+
 @pytest.fixture(scope="session")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Build the documentation as a site, once for all workers; any warning of Sphinx fails it."""
-    folder = tmp_path_factory.getbasetemp()
-    shared = folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder
-    with FileLock(shared / "site.lock"):
-        if not (shared / "site").exists():
-            finished = run_to_end([sys.executable, ROOT / ".github" / "site" / "build.py", shared / "built"], cwd=ROOT)
-            assert finished.returncode == 0, finished.stderr
-            (shared / "built").rename(shared / "site")
-    return shared / "site"
+
+    def build(folder: Path) -> None:
+        finished = run_to_end([sys.executable, ROOT / ".github" / "site" / "build.py", folder], cwd=ROOT)
+        assert finished.returncode == 0, finished.stderr
+
+    return _once(tmp_path_factory, "site", build)
+
+
+@pytest.fixture(scope="session")
+def reproduction(tmp_path_factory: pytest.TempPathFactory) -> Reproduction:
+    """Reproduce NASA TN D-1772, once for all workers."""
+    return reproduced(_once(tmp_path_factory, "reproduction", reproduce))
 
 
 @pytest.fixture(params=TRAJECTORIES, ids=lambda number: f"trajectory {number}")

@@ -305,12 +305,13 @@ def _made(distributed: ModuleType, workers: int) -> Iterator[str]:
 
 @contextmanager
 def _scratch() -> Iterator[str]:
-    """Create a folder that joblib's tracker removes even when this process is killed."""
+    """Create a folder that joblib's tracker removes even when this process is killed: it must know of it before."""
     from joblib.externals.loky.backend import resource_tracker
 
-    folder = tempfile.mkdtemp(prefix="mcnav-")
+    folder = str(Path(tempfile.gettempdir()) / f"mcnav-{secrets.token_hex(8)}")
     resource_tracker.register(folder, "folder")
     try:
+        Path(folder).mkdir(mode=0o700)
         yield folder
     finally:
         shutil.rmtree(folder, ignore_errors=True)

@@ -18,10 +18,22 @@ def half_turn(angle: float) -> tuple[float, float]:
     ``sin(angle) = 2 s c`` and ``1 - cos(angle) = 2 s^2`` follow without cancellation.
     """
     half = np.pi * (angle * TURNS_PER_RADIAN - np.rint(angle * TURNS_PER_RADIAN))
-    z = half * half
-    sine = half * (
-        1 + z * (-1 / 6 + z * (1 / 120 + z * (-1 / 5040 + z * (1 / 362880 + z * (-1 / 39916800 + z * (
-            1 / 6227020800 + z * (-1 / 1307674368000 + z * (1 / 355687428096000 + z * (-1 / 121645100408832000)))))))))
+    sine, cosine = _sine_and_cosine(half * half)
+    return half * sine, cosine
+
+
+@inlined
+def half_turn_of_square(square: float) -> tuple[float, float]:
+    """Compute the sine of half an angle over the angle, and the cosine of half, from the angle's square up to 9."""
+    sine, cosine = _sine_and_cosine(0.25 * square)
+    return 0.5 * sine, cosine
+
+
+@inlined
+def _sine_and_cosine(z: float) -> tuple[float, float]:
+    """Sum the Taylor series of sin(x) / x and cos(x) in the square of x."""
+    sine = 1 + z * (-1 / 6 + z * (1 / 120 + z * (-1 / 5040 + z * (1 / 362880 + z * (-1 / 39916800 + z * (
+        1 / 6227020800 + z * (-1 / 1307674368000 + z * (1 / 355687428096000 + z * (-1 / 121645100408832000))))))))
     )  # fmt: skip
     cosine = 1 + z * (-1 / 2 + z * (1 / 24 + z * (-1 / 720 + z * (1 / 40320 + z * (-1 / 3628800 + z * (
         1 / 479001600 + z * (-1 / 87178291200 + z * (1 / 20922789888000 + z * (

@@ -37,16 +37,18 @@ class PowerSums:
     @classmethod
     def of(cls, histories: Array, pivot: Array) -> PowerSums:
         """Sum the powers of stored histories, shape (n, m, k)."""
-        away = histories - pivot
-        rows, columns = np.triu_indices(pivot.shape[1])
-        square = away * away
-        powers = (away, away[:, :, rows] * away[:, :, columns], square * away, square * square)
-        return cls(len(away), pivot, np.concatenate([power.sum(axis=0) for power in powers], axis=1))
+        from mcnav.physics.power_sum_kernel import add_powers  # numba, which reading sums does not need
+
+        epochs, outputs = pivot.shape
+        sums = np.zeros((sums_of(outputs), epochs))
+        add_powers(np.ascontiguousarray(histories), np.ascontiguousarray(pivot), sums)
+        return cls(len(histories), pivot, np.ascontiguousarray(sums.T))
 
     @classmethod
     def about_zero(cls, histories: Array) -> PowerSums:
         """Sum the powers of histories, shape (n, m, k), that are finite throughout, about zero."""
-        return cls.of(histories[np.isfinite(histories).all(axis=(1, 2))], np.zeros(histories.shape[1:]))
+        known = np.isfinite(histories).all(axis=(1, 2))
+        return cls.of(histories if known.all() else histories[known], np.zeros(histories.shape[1:]))
 
     def __add__(self, other: PowerSums) -> PowerSums:
         return PowerSums(self.count + other.count, self.pivot, self.sums + other.sums)

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable
+from math import prod
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -283,9 +284,9 @@ Rooms: TypeAlias = Callable[..., Array]
 
 def room(rows: int, *columns: int) -> Array:
     """Return zeros of shape (rows, ..., LANES) that begin at a cache line."""
-    size = int(np.prod((rows, *columns))) * LANES
+    size = prod((rows, *columns)) * LANES
     buffer = np.zeros(size + DOUBLES)
-    begin = (-(buffer.ctypes.data // buffer.itemsize)) % DOUBLES
+    begin = -(buffer.__array_interface__["data"][0] // buffer.itemsize) % DOUBLES
     return buffer[begin : begin + size].reshape((rows, *columns, LANES))
 
 
@@ -304,7 +305,7 @@ class Store:
     def __call__(self, rows: int, *columns: int) -> Array:
         """Make a room as `room` does."""
         begin, shape = self._used, (rows, *columns, LANES)
-        self._used += int(np.prod((rows, *columns)))
+        self._used += prod((rows, *columns))
         if self._used > len(self._all):
             raise ValueError(f"{len(self._all)} rows are too few")
         return self._all[begin : self._used].reshape(shape)

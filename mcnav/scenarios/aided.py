@@ -33,7 +33,7 @@ from mcnav.physics.ins.recent_responses import recent_responses
 from mcnav.physics.ins.sample_noise import SampleNoise
 from mcnav.physics.ins.truth import Platform, Truth
 from mcnav.scenarios.failure import Failure, Reason
-from mcnav.scenarios.filter_record import BY_SENSOR, FilterSchema
+from mcnav.scenarios.filter_record import FilterSchema
 from mcnav.scenarios.protocol import Batch, Epochs, ScenarioError, SimulationResult
 from mcnav.scenarios.sample_loop import simulate_each
 
@@ -313,7 +313,7 @@ class AidedReferenceEngine:
     def simulate(self, batch: Batch) -> SimulationResult:
         """Simulate samples with their noise; the linear ones by the closed loop along the truth."""
         count, epochs = len(batch.errors), len(self.navigation.times)
-        histories, linear = np.full((2, count, epochs, len(OUTPUTS)), np.nan)
+        histories, linear = np.full((count, epochs, len(OUTPUTS)), np.nan), np.full((count, len(OUTPUTS)), np.nan)
         records = np.full((count, epochs, self.filter_schema.width), np.nan)
 
         def simulate(row: int) -> Array:
@@ -324,10 +324,10 @@ class AidedReferenceEngine:
 
         values = np.empty((count, len(OUTPUTS)))
         failures = simulate_each(simulate, range(count), values, Diverged)
-        return SimulationResult(values, failures, linear_values=linear[:, -1], history=histories, filter_values=records)
+        return SimulationResult(values, failures, linear_values=linear, history=histories, filter_values=records)
 
     def linear(self, errors: Array, noise: SampleNoise) -> Array:
-        """Simulate one sample by the linear closed loop with given noise, shape (m, 9)."""
+        """Simulate one sample by the linear closed loop with given noise: errors at the last epoch, shape (9,)."""
         return np.asarray(
             simulate_aided(self._tables, errors[None], 0, np.zeros(1, int), False, self.given(noise)).linear[0]
         )
@@ -388,30 +388,15 @@ class AidedEngine:
         return SimulationResult(np.where((outcomes == SOUND)[:, None], values[:, -1], np.nan), _failures(outcomes))
 
     def _result(self, found: AidedErrors) -> SimulationResult:
-        values = np.where((found.outcome == SOUND)[:, None, None], found.values, np.nan)
+        values = found.values
+        values[found.outcome != SOUND] = np.nan
         return SimulationResult(
             values[:, -1],
             _failures(found.outcome),
-            linear_values=found.linear[:, -1],
+            linear_values=found.linear,
             history=values,
-            filter_values=self._records(found, values),
+            filter_values=found.records,
         )
-
-    def _records(self, found: AidedErrors, values: Array) -> Array:
-        """Arrange the records of the filters, shape (n, m, width)."""
-        places = self.filter_schema.places
-        records = np.empty((*values.shape[:2], self.filter_schema.width))
-        records[..., places["nees"]] = found.nees[..., : len(self.filter_schema.groups)]
-        records[..., places["covariance"]] = found.covariance
-        diagonal = np.cumsum(np.arange(1, len(OUTPUTS) + 1)) - 1
-        sigma = np.sqrt(np.maximum(found.covariance[..., diagonal], 0.0))
-        records[..., places["within_1"]] = np.abs(values) <= sigma
-        records[..., places["within_3"]] = np.abs(values) <= 3.0 * sigma
-        records[..., places["state_error"]] = found.state_error
-        records[..., places["state_variance"]] = found.state_variance
-        for number, name in enumerate(self.filter_schema.sensors):
-            records[..., places[f"sensor:{name}"]] = found.counted[:, :, number, : len(BY_SENSOR)]
-        return records
 
 
 def _failures(outcomes: IndexArray) -> dict[int, Failure]:

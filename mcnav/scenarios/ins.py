@@ -112,8 +112,8 @@ NOISE: Final = tuple(Output(name, *PROCESS_UNITS[name.rpartition("_")[0]]) for n
 BEFORE_OUTAGES_END: Final = 1.0
 """Time before the end of an outage at which errors are read out, s; less in a short outage."""
 
-REVISION: Final = 2
-"""Counts the changes of the samples' last digits: 1 drew normal variates one at a time."""
+REVISION: Final = 3
+"""Counts the changes of the samples' digits: 1 drew normal variates one at a time, 2 two of a block of random bits."""
 
 EPOCHS: Final = 60
 """Intervals between instants at which the errors of all samples are read out; fewer in a shorter navigation."""
@@ -269,18 +269,14 @@ class EnsembleEngine:
 
     def simulate(self, batch: Batch) -> SimulationResult:
         """Simulate samples with their noise."""
-        found = simulate(
-            self.navigation.truth, self.navigation.start, self.tables, batch.errors, batch.seed, batch.index
-        )
+        found = simulate(self.tables, batch.errors, batch.seed, batch.index)
         values = found.values
         values[~found.valid] = np.nan
-        return SimulationResult(
-            values[:, -1], self._failures(found.valid), linear_values=found.linear[:, -1], history=values
-        )
+        return SimulationResult(values[:, -1], self._failures(found.valid), linear_values=found.linear, history=values)
 
     def propagate(self, errors: Array) -> SimulationResult:
         """Simulate samples without noise, shape (n, sources)."""
-        found = simulate(self.navigation.truth, self.navigation.start, self._quiet, errors, 0, np.arange(len(errors)))
+        found = simulate(self._quiet, errors, 0, np.arange(len(errors)))
         found.values[~found.valid] = np.nan
         return SimulationResult(found.values[:, -1], self._failures(found.valid))
 
@@ -580,7 +576,7 @@ class Ins:
         index, navigation = np.arange(len(probes)), self.navigation
 
         def flown(tables: EnsembleTables) -> Array:
-            found = simulate(navigation.truth, navigation.start, tables.without_noise(), probes, 0, index)
+            found = simulate(tables.without_noise(), probes, 0, index)
             return np.asarray(np.where(found.valid[:, None, None], found.values, 0.0))
 
         steps = 1

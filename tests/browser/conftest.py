@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,7 @@ from mcnav.reproduce.textbook import page as textbook_page
 from mcnav.reproduce.textbook.filters import tutorial_numbers
 from mcnav.reproduce.tn_d1772 import page as tn_page
 from mcnav.reproduce.tn_d1772.claims import Finding
-from mcnav.reproduce.tn_d1772.in_three_dimensions import comparisons
+from mcnav.reproduce.tn_d1772.in_three_dimensions import Comparison
 from mcnav.reproduce.tn_d1772.tables import Cell
 from mcnav.studies.allocate import write_allocation
 from mcnav.studies.lincov import write_lincov
@@ -36,11 +37,15 @@ from mcnav.workflow.replay import replay, write_replay
 from mcnav.workflow.run import run_campaign
 from mcnav.workflow.trajectory import describe
 from tests.conftest import ROOT, campaign
+from tests.processes import LONG
+from tests.reproduction import Reproduction
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 NAME = "Trajectory 4 </script> $\\frac{$ 🚀 تجربة"
 FOLDER = "run $frac{$ 🚀 تجربة"
 """Names that would break a page where they are not written as they are; the second one is a folder's."""
+REPRODUCED = "reproduction"
+"""Kind of a folder that is no page."""
 
 
 AXES = ("north", "east", "down")
@@ -126,23 +131,44 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.skipif(missing, reason="no Chromium on this machine"))
 
 
+@dataclass(frozen=True)
+class Patient:
+    """A browser whose windows are waited for as long as a busy machine takes."""
+
+    chromium: Any
+
+    def new_page(self, **options: Any) -> Any:
+        return self._patient(self.chromium.new_page(**options))
+
+    def new_context(self, **options: Any) -> Any:
+        return self._patient(self.chromium.new_context(**options))
+
+    @staticmethod
+    def _patient(opened: Any) -> Any:
+        opened.set_default_timeout(1e3 * LONG)
+        return opened
+
+
 @pytest.fixture(scope="session")
-def browser() -> Iterator[Any]:
+def browser() -> Iterator[Patient]:
     from playwright.sync_api import sync_playwright
 
     quiet = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-component-update"]
     with sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=CHROMIUM, args=quiet)
-        yield chromium
+        chromium = playwright.chromium.launch(executable_path=CHROMIUM, args=quiet, timeout=1e3 * LONG)
+        yield Patient(chromium)
         chromium.close()
 
 
 @pytest.fixture(scope="session")
-def page_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+def page_of(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Callable[[str], Path]:
     """From the kind of a page to where it has been written."""
 
     @cache
     def made(kind: str) -> Path:
+        if kind == REPRODUCED:
+            reproduction: Reproduction = request.getfixturevalue("reproduction")
+            return reproduction.folder
         return KINDS[kind](tmp_path_factory.mktemp("pages"), made)
 
     return made
@@ -205,19 +231,23 @@ def _textbook(folder: Path, _: Callable[[str], Path]) -> Path:
     return written
 
 
-def _tn(folder: Path, _: Callable[[str], Path]) -> Path:
-    """All figures, and of its numbers one of each mark."""
+def _tn(folder: Path, made: Callable[[str], Path]) -> Path:
+    """All figures, of the data that the command writes, and of its numbers one of each mark."""
+    written = made(REPRODUCED)
     printed = {"1510": 1510.2, "1511": 1513.0, "1512": 1600.0, "1513": 1600.0}
     cells = [
         Cell("I", f"trajectory {row}", "final range", "km", text, computed, 5.0, NAME, contradicted=row == 3)
         for row, (text, computed) in enumerate(printed.items(), start=1)
     ]
-    data = {name: tabulate() for name, (tabulate, _) in tn_page.FIGURES.items()}
-    figures = {name: draw(data[name]) for name, (_, draw) in tn_page.FIGURES.items()}
+    figures = {
+        name: draw(pd.read_csv(written / f"figure_{int(name):02}.csv")) for name, (_, draw) in tn_page.FIGURES.items()
+    }
+    rows = pd.read_csv(written / "three_dimensions.csv").to_dict("records")
+    compared = [Comparison(**{str(name): value for name, value in row.items()}) for row in rows]
     found = [Finding(NAME, "It is said in many words what is found of it. " * 5, "holds")]
-    written = folder / tn_page.PAGE
-    written.write_text(tn_page.render(NAME, cells, figures, found, found, found, comparisons()), encoding="utf-8")
-    return written
+    page = folder / tn_page.PAGE
+    page.write_text(tn_page.render(NAME, cells, figures, found, found, found, compared), encoding="utf-8")
+    return page
 
 
 def _calibration(folder: Path, _: Callable[[str], Path]) -> Path:

@@ -107,9 +107,35 @@ def _every_figure_is_shown(page: Any, kind: str, width: int) -> None:
     assert SAID.get(kind, NAME) in page.locator("h1").inner_text()
 
 
+def _every_table_fits(page: Any) -> None:
+    """No table outside of the data of figures is wider than its section, everything unfolded."""
+    wide = page.evaluate("""() => Array.from(document.querySelectorAll(".scroll"))
+      .filter((each) => !each.closest("details.data") && each.scrollWidth > each.clientWidth)
+      .map((each) => `${each.textContent.trim().slice(0, 60)}: ${each.scrollWidth - each.clientWidth}`)""")
+    assert wide == []
+
+
+def _every_key_hides_its_series(page: Any) -> None:
+    """Every entry of every key stands for something in its figure, and hides it."""
+    missing = page.evaluate("""() => Array.from(document.querySelectorAll("figure .key li"))
+      .filter((each) => !each.closest("figure").querySelector(`.plots .series-${each.dataset.series}`))
+      .map((each) => `${each.closest("figure").id}: ${each.textContent}`)""")
+    assert missing == []
+    left = page.evaluate("""() => Array.from(document.querySelectorAll("figure .key button")).filter((each) => {
+      each.click();
+      const name = each.closest("li").dataset.series;
+      return Array.from(each.closest("figure").querySelectorAll(`.series-${name}`))
+        .some((one) => getComputedStyle(one).display !== "none");
+    }).length""")
+    assert left == 0
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_on_a_screen(browser: Any, page_of: Callable[[str], Path], kind: str) -> None:
-    """At a desk and in a hand, with and without JavaScript; ids are unique, labels whole and apart."""
+    """At a desk and in a hand, with and without JavaScript; ids are unique, labels whole and apart.
+
+    At a desk tables are whole as well, and keys hide their series.
+    """
     for width in (1280, 380):
         opened = Opened(browser, page_of(kind), width)
         with opened as page:
@@ -119,6 +145,9 @@ def test_on_a_screen(browser: Any, page_of: Callable[[str], Path], kind: str) ->
             assert page.evaluate("document.documentElement.scrollWidth") <= width
             identifiers = page.evaluate("Array.from(document.querySelectorAll('[id]')).map(each => each.id)")
             assert len(identifiers) == len(set(identifiers))
+            if width == 1280:
+                _every_table_fits(page)
+                _every_key_hides_its_series(page)
     with Opened(browser, page_of(kind), 380, java_script_enabled=False) as page:
         _every_figure_is_shown(page, kind, 380)
 
@@ -154,23 +183,6 @@ def test_on_paper(browser: Any, page_of: Callable[[str], Path], kind: str) -> No
         }
 
 
-@pytest.mark.parametrize("kind", [kind for kind, count in FIGURES.items() if count])
-def test_keys_hide_their_series(browser: Any, page_of: Callable[[str], Path], kind: str) -> None:
-    """Every entry of every key stands for something in its figure, and hides it."""
-    with Opened(browser, page_of(kind), 1280) as page:
-        missing = page.evaluate("""() => Array.from(document.querySelectorAll("figure .key li"))
-          .filter((each) => !each.closest("figure").querySelector(`.plots .series-${each.dataset.series}`))
-          .map((each) => `${each.closest("figure").id}: ${each.textContent}`)""")
-        assert missing == []
-        left = page.evaluate("""() => Array.from(document.querySelectorAll("figure .key button")).filter((each) => {
-          each.click();
-          const name = each.closest("li").dataset.series;
-          return Array.from(each.closest("figure").querySelectorAll(`.series-${name}`))
-            .some((one) => getComputedStyle(one).display !== "none");
-        }).length""")
-        assert left == 0
-
-
 @pytest.mark.parametrize("kind", ["report", "many"])
 def test_answers_stand_on_the_first_screen(browser: Any, page_of: Callable[[str], Path], kind: str) -> None:
     """Verdict, requirements, sigmas by every method and largest sources: whole at a desk, not wider than a phone."""
@@ -201,18 +213,6 @@ def test_one_of_many_pairs_is_chosen(browser: Any, page_of: Callable[[str], Path
         assert shown.locator("svg").get_attribute("data-y-label") == "attitude down"
         chosen.select_option(f"all {count}")
         assert shown.count() == count
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_tables_fit_a_desk(browser: Any, page_of: Callable[[str], Path], kind: str) -> None:
-    """No table outside of the data of figures is wider than its section at 1280 px, everything unfolded."""
-    opened = Opened(browser, page_of(kind), 1280)
-    with opened as page:
-        opened.unfold()
-        wide = page.evaluate("""() => Array.from(document.querySelectorAll(".scroll"))
-          .filter((each) => !each.closest("details.data") && each.scrollWidth > each.clientWidth)
-          .map((each) => `${each.textContent.trim().slice(0, 60)}: ${each.scrollWidth - each.clientWidth}`)""")
-        assert wide == []
 
 
 def test_the_same_bytes_again(page_of: Callable[[str], Path], tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy import stats
 
@@ -22,7 +23,6 @@ from mcnav.store.run_folder import RunFolder
 from mcnav.studies.lincov import linear_covariance
 from mcnav.workflow.analyse import samples_of
 from mcnav.workflow.run import run_campaign
-from tests.faults.folders.runs import AIDED
 
 FOLDER = Path(__file__).parents[2] / "campaigns"
 
@@ -338,9 +338,13 @@ def test_the_reference_engine_flies_aided_campaigns(tmp_path: Path) -> None:
     np.testing.assert_allclose(summary["sigma_filter"], summary["sigma_linear"], rtol=0.01)
 
 
-def test_errors_that_are_zero_at_the_start() -> None:
-    """Their variances may be negative by rounding; the steps are then still measured on the errors' own size."""
-    campaign = parse_campaign(AIDED, "aided.toml", "aided")
-    probes = campaign.errors.draw(campaign.design, campaign.seed, campaign.samples, 0, 8)
-    accuracy = campaign.scenario.engine("ensemble", probes).accuracy
-    assert "largest numerical error of 8 probe samples" in accuracy
+@pytest.mark.parametrize(("engine", "samples"), [("ensemble", 100), ("shared-gains", 100), ("reference", 4)])
+def test_a_matched_filter_is_not_judged_by_rounding(engine: str, samples: int, tmp_path: Path) -> None:
+    """Without tilt at the start, its variance is what rounding leaves, and its error of second order in position."""
+    described = shortened(19, 80.0, (70.0, 75.0))
+    described["scenario"]["start"] = "60 s"
+    described["errors"] = {"position": "5 m", "heading": "0.5 mrad"}
+    summary = run(tmp_path / "run", described, engine, samples=samples)
+    assert summary["failed"] == 0
+    assert not summary["filter_verdict"].startswith(("The filter is optimistic", "The filter is pessimistic"))
+    assert not pd.read_parquet(tmp_path / "run" / "epochs.parquet").iloc[0].filter(regex="filter sigma tilt").any()

@@ -105,9 +105,9 @@ def test_the_textbook_moments(tmp_path: Path) -> None:
 
 def test_a_killed_worker_is_outlived(tmp_path: Path) -> None:
     """The run goes on by itself, to the same bits."""
-    arguments = [sys.executable, "-m", "mcnav", "run", str(BOOST), "--samples", "640", "--jobs", "2", "--no-report"]
-    assert run_to_end([*arguments, "--out", tmp_path / "calm"], env=_environment()).returncode == 0
-    with running([*arguments, "--out", tmp_path / "hit"], env=_environment()) as process:
+    arguments = ["run", BOOST, "--samples", 640, "--jobs", 2, "--no-report", "--out"]
+    assert invoke(*arguments, tmp_path / "calm", cwd=tmp_path).returncode == 0
+    with running([sys.executable, "-m", "mcnav", *arguments, tmp_path / "hit"], env=_environment()) as process:
         wait_for(lambda: _digests(tmp_path / "hit"), process)
         children = run_to_end(["ps", "-ww", "-o", "pid=,args=", "--ppid", process.pid])
         workers = [int(line.split()[0]) for line in children.stdout.splitlines() if "LokyProcess" in line]

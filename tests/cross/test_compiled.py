@@ -85,54 +85,34 @@ def test_compiled_and_loaded_code_give_the_same_bits() -> None:
     assert sorted(backwards) == sorted(compiled)
 
 
-SCENARIO = """
+INERTIAL = """
+from mcnav.scenarios.ins import Ins, Navigation
 from mcnav.scenarios.protocol import Batch
 from tests.cross.test_ins_aided import END, SIGMAS, START, WALK, draw, scenario
-of = scenario(("gnss", "altimeter", "stars", "doppler", "compass"))
-errors = draw(19, SIGMAS, 1, of)
-"""
-
-FREE_AND_LINEAR = (
-    SCENARIO
-    + """
-from mcnav.scenarios.ins import Ins, Navigation
 from tests.flights import flight
 
+aided = scenario(("gnss", "altimeter", "stars", "doppler", "compass"))
+errors = draw(19, SIGMAS, 1, aided)
 free = Ins(Navigation(flight(1.0), "strapdown", START, START + 60.0, WALK))
 size = len(free.sources)
 for name in ("ensemble", "reference"):
     found = free.engine(name, errors[:, :size]).simulate(Batch(np.arange(2), errors[:2, :size], 1))
     for values in (found.values, found.linear_values, found.history):
         printed(f"free, {name}", values)
-for name, scenario in (("free", free), ("aided", of)):
-    linear = scenario.linear_model()
+for name, of in (("free", free), ("aided", aided)):
+    linear = of.linear_model()
     printed(f"{name}, partial derivatives", linear.partials)
     printed(f"{name}, processes", np.stack([linear.processes[name] for name in sorted(linear.processes)]))
-printed("own covariance", of.filter_prediction().covariance)
+printed("own covariance", aided.filter_prediction().covariance)
+for name in ("ensemble", "shared-gains"):
+    found = aided.engine(name, errors).simulate(Batch(np.arange(19), errors, 1))
+    for values in (found.values, found.linear_values, found.history, found.filter_values):
+        printed(f"aided, {name}", values)
 """
-)
 
 
 def test_compiled_and_loaded_code_of_inertial_navigation_give_the_same_bits() -> None:
-    """Errors of free samples by both engines, and linear covariance, free and aided."""
-    compiled, loaded = (bits(FREE_AND_LINEAR, order) for order in ("compile", "forwards"))
-    assert len(compiled) == 11
-    assert loaded == compiled
-
-
-AIDED = (
-    SCENARIO
-    + """
-for name in ("ensemble", "shared-gains"):
-    found = of.engine(name, errors).simulate(Batch(np.arange(19), errors, 1))
-    for values in (found.values, found.linear_values, found.history, found.filter_values):
-        printed(name, values)
-"""
-)
-
-
-def test_compiled_and_loaded_code_of_aided_samples_give_the_same_bits() -> None:
-    """Errors, linear errors, histories and records of the filters, with own and with shared gains."""
-    compiled, loaded = (bits(AIDED, order) for order in ("compile", "forwards"))
-    assert len(compiled) == 8
+    """Free and aided: errors, linear errors, histories and records of the filters by each engine; linear covariance."""
+    compiled, loaded = (bits(INERTIAL, order) for order in ("compile", "forwards"))
+    assert len(compiled) == 19
     assert loaded == compiled

@@ -241,7 +241,7 @@ def test_too_many_steps_to_halve_are_told_in_words(monkeypatch: pytest.MonkeyPat
 
 @pytest.mark.parametrize("sensors", [("gnss",), ("gnss", "altimeter", "stars", "doppler", "compass")])
 def test_the_ensemble_agrees_with_the_reference_fed_the_same_noise(sensors: tuple[str, ...]) -> None:
-    """25 samples with every sensor and 25 with one: 1e-4 of the filter's sigma at every epoch.
+    """Ten samples with every sensor and ten with one: 1e-4 of the filter's sigma at every epoch.
 
     The engines share no equation. The reference's filter has steps of 0.2 s whose transition is of second order: with
     0.5 s they differ by 1e-4 in heading, and the difference falls as the square.
@@ -253,8 +253,8 @@ def test_the_ensemble_agrees_with_the_reference_fed_the_same_noise(sensors: tupl
     assert own is not None
     sigma = np.sqrt(np.diagonal(own.covariance, axis1=1, axis2=2))
     tables = of.navigation.aided.tables(1)  # type: ignore[union-attr]
-    errors = draw(25, SIGMAS, 17, of)
-    for number in range(25):
+    errors = draw(10, SIGMAS, 17, of)
+    for number in range(10):
         noise = reference.mechanization.draw(WALK, 17, number)
         row = errors[number : number + 1]
         found = simulate_aided(tables, row, 0, np.zeros(1, int), True, reference.given(noise))
@@ -263,7 +263,7 @@ def test_the_ensemble_agrees_with_the_reference_fed_the_same_noise(sensors: tupl
         assert reference.linear(errors[number], noise) == pytest.approx(found.linear[0], abs=1e-12)
         places = of.filter_schema.places  # type: ignore[union-attr]
         # navigation's NEES: twice the difference of errors in sigmas, times the error in sigmas, some 5 at most
-        assert records[:, places["nees"]][:, 1] == pytest.approx(found.nees[0, :, 1], rel=2e-3, abs=2e-3)
+        assert records[:, places["nees"]][:, 1] == pytest.approx(found.records[0, :, 1], rel=2e-3, abs=2e-3)
 
 
 @pytest.mark.parametrize(("name", "count"), [("ensemble", 400), ("reference", 30)])

@@ -158,15 +158,19 @@ def test_records_are_those_of_the_ensemble_fed_the_same_noise() -> None:
     places = record.places
     sigma = np.sqrt(np.diagonal(record.covariance(records), axis1=2, axis2=3))
     assert np.max(np.abs(values - expected.values) / sigma) <= 1e-4
-    spread = np.sqrt(np.einsum("...ii->...i", lower_triangles(expected.covariance)))
+    ensembles = {name: expected.records[..., place] for name, place in places.items()}
+    spread = np.sqrt(np.diagonal(record.covariance(expected.records), axis1=2, axis2=3))
     assert np.max(np.abs(spread / sigma - 1.0)) <= 1e-4
-    sizes = np.array(list(record.groups.values()))
-    allowed = 2e-4 * np.sqrt(sizes * expected.nees) + 1e-4 * expected.nees
-    assert np.all(np.abs(records[..., places["nees"]] - expected.nees) <= allowed + 1e-9)
-    states = np.sqrt(expected.state_variance)
-    assert np.max(np.abs(records[..., places["state_error"]] - expected.state_error) / states) <= 1e-4
-    for number, sensor in enumerate(reference.sensors):
-        counts, size = expected.counted[:, :, number], len(sensor.components)
+    sizes, nees = np.array(list(record.groups.values())), ensembles["nees"]
+    allowed = 2e-4 * np.sqrt(sizes * nees) + 1e-4 * nees
+    assert np.all(np.abs(records[..., places["nees"]] - nees) <= allowed + 1e-9)
+    for factor, name in ((1.0, "within_1"), (3.0, "within_3")):
+        near = np.abs(np.abs(values) - factor * sigma) <= 4e-4 * sigma
+        assert np.all((records[..., places[name]] == ensembles[name]) | near)
+    states = np.sqrt(ensembles["state_variance"])
+    assert np.max(np.abs(records[..., places["state_error"]] - ensembles["state_error"]) / states) <= 1e-4
+    for sensor in reference.sensors:
+        counts, size = ensembles[f"sensor:{sensor.name}"], len(sensor.components)
         assert np.any(counts[..., 2] > 0.0) == (sensor.gate is not None)
         column = records[..., places[f"sensor:{sensor.name}"]]
         assert np.array_equal(column[..., [1, 2, 4]], counts[..., [1, 2, 4]])
@@ -175,11 +179,3 @@ def test_records_are_those_of_the_ensemble_fed_the_same_noise() -> None:
         assert np.all(np.abs(column[..., 0] - counts[..., 0]) <= allowed)
         # a product u v / n changes by d (|u| + |v|) / sqrt(n), and innovations are below five sigmas
         assert np.all(np.abs(column[..., 3] - counts[..., 3]) <= 1e-3 * updates)
-
-
-def lower_triangles(rows: Array) -> Array:
-    """Return matrices, shape (..., 9, 9), of which the lower triangles are given by rows."""
-    found = np.zeros((*rows.shape[:-1], 9, 9))
-    places = np.tril_indices(9)
-    found[..., places[0], places[1]] = rows
-    return found

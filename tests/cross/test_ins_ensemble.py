@@ -149,7 +149,7 @@ def test_engines_agree_on_the_same_noise(imu: Imu) -> None:
         each = respond_from_rest(where.truth, where.platform, fine.step_times, times, gyro, accelerometer)
         added.append(np.pad(each, [(0, 0), (0, len(tables.sizes))]))  # no biases
         reference.append(fine.simulate(errors[row], gyro, accelerometer)[-1])
-    found = simulate_given(where.truth, where.start, tables, errors, np.array(added))
+    found = simulate_given(tables, errors, np.array(added))
     linear = where.linear
     covariance = sum(linear.processes.values())[-1]  # type: ignore[index]
     sigma = np.sqrt(np.diag(covariance))

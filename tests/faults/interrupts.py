@@ -21,7 +21,8 @@ from typing import Any, Final
 from unittest.mock import patch
 
 from mcnav.__main__ import main
-from tests.faults.navigation import small_summaries, write_navigation
+from tests.faults.kinds import small_summaries
+from tests.faults.navigation import HALF, write_navigation
 from tests.faults.remains import left_of
 from tests.processes import LONG, wait_for
 
@@ -125,10 +126,12 @@ def _command(name: str, case: Case, folder: Path) -> None:
     os.chdir(folder)
     for number, place in enumerate((os.devnull, os.devnull, "errors")):
         os.dup2(os.open(place, os.O_RDWR | os.O_CREAT), number)
+    if case.number == signal.SIGKILL:  # what the command cannot remove, joblib's tracker does, and remarks upon
+        os.environ["PYTHONWARNINGS"] = "ignore:resource_tracker:UserWarning"
     sys.argv = ["mcnav", *case.command]
     module, _, function = case.at.rpartition(".")
     with ExitStack() as patches:
-        patches.enter_context(small_summaries())
+        patches.enter_context(small_summaries(HALF))
         if name == "compiling":  # what is stored on disk is not loaded
             patches.enter_context(patch("numba.core.caching.Cache.load_overload", lambda *_: None))
         if case.command == CALIBRATE:
@@ -163,7 +166,8 @@ def interrupt(name: str, folder: Path) -> Ended:
         finally:
             os._exit(status)
     _, status = os.waitpid(process, 0)
-    return Ended(os.waitstatus_to_exitcode(status), (folder / "errors").read_text(), left_of(process))
+    left = left_of(process)  # until then others may write
+    return Ended(os.waitstatus_to_exitcode(status), (folder / "errors").read_text(), left)
 
 
 def interrupt_all(place: str) -> None:

@@ -132,8 +132,9 @@ def _killed_in_writing(number: int) -> Iterator[None]:
 def kill_at_fixed_moments(case: Case, place: Place, whole: Undisturbed, chance: random.Random) -> Trial:
     """Kill a campaign when its first chunk is stored, then amid the writing of its second, and resume it.
 
-    A user's class, whose chunks other processes write, is killed when the second is stored. One worker simulates until
-    then, so that the number of chunks does not depend on time.
+    Where other processes write chunks, it is killed when the second is stored. One worker simulates until then, so that
+    the number of chunks does not depend on time; one of a user's class also does so afterwards, because a worker takes
+    long to start.
     """
 
     del chance
@@ -153,7 +154,7 @@ def kill_at_fixed_moments(case: Case, place: Place, whole: Undisturbed, chance: 
         trial.check(len(trial.kept) == stored, f"{len(trial.kept)} chunks are stored, not {stored}")
         partial = len(list(place.folder.rglob(".*.tmp")))
         trial.check(partial == (threads and number == 1), f"{partial} half-written files")
-    trial.resume()
+    trial.resume(2 if threads else 1)
     return trial
 
 
@@ -185,11 +186,11 @@ def _known(case: Case, place: Place, known: dict[Case, Undisturbed], measure: bo
     here = Case(case.kind, case.store)
     measured = case if case.backend == DASK else here
     if measured not in known:
-        run_here = not (measured.in_processes or measured.backend == DASK)  # forks would have its pool of processes
+        run_here = not (measured.in_processes or measured.backend == DASK)  # forks would have its tracker
         if run_here:
             known[measured] = Undisturbed.here(measured, place)
         if measure or not run_here:
-            known[measured] = Undisturbed.of(measured, place)
+            known[measured] = Undisturbed.of(measured, place, 2 if measure else 1)
         if here in known and known[measured].files != known[here].files:
             raise RuntimeError(f"{measured}: files differ from those without a cluster")
     return known[measured]

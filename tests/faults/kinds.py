@@ -62,23 +62,26 @@ class Kind:
         Samples of the engine's chunks.
     chunks : int
         Chunks of the campaign, an even number: one that stores a summary has half as many, of two each.
+    in_processes : bool
+        Whether the engine simulates in processes of its own.
     """
 
     engine: str
     content: Mapping[str, Any] = field(repr=False)
     chunk: int
     chunks: int
+    in_processes: bool = False
 
 
 KINDS: Final = {
     "reentry, ensemble": Kind("ensemble", content(1), 8_192, 24),
-    "reentry, reference": Kind("reference", content(1, errors=TWO_ERRORS), 32, 6),
+    "reentry, reference": Kind("reference", content(1, errors=TWO_ERRORS), 32, 6, in_processes=True),
     "free, ensemble": Kind("ensemble", FREE, 2_048, 4),
     "free, reference": Kind("reference", FREE, 8, 8),
     "aided, own gains": Kind("ensemble", AIDED, 64, 6),
     "aided, shared gains": Kind("shared-gains", AIDED, 256, 6),
     "aided, reference": Kind("reference", AIDED, 8, 6),
-    "own, stochastic": Kind("single", STOCHASTIC, 32, 8),
+    "own, stochastic": Kind("single", STOCHASTIC, 32, 8, in_processes=True),
 }
 
 
@@ -97,7 +100,7 @@ class Case:
     @property
     def in_processes(self) -> bool:
         """Return whether the engine simulates in processes of its own."""
-        return KINDS[self.kind].engine == "single"
+        return KINDS[self.kind].in_processes
 
     @property
     def has_workers(self) -> bool:
@@ -107,7 +110,7 @@ class Case:
     def campaign(self, place: Path, **changes: Any) -> Campaign:
         """Read the campaign with some entries changed; a user's class is written into a folder."""
         kind = KINDS[self.kind]
-        if self.in_processes and not (place / f"{OWN}.py").exists():
+        if kind.engine == "single" and not (place / f"{OWN}.py").exists():
             code, _, _ = new_scenario(OWN, place, stochastic=True)
             text = code.read_text()
             code.write_text(text.replace("    settings = {", f"    chunk = {kind.chunk}\n    settings = {{", 1))

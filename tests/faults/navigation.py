@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
-from unittest.mock import patch
 
 import pytest
 
 from mcnav.config.read import read_campaign
 from mcnav.workflow.run import Run, run_campaign
+from tests.faults.kinds import small_summaries
+from tests.faults.remains import digests
 from tests.faults.scenarios import OnAdvance
 from tests.unit.config.test_trajectory_file import flight, write_csv
 
@@ -58,6 +56,8 @@ BOTH: Final = ("free, reference", "aided, summary")
 """Kinds with and without a filter, of stored samples and of a summary; the cheapest."""
 
 CHUNKS: Final = 3
+HALF: Final = 32
+"""Half of the samples of a summary's chunk."""
 
 
 def write_navigation(folder: Path, kind: str) -> Path:
@@ -69,34 +69,16 @@ def write_navigation(folder: Path, kind: str) -> Path:
     return folder / "navigation.toml"
 
 
-@contextmanager
-def small_summaries() -> Iterator[None]:
-    """Summarize chunks of the engines' own size, where a run would have one chunk of many thousand samples."""
-    with patch("mcnav.store.summaries.CHUNK", 64), patch("mcnav.store.summaries.SLOW", 64):
-        yield
-
-
 def run_navigation(campaign: Path, kind: str, folder: Path, **options: Any) -> Run:
     """Run a campaign of `write_navigation` in this process, without its report unless ``report`` is true."""
-    with small_summaries():
+    with small_summaries(HALF):
         return run_campaign(read_campaign(campaign), folder, KINDS[kind][1], 1, **{"report": False, **options})
-
-
-def contents(folder: Path) -> dict[str, str]:
-    """Digest every file of a folder but the lock, by its path there."""
-    files = (path for path in folder.rglob("*") if path.is_file() and path.name != ".lock")
-    return {str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(files)}
-
-
-def chunks(folder: Path) -> dict[str, str]:
-    """Digest the chunks of a run folder by name."""
-    return {Path(name).name: digest for name, digest in contents(folder).items() if name.startswith("samples/part-")}
 
 
 def undisturbed_chunks(kind: str, place: Path) -> dict[str, str]:
     """Digest the chunks of a run that nothing happens to."""
     run_navigation(write_navigation(place, kind), kind, place / "run")
-    found = chunks(place / "run")
+    found = digests(place / "run")
     assert len(found) == CHUNKS
     return found
 
@@ -113,4 +95,4 @@ def break_off(campaign: Path, kind: str, folder: Path) -> None:
 
     with pytest.raises(Stopped):
         run_navigation(campaign, kind, folder, progress=OnAdvance(stop))
-    assert len(chunks(folder)) == 1
+    assert len(digests(folder)) == 1

@@ -21,6 +21,12 @@ def digests(folder: Path) -> dict[str, str]:
     return {part.name: hashlib.sha256(part.read_bytes()).hexdigest() for part in parts}
 
 
+def every_byte(folder: Path) -> dict[str, str]:
+    """Digest every file of a folder but the lock, by path."""
+    files = (path for path in folder.rglob("*") if path.is_file() and path.name != ".lock")
+    return {str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(files)}
+
+
 def contents(folder: Path) -> dict[str, str]:
     """Digest all files of a finished run, by path; the manifest without times."""
     found = {}
@@ -31,6 +37,12 @@ def contents(folder: Path) -> dict[str, str]:
             content = json.dumps({key: entry for key, entry in entries if key not in TIMES}).encode()
         found[str(path.relative_to(folder))] = hashlib.sha256(content).hexdigest()
     return found
+
+
+def processes_of(session: int) -> list[int]:
+    """List the processes of a session."""
+    listed = subprocess.run(["ps", "-o", "pid=", "--sid", str(session)], capture_output=True, text=True)
+    return [int(each) for each in listed.stdout.split()]
 
 
 def workers_of(session: int) -> list[int]:

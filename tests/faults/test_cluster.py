@@ -308,3 +308,28 @@ def test_nobody_is_left(sign: signal.Signals, status: int, tmp_path: Path) -> No
         assert len(said.splitlines()) == 1, said
         assert said.startswith("error: interrupted; stored samples are kept")
     assert list((tmp_path / "scratch").iterdir()) == []
+
+
+KILLED = """
+import os, signal
+from mcnav.execution.dask_cluster import connect
+
+def make(*arguments, make=os.mkdir, **named):
+    make(*arguments, **named)
+    os.kill(os.getpid(), signal.SIGKILL)
+
+os.mkdir = make
+with connect(None, 2):
+    pass
+"""
+
+
+def test_killed_as_soon_as_there_is_a_folder(tmp_path: Path) -> None:
+    """The tracker that deletes a cluster's temporary files knows their folder before it exists."""
+    (tmp_path / "scratch").mkdir()
+    there = environment() | {"TMPDIR": str(tmp_path / "scratch")}
+    with running([sys.executable, "-c", KILLED], env=there) as process:
+        _, said = process.communicate(timeout=LONG)
+        assert process.returncode == -signal.SIGKILL, said
+        assert left_of(process.pid) == []
+    assert list((tmp_path / "scratch").iterdir()) == []

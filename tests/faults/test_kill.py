@@ -12,6 +12,7 @@ import pytest
 import tomli_w
 
 from mcnav.execution.processes import TRIED_WHOLE
+from tests.commands import invoke
 from tests.conftest import TWO_ERRORS, content
 from tests.faults.kinds import KINDS, Case
 from tests.faults.remains import digests
@@ -30,7 +31,7 @@ def _arguments(folder: Path) -> list[object]:
 
 
 def _run(folder: Path) -> None:
-    done = run_to_end(command(*_arguments(folder)), env=environment())
+    done = invoke(*_arguments(folder), cwd=folder.parent)
     assert done.returncode == 0, done.stderr
 
 
@@ -75,14 +76,14 @@ def test_killed_workers_of_an_aided_run(tmp_path: Path) -> None:
     assert digests(tmp_path / "hit") == digests(tmp_path / "calm")
 
 
-@pytest.mark.parametrize("kind", [kind for kind in KINDS if not kind.startswith("reentry")])
-def test_resume_of_every_kind(kind: str) -> None:
+def test_resume_of_every_kind() -> None:
     """Killed after the first chunk, then amid the writing of the second: all files are those of a run at one go.
 
-    With samples and with a summary; `tests.faults.kills` says what else is looked at.
+    With samples and with a summary; `tests.faults.kills` says what else is looked at, and names what goes wrong.
     """
-    tool = [sys.executable, "-m", "tests.faults.kills", "--mode", "fixed", "--backends", "joblib", "--kinds", kind]
+    kinds = [kind for kind in KINDS if not kind.startswith("reentry")]
+    tool = [sys.executable, "-m", "tests.faults.kills", "--mode", "fixed", "--backends", "joblib", "--kinds", *kinds]
     done = run_to_end(tool, env=environment())
     assert done.returncode == 0, done.stdout + done.stderr
     runs, kills, *_, wrong = done.stdout.splitlines()[-1].split()[1:]
-    assert (runs, kills, wrong) == ("2", "4", "0")
+    assert (runs, kills, wrong) == (f"{2 * len(kinds)}", f"{4 * len(kinds)}", "0")

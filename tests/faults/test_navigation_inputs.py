@@ -26,12 +26,11 @@ from tests.faults.navigation import (
     KINDS,
     SECONDS,
     break_off,
-    chunks,
-    contents,
     run_navigation,
     undisturbed_chunks,
     write_navigation,
 )
+from tests.faults.remains import digests, every_byte
 from tests.faults.scenarios import OnAdvance
 from tests.unit.config.test_trajectory_file import flight, write_csv
 
@@ -63,7 +62,7 @@ def test_a_trajectory_that_changes_between_start_and_resume(tmp_path: Path, undi
     """Refused in one line, nothing in the folder is touched; put back, or read from its copy, the run goes on."""
     campaign, run, file = write_navigation(tmp_path, KIND), tmp_path / "run", tmp_path / "flight.csv"
     break_off(campaign, KIND, run)
-    before, kept, was = contents(run), file.read_bytes(), digest(file)
+    before, kept, was = every_byte(run), file.read_bytes(), digest(file)
     change(file)
     with pytest.raises(RunFolderError) as refused:
         run_navigation(campaign, KIND, run)
@@ -76,13 +75,13 @@ def test_a_trajectory_that_changes_between_start_and_resume(tmp_path: Path, undi
     assert done.returncode == 2
     told = f"{campaign}: scenario.trajectory: {file} does not exist; paths are relative to the campaign file"
     assert done.stderr == f"error: {told}\n"
-    assert contents(run) == before
+    assert every_byte(run) == before
     shutil.copytree(run, tmp_path / "other")
     run_navigation(tmp_path / "other" / "campaign.toml", KIND, tmp_path / "other")
-    assert chunks(tmp_path / "other") == undisturbed
+    assert digests(tmp_path / "other") == undisturbed
     file.write_bytes(kept)
     assert run_navigation(campaign, KIND, run).simulated < KINDS[KIND][2]
-    assert chunks(run) == undisturbed
+    assert digests(run) == undisturbed
 
 
 def changing(file: Path, function: Callable[..., object]) -> Callable[..., object]:
@@ -131,7 +130,7 @@ def test_a_trajectory_that_changes_before_a_run_begins(tmp_path: Path) -> None:
             pytest.raises(RunFolderError, match=re.escape(f"{file}: {told}")),
         ):
             run_navigation(campaign, KIND, run)
-        assert not chunks(run)
+        assert not digests(run)
         assert not (run / "inputs" / "flight.csv").exists()
         file.write_bytes(kept)
 
@@ -146,16 +145,16 @@ def test_a_trajectory_that_changes_amid_a_run(
     for stored in (1, len(undisturbed)):
 
         def spoil(stored: int = stored) -> None:
-            if len(chunks(run)) == stored and file.exists() and file.read_bytes() == kept:
+            if len(digests(run)) == stored and file.exists() and file.read_bytes() == kept:
                 fault(file)
 
         with pytest.raises(RunFolderError, match=rf"flight\.csv: {told}.*; samples stored in .* come from the file as"):
             run_navigation(campaign, KIND, run, progress=OnAdvance(spoil))
-        assert len(chunks(run)) == stored
+        assert len(digests(run)) == stored
         assert not RunFolder(run).existing_manifest().complete
         file.write_bytes(kept)
     assert run_navigation(campaign, KIND, run).simulated == 0
-    assert chunks(run) == undisturbed
+    assert digests(run) == undisturbed
 
 
 @pytest.mark.parametrize("kind", ["free", "aided, summary"])
@@ -176,7 +175,7 @@ def test_a_clock_set_back_before_a_run_resumes(kind: str, tmp_path: Path) -> Non
         done = run_navigation(campaign, kind, run)
         assert done.notices == ()
         assert 0 < done.simulated < KINDS[kind][2]
-        assert chunks(run) == whole
+        assert digests(run) == whole
         assert run_navigation(campaign, kind, run).simulated == 0
 
 

@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from tests.faults.interrupts import CASES, Ended
-from tests.faults.navigation import CHUNKS, chunks, run_navigation, undisturbed_chunks
+from tests.faults.navigation import CHUNKS, run_navigation, undisturbed_chunks
+from tests.faults.remains import digests
 from tests.faults.scenarios import environment
 from tests.processes import run_to_end
 
@@ -39,16 +40,16 @@ def test_an_interrupt_is_one_line(name: str, ended: dict[str, Ended], place: Pat
     status = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGKILL: -9}[CASES[name].number]
     line = "" if status == -9 else f"error: interrupted{remedy}\n"
     assert ended[name] == Ended(status, line, [])
-    assert len(chunks(place / name / "run")) in range(STORED.get(name, 0) + 1)
+    assert len(digests(place / name / "run")) in range(STORED.get(name, 0) + 1)
 
 
 @pytest.mark.parametrize("name", STORED)
 def test_an_interrupted_run_resumes(name: str, ended: dict[str, Ended], place: Path, tmp_path: Path) -> None:
     """The same bits as of a run that nothing happens to."""
     kind = CASES[name].kind
-    before = chunks(place / name / "run")
+    before = digests(place / name / "run")
     whole = undisturbed_chunks(kind, tmp_path)
     assert before.items() <= whole.items()
     done = run_navigation(place / name / "navigation.toml", kind, place / name / "run")
-    assert chunks(place / name / "run") == whole
+    assert digests(place / name / "run") == whole
     assert (done.simulated == 0) == (len(before) == CHUNKS)

@@ -19,18 +19,18 @@ from mcnav.scenarios.ins import ReferenceEngine
 from mcnav.scenarios.protocol import SimulationResult
 from mcnav.workflow.analyse import report_run, samples_of, summary_of
 from tests.commands import invoke
+from tests.faults.kinds import small_summaries
 from tests.faults.navigation import (
     BOTH,
     CHUNKS,
+    HALF,
     KINDS,
     break_off,
-    chunks,
-    contents,
     run_navigation,
-    small_summaries,
     undisturbed_chunks,
     write_navigation,
 )
+from tests.faults.remains import digests, every_byte
 from tests.faults.scenarios import NOBODY, OnAdvance, as_nobody
 
 ENGINES: dict[str, Any] = {"free, reference": ReferenceEngine, "aided, summary": AidedEngine}
@@ -68,13 +68,13 @@ def test_a_disk_that_fills(kind: str, tmp_path: Path, undisturbed: dict[str, dic
             run_navigation(campaign, kind, run)
         assert "No space left on device" in str(full.value)
         assert len(str(full.value).splitlines()) == 1
-        assert len(chunks(run)) == stored
-        assert chunks(run).items() <= undisturbed[kind].items()
+        assert len(digests(run)) == stored
+        assert digests(run).items() <= undisturbed[kind].items()
         assert not list(run.rglob(".*.tmp"))
         with pytest.raises(RunFolderError, match="holds no" if writes == 0 else "is not finished"):
             report_run(run)
     assert run_navigation(campaign, kind, run).simulated == 0
-    assert chunks(run) == undisturbed[kind]
+    assert digests(run) == undisturbed[kind]
 
 
 @pytest.fixture
@@ -109,19 +109,19 @@ def test_a_folder_made_read_only_before_a_run_resumes(
         run_navigation(campaign, kind, run)
     assert not run.exists()
     break_off(campaign, kind, run)
-    before = contents(run)
+    before = every_byte(run)
     with read_only(run, run), pytest.raises(RunFolderError, match=r"run.*: cannot be written.*: Permission denied"):
         run_navigation(campaign, kind, run)
-    assert contents(run) == before
+    assert every_byte(run) == before
     with (
         read_only(run / "samples", run),
         pytest.raises(RunFolderError, match="run: cannot be written to: Permission denied; what is stored there is"),
     ):
         run_navigation(campaign, kind, run)
-    assert contents(run).keys() == before.keys()
-    assert chunks(run).items() <= undisturbed[kind].items()
+    assert every_byte(run).keys() == before.keys()
+    assert digests(run).items() <= undisturbed[kind].items()
     assert run_navigation(campaign, kind, run).simulated < KINDS[kind][2]
-    assert chunks(run) == undisturbed[kind]
+    assert digests(run) == undisturbed[kind]
 
 
 @pytest.mark.parametrize("kind", BOTH)
@@ -133,7 +133,7 @@ def test_commands_beside_a_run(kind: str, tmp_path: Path, undisturbed: dict[str,
     refused = [0]
 
     def beside() -> None:
-        before = contents(run)
+        before = every_byte(run)
         for file, options in ((campaign, {}), (campaign, {"fresh": True}), (other, {}), (other, {"fresh": True})):
             with pytest.raises(RunFolderBusy, match="another mcnav is writing here; wait for it, or choose --out"):
                 run_navigation(file, kind, run, **options)
@@ -143,12 +143,12 @@ def test_commands_beside_a_run(kind: str, tmp_path: Path, undisturbed: dict[str,
             samples_of(run)
         with pytest.raises(RunFolderError, match="holds no finished run"):
             summary_of(run)
-        assert contents(run) == before
+        assert every_byte(run) == before
         refused[0] += 1
 
     run_navigation(campaign, kind, run, progress=OnAdvance(beside))
     assert refused == [CHUNKS]
-    assert chunks(run) == undisturbed[kind]
+    assert digests(run) == undisturbed[kind]
 
 
 @pytest.mark.parametrize("kind", BOTH)
@@ -165,12 +165,12 @@ def test_too_little_memory_for_a_chunk(kind: str, tmp_path: Path, undisturbed: d
         return simulate(*arguments)
 
     command = ("run", campaign, "--engine", KINDS[kind][1], "--jobs", 1, "--no-report", "--out", run)
-    with small_summaries():
+    with small_summaries(HALF):
         with patch.object(engine, "simulate", simulate_or_fail):
             done = invoke(*command, cwd=tmp_path)
         assert done.returncode == 2
         remedy = "stored samples are kept, and the same command resumes the run (fewer --jobs need less)"
         assert done.stderr == f"error: {campaign}: not enough memory; {remedy}\n"
-        assert len(chunks(run)) == 1
+        assert len(digests(run)) == 1
         assert invoke(*command, cwd=tmp_path).returncode == 0
-    assert chunks(run) == undisturbed[kind]
+    assert digests(run) == undisturbed[kind]

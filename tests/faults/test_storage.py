@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import random
 import resource
 import shutil
@@ -26,16 +25,12 @@ from mcnav.store.chunk_files import verify_chunk
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.analyse import report_run
 from mcnav.workflow.run import run_campaign
-from tests.faults.remains import left_of
+from tests.commands import invoke
+from tests.faults.remains import digests, left_of
 from tests.faults.scenarios import SINGLE, VECTORISED, as_nobody, command, environment, write_campaign
 from tests.processes import LONG, run_to_end, running, wait_for
 
 POSITIONS = 2_000
-
-
-def digests(folder: Path) -> dict[str, str]:
-    parts = sorted((folder / "samples").glob("part-*.parquet"))
-    return {part.name: hashlib.sha256(part.read_bytes()).hexdigest() for part in parts}
 
 
 def limited(kind: int, most: int) -> None:
@@ -127,7 +122,7 @@ def test_a_full_disk_and_little_memory(kind: int, most: int, tmp_path: Path) -> 
     if kind == resource.RLIMIT_AS:
         return
     for place in ("run", "other"):
-        done = run_to_end(command(*arguments, tmp_path / place), env=environment())
+        done = invoke(*arguments, tmp_path / place, cwd=tmp_path)
         assert done.returncode == 0, done.stderr
     assert digests(tmp_path / "run") == digests(tmp_path / "other")
 
@@ -227,7 +222,7 @@ def test_two_processes_on_one_folder(tmp_path: Path) -> None:
     assert first.returncode == 0, said
     assert second.returncode == 4
     assert "another mcnav is writing here" in second.stderr
-    assert run_to_end(command("run", path, "--out", tmp_path / "calm"), env=environment()).returncode == 0
+    assert invoke("run", path, "--out", tmp_path / "calm", cwd=tmp_path).returncode == 0
     assert digests(tmp_path / "run") == digests(tmp_path / "calm")
 
 

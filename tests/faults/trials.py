@@ -17,10 +17,13 @@ from pathlib import Path
 from typing import Final
 
 from tests.faults.kinds import Case
-from tests.faults.remains import contents, digests, left_of
+from tests.faults.remains import contents, digests, left_of, processes_of
 
 PAUSE: Final = 0.004
 """Seconds between looks at a run."""
+
+SHARED: Final = Path("/dev/shm")
+"""Folder of semaphores and shared memory, whose names have the number of the process that made them."""
 
 BEFORE, AMID, AFTER = "before the first chunk", "amid chunks", "after the last chunk"
 COLUMNS: Final = (
@@ -94,9 +97,9 @@ def start(place: Place, run: Callable[[], None]) -> int:
         os._exit(status)
 
 
-def start_run(case: Case, place: Place) -> int:
+def start_run(case: Case, place: Place, jobs: int = 2) -> int:
     """Run a campaign in a process of its own; return the process."""
-    return start(place, lambda: case.run(place.path, place.folder))
+    return start(place, lambda: case.run(place.path, place.folder, jobs))
 
 
 def finish(process: int) -> int:
@@ -122,11 +125,11 @@ class Undisturbed:
         return cls(contents(place.folder), digests(place.folder), 0.0, 0.0, 0.0)
 
     @classmethod
-    def of(cls, case: Case, place: Place) -> Undisturbed:
+    def of(cls, case: Case, place: Place, jobs: int = 2) -> Undisturbed:
         """Run a campaign in a process of its own."""
         place.clear()
         began, times = time.monotonic(), list[float]()
-        process = start_run(case, place)
+        process = start_run(case, place, jobs)
         while (ended := os.waitpid(process, os.WNOHANG))[0] == 0:
             times += [time.monotonic() - began] * (len(place.kept()) - len(times))
             time.sleep(PAUSE)
@@ -162,9 +165,12 @@ class Trial:
 
     def kill(self, process: int, everything: bool = False) -> None:
         """Kill a run, and look at what is left of it."""
+        killed = processes_of(process) if everything else []
         with suppress(ProcessLookupError):
             (os.killpg if everything else os.kill)(process, signal.SIGKILL)
         self.look(process, finish(process), everything)
+        for path in [path for each in killed for path in SHARED.glob(f"*-{each}-*")]:
+            path.unlink(missing_ok=True)  # nobody is left to do so, and numbers of processes come again
 
     def look(self, process: int, status: int, everything: bool = False) -> None:
         """Look at what is left of a run that was killed."""
@@ -176,7 +182,7 @@ class Trial:
             self.place.scratch.mkdir()
         else:
             litter = [path.name for path in self.place.scratch.iterdir()]
-            litter += [path.name for path in Path("/dev/shm").glob(f"*-{process}-*")]
+            litter += [path.name for path in SHARED.glob(f"*-{process}-*")]
             self.check(not litter, f"left temporary files {litter}")
         stored = digests(self.place.folder)
         self.check(stored.items() <= self.whole.chunks.items(), "a chunk is not that of the undisturbed run")
@@ -191,9 +197,9 @@ class Trial:
         self.check(self.kept.items() <= now.items(), "a stored chunk was simulated again")
         self.kept = now
 
-    def resume(self) -> None:
+    def resume(self, jobs: int = 2) -> None:
         """Run the campaign to its end, and compare its files with those of the undisturbed run."""
-        self.finished(finish(start_run(self.case, self.place)))
+        self.finished(finish(start_run(self.case, self.place, jobs)))
 
     def finished(self, status: int) -> None:
         """Compare the files of a finished run with those of the undisturbed run."""

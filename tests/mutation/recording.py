@@ -1,7 +1,7 @@
 """Plugin of pytest that records which functions of the package each test calls, and the processor time it takes.
 
 ``MCNAV_RECORD`` names the file: a line of JSON for each test that passes, with its name, its seconds and its
-functions, as ``path:name``.
+functions, as ``path:name``. Compilation is not looked at, which would take several times as long.
 """
 
 from __future__ import annotations
@@ -17,10 +17,12 @@ from types import FrameType
 from typing import Any
 
 import pytest
+from numba.core.dispatcher import Dispatcher
 
 HERE = str(Path.cwd()) + "/mcnav/"
 touched: set[Any] = set()
 passed: dict[str, bool] = {}
+compile_for = Dispatcher.compile
 
 
 def _record(frame: FrameType, event: str, _: object) -> None:
@@ -36,6 +38,18 @@ def _names() -> list[str]:
             if code.co_filename.startswith(HERE)
         }
     )
+
+
+def _compile(dispatcher: Dispatcher, signature: Any) -> Any:
+    profile = sys.getprofile()
+    sys.setprofile(None)
+    try:
+        return compile_for(dispatcher, signature)
+    finally:
+        sys.setprofile(profile)
+
+
+Dispatcher.compile = _compile
 
 
 @pytest.hookimpl(wrapper=True)

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from dataclasses import dataclass
 from pathlib import Path
-from unittest.mock import patch
 
 import numpy as np
 import pandas as pd
@@ -15,50 +13,24 @@ import pytest
 from mcnav.reproduce.tn_d1772 import page
 from mcnav.reproduce.tn_d1772.printed import SUMS, final_errors, sums
 from mcnav.reproduce.tn_d1772.tables import CASES, CONTRADICTIONS, SUM_NAMES, Cell, Mark, table_i_scenario
-from tests.commands import invoke
 from tests.conftest import ROOT
+from tests.reproduction import Reproduction
 from tests.tables import assert_same_tables
 
 
-@dataclass(frozen=True)
-class Written:
-    """One run of the command: its numbers, its folder, and what it printed."""
-
-    cells: list[Cell]
-    folder: Path
-    printed: str
+@pytest.fixture(scope="module")
+def cells(reproduction: Reproduction) -> list[Cell]:
+    return reproduction.cells
 
 
 @pytest.fixture(scope="module")
-def written(tmp_path_factory: pytest.TempPathFactory) -> Written:
-    folder = tmp_path_factory.mktemp("tn")
-    cells: list[Cell] = []
-    write = page.write_reproduction
-
-    def keep(path: Path) -> tuple[list[Cell], list[Path]]:
-        found, files = write(path)
-        cells.extend(found)
-        return found, files
-
-    with patch.object(page, "write_reproduction", keep):
-        finished = invoke("reproduce", "tn-d1772", "--out", folder, cwd=folder)
-    assert finished.returncode == 0, finished.stderr
-    return Written(cells, folder, finished.stdout)
+def folder(reproduction: Reproduction) -> Path:
+    return reproduction.folder
 
 
-@pytest.fixture(scope="module")
-def cells(written: Written) -> list[Cell]:
-    return written.cells
-
-
-@pytest.fixture(scope="module")
-def folder(written: Written) -> Path:
-    return written.folder
-
-
-def test_the_command_counts_what_it_writes(written: Written) -> None:
-    assert f"{len(pd.read_csv(written.folder / 'tables.csv'))} printed numbers" in written.printed
-    assert f"written: {written.folder / page.PAGE}" in written.printed
+def test_the_command_counts_what_it_writes(reproduction: Reproduction) -> None:
+    assert f"{len(pd.read_csv(reproduction.folder / 'tables.csv'))} printed numbers" in reproduction.printed
+    assert f"written: {Path(reproduction.folder.name) / page.PAGE}" in reproduction.printed
 
 
 def test_every_printed_number_has_a_computed_one(cells: list[Cell]) -> None:
@@ -151,14 +123,14 @@ def test_findings(folder: Path) -> None:
     assert found[found["said"].str.contains("insufficient accuracy")].iloc[0]["verdict"] == "does not hold"
 
 
-def test_three_dimensions_beside_the_plane(written: Written) -> None:
+def test_three_dimensions_beside_the_plane(reproduction: Reproduction) -> None:
     """Linear numbers of both navigators agree to what the truth's spline leaves of its force, 1e-5 of the largest.
 
     With accelerometers off the planar navigator also misses the drag above, and may differ by what that does to it.
     Samples are the same errors; they depart by second-order terms of what the navigators define otherwise, an initial
     altitude error of 5 km over a radius of 25,000 km: 2e-4.
     """
-    frame = pd.read_csv(written.folder / "three_dimensions.csv")
+    frame = pd.read_csv(reproduction.folder / "three_dimensions.csv")
     flown = frame[frame["planar"].notna() & (frame["part"] != "update")]
     assert len(flown) == 2 * (5 + 2 * 3)
     largest = flown.groupby(["part", "result"])["planar"].transform(lambda values: values.abs().max())
@@ -169,9 +141,9 @@ def test_three_dimensions_beside_the_plane(written: Written) -> None:
     assert ((flown["simulated"] - flown["planar_simulated"]).abs() < 5e-4 * largest).all()
 
 
-def test_samples_contain_every_sigma_of_three_dimensions(written: Written) -> None:
+def test_samples_contain_every_sigma_of_three_dimensions(reproduction: Reproduction) -> None:
     """Errors of 40 km are 0.6 % of the radius: so much, at most, second-order terms may change of a sigma."""
-    frame = pd.read_csv(written.folder / "three_dimensions.csv")
+    frame = pd.read_csv(reproduction.folder / "three_dimensions.csv")
     sampled = frame[frame["low"].notna()]
     assert len(sampled) == 3 * (5 + 2 + 7) + 7
     assert ((sampled["low"] <= sampled["linear"]) & (sampled["linear"] <= sampled["high"])).all()
@@ -180,16 +152,16 @@ def test_samples_contain_every_sigma_of_three_dimensions(written: Written) -> No
     np.testing.assert_allclose(stated["own"], stated["linear"], rtol=1e-9)
 
 
-def test_the_chapter_on_three_dimensions_is_what_the_command_writes(written: Written) -> None:
-    computed = (written.folder / "three_dimensions.md").read_text(encoding="utf-8")
+def test_the_chapter_on_three_dimensions_is_what_the_command_writes(reproduction: Reproduction) -> None:
+    computed = (reproduction.folder / "three_dimensions.md").read_text(encoding="utf-8")
     committed = (ROOT / "mcnav" / "reproduce" / "tn_d1772" / "TN_D1772.md").read_text(encoding="utf-8")
     chapter = committed.partition("## In three dimensions")[2].partition("\n## ")[0]
     assert_same_tables(computed, chapter)
 
 
-def test_the_findings_in_three_dimensions_are_those_of_the_chapter(written: Written) -> None:
+def test_the_findings_in_three_dimensions_are_those_of_the_chapter(reproduction: Reproduction) -> None:
     """Every number of kilometres and percent that the chapter states stands in the findings, or in its table."""
-    found = pd.read_csv(written.folder / "findings.csv")
+    found = pd.read_csv(reproduction.folder / "findings.csv")
     found = found[found["kind"] == "three dimensions"]
     assert list(found["verdict"]) == ["in part", "does not hold", "holds", "in part"]
     committed = (ROOT / "mcnav" / "reproduce" / "tn_d1772" / "TN_D1772.md").read_text(encoding="utf-8")

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,8 @@ from mcnav.physics.ins.filter_lanes import (
     FilterSteps,
     covariances_of,
     factor_innovations,
-    normalize_errors,
+    project_along_samples,
+    project_along_truth,
     propagate_covariances,
     reduce_by_joseph,
     reduce_covariances,
@@ -36,24 +37,33 @@ from mcnav.physics.ins.filter_lanes import (
 )
 from mcnav.physics.ins.instruments import CONSTANTS
 from mcnav.physics.ins.noise import IMU_STREAM, draw_normals
-from mcnav.physics.ins.readout_lanes import LOCAL, TrueStates, copy_rows, read_errors, read_linear
+from mcnav.physics.ins.normalization_lanes import share_covariances
+from mcnav.physics.ins.record_lanes import (
+    EpochTables,
+    ReadingRooms,
+    Readings,
+    change_correlated_errors,
+    read,
+    reading_rooms,
+    width_of_record,
+)
 from mcnav.physics.ins.step_lanes import (
     SHORT,
     Deviations,
     StepTables,
     add_given,
-    add_noise,
     advance,
     advance_short,
     deviations_of,
     place,
-    respond_to_errors,
+    respond,
     start,
 )
 from mcnav.physics.ins.update_lanes import (
     Estimates,
     UpdateTables,
     add_constant_errors,
+    along_truth,
     correct_twins,
     disturb,
     estimates_of,
@@ -62,7 +72,6 @@ from mcnav.physics.ins.update_lanes import (
     innovate,
     innovate_twins,
     judge,
-    rotation_vectors,
 )
 from mcnav.physics.jit import allocation_free, allocation_free_part, inlined
 from mcnav.physics.vectors import LANES, Store, load, room, store
@@ -135,6 +144,24 @@ class AidedTables:
             np.flatnonzero(np.any(coupled[3:], axis=0)), np.flatnonzero(noise),
         )  # fmt: skip
 
+    @cached_property
+    def _of_active(self) -> dict[tuple[str, bytes], Any]:
+        """Tables made for constant errors that are not zero; those of all chunks of a campaign are the same."""
+        return {}
+
+    def steps(self, active: IndexArray) -> StepTables:
+        """Return what compiled code takes of the steps.
+
+        Parameters
+        ----------
+        active : ndarray of int
+            Numbers of the constant errors of the instruments that are not zero.
+        """
+        key = ("steps", active.tobytes())
+        if key not in self._of_active:
+            self._of_active[key] = self.ensemble.steps(active)
+        return cast(StepTables, self._of_active[key])
+
     def updates(self, active: IndexArray) -> UpdateTables:
         """Return what compiled code takes of the updates.
 
@@ -143,6 +170,12 @@ class AidedTables:
         active : ndarray of int
             Numbers of the constant errors of the sensors that are not zero.
         """
+        key = ("updates", active.tobytes())
+        if key not in self._of_active:
+            self._of_active[key] = self._updates(active)
+        return cast(UpdateTables, self._of_active[key])
+
+    def _updates(self, active: IndexArray) -> UpdateTables:
         measured, model, roots = self.loop.measurements, self.loop.filter, self.loop.roots
         with np.errstate(divide="ignore", invalid="ignore"):
             known = np.diagonal(roots, axis1=1, axis2=2) ** 2 / model.variances
@@ -154,16 +187,19 @@ class AidedTables:
             measured.sensors, measured.sizes, measured.components, measured.kinds, measured.directions, measured.arms,
             np.ascontiguousarray(measured.constants[:, :, active]), measured.rows, measured.forward, measured.places,
             self.bounds, self.correlated, self.memory, self.white, self.limits, model.rows, model.variances,
-            self.loop.gains, roots, lags, careful, np.flatnonzero(np.any(model.rows, axis=(0, 1))),
+            self.loop.gains, roots, lags, careful, along_truth(measured),
+            np.flatnonzero(np.any(model.rows, axis=(0, 1))),
         )  # fmt: skip
 
     @cached_property
-    def epochs(self) -> _EpochTables:
+    def epochs(self) -> EpochTables:
         """Tables of the epochs and of the start, for compiled code."""
         shared, model = self.ensemble, self.loop.filter
-        return _EpochTables(
-            shared.epochs, shared.truth, shared.output_maps, self.covariances, self.loop.first_updates, shared.sizes,
-            model.initial, self.biases, self.drifts, self.drift_sigmas, self.faded, np.flatnonzero(model.corrected),
+        chosen = np.flatnonzero(model.corrected)
+        return EpochTables(
+            shared.epochs, shared.truth, shared.output_maps,
+            share_covariances(self.covariances, chosen, shared.output_maps), self.loop.first_updates, shared.sizes,
+            model.initial, self.biases, self.drifts, self.drift_sigmas, self.faded, chosen,
         )  # fmt: skip
 
 
@@ -223,33 +259,6 @@ def tabulate_aided(loop: ClosedLoop, ensemble: EnsembleTables, biases: tuple[str
     )
 
 
-class _EpochTables(NamedTuple):
-    """Tables that samples share of the epochs and of their start.
-
-    Attributes
-    ----------
-    numbers : ndarray of int, shape (m,)
-        Steps that begin at the epochs.
-    initial : ndarray, shape (9 + q, 9 + q)
-        Covariance of the filter at the start.
-    chosen : ndarray of int
-        Numbers of the states that are estimated.
-    """
-
-    numbers: IndexArray
-    truth: TrueStates
-    output_maps: Array
-    covariances: Array
-    first_updates: IndexArray
-    sizes: Array
-    initial: Array
-    biases: IndexArray
-    drifts: IndexArray
-    drift_sigmas: Array
-    faded: Array
-    chosen: IndexArray
-
-
 class _Given(NamedTuple):
     """Errors of n samples."""
 
@@ -289,29 +298,12 @@ class _LaneRooms(NamedTuple):
     normals: Array
     white: Array
     drifting: Array
-    epoch_normals: Array
     cause: Array
     numbers: NDArray[np.uint64]
-    nees: Array
-    deviations: Array
-    local: Array
-    axes: Array
-    outputs: Array
+    shown: Array
+    reading: ReadingRooms
     kept: Array
     others: Array
-
-
-class _Recorded(NamedTuple):
-    """Results of n samples at m epochs, as `AidedErrors` has them."""
-
-    values: Array
-    predicted: Array
-    outcomes: IndexArray
-    nees: Array
-    covariances: Array
-    state_errors: Array
-    state_variances: Array
-    counts: Array
 
 
 @dataclass(frozen=True)
@@ -320,28 +312,18 @@ class AidedErrors:
 
     Attributes
     ----------
-    values, linear : ndarray, shape (n, m, 9)
-        Nonlinear, and by the linear closed loop from the same draws.
+    values : ndarray, shape (n, m, 9)
+    linear : ndarray, shape (n, 9)
+        At the last epoch, by the linear closed loop from the same draws.
     outcome : ndarray of int, shape (n,)
-    nees : ndarray, shape (n, m, 6)
-        Normalized estimation errors squared of all estimated states, navigation, position, velocity, attitude and
-        the other estimated states.
-    covariance : ndarray, shape (n, m, 45)
-        The filter's, of the outputs: lower triangle by rows.
-    state_error, state_variance : ndarray, shape (n, m, q)
-        Of the other states.
-    counted : ndarray, shape (n, m, sensors, 5)
-        As `mcnav.scenarios.filter_record.BY_SENSOR` has them.
+    records : ndarray, shape (n, m, width)
+        Of the filters, as `mcnav.physics.ins.record_lanes` has them.
     """
 
     values: Array
     linear: Array
     outcome: IndexArray
-    nees: Array
-    covariance: Array
-    state_error: Array
-    state_variance: Array
-    counted: Array
+    records: Array
 
 
 @dataclass(frozen=True)
@@ -375,19 +357,16 @@ def simulate_aided(
         Whether each sample computes its own gains.
     """
     loop, shared = tables.loop, tables.ensemble
-    truth, measured, model = loop.truth, loop.measurements, loop.filter
+    measured, model, chosen = loop.measurements, loop.filter, tables.epochs.chosen
     errors = np.ascontiguousarray(errors, dtype=float)
     count, epochs, states = len(errors), len(shared.epochs), len(model.constants)
-    state = deviate(truth, float(loop.times[0]), errors[:, :9])
+    state = deviate(shared.start, errors[:, :9])
     linear = np.einsum("nj,ij->ni", errors[:, :9], shared.start_map)
     instruments, aiding = errors[:, 9 : len(CONSTANTS)], errors[:, len(CONSTANTS) :]
     active, active_aiding = np.flatnonzero(instruments.any(axis=0)), np.flatnonzero(aiding.any(axis=0))
     of_states = np.ascontiguousarray(np.where(model.constants >= 0, errors[:, np.maximum(model.constants, 0)], 0.0))
-    values, predicted = np.empty((count, epochs, 9)), np.empty((count, epochs, 9))
+    values, predicted = np.empty((count, epochs, 9)), np.empty((count, 9))
     outcome = np.zeros(count, dtype=np.int64)
-    nees, covariance = np.zeros((count, epochs, 6)), np.zeros((count, epochs, 45))
-    state_error, state_variance = np.zeros((count, epochs, states)), np.zeros((count, epochs, states))
-    counted = np.zeros((count, epochs, len(loop.sensors), 5))
     nothing = np.zeros((0, 0))
     added = nothing if given is None else np.ascontiguousarray(given.added.reshape(count, -1))
     disturbed = nothing if given is None else np.ascontiguousarray(given.measured.reshape(count, -1))
@@ -406,19 +385,16 @@ def simulate_aided(
         room(max(STEPS_OF_BLOCK * width, len(shared.sizes))),
         room(disturbed_together * most),
         room(disturbed_together * most if drifting else 0),
-        room(components if drifting else 0),
         keep(1),
         np.zeros((1, LANES), dtype=np.uint64),
-        room(6),
-        room(6),
-        room(LOCAL),
-        room(9),
-        room(9),
+        room(components if drifting else 0),
+        reading_rooms(states, width_of_record(len(chosen), states, len(loop.sensors)), own),
         keep.rows,
         room(-(-count // LANES), len(keep.rows)),
     )
+    records = np.empty((count, epochs, len(rooms.reading.record)))
     _run(
-        shared.steps(truth.earth, active),
+        tables.steps(active),
         tables.filter_steps,
         tables.updates(active_aiding),
         tables.epochs,
@@ -430,12 +406,10 @@ def simulate_aided(
         _Noise(np.uint64(seed), noisy and given is None, given is None, drifting, added, disturbed),
         rooms,
         own,
-        _Recorded(
-            values, predicted, outcome, nees, covariance, state_error, state_variance, counted
-        ),
+        Readings(values, predicted, outcome, records),
     )  # fmt: skip
     outcome = np.where((outcome == SOUND) & ~np.isfinite(values).all(axis=(1, 2)), BEYOND, outcome)
-    return AidedErrors(values, predicted, outcome, nees, covariance, state_error, state_variance, counted)
+    return AidedErrors(values, predicted, outcome, records)
 
 
 @allocation_free
@@ -492,64 +466,6 @@ def _subtract_estimates(k: int, tables: FilterSteps, samples: Deviations, own: E
         store(own.twin_estimate, s, tables.decay[k, s] * load(own.twin_estimate, s))
 
 
-@allocation_free
-def _record(
-    reached: int, begin: int, size: int, constants: Array, states: _EpochTables, of_states: Array, lanes: _LaneRooms,
-    results: _Recorded,
-) -> None:  # fmt: skip
-    """Record the samples and their filters at an epoch.
-
-    Parameters
-    ----------
-    of_states : ndarray, shape (n, q)
-        Constant errors that the other states model.
-    """
-    samples, own, filters, nees = lanes.samples, lanes.own, lanes.filters, lanes.nees
-    errors, epoch_normals, deviations, outputs = filters.errors, lanes.epoch_normals, lanes.deviations, lanes.outputs
-    if len(epoch_normals) > 0:
-        for c in range(len(own.shown)):
-            kept = states.faded[reached, c]
-            driven = states.drift_sigmas[c] * np.sqrt(1.0 - kept * kept)
-            store(own.shown, c, kept * load(own.shown, c) + driven * load(epoch_normals, c))
-    rotation_vectors(samples.turn, own.rotation)
-    for r in range(3):
-        store(errors, r, load(own.rotation, r))
-    for r in range(6):
-        store(deviations, r, load(samples.linear, 3 + r) + load(samples.beyond, r))
-        store(errors, 3 + r, load(deviations, r))
-    for s in range(len(own.estimate)):
-        for i in range(LANES):
-            errors[9 + s, i] = of_states[begin + min(i, size - 1), s]
-        x = load(errors, 9 + s) - load(own.estimate, s)
-        if states.biases[s] >= 0:
-            x += load(samples.bias, states.biases[s])
-        if states.drifts[s] >= 0:
-            x += load(own.shown, states.drifts[s])
-        store(errors, 9 + s, x)
-    normalize_errors(filters.p, errors, states.chosen, states.output_maps[reached], filters, nees)
-    read_errors(reached, constants, states.truth, samples.turn, deviations, lanes.local, lanes.axes, outputs)
-    copy_rows(outputs, begin, size, reached, results.values)
-    read_linear(reached, states.output_maps, samples.linear, outputs)
-    copy_rows(outputs, begin, size, reached, results.predicted)
-    copy_rows(nees, begin, size, reached, results.nees)
-    copy_rows(errors[9:], begin, size, reached, results.state_errors)
-    for i in range(size):
-        n = begin + i
-        at = 0
-        for r in range(9):
-            for c in range(r + 1):
-                results.covariances[n, reached, at] = filters.mapped[r, c, i]
-                at += 1
-        for s in range(len(own.estimate)):
-            results.state_variances[n, reached, s] = filters.p[9 + s, 9 + s, i]
-        for sensor in range(len(own.tally)):
-            for c in range(5):
-                results.counts[n, reached, sensor, c] = own.tally[sensor, c, i]
-    for sensor in range(len(own.tally)):
-        for c in range(5):
-            store(own.tally, (sensor, c), 0.0)
-
-
 @inlined
 def _copy_rows(rows: Array, group: int, others: Array, back: bool) -> None:
     """Copy all that outlasts a step to the rooms of a group, or back."""
@@ -600,10 +516,12 @@ def _update(
     innovate_twins(u, m, updates, samples.linear, own)
     innovate(u, m, constants, updates, samples, filters.rows, own)
     if own_gains:
-        factor_innovations(
-            u, m, updates.bounds, updates.state_rows, updates.linked, updates.variances, samples.sound, lanes.cause,
-            filters,
-        )  # fmt: skip
+        bounds, state_rows, linked = updates.bounds, updates.state_rows, updates.linked
+        if updates.along_truth[u]:
+            project_along_truth(u, m, updates.rows, bounds, state_rows, linked, filters)
+        else:
+            project_along_samples(u, m, bounds, state_rows, linked, filters)
+        factor_innovations(u, m, updates.variances, samples.sound, lanes.cause, filters)
     else:
         for c in range(m):
             for e in range(c + 1):
@@ -638,10 +556,8 @@ def _respond(
         Row of the step's first variate.
     """
     samples, width = lanes.samples, steps.factors.shape[1]
-    respond_to_errors(k, steps, samples)
-    if noise.drawn:
-        add_noise(k, steps.factors, lanes.normals, first, samples)
-    elif noise.added.shape[1] > 0:
+    respond(k, steps, noise.drawn, lanes.normals, first, samples)
+    if not noise.drawn and noise.added.shape[1] > 0:
         for i in range(LANES):
             add_given(noise.added[begin + min(i, size - 1), k * width : (k + 1) * width], i, samples)
     _subtract_estimates(k, of_filter, samples, lanes.own)
@@ -649,8 +565,8 @@ def _respond(
 
 @allocation_free
 def _run(
-    steps: StepTables, of_filter: FilterSteps, updates: UpdateTables, epochs: _EpochTables, given: _Given,
-    noise: _Noise, lanes: _LaneRooms, own_gains: bool, results: _Recorded,
+    steps: StepTables, of_filter: FilterSteps, updates: UpdateTables, epochs: EpochTables, given: _Given,
+    noise: _Noise, lanes: _LaneRooms, own_gains: bool, results: Readings,
 ) -> None:  # fmt: skip
     """Simulate all samples, LANES at a time: each group over a block of steps, whose tables stay in the cache."""
     samples, own, filters, constants = lanes.samples, lanes.own, lanes.filters, steps.constants
@@ -687,14 +603,12 @@ def _run(
                 if reached < len(epochs.numbers) and epochs.numbers[reached] == k:
                     if noise.drifting and noise.measured:
                         shown = len(own.shown)
-                        draw_normals(
-                            noise.seed, lanes.numbers, EPOCH_STREAM, reached * shown, shown, lanes.epoch_normals
-                        )
-                    if not own_gains:
-                        for r in range(len(epochs.initial)):
-                            for c in range(len(epochs.initial)):
-                                store(filters.p, (r, c), epochs.covariances[reached, r, c])
-                    _record(reached, begin, size, constants, epochs, given.of_states, lanes, results)
+                        draw_normals(noise.seed, lanes.numbers, EPOCH_STREAM, reached * shown, shown, lanes.shown)
+                        change_correlated_errors(reached, epochs, lanes.shown, own)
+                    read(
+                        reached, begin, size, constants, epochs, given.of_states, own_gains, samples, own, filters.p,
+                        lanes.reading, results,
+                    )  # fmt: skip
                     reached += 1
                 if k == all_steps:
                     break

@@ -24,6 +24,7 @@ from mcnav._types import Array, IndexArray
 from mcnav.physics.ins.aiding import Sensor, aiding_constants
 from mcnav.physics.ins.collocation import NODES, REASONS, STATE, WEIGHTS, WENT_ON, advance
 from mcnav.physics.ins.compensation import Compensation, measure
+from mcnav.physics.ins.covariance import map_covariances
 from mcnav.physics.ins.earth_fixed_errors import (
     ATTITUDE,
     POSITION,
@@ -352,7 +353,7 @@ class _Flight:
         )
         to_outputs = self._frame().to_outputs(self.state[4:7])
         own = self.filter.P
-        covariance = to_outputs @ own[:NAVIGATION, :NAVIGATION] @ to_outputs.T
+        covariance = map_covariances(to_outputs, own[:NAVIGATION, :NAVIGATION])
         counts = [each.read() for each in self.counts]
         nees = normalized_errors(self.model, deviation, own, to_outputs)
         return errors, record_row(nees, covariance, errors, states, np.diag(own)[NAVIGATION:], counts)

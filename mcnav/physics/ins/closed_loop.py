@@ -20,7 +20,7 @@ import numpy as np
 
 from mcnav._types import Array, IndexArray
 from mcnav.physics.ins.aiding import Sensor, aiding_constants
-from mcnav.physics.ins.covariance import constant_inputs, output_map, process_systems, transitions
+from mcnav.physics.ins.covariance import constant_inputs, map_covariances, output_map, process_systems, transitions
 from mcnav.physics.ins.error_filter import NAVIGATION, FilterModel
 from mcnav.physics.ins.filter_tables import FilterTables, same_memory, tabulate_filter
 from mcnav.physics.ins.instruments import CONSTANTS, OUTPUTS, Imu
@@ -206,7 +206,7 @@ def propagate_closed_loop(loop: ClosedLoop, readings: IndexArray, after: Array) 
         loop.times[readings],
         maps @ partials,
         processes,
-        maps @ own[:, :NAVIGATION, :NAVIGATION] @ maps.swapaxes(1, 2),
+        map_covariances(maps, own[:, :NAVIGATION, :NAVIGATION]),
         state_partials,
         state_variances,
         np.diagonal(own, axis1=1, axis2=2)[:, NAVIGATION:].copy(),

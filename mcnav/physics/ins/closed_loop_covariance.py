@@ -17,7 +17,7 @@ import numpy as np
 
 from mcnav._types import Array, IndexArray
 from mcnav.physics.ins.closed_loop import ClosedLoop
-from mcnav.physics.ins.covariance import constant_inputs, output_map, process_systems
+from mcnav.physics.ins.covariance import constant_inputs, map_covariances, output_map, process_systems
 from mcnav.physics.ins.error_filter import NAVIGATION
 from mcnav.physics.ins.instruments import CONSTANTS, OUTPUTS, Imu
 from mcnav.physics.jit import compiled
@@ -107,9 +107,8 @@ def propagate_covariance(
         maps = shared.maps
     else:
         maps = np.stack([output_map(loop.truth, float(time)) for time in loop.times[readings]])
-    own, turned = loop.own[:, :NAVIGATION, :NAVIGATION], maps.swapaxes(1, 2)
-    means = (maps @ means[:, :, None])[:, :, 0]
-    return ClosedLoopCovariance(loop, maps, means, maps @ found @ turned, maps @ own @ turned)
+    own, means = loop.own[:, :NAVIGATION, :NAVIGATION], (maps @ means[:, :, None])[:, :, 0]
+    return ClosedLoopCovariance(loop, maps, means, map_covariances(maps, found), map_covariances(maps, own))
 
 
 def _biases(loop: ClosedLoop, mean: Array, sources: Array) -> _Biases:

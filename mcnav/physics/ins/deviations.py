@@ -6,6 +6,8 @@ velocity and position, all in inertial axes. Without errors all results are exac
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from mcnav._types import Array
@@ -98,7 +100,39 @@ def _deviate(
         states[n, 0], states[n, 1], states[n, 2], states[n, 3] = p, x, y, z
 
 
-def deviate(truth: Truth, time: float, errors: Array) -> Array:
+class StartingPoint(NamedTuple):
+    """The truth at the start of navigation.
+
+    Attributes
+    ----------
+    constants : ndarray
+        Of the earth.
+    here, radii, velocity : ndarray, shapes (3,), (2,), (3,)
+        Latitude, longitude and altitude; metres of a radian of latitude and of longitude; velocity in n.
+    axes : ndarray, shape (3, 3)
+        From n to inertial axes.
+    """
+
+    constants: Array
+    here: Array
+    radii: Array
+    velocity: Array
+    axes: Array
+
+
+def starting_point(truth: Truth, time: float) -> StartingPoint:
+    """Compute the truth at a start of navigation."""
+    earth, states = truth.earth, truth.states(np.array([time]), "level", time)
+    found = true_states(earth, np.hstack([states.position, states.velocity]))
+    sf, cf, sl, cl, altitude = found.local[0, :5]
+    latitude, longitude = np.arctan2(sf, cf), np.arctan2(sl, cl)
+    return StartingPoint(
+        earth.constants, np.array([latitude, longitude, altitude]), found.radii[0], found.local[0, 5:],
+        local_axes(latitude, longitude),
+    )  # fmt: skip
+
+
+def deviate(start: StartingPoint, errors: Array) -> Array:
     """Compute the states of samples from their initial errors.
 
     Parameters
@@ -111,13 +145,6 @@ def deviate(truth: Truth, time: float, errors: Array) -> Array:
     ndarray, shape (n, 10)
         Quaternions, deviations of velocity and deviations of position.
     """
-    earth, states = truth.earth, truth.states(np.array([time]), "level", time)
-    here = true_states(earth, np.hstack([states.position, states.velocity]))
-    sf, cf, sl, cl, altitude = here.local[0, :5]
-    latitude, longitude = np.arctan2(sf, cf), np.arctan2(sl, cl)
     found = np.empty((len(errors), 10))
-    _deviate(
-        earth.constants, np.array([latitude, longitude, altitude]), here.radii[0], here.local[0, 5:],
-        local_axes(latitude, longitude), np.ascontiguousarray(errors), found,
-    )  # fmt: skip
+    _deviate(start.constants, start.here, start.radii, start.velocity, start.axes, np.ascontiguousarray(errors), found)
     return found

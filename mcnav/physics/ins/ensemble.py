@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 
 from mcnav._types import Array, IndexArray
 from mcnav.physics.ins.covariance import output_map, process_systems
-from mcnav.physics.ins.deviations import deviate
-from mcnav.physics.ins.earth import Earth
+from mcnav.physics.ins.deviations import StartingPoint, deviate, starting_point
 from mcnav.physics.ins.instruments import GYRO, Imu
 from mcnav.physics.ins.noise import IMU_STREAM, draw_normals
 from mcnav.physics.ins.readout_lanes import LOCAL, TrueStates, copy_rows, read_errors, read_linear, true_states
@@ -29,11 +28,10 @@ from mcnav.physics.ins.step_lanes import (
     Deviations,
     StepTables,
     add_given,
-    add_noise,
     advance,
     deviations_of,
     place,
-    respond_to_errors,
+    respond,
     start,
 )
 from mcnav.physics.ins.truth import Platform, Truth
@@ -69,6 +67,7 @@ class EnsembleTables:
         Cholesky factors of the covariance that processes add.
     places, fields, gradients : ndarray, shape (2 K + 1, 3), (2 K + 1, 3), (2 K + 1, 3, 3)
         True position, gravitation and its gradient at the ends and the middles of steps.
+    start : StartingPoint
     start_map, output_maps : ndarray, shape (9, 9), (m, 9, 9)
         From initial errors to psi, v, x, and from these to outputs, to first order.
     truth : TrueStates
@@ -88,11 +87,12 @@ class EnsembleTables:
     places: Array
     fields: Array
     gradients: Array
+    start: StartingPoint
     start_map: Array
     output_maps: Array
     truth: TrueStates
 
-    def steps(self, earth: Earth, active: IndexArray) -> StepTables:
+    def steps(self, active: IndexArray) -> StepTables:
         """Return what compiled code takes of it.
 
         Parameters
@@ -101,7 +101,7 @@ class EnsembleTables:
             Numbers of the constant errors of the instruments that are not zero.
         """
         return StepTables(
-            earth.constants, self.durations, self.motion, self.force, self.thrust,
+            self.start.constants, self.durations, self.motion, self.force, self.thrust,
             np.ascontiguousarray(self.inputs[:, active]), int(np.count_nonzero(active < len(GYRO))), self.biases,
             self.decays, self.factors, self.places, self.fields, self.gradients,
         )  # fmt: skip
@@ -197,6 +197,7 @@ def tabulate(
         places=around.position,
         fields=earth.gravitation(around.position),
         gradients=earth.gravity_gradient(around.position),
+        start=starting_point(truth, float(times[0])),
         start_map=np.asarray(np.linalg.inv(output_map(truth, float(times[0]))), dtype=float),
         output_maps=np.stack([output_map(truth, float(time)) for time in times[epochs]]),
         truth=true_states(earth, np.hstack([at.position, at.velocity])),
@@ -209,8 +210,9 @@ class EnsembleErrors:
 
     Attributes
     ----------
-    values, linear : ndarray, shape (n, m, 9)
-        Nonlinear, and by the linear system from the same draws.
+    values : ndarray, shape (n, m, 9)
+    linear : ndarray, shape (n, 9)
+        At the last epoch, by the linear system from the same draws.
     valid : ndarray of bool, shape (n,)
         Whether a sample stayed where the scheme holds.
     """
@@ -220,9 +222,7 @@ class EnsembleErrors:
     valid: NDArray[np.bool_]
 
 
-def simulate(
-    truth: Truth, start: float, tables: EnsembleTables, errors: Array, seed: int, samples: IndexArray
-) -> EnsembleErrors:
+def simulate(tables: EnsembleTables, errors: Array, seed: int, samples: IndexArray) -> EnsembleErrors:
     """Simulate samples with noise of their own.
 
     Parameters
@@ -233,10 +233,10 @@ def simulate(
         Indices, which together with the seed make the noise.
     """
     noisy = bool(tables.factors.any() or tables.sizes.any())
-    return _simulate(truth, start, tables, errors, np.uint64(seed), samples.astype(np.uint64), np.empty((0, 0)), noisy)
+    return _simulate(tables, errors, np.uint64(seed), samples.astype(np.uint64), np.empty((0, 0)), noisy)
 
 
-def simulate_given(truth: Truth, start: float, tables: EnsembleTables, errors: Array, added: Array) -> EnsembleErrors:
+def simulate_given(tables: EnsembleTables, errors: Array, added: Array) -> EnsembleErrors:
     """Simulate samples of which the noise is given, as what it adds to psi, v, x and the biases in each step.
 
     Parameters
@@ -245,27 +245,20 @@ def simulate_given(truth: Truth, start: float, tables: EnsembleTables, errors: A
     added : ndarray, shape (n, K, 9 + b)
     """
     given = np.ascontiguousarray(added.reshape(len(errors), -1))
-    return _simulate(truth, start, tables, errors, np.uint64(0), np.zeros(len(errors), np.uint64), given, True)
+    return _simulate(tables, errors, np.uint64(0), np.zeros(len(errors), np.uint64), given, True)
 
 
 def _simulate(
-    truth: Truth,
-    start: float,
-    tables: EnsembleTables,
-    errors: Array,
-    seed: np.uint64,
-    samples: NDArray[np.uint64],
-    given: Array,
-    noisy: bool,
+    tables: EnsembleTables, errors: Array, seed: np.uint64, samples: NDArray[np.uint64], given: Array, noisy: bool
 ) -> EnsembleErrors:
     errors = np.ascontiguousarray(errors, dtype=float)
-    state = deviate(truth, start, errors[:, :9])
+    state = deviate(tables.start, errors[:, :9])
     linear = np.einsum("nj,ij->ni", errors[:, :9], tables.start_map)  # a matrix product rounds by a row's place
     active = np.flatnonzero(errors[:, 9:].any(axis=0))
-    values, predicted = np.empty((len(errors), len(tables.epochs), 9)), np.empty((len(errors), len(tables.epochs), 9))
+    values, predicted = np.empty((len(errors), len(tables.epochs), 9)), np.empty((len(errors), 9))
     sound, width = np.empty(len(errors), dtype=np.bool_), tables.factors.shape[1]
     _run(
-        tables.steps(truth.earth, active), deviations_of(len(active), len(tables.sizes)), room(STEPS_OF_NOISE * width),
+        tables.steps(active), deviations_of(len(active), len(tables.sizes)), room(STEPS_OF_NOISE * width),
         np.zeros((1, LANES), dtype=np.uint64), tables.epochs, tables.truth, tables.output_maps, tables.sizes,
         np.ascontiguousarray(errors[:, 9 + active]), state, linear, seed, samples, given, noisy,
         (room(6), room(LOCAL), room(9), room(9)), values, predicted, sound,
@@ -301,19 +294,17 @@ def _run(
                     store(deviations, r, load(samples.linear, 3 + r) + load(samples.beyond, r))
                 read_errors(reached, tables.constants, truth, samples.turn, deviations, local, axes, errors)
                 copy_rows(errors, begin, size, reached, values)
-                read_linear(reached, output_maps, samples.linear, errors)
-                copy_rows(errors, begin, size, reached, predicted)
                 reached += 1
+                if reached == len(epochs):
+                    read_linear(output_maps[-1], samples.linear, begin, size, predicted)
             if k == steps:
                 break
-            respond_to_errors(k, tables, samples)
-            if drawing:
-                within = k % STEPS_OF_NOISE
-                if within == 0:
-                    drawn = min(STEPS_OF_NOISE, steps - k) * width
-                    draw_normals(seed, numbers, IMU_STREAM, count + k * width, drawn, normals)
-                add_noise(k, tables.factors, normals, within * width, samples)
-            elif noisy:
+            within = k % STEPS_OF_NOISE
+            if drawing and within == 0:
+                drawn = min(STEPS_OF_NOISE, steps - k) * width
+                draw_normals(seed, numbers, IMU_STREAM, count + k * width, drawn, normals)
+            respond(k, tables, drawing, normals, within * width, samples)
+            if noisy and not drawing:
                 for i in range(LANES):
                     add_given(given[begin + min(i, size - 1), k * width : (k + 1) * width], i, samples)
             advance(k, tables, samples)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.linalg import LinAlgError
 
 from mcnav._types import Array
+from mcnav.physics.ins.covariance import map_covariances
 from mcnav.physics.ins.earth_fixed_errors import ErrorModel
 from mcnav.physics.ins.error_filter import NAVIGATION
 from mcnav.physics.ins.instruments import OUTPUTS
@@ -72,7 +73,7 @@ def normalized_errors(errors: ErrorModel, deviation: Array, covariance: Array, t
     """
     estimated = np.setdiff1d(np.arange(errors.size), errors.considered)
     outputs = to_outputs @ deviation[:NAVIGATION]
-    mapped = to_outputs @ covariance[:NAVIGATION, :NAVIGATION] @ to_outputs.T
+    mapped = map_covariances(to_outputs, covariance[:NAVIGATION, :NAVIGATION])
     found = [
         _normalized(deviation[each], covariance[np.ix_(each, each)]) for each in (estimated, estimated[:NAVIGATION])
     ]

@@ -1,4 +1,4 @@
-"""Covariances of the filters of LANES aided samples: propagation, updates and normalized errors.
+"""Covariances of the filters of LANES aided samples: propagation and updates.
 
 Each filter's transition is that of the step's tables, turned to the attitude and the force that its sample indicates.
 Rows and columns are those of its 9 + q states; of the covariances the lower triangles count.
@@ -19,9 +19,6 @@ SIX: Final = 6
 
 SOUND, BEYOND, INDEFINITE = 0, 1, 2
 """Outcomes of a sample: good; beyond the validity of the scheme; a covariance that is not positive definite."""
-
-SINGULAR: Final = 1e-14
-"""Share of a variance below which what is left of it in Cholesky's method is rounding."""
 
 
 class FilterSteps(NamedTuple):
@@ -59,9 +56,6 @@ class Covariances(NamedTuple):
     root, inverse : ndarray, shapes (SIX, SIX, LANES), (SIX, LANES)
         Cholesky factor L of the innovations' covariance, and its diagonal inverted.
     left : ndarray, shape (9 + q, 9 + q, LANES)
-    mapped : ndarray, shape (9, 9, LANES)
-    errors, solved : ndarray, shape (9 + q, LANES)
-    output_errors : ndarray, shape (9, LANES)
     """
 
     p: Array
@@ -76,10 +70,6 @@ class Covariances(NamedTuple):
     root: Array
     inverse: Array
     left: Array
-    mapped: Array
-    errors: Array
-    solved: Array
-    output_errors: Array
 
 
 def covariances_of(states: int, own: bool = True, keep: Rooms = room) -> Covariances:
@@ -95,8 +85,7 @@ def covariances_of(states: int, own: bool = True, keep: Rooms = room) -> Covaria
     size = 9 + states
     return Covariances(
         keep(size, size), room(6, 3), room(9, states), room(size, 9), room(9, size), room(SIX if own else 0, 9),
-        room(size, SIX), room(size, SIX), room(size, SIX), room(SIX, SIX), room(SIX), room(size, size), room(9, 9),
-        room(size), room(size), room(9),
+        room(size, SIX), room(size, SIX), room(size, SIX), room(SIX, SIX), room(SIX), room(size, size),
     )  # fmt: skip
 
 
@@ -267,22 +256,59 @@ def _project_covariance(
 
 
 @allocation_free
-def factor_innovations(
-    u: int, m: int, bounds: IndexArray, state_rows: Array, linked: IndexArray, variances: Array, sound: Array,
-    cause: Array, filters: Covariances,
-) -> None:  # fmt: skip
-    """Compute ``P H^T`` of update u and the Cholesky factor of the innovations' covariance.
+def project_along_truth(
+    u: int, m: int, rows: Array, bounds: IndexArray, state_rows: Array, linked: IndexArray, filters: Covariances
+) -> None:
+    """Compute ``P H^T`` and ``H P H^T`` of update u, whose responses H are those along the truth.
+
+    Components are handled in threes, so that an entry of the covariance is read once for three of them.
 
     Parameters
     ----------
     m : int
         Components.
+    rows : ndarray, shape (U, M, 9)
+        Responses to psi, v, x, which are zero but from the first to the second of their bounds.
     linked : ndarray of int
         Other states that any innovation responds to.
-    sound, cause : ndarray, shape (1, LANES)
-        Whether a sample is good as yet, and why it is not: what came first, as each brings about the other.
     """
-    rows, cross, root, inverse = filters.rows, filters.cross, filters.root, filters.inverse
+    p, cross = filters.p, filters.cross
+    for c in range(0, m, 3):
+        d, e = min(c + 1, m - 1), min(c + 2, m - 1)
+        begin = min(bounds[u, c, 0], bounds[u, d, 0], bounds[u, e, 0])
+        end = max(bounds[u, c, 1], bounds[u, d, 1], bounds[u, e, 1])
+        for r in range(len(p)):
+            entry = load(p, _at(r, begin))
+            x, y, z = rows[u, c, begin] * entry, rows[u, d, begin] * entry, rows[u, e, begin] * entry
+            for j in range(begin + 1, end):
+                entry = load(p, _at(r, j))
+                x += rows[u, c, j] * entry
+                y += rows[u, d, j] * entry
+                z += rows[u, e, j] * entry
+            for s in linked:
+                entry = load(p, _at(r, 9 + s))
+                x += state_rows[u, c, s] * entry
+                y += state_rows[u, d, s] * entry
+                z += state_rows[u, e, s] * entry
+            store(cross, (r, c), x)
+            store(cross, (r, d), y)
+            store(cross, (r, e), z)
+    for c in range(m):
+        for e in range(c + 1):
+            x = 0.0 * load(cross, (0, e))
+            for j in range(bounds[u, c, 0], bounds[u, c, 1]):
+                x += rows[u, c, j] * load(cross, (j, e))
+            for s in linked:
+                x += state_rows[u, c, s] * load(cross, (9 + s, e))
+            store(filters.root, (c, e), x)
+
+
+@allocation_free
+def project_along_samples(
+    u: int, m: int, bounds: IndexArray, state_rows: Array, linked: IndexArray, filters: Covariances
+) -> None:
+    """Compute the same where each sample has responses of its own, ``filters.rows``."""
+    rows, cross = filters.rows, filters.cross
     for c in range(m):
         begin, end = bounds[u, c, 0], bounds[u, c, 1]
         for r in range(len(filters.p)):
@@ -294,6 +320,24 @@ def factor_innovations(
                 x += load(rows, (c, j)) * load(cross, (j, e))
             for s in linked:
                 x += state_rows[u, c, s] * load(cross, (9 + s, e))
+            store(filters.root, (c, e), x)
+
+
+@allocation_free
+def factor_innovations(u: int, m: int, variances: Array, sound: Array, cause: Array, filters: Covariances) -> None:
+    """Compute the Cholesky factor of the innovations' covariance, ``H P H^T`` as projected and the measurements'.
+
+    Parameters
+    ----------
+    variances : ndarray, shape (U, M)
+        Of the measurements.
+    sound, cause : ndarray, shape (1, LANES)
+        Whether a sample is good as yet, and why it is not: what came first, as each brings about the other.
+    """
+    root, inverse = filters.root, filters.inverse
+    for c in range(m):
+        for e in range(c + 1):
+            x = load(root, (c, e))
             for j in range(e):
                 x -= load(root, (c, j)) * load(root, (e, j))
             if e < c:
@@ -312,14 +356,27 @@ def factor_innovations(
 @allocation_free
 def whiten(m: int, accepted: Array, filters: Covariances) -> None:
     """Compute ``P H^T L^-T``, zero where a measurement is rejected; columns up to a multiple of three are zero."""
-    cross, white, root = filters.cross, filters.white, filters.root
-    share = load(accepted, 0)
+    cross, white, root, inverse = filters.cross, filters.white, filters.root, filters.inverse
+    share, threes = load(accepted, 0), m - m % 3
     for r in range(len(filters.p)):
-        for c in range(m):
+        for c in range(0, threes, 3):
+            x, y, z = share * load(cross, (r, c)), share * load(cross, (r, c + 1)), share * load(cross, (r, c + 2))
+            for e in range(c):
+                known = load(white, (r, e))
+                x -= known * load(root, (c, e))
+                y -= known * load(root, (c + 1, e))
+                z -= known * load(root, (c + 2, e))
+            x *= load(inverse, c)
+            y = (y - x * load(root, (c + 1, c))) * load(inverse, c + 1)
+            z = (z - x * load(root, (c + 2, c)) - y * load(root, (c + 2, c + 1))) * load(inverse, c + 2)
+            store(white, (r, c), x)
+            store(white, (r, c + 1), y)
+            store(white, (r, c + 2), z)
+        for c in range(threes, m):
             x = share * load(cross, (r, c))
             for e in range(c):
                 x -= load(white, (r, e)) * load(root, (c, e))
-            store(white, (r, c), x * load(filters.inverse, c))
+            store(white, (r, c), x * load(inverse, c))
         for c in range(m, 3 if m <= 3 else SIX):
             store(white, (r, c), 0.0 * share)
 
@@ -384,69 +441,3 @@ def reduce_by_joseph(
             for c in range(m):
                 x -= load(white, (r, c)) * load(gain, (j, c))
             store(p, (r, j), x)
-
-
-@inlined
-def _quadratic(
-    matrix: Array, vector: Array, chosen: IndexArray, begin: int, end: int, root: Array, out: Array
-) -> Vector:
-    """Compute ``e^T P^-1 e`` of chosen states by Cholesky's method; states without variance count nothing."""
-    total = 0.0 * load(vector, 0)
-    for i in range(begin, end):
-        at = chosen[i]
-        value, pivot = load(vector, at), load(matrix, (at, at))
-        least = SINGULAR * pivot
-        for c in range(begin, i):
-            entry = load(root, (i, c))
-            value -= entry * load(out, c)
-            pivot -= entry * entry
-        inverse = where(pivot > least, 1.0 / np.sqrt(pivot), 0.0)
-        for j in range(i + 1, end):
-            entry = load(matrix, (chosen[j], at))
-            for c in range(begin, i):
-                entry -= load(root, (j, c)) * load(root, (i, c))
-            store(root, (j, i), entry * inverse)
-        value *= inverse
-        store(out, i, value)
-        total += value * value
-    return total
-
-
-@allocation_free
-def normalize_errors(
-    p: Array, errors: Array, chosen: IndexArray, to_outputs: Array, filters: Covariances, nees: Array
-) -> None:
-    """Compute the covariance of the outputs, as ``filters.mapped``, lower triangle, and normalized errors squared.
-
-    Parameters
-    ----------
-    p, errors : ndarray, shapes (9 + q, 9 + q, LANES), (9 + q, LANES)
-        Covariance and errors of all states.
-    chosen : ndarray of int
-        Numbers of the states that are estimated, the nine of navigation first.
-    nees : ndarray, shape (6, LANES)
-        Of all estimated states, navigation, position, velocity, attitude and the other estimated states.
-    """
-    mapped, half, root, solved = filters.mapped, filters.product, filters.left, filters.solved
-    store(nees, 0, _quadratic(p, errors, chosen, 0, len(chosen), root, solved))
-    store(nees, 1, _quadratic(p, errors, chosen, 0, 9, root, solved))
-    store(nees, 5, _quadratic(p, errors, chosen, 9, len(chosen), root, solved))
-    for r in range(9):
-        error = 0.0 * load(errors, 0)
-        for j in range(9):
-            error += to_outputs[r, j] * load(errors, j)
-        store(filters.output_errors, r, error)
-        for c in range(9):
-            x = 0.0 * error
-            for j in range(9):
-                x += to_outputs[r, j] * load(p, _at(j, c))
-            store(half, (r, c), x)
-    for r in range(9):
-        for c in range(r + 1):
-            x = 0.0 * load(half, (r, 0))
-            for j in range(9):
-                x += load(half, (r, j)) * to_outputs[c, j]
-            store(mapped, (r, c), x)
-    for group in range(3):
-        begin = 3 * group
-        store(nees, 2 + group, _quadratic(mapped, filters.output_errors, chosen, begin, begin + 3, root, solved))

@@ -147,13 +147,14 @@ def copy_rows(rows: Array, begin: int, size: int, reached: int, out: Array) -> N
 
 
 @allocation_free_part
-def read_linear(reached: int, output_maps: Array, linear: Array, out: Array) -> None:
-    """Compute the linear navigation errors of samples at an epoch, shape (9, LANES)."""
-    for r in range(9):
-        total = output_maps[reached, r, 0] * load(linear, 0)
-        for c in range(1, 9):
-            total += output_maps[reached, r, c] * load(linear, c)
-        store(out, r, total)
+def read_linear(output_map: Array, linear: Array, begin: int, size: int, out: Array) -> None:
+    """Compute the linear navigation errors of samples, shape (n, 9), from linear deviations, shape (9, LANES)."""
+    for i in range(size):
+        for r in range(9):
+            total = output_map[r, 0] * linear[0, i]
+            for c in range(1, 9):
+                total += output_map[r, c] * linear[c, i]
+            out[begin + i, r] = total
 
 
 @allocation_free_uncontracted

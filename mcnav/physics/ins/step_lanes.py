@@ -159,9 +159,18 @@ def start(k: int, tables: StepTables, samples: Deviations) -> None:
 
 
 @allocation_free_part
-def respond_to_errors(k: int, tables: StepTables, samples: Deviations) -> None:
-    """Compute the linear response in step k to constant errors and biases of processes, and decay the biases."""
-    errors, bias, inputs, biases = samples.errors, samples.bias, tables.inputs, tables.biases
+def respond(k: int, tables: StepTables, drawn: bool, normals: Array, first: int, samples: Deviations) -> None:
+    """Compute the linear response in step k to constant errors, biases of processes and noise; take the biases on.
+
+    Parameters
+    ----------
+    drawn : bool
+        Whether there is noise: factors times normal variates.
+    normals : ndarray, shape (rows, LANES)
+    first : int
+        Row of the step's first variate.
+    """
+    errors, bias, inputs, biases, factors = samples.errors, samples.bias, tables.inputs, tables.biases, tables.factors
     for r in range(0, 9, 3):
         # an accelerometer turns nothing
         count = tables.gyros if r == 0 else len(errors)
@@ -176,37 +185,21 @@ def respond_to_errors(k: int, tables: StepTables, samples: Deviations) -> None:
             x += biases[k, q, r] * error
             y += biases[k, q, r + 1] * error
             z += biases[k, q, r + 2] * error
+        if drawn:
+            for c in range(r + 3):
+                normal = load(normals, first + c)
+                x += factors[k, r, c] * normal
+                y += factors[k, r + 1, c] * normal
+                z += factors[k, r + 2, c] * normal
         store(samples.response, r, x)
         store(samples.response, r + 1, y)
         store(samples.response, r + 2, z)
     for q in range(len(bias)):
-        store(bias, q, tables.decays[k, q] * load(bias, q))
-
-
-@allocation_free_part
-def add_noise(k: int, factors: Array, normals: Array, first: int, samples: Deviations) -> None:
-    """Add what processes add in step k to the response and the biases: factors times normal variates.
-
-    Parameters
-    ----------
-    first : int
-        Row of the step's first variate.
-    """
-    for r in range(0, 9, 3):
-        x, y, z = load(samples.response, r), load(samples.response, r + 1), load(samples.response, r + 2)
-        for c in range(r + 3):
-            normal = load(normals, first + c)
-            x += factors[k, r, c] * normal
-            y += factors[k, r + 1, c] * normal
-            z += factors[k, r + 2, c] * normal
-        store(samples.response, r, x)
-        store(samples.response, r + 1, y)
-        store(samples.response, r + 2, z)
-    for q in range(len(samples.bias)):
-        x = load(samples.bias, q)
-        for c in range(10 + q):
-            x += factors[k, 9 + q, c] * load(normals, first + c)
-        store(samples.bias, q, x)
+        x = tables.decays[k, q] * load(bias, q)
+        if drawn:
+            for c in range(10 + q):
+                x += factors[k, 9 + q, c] * load(normals, first + c)
+        store(bias, q, x)
 
 
 @allocation_free

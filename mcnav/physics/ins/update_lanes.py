@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,11 +10,22 @@ from numpy.typing import NDArray
 from mcnav._types import Array, IndexArray
 from mcnav.physics.ins.earth import geodetic_altitude
 from mcnav.physics.ins.filter_lanes import SIX
-from mcnav.physics.ins.measurements import ALTITUDE, ATTITUDE, BODY_VELOCITY, HEADING, POSITION, VELOCITY
+from mcnav.physics.ins.measurements import (
+    ALTITUDE,
+    ATTITUDE,
+    BODY_VELOCITY,
+    HEADING,
+    POSITION,
+    VELOCITY,
+    Measurements,
+)
 from mcnav.physics.ins.step_lanes import Deviations, turn_less_one
 from mcnav.physics.jit import allocation_free_part, allocation_free_uncontracted, inlined
-from mcnav.physics.lanes import angle_of_half, half_turn
+from mcnav.physics.lanes import angle_of_half, half_turn_of_square
 from mcnav.physics.vectors import Rooms, Vector, load, room, store, where
+
+LARGEST_CORRECTION: Final = 3.0
+"""Largest rotation by a correction, rad: beyond it a sample leaves the engine's validity."""
 
 
 class UpdateTables(NamedTuple):
@@ -28,6 +39,8 @@ class UpdateTables(NamedTuple):
         Whether an update's sensor has had one before.
     careful : ndarray of bool, shape (U,)
         Whether an update takes nearly all of a variance away.
+    along_truth : ndarray of bool, shape (U,)
+        Whether the responses of an update's innovations are those along the truth for all samples.
     linked : ndarray of int
         Other states of the filter that any innovation responds to.
     """
@@ -53,7 +66,18 @@ class UpdateTables(NamedTuple):
     roots: Array
     lags: NDArray[np.bool_]
     careful: NDArray[np.bool_]
+    along_truth: NDArray[np.bool_]
     linked: IndexArray
+
+
+def along_truth(measured: Measurements) -> NDArray[np.bool_]:
+    """Return which updates have innovations whose responses do not depend on a sample's attitude, shape (U,).
+
+    Those of position and velocity without a lever arm.
+    """
+    used = np.arange(measured.kinds.shape[1]) < measured.sizes[:, None]
+    plain = np.isin(measured.kinds, (POSITION, VELOCITY)) & ~measured.arms.any(axis=2)
+    return np.asarray((plain | ~used).all(axis=1))
 
 
 class Estimates(NamedTuple):
@@ -218,11 +242,13 @@ def innovate(
     Parameters
     ----------
     rows : ndarray, shape (SIX, 9, LANES)
-        Or none, if the responses are not needed.
+        Or none, if the responses are not needed; those along the truth are computed for Joseph's form alone.
     """
     turn, turned, linear, beyond = samples.turn, samples.turned, samples.linear, samples.beyond
-    turn_less_one(turn, turned)
-    spin, wanted = constants[3], len(rows) > 0
+    plain = tables.along_truth[u]
+    spin, wanted = constants[3], len(rows) > 0 and (tables.careful[u] or not plain)
+    if not plain:
+        turn_less_one(turn, turned)
     x, y, z = load(linear, 6) + load(beyond, 3), load(linear, 7) + load(beyond, 4), load(linear, 8) + load(beyond, 5)
     vx, vy = (load(linear, 3) + load(beyond, 0)) + spin * y, (load(linear, 4) + load(beyond, 1)) - spin * x
     vz = load(linear, 5) + load(beyond, 2)  # over the earth
@@ -313,11 +339,12 @@ def judge(u: int, m: int, limit: float, lags: bool, sensor: int, root: Array, in
 
 
 @inlined
-def _turn_back(x: Vector, y: Vector, z: Vector, turn: Array) -> None:
-    """Rotate navigators by what their filters have estimated of psi, backwards."""
-    angle = np.sqrt(x * x + y * y + z * z)
-    sine, w = half_turn(angle)
-    factor = where(angle > 0.0, -sine / angle, -0.5)
+def _turn_back(x: Vector, y: Vector, z: Vector, turn: Array, sound: Array) -> None:
+    """Rotate navigators by what their filters have estimated of psi, backwards; beyond a limit they are not sound."""
+    square = x * x + y * y + z * z
+    sine, w = half_turn_of_square(square)
+    store(sound, 0, where(square < LARGEST_CORRECTION * LARGEST_CORRECTION, load(sound, 0), 0.0))
+    factor = -sine
     x, y, z = factor * x, factor * y, factor * z
     a, b, c, e = load(turn, 0), load(turn, 1), load(turn, 2), load(turn, 3)
     store(turn, 0, w * a - (x * b + y * c + z * e))
@@ -338,6 +365,19 @@ def _correction(
         x += gains[u, r, c] * n
         y += gains[u, s, c] * n
         z += gains[u, t, c] * n
+    return x, y, z
+
+
+@inlined
+def _own_correction(m: int, white: Array, r: int, s: int, t: int, whitened: Array) -> tuple[Vector, Vector, Vector]:
+    """Compute ``W u`` of three states."""
+    u = load(whitened, 0)
+    x, y, z = load(white, (r, 0)) * u, load(white, (s, 0)) * u, load(white, (t, 0)) * u
+    for c in range(1, m):
+        u = load(whitened, c)
+        x += load(white, (r, c)) * u
+        y += load(white, (s, c)) * u
+        z += load(white, (t, c)) * u
     return x, y, z
 
 
@@ -374,25 +414,17 @@ def feed_back_own(m: int, white: Array, corrected: Array, samples: Deviations, o
     white : ndarray, shape (9 + q, SIX, LANES)
         W, as `mcnav.physics.ins.filter_lanes.whiten` has it.
     """
-    beyond = samples.beyond
-    x = y = z = 0.0 * load(samples.turn, 0)
-    for c in range(m):
-        u = load(own.whitened, c)
-        x += load(white, (0, c)) * u
-        y += load(white, (1, c)) * u
-        z += load(white, (2, c)) * u
-    _turn_back(x, y, z, samples.turn)
-    for r in range(6):
-        x = load(beyond, r)
-        for c in range(m):
-            x -= load(white, (3 + r, c)) * load(own.whitened, c)
-        store(beyond, r, x)
-    for s in range(len(own.estimate)):
-        if corrected[9 + s] > 0.0:
-            x = load(own.estimate, s)
-            for c in range(m):
-                x += load(white, (9 + s, c)) * load(own.whitened, c)
-            store(own.estimate, s, x)
+    x, y, z = _own_correction(m, white, 0, 1, 2, own.whitened)
+    _turn_back(x, y, z, samples.turn, samples.sound)
+    for r in range(0, 6, 3):
+        x, y, z = _own_correction(m, white, 3 + r, 4 + r, 5 + r, own.whitened)
+        _add_three(samples.beyond, r, r + 1, r + 2, -x, -y, -z)
+    last = len(own.estimate) - 1
+    for s in range(0, last + 1, 3):
+        t, e = min(s + 1, last), min(s + 2, last)
+        x, y, z = _own_correction(m, white, 9 + s, 9 + t, 9 + e, own.whitened)
+        x, y, z = corrected[9 + s] * x, corrected[9 + t] * y, corrected[9 + e] * z
+        _add_three(own.estimate, s, t, e, x, y, z)
 
 
 @allocation_free_part
@@ -402,7 +434,7 @@ def feed_back_shared(u: int, m: int, gains: Array, samples: Deviations, own: Est
     for c in range(m):
         store(own.innovation, c, load(own.accepted, 0) * load(own.innovation, c))
     x, y, z = _correction(u, m, gains, 0, 1, 2, own.innovation)
-    _turn_back(x, y, z, samples.turn)
+    _turn_back(x, y, z, samples.turn, samples.sound)
     for r in range(0, 6, 3):
         x, y, z = _correction(u, m, gains, 3 + r, 4 + r, 5 + r, own.innovation)
         _add_three(beyond, r, r + 1, r + 2, -x, -y, -z)

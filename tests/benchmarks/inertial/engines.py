@@ -87,7 +87,7 @@ def free(folder: Path, setup: Setup = FREE, compared: int = COMPARED, most: int 
     for each in _by_steps(engine):
         navigation, tables = each.navigation, each.tables
         added = np.zeros((compared, *tables.factors.shape[:2]))
-        found = simulate_given(navigation.truth, navigation.start, tables, few, added)
+        found = simulate_given(tables, few, added)
         works.append(
             Work("free, without noise", _propagate(each), each.chunk, errors, each.accuracy, len(tables.durations),
                  *_apart(found.values, quiet, np.sqrt(constant)), compared)
@@ -97,7 +97,7 @@ def free(folder: Path, setup: Setup = FREE, compared: int = COMPARED, most: int 
             added[row, :, :9] = respond_from_rest(
                 navigation.truth, navigation.platform, mechanization.step_times, _grid(each), *its
             )
-        found = simulate_given(navigation.truth, navigation.start, tables, few, added)
+        found = simulate_given(tables, few, added)
         works.append(
             Work("free, with noise", _simulate(each), each.chunk, errors, each.accuracy, len(tables.durations),
                  *_apart(found.values, noisy, np.sqrt(constant + noise)), compared)

@@ -10,7 +10,8 @@ from mcnav.physics.ins.filter_lanes import (
     Covariances,
     covariances_of,
     factor_innovations,
-    normalize_errors,
+    project_along_samples,
+    project_along_truth,
     reduce_by_joseph,
     reduce_covariances,
     whiten,
@@ -43,7 +44,8 @@ def update(
     """Return the covariances after an update, shape (LANES, 9 + q, 9 + q)."""
     bounds = np.full((1, COMPONENTS, 2), [0, 9])
     linked, sound, cause, share = np.arange(STATES), np.ones((1, LANES)), room(1), np.full((1, LANES), accepted)
-    factor_innovations(0, COMPONENTS, bounds, others, linked, variances, sound, cause, filters)
+    project_along_samples(0, COMPONENTS, bounds, others, linked, filters)
+    factor_innovations(0, COMPONENTS, variances, sound, cause, filters)
     assert not cause.any()
     whiten(COMPONENTS, share, filters)
     if joseph:
@@ -74,6 +76,45 @@ def test_an_update_is_that_of_matrix_algebra(joseph: bool) -> None:
         np.testing.assert_allclose(found[lane], expected, rtol=0.0, atol=1e-12 * np.abs(covariance[lane]).max())
 
 
+@pytest.mark.parametrize("components", [1, 2, 3, 4, 5, 6])
+def test_responses_along_the_truth_are_those_of_samples_that_are_all_the_same(components: int) -> None:
+    """Some entries are zero; products are summed in the same order, and zeros are added to those along the truth."""
+    filters, *_ = make()
+    rng = np.random.default_rng(9)
+    rows, others = rng.standard_normal((1, components, 9)), rng.standard_normal((1, components, STATES))
+    bounds = np.array([[[3 * (c % 3), 9] for c in range(components)]])
+    for c in range(components):
+        rows[0, c, : bounds[0, c, 0]] = 0.0
+    filters.rows[:components] = rows[0, :, :, None]
+    linked = np.arange(0, STATES, 2)
+    project_along_samples(0, components, bounds, others, linked, filters)
+    cross, root = filters.cross.copy(), filters.root.copy()
+    filters.cross[:] = filters.root[:] = np.nan
+    project_along_truth(0, components, rows, bounds, others, linked, filters)
+    np.testing.assert_allclose(filters.cross[:, :components], cross[:, :components], rtol=1e-13, atol=1e-12)
+    lower = np.tril_indices(components)
+    np.testing.assert_allclose(filters.root[lower], root[lower], rtol=1e-13, atol=1e-12)
+
+
+@pytest.mark.parametrize("components", [1, 2, 3, 4, 5, 6])
+def test_whitened_responses_times_their_transposes_are_the_reduction(components: int) -> None:
+    filters, covariance, *_ = make()
+    rng = np.random.default_rng(10)
+    rows, others = rng.standard_normal((1, components, 9)), np.zeros((1, components, STATES))
+    variances, share = 1.0 + rng.random((1, components)), np.ones((1, LANES))
+    bounds, none = np.full((1, components, 2), [0, 9]), np.zeros(0, dtype=np.int64)
+    project_along_truth(0, components, rows, bounds, others, none, filters)
+    factor_innovations(0, components, variances, np.ones((1, LANES)), room(1), filters)
+    whiten(components, share, filters)
+    response = np.concatenate([rows[0], others[0]], axis=1)
+    for lane in range(LANES):
+        cross = covariance[lane] @ response.T
+        innovations = response @ cross + np.diag(variances[0])
+        white = filters.white[:, :, lane]
+        expected = cross @ np.linalg.solve(innovations, cross.T)
+        np.testing.assert_allclose(white @ white.T, expected, rtol=0.0, atol=1e-12 * np.abs(covariance[lane]).max())
+
+
 @pytest.mark.parametrize("joseph", [False, True])
 def test_a_rejected_measurement_changes_nothing(joseph: bool) -> None:
     filters, covariance, _, others, variances = make()
@@ -100,22 +141,3 @@ def test_josephs_form_keeps_the_digits_of_a_large_reduction() -> None:
         errors.append(float(np.max(np.abs(after / np.array(exact) - 1.0))))
     assert errors[0] > 1e-5
     assert errors[1] < 1e-4 * errors[0]
-
-
-def test_normalized_errors_are_quadratic_forms() -> None:
-    """All estimated states, navigation, groups of outputs, and the other estimated states, of every lane."""
-    filters, covariance, *_ = make()
-    rng = np.random.default_rng(6)
-    filters.errors[:] = rng.standard_normal((SIZE, LANES))
-    to_outputs, nees, chosen = rng.standard_normal((9, 9)), room(6), np.flatnonzero(CORRECTED)
-    normalize_errors(filters.p, filters.errors, chosen, to_outputs, filters, nees)
-    for lane in range(LANES):
-        error, matrix = filters.errors[:, lane], covariance[lane]
-        mapped, outputs = to_outputs @ matrix[:9, :9] @ to_outputs.T, to_outputs @ error[:9]
-        groups = [(matrix, error, chosen), (matrix, error, np.arange(9))]
-        groups += [(mapped, outputs, np.arange(begin, begin + 3)) for begin in (0, 3, 6)]
-        groups.append((matrix, error, chosen[9:]))
-        for found, (of, vector, states) in zip(nees[:, lane], groups, strict=True):
-            block = of[np.ix_(states, states)]
-            expected = vector[states] @ np.linalg.solve(block, vector[states])
-            assert found == pytest.approx(expected, rel=1e-13 * np.linalg.cond(block))

@@ -11,7 +11,7 @@ from mcnav.physics.ins.aiding import Sensor, aiding_constants
 from mcnav.physics.ins.filter_lanes import SIX
 from mcnav.physics.ins.measurements import ATTITUDE, HEADING, Measurements, measure
 from mcnav.physics.ins.step_lanes import deviations_of
-from mcnav.physics.ins.update_lanes import UpdateTables, estimates_of, innovate
+from mcnav.physics.ins.update_lanes import UpdateTables, along_truth, estimates_of, innovate
 from mcnav.physics.vectors import room
 from tests.aided import make_sensor
 from tests.flights import flight
@@ -37,7 +37,7 @@ def update_tables(found: Measurements) -> UpdateTables:
         found.sensors, found.sizes, found.components, found.kinds, found.directions, found.arms,
         found.constants[:, :, :0], found.rows, found.forward, found.places, whole, none, none, none, np.zeros(updates),
         np.zeros((updates, most, 0)), none, np.zeros((updates, 9, most)), np.zeros((updates, most, most)),
-        np.zeros(updates, dtype=np.bool_), np.zeros(updates, dtype=np.bool_), np.zeros(0, dtype=np.int64),
+        *np.zeros((3, updates), dtype=np.bool_), np.zeros(0, dtype=np.int64),
     )  # fmt: skip
 
 
@@ -55,6 +55,18 @@ def innovations_and_rows(found: Measurements, turn: Array, velocity: Array, away
         values.append(own.innovation[:m, 0])
         responses.append(rows[:m, :, 0])
     return np.concatenate(values), np.concatenate(responses)
+
+
+def test_responses_are_those_along_the_truth_where_they_do_not_depend_on_the_attitude() -> None:
+    """Of position and velocity without a lever arm, whatever the turn; those of all others differ by the turn."""
+    plain = make_sensor("plain", np.array([700.0]), {"position": 3.0, "velocity": 0.1})
+    found = tabulated((*SENSORS, plain))
+    same = along_truth(found)
+    np.testing.assert_array_equal(same, [False] * len(SENSORS) + [True])
+    rows = innovations_and_rows(found, np.array([0.01, -0.02, 0.015]), np.zeros(3), np.zeros(3))[1]
+    table = np.concatenate([found.rows[u, : found.sizes[u]] for u in range(len(found.sizes))])
+    equal = np.repeat(same, found.sizes)
+    np.testing.assert_array_equal(rows[equal], table[equal])
 
 
 @pytest.mark.parametrize("turn", [np.zeros(3), np.array([0.01, -0.02, 0.015])])

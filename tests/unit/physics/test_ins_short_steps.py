@@ -20,7 +20,7 @@ RESPONSE = np.repeat([1e-5, 1e-3, 1e-3], 3)
 def tables() -> StepTables:
     """Return the tables of a flight with steps of a second."""
     made = engine().tables
-    return made.ensemble.steps(made.loop.truth.earth, np.zeros(0, dtype=np.int64))
+    return made.ensemble.steps(np.zeros(0, dtype=np.int64))
 
 
 def samples() -> Deviations:
