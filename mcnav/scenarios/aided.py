@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final, Literal
 
 import numpy as np
 
+from mcnav._subprocess import side_threads
 from mcnav._types import Array, IndexArray
 from mcnav.physics.ins.aided_ensemble import (
     AidedErrors,
@@ -171,7 +171,7 @@ class AidedNavigation:
         """
         probes = probes[:PROBES]
         division, most = 1, MOST_STEPS // 2
-        with ThreadPoolExecutor(1) as beside:
+        with side_threads(1) as beside:
             halved = beside.submit(self.tables, 2) if len(self.loop.times) - 1 <= most else None
             tables = self.tables(1)
             coarse = self._without_noise(tables, probes)
