@@ -17,6 +17,8 @@ from collections.abc import Collection, Generator, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from itertools import islice
+from multiprocessing.context import get_spawning_popen
+from multiprocessing.reduction import DupFd
 from pathlib import Path
 from types import ModuleType
 from typing import Any, Final
@@ -286,8 +288,8 @@ def _made(distributed: ModuleType, workers: int) -> Iterator[str]:
         "distributed.deploy.lost-worker-timeout": "1000 days",
     }
     with (
-        _scratch() as folder,
-        dask.config.set(settings | {"temporary-directory": folder}),
+        _scratch() as (folder, held),
+        dask.config.set(settings | {"temporary-directory": folder, "mcnav": {"held": held}}),
         distributed.LocalCluster(
             n_workers=workers,
             threads_per_worker=1,
@@ -303,16 +305,34 @@ def _made(distributed: ModuleType, workers: int) -> Iterator[str]:
         yield str(made.scheduler_address)
 
 
+class _Held:
+    """A file that processes that are started with it have open as long as they last."""
+
+    def __init__(self, file: int) -> None:
+        self.file = file
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        started = get_spawning_popen()
+        return (_Held, (self.file,)) if started is None else (_hold, (DupFd(self.file),))
+
+
+def _hold(passed: Any) -> _Held:
+    return _Held(passed.detach())
+
+
 @contextmanager
-def _scratch() -> Iterator[str]:
-    """Create a folder that joblib's tracker removes even when this process is killed: it must know of it before."""
+def _scratch() -> Iterator[tuple[str, _Held]]:
+    """Create a folder that joblib's tracker removes even when this process is killed: it must know of it before.
+
+    It does so when nobody holds its pipe any more, which is yielded as well for processes that make files there.
+    """
     from joblib.externals.loky.backend import resource_tracker
 
     folder = str(Path(tempfile.gettempdir()) / f"mcnav-{secrets.token_hex(8)}")
     resource_tracker.register(folder, "folder")
     try:
         Path(folder).mkdir(mode=0o700)
-        yield folder
+        yield folder, _Held(resource_tracker.getfd())
     finally:
         shutil.rmtree(folder, ignore_errors=True)
         resource_tracker.unregister(folder, "folder")

@@ -132,13 +132,17 @@ def epochs_table(
     return parquet_bytes(arrow_table(columns).replace_schema_metadata({"mcnav.epochs": json.dumps(described)}))
 
 
-def first_histories(path: Path, samples: int) -> tuple[str, Array, dict[str, Array]]:
+def first_histories(
+    path: Path, samples: int, expected: Sequence[str] | None = None
+) -> tuple[str, Array, dict[str, Array]]:
     """Read the first samples of a table of histories: label and times of the epochs, errors of each output.
 
-    Raises what pyarrow raises, or `ValueError`, when the file holds no such table.
+    Raises what pyarrow raises, or `ValueError`, when the file holds no such table, or not of the expected outputs.
     """
     check_regular(path, LARGEST)
     with pq.ParquetFile(path, page_checksum_verification=True) as file:
+        if expected is not None and file.schema_arrow.names[2:] != list(expected):
+            raise ValueError("it has other columns")
         check_room(file.metadata, path.stat().st_size, LARGEST)
         first = next(file.iter_batches(batch_size=samples * MOST_EPOCHS), None)
         if first is None:

@@ -387,8 +387,15 @@ class RunFolder:
             table = table_from(read_whole(path, LARGEST_JSON))
             return _columns(table), json.loads((table.schema.metadata or {})[b"mcnav.epochs"])
 
-    def histories(self, samples: int) -> tuple[str, Array, dict[str, Array]] | None:
+    def histories(
+        self, samples: int, expected: Sequence[str] | None = None
+    ) -> tuple[str, Array, dict[str, Array]] | None:
         """Read the errors of the first samples at every epoch; none where the run has no histories.
+
+        Parameters
+        ----------
+        expected : sequence of str, optional
+            Outputs that the file must have, as ``name [unit]``; others are not read.
 
         Returns
         -------
@@ -407,7 +414,7 @@ class RunFolder:
         if not path.exists():
             return None
         with _reading(path, "is damaged"):
-            return first_histories(path, samples)
+            return first_histories(path, samples, expected)
 
 
 def history_table(history: History) -> bytes:

@@ -188,14 +188,12 @@ def linear_moments(model: ModelRecord, development: PartialsRecord) -> tuple[Arr
 
 def error_histories(folder: RunFolder, manifest: Manifest, design: SamplingDesign) -> ErrorHistories | None:
     """Read the histories of a run's first samples, with the linear moments where these are known at the same epochs."""
-    found = folder.histories(STORED)
+    model, development = manifest.model, manifest.model.development
+    names = [f"{output.name} [{output.unit}]" for output in model.outputs]
+    found = folder.histories(STORED, names)
     if found is None:
         return None
     _, times, by_output = found
-    model, development = manifest.model, manifest.model.development
-    names = [f"{output.name} [{output.unit}]" for output in model.outputs]
-    if list(by_output) != names:
-        raise RunFolderError(f"{folder.path}: histories are not of this run's outputs; run the campaign again")
     errors = np.stack([by_output[name] for name in names], axis=2)[: manifest.samples]
     known = development is not None and same_times(development.times, times)
     if development is not None and development.processes and development.covariance is None:

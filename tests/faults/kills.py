@@ -69,10 +69,11 @@ def kill_at_random(case: Case, place: Place, whole: Undisturbed, chance: random.
     trial, kills = Trial(case, place, whole), chance.choice(KILLS)
     while trial.counts["kills"] < kills:
         process = start_run(case, place)
-        if _wait_for_moment(process, place, whole, chance):
-            trial.kill(process, everything=chance.random() < 0.25)
+        waited = _wait_for_moment(process, place, whole, chance)
+        status = trial.kill(process, everything=chance.random() < 0.25) if waited else finish(process)
+        if status == -signal.SIGKILL:
             continue
-        trial.finished(finish(process))  # sooner than expected
+        trial.finished(status)  # sooner than expected
         if trial.counts["kills"]:
             return trial
         trial = Trial(case, place, whole)

@@ -11,8 +11,8 @@ from typing import Final
 
 from tests.processes import LONG
 
-TIMES: Final = ("started", "flight", "checksum")
-"""Entries of a manifest that differ from run to run."""
+TIMES: Final = ("started", "flight", "checksum", "commit")
+"""Entries of a manifest that differ from run to run, and what is committed meanwhile."""
 
 
 def digests(folder: Path) -> dict[str, str]:

@@ -9,13 +9,14 @@ import signal
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from joblib.externals.loky.backend import resource_tracker
 from typer.testing import CliRunner, Result
 
 from mcnav.cli import app
@@ -308,6 +309,20 @@ def test_nobody_is_left(sign: signal.Signals, status: int, tmp_path: Path) -> No
         assert len(said.splitlines()) == 1, said
         assert said.startswith("error: interrupted; stored samples are kept")
     assert list((tmp_path / "scratch").iterdir()) == []
+
+
+def _pipes() -> set[str]:
+    found = set()
+    for path in Path("/proc/self/fd").iterdir():
+        with suppress(OSError):
+            found.add(str(path.readlink()))
+    return found
+
+
+def test_files_are_deleted_after_the_last_worker(cluster: Cluster) -> None:
+    """Workers hold the pipe of the tracker that deletes their folder: one that outlives the run would make it again."""
+    number = os.fstat(resource_tracker.getfd()).st_ino
+    assert all(f"pipe:[{number}]" in held for held in cluster.client.run(_pipes).values())
 
 
 KILLED = """

@@ -163,14 +163,17 @@ class Trial:
             self.faults.append(f"{self.case}: {fault}")
             self.counts["wrong"] = 1
 
-    def kill(self, process: int, everything: bool = False) -> None:
-        """Kill a run, and look at what is left of it."""
+    def kill(self, process: int, everything: bool = False) -> int:
+        """Kill a run, and look at what is left of it; return its exit status, which tells whether it ended before."""
         killed = processes_of(process) if everything else []
         with suppress(ProcessLookupError):
             (os.killpg if everything else os.kill)(process, signal.SIGKILL)
-        self.look(process, finish(process), everything)
+        status = finish(process)
+        if status == -signal.SIGKILL:
+            self.look(process, status, everything)
         for path in [path for each in killed for path in SHARED.glob(f"*-{each}-*")]:
             path.unlink(missing_ok=True)  # nobody is left to do so, and numbers of processes come again
+        return status
 
     def look(self, process: int, status: int, everything: bool = False) -> None:
         """Look at what is left of a run that was killed."""

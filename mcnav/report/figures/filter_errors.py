@@ -49,7 +49,8 @@ def errors_and_sigmas(content: RunAnalysis, found: FilterConsistency) -> Figure 
     known = [each for each in found.outputs if np.isfinite(each.true).any() and np.any(each.true > 0.0)]
     if not known:
         return None
-    stored = content.folder.histories(DRAWN)
+    expected = [f"{output.name} [{output.unit}]" for output in content.manifest.model.outputs]
+    stored = content.folder.histories(DRAWN, expected)
     times, histories = (found.times, {}) if stored is None else stored[1:]
     shaded = outages(content)
     columns: dict[str, Sequence[Any] | NDArray[Any]] = {found.label: found.times}

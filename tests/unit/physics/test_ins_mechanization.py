@@ -277,6 +277,14 @@ def test_sample_that_breaks_down_says_why(errors: dict[str, float], message: str
         engine.simulate(constants(**errors))
 
 
+def test_one_epoch_near_a_pole_is_enough() -> None:
+    """Ten kilometres from the pole at the start, close to it after 20 s, and as far beyond it later."""
+    engine = navigator(rest(), duration=60.0)
+    start = np.radians(45.0) * 6_367_381.8 - 1e4  # the meridian's radius of curvature
+    with pytest.raises(Diverged, match=r"near a pole at 20\.0 s"):
+        engine.simulate(constants(position_north=start, velocity_north=800.0))
+
+
 def test_noise_that_is_not_finite_breaks_down() -> None:
     engine = navigator(rest(), duration=10.0)
     noise = np.zeros((100, 3))

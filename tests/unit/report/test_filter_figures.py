@@ -29,7 +29,7 @@ HISTORY = History({"time [min]": TIMES}, outages={"gnss": (OUTAGE,)})
 class Folder:
     """A run folder with histories of its first samples, of which the third failed."""
 
-    def histories(self, samples: int) -> tuple[str, Any, dict[str, Any]]:
+    def histories(self, samples: int, expected: list[str]) -> tuple[str, Any, dict[str, Any]]:
         drawn = np.random.default_rng(2).standard_normal((samples, len(TIMES)))
         drawn[2] = np.nan
         return "time [min]", TIMES, {f"{name} [{unit}]": drawn for name, (unit, _, _) in OUTPUTS.items()}
@@ -45,7 +45,8 @@ DRAWINGS: list[Callable[[Any], Figure | None]] = [
 
 
 def content(found: FilterConsistency | None) -> Any:
-    return SimpleNamespace(filter=found, history=HISTORY, folder=Folder())
+    manifest = SimpleNamespace(model=SimpleNamespace(outputs=found.outputs if found else ()))
+    return SimpleNamespace(filter=found, history=HISTORY, folder=Folder(), manifest=manifest)
 
 
 def nowhere(statistic: Statistic | None) -> Statistic | None:

@@ -40,6 +40,15 @@ def test_no_histories_and_damaged_ones(tmp_path: Path) -> None:
             RunFolder(tmp_path).histories(3)
 
 
+def test_histories_of_other_outputs_are_not_read(tmp_path: Path) -> None:
+    """A small file may claim to have thousands of columns."""
+    (tmp_path / HISTORIES).write_bytes(histories_table(EPOCHS, OUTPUTS, np.zeros((5, 3, 2))))
+    assert RunFolder(tmp_path).histories(3, ["position [m]", "heading [rad]"]) is not None
+    for expected in (["position [m]"], ["heading [rad]", "position [m]"], []):
+        with pytest.raises(RunFolderError, match="is damaged"):
+            RunFolder(tmp_path).histories(3, expected)
+
+
 def test_outages_of_a_history() -> None:
     history = check_history(History({"time [s]": np.arange(3.0)}, outages={"gnss": ((0, 1), (2, 2))}))
     assert history.outages == {"gnss": ((0.0, 1.0), (2.0, 2.0))}
