@@ -11,8 +11,9 @@ install = $(PIP) --no-compile --editable '.$(1)' && { $(BIN)/python -m compileal
 demo: .venv/installed
 	$(BIN)/mcnav demo
 
+# Three workers for two processors, as some tests wait for processes that they have started.
 test: .venv/tested
-	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal
+	$(BIN)/python -m pytest --numprocesses 3 --dist worksteal
 
 # Under a minute: lint, and the unit tests but for the slow ones.
 quick: lint

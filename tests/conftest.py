@@ -6,7 +6,6 @@ import os
 import sys
 from collections.abc import Callable
 from functools import lru_cache
-from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -34,30 +33,59 @@ LONG_FIRST = ("faults", "browser", "campaigns", "published", "statistical", "cro
 
 NOT_INERTIAL = (
     "campaigns/test_own_noise.py", "faults/test_storage.py", "faults/test_failures.py", "faults/test_hostile.py",
+    "campaigns/test_own.py", "cross/test_engines.py", "campaigns/test_run.py", "statistical/test_intervals.py",
 )  # fmt: skip
-"""Files whose tests load nothing of inertial navigation; they take longer than its compilation by the other worker."""
+"""Files whose tests load nothing of inertial navigation; they take longer than its compilation by another worker."""
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Mark every test with the folder it is in, and order them; `pyproject.toml` lists what each folder costs.
 
-    Two workers begin with a half of the tests each, and take from each other's last ones when they have done their own.
-    Both begin by compiling, each something else, and end with short tests, so that neither waits.
+    Workers begin with equal parts of the tests, and take from each other's last ones when they have done their own. The
+    first begins by compiling what is inertial, the second what is not, and the others with tests that need neither; the
+    files' tests stay together, and short ones come last, so that no worker waits for another or compiles the same.
     """
-    compiling, others = [], []
-    meanwhile = [FOLDER / file for file in NOT_INERTIAL]
+    compiling, files = [], dict[Path, list[pytest.Item]]()
     for item in items:
-        folder = item.path.relative_to(FOLDER).parts[0] if FOLDER in item.path.parents else "mcnav"
-        if folder != "mcnav":
-            item.add_marker(folder)
+        if FOLDER in item.path.parents:
+            item.add_marker(item.path.relative_to(FOLDER).parts[0])
         if item.path == COMPILING:
-            compiling.append(item)
+            compiling.append([item])
         else:
-            cost = LONG_FIRST.index(folder) if folder in LONG_FIRST else len(LONG_FIRST)
-            others.append((-1 if item.path in meanwhile else cost, item))
-    rest = [item for _, item in sorted(others, key=itemgetter(0))]
-    first, half = compiling[:-1], len(items) // 2
-    items[:] = [*first, *rest[: half - len(first)], *compiling[-1:], *rest[half - len(first) :]]
+            files.setdefault(item.path, []).append(item)
+    first = [files.pop(FOLDER / name) for name in NOT_INERTIAL if FOLDER / name in files]
+    rest = [files[path] for path in sorted(files, key=_rank)]
+    workers = getattr(config, "workerinput", {}).get("workercount", 1)
+    items[:] = _deal(compiling[::-1], first, rest, workers)
+
+
+def _rank(path: Path) -> int:
+    """Return the place of a file's folder among all."""
+    folder = path.relative_to(FOLDER).parts[0] if FOLDER in path.parents else ""
+    return LONG_FIRST.index(folder) if folder in LONG_FIRST else len(LONG_FIRST)
+
+
+def _deal(
+    compiling: list[list[pytest.Item]], first: list[list[pytest.Item]], rest: list[list[pytest.Item]], workers: int
+) -> list[pytest.Item]:
+    """Deal groups of tests to workers, whose parts then get the sizes that xdist gives them."""
+    parts: list[list[pytest.Item]] = [[] for _ in range(workers)]
+    for groups, begin in ((compiling, 0), (first, 1), (rest, 0)):
+        takers = parts[begin:] or parts
+        for number, group in enumerate(groups):
+            takers[number % len(takers)].extend(group)
+    left = sum(map(len, parts))
+    sizes = []
+    for number in range(workers):
+        sizes.append(left // (workers - number))
+        left -= sizes[-1]
+    surplus = [item for part, size in zip(parts, sizes, strict=True) for item in part[size:]]
+    dealt: list[pytest.Item] = []
+    for part, size in zip(parts, sizes, strict=True):
+        kept = part[:size]
+        taken, surplus = surplus[: size - len(kept)], surplus[size - len(kept) :]
+        dealt += kept + taken
+    return dealt
 
 
 settings.register_profile("suite", derandomize=True, deadline=None)

@@ -266,7 +266,7 @@ def test_the_ensemble_agrees_with_the_reference_fed_the_same_noise(sensors: tupl
         assert records[:, places["nees"]][:, 1] == pytest.approx(found.records[0, :, 1], rel=2e-3, abs=2e-3)
 
 
-@pytest.mark.parametrize(("name", "count"), [("ensemble", 400), ("reference", 30)])
+@pytest.mark.parametrize(("name", "count"), [("ensemble", 400), ("reference", 16)])
 def test_quantization_that_the_filter_neglects(name: str, count: int) -> None:
     """Each variance at the end, of the noise alone, lies within the chi-square interval of the closed loop."""
     counted = Imu(

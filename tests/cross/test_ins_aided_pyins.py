@@ -29,7 +29,7 @@ from mcnav.physics.ins.sample_noise import SampleNoise
 from tests.every_sensor import DEG_PER_HOUR, MICRO_G, gnss
 from tests.flights import flight
 
-START, END, EPOCH = 610.0, 660.0, 10.0
+START, END, EPOCH = 610.0, 640.0, 10.0
 """In a turn of 90 degrees; interval of epochs, s."""
 
 INTERVAL = 0.02
