@@ -32,18 +32,25 @@ LONG_FIRST = ("faults", "browser", "campaigns", "published", "statistical", "cro
 """Folders whose tests come first, those with the longest before the others."""
 
 NOT_INERTIAL = (
-    "campaigns/test_own_noise.py", "faults/test_storage.py", "faults/test_failures.py", "faults/test_hostile.py",
-    "campaigns/test_own.py", "cross/test_engines.py", "campaigns/test_run.py", "statistical/test_intervals.py",
+    "campaigns/test_own_noise.py", "faults/test_storage.py", "campaigns/test_run.py", "cross/test_engines.py",
+    "faults/test_failures.py", "faults/test_hostile.py", "statistical/test_intervals.py", "cross/test_partials.py",
 )  # fmt: skip
 """Files whose tests load nothing of inertial navigation; they take longer than its compilation by another worker."""
+
+INERTIAL = (
+    "faults/test_kill.py", "faults/test_navigation_inputs.py", "faults/test_navigation_storage.py",
+    "faults/test_navigation_interrupted.py", "faults/test_bad_input.py", "campaigns/test_own.py",
+)  # fmt: skip
+"""Long tests of inertial navigation, which come after its compilation by the same worker."""
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Mark every test with the folder it is in, and order them; `pyproject.toml` lists what each folder costs.
 
     Workers begin with equal parts of the tests, and take from each other's last ones when they have done their own. The
-    first begins by compiling what is inertial, the second what is not, and the others with tests that need neither; the
-    files' tests stay together, and short ones come last, so that no worker waits for another or compiles the same.
+    first begins by compiling what is inertial, the second what is not, and both and the others go on with tests that
+    need nothing else; a file's tests stay together, and short ones come last, so that no worker compiles what another
+    does, or waits for it at the end.
     """
     compiling, files = [], dict[Path, list[pytest.Item]]()
     for item in items:
@@ -53,10 +60,16 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             compiling.append([item])
         else:
             files.setdefault(item.path, []).append(item)
-    first = [files.pop(FOLDER / name) for name in NOT_INERTIAL if FOLDER / name in files]
+    inertial, others = (
+        [files.pop(FOLDER / name) for name in names if FOLDER / name in files] for names in (INERTIAL, NOT_INERTIAL)
+    )
     rest = [files[path] for path in sorted(files, key=_rank)]
-    workers = getattr(config, "workerinput", {}).get("workercount", 1)
-    items[:] = _deal(compiling[::-1], first, rest, workers)
+    parts: list[list[pytest.Item]] = [[] for _ in range(getattr(config, "workerinput", {}).get("workercount", 1))]
+    compiler, idle = parts[:1], parts[1:] or parts
+    for groups, takers in ((compiling[::-1], parts), (inertial, compiler), (others, idle), (rest, parts)):
+        for number, group in enumerate(groups):
+            takers[number % len(takers)].extend(group)
+    items[:] = _level(parts)
 
 
 def _rank(path: Path) -> int:
@@ -65,27 +78,19 @@ def _rank(path: Path) -> int:
     return LONG_FIRST.index(folder) if folder in LONG_FIRST else len(LONG_FIRST)
 
 
-def _deal(
-    compiling: list[list[pytest.Item]], first: list[list[pytest.Item]], rest: list[list[pytest.Item]], workers: int
-) -> list[pytest.Item]:
-    """Deal groups of tests to workers, whose parts then get the sizes that xdist gives them."""
-    parts: list[list[pytest.Item]] = [[] for _ in range(workers)]
-    for groups, begin in ((compiling, 0), (first, 1), (rest, 0)):
-        takers = parts[begin:] or parts
-        for number, group in enumerate(groups):
-            takers[number % len(takers)].extend(group)
-    left = sum(map(len, parts))
-    sizes = []
-    for number in range(workers):
-        sizes.append(left // (workers - number))
+def _level(parts: list[list[pytest.Item]]) -> list[pytest.Item]:
+    """Join parts whose last tests have been moved so that all have the sizes into which xdist divides them."""
+    left, sizes = sum(map(len, parts)), list[int]()
+    for number in range(len(parts)):
+        sizes.append(left // (len(parts) - number))
         left -= sizes[-1]
     surplus = [item for part, size in zip(parts, sizes, strict=True) for item in part[size:]]
-    dealt: list[pytest.Item] = []
+    levelled: list[pytest.Item] = []
     for part, size in zip(parts, sizes, strict=True):
-        kept = part[:size]
-        taken, surplus = surplus[: size - len(kept)], surplus[size - len(kept) :]
-        dealt += kept + taken
-    return dealt
+        lacking = size - len(part[:size])
+        levelled += part[:size] + surplus[:lacking]
+        del surplus[:lacking]
+    return levelled
 
 
 settings.register_profile("suite", derandomize=True, deadline=None)

@@ -7,6 +7,7 @@ import hashlib
 import re
 import shlex
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from typing import Any, Final
 
 import numpy as np
@@ -64,11 +65,7 @@ def filled(template: str, **values: Any) -> str:
     The table of contents lists the sections that have an id and a heading. The content security policy allows the one
     script by its hash. Scrolling boxes can be focused by keyboard.
     """
-    environment = Environment(
-        loader=PackageLoader("mcnav.report", "templates"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
-        lstrip_blocks=True, bytecode_cache=TemplateCache(__file__),
-    )  # fmt: skip
-    environment.filters |= {name: getattr(formats, name) for name in FILTERS} | {"shortened": shortened}
+    environment = _environment()
     style, script = (_source(environment, name) for name in ("style.css", "script.js"))
     script = re.sub(r"(?m)^\s*(//.*)?\n?", "", script)
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
@@ -76,6 +73,17 @@ def filled(template: str, **values: Any) -> str:
         style=Markup(style), script=Markup(script), script_hash=Markup(f"sha256-{digest}"), **values
     )
     return _focusable(_with_contents(text))
+
+
+@cache
+def _environment() -> Environment:
+    """Return the one environment of this process, which keeps the templates that it has loaded."""
+    environment = Environment(
+        loader=PackageLoader("mcnav.report", "templates"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
+        lstrip_blocks=True, bytecode_cache=TemplateCache(__file__),
+    )  # fmt: skip
+    environment.filters |= {name: getattr(formats, name) for name in FILTERS} | {"shortened": shortened}
+    return environment
 
 
 def _source(environment: Environment, name: str) -> str:
