@@ -3,10 +3,20 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from scipy.spatial.transform import Rotation
 
 from mcnav._types import Array
-from mcnav.physics.ins.step_lanes import SHORT, Deviations, StepTables, advance, advance_short, deviations_of, start
+from mcnav.physics.ins.step_lanes import (
+    SHORT,
+    SMALLEST_RADIUS,
+    Deviations,
+    StepTables,
+    advance,
+    advance_short,
+    deviations_of,
+    start,
+)
 from tests.cross.test_ins_aided import engine
 
 STEP = 100
@@ -84,3 +94,21 @@ def test_a_short_step_is_that_of_the_general_scheme() -> None:
     assert np.abs(found.beyond[3:] - expected.beyond[3:]).max() <= h * left + further + rounding
     # the bound is far below what the step adds
     assert left < 1e-3 * growth
+
+
+@pytest.mark.parametrize("short", [True, False])
+def test_samples_near_the_earths_centre_are_not_sound(short: bool) -> None:
+    """Nearer than half of the radius, in whichever direction."""
+    shared, made = tables(), samples()
+    directions = np.random.default_rng(4).standard_normal(made.here.shape)
+    shares = np.resize([0.45, 0.55], made.here.shape[1])
+    away = shares * shared.constants[0] * directions / np.linalg.norm(directions, axis=0)
+    made.linear[6:] = away - shared.places[2 * STEP][:, None]
+    made.linear[3:6] = -np.gradient(shared.places, shared.durations[STEP] / 2.0, axis=0)[2 * STEP][:, None]
+    made.beyond[:] = 0.0
+    if short:
+        advance_short(STEP, shared, made)
+    else:
+        start(STEP, shared, made)
+        advance(STEP, shared, made)
+    np.testing.assert_array_equal(made.sound[0], np.where(shares > SMALLEST_RADIUS, 1.0, 0.0))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mcnav.constants import STANDARD_GRAVITY
-from mcnav.physics.ins.earth import WGS84, Earth
+from mcnav.physics.ins.earth import WGS84, Earth, local_axes
 from mcnav.physics.ins.rows import TrajectoryRows, check_rows
 from mcnav.physics.ins.segments import (
     Climb,
@@ -18,6 +18,7 @@ from mcnav.physics.ins.segments import (
     Straight,
     Turn,
     WayPoint,
+    _great_circle,
     fly_segments,
 )  # fmt: skip
 
@@ -108,14 +109,34 @@ def test_straight_is_a_great_circle_on_a_sphere() -> None:
     assert np.max(np.abs(positions @ normal)) < 6.4e6 * 1e-9 / 150.0 * 10.0
 
 
-@pytest.mark.parametrize("place", [(48.0, 11.0), (46.0, 5.0), (30.0, -40.0), (47.3, 8.9)])
-def test_way_points_are_met(place: tuple[float, float]) -> None:
+@pytest.mark.parametrize("place", [(30.0, -40.0), (-20.0, 130.0), (47.0, 9.5)])
+def test_bearing_and_distance_by_vectors(place: tuple[float, float]) -> None:
+    """The search for a way point starts from them, and would find it from others as well."""
     latitude, longitude = np.radians(place)
-    rows = fly(WayPoint(latitude, longitude), rate=2.0)
+    level = local_axes(CRUISE.latitude, CRUISE.longitude)  # columns north, east, down
+    there = -local_axes(latitude, longitude)[:, 2]
+    north, east, up = level[:, 0] @ there, level[:, 1] @ there, -level[:, 2] @ there
+    expected = np.arctan2(east, north), 2.0 * np.arctan2(np.hypot(north, east), 1.0 + up)
+    assert _great_circle(CRUISE, latitude, longitude, 1.0) == pytest.approx(expected, rel=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("start", "place", "rate"),
+    [
+        (CRUISE, (48.0, 11.0), 2.0), (CRUISE, (46.0, 5.0), 2.0), (CRUISE, (30.0, -40.0), 2.0),
+        (CRUISE, (47.3, 8.9), 2.0), (CRUISE, (-20.0, 130.0), 0.1),
+        (Start(0.0, 0.1, 3_000.0, 1.5, 150.0), (0.0, 9.0), 2.0),
+    ],
+)  # fmt: skip
+def test_way_points_are_met(start: Start, place: tuple[float, float], rate: float) -> None:
+    """Near and far, one beyond a quarter of the earth, one along the equator; by the shorter turn."""
+    latitude, longitude = np.radians(place)
+    rows = fly(WayPoint(latitude, longitude), start=start, rate=rate)
     target = WGS84.from_geodetic(latitude, longitude, CRUISE.altitude)
     end = WGS84.from_geodetic(rows.latitude[-1], rows.longitude[-1], rows.altitude[-1])
     # aimed to 1 mm; steps of 0.1 s in blends of 7.5 s leave (0.1 / 7.5)^4 / 120 of the course, and that of the way
     assert np.linalg.norm(end - target) < 1e-3 + (0.1 / 7.5) ** 4 / 120.0 * 5e6
+    assert np.ptp(np.unwrap(rows.angles[:, 0])) < 1.5 * np.pi  # half a turn, and what the way to (30, -40) adds
 
 
 def test_velocities_are_the_derivative_and_the_force_has_no_jumps() -> None:
