@@ -104,21 +104,25 @@ class Trial:
         return found
 
     def _called(self, mutant: Mutant) -> set[str]:
-        """Return the recorded functions by way of which a mutant is reached; the nearest."""
+        """Return the recorded functions by way of which a mutant is reached; the nearest.
+
+        Compiled code calls other compiled code without its being recorded, so that its callers count as well.
+        """
         known = {name for _, functions in self.tests.values() for name in functions}
-        own = f"{mutant.path}:{mutant.site.function}"
-        if mutant.site.function and own in known:
+        compiled = self.references.lines
+        own, first = f"{mutant.path}:{mutant.site.function}", (mutant.path, mutant.site.owner)
+        if mutant.site.function and own in known and first not in compiled:
             return {own}
         by_owner: dict[Node, set[str]] = {}
         for name in known:
             path, function = name.split(":")
             by_owner.setdefault((path, function.split(".")[0]), set()).add(name)
-        left: list[Node] = [(mutant.path, mutant.site.owner)]
+        left: list[Node] = [first]
         seen, found = set(left), set()
         while left:
             node = left.pop()
-            if node in by_owner:
-                found |= by_owner[node]
+            found |= by_owner.get(node, set())
+            if node in by_owner and node not in compiled:
                 continue
             further = self.references.users.get(node, set()) - seen
             seen |= further
