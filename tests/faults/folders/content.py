@@ -78,10 +78,16 @@ VALUES: Final[tuple[Any, ...]] = (
 
 
 def sign(folder: Path, change: Callable[[dict[str, Any]], object]) -> None:
-    """Change a manifest and give it the checksum that it should have, as somebody would who means harm."""
+    """Change a manifest and give it the checksum that it should have, as somebody would who means harm.
+
+    What another change has made no manifest any more is left as it is.
+    """
     path = folder / "manifest.json"
-    content = json.loads(path.read_text())
-    content.pop("checksum", None)
+    try:
+        content = json.loads(path.read_text())
+        content.pop("checksum", None)
+    except (ValueError, AttributeError):
+        return
     change(content)
     RunFolder(folder).write_json(path.name, content | {"checksum": json_digest(content)})
 
