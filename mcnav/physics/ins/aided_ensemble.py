@@ -8,9 +8,10 @@ own indicated attitude and force; its gains are its own, or with shared gains th
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Final, NamedTuple, cast
+from typing import Any, Final, NamedTuple, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from mcnav._types import Array, IndexArray
 from mcnav.physics.ins.closed_loop import ClosedLoop, own_covariances
 from mcnav.physics.ins.deviations import deviate
 from mcnav.physics.ins.ensemble import EnsembleTables
+from mcnav.physics.ins.filter_consistency import COUNTS
 from mcnav.physics.ins.filter_lanes import (
     BEYOND,
     SIX,
@@ -75,6 +77,8 @@ from mcnav.physics.ins.update_lanes import (
 )
 from mcnav.physics.jit import allocation_free, allocation_free_part, inlined
 from mcnav.physics.vectors import LANES, Store, load, room, store
+
+Made = TypeVar("Made")
 
 MEASUREMENT_STREAM: Final = 2
 """Stream of the measurements' white noise."""
@@ -149,6 +153,12 @@ class AidedTables:
         """Tables made for constant errors that are not zero; those of all chunks of a campaign are the same."""
         return {}
 
+    def _once(self, name: str, active: IndexArray, make: Callable[[IndexArray], Made]) -> Made:
+        key = name, active.tobytes()
+        if key not in self._of_active:
+            self._of_active[key] = make(active)
+        return cast(Made, self._of_active[key])
+
     def steps(self, active: IndexArray) -> StepTables:
         """Return what compiled code takes of the steps.
 
@@ -157,10 +167,7 @@ class AidedTables:
         active : ndarray of int
             Numbers of the constant errors of the instruments that are not zero.
         """
-        key = ("steps", active.tobytes())
-        if key not in self._of_active:
-            self._of_active[key] = self.ensemble.steps(active)
-        return cast(StepTables, self._of_active[key])
+        return self._once("steps", active, self.ensemble.steps)
 
     def updates(self, active: IndexArray) -> UpdateTables:
         """Return what compiled code takes of the updates.
@@ -170,10 +177,7 @@ class AidedTables:
         active : ndarray of int
             Numbers of the constant errors of the sensors that are not zero.
         """
-        key = ("updates", active.tobytes())
-        if key not in self._of_active:
-            self._of_active[key] = self._updates(active)
-        return cast(UpdateTables, self._of_active[key])
+        return self._once("updates", active, self._updates)
 
     def _updates(self, active: IndexArray) -> UpdateTables:
         measured, model, roots = self.loop.measurements, self.loop.filter, self.loop.roots
@@ -431,7 +435,7 @@ def _begin(
         store(own.drifts, c, 0.0)
         store(own.shown, c, 0.0)
     for sensor in range(len(own.tally)):
-        for c in range(5):
+        for c in range(COUNTS):
             store(own.tally, (sensor, c), 0.0)
         for c in range(SIX):
             store(own.before, (sensor, c), 0.0)

@@ -13,6 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from mcnav._types import Array, IndexArray
+from mcnav.physics.ins.filter_consistency import COUNTS
 from mcnav.physics.ins.normalization_lanes import (
     GROUPS,
     NormalizationRooms,
@@ -29,9 +30,6 @@ from mcnav.physics.vectors import LANES, load, room, store, where
 
 COVARIANCE: Final = 45
 """Numbers of the lower triangle of the outputs' covariance."""
-
-COUNTS: Final = 5
-"""Numbers counted of each sensor."""
 
 
 class EpochTables(NamedTuple):

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from mcnav._types import Array, IndexArray
 from mcnav.physics.ins.earth import geodetic_altitude
+from mcnav.physics.ins.filter_consistency import COUNTS
 from mcnav.physics.ins.filter_lanes import SIX
 from mcnav.physics.ins.measurements import (
     ALTITUDE,
@@ -126,7 +127,7 @@ def estimates_of(states: int, aiding: int, components: int, sensors: int, keep: 
     """
     return Estimates(
         keep(states), keep(states), keep(aiding), keep(components), keep(components), room(SIX), room(SIX), room(SIX),
-        room(SIX), room(3), room(1), keep(sensors, SIX), keep(sensors, 5),
+        room(SIX), room(3), room(1), keep(sensors, SIX), keep(sensors, COUNTS),
     )  # fmt: skip
 
 
