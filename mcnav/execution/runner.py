@@ -14,6 +14,7 @@ from joblib import Parallel, delayed
 
 from mcnav.errors import TooManyFailures
 from mcnav.execution.chunks import ChunkJob, SampleRange, find_file, simulate_chunk
+from mcnav.execution.memory import keep_freed_memory
 from mcnav.execution.processes import end_workers, run_in_processes
 from mcnav.progress import Progress
 from mcnav.store.chunk_files import ChunkFile, chunk_name
@@ -23,6 +24,7 @@ ChunkExecutor = Callable[[ChunkJob, Sequence[SampleRange], int], Generator[Chunk
 
 
 def _run_in_threads(work: ChunkJob, missing: Sequence[SampleRange], jobs: int) -> Generator[ChunkFile, None, None]:
+    keep_freed_memory()
     workers = min(jobs, max(1, len(missing)))
     parallel = Parallel(n_jobs=workers, return_as="generator_unordered", backend="threading")
     yield from parallel(delayed(simulate_chunk)(work, place) for place in missing)

@@ -37,6 +37,9 @@ ROOM: Final = 100_000_000
 MOST_TEXT: Final = 250_000_000
 """Bytes of the texts of a file."""
 
+MOST_PARTS: Final = 1_000
+"""Row groups of a file; those that are written here have a million rows."""
+
 CLAIMS: Final = "it claims to hold more than there is room for"
 
 MOST_TRACEBACKS: Final = 500_000
@@ -274,8 +277,11 @@ def _repeated(column: pa.ChunkedArray, kind: pa.DataType, room: int) -> tuple[pa
 def check_room(described: pq.FileMetaData, size: int, most: int = LARGEST_CHUNK) -> None:
     """Raise `ValueError` when a file of so many bytes claims to hold more than there is room for.
 
-    Numbers that a dictionary holds once are counted as often as they occur.
+    Numbers that a dictionary holds once are counted as often as they occur. What is read part by part takes long when
+    these are many.
     """
+    if described.num_row_groups > MOST_PARTS:
+        raise ValueError(f"it is in {described.num_row_groups:,} parts")
     claimed = sum(described.row_group(number).total_byte_size for number in range(described.num_row_groups))
     claimed = max(claimed, 8 * described.num_rows * described.num_columns)
     if claimed > min(MOST_EXPANSION * size + ROOM, most):

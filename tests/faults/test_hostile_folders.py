@@ -19,7 +19,7 @@ import pytest
 from mcnav.errors import RunFolderError
 from mcnav.files import parquet_bytes
 from mcnav.store import chunk_files
-from mcnav.store.chunk_files import table_from
+from mcnav.store.chunk_files import MOST_PARTS, table_from
 from mcnav.store.run_folder import MOST_ENTRIES, RunFolder
 from tests.commands import invoke
 from tests.faults.folders.content import sign
@@ -128,6 +128,14 @@ def test_histories_that_are_a_pipe(base: Path, place: Path) -> None:
     path = place / "hostile" / "run" / "histories.parquet"
     path.unlink()
     os.mkfifo(path)
+    with pytest.raises(RunFolderError, match=r"histories\.parquet: is damaged"):
+        RunFolder(path.parent).histories(10)
+
+
+def test_histories_in_parts_beyond_number(place: Path) -> None:
+    """Of one row each: fifty thousand of them take half a minute."""
+    path = place / "hostile" / "run" / "histories.parquet"
+    pq.write_table(pq.read_table(path).slice(0, MOST_PARTS + 1), path, row_group_size=1)
     with pytest.raises(RunFolderError, match=r"histories\.parquet: is damaged"):
         RunFolder(path.parent).histories(10)
 

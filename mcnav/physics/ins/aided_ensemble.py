@@ -76,7 +76,7 @@ from mcnav.physics.ins.update_lanes import (
     judge,
 )
 from mcnav.physics.jit import allocation_free, allocation_free_part, inlined
-from mcnav.physics.vectors import LANES, Store, load, room, store
+from mcnav.physics.vectors import LANES, Store, load, put_aside, room, store, take_back
 
 Made = TypeVar("Made")
 
@@ -471,16 +471,6 @@ def _subtract_estimates(k: int, tables: FilterSteps, samples: Deviations, own: E
 
 
 @inlined
-def _copy_rows(rows: Array, group: int, others: Array, back: bool) -> None:
-    """Copy all that outlasts a step to the rooms of a group, or back."""
-    for r in range(len(rows)):
-        if back:
-            store(rows, r, load(others, (group, r)))
-        else:
-            store(others, (group, r), load(rows, r))
-
-
-@inlined
 def _draw_disturbances(begin: int, end: int, most: int, noise: _Noise, lanes: _LaneRooms) -> None:
     """Draw the normal variates of the measurements from one update to before another."""
     first, count = begin * most, (end - begin) * most
@@ -593,7 +583,7 @@ def _run(
                     nothing = 0.0 * load(samples.turn, 0)
                     store(samples.bias, q, epochs.sizes[q] * load(lanes.normals, q) if noise.drawn else nothing)
             elif groups > 1:
-                _copy_rows(lanes.kept, group, lanes.others, True)
+                take_back(lanes.kept, group, lanes.others)
             if noise.drawn:
                 draw_normals(noise.seed, lanes.numbers, IMU_STREAM, count + block * width, drawn, lanes.normals)
             if noise.measured:
@@ -634,5 +624,5 @@ def _run(
                     beyond = of_lane == SOUND and not samples.sound[0, i] > 0.0
                     results.outcomes[begin + i] = BEYOND if beyond else of_lane
             elif groups > 1:
-                _copy_rows(lanes.kept, group, lanes.others, False)
+                put_aside(lanes.kept, group, lanes.others)
         passed = reached

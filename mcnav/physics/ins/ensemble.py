@@ -12,7 +12,7 @@ products of errors within the step are taken from their means, and the remainder
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,10 +36,10 @@ from mcnav.physics.ins.step_lanes import (
 )
 from mcnav.physics.ins.truth import Platform, Truth
 from mcnav.physics.jit import allocation_free, compiled
-from mcnav.physics.vectors import LANES, load, room, store
+from mcnav.physics.vectors import LANES, Store, load, put_aside, room, store, take_back
 
-STEPS_OF_NOISE: Final = 16
-"""Steps whose normal variates are drawn together."""
+STEPS_OF_BLOCK: Final = 16
+"""Steps that LANES samples take before others take them: their tables stay in the cache, their variates are drawn."""
 
 
 @dataclass(frozen=True)
@@ -222,6 +222,28 @@ class EnsembleErrors:
     valid: NDArray[np.bool_]
 
 
+class _LaneRooms(NamedTuple):
+    """Room for LANES samples, and for all samples between two blocks of steps.
+
+    Attributes
+    ----------
+    kept : ndarray, shape (rows, LANES)
+        All that outlasts a step.
+    others : ndarray, shape (groups, rows, LANES)
+        The same of all groups of LANES samples.
+    """
+
+    samples: Deviations
+    normals: Array
+    numbers: NDArray[np.uint64]
+    deviations: Array
+    local: Array
+    axes: Array
+    errors: Array
+    kept: Array
+    others: Array
+
+
 def simulate(tables: EnsembleTables, errors: Array, seed: int, samples: IndexArray) -> EnsembleErrors:
     """Simulate samples with noise of their own.
 
@@ -257,56 +279,73 @@ def _simulate(
     active = np.flatnonzero(errors[:, 9:].any(axis=0))
     values, predicted = np.empty((len(errors), len(tables.epochs), 9)), np.empty((len(errors), 9))
     sound, width = np.empty(len(errors), dtype=np.bool_), tables.factors.shape[1]
+    keep = Store()
+    lanes = _LaneRooms(
+        deviations_of(len(active), len(tables.sizes), keep=keep), room(max(STEPS_OF_BLOCK * width, len(tables.sizes))),
+        np.zeros((1, LANES), dtype=np.uint64), room(6), room(LOCAL), room(9), room(9), keep.rows,
+        room(-(-len(errors) // LANES), len(keep.rows)),
+    )  # fmt: skip
     _run(
-        tables.steps(active), deviations_of(len(active), len(tables.sizes)), room(STEPS_OF_NOISE * width),
-        np.zeros((1, LANES), dtype=np.uint64), tables.epochs, tables.truth, tables.output_maps, tables.sizes,
-        np.ascontiguousarray(errors[:, 9 + active]), state, linear, seed, samples, given, noisy,
-        (room(6), room(LOCAL), room(9), room(9)), values, predicted, sound,
+        tables.steps(active), tables.epochs, tables.truth, tables.output_maps, tables.sizes,
+        np.ascontiguousarray(errors[:, 9 + active]), state, linear, seed, samples, given, noisy, lanes, values,
+        predicted, sound,
     )  # fmt: skip
     return EnsembleErrors(values, predicted, sound & np.isfinite(values).all(axis=(1, 2)))
 
 
 @allocation_free
 def _run(
-    tables: StepTables, samples: Deviations, normals: Array, numbers: NDArray[np.uint64], epochs: IndexArray,
-    truth: TrueStates, output_maps: Array, sizes: Array, equipment: Array, state: Array, linear: Array,
-    seed: np.uint64, indices: NDArray[np.uint64], given: Array, noisy: bool,
-    rooms: tuple[Array, Array, Array, Array], values: Array, predicted: Array, valid: NDArray[np.bool_],
+    tables: StepTables, epochs: IndexArray, truth: TrueStates, output_maps: Array, sizes: Array, equipment: Array,
+    state: Array, linear: Array, seed: np.uint64, indices: NDArray[np.uint64], given: Array, noisy: bool,
+    lanes: _LaneRooms, values: Array, predicted: Array, valid: NDArray[np.bool_],
 ) -> None:  # fmt: skip
-    steps, count, width = len(tables.durations), len(sizes), tables.factors.shape[1]
-    deviations, local, axes, errors = rooms
+    """Simulate all samples, LANES at a time: each group over a block of steps, whose tables stay in the cache."""
+    samples, normals, steps, count = lanes.samples, lanes.normals, len(tables.durations), len(sizes)
+    groups, passed, width = len(lanes.others), 0, tables.factors.shape[1]
     drawing = noisy and given.shape[1] == 0
-    for begin in range(0, len(state), LANES):
-        size = min(LANES, len(state) - begin)
-        for i in range(LANES):
-            row = begin + min(i, size - 1)
-            numbers[0, i] = indices[row]
-            place(i, equipment[row], linear[row], state[row], samples)
-        start(0, tables, samples)
-        if drawing:
-            draw_normals(seed, numbers, IMU_STREAM, 0, count, normals)
-        for q in range(count):
-            store(samples.bias, q, sizes[q] * load(normals, q) if drawing else 0.0 * load(normals, q))
-        reached = 0
-        for k in range(steps + 1):
-            if reached < len(epochs) and epochs[reached] == k:
-                for r in range(6):
-                    store(deviations, r, load(samples.linear, 3 + r) + load(samples.beyond, r))
-                read_errors(reached, tables.constants, truth, samples.turn, deviations, local, axes, errors)
-                copy_rows(errors, begin, size, reached, values)
-                reached += 1
-                if reached == len(epochs):
-                    read_linear(output_maps[-1], samples.linear, begin, size, predicted)
-            if k == steps:
-                break
-            within = k % STEPS_OF_NOISE
-            if drawing and within == 0:
-                drawn = min(STEPS_OF_NOISE, steps - k) * width
-                draw_normals(seed, numbers, IMU_STREAM, count + k * width, drawn, normals)
-            respond(k, tables, drawing, normals, within * width, samples)
-            if noisy and not drawing:
+    for block in range(0, steps + 1, STEPS_OF_BLOCK):
+        end = min(block + STEPS_OF_BLOCK, steps + 1)
+        reached, drawn = passed, (min(end, steps) - block) * width
+        for group in range(groups):
+            begin = group * LANES
+            size, reached = min(LANES, len(state) - begin), passed
+            for i in range(LANES):
+                lanes.numbers[0, i] = indices[begin + min(i, size - 1)]
+            if block == 0:
                 for i in range(LANES):
-                    add_given(given[begin + min(i, size - 1), k * width : (k + 1) * width], i, samples)
-            advance(k, tables, samples)
-        for i in range(size):
-            valid[begin + i] = samples.sound[0, i] > 0.0
+                    row = begin + min(i, size - 1)
+                    place(i, equipment[row], linear[row], state[row], samples)
+                start(0, tables, samples)
+                if drawing:
+                    draw_normals(seed, lanes.numbers, IMU_STREAM, 0, count, normals)
+                for q in range(count):
+                    store(samples.bias, q, sizes[q] * load(normals, q) if drawing else 0.0 * load(normals, q))
+            elif groups > 1:
+                take_back(lanes.kept, group, lanes.others)
+            if drawing:
+                draw_normals(seed, lanes.numbers, IMU_STREAM, count + block * width, drawn, normals)
+            for k in range(block, end):
+                if reached < len(epochs) and epochs[reached] == k:
+                    for r in range(6):
+                        store(lanes.deviations, r, load(samples.linear, 3 + r) + load(samples.beyond, r))
+                    read_errors(
+                        reached, tables.constants, truth, samples.turn, lanes.deviations, lanes.local, lanes.axes,
+                        lanes.errors,
+                    )  # fmt: skip
+                    copy_rows(lanes.errors, begin, size, reached, values)
+                    reached += 1
+                    if reached == len(epochs):
+                        read_linear(output_maps[-1], samples.linear, begin, size, predicted)
+                if k == steps:
+                    break
+                respond(k, tables, drawing, normals, (k - block) * width, samples)
+                if noisy and not drawing:
+                    for i in range(LANES):
+                        add_given(given[begin + min(i, size - 1), k * width : (k + 1) * width], i, samples)
+                advance(k, tables, samples)
+            if end > steps:
+                for i in range(size):
+                    valid[begin + i] = samples.sound[0, i] > 0.0
+            elif groups > 1:
+                put_aside(lanes.kept, group, lanes.others)
+        passed = reached

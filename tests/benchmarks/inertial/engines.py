@@ -17,6 +17,7 @@ from typing import Any, Final
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.execution.memory import keep_freed_memory
 from mcnav.physics.ins.aided_ensemble import simulate_aided
 from mcnav.physics.ins.ensemble import simulate_given
 from mcnav.physics.ins.fine_noise import draw_noise
@@ -172,6 +173,7 @@ def _given(engine: AidedEngine, errors: Array, reference: AidedReferenceEngine, 
 
 def measure(works: Sequence[Work], seconds: float = 1.0, rounds: int = ROUNDS) -> list[dict[str, Any]]:
     """Time all in turns, on one thread and on two; some seconds each."""
+    keep_freed_memory()  # as the program does
     counts = [_count(work, seconds) for work in works]
     alone: list[list[tuple[float, float]]] = [[] for _ in works]
     both: list[list[float]] = [[] for _ in works]

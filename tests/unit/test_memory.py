@@ -1,0 +1,47 @@
+"""A process keeps the memory that it has freed, and needs no new pages for the next piece of the same size."""
+
+from __future__ import annotations
+
+import platform
+import sys
+
+import pytest
+
+from tests.conftest import ROOT
+from tests.processes import run_to_end
+
+PAGES = """
+import sys, threading, resource, mmap
+import numpy as np
+from mcnav.execution.memory import keep_freed_memory
+
+if sys.argv[1] == "keep":
+    assert keep_freed_memory()
+
+def work():
+    for _ in range(20):
+        [np.ones(400_000) for _ in range(4)]  # numpy asks for large pages from 4 MB on
+
+def pages():
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+    threads = [threading.Thread(target=work) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
+
+pages()
+print(pages() * mmap.PAGESIZE / (40 * 4 * 3_200_000))
+"""
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another C library")
+def test_freed_memory_is_kept() -> None:
+    """Forty times four pieces in two threads, which need new pages for a tenth of the pieces at most."""
+    shares = {}
+    for mode in ("keep", "give back"):
+        done = run_to_end([sys.executable, "-c", PAGES, mode], cwd=ROOT)
+        assert done.returncode == 0, done.stderr
+        shares[mode] = float(done.stdout)
+    assert shares["keep"] <= 0.1 < shares["give back"]
