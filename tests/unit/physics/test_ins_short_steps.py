@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from mcnav._types import Array
 from mcnav.physics.ins.step_lanes import (
+    LARGEST_TURN,
     SHORT,
     SMALLEST_RADIUS,
     Deviations,
@@ -112,3 +113,22 @@ def test_samples_near_the_earths_centre_are_not_sound(short: bool) -> None:
         start(STEP, shared, made)
         advance(STEP, shared, made)
     np.testing.assert_array_equal(made.sound[0], np.where(shares > SMALLEST_RADIUS, 1.0, 0.0))
+
+
+@pytest.mark.parametrize("short", [True, False])
+def test_large_turns_within_a_step(short: bool) -> None:
+    """Up to the largest that is sound, by series of which the first term left out is 2e-16."""
+    made = samples()
+    angles = np.linspace(0.0, 0.99 * LARGEST_TURN, made.turn.shape[1])
+    axes = np.random.default_rng(5).standard_normal((3, len(angles)))
+    made.response[:3] = made.linear_response[:3] = angles * axes / np.linalg.norm(axes, axis=0)
+    before = Rotation.from_quat(np.roll(made.turn, -1, axis=0).T)
+    expected = before * Rotation.from_rotvec(made.response[:3].T)
+    if short:
+        advance_short(STEP, tables(), made)
+    else:
+        start(STEP, tables(), made)
+        advance(STEP, tables(), made)
+    found = Rotation.from_quat(np.roll(made.turn, -1, axis=0).T)
+    assert (found * expected.inv()).magnitude().max() < 1e-15
+    np.testing.assert_allclose(np.linalg.norm(made.turn, axis=0), 1.0, rtol=0.0, atol=1e-15)
