@@ -60,6 +60,7 @@ class Trial:
             name: (seconds, functions) for name, seconds, functions in recorded
         }
         self.references = read_references(self.tree)
+        self._sound = set[str]()
 
     def _record(self) -> None:
         command = [sys.executable, "-m", "pytest", "-p", "tests.mutation.recording", *TESTS, *FURTHER]
@@ -86,6 +87,16 @@ class Trial:
         finally:
             path.write_text(source)
             os.utime(path, (stamps.st_atime, stamps.st_mtime))
+
+    def fails_unchanged(self, test: str) -> bool:
+        """Return whether a test that failed with a mutant fails without it, too; then it is no test of this trial."""
+        if test in self.tests and test not in self._sound:
+            drop_compiled(self.warm, self.cache, set())
+            if self._run([test])[0]:
+                del self.tests[test]
+                return True
+            self._sound.add(test)
+        return False
 
     def _is_plain(self, mutant: Mutant) -> bool:
         """Return whether only the interpreter sees a place: in a method, or a function that nothing compiled uses."""
@@ -186,7 +197,8 @@ def main(count: int, seed: int, only: str, work: Path) -> None:
     killed = 0
     for number, mutant in enumerate(choose(trial.tree, count, seed, only), 1):
         began = time.monotonic()
-        fate = trial.try_mutant(mutant)
+        while trial.fails_unchanged((fate := trial.try_mutant(mutant)).killer):
+            print(f"fails without a mutant: {fate.killer}", flush=True)
         killed += bool(fate.killer)
         print(
             f"{number}\t{mutant}\t{fate.killer or 'SURVIVED'}\t{fate.tests} tests\t{fate.seconds:.0f} s\t"
