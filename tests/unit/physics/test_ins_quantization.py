@@ -10,7 +10,7 @@ from mcnav._types import Array
 from mcnav.physics.ins.covariance import process_systems, propagate
 from mcnav.physics.ins.earth import Earth
 from mcnav.physics.ins.fine_noise import draw_noise
-from mcnav.physics.ins.instruments import AXES, OUTPUTS, Imu, Noise
+from mcnav.physics.ins.instruments import AXES, OUTPUTS, Imu, Noise, process_sizes
 from mcnav.physics.ins.linear_noise import respond_from_rest
 from mcnav.physics.ins.mechanization import LONGEST_STEP, longest_step
 from mcnav.physics.ins.response import respond
@@ -37,6 +37,19 @@ def quantized(gyro: float, accelerometer: float = 0.0, interval: float = INTERVA
 def covariances(truth: Truth, imu: Imu, begin: float, end: float, steps: int) -> dict[str, Array]:
     responses = respond(truth, "strapdown", np.linspace(begin, end, steps + 1), imu)
     return {name: each[0] for name, each in propagate(truth, responses, imu, np.array([steps])).processes.items()}
+
+
+@pytest.mark.parametrize("instrument", [0, 1])
+def test_of_a_single_axis(instrument: int) -> None:
+    """It is there, and as large as beside that of the others."""
+    sizes = [np.zeros(3), np.zeros(3)]
+    sizes[instrument][1] = 1e-4
+    one = Imu(*(Noise(quantization=size, quantization_interval=np.full(3, INTERVAL)) for size in sizes))
+    (name,) = (name for name, size in process_sizes(one).items() if size > 0.0)
+    found = covariances(rest(duration=60.0, earth=FLAT), one, 0.0, 60.0, 4)[name]
+    all_axes = covariances(rest(duration=60.0, earth=FLAT), quantized(1e-4, 1e-4), 0.0, 60.0, 4)[name]
+    assert found.any()
+    np.testing.assert_array_equal(found, all_axes)
 
 
 def test_growth_at_rest() -> None:

@@ -53,6 +53,7 @@ def test_values_that_are_not_rounded() -> None:
     values = np.random.default_rng(1).normal(50.0, 1.0, 5_000)
     assert last_decimal(values) == 0.0
     assert last_decimal(np.full(100, 1_000.0)) == 0.0
+    assert last_decimal(np.array([1.0, 2.0]) * 1e-13) == 0.0
     values = np.round(values, 3)
     values[4_001] += 1e-6
     assert last_decimal(values) == pytest.approx(1e-6)
