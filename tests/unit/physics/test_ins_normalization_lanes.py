@@ -98,3 +98,21 @@ def test_outputs_that_a_filter_believes_free_of_error_have_no_variance() -> None
     scale = np.linalg.cond(factor) ** 2 * np.linalg.cond(turn)
     expected = np.sum(np.linalg.solve(factor, rooms.errors[3:]) ** 2, axis=0)
     np.testing.assert_allclose(rooms.nees[1], expected, rtol=1e-7 * scale)
+
+
+def test_states_without_any_variance_have_none_in_the_outputs() -> None:
+    """A filter that knows its position exactly: numbers throughout, and zero where there is nothing to normalize."""
+    factor = np.random.default_rng(9).standard_normal((6, 6))
+    covariance = np.zeros((9, 9))
+    covariance[:6, :6] = factor @ factor.T
+    rooms = normalization_rooms(0)
+    rooms.errors[:] = 0.0
+    rooms.errors[:6] = factor @ np.random.default_rng(10).standard_normal((6, LANES))
+    normalize_by_own(in_lanes(np.repeat(covariance[None], LANES, axis=0)), np.arange(9), np.eye(9), rooms)
+    np.testing.assert_allclose(rooms.mapped[..., 0], np.tril(covariance), rtol=1e-15)
+    assert not rooms.nees[4].any()
+    for group in (0, 1):
+        rows = slice(3 * group, 3 * group + 3)
+        solved = np.linalg.solve(covariance[rows, rows], rooms.errors[rows])
+        expected = np.sum(rooms.errors[rows] * solved, axis=0)
+        np.testing.assert_allclose(rooms.nees[2 + group], expected, rtol=1e-13 * np.linalg.cond(covariance[rows, rows]))
