@@ -64,8 +64,11 @@ def _fail(message: str, status: int = BAD_INPUT) -> typer.Exit:
 
 
 @contextmanager
-def _reported_errors(file: Path | None) -> Iterator[None]:
-    """Turn errors that the user can fix into messages and an exit status; scenario errors name the campaign file."""
+def _reported_errors(file: Path | None, given: Path | None) -> Iterator[None]:
+    """Turn errors that the user can fix into messages and an exit status.
+
+    Those of scenarios name the campaign file, and where memory is short what was given.
+    """
     from mcnav.errors import CampaignError, ClusterError, Problem, RunFolderBusy, RunFolderError, TooManyFailures
     from mcnav.lincov.partials import SimulationFailed
     from mcnav.scenarios.protocol import ScenarioError
@@ -77,7 +80,7 @@ def _reported_errors(file: Path | None) -> Iterator[None]:
     except TooManyFailures as problem:
         raise _fail(f"{problem}; {RESUMES.format(' without --max-failures')}", SOME_FAILED) from None
     except MemoryError:
-        place = f"{file}: " if file else ""
+        place = f"{given}: " if given else ""
         remedy = f"; {RESUMES.format('')} (fewer --jobs need less)" if interrupts.resumes else ""
         raise _fail(f"{place}not enough memory{remedy}") from None
     except ScenarioError as problem:
@@ -102,8 +105,10 @@ def _command(
         @wraps(function)
         def command(*arguments: Parameters.args, **options: Parameters.kwargs) -> Result:
             interrupts.resumes = resumes
-            file = options.get("campaign")
-            with _reported_errors(file if isinstance(file, Path) else None):
+            file, folder = (
+                each if isinstance(each := options.get(name), Path) else None for name in ("campaign", "folder")
+            )
+            with _reported_errors(file, file or folder):
                 return function(*arguments, **options)
 
         group.command(name)(command)

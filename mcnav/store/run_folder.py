@@ -340,7 +340,7 @@ class RunFolder:
         layout = manifest.sample_schema
         begins = list(accumulate((_rows_of(chunk, stored_rows) for chunk in chunks), initial=0))
         columns = sum(map(len, (layout.errors, layout.outputs, layout.linear, layout.filter))) + 2
-        room = MOST_EXPANSION * sum(found.stat().st_size for found in present) + LARGEST_CHUNK
+        room = LARGEST_CHUNK + sum(min(MOST_EXPANSION * found.stat().st_size, LARGEST_CHUNK) for found in present)
         if 8 * begins[-1] * columns > room and len(present) >= len(chunks):
             raise ValueError("it claims to have more samples than there is room for")
         samples = room_for(begins[-1], layout)

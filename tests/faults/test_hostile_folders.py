@@ -176,17 +176,27 @@ def test_texts_are_those_that_were_written() -> None:
         assert table_from(parquet_bytes(table, ["status"])).equals(table)
 
 
-def test_samples_beyond_number(place: Path) -> None:
+@pytest.mark.parametrize(("samples", "length"), [(10**10, 10**8), (10**8, 900_000_000)])
+def test_samples_beyond_number(samples: int, length: int, place: Path) -> None:
+    """In a file that is long without taking room, and in one longer than any that is read."""
     run = place / "hostile" / "run"
 
     def claim(manifest: dict[str, Any]) -> None:
-        manifest["samples"] = manifest["parts"][-1]["end"] = 10**10
+        manifest["samples"] = manifest["parts"][-1]["end"] = samples
         manifest["kept"] = None
 
     sign(run, claim)
     (part,) = (run / "samples").iterdir()
-    os.truncate(part, 10**8)
+    os.truncate(part, length)
     assert "it claims to have more samples than there is room for" in refuse("report", place)
+
+
+def test_too_little_memory_names_the_folder(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr("mcnav.workflow.export.export_run", fail)
+    assert refuse("export", place) == f"error: {place / 'hostile' / 'run'}: not enough memory"
 
 
 @pytest.mark.parametrize("which", ["outputs", "sources"])

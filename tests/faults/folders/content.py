@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Final
 
 import pyarrow as pa
+import pyarrow.parquet as pq
 
 from mcnav.files import parquet_bytes
 from mcnav.store.manifest import json_digest
@@ -112,7 +114,11 @@ def set_at(value: Any, path: tuple[Any, ...], new: Any) -> None:
 
 def store(folder: Path, path: Path, content: pa.Table | bytes) -> None:
     """Write a parquet file; the manifest says that it is right."""
-    if isinstance(content, pa.Table):
+    if isinstance(content, pa.Table) and len(set(content.column_names)) < content.num_columns:
+        sink = io.BytesIO()
+        pq.write_table(content, sink, compression="zstd")
+        content = sink.getvalue()
+    elif isinstance(content, pa.Table):
         content = parquet_bytes(content, [each.name for each in content.schema if not pa.types.is_floating(each.type)])
     path.write_bytes(content)
     if path.parent.name == "samples":
