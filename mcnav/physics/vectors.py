@@ -30,7 +30,6 @@ from numba.core.typeconv import Conversion
 from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
 
 from mcnav._types import Array
-from mcnav.physics.jit import inlined
 
 LANES: Final = 32
 """Samples that are simulated together."""
@@ -277,20 +276,6 @@ fma: Final[Callable[..., Vector]] = _fma
 where: Final[Callable[..., Vector]] = _where
 bits: Final[Callable[..., Any]] = _bits
 doubles: Final[Callable[..., Vector]] = _doubles
-
-
-@inlined
-def put_aside(rows: Array, group: int, others: Array) -> None:
-    """Copy rows, shape (r, LANES), to the room of a group, shape (groups, r, LANES)."""
-    for r in range(len(rows)):
-        store(others, (group, r), load(rows, r))
-
-
-@inlined
-def take_back(rows: Array, group: int, others: Array) -> None:
-    """Copy rows back that were put aside."""
-    for r in range(len(rows)):
-        store(rows, r, load(others, (group, r)))
 
 
 Rooms: TypeAlias = Callable[..., Array]

@@ -49,6 +49,7 @@ from mcnav.physics.ins.record_lanes import (
     reading_rooms,
     width_of_record,
 )
+from mcnav.physics.ins.sample_groups import STEPS_OF_BLOCK, SampleGroups, put_aside, sample_groups, take_back
 from mcnav.physics.ins.step_lanes import (
     SHORT,
     Deviations,
@@ -76,7 +77,7 @@ from mcnav.physics.ins.update_lanes import (
     judge,
 )
 from mcnav.physics.jit import allocation_free, allocation_free_part, inlined
-from mcnav.physics.vectors import LANES, Store, load, put_aside, room, store, take_back
+from mcnav.physics.vectors import LANES, Store, load, room, store
 
 Made = TypeVar("Made")
 
@@ -85,9 +86,6 @@ MEASUREMENT_STREAM: Final = 2
 
 CORRELATED_STREAM: Final = 3
 """Stream of the measurements' correlated errors."""
-
-STEPS_OF_BLOCK: Final = 16
-"""Steps that LANES samples take before others take them: their tables stay in the cache, their variates are drawn."""
 
 CAREFUL: Final = 1e6
 """Variance of an innovation, as a multiple of the measurement's, from which on an update needs Joseph's form.
@@ -286,15 +284,7 @@ class _Noise(NamedTuple):
 
 
 class _LaneRooms(NamedTuple):
-    """Room for LANES samples, and for all samples between two blocks of steps.
-
-    Attributes
-    ----------
-    kept : ndarray, shape (rows, LANES)
-        All that outlasts a step.
-    others : ndarray, shape (groups, rows, LANES)
-        The same of all groups of LANES samples.
-    """
+    """Room for LANES samples at work, and for all of them between two blocks of steps."""
 
     samples: Deviations
     own: Estimates
@@ -306,8 +296,7 @@ class _LaneRooms(NamedTuple):
     numbers: NDArray[np.uint64]
     shown: Array
     reading: ReadingRooms
-    kept: Array
-    others: Array
+    groups: SampleGroups
 
 
 @dataclass(frozen=True)
@@ -393,8 +382,7 @@ def simulate_aided(
         np.zeros((1, LANES), dtype=np.uint64),
         room(components if drifting else 0),
         reading_rooms(states, width_of_record(len(chosen), states, len(loop.sensors)), own),
-        keep.rows,
-        room(-(-count // LANES), len(keep.rows)),
+        sample_groups(count, keep),
     )
     records = np.empty((count, epochs, len(rooms.reading.record)))
     _run(
@@ -565,7 +553,7 @@ def _run(
     """Simulate all samples, LANES at a time: each group over a block of steps, whose tables stay in the cache."""
     samples, own, filters, constants = lanes.samples, lanes.own, lanes.filters, steps.constants
     count, width, all_steps = len(epochs.sizes), steps.factors.shape[1], len(steps.durations)
-    groups, passed, most = len(lanes.others), 0, updates.components.shape[1]
+    groups, passed, most = len(lanes.groups.others), 0, updates.components.shape[1]
     for block in range(0, all_steps + 1, STEPS_OF_BLOCK):
         end = min(block + STEPS_OF_BLOCK, all_steps + 1)
         reached, drawn = passed, (min(end, all_steps) - block) * width
@@ -583,7 +571,7 @@ def _run(
                     nothing = 0.0 * load(samples.turn, 0)
                     store(samples.bias, q, epochs.sizes[q] * load(lanes.normals, q) if noise.drawn else nothing)
             elif groups > 1:
-                take_back(lanes.kept, group, lanes.others)
+                take_back(group, lanes.groups)
             if noise.drawn:
                 draw_normals(noise.seed, lanes.numbers, IMU_STREAM, count + block * width, drawn, lanes.normals)
             if noise.measured:
@@ -624,5 +612,5 @@ def _run(
                     beyond = of_lane == SOUND and not samples.sound[0, i] > 0.0
                     results.outcomes[begin + i] = BEYOND if beyond else of_lane
             elif groups > 1:
-                put_aside(lanes.kept, group, lanes.others)
+                put_aside(group, lanes.groups)
         passed = reached

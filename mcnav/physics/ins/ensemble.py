@@ -12,7 +12,7 @@ products of errors within the step are taken from their means, and the remainder
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ from mcnav.physics.ins.instruments import GYRO, Imu
 from mcnav.physics.ins.noise import IMU_STREAM, draw_normals
 from mcnav.physics.ins.readout_lanes import LOCAL, TrueStates, copy_rows, read_errors, read_linear, true_states
 from mcnav.physics.ins.response import StepResponses
+from mcnav.physics.ins.sample_groups import STEPS_OF_BLOCK, SampleGroups, put_aside, sample_groups, take_back
 from mcnav.physics.ins.step_lanes import (
     Deviations,
     StepTables,
@@ -36,10 +37,7 @@ from mcnav.physics.ins.step_lanes import (
 )
 from mcnav.physics.ins.truth import Platform, Truth
 from mcnav.physics.jit import allocation_free, compiled
-from mcnav.physics.vectors import LANES, Store, load, put_aside, room, store, take_back
-
-STEPS_OF_BLOCK: Final = 16
-"""Steps that LANES samples take before others take them: their tables stay in the cache, their variates are drawn."""
+from mcnav.physics.vectors import LANES, Store, load, room, store
 
 
 @dataclass(frozen=True)
@@ -223,15 +221,7 @@ class EnsembleErrors:
 
 
 class _LaneRooms(NamedTuple):
-    """Room for LANES samples, and for all samples between two blocks of steps.
-
-    Attributes
-    ----------
-    kept : ndarray, shape (rows, LANES)
-        All that outlasts a step.
-    others : ndarray, shape (groups, rows, LANES)
-        The same of all groups of LANES samples.
-    """
+    """Room for LANES samples at work, and for all of them between two blocks of steps."""
 
     samples: Deviations
     normals: Array
@@ -240,8 +230,7 @@ class _LaneRooms(NamedTuple):
     local: Array
     axes: Array
     errors: Array
-    kept: Array
-    others: Array
+    groups: SampleGroups
 
 
 def simulate(tables: EnsembleTables, errors: Array, seed: int, samples: IndexArray) -> EnsembleErrors:
@@ -282,8 +271,8 @@ def _simulate(
     keep = Store()
     lanes = _LaneRooms(
         deviations_of(len(active), len(tables.sizes), keep=keep), room(max(STEPS_OF_BLOCK * width, len(tables.sizes))),
-        np.zeros((1, LANES), dtype=np.uint64), room(6), room(LOCAL), room(9), room(9), keep.rows,
-        room(-(-len(errors) // LANES), len(keep.rows)),
+        np.zeros((1, LANES), dtype=np.uint64), room(6), room(LOCAL), room(9), room(9),
+        sample_groups(len(errors), keep),
     )  # fmt: skip
     _run(
         tables.steps(active), tables.epochs, tables.truth, tables.output_maps, tables.sizes,
@@ -301,7 +290,7 @@ def _run(
 ) -> None:  # fmt: skip
     """Simulate all samples, LANES at a time: each group over a block of steps, whose tables stay in the cache."""
     samples, normals, steps, count = lanes.samples, lanes.normals, len(tables.durations), len(sizes)
-    groups, passed, width = len(lanes.others), 0, tables.factors.shape[1]
+    groups, passed, width = len(lanes.groups.others), 0, tables.factors.shape[1]
     drawing = noisy and given.shape[1] == 0
     for block in range(0, steps + 1, STEPS_OF_BLOCK):
         end = min(block + STEPS_OF_BLOCK, steps + 1)
@@ -321,7 +310,7 @@ def _run(
                 for q in range(count):
                     store(samples.bias, q, sizes[q] * load(normals, q) if drawing else 0.0 * load(normals, q))
             elif groups > 1:
-                take_back(lanes.kept, group, lanes.others)
+                take_back(group, lanes.groups)
             if drawing:
                 draw_normals(seed, lanes.numbers, IMU_STREAM, count + block * width, drawn, normals)
             for k in range(block, end):
@@ -347,5 +336,5 @@ def _run(
                 for i in range(size):
                     valid[begin + i] = samples.sound[0, i] > 0.0
             elif groups > 1:
-                put_aside(lanes.kept, group, lanes.others)
+                put_aside(group, lanes.groups)
         passed = reached
