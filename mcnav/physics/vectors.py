@@ -5,7 +5,9 @@ not overlap. Here a vector is a value: `load` and `store` take it from and to an
 between them the operators ``+ - * /`` and comparisons, `numpy.sqrt`, `numpy.rint`, `numpy.abs`, `fma` and `where` work
 lane by lane. A scalar next to a vector stands for equal lanes. An `inlined` function of numbers takes vectors as well.
 
-`Lanes` holds doubles, `Words` unsigned integers of 64 bits, and `Mask` truth values.
+`Lanes` holds doubles, `Singles` numbers of single precision, `Words` unsigned integers of 64 bits, and `Mask` truth
+values. A `Part` holds the doubles of PART lanes, as many as a register of 512 bits does: with `load_part` and
+`store_part`, code that works on many vectors at once keeps them in registers.
 """
 
 from __future__ import annotations
@@ -34,6 +36,11 @@ from mcnav._types import Array
 LANES: Final = 32
 """Samples that are simulated together."""
 
+PART: Final = 8
+"""Lanes of a part."""
+
+PARTS: Final = LANES // PART
+
 DOUBLES: Final = 8
 """Doubles of a cache line, at which the rooms of `room` begin."""
 
@@ -42,6 +49,10 @@ Vector: TypeAlias = Any
 
 _INDEX: Final = ir.IntType(32)
 _DOUBLES: Final = ir.VectorType(ir.DoubleType(), LANES)
+PART_OF_DOUBLES: Final = ir.VectorType(ir.DoubleType(), PART)
+"""A part, for the compiler."""
+
+_SINGLES: Final = ir.VectorType(ir.FloatType(), LANES)
 _WORDS: Final = ir.VectorType(ir.IntType(64), LANES)
 _MASK: Final = ir.VectorType(ir.IntType(1), LANES)
 
@@ -53,9 +64,10 @@ class _Vector(numba_types.Type):
     """Numba's type of a vector."""
 
     scalars: tuple[type, ...] = ()
+    size = LANES
 
     def __init__(self, name: str) -> None:
-        super().__init__(name=f"{name}[{LANES}]")
+        super().__init__(name=f"{name}[{self.size}]")
 
     def can_convert_from(self, typingctx: Any, other: Any) -> Conversion | None:
         return Conversion.safe if isinstance(other, self.scalars) else None
@@ -70,6 +82,19 @@ class Lanes(_Vector):
     scalars = (types.Float, types.Integer)
 
 
+class Part(_Vector):
+    """Doubles of some of the lanes."""
+
+    scalars = (types.Float, types.Integer)
+    size = PART
+
+
+class Singles(_Vector):
+    """Numbers of single precision."""
+
+    scalars = (types.Float, types.Integer)
+
+
 class Words(_Vector):
     """Unsigned integers of 64 bits."""
 
@@ -80,13 +105,25 @@ class Mask(_Vector):
     """Truth values."""
 
 
-lanes, words, mask = Lanes("Lanes"), Words("Words"), Mask("Mask")
+lanes, part, singles, words, mask = Lanes("Lanes"), Part("Part"), Singles("Singles"), Words("Words"), Mask("Mask")
 
 
 @register_model(Lanes)
 class _LanesModel(models.PrimitiveModel):
     def __init__(self, manager: Any, of: Any) -> None:
         super().__init__(manager, of, _DOUBLES)
+
+
+@register_model(Part)
+class _PartModel(models.PrimitiveModel):
+    def __init__(self, manager: Any, of: Any) -> None:
+        super().__init__(manager, of, PART_OF_DOUBLES)
+
+
+@register_model(Singles)
+class _SinglesModel(models.PrimitiveModel):
+    def __init__(self, manager: Any, of: Any) -> None:
+        super().__init__(manager, of, _SINGLES)
 
 
 @register_model(Words)
@@ -104,13 +141,26 @@ class _MaskModel(models.PrimitiveModel):
 def _spread(builder: Any, scalar: Any, of: ir.VectorType) -> Any:
     """Return the vector whose lanes are all a scalar."""
     one = builder.insert_element(ir.Constant(of, ir.Undefined), scalar, ir.Constant(_INDEX, 0))
-    return builder.shuffle_vector(one, ir.Constant(of, ir.Undefined), ir.Constant(ir.VectorType(_INDEX, LANES), None))
+    equal = ir.Constant(ir.VectorType(_INDEX, of.count), None)
+    return builder.shuffle_vector(one, ir.Constant(of, ir.Undefined), equal)
 
 
 @lower_cast(types.Float, lanes)
 @lower_cast(types.Integer, lanes)
 def _lanes_of_scalar(context: Any, builder: Any, source: Any, target: Any, value: Any) -> Any:
     return _spread(builder, context.cast(builder, value, source, types.float64), _DOUBLES)
+
+
+@lower_cast(types.Float, part)
+@lower_cast(types.Integer, part)
+def _part_of_scalar(context: Any, builder: Any, source: Any, target: Any, value: Any) -> Any:
+    return _spread(builder, context.cast(builder, value, source, types.float64), PART_OF_DOUBLES)
+
+
+@lower_cast(types.Float, singles)
+@lower_cast(types.Integer, singles)
+def _singles_of_scalar(context: Any, builder: Any, source: Any, target: Any, value: Any) -> Any:
+    return _spread(builder, context.cast(builder, value, source, types.float32), _SINGLES)
 
 
 @lower_cast(types.Integer, words)
@@ -136,9 +186,11 @@ for _symbol, _in_place, _name in (
     (operator.mul, operator.imul, "fmul"),
     (operator.truediv, operator.itruediv, "fdiv"),
 ):
-    _define(_symbol, lanes, (lanes, lanes), _name)
-    _define(_in_place, lanes, (lanes, lanes), _name)
-_define(operator.neg, lanes, (lanes,), "fneg")
+    for _kind in (lanes, part, singles):
+        _define(_symbol, _kind, (_kind, _kind), _name)
+        _define(_in_place, _kind, (_kind, _kind), _name)
+for _kind in (lanes, part, singles):
+    _define(operator.neg, _kind, (_kind,), "fneg")
 for _symbol, _sign in ((operator.lt, "<"), (operator.le, "<="), (operator.gt, ">"), (operator.ge, ">=")):
     _define(_symbol, mask, (lanes, lanes), "fcmp_ordered", _sign)
 for _symbol, _in_place, _name in (
@@ -159,18 +211,29 @@ _define(operator.iand, mask, (mask, mask), "and_")
 _define(operator.invert, mask, (mask,), "not_")
 
 
+_FLOATS: Final = {lanes: (_DOUBLES, f"v{LANES}f64"), singles: (_SINGLES, f"v{LANES}f32")}
+"""Types of vectors of floating point numbers, for the compiler, and how its functions call them."""
+
+
+def _call(builder: Any, name: str, kind: Any, given: Any) -> Any:
+    """Call one of LLVM's functions for vectors of a kind."""
+    vector, suffix = _FLOATS[kind]
+    of = ir.FunctionType(vector, [vector] * len(given))
+    return builder.call(cgutils.get_or_insert_function(builder.module, of, f"llvm.{name}.{suffix}"), given)
+
+
 def _define_function(function: Any, name: str) -> None:
     """Define a function of numpy by one of LLVM's."""
 
     @infer_global(function)
     class _Template(ConcreteTemplate):
-        cases = (signature(lanes, lanes),)
+        cases = tuple(signature(kind, kind) for kind in _FLOATS)
 
-    @lower_builtin(function, lanes)
-    def _lower(context: Any, builder: Any, signature: Any, given: Any) -> Any:
-        kind = ir.FunctionType(_DOUBLES, [_DOUBLES])
-        called = cgutils.get_or_insert_function(builder.module, kind, f"llvm.{name}.v{LANES}f64")
-        return builder.call(called, given)
+    for kind in _FLOATS:
+
+        @lower_builtin(function, kind)
+        def _lower(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+            return _call(builder, name, signature.return_type, given)
 
 
 for _symbol, _name in ((np.sqrt, "sqrt"), (np.rint, "rint"), (np.abs, "fabs")):
@@ -180,13 +243,12 @@ for _symbol, _name in ((np.sqrt, "sqrt"), (np.rint, "rint"), (np.abs, "fabs")):
 @intrinsic
 def _fma(context: Any, one: Any, other: Any, third: Any) -> Any:
     """Return ``one * other + third``, rounded once, whatever the compiler may contract."""
+    kind = singles if singles in (one, other, third) else lanes
 
     def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
-        kind = ir.FunctionType(_DOUBLES, [_DOUBLES] * 3)
-        called = cgutils.get_or_insert_function(builder.module, kind, f"llvm.fma.v{LANES}f64")
-        return builder.call(called, given)
+        return _call(builder, "fma", kind, given)
 
-    return lanes(lanes, lanes, lanes), generate
+    return kind(kind, kind, kind), generate
 
 
 @intrinsic
@@ -220,18 +282,38 @@ def _doubles(context: Any, value: Any) -> Any:
     return lanes(words), generate
 
 
-def _pointer(context: Any, builder: Any, array_type: Any, array: Any, place: Any, of: ir.VectorType) -> Any:
-    """Return the pointer to a vector within an array in C order whose last axis has LANES numbers."""
+@intrinsic
+def _narrow(context: Any, value: Any) -> Any:
+    """Return doubles as numbers of single precision."""
+
+    def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+        return builder.fptrunc(given[0], _SINGLES)
+
+    return singles(lanes), generate
+
+
+@intrinsic
+def _widen(context: Any, value: Any) -> Any:
+    """Return numbers of single precision as doubles."""
+
+    def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+        return builder.fpext(given[0], _DOUBLES)
+
+    return lanes(singles), generate
+
+
+def pointer(context: Any, builder: Any, array_type: Any, array: Any, place: Any, of: ir.VectorType) -> Any:
+    """Return the pointer to a vector within an array in C order whose last axis has as many numbers."""
     view = context.make_array(array_type)(context, builder, array)
     shape = cgutils.unpack_tuple(builder, view.shape, array_type.ndim)
     index = place[0]
     for axis, at in enumerate(place[1:], 1):
         index = builder.add(builder.mul(index, shape[axis]), at)
-    first = builder.gep(view.data, [builder.mul(index, ir.Constant(index.type, LANES))])
+    first = builder.gep(view.data, [builder.mul(index, ir.Constant(index.type, of.count))])
     return builder.bitcast(first, of.as_pointer())
 
 
-def _place_type(array: Any, place: Any) -> Any:
+def place_type(array: Any, place: Any) -> Any:
     """Return the type of a place, and check that it leaves the last axis of the array alone."""
     count = len(place) if isinstance(place, types.BaseTuple) else 1
     if not isinstance(array, types.Array) or array.layout != "C" or array.ndim != count + 1:
@@ -239,43 +321,70 @@ def _place_type(array: Any, place: Any) -> Any:
     return types.UniTuple(types.intp, count) if isinstance(place, types.BaseTuple) else types.intp
 
 
-def _unpack(builder: Any, place: Any, of: Any) -> Any:
+def unpack(builder: Any, place: Any, of: Any) -> Any:
+    """Return the indices of a place of a type."""
     return cgutils.unpack_tuple(builder, place, len(of)) if isinstance(of, types.BaseTuple) else [place]
+
+
+def _make_load(array: Any, place: Any, of: ir.VectorType, result: Any) -> Any:
+    """Return the signature of loading a vector, and what generates it."""
+
+    def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+        indices = unpack(builder, given[1], signature.args[1])
+        value = builder.load(pointer(context, builder, signature.args[0], given[0], indices, of))
+        value.align = 8
+        return value
+
+    return result(array, place_type(array, place)), generate
+
+
+def _make_store(array: Any, place: Any, of: ir.VectorType, value: Any) -> Any:
+    """Return the signature of storing a vector, and what generates it."""
+
+    def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+        indices = unpack(builder, given[1], signature.args[1])
+        stored = builder.store(given[2], pointer(context, builder, signature.args[0], given[0], indices, of))
+        stored.align = 8
+        return context.get_dummy_value()
+
+    return types.void(array, place_type(array, place), value), generate
 
 
 @intrinsic
 def _load(context: Any, array: Any, place: Any) -> Any:
     """Return the vector of an array, shape (..., LANES), at a place."""
     of, result = (_WORDS, words) if array.dtype is types.uint64 else (_DOUBLES, lanes)
-
-    def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
-        indices = _unpack(builder, given[1], signature.args[1])
-        value = builder.load(_pointer(context, builder, signature.args[0], given[0], indices, of))
-        value.align = 8
-        return value
-
-    return result(array, _place_type(array, place)), generate
+    return _make_load(array, place, of, result)
 
 
 @intrinsic
 def _store(context: Any, array: Any, place: Any, value: Any) -> Any:
     """Write a vector to an array, shape (..., LANES), at a place."""
+    return _make_store(array, place, _DOUBLES, lanes)
 
-    def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
-        indices = _unpack(builder, given[1], signature.args[1])
-        stored = builder.store(given[2], _pointer(context, builder, signature.args[0], given[0], indices, _DOUBLES))
-        stored.align = 8
-        return context.get_dummy_value()
 
-    return types.void(array, _place_type(array, place), lanes), generate
+@intrinsic
+def _load_part(context: Any, array: Any, place: Any) -> Any:
+    """Return the part of an array, shape (..., PART), at a place."""
+    return _make_load(array, place, PART_OF_DOUBLES, part)
+
+
+@intrinsic
+def _store_part(context: Any, array: Any, place: Any, value: Any) -> Any:
+    """Write a part to an array, shape (..., PART), at a place."""
+    return _make_store(array, place, PART_OF_DOUBLES, part)
 
 
 load: Final[Callable[..., Vector]] = _load
 store: Final[Callable[..., None]] = _store
+load_part: Final[Callable[..., Vector]] = _load_part
+store_part: Final[Callable[..., None]] = _store_part
 fma: Final[Callable[..., Vector]] = _fma
 where: Final[Callable[..., Vector]] = _where
 bits: Final[Callable[..., Any]] = _bits
 doubles: Final[Callable[..., Vector]] = _doubles
+narrow: Final[Callable[..., Vector]] = _narrow
+widen: Final[Callable[..., Vector]] = _widen
 
 
 Rooms: TypeAlias = Callable[..., Array]
@@ -284,10 +393,24 @@ Rooms: TypeAlias = Callable[..., Array]
 
 def room(rows: int, *columns: int) -> Array:
     """Return zeros of shape (rows, ..., LANES) that begin at a cache line."""
-    size = prod((rows, *columns)) * LANES
+    return _zeros((rows, *columns, LANES))
+
+
+def room_of_parts(*shape: int) -> Array:
+    """Return zeros of shape (..., PART) that begin at a cache line."""
+    return _zeros((*shape, PART))
+
+
+def _zeros(shape: tuple[int, ...]) -> Array:
+    size = prod(shape)
     buffer = np.zeros(size + DOUBLES)
     begin = -(buffer.__array_interface__["data"][0] // buffer.itemsize) % DOUBLES
-    return buffer[begin : begin + size].reshape((rows, *columns, LANES))
+    return buffer[begin : begin + size].reshape(shape)
+
+
+def parts_of(lanes: Array) -> Array:
+    """Return rows of lanes, shape (..., LANES), as rows of their parts, shape (..., PARTS, PART)."""
+    return lanes.reshape(*lanes.shape[:-1], PARTS, PART)
 
 
 class Store:

@@ -112,8 +112,11 @@ NOISE: Final = tuple(Output(name, *PROCESS_UNITS[name.rpartition("_")[0]]) for n
 BEFORE_OUTAGES_END: Final = 1.0
 """Time before the end of an outage at which errors are read out, s; less in a short outage."""
 
-REVISION: Final = 3
-"""Counts the changes of the samples' digits: 1 drew normal variates one at a time, 2 two of a block of random bits."""
+REVISION: Final = 4
+"""Counts the changes of the samples' digits: 1 drew normal variates one at a time, 2 two of a block of random bits.
+
+4 computes them in single precision.
+"""
 
 EPOCHS: Final = 60
 """Intervals between instants at which the errors of all samples are read out; fewer in a shorter navigation."""

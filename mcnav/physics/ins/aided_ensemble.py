@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcnav._types import Array, IndexArray
+from mcnav.physics.blocks import blocks_of
 from mcnav.physics.ins.closed_loop import ClosedLoop, own_covariances
 from mcnav.physics.ins.deviations import deviate
 from mcnav.physics.ins.ensemble import EnsembleTables
@@ -27,15 +28,16 @@ from mcnav.physics.ins.filter_lanes import (
     SOUND,
     Covariances,
     FilterSteps,
+    begin_covariances,
+    covariances_in_lanes,
     covariances_of,
     factor_innovations,
+    filter_steps,
+    filter_updates,
     project_along_samples,
     project_along_truth,
     propagate_covariances,
-    reduce_by_joseph,
-    reduce_covariances,
-    turn_tables,
-    whiten,
+    update_covariances,
 )
 from mcnav.physics.ins.instruments import CONSTANTS
 from mcnav.physics.ins.noise import IMU_STREAM, draw_normals
@@ -77,7 +79,7 @@ from mcnav.physics.ins.update_lanes import (
     judge,
 )
 from mcnav.physics.jit import allocation_free, allocation_free_part, inlined
-from mcnav.physics.vectors import LANES, Store, load, room, store
+from mcnav.physics.vectors import LANES, Store, load, parts_of, room, store
 
 Made = TypeVar("Made")
 
@@ -95,6 +97,22 @@ Without it the covariance keeps all but as many of its sixteen digits as this ha
 
 EPOCH_STREAM: Final = 4
 """Stream of the correlated errors' change from the last measurement to an epoch."""
+
+
+class EstimateSteps(NamedTuple):
+    """What the filters' estimates of errors need of K steps, as `mcnav.physics.ins.filter_tables.FilterTables` has it.
+
+    Attributes
+    ----------
+    turning, moving : ndarray of int
+        Other states that psi responds to, and that v and x respond to.
+    """
+
+    coupling: Array
+    decay: Array
+    corrected: Array
+    turning: IndexArray
+    moving: IndexArray
 
 
 @dataclass(frozen=True)
@@ -137,14 +155,20 @@ class AidedTables:
     covariances: Array
 
     @cached_property
-    def filter_steps(self) -> FilterSteps:
-        """Tables of the filter over the steps, for compiled code."""
+    def estimate_steps(self) -> EstimateSteps:
+        """Tables of the estimates over the steps, for compiled code."""
         model = self.loop.filter
-        coupled, noise = np.any(model.coupling, axis=0), np.any(model.noise[:, 9:, :9], axis=(0, 2))
-        return FilterSteps(
-            model.coupling, model.decay, model.noise, model.corrected, np.flatnonzero(np.any(coupled[:3], axis=0)),
-            np.flatnonzero(np.any(coupled[3:], axis=0)), np.flatnonzero(noise),
+        coupled = np.any(model.coupling, axis=0)
+        return EstimateSteps(
+            model.coupling, model.decay, model.corrected, np.flatnonzero(np.any(coupled[:3], axis=0)),
+            np.flatnonzero(np.any(coupled[3:], axis=0)),
         )  # fmt: skip
+
+    @cached_property
+    def filter_steps(self) -> FilterSteps:
+        """Tables of the filters over the steps, for compiled code."""
+        model, shared = self.loop.filter, self.ensemble
+        return filter_steps(shared.motion, shared.thrust, model.coupling, model.decay, model.noise, model.corrected)
 
     @cached_property
     def _of_active(self) -> dict[tuple[str, bytes], Any]:
@@ -188,9 +212,11 @@ class AidedTables:
         return UpdateTables(
             measured.sensors, measured.sizes, measured.components, measured.kinds, measured.directions, measured.arms,
             np.ascontiguousarray(measured.constants[:, :, active]), measured.rows, measured.forward, measured.places,
-            self.bounds, self.correlated, self.memory, self.white, self.limits, model.rows, model.variances,
-            self.loop.gains, roots, lags, careful, along_truth(measured),
-            np.flatnonzero(np.any(model.rows, axis=(0, 1))),
+            self.bounds, self.correlated, self.memory, self.white, self.limits, model.rows, self.loop.gains, roots,
+            lags, np.flatnonzero(np.any(model.rows, axis=(0, 1))),
+            filter_updates(
+                measured.rows, model.rows, self.bounds, model.variances, along_truth(measured), careful
+            ),
         )  # fmt: skip
 
     @cached_property
@@ -201,7 +227,7 @@ class AidedTables:
         return EpochTables(
             shared.epochs, shared.truth, shared.output_maps,
             share_covariances(self.covariances, chosen, shared.output_maps), self.loop.first_updates, shared.sizes,
-            model.initial, self.biases, self.drifts, self.drift_sigmas, self.faded, chosen,
+            blocks_of(model.initial), self.biases, self.drifts, self.drift_sigmas, self.faded, chosen,
         )  # fmt: skip
 
 
@@ -284,7 +310,15 @@ class _Noise(NamedTuple):
 
 
 class _LaneRooms(NamedTuple):
-    """Room for LANES samples at work, and for all of them between two blocks of steps."""
+    """Room for LANES samples at work, and for all of them between two blocks of steps.
+
+    Attributes
+    ----------
+    response, turned, accepted, whitened : ndarray, shape (..., PARTS, PART)
+        Rows of `samples` and `own`, by parts.
+    covariances, covariance_parts : ndarray, shapes (9 + q, 9 + q, LANES), (9 + q, 9 + q, PARTS, PART)
+        Of the filters, as they are read.
+    """
 
     samples: Deviations
     own: Estimates
@@ -293,6 +327,12 @@ class _LaneRooms(NamedTuple):
     white: Array
     drifting: Array
     cause: Array
+    response: Array
+    turned: Array
+    accepted: Array
+    whitened: Array
+    covariances: Array
+    covariance_parts: Array
     numbers: NDArray[np.uint64]
     shown: Array
     reading: ReadingRooms
@@ -371,22 +411,32 @@ def simulate_aided(
     blocks = np.append(loop.first_updates[:-1:STEPS_OF_BLOCK], loop.first_updates[-1])
     disturbed_together = int(np.diff(blocks).max())
     keep = Store()
+    deviations = deviations_of(len(active), len(shared.sizes), True, keep)
+    estimates = estimates_of(states, len(active_aiding), components, len(loop.sensors), keep)
+    covariances = room(9 + states, 9 + states)
     rooms = _LaneRooms(
-        deviations_of(len(active), len(shared.sizes), True, keep),
-        estimates_of(states, len(active_aiding), components, len(loop.sensors), keep),
+        deviations,
+        estimates,
         covariances_of(states, own, keep if own else room),
         room(max(STEPS_OF_BLOCK * width, len(shared.sizes))),
         room(disturbed_together * most),
         room(disturbed_together * most if drifting else 0),
         keep(1),
+        parts_of(deviations.response),
+        parts_of(deviations.turned),
+        parts_of(estimates.accepted),
+        parts_of(estimates.whitened),
+        covariances,
+        parts_of(covariances),
         np.zeros((1, LANES), dtype=np.uint64),
         room(components if drifting else 0),
         reading_rooms(states, width_of_record(len(chosen), states, len(loop.sensors)), own),
         sample_groups(count, keep),
     )
-    records = np.empty((count, epochs, len(rooms.reading.record)))
+    records = np.empty((epochs, count, len(rooms.reading.record)))
     _run(
         tables.steps(active),
+        tables.estimate_steps,
         tables.filter_steps,
         tables.updates(active_aiding),
         tables.epochs,
@@ -401,14 +451,11 @@ def simulate_aided(
         Readings(values, predicted, outcome, records),
     )  # fmt: skip
     outcome = np.where((outcome == SOUND) & ~np.isfinite(values).all(axis=(1, 2)), BEYOND, outcome)
-    return AidedErrors(values, predicted, outcome, records)
+    return AidedErrors(values, predicted, outcome, records.swapaxes(0, 1))
 
 
 @allocation_free
-def _begin(
-    begin: int, size: int, given: _Given, initial: Array, samples: Deviations, own: Estimates, filters: Covariances,
-    cause: Array,
-) -> None:  # fmt: skip
+def _begin(begin: int, size: int, given: _Given, samples: Deviations, own: Estimates, cause: Array) -> None:
     """Put samples at their start into the lanes; the last one fills what is left of them."""
     for i in range(LANES):
         n = begin + min(i, size - 1)
@@ -427,13 +474,10 @@ def _begin(
             store(own.tally, (sensor, c), 0.0)
         for c in range(SIX):
             store(own.before, (sensor, c), 0.0)
-    for r in range(len(initial)):
-        for c in range(len(initial)):
-            store(filters.p, (r, c), initial[r, c])
 
 
 @allocation_free_part
-def _subtract_estimates(k: int, tables: FilterSteps, samples: Deviations, own: Estimates) -> None:
+def _subtract_estimates(k: int, tables: EstimateSteps, samples: Deviations, own: Estimates) -> None:
     """Subtract from the response of a step what the filters have estimated of the errors of the instruments."""
     coupling = tables.coupling
     for r in range(0, 9, 3):
@@ -491,19 +535,19 @@ def _disturb(
 
 @inlined
 def _update(
-    u: int, m: int, constants: Array, of_filter: FilterSteps, updates: UpdateTables, own_gains: bool, lanes: _LaneRooms
-) -> None:
+    u: int, m: int, constants: Array, corrected: Array, of_filter: FilterSteps, updates: UpdateTables, own_gains: bool,
+    lanes: _LaneRooms,
+) -> None:  # fmt: skip
     """Update samples, their filters and the linear samples with a measurement."""
     samples, own, filters, sensor = lanes.samples, lanes.own, lanes.filters, updates.sensors[u]
     innovate_twins(u, m, updates, samples.linear, own)
     innovate(u, m, constants, updates, samples, filters.rows, own)
     if own_gains:
-        bounds, state_rows, linked = updates.bounds, updates.state_rows, updates.linked
-        if updates.along_truth[u]:
-            project_along_truth(u, m, updates.rows, bounds, state_rows, linked, filters)
+        if updates.of_filter.along_truth[u]:
+            project_along_truth(u, m, updates.of_filter, filters)
         else:
-            project_along_samples(u, m, bounds, state_rows, linked, filters)
-        factor_innovations(u, m, updates.variances, samples.sound, lanes.cause, filters)
+            project_along_samples(u, m, updates.of_filter, filters)
+        factor_innovations(u, m, updates.of_filter.variances, samples.sound, lanes.cause, filters)
     else:
         for c in range(m):
             for e in range(c + 1):
@@ -512,22 +556,15 @@ def _update(
     judge(u, m, updates.limits[u], updates.lags[u], sensor, filters.root, filters.inverse, own)
     correct_twins(u, m, updates.gains, samples, own)
     if own_gains:
-        whiten(m, own.accepted, filters)
-        feed_back_own(m, filters.white, of_filter.corrected, samples, own)
-        if updates.careful[u]:
-            reduce_by_joseph(
-                u, m, of_filter.corrected, updates.bounds, updates.state_rows, updates.linked, updates.variances,
-                filters,
-            )  # fmt: skip
-        else:
-            reduce_covariances(m, of_filter.corrected, filters)
+        update_covariances(u, m, lanes.accepted, lanes.whitened, of_filter, updates.of_filter, filters)
+        feed_back_own(filters.correction, corrected, samples, own)
     else:
         feed_back_shared(u, m, updates.gains, samples, own)
 
 
 @inlined
 def _respond(
-    k: int, first: int, begin: int, size: int, steps: StepTables, of_filter: FilterSteps, noise: _Noise,
+    k: int, first: int, begin: int, size: int, steps: StepTables, estimated: EstimateSteps, noise: _Noise,
     lanes: _LaneRooms,
 ) -> None:  # fmt: skip
     """Compute the responses of samples and of linear samples in a step to all that drives them.
@@ -542,13 +579,13 @@ def _respond(
     if not noise.drawn and noise.added.shape[1] > 0:
         for i in range(LANES):
             add_given(noise.added[begin + min(i, size - 1), k * width : (k + 1) * width], i, samples)
-    _subtract_estimates(k, of_filter, samples, lanes.own)
+    _subtract_estimates(k, estimated, samples, lanes.own)
 
 
 @allocation_free
 def _run(
-    steps: StepTables, of_filter: FilterSteps, updates: UpdateTables, epochs: EpochTables, given: _Given,
-    noise: _Noise, lanes: _LaneRooms, own_gains: bool, results: Readings,
+    steps: StepTables, estimated: EstimateSteps, of_filter: FilterSteps, updates: UpdateTables, epochs: EpochTables,
+    given: _Given, noise: _Noise, lanes: _LaneRooms, own_gains: bool, results: Readings,
 ) -> None:  # fmt: skip
     """Simulate all samples, LANES at a time: each group over a block of steps, whose tables stay in the cache."""
     samples, own, filters, constants = lanes.samples, lanes.own, lanes.filters, steps.constants
@@ -564,7 +601,9 @@ def _run(
             for i in range(LANES):
                 lanes.numbers[0, i] = given.indices[begin + min(i, size - 1)]
             if block == 0:
-                _begin(begin, size, given, epochs.initial, samples, own, filters, lanes.cause)
+                _begin(begin, size, given, samples, own, lanes.cause)
+                if own_gains:
+                    begin_covariances(epochs.initial, filters)
                 if noise.drawn:
                     draw_normals(noise.seed, lanes.numbers, IMU_STREAM, 0, count, lanes.normals)
                 for q in range(count):
@@ -581,20 +620,22 @@ def _run(
                 for u in range(first, last):
                     m = updates.sizes[u]
                     _disturb(u, m, (u - started) * most, begin, size, updates, noise, lanes)
-                    _update(u, m, constants, of_filter, updates, own_gains, lanes)
+                    _update(u, m, constants, estimated.corrected, of_filter, updates, own_gains, lanes)
                 if reached < len(epochs.numbers) and epochs.numbers[reached] == k:
                     if noise.drifting and noise.measured:
                         shown = len(own.shown)
                         draw_normals(noise.seed, lanes.numbers, EPOCH_STREAM, reached * shown, shown, lanes.shown)
                         change_correlated_errors(reached, epochs, lanes.shown, own)
+                    if own_gains:
+                        covariances_in_lanes(filters, lanes.covariance_parts)
                     read(
-                        reached, begin, size, constants, epochs, given.of_states, own_gains, samples, own, filters.p,
-                        lanes.reading, results,
+                        reached, begin, size, constants, epochs, given.of_states, own_gains, samples, own,
+                        lanes.covariances, lanes.reading, results,
                     )  # fmt: skip
                     reached += 1
                 if k == all_steps:
                     break
-                _respond(k, (k - block) * width, begin, size, steps, of_filter, noise, lanes)
+                _respond(k, (k - block) * width, begin, size, steps, estimated, noise, lanes)
                 if steps.durations[k] <= SHORT:
                     advance_short(k, steps, samples)
                     fresh = True
@@ -604,8 +645,7 @@ def _run(
                     advance(k, steps, samples)
                     fresh = False
                 if own_gains:
-                    turn_tables(k, steps.motion, steps.thrust, of_filter, samples.response, samples.turned, filters)
-                    propagate_covariances(k, steps.motion, of_filter, filters)
+                    propagate_covariances(k, of_filter, lanes.response, lanes.turned, filters)
             if end > all_steps:
                 for i in range(size):
                     of_lane = int(lanes.cause[0, i])

@@ -1,7 +1,9 @@
 """Covariances of the filters of LANES aided samples: propagation and updates.
 
 Each filter's transition is that of the step's tables, turned to the attitude and the force that its sample indicates.
-Rows and columns are those of its 9 + q states; of the covariances the lower triangles count.
+Covariances are matrices of blocks (`mcnav.physics.blocks`): three of psi, v, x, and as many as hold the q other states;
+of theirs the lower triangles count. The filters of a part of the lanes are handled together, so that what is at work
+stays in registers and in the first level of cache.
 """
 
 from __future__ import annotations
@@ -9,10 +11,45 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mcnav._types import Array, IndexArray
-from mcnav.physics.jit import allocation_free, inlined
-from mcnav.physics.vectors import Rooms, Vector, load, room, store, where
+from mcnav.physics.blocks import (
+    ENTRIES,
+    THREE,
+    Block,
+    add,
+    add_product,
+    blocks_of,
+    choose,
+    count_threes,
+    load_block,
+    load_numbers,
+    load_symmetric,
+    multiply,
+    scale,
+    scale_rows,
+    store_block,
+    store_symmetric,
+    subtract,
+    subtract_product,
+    transpose,
+)
+from mcnav.physics.ins.error_filter import NAVIGATION
+from mcnav.physics.jit import allocation_free, allocation_free_part, inlined
+from mcnav.physics.vectors import (
+    PARTS,
+    Rooms,
+    Vector,
+    load,
+    load_part,
+    parts_of,
+    room,
+    room_of_parts,
+    store,
+    store_part,
+    where,
+)
 
 SIX: Final = 6
 """Components of the largest measurement."""
@@ -22,54 +59,164 @@ SOUND, BEYOND, INDEFINITE = 0, 1, 2
 
 
 class FilterSteps(NamedTuple):
-    """Tables that the filters share over K steps, as `mcnav.physics.ins.filter_tables.FilterTables` has it.
+    """Tables of the filters over K steps as blocks, of `mcnav.physics.ins.filter_tables.FilterTables`; n blocks a row.
 
     Attributes
     ----------
+    motion : ndarray, shape (K, 2, 3, 9)
+        Responses of v, x to psi, v, x.
+    thrust : ndarray, shape (K, 6)
+    coupling : ndarray, shape (K, 3, n - 3, 9)
+    decay : ndarray, shape (K, 3 (n - 3))
+    noise : ndarray, shape (K, n, n, 9)
+    corrected : ndarray, shape (3 n,)
+        1 for estimated states, 0 for considered ones.
+    changes : ndarray, shape (n, n, 9)
+        1 where an update changes the covariance of two states, 0 where both are considered.
+    all_change : ndarray of bool, shape (n, n)
+        Whether it changes that of all states of two blocks.
+    still : ndarray of bool, shape (n - 3, n - 3)
+        Whether no step changes the covariance of other states of two blocks, as they are constants.
     turning, moving, shaken : ndarray of int
-        Other states that psi responds to, that v and x respond to, and whose noise is correlated with that of psi, v
-        and x.
+        Blocks of other states that psi responds to, that v and x respond to, and whose noise is correlated with that of
+        psi, v and x.
     """
 
+    motion: Array
+    thrust: Array
     coupling: Array
     decay: Array
     noise: Array
     corrected: Array
+    changes: Array
+    all_change: NDArray[np.bool_]
+    still: NDArray[np.bool_]
     turning: IndexArray
     moving: IndexArray
     shaken: IndexArray
 
 
-class Covariances(NamedTuple):
-    """Covariances of LANES filters, and room for a step and an update of them; the last axis is the lanes.
+def filter_steps(
+    motion: Array, thrust: Array, coupling: Array, decay: Array, noise: Array, corrected: Array
+) -> FilterSteps:
+    """Prepare the tables over K steps.
+
+    Parameters
+    ----------
+    motion : ndarray, shape (K, 6, 9)
+    thrust : ndarray, shape (K, 6)
+    coupling, decay, noise, corrected : ndarray
+        As `mcnav.physics.ins.filter_tables.FilterTables` has them.
+    """
+    threes = count_threes(decay.shape[1])
+    filled, all_corrected = np.ones((len(decay), THREE * threes)), np.ones(NAVIGATION + THREE * threes)
+    filled[:, : decay.shape[1]] = decay
+    all_corrected[: len(corrected)] = corrected
+    couplings, noises = blocks_of(coupling), blocks_of(noise)
+    coupled, shaken = np.any(couplings, axis=(0, 3)), np.any(noises[:, THREE:, :THREE], axis=(0, 2, 3))
+    constant = np.all((filled == 1.0).reshape(len(decay), threes, THREE), axis=(0, 2))
+    still = np.outer(constant, constant) & ~np.any(noises[:, THREE:, THREE:], axis=(0, 3))
+    changes = blocks_of(np.maximum(all_corrected[:, None], all_corrected))
+    return FilterSteps(
+        blocks_of(motion), thrust, couplings, filled, noises, all_corrected, changes, np.all(changes, axis=2), still,
+        np.flatnonzero(coupled[0]), np.flatnonzero(coupled[1] | coupled[2]), np.flatnonzero(shaken),
+    )  # fmt: skip
+
+
+class FilterUpdates(NamedTuple):
+    """Tables of the filters over U updates; those of components as C blocks.
 
     Attributes
     ----------
-    p : ndarray, shape (9 + q, 9 + q, LANES)
-    transition, coupled, added : ndarray, shapes (6, 3, LANES), (9, q, LANES), (9 + q, 9, LANES)
+    rows, state_rows : ndarray, shapes (U, C, 3, 9), (U, C, n - 3, 9)
+        Responses of the innovations to psi, v, x, along the truth, and to the other states.
+    bounds : ndarray of int, shape (U, C, 2)
+        First and last of the blocks of psi, v, x that a block of components responds to.
+    linked : ndarray of int
+        Blocks of other states that any innovation responds to.
+    variances : ndarray, shape (U, 3 C)
+        Of the measurements.
+    along_truth : ndarray of bool, shape (U,)
+        Whether the responses of an update's innovations are those along the truth for all samples.
+    careful : ndarray of bool, shape (U,)
+        Whether an update takes nearly all of a variance away.
+    """
+
+    rows: Array
+    state_rows: Array
+    bounds: IndexArray
+    linked: IndexArray
+    variances: Array
+    along_truth: NDArray[np.bool_]
+    careful: NDArray[np.bool_]
+
+
+def filter_updates(
+    rows: Array, state_rows: Array, bounds: IndexArray, variances: Array, along_truth: NDArray[np.bool_],
+    careful: NDArray[np.bool_],
+) -> FilterUpdates:  # fmt: skip
+    """Prepare the tables over U updates.
+
+    Parameters
+    ----------
+    rows, state_rows : ndarray, shapes (U, M, 9), (U, M, q)
+    bounds : ndarray of int, shape (U, M, 2)
+        First and last of the navigation states that a component depends on, in threes.
+    """
+    updates, most = variances.shape
+    threes = count_threes(most)
+    used = np.full((updates, THREE * threes, 2), (NAVIGATION, 0))
+    used[:, :most] = np.where(bounds[..., :1] < bounds[..., 1:], bounds, (NAVIGATION, 0))
+    grouped = used.reshape(updates, threes, THREE, 2) // THREE
+    first = np.minimum(grouped[..., 0].min(axis=2), THREE - 1)
+    others, filled = blocks_of(state_rows), np.zeros(used.shape[:2])
+    filled[:, :most] = variances
+    return FilterUpdates(
+        blocks_of(rows), others, np.stack([first, np.maximum(grouped[..., 1].max(axis=2), first + 1)], axis=-1),
+        np.flatnonzero(np.any(others, axis=(0, 1, 3))), filled, along_truth, careful,
+    )  # fmt: skip
+
+
+class Covariances(NamedTuple):
+    """Covariances of LANES filters with n blocks a row, and room for a step and an update of them.
+
+    Attributes
+    ----------
+    p : ndarray, shape (PARTS, n, n, 9, PART)
+    cross : ndarray, shape (PARTS, n, 2, 9, PART)
+        ``P H^T``.
+    transition, coupled, added : ndarray, shapes (2, 9, PART), (3, n - 3, 9, PART), (n, 3, 9, PART)
         The step's tables as turned: responses of v, x to psi; of psi, v, x to the other states; noise.
-    product : ndarray, shape (9, 9 + q, LANES)
+    product, left : ndarray, shapes (3, n, 9, PART), (n, n, 9, PART)
+    white, gain : ndarray, shape (n, 2, 9, PART)
+        ``P H^T`` with the innovations whitened, ``P H^T L^-T``; gains.
     rows : ndarray, shape (SIX, 9, LANES)
-        Responses of the innovations to psi, v, x.
-    cross, white, gain : ndarray, shape (9 + q, SIX, LANES)
-        ``P H^T``; that with the innovations whitened, ``P H^T L^-T``; gains.
+        Responses of the innovations to psi, v, x, of each sample.
     root, inverse : ndarray, shapes (SIX, SIX, LANES), (SIX, LANES)
         Cholesky factor L of the innovations' covariance, and its diagonal inverted.
-    left : ndarray, shape (9 + q, 9 + q, LANES)
+    correction : ndarray, shape (9 + q, LANES)
+        What an update adds to the estimates of all states, or more rows.
+    rows_parts, root_parts, inverse_parts, correction_parts : ndarray, shape (..., PARTS, PART)
+        The same memory, by parts.
     """
 
     p: Array
+    cross: Array
     transition: Array
     coupled: Array
     added: Array
     product: Array
-    rows: Array
-    cross: Array
+    left: Array
     white: Array
     gain: Array
+    rows: Array
     root: Array
     inverse: Array
-    left: Array
+    correction: Array
+    rows_parts: Array
+    root_parts: Array
+    inverse_parts: Array
+    correction_parts: Array
 
 
 def covariances_of(states: int, own: bool = True, keep: Rooms = room) -> Covariances:
@@ -82,250 +229,220 @@ def covariances_of(states: int, own: bool = True, keep: Rooms = room) -> Covaria
     keep : callable
         Makes the rooms that outlast a step.
     """
-    size = 9 + states
+    others = count_threes(states)
+    n = THREE + others
+    rows, root, inverse, correction = room(SIX if own else 0, NAVIGATION), room(SIX, SIX), room(SIX), room(THREE * n)
     return Covariances(
-        keep(size, size), room(6, 3), room(9, states), room(size, 9), room(9, size), room(SIX if own else 0, 9),
-        room(size, SIX), room(size, SIX), room(size, SIX), room(SIX, SIX), room(SIX), room(size, size),
+        parts_first(keep(n * n * ENTRIES), n, n, ENTRIES), room_of_parts(PARTS, n, 2, ENTRIES),
+        room_of_parts(2, ENTRIES), room_of_parts(THREE, others, ENTRIES), room_of_parts(n, THREE, ENTRIES),
+        room_of_parts(THREE, n, ENTRIES), room_of_parts(n, n, ENTRIES), room_of_parts(n, 2, ENTRIES),
+        room_of_parts(n, 2, ENTRIES), rows, root, inverse, correction, parts_of(rows), parts_of(root),
+        parts_of(inverse), parts_of(correction),
+    )  # fmt: skip
+
+
+def parts_first(lanes: Array, *shape: int) -> Array:
+    """Return memory of lanes as that of parts one after the other, shape (PARTS, ..., PART)."""
+    return lanes.reshape(PARTS, *shape, lanes.size // (PARTS * int(np.prod(shape))))
+
+
+@inlined
+def turn_rows(turned: Block, b: Block) -> Block:
+    """Compute ``R B``, with R - I."""
+    return add_product(b, turned, b)
+
+
+@inlined
+def turn_both(turned: Block, b: Block) -> Block:
+    """Compute ``R B R^T``, with R - I."""
+    a = add_product(b, turned, b)
+    return add_product(a, a, transpose(turned))
+
+
+@inlined
+def _part_of_rows(rows: Array, t: int) -> Block:
+    """Return the part t of nine rows of lanes, shape (9, PARTS, PART)."""
+    return (
+        load_part(rows, (0, t)), load_part(rows, (1, t)), load_part(rows, (2, t)), load_part(rows, (3, t)),
+        load_part(rows, (4, t)), load_part(rows, (5, t)), load_part(rows, (6, t)), load_part(rows, (7, t)),
+        load_part(rows, (8, t)),
     )  # fmt: skip
 
 
 @inlined
-def _turn_block(turned: Array, table: Array, k: int, row: int, column: int, out: Array, at: int, to: int) -> None:
-    """Compute ``R B R^T`` of a block of a table, shape (3, 3), with R - I of each lane."""
-    for r in range(3):
-        x, y, z = load(turned, 3 * r), load(turned, 3 * r + 1), load(turned, 3 * r + 2)
-        a = table[k, row + r, column] + (
-            x * table[k, row, column] + y * table[k, row + 1, column] + z * table[k, row + 2, column]
-        )
-        b = table[k, row + r, column + 1] + (
-            x * table[k, row, column + 1] + y * table[k, row + 1, column + 1] + z * table[k, row + 2, column + 1]
-        )
-        c = table[k, row + r, column + 2] + (
-            x * table[k, row, column + 2] + y * table[k, row + 1, column + 2] + z * table[k, row + 2, column + 2]
-        )
-        store(out, (at + r, to), a + (a * load(turned, 0) + b * load(turned, 1) + c * load(turned, 2)))
-        store(out, (at + r, to + 1), b + (a * load(turned, 3) + b * load(turned, 4) + c * load(turned, 5)))
-        store(out, (at + r, to + 2), c + (a * load(turned, 6) + b * load(turned, 7) + c * load(turned, 8)))
-
-
-@inlined
-def _turn_column(turned: Array, table: Array, k: int, row: int, column: int) -> tuple[Vector, Vector, Vector]:
-    """Compute R times a column of three numbers of a table, with R - I of each lane."""
-    x, y, z = table[k, row, column], table[k, row + 1, column], table[k, row + 2, column]
+def _indicated_force(thrust: Array, k: int, half: int, response: Block) -> tuple[Vector, Vector, Vector]:
+    """Compute the error of the force's integral that a sample indicates in step k: of the velocity or the position."""
+    at = THREE * half
+    ax, ay, az = response[0], response[1], response[2]
+    fx, fy, fz = thrust[k, at], thrust[k, at + 1], thrust[k, at + 2]
+    share = 0.5 if half == 0 else 1.0 / 3.0
     return (
-        x + (load(turned, 0) * x + load(turned, 1) * y + load(turned, 2) * z),
-        y + (load(turned, 3) * x + load(turned, 4) * y + load(turned, 5) * z),
-        z + (load(turned, 6) * x + load(turned, 7) * y + load(turned, 8) * z),
+        response[3 + at] - share * (ay * fz - az * fy),
+        response[4 + at] - share * (az * fx - ax * fz),
+        response[5 + at] - share * (ax * fy - ay * fx),
     )
 
 
-@allocation_free
-def turn_tables(
-    k: int, motion: Array, thrust: Array, tables: FilterSteps, response: Array, turned: Array, filters: Covariances
-) -> None:
-    """Turn a step's tables to the attitude and the force that each sample indicates.
-
-    Parameters
-    ----------
-    response : ndarray, shape (9, LANES)
-        Of psi, v, x to the errors of the instruments that are left.
-    turned : ndarray, shape (9, LANES)
-        R - I.
-    """
-    transition, coupled, added = filters.transition, filters.coupled, filters.added
-    ax, ay, az = load(response, 0), load(response, 1), load(response, 2)
+@allocation_free_part
+def _turn_tables(k: int, t: int, tables: FilterSteps, response: Array, turned: Array, filters: Covariances) -> None:
+    """Turn a step's tables to the attitude and the force that each sample of part t indicates."""
+    of_errors, rotation = _part_of_rows(response, t), _part_of_rows(turned, t)
     for half in range(2):
-        at = 3 * half
-        _turn_block(turned, motion, k, at, 0, transition, at, 0)
-        fx, fy, fz = thrust[k, at], thrust[k, at + 1], thrust[k, at + 2]
-        share = 0.5 if half == 0 else 1.0 / 3.0
-        ux = load(response, 3 + at) - share * (ay * fz - az * fy)
-        uy = load(response, 4 + at) - share * (az * fx - ax * fz)
-        uz = load(response, 5 + at) - share * (ax * fy - ay * fx)
-        store(transition, (at, 1), load(transition, (at, 1)) + uz)
-        store(transition, (at, 2), load(transition, (at, 2)) - uy)
-        store(transition, (at + 1, 0), load(transition, (at + 1, 0)) - uz)
-        store(transition, (at + 1, 2), load(transition, (at + 1, 2)) + ux)
-        store(transition, (at + 2, 0), load(transition, (at + 2, 0)) + uy)
-        store(transition, (at + 2, 1), load(transition, (at + 2, 1)) - ux)
-    for row in range(0, 9, 3):
-        for column in range(0, row + 3, 3):
-            _turn_block(turned, tables.noise, k, row, column, added, row, column)
-        for s in tables.moving if row > 0 else tables.turning:
-            x, y, z = _turn_column(turned, tables.coupling, k, row, s)
-            store(coupled, (row, s), x)
-            store(coupled, (row + 1, s), y)
-            store(coupled, (row + 2, s), z)
+        b = turn_both(rotation, load_numbers(tables.motion, (k, half, 0)))
+        x, y, z = _indicated_force(tables.thrust, k, half, of_errors)
+        b = (b[0], b[1] + z, b[2] - y, b[3] - z, b[4], b[5] + x, b[6] + y, b[7] - x, b[8])
+        store_block(filters.transition, half, b)
+    for r in range(THREE):
+        for c in range(r + 1):
+            store_block(filters.added, (r, c), turn_both(rotation, load_numbers(tables.noise, (k, r, c))))
+        for s in tables.moving if r > 0 else tables.turning:
+            store_block(filters.coupled, (r, s), turn_rows(rotation, load_numbers(tables.coupling, (k, r, s))))
         for s in tables.shaken:
-            x, y, z = _turn_column(turned, tables.noise, k, row, 9 + s)
-            store(added, (9 + s, row), x)
-            store(added, (9 + s, row + 1), y)
-            store(added, (9 + s, row + 2), z)
+            turned_noise = turn_rows(rotation, load_numbers(tables.noise, (k, r, THREE + s)))
+            store_block(filters.added, (THREE + s, r), transpose(turned_noise))
 
 
-@inlined
-def _at(row: int, column: int) -> tuple[int, int]:
-    """Return the place of an entry of a covariance in its lower triangle."""
-    return max(row, column), min(row, column)
-
-
-@allocation_free
-def propagate_covariances(k: int, motion: Array, tables: FilterSteps, filters: Covariances) -> None:
-    """Take the filters' covariances over a step: ``P' = Phi P Phi^T + Q``."""
+@allocation_free_part
+def _propagate(k: int, t: int, tables: FilterSteps, filters: Covariances) -> None:
+    """Take the covariances of part t over a step with the tables that are turned."""
     p, transition, coupled, added, product = (
         filters.p, filters.transition, filters.coupled, filters.added, filters.product,
     )  # fmt: skip
-    size, turning, moving = len(p), tables.turning, tables.moving
-    for j in range(size):
-        a, b, c = load(p, _at(0, j)), load(p, _at(1, j)), load(p, _at(2, j))
-        x, y, z = a, b, c
+    motion, turning, moving, n = tables.motion, tables.turning, tables.moving, p.shape[1]
+    for j in range(n):
+        x = load_symmetric(p, t, 0, j)
         for s in turning:
-            e = load(p, _at(9 + s, j))
-            x += load(coupled, (0, s)) * e
-            y += load(coupled, (1, s)) * e
-            z += load(coupled, (2, s)) * e
-        store(product, (0, j), x)
-        store(product, (1, j), y)
-        store(product, (2, j), z)
-        for r in range(0, 6, 3):
-            x = load(transition, (r, 0)) * a + load(transition, (r, 1)) * b + load(transition, (r, 2)) * c
-            y = load(transition, (r + 1, 0)) * a + load(transition, (r + 1, 1)) * b + load(transition, (r + 1, 2)) * c
-            z = load(transition, (r + 2, 0)) * a + load(transition, (r + 2, 1)) * b + load(transition, (r + 2, 2)) * c
-            for i in range(3, 9):
-                e = load(p, _at(i, j))
-                x += motion[k, r, i] * e
-                y += motion[k, r + 1, i] * e
-                z += motion[k, r + 2, i] * e
+            x = add_product(x, load_block(coupled, (0, s)), load_symmetric(p, t, THREE + s, j))
+        store_block(product, (0, j), x)
+        for half in range(2):
+            x = multiply(load_block(transition, half), load_symmetric(p, t, 0, j))
+            x = add_product(x, load_numbers(motion, (k, half, 1)), load_symmetric(p, t, 1, j))
+            x = add_product(x, load_numbers(motion, (k, half, 2)), load_symmetric(p, t, 2, j))
             for s in moving:
-                e = load(p, _at(9 + s, j))
-                x += load(coupled, (3 + r, s)) * e
-                y += load(coupled, (4 + r, s)) * e
-                z += load(coupled, (5 + r, s)) * e
-            store(product, (3 + r, j), x)
-            store(product, (4 + r, j), y)
-            store(product, (5 + r, j), z)
-    for r in range(9):
-        for j in range(min(r, 2) + 1):
-            x = load(added, (r, j)) + load(product, (r, j))
-            for s in turning:
-                x += load(product, (r, 9 + s)) * load(coupled, (j, s))
-            store(p, (r, j), x)
-        a, b, c = load(product, (r, 0)), load(product, (r, 1)), load(product, (r, 2))
-        for j in range(3, r + 1):
-            x = load(added, (r, j)) + (
-                load(transition, (j - 3, 0)) * a + load(transition, (j - 3, 1)) * b + load(transition, (j - 3, 2)) * c
-            )
-            for i in range(3, 9):
-                x += motion[k, j - 3, i] * load(product, (r, i))
+                x = add_product(x, load_block(coupled, (1 + half, s)), load_symmetric(p, t, THREE + s, j))
+            store_block(product, (1 + half, j), x)
+    for r in range(THREE):
+        x = add(load_block(added, (r, 0)), load_block(product, (r, 0)))
+        for s in turning:
+            x = add_product(x, load_block(product, (r, THREE + s)), transpose(load_block(coupled, (0, s))))
+        store_symmetric(p, t, r, 0, x)
+        for half in range(r):
+            x = load_block(added, (r, 1 + half))
+            x = add_product(x, load_block(product, (r, 0)), transpose(load_block(transition, half)))
+            x = add_product(x, load_block(product, (r, 1)), transpose(load_numbers(motion, (k, half, 1))))
+            x = add_product(x, load_block(product, (r, 2)), transpose(load_numbers(motion, (k, half, 2))))
             for s in moving:
-                x += load(product, (r, 9 + s)) * load(coupled, (j, s))
-            store(p, (r, j), x)
-        for s in range(size - 9):
-            x = tables.decay[k, s] * load(product, (r, 9 + s)) + load(added, (9 + s, r))
-            store(p, (9 + s, r), x)
-    for s in range(size - 9):
+                to_state = transpose(load_block(coupled, (1 + half, s)))
+                x = add_product(x, load_block(product, (r, THREE + s)), to_state)
+            store_symmetric(p, t, r, 1 + half, x)
+        for s in range(n - THREE):
+            kept = scale_rows(transpose(load_block(product, (r, THREE + s))), tables.decay[k], s)
+            store_block(p, (t, THREE + s, r), add(kept, load_block(added, (THREE + s, r))))
+    for s in range(n - THREE):
         for e in range(s + 1):
-            x = tables.decay[k, s] * tables.decay[k, e] * load(p, (9 + s, 9 + e)) + tables.noise[k, 9 + s, 9 + e]
-            store(p, (9 + s, 9 + e), x)
+            if tables.still[s, e]:
+                continue
+            kept = scale_rows(load_block(p, (t, THREE + s, THREE + e)), tables.decay[k], s)
+            kept = transpose(scale_rows(transpose(kept), tables.decay[k], e))
+            added_to = load_numbers(tables.noise, (k, THREE + s, THREE + e))
+            store_block(p, (t, THREE + s, THREE + e), add(kept, added_to))
+
+
+@allocation_free_part
+def propagate_covariances(k: int, tables: FilterSteps, response: Array, turned: Array, filters: Covariances) -> None:
+    """Take the filters' covariances over a step: ``P' = Phi P Phi^T + Q``.
+
+    Parameters
+    ----------
+    response : ndarray, shape (9, PARTS, PART)
+        Of psi, v, x to the errors of the instruments that are left.
+    turned : ndarray, shape (9, PARTS, PART)
+        R - I.
+    """
+    for t in range(PARTS):
+        _turn_tables(k, t, tables, response, turned, filters)
+        _propagate(k, t, tables, filters)
 
 
 @inlined
-def _project(
-    p: Array, r: int, c: int, rows: Array, begin: int, end: int, state_rows: Array, u: int, linked: IndexArray
-) -> Vector:
-    """Compute a row of a matrix times the response of a component of update u, which is zero but from begin to end."""
-    x = load(p, (r, begin)) * load(rows, (c, begin))
-    for j in range(begin + 1, end):
-        x += load(p, (r, j)) * load(rows, (c, j))
-    for s in linked:
-        x += load(p, (r, 9 + s)) * state_rows[u, c, s]
-    return x
+def _own_rows(rows: Array, t: int, c: int, j: int) -> Block:
+    """Return the responses of three components of the samples of a part to three states of navigation."""
+    a, b, d = THREE * c, THREE * c + 1, THREE * c + 2
+    e, f, g = THREE * j, THREE * j + 1, THREE * j + 2
+    return (
+        load_part(rows, (a, e, t)), load_part(rows, (a, f, t)), load_part(rows, (a, g, t)), load_part(rows, (b, e, t)),
+        load_part(rows, (b, f, t)), load_part(rows, (b, g, t)), load_part(rows, (d, e, t)), load_part(rows, (d, f, t)),
+        load_part(rows, (d, g, t)),
+    )  # fmt: skip
 
 
 @inlined
-def _project_covariance(
-    p: Array, r: int, c: int, rows: Array, begin: int, end: int, state_rows: Array, u: int, linked: IndexArray
-) -> Vector:
-    """Compute the same of a covariance's lower triangle."""
-    x = load(p, _at(r, begin)) * load(rows, (c, begin))
-    for j in range(begin + 1, end):
-        x += load(p, _at(r, j)) * load(rows, (c, j))
-    for s in linked:
-        x += load(p, _at(r, 9 + s)) * state_rows[u, c, s]
-    return x
+def _store_root(root: Array, t: int, c: int, e: int, x: Block) -> None:
+    """Write a block of the innovations' covariance to where its Cholesky factor will be."""
+    for i in range(THREE):
+        for j in range(THREE):
+            store_part(root, (THREE * c + i, THREE * e + j, t), x[THREE * i + j])
 
 
-@allocation_free
-def project_along_truth(
-    u: int, m: int, rows: Array, bounds: IndexArray, state_rows: Array, linked: IndexArray, filters: Covariances
-) -> None:
+@allocation_free_part
+def project_along_truth(u: int, m: int, tables: FilterUpdates, filters: Covariances) -> None:
     """Compute ``P H^T`` and ``H P H^T`` of update u, whose responses H are those along the truth.
-
-    Components are handled in threes, so that an entry of the covariance is read once for three of them.
 
     Parameters
     ----------
     m : int
         Components.
-    rows : ndarray, shape (U, M, 9)
-        Responses to psi, v, x, which are zero but from the first to the second of their bounds.
-    linked : ndarray of int
-        Other states that any innovation responds to.
     """
-    p, cross = filters.p, filters.cross
-    for c in range(0, m, 3):
-        d, e = min(c + 1, m - 1), min(c + 2, m - 1)
-        begin = min(bounds[u, c, 0], bounds[u, d, 0], bounds[u, e, 0])
-        end = max(bounds[u, c, 1], bounds[u, d, 1], bounds[u, e, 1])
-        for r in range(len(p)):
-            entry = load(p, _at(r, begin))
-            x, y, z = rows[u, c, begin] * entry, rows[u, d, begin] * entry, rows[u, e, begin] * entry
-            for j in range(begin + 1, end):
-                entry = load(p, _at(r, j))
-                x += rows[u, c, j] * entry
-                y += rows[u, d, j] * entry
-                z += rows[u, e, j] * entry
-            for s in linked:
-                entry = load(p, _at(r, 9 + s))
-                x += state_rows[u, c, s] * entry
-                y += state_rows[u, d, s] * entry
-                z += state_rows[u, e, s] * entry
-            store(cross, (r, c), x)
-            store(cross, (r, d), y)
-            store(cross, (r, e), z)
-    for c in range(m):
-        for e in range(c + 1):
-            x = 0.0 * load(cross, (0, e))
-            for j in range(bounds[u, c, 0], bounds[u, c, 1]):
-                x += rows[u, c, j] * load(cross, (j, e))
-            for s in linked:
-                x += state_rows[u, c, s] * load(cross, (9 + s, e))
-            store(filters.root, (c, e), x)
+    p, cross, rows, states = filters.p, filters.cross, tables.rows, tables.state_rows
+    for t in range(PARTS):
+        for c in range((m + 2) // THREE):
+            begin, end = tables.bounds[u, c, 0], tables.bounds[u, c, 1]
+            for r in range(p.shape[1]):
+                x = multiply(load_symmetric(p, t, r, begin), transpose(load_numbers(rows, (u, c, begin))))
+                for j in range(begin + 1, end):
+                    x = add_product(x, load_symmetric(p, t, r, j), transpose(load_numbers(rows, (u, c, j))))
+                for s in tables.linked:
+                    to_state = transpose(load_numbers(states, (u, c, s)))
+                    x = add_product(x, load_symmetric(p, t, r, THREE + s), to_state)
+                store_block(cross, (t, r, c), x)
+            for e in range(c + 1):
+                x = multiply(load_numbers(rows, (u, c, begin)), load_block(cross, (t, begin, e)))
+                for j in range(begin + 1, end):
+                    x = add_product(x, load_numbers(rows, (u, c, j)), load_block(cross, (t, j, e)))
+                for s in tables.linked:
+                    x = add_product(x, load_numbers(states, (u, c, s)), load_block(cross, (t, THREE + s, e)))
+                _store_root(filters.root_parts, t, c, e, x)
 
 
 @allocation_free
-def project_along_samples(
-    u: int, m: int, bounds: IndexArray, state_rows: Array, linked: IndexArray, filters: Covariances
-) -> None:
+def project_along_samples(u: int, m: int, tables: FilterUpdates, filters: Covariances) -> None:
     """Compute the same where each sample has responses of its own, ``filters.rows``."""
-    rows, cross = filters.rows, filters.cross
-    for c in range(m):
-        begin, end = bounds[u, c, 0], bounds[u, c, 1]
-        for r in range(len(filters.p)):
-            store(cross, (r, c), _project_covariance(filters.p, r, c, rows, begin, end, state_rows, u, linked))
-    for c in range(m):
-        for e in range(c + 1):
-            x = 0.0 * load(cross, (0, e))
-            for j in range(bounds[u, c, 0], bounds[u, c, 1]):
-                x += load(rows, (c, j)) * load(cross, (j, e))
-            for s in linked:
-                x += state_rows[u, c, s] * load(cross, (9 + s, e))
-            store(filters.root, (c, e), x)
+    p, cross, rows, states = filters.p, filters.cross, filters.rows_parts, tables.state_rows
+    for t in range(PARTS):
+        for c in range((m + 2) // THREE):
+            begin, end = tables.bounds[u, c, 0], tables.bounds[u, c, 1]
+            for r in range(p.shape[1]):
+                x = multiply(load_symmetric(p, t, r, begin), transpose(_own_rows(rows, t, c, begin)))
+                for j in range(begin + 1, end):
+                    x = add_product(x, load_symmetric(p, t, r, j), transpose(_own_rows(rows, t, c, j)))
+                for s in tables.linked:
+                    to_state = transpose(load_numbers(states, (u, c, s)))
+                    x = add_product(x, load_symmetric(p, t, r, THREE + s), to_state)
+                store_block(cross, (t, r, c), x)
+            for e in range(c + 1):
+                x = multiply(_own_rows(rows, t, c, begin), load_block(cross, (t, begin, e)))
+                for j in range(begin + 1, end):
+                    x = add_product(x, _own_rows(rows, t, c, j), load_block(cross, (t, j, e)))
+                for s in tables.linked:
+                    x = add_product(x, load_numbers(states, (u, c, s)), load_block(cross, (t, THREE + s, e)))
+                _store_root(filters.root_parts, t, c, e, x)
 
 
-@allocation_free
+@allocation_free_part
 def factor_innovations(u: int, m: int, variances: Array, sound: Array, cause: Array, filters: Covariances) -> None:
     """Compute the Cholesky factor of the innovations' covariance, ``H P H^T`` as projected and the measurements'.
+
+    What fills a block of components up is zero.
 
     Parameters
     ----------
@@ -351,93 +468,166 @@ def factor_innovations(u: int, m: int, variances: Array, sound: Array, cause: Ar
                 x = np.sqrt(where(good, x, 1.0))
                 store(root, (c, c), x)
                 store(inverse, c, 1.0 / x)
+    for c in range(m, THREE * ((m + 2) // THREE)):
+        store(inverse, c, 0.0)
+        for e in range(c):
+            store(root, (c, e), 0.0)
 
 
-@allocation_free
-def whiten(m: int, accepted: Array, filters: Covariances) -> None:
-    """Compute ``P H^T L^-T``, zero where a measurement is rejected; columns up to a multiple of three are zero."""
-    cross, white, root, inverse = filters.cross, filters.white, filters.root, filters.inverse
-    share, threes = load(accepted, 0), m - m % 3
-    for r in range(len(filters.p)):
-        for c in range(0, threes, 3):
-            x, y, z = share * load(cross, (r, c)), share * load(cross, (r, c + 1)), share * load(cross, (r, c + 2))
+@inlined
+def _root_block(root: Array, t: int, c: int, e: int) -> Block:
+    """Return a block of the innovations' Cholesky factor below its diagonal blocks."""
+    a, b, d = THREE * c, THREE * c + 1, THREE * c + 2
+    f, g, h = THREE * e, THREE * e + 1, THREE * e + 2
+    return (
+        load_part(root, (a, f, t)), load_part(root, (a, g, t)), load_part(root, (a, h, t)), load_part(root, (b, f, t)),
+        load_part(root, (b, g, t)), load_part(root, (b, h, t)), load_part(root, (d, f, t)), load_part(root, (d, g, t)),
+        load_part(root, (d, h, t)),
+    )  # fmt: skip
+
+
+@inlined
+def _divide_by_root(x: Block, root: Array, inverse: Array, t: int, c: int) -> Block:
+    """Compute ``X L^-T`` with a diagonal block L of the innovations' Cholesky factor."""
+    a = THREE * c
+    first, second, third = load_part(inverse, (a, t)), load_part(inverse, (a + 1, t)), load_part(inverse, (a + 2, t))
+    low, lowest = load_part(root, (a + 1, a, t)), load_part(root, (a + 2, a, t))
+    last = load_part(root, (a + 2, a + 1, t))
+    x0, x3, x6 = x[0] * first, x[3] * first, x[6] * first
+    x1, x4, x7 = (x[1] - x0 * low) * second, (x[4] - x3 * low) * second, (x[7] - x6 * low) * second
+    x2, x5 = (x[2] - x0 * lowest - x1 * last) * third, (x[5] - x3 * lowest - x4 * last) * third
+    return x0, x1, x2, x3, x4, x5, x6, x7, (x[8] - x6 * lowest - x7 * last) * third
+
+
+@allocation_free_part
+def _whiten(m: int, t: int, accepted: Array, whitened: Array, filters: Covariances) -> None:
+    """Compute ``W = P H^T L^-T`` of part t, zero where a measurement is rejected, and the corrections ``W u``."""
+    cross, white, root, inverse = filters.cross, filters.white, filters.root_parts, filters.inverse_parts
+    share, correction = load_part(accepted, (0, t)), filters.correction_parts
+    for r in range(filters.p.shape[1]):
+        a = b = d = 0.0 * share
+        for c in range((m + 2) // THREE):
+            x = scale(load_block(cross, (t, r, c)), share)
             for e in range(c):
-                known = load(white, (r, e))
-                x -= known * load(root, (c, e))
-                y -= known * load(root, (c + 1, e))
-                z -= known * load(root, (c + 2, e))
-            x *= load(inverse, c)
-            y = (y - x * load(root, (c + 1, c))) * load(inverse, c + 1)
-            z = (z - x * load(root, (c + 2, c)) - y * load(root, (c + 2, c + 1))) * load(inverse, c + 2)
-            store(white, (r, c), x)
-            store(white, (r, c + 1), y)
-            store(white, (r, c + 2), z)
-        for c in range(threes, m):
-            x = share * load(cross, (r, c))
-            for e in range(c):
-                x -= load(white, (r, e)) * load(root, (c, e))
-            store(white, (r, c), x * load(inverse, c))
-        for c in range(m, 3 if m <= 3 else SIX):
-            store(white, (r, c), 0.0 * share)
+                x = subtract_product(x, load_block(white, (r, e)), transpose(_root_block(root, t, c, e)))
+            x = _divide_by_root(x, root, inverse, t, c)
+            store_block(white, (r, c), x)
+            u, v, w = (
+                load_part(whitened, (THREE * c, t)), load_part(whitened, (THREE * c + 1, t)),
+                load_part(whitened, (THREE * c + 2, t)),
+            )  # fmt: skip
+            a += x[0] * u + x[1] * v + x[2] * w
+            b += x[3] * u + x[4] * v + x[5] * w
+            d += x[6] * u + x[7] * v + x[8] * w
+        store_part(correction, (THREE * r, t), a)
+        store_part(correction, (THREE * r + 1, t), b)
+        store_part(correction, (THREE * r + 2, t), d)
 
 
-@allocation_free
-def reduce_covariances(m: int, corrected: Array, filters: Covariances) -> None:
-    """Compute the covariance after an update: ``P - W W^T`` with ``W = P H^T L^-T``.
+@allocation_free_part
+def _reduce(m: int, t: int, tables: FilterSteps, filters: Covariances) -> None:
+    """Compute the covariances of part t after an update: ``P - W W^T`` with ``W = P H^T L^-T``.
 
     The covariance of two considered states stays as it is.
     """
     p, white = filters.p, filters.white
-    for r in range(len(p)):
-        a, b, c = load(white, (r, 0)), load(white, (r, 1)), load(white, (r, 2))
-        if m <= 3:
-            for j in range(r + 1):
-                if corrected[r] + corrected[j] > 0.0:
-                    x = load(p, (r, j))
-                    x = x - a * load(white, (j, 0)) - b * load(white, (j, 1)) - c * load(white, (j, 2))
-                    store(p, (r, j), x)
-        else:
-            d, e, f = load(white, (r, 3)), load(white, (r, 4)), load(white, (r, 5))
-            for j in range(r + 1):
-                if corrected[r] + corrected[j] > 0.0:
-                    x = load(p, (r, j))
-                    x = x - a * load(white, (j, 0)) - b * load(white, (j, 1)) - c * load(white, (j, 2))
-                    x = x - d * load(white, (j, 3)) - e * load(white, (j, 4)) - f * load(white, (j, 5))
-                    store(p, (r, j), x)
+    for r in range(p.shape[1]):
+        for j in range(r + 1):
+            x = load_block(p, (t, r, j))
+            x = subtract_product(x, load_block(white, (r, 0)), transpose(load_block(white, (j, 0))))
+            if m > THREE:
+                x = subtract_product(x, load_block(white, (r, 1)), transpose(load_block(white, (j, 1))))
+            if tables.all_change[r, j]:
+                store_symmetric(p, t, r, j, x)
+            else:
+                store_symmetric(p, t, r, j, choose(load_numbers(tables.changes, (r, j)), x, load_block(p, (t, r, j))))
+
+
+@inlined
+def _divide_by_transposed_root(x: Block, root: Array, inverse: Array, t: int, c: int) -> Block:
+    """Compute ``X L^-1`` with a diagonal block L of the innovations' Cholesky factor."""
+    a = THREE * c
+    first, second, third = load_part(inverse, (a, t)), load_part(inverse, (a + 1, t)), load_part(inverse, (a + 2, t))
+    low, lowest = load_part(root, (a + 1, a, t)), load_part(root, (a + 2, a, t))
+    last = load_part(root, (a + 2, a + 1, t))
+    x2, x5, x8 = x[2] * third, x[5] * third, x[8] * third
+    x1, x4, x7 = (x[1] - x2 * last) * second, (x[4] - x5 * last) * second, (x[7] - x8 * last) * second
+    x0, x3 = (x[0] - x1 * low - x2 * lowest) * first, (x[3] - x4 * low - x5 * lowest) * first
+    return x0, x1, x2, x3, x4, x5, (x[6] - x7 * low - x8 * lowest) * first, x7, x8
 
 
 @allocation_free
-def reduce_by_joseph(
-    u: int, m: int, corrected: Array, bounds: IndexArray, state_rows: Array, linked: IndexArray, variances: Array,
-    filters: Covariances,
-) -> None:  # fmt: skip
-    """Compute the covariance after an update in Joseph's form, ``(I - K H) P (I - K H)^T + K R K^T``.
+def _reduce_by_joseph(u: int, m: int, t: int, steps: FilterSteps, tables: FilterUpdates, filters: Covariances) -> None:
+    """Compute the covariances of part t after an update in Joseph's form, ``(I - K H) P (I - K H)^T + K R K^T``.
 
     It keeps the digits of an update that takes nearly all of a variance away.
     """
-    p, cross, white, gain, left, root = (
-        filters.p, filters.cross, filters.white, filters.gain, filters.left, filters.root,
-    )  # fmt: skip
-    for r in range(len(p)):
-        for c in range(m - 1, -1, -1):
-            x = corrected[r] * load(white, (r, c))
-            for e in range(c + 1, m):
-                x -= load(gain, (r, e)) * load(root, (e, c))
-            store(gain, (r, c), x * load(filters.inverse, c))
-    for r in range(len(p)):
-        for j in range(len(p)):
-            x = load(p, _at(r, j))
-            for c in range(m):
-                x -= load(gain, (r, c)) * load(cross, (j, c))
-            store(left, (r, j), x)
-    for c in range(m):
-        begin, end = bounds[u, c, 0], bounds[u, c, 1]
-        for r in range(len(p)):
-            x = _project(left, r, c, filters.rows, begin, end, state_rows, u, linked)
-            store(white, (r, c), x - variances[u, c] * load(gain, (r, c)))
-    for r in range(len(p)):
+    p, cross, white, gain, left = filters.p, filters.cross, filters.white, filters.gain, filters.left
+    root, rows, n, blocks = filters.root_parts, filters.rows_parts, p.shape[1], (m + 2) // THREE
+    for r in range(n):
+        for c in range(blocks - 1, -1, -1):
+            x = scale_rows(load_block(white, (r, c)), steps.corrected, r)
+            for e in range(c + 1, blocks):
+                x = subtract_product(x, load_block(gain, (r, e)), _root_block(root, t, e, c))
+            store_block(gain, (r, c), _divide_by_transposed_root(x, root, filters.inverse_parts, t, c))
+    for r in range(n):
+        for j in range(n):
+            x = load_symmetric(p, t, r, j)
+            for c in range(blocks):
+                x = subtract_product(x, load_block(gain, (r, c)), transpose(load_block(cross, (t, j, c))))
+            store_block(left, (r, j), x)
+    for c in range(blocks):
+        begin, end = tables.bounds[u, c, 0], tables.bounds[u, c, 1]
+        for r in range(n):
+            x = multiply(load_block(left, (r, begin)), transpose(_own_rows(rows, t, c, begin)))
+            for j in range(begin + 1, end):
+                x = add_product(x, load_block(left, (r, j)), transpose(_own_rows(rows, t, c, j)))
+            for s in tables.linked:
+                to_state = transpose(load_numbers(tables.state_rows, (u, c, s)))
+                x = add_product(x, load_block(left, (r, THREE + s)), to_state)
+            of_noise = transpose(scale_rows(transpose(load_block(gain, (r, c))), tables.variances[u], c))
+            store_block(white, (r, c), subtract(x, of_noise))
+    for r in range(n):
         for j in range(r + 1):
-            x = load(left, (r, j))
-            for c in range(m):
-                x -= load(white, (r, c)) * load(gain, (j, c))
-            store(p, (r, j), x)
+            x = load_block(left, (r, j))
+            for c in range(blocks):
+                x = subtract_product(x, load_block(white, (r, c)), transpose(load_block(gain, (j, c))))
+            store_symmetric(p, t, r, j, x)
+
+
+@allocation_free_part
+def update_covariances(
+    u: int, m: int, accepted: Array, whitened: Array, steps: FilterSteps, tables: FilterUpdates, filters: Covariances
+) -> None:  # fmt: skip
+    """Compute the covariances after update u as projected and factored, and the corrections of the estimates.
+
+    Parameters
+    ----------
+    accepted, whitened : ndarray, shapes (1, PARTS, PART), (SIX, PARTS, PART)
+        Whether measurements are accepted, and the whitened innovations.
+    """
+    for t in range(PARTS):
+        _whiten(m, t, accepted, whitened, filters)
+        if tables.careful[u]:
+            _reduce_by_joseph(u, m, t, steps, tables, filters)
+        else:
+            _reduce(m, t, steps, filters)
+
+
+@allocation_free
+def begin_covariances(initial: Array, filters: Covariances) -> None:
+    """Let all covariances be that at the start, shape (n, n, 9)."""
+    for t in range(PARTS):
+        for r in range(len(initial)):
+            for c in range(r + 1):
+                store_block(filters.p, (t, r, c), load_numbers(initial, (r, c)))
+
+
+@allocation_free
+def covariances_in_lanes(filters: Covariances, out: Array) -> None:
+    """Copy the covariances' lower triangles to rows of lanes, shape (9 + q, 9 + q, PARTS, PART)."""
+    for t in range(PARTS):
+        for r in range(len(out)):
+            for c in range(r + 1):
+                at = THREE * (r % THREE) + c % THREE
+                store_part(out, (r, c, t), load_part(filters.p, (t, r // THREE, c // THREE, at)))

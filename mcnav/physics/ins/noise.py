@@ -2,7 +2,7 @@
 
 The counter-based generator is Philox4x32-10 (Salmon, Moraes, Dror and Shaw 2011). By the transformation of Box and
 Muller each half of its 128 bits makes two normal variates: 40 bits their radius, which is at most 7.54 and would exceed
-this once in 2e12 pairs, and 24 bits their direction.
+this once in 2e12 pairs, and 24 bits their direction. They are computed in single precision, to 1e-6 of the radius.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.physics.jit import allocation_free_uncontracted, compiled, inlined
-from mcnav.physics.vectors import Vector, bits, doubles, fma, load, store, where
+from mcnav.physics.vectors import Vector, bits, doubles, fma, load, narrow, store, widen
 
 _LOW: Final = np.uint64(0xFFFFFFFF)
 _HALF: Final = np.uint64(32)
@@ -44,21 +44,13 @@ _HALF_ROOT: Final = np.uint64(0x3FE6A09E667F3BCD)
 
 _FRACTION: Final = np.uint64(0x000FFFFFFFFFFFFF)
 _PLACES: Final = np.uint64(52)
-_TO_SIGN: Final = np.uint64(62)
-_SIGN: Final = np.uint64(1 << 63)
-"""Place of the second bit of a number under the sign, and the bit of a sign."""
-
 _INTEGER: Final = np.uint64(0x4330000000000000)
 """Bits of 2^52; with an integer in the mantissa, of their sum."""
 
-_OFFSET_OF_INTEGER: Final = 2.0**52
 _OFFSET: Final = 2.0**52 + 1023.0
 """Excess of the bits of an exponent, as a mantissa of 2^52, over the exponent."""
 
-_LN2_HIGH: Final = 0.693147180369123816490
-"""Logarithm of 2 to 33 bits, so that its multiples are exact, and what is missing."""
-
-_LN2_LOW: Final = 1.90821492927058770002e-10
+_LN2: Final = float(np.log(2.0))
 
 IMU_STREAM: Final = 1
 """Stream of the instruments' processes."""
@@ -77,9 +69,9 @@ def philox(
     return a & _LOW, b & _LOW, c & _LOW, d & _LOW
 
 
-_ARTANH: Final = tuple(1 / (2 * n + 1) for n in range(10))
-_SINE: Final = tuple((-1) ** n / factorial(2 * n + 1) for n in range(8))
-_COSINE: Final = tuple((-1) ** n / factorial(2 * n) for n in range(9))
+_ARTANH: Final = tuple(1 / (2 * n + 1) for n in range(5))
+_SINE: Final = tuple((-1) ** n / factorial(2 * n + 1) for n in range(6))
+_COSINE: Final = tuple((-1) ** n / factorial(2 * n) for n in range(7))
 """Coefficients of Taylor series in the square: of artanh(x) / x, sin(x) / x and cos(x)."""
 
 
@@ -94,31 +86,26 @@ def _series(z: Vector, coefficients: tuple[float, ...]) -> Vector:
 
 @inlined
 def _log(u: Vector) -> Vector:
-    """Compute the natural logarithm of doubles in (0, 1), to 2e-16 of it.
+    """Compute the natural logarithm of doubles in (0, 1) in single precision.
 
     With ``u = m 2^e`` and m between 1 / sqrt(2) and sqrt(2), ``log(m) = 2 artanh((m - 1) / (m + 1))``.
     """
     shifted = bits(u) + (_ONE - _HALF_ROOT)
     mantissa = doubles((shifted & _FRACTION) + _HALF_ROOT)
-    exponent = doubles((shifted >> _PLACES) | _INTEGER) - _OFFSET
-    f = (mantissa - 1.0) / (mantissa + 1.0)
-    z = f * f
-    series = _series(z, _ARTANH)
-    return fma(exponent, _LN2_HIGH, fma(2.0 * f, series, exponent * _LN2_LOW))
+    exponent = narrow(doubles((shifted >> _PLACES) | _INTEGER) - _OFFSET)
+    above = narrow(mantissa - 1.0)
+    f = above / (above + 2.0)
+    return fma(exponent, _LN2, (f + f) * _series(f * f, _ARTANH))
 
 
 @inlined
 def _circle(t: Vector) -> tuple[Vector, Vector]:
-    """Compute cosine and sine of t turns, t in [0, 1), to 2e-16: by Taylor series in the nearest quadrant."""
-    quadrant = np.rint(4.0 * t)
-    a = (0.5 * np.pi) * (4.0 * t - quadrant)
+    """Compute cosine and sine of t turns, t in [0, 1), in single precision: by those of half of the angle less pi."""
+    a = np.pi * (t - 0.5)
     z = a * a
-    sine = a * _series(z, _SINE)
-    cosine = _series(z, _COSINE)
-    number = bits(quadrant + _OFFSET_OF_INTEGER)
-    even = (number & np.uint64(1)) == np.uint64(0)
-    of_cosine, of_sine = ((number + np.uint64(1)) << _TO_SIGN) & _SIGN, (number << _TO_SIGN) & _SIGN
-    return doubles(bits(where(even, cosine, sine)) ^ of_cosine), doubles(bits(where(even, sine, cosine)) ^ of_sine)
+    sine, cosine = a * _series(z, _SINE), _series(z, _COSINE)
+    twice = sine + sine
+    return fma(twice, sine, -1.0), -twice * cosine
 
 
 @inlined
@@ -126,8 +113,8 @@ def _pair(one: Vector, other: Vector) -> tuple[Vector, Vector]:
     """Compute two normal variates from two words."""
     uniform = doubles(one << _TO_TOP | (other >> _TO_BELOW & _BELOW) | _MIDDLE | _ONE) - 1.0
     radius = np.sqrt(-2.0 * _log(uniform))
-    cosine, sine = _circle(doubles((other & _DIRECTION) << _TO_TURNS | _ONE) - 1.0)
-    return radius * cosine, radius * sine
+    cosine, sine = _circle(narrow(doubles((other & _DIRECTION) << _TO_TURNS | _ONE) - 1.0))
+    return widen(radius * cosine), widen(radius * sine)
 
 
 @allocation_free_uncontracted

@@ -193,8 +193,8 @@ def share_covariances(covariances: Array, chosen: IndexArray, output_maps: Array
     rows, columns = np.tril_indices(NAVIGATION)
     groups = [mapped[:, begin : begin + 3, begin : begin + 3] for begin in range(0, NAVIGATION, 3)]
     return SharedCovariances(
-        whitening_matrices(covariances[:, chosen[:, None], chosen]),
-        whitening_matrices(covariances[:, others[:, None], others]),
+        np.ascontiguousarray(whitening_matrices(covariances[:, chosen[:, None], chosen])),
+        np.ascontiguousarray(whitening_matrices(covariances[:, others[:, None], others])),
         np.ascontiguousarray(np.stack([whitening_matrices(group) for group in groups], axis=1)),
         np.ascontiguousarray(mapped[:, rows, columns]),
         np.diagonal(covariances, axis1=1, axis2=2)[:, NAVIGATION:].copy(),

@@ -39,8 +39,8 @@ class EpochTables(NamedTuple):
     ----------
     numbers : ndarray of int, shape (m,)
         Steps that begin at the epochs.
-    initial : ndarray, shape (9 + q, 9 + q)
-        Covariance of the filter at the start.
+    initial : ndarray, shape (n, n, 9)
+        Covariance of the filter at the start, as blocks.
     chosen : ndarray of int
         Numbers of the states that are estimated.
     """
@@ -88,7 +88,7 @@ class Readings(NamedTuple):
     linear : ndarray, shape (n, 9)
         At the last epoch.
     outcomes : ndarray of int, shape (n,)
-    records : ndarray, shape (n, m, width)
+    records : ndarray, shape (m, n, width)
     """
 
     values: Array
@@ -221,6 +221,8 @@ def read(
     )
     copy_rows(rooms.outputs, begin, size, reached, results.values)
     _record(reached, epochs, own_gains, own, p, rooms)
-    copy_rows(rooms.record, begin, size, reached, results.records)
+    for i in range(size):
+        for c in range(len(rooms.record)):
+            results.records[reached, begin + i, c] = rooms.record[c, i]
     if reached == len(epochs.numbers) - 1:
         read_linear(epochs.output_maps[reached], samples.linear, begin, size, results.linear)

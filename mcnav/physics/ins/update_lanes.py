@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcnav._types import Array, IndexArray
+from mcnav.physics.blocks import THREE
 from mcnav.physics.ins.earth import geodetic_altitude
 from mcnav.physics.ins.filter_consistency import COUNTS
-from mcnav.physics.ins.filter_lanes import SIX
+from mcnav.physics.ins.filter_lanes import SIX, FilterUpdates
 from mcnav.physics.ins.measurements import (
     ALTITUDE,
     ATTITUDE,
@@ -38,10 +39,6 @@ class UpdateTables(NamedTuple):
         Responses to the constant errors of the sensors that are not zero.
     lags : ndarray of bool, shape (U,)
         Whether an update's sensor has had one before.
-    careful : ndarray of bool, shape (U,)
-        Whether an update takes nearly all of a variance away.
-    along_truth : ndarray of bool, shape (U,)
-        Whether the responses of an update's innovations are those along the truth for all samples.
     linked : ndarray of int
         Other states of the filter that any innovation responds to.
     """
@@ -62,13 +59,11 @@ class UpdateTables(NamedTuple):
     white: Array
     limits: Array
     state_rows: Array
-    variances: Array
     gains: Array
     roots: Array
     lags: NDArray[np.bool_]
-    careful: NDArray[np.bool_]
-    along_truth: NDArray[np.bool_]
     linked: IndexArray
+    of_filter: FilterUpdates
 
 
 def along_truth(measured: Measurements) -> NDArray[np.bool_]:
@@ -246,14 +241,18 @@ def innovate(
         Or none, if the responses are not needed; those along the truth are computed for Joseph's form alone.
     """
     turn, turned, linear, beyond = samples.turn, samples.turned, samples.linear, samples.beyond
-    plain = tables.along_truth[u]
-    spin, wanted = constants[3], len(rows) > 0 and (tables.careful[u] or not plain)
+    plain = tables.of_filter.along_truth[u]
+    spin, wanted = constants[3], len(rows) > 0 and (tables.of_filter.careful[u] or not plain)
     if not plain:
         turn_less_one(turn, turned)
     x, y, z = load(linear, 6) + load(beyond, 3), load(linear, 7) + load(beyond, 4), load(linear, 8) + load(beyond, 5)
     vx, vy = (load(linear, 3) + load(beyond, 0)) + spin * y, (load(linear, 4) + load(beyond, 1)) - spin * x
     vz = load(linear, 5) + load(beyond, 2)  # over the earth
     zero = 0.0 * x
+    if wanted:
+        for c in range(THREE * ((m + 2) // THREE)):
+            for r in range(9):
+                store(rows, (c, r), 0.0)
     for c in range(m):
         kind = tables.kinds[u, c]
         dx, dy, dz = tables.directions[u, c, 0], tables.directions[u, c, 1], tables.directions[u, c, 2]
@@ -265,7 +264,6 @@ def innovate(
             else:
                 value += dx * vx + dy * vy + dz * vz
             if wanted and kind == POSITION:
-                _store_three(rows, c, 3, zero, zero, zero)
                 _store_three(rows, c, 6, zero + dx, zero + dy, zero + dz)
             elif wanted:
                 _store_three(rows, c, 3, zero + dx, zero + dy, zero + dz)
@@ -300,7 +298,6 @@ def innovate(
             value += _heading_change(u, tables, turned) + (ax * x + ay * y + az * z)
             if wanted:
                 _store_three(rows, c, 0, zero + dx, zero + dy, zero + dz)
-                _store_three(rows, c, 3, zero, zero, zero)
                 _store_three(rows, c, 6, zero + ax, zero + ay, zero + az)
         for s in tables.linked:
             value -= tables.state_rows[u, c, s] * load(own.estimate, s)
@@ -370,19 +367,6 @@ def _correction(
 
 
 @inlined
-def _own_correction(m: int, white: Array, r: int, s: int, t: int, whitened: Array) -> tuple[Vector, Vector, Vector]:
-    """Compute ``W u`` of three states."""
-    u = load(whitened, 0)
-    x, y, z = load(white, (r, 0)) * u, load(white, (s, 0)) * u, load(white, (t, 0)) * u
-    for c in range(1, m):
-        u = load(whitened, c)
-        x += load(white, (r, c)) * u
-        y += load(white, (s, c)) * u
-        z += load(white, (t, c)) * u
-    return x, y, z
-
-
-@inlined
 def _add_three(out: Array, r: int, s: int, t: int, x: Vector, y: Vector, z: Vector) -> None:
     """Add to three rows, or to fewer where some are the same."""
     x, y, z = load(out, r) + x, load(out, s) + y, load(out, t) + z
@@ -407,25 +391,13 @@ def correct_twins(u: int, m: int, gains: Array, samples: Deviations, own: Estima
 
 
 @allocation_free_part
-def feed_back_own(m: int, white: Array, corrected: Array, samples: Deviations, own: Estimates) -> None:
-    """Correct the navigators and the estimates by ``K n = W u``, with the whitened innovations u.
-
-    Parameters
-    ----------
-    white : ndarray, shape (9 + q, SIX, LANES)
-        W, as `mcnav.physics.ins.filter_lanes.whiten` has it.
-    """
-    x, y, z = _own_correction(m, white, 0, 1, 2, own.whitened)
-    _turn_back(x, y, z, samples.turn, samples.sound)
-    for r in range(0, 6, 3):
-        x, y, z = _own_correction(m, white, 3 + r, 4 + r, 5 + r, own.whitened)
-        _add_three(samples.beyond, r, r + 1, r + 2, -x, -y, -z)
-    last = len(own.estimate) - 1
-    for s in range(0, last + 1, 3):
-        t, e = min(s + 1, last), min(s + 2, last)
-        x, y, z = _own_correction(m, white, 9 + s, 9 + t, 9 + e, own.whitened)
-        x, y, z = corrected[9 + s] * x, corrected[9 + t] * y, corrected[9 + e] * z
-        _add_three(own.estimate, s, t, e, x, y, z)
+def feed_back_own(correction: Array, corrected: Array, samples: Deviations, own: Estimates) -> None:
+    """Correct the navigators and the estimates by ``K n``, rows of lanes."""
+    _turn_back(load(correction, 0), load(correction, 1), load(correction, 2), samples.turn, samples.sound)
+    for r in range(6):
+        store(samples.beyond, r, load(samples.beyond, r) - load(correction, 3 + r))
+    for s in range(len(own.estimate)):
+        store(own.estimate, s, load(own.estimate, s) + corrected[9 + s] * load(correction, 9 + s))
 
 
 @allocation_free_part

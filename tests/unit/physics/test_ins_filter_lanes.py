@@ -1,26 +1,48 @@
-"""Covariances of filters in lanes: updates against matrix algebra, and the digits that Joseph's form keeps."""
+"""Covariances of filters in lanes: steps and updates against matrix algebra, and the digits of Joseph's form."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from mcnav._types import Array
+from mcnav._types import Array, IndexArray
+from mcnav.physics.blocks import blocks_of
 from mcnav.physics.ins.filter_lanes import (
     Covariances,
+    FilterSteps,
+    FilterUpdates,
+    covariances_in_lanes,
     covariances_of,
     factor_innovations,
+    filter_steps,
+    filter_updates,
     project_along_samples,
     project_along_truth,
-    reduce_by_joseph,
-    reduce_covariances,
-    whiten,
+    propagate_covariances,
+    update_covariances,
 )
-from mcnav.physics.vectors import LANES, room
+from mcnav.physics.vectors import LANES, PARTS, parts_of, room
 
-STATES, COMPONENTS = 6, 4
+STATES, COMPONENTS = 7, 4
 SIZE = 9 + STATES
-CORRECTED = np.array([1.0] * 12 + [0.0] * 3)
+CORRECTED = np.array([1.0] * 12 + [0.0] * 4)
+ALL = np.array([[0, 9]])
+
+
+def set_covariances(filters: Covariances, covariances: Array) -> None:
+    """Let filters have covariances, shape (LANES, 9 + q, 9 + q)."""
+    blocks = blocks_of(covariances)
+    filters.p[:] = np.moveaxis(blocks.reshape(PARTS, -1, *blocks.shape[1:]), 1, -1)
+
+
+def covariances(filters: Covariances) -> Array:
+    """Return the covariances of filters, shape (LANES, 9 + q, 9 + q)."""
+    size = len(filters.correction) if filters.p.shape[1] == 3 else SIZE
+    found = room(size, size)
+    covariances_in_lanes(filters, parts_of(found))
+    lower = np.tril(np.moveaxis(found, 2, 0))
+    return lower + np.tril(lower, -1).transpose(0, 2, 1)
 
 
 def make(prior: float = 1.0) -> tuple[Covariances, Array, Array, Array, Array]:
@@ -29,7 +51,7 @@ def make(prior: float = 1.0) -> tuple[Covariances, Array, Array, Array, Array]:
     filters = covariances_of(STATES)
     factor = prior * rng.standard_normal((LANES, SIZE, SIZE))
     covariance = factor @ factor.transpose(0, 2, 1)
-    filters.p[:] = np.moveaxis(covariance, 0, 2)
+    set_covariances(filters, covariance)
     navigation = rng.standard_normal((LANES, COMPONENTS, 9))
     filters.rows[:COMPONENTS] = np.moveaxis(navigation, 0, 2)
     others = rng.standard_normal((1, COMPONENTS, STATES))
@@ -37,31 +59,115 @@ def make(prior: float = 1.0) -> tuple[Covariances, Array, Array, Array, Array]:
     return filters, covariance, rows, others, 1.0 + rng.random((1, COMPONENTS))
 
 
+def still(corrected: Array = CORRECTED) -> FilterSteps:
+    """Return tables of one step in which nothing happens."""
+    motion = np.eye(6, 9, 3)[None]
+    return filter_steps(
+        motion, np.zeros((1, 6)), np.zeros((1, 9, STATES)), np.ones((1, STATES)), np.zeros((1, SIZE, SIZE)), corrected
+    )
+
+
+def tables(
+    others: Array, variances: Array, joseph: bool = False, rows: Array | None = None, bounds: IndexArray = ALL
+) -> FilterUpdates:
+    """Return tables of one update; its components have bounds of their own or all the same."""
+    shape = (*variances.shape, 2)
+    navigation = np.zeros((*variances.shape, 9)) if rows is None else rows
+    careful, along = np.array([joseph]), np.array([rows is not None])
+    return filter_updates(navigation, others, np.broadcast_to(bounds, shape), variances, along, careful)
+
+
 def update(
     filters: Covariances, others: Array, variances: Array, joseph: bool, accepted: float = 1.0,
     corrected: Array = CORRECTED,
 ) -> Array:  # fmt: skip
-    """Return the covariances after an update, shape (LANES, 9 + q, 9 + q)."""
-    bounds = np.full((1, COMPONENTS, 2), [0, 9])
-    linked, sound, cause, share = np.arange(STATES), np.ones((1, LANES)), room(1), np.full((1, LANES), accepted)
-    project_along_samples(0, COMPONENTS, bounds, others, linked, filters)
-    factor_innovations(0, COMPONENTS, variances, sound, cause, filters)
+    """Return the covariances after an update, shape (LANES, 9 + q, 9 + q); innovations are 1, 2 and so on."""
+    known, cause = tables(others, variances, joseph), room(1)
+    project_along_samples(0, COMPONENTS, known, filters)
+    factor_innovations(0, COMPONENTS, known.variances, np.ones((1, LANES)), cause, filters)
     assert not cause.any()
-    whiten(COMPONENTS, share, filters)
-    if joseph:
-        reduce_by_joseph(0, COMPONENTS, corrected, bounds, others, linked, variances, filters)
-    else:
-        reduce_covariances(COMPONENTS, corrected, filters)
-    lower = np.tril(np.moveaxis(filters.p, 2, 0))
-    return lower + np.tril(lower, -1).transpose(0, 2, 1)
+    whitened = room(6)
+    for lane in range(LANES):
+        root = np.tril(filters.root[:COMPONENTS, :COMPONENTS, lane])
+        whitened[:COMPONENTS, lane] = np.linalg.solve(root, np.arange(1.0, 1.0 + COMPONENTS))
+    share = np.full((1, LANES), accepted)
+    update_covariances(0, COMPONENTS, parts_of(share), parts_of(whitened), still(corrected), known, filters)
+    return covariances(filters)
+
+
+def gains(covariance: Array, rows: Array, variances: Array) -> Array:
+    """Compute the gains of one filter."""
+    innovations = rows @ covariance @ rows.T + np.diag(variances)
+    return np.asarray(covariance @ rows.T @ np.linalg.inv(innovations))
 
 
 def josephs(covariance: Array, rows: Array, variances: Array) -> Array:
     """Compute one covariance after an update in Joseph's form; considered states have no gain."""
-    innovations = rows @ covariance @ rows.T + np.diag(variances)
-    gain = CORRECTED[:, None] * (covariance @ rows.T @ np.linalg.inv(innovations))
+    gain = CORRECTED[:, None] * gains(covariance, rows, variances)
     kept = np.eye(SIZE) - gain @ rows
     return np.asarray(kept @ covariance @ kept.T + gain @ np.diag(variances) @ gain.T)
+
+
+def test_a_step_is_that_of_matrix_algebra() -> None:
+    """``Phi P Phi^T + Q`` with tables turned to each sample's attitude: to 1e-13 of the largest entry, for sums of 16.
+
+    Psi of the step's end turns what velocity and position respond to by the error of the indicated force.
+    """
+    rng = np.random.default_rng(11)
+    filters, covariance, *_ = make()
+    motion, thrust = rng.standard_normal((1, 6, 9)), rng.standard_normal((1, 6))
+    coupling, decay = rng.standard_normal((1, 9, STATES)), rng.random((1, STATES))
+    coupling[0, :3, 2:] = 0.0
+    factor = rng.standard_normal((SIZE, SIZE))
+    noise = (factor @ factor.T)[None]
+    rotations = Rotation.from_rotvec(rng.standard_normal((LANES, 3)))
+    turned, response = room(9), room(9)
+    turned[:] = (rotations.as_matrix() - np.eye(3)).reshape(LANES, 9).T
+    response[:] = rng.standard_normal((9, LANES))
+    steps = filter_steps(motion, thrust, coupling, decay, noise, CORRECTED)
+    propagate_covariances(0, steps, parts_of(response), parts_of(turned), filters)
+    found = covariances(filters)
+    for lane, rotation in enumerate(rotations.as_matrix()):
+        whole = np.kron(np.eye(3), rotation)
+        transition = np.eye(SIZE)
+        transition[3:9, 3:9] = motion[0, :, 3:]
+        transition[:9, 9:] = whole @ coupling[0]
+        transition[9:, 9:] = np.diag(decay[0])
+        for half, share in ((0, 1 / 2), (1, 1 / 3)):
+            at = slice(3 * half, 3 * half + 3)
+            of_psi = rotation @ motion[0, at, :3] @ rotation.T
+            more = response[3 + 3 * half : 6 + 3 * half, lane] - share * np.cross(response[:3, lane], thrust[0, at])
+            transition[3 + 3 * half : 6 + 3 * half, :3] = of_psi - np.cross(np.eye(3), more)
+        turn = np.eye(SIZE)
+        turn[:9, :9] = whole
+        expected = transition @ covariance[lane] @ transition.T + turn @ noise[0] @ turn.T
+        np.testing.assert_allclose(found[lane], expected, rtol=0.0, atol=1e-13 * np.abs(expected).max())
+
+
+def test_a_step_without_anything_changes_nothing() -> None:
+    filters, covariance, *_ = make()
+    propagate_covariances(0, still(), parts_of(room(9)), parts_of(room(9)), filters)
+    np.testing.assert_array_equal(covariances(filters), covariance)
+
+
+def test_filters_of_navigation_alone() -> None:
+    """Ten seconds of uncertain velocity, of which a measured position of variance 2 takes nearly all.
+
+    Of 101, rounded some times by 1e-16 of it, 2 is left.
+    """
+    filters = covariances_of(0)
+    set_covariances(filters, np.broadcast_to(np.diag([1e-6] * 3 + [1.0] * 6), (LANES, 9, 9)))
+    motion, none = np.eye(6, 9, 3)[None], np.zeros((1, 0))
+    motion[0, 3:, 3:6] = 10.0 * np.eye(3)
+    steps = filter_steps(motion, np.zeros((1, 6)), np.zeros((1, 9, 0)), none, np.zeros((1, 9, 9)), np.ones(9))
+    propagate_covariances(0, steps, parts_of(room(9)), parts_of(room(9)), filters)
+    np.testing.assert_allclose(covariances(filters)[:, 6, 6], 101.0, rtol=1e-15)
+    rows = np.eye(3, 9, 6)[None]
+    known = tables(np.zeros((1, 3, 0)), np.full((1, 3), 2.0), False, rows, np.array([[6, 9]]))
+    project_along_truth(0, 3, known, filters)
+    factor_innovations(0, 3, known.variances, np.ones((1, LANES)), room(1), filters)
+    update_covariances(0, 3, parts_of(np.ones((1, LANES))), parts_of(room(6)), steps, known, filters)
+    np.testing.assert_allclose(covariances(filters)[:, 8, 8], 101.0 * 2.0 / 103.0, rtol=1e-13)
 
 
 @pytest.mark.parametrize("joseph", [False, True])
@@ -72,53 +178,58 @@ def test_an_update_is_that_of_matrix_algebra(joseph: bool) -> None:
     for lane in range(LANES):
         innovations = rows[lane] @ covariance[lane] @ rows[lane].T + np.diag(variances[0])
         assert np.linalg.cond(innovations) < 1e4
-        expected = josephs(covariance[lane], rows[lane], variances[0])
-        np.testing.assert_allclose(found[lane], expected, rtol=0.0, atol=1e-12 * np.abs(covariance[lane]).max())
+        expected, size = josephs(covariance[lane], rows[lane], variances[0]), np.abs(covariance[lane]).max()
+        np.testing.assert_allclose(found[lane], expected, rtol=0.0, atol=1e-12 * size)
+        correction = gains(covariance[lane], rows[lane], variances[0]) @ np.arange(1.0, 1.0 + COMPONENTS)
+        np.testing.assert_allclose(filters.correction[:SIZE, lane], correction, rtol=0.0, atol=1e-12 * size)
 
 
 @pytest.mark.parametrize("components", [1, 2, 3, 4, 5, 6])
 def test_responses_along_the_truth_are_those_of_samples_that_are_all_the_same(components: int) -> None:
-    """Some entries are zero; products are summed in the same order, and zeros are added to those along the truth."""
+    """Some entries are zero, and do not count where the bounds leave them out."""
     filters, *_ = make()
     rng = np.random.default_rng(9)
     rows, others = rng.standard_normal((1, components, 9)), rng.standard_normal((1, components, STATES))
+    others[..., 1::2] = 0.0
     bounds = np.array([[[3 * (c % 3), 9] for c in range(components)]])
     for c in range(components):
         rows[0, c, : bounds[0, c, 0]] = 0.0
+    filters.rows[:] = 0.0
     filters.rows[:components] = rows[0, :, :, None]
-    linked = np.arange(0, STATES, 2)
-    project_along_samples(0, components, bounds, others, linked, filters)
+    known = tables(others, np.ones((1, components)), False, rows, bounds)
+    project_along_samples(0, components, known, filters)
     cross, root = filters.cross.copy(), filters.root.copy()
+    used = -(-components // 3)
     filters.cross[:] = filters.root[:] = np.nan
-    project_along_truth(0, components, rows, bounds, others, linked, filters)
-    np.testing.assert_allclose(filters.cross[:, :components], cross[:, :components], rtol=1e-13, atol=1e-12)
+    project_along_truth(0, components, known, filters)
+    np.testing.assert_allclose(filters.cross[:, :, :used], cross[:, :, :used], rtol=1e-13, atol=1e-12)
     lower = np.tril_indices(components)
     np.testing.assert_allclose(filters.root[lower], root[lower], rtol=1e-13, atol=1e-12)
 
 
 @pytest.mark.parametrize("components", [1, 2, 3, 4, 5, 6])
-def test_whitened_responses_times_their_transposes_are_the_reduction(components: int) -> None:
+def test_an_update_along_the_truth_is_that_of_matrix_algebra(components: int) -> None:
     filters, covariance, *_ = make()
     rng = np.random.default_rng(10)
     rows, others = rng.standard_normal((1, components, 9)), np.zeros((1, components, STATES))
-    variances, share = 1.0 + rng.random((1, components)), np.ones((1, LANES))
-    bounds, none = np.full((1, components, 2), [0, 9]), np.zeros(0, dtype=np.int64)
-    project_along_truth(0, components, rows, bounds, others, none, filters)
-    factor_innovations(0, components, variances, np.ones((1, LANES)), room(1), filters)
-    whiten(components, share, filters)
+    known = tables(others, 1.0 + rng.random((1, components)), False, rows)
+    project_along_truth(0, components, known, filters)
+    factor_innovations(0, components, known.variances, np.ones((1, LANES)), room(1), filters)
+    nothing, accepted = parts_of(room(6)), parts_of(np.ones((1, LANES)))
+    update_covariances(0, components, accepted, nothing, still(np.ones(SIZE)), known, filters)
+    found = covariances(filters)
     response = np.concatenate([rows[0], others[0]], axis=1)
     for lane in range(LANES):
-        cross = covariance[lane] @ response.T
-        innovations = response @ cross + np.diag(variances[0])
-        white = filters.white[:, :, lane]
-        expected = cross @ np.linalg.solve(innovations, cross.T)
-        np.testing.assert_allclose(white @ white.T, expected, rtol=0.0, atol=1e-12 * np.abs(covariance[lane]).max())
+        gain = gains(covariance[lane], response, known.variances[0, :components])
+        expected = covariance[lane] - gain @ response @ covariance[lane]
+        np.testing.assert_allclose(found[lane], expected, rtol=0.0, atol=1e-12 * np.abs(covariance[lane]).max())
 
 
 @pytest.mark.parametrize("joseph", [False, True])
 def test_a_rejected_measurement_changes_nothing(joseph: bool) -> None:
     filters, covariance, _, others, variances = make()
     np.testing.assert_array_equal(update(filters, others, variances, joseph, accepted=0.0), covariance)
+    assert not filters.correction.any()
 
 
 def test_josephs_form_keeps_the_digits_of_a_large_reduction() -> None:

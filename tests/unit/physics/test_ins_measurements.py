@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from mcnav._types import Array
 from mcnav.physics.ins.aiding import Sensor, aiding_constants
-from mcnav.physics.ins.filter_lanes import SIX
+from mcnav.physics.ins.filter_lanes import SIX, filter_updates
 from mcnav.physics.ins.measurements import ATTITUDE, HEADING, Measurements, measure
 from mcnav.physics.ins.step_lanes import deviations_of
 from mcnav.physics.ins.update_lanes import UpdateTables, along_truth, estimates_of, innovate
@@ -33,11 +33,13 @@ def update_tables(found: Measurements) -> UpdateTables:
     """Return the tables of updates whose measurements have no errors, of a filter without other states."""
     updates, most = found.components.shape
     none, whole = np.zeros((updates, most)), np.full((updates, most, 2), [0, 9])
+    never = np.zeros(updates, dtype=np.bool_)
     return UpdateTables(
         found.sensors, found.sizes, found.components, found.kinds, found.directions, found.arms,
         found.constants[:, :, :0], found.rows, found.forward, found.places, whole, none, none, none, np.zeros(updates),
-        np.zeros((updates, most, 0)), none, np.zeros((updates, 9, most)), np.zeros((updates, most, most)),
-        *np.zeros((3, updates), dtype=np.bool_), np.zeros(0, dtype=np.int64),
+        np.zeros((updates, most, 0)), np.zeros((updates, 9, most)), np.zeros((updates, most, most)), never,
+        np.zeros(0, dtype=np.int64),
+        filter_updates(found.rows, np.zeros((updates, most, 0)), whole, none, never, never),
     )  # fmt: skip
 
 
