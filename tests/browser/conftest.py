@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -131,32 +131,70 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.skipif(missing, reason="no Chromium on this machine"))
 
 
-@dataclass(frozen=True)
-class Patient:
-    """A browser whose windows are waited for as long as a busy machine takes."""
+class Browser:
+    """A browser that opens all pages in the same window, or in one without scripts: a new one costs more than a page.
 
-    chromium: Any
+    What is waited for may take as long as it does on a busy machine.
+    """
 
-    def new_page(self, **options: Any) -> Any:
-        return self._patient(self.chromium.new_page(**options))
+    def __init__(self, chromium: Any) -> None:
+        self.chromium = chromium
+        self.windows: dict[bool, Any] = {}
 
-    def new_context(self, **options: Any) -> Any:
-        return self._patient(self.chromium.new_context(**options))
+    def _window(self, scripts: bool) -> Any:
+        if scripts not in self.windows:
+            self.windows[scripts] = self.chromium.new_page(java_script_enabled=scripts)
+            self.windows[scripts].set_default_timeout(1e3 * LONG)
+        return self.windows[scripts]
 
-    @staticmethod
-    def _patient(opened: Any) -> Any:
-        opened.set_default_timeout(1e3 * LONG)
-        return opened
+    @contextmanager
+    def opened(
+        self,
+        path: Path,
+        width: int = 1280,
+        height: int = 900,
+        scripts: bool = True,
+        silent: bool = True,
+        folder: Path | None = None,
+    ) -> Iterator[Any]:
+        """Open a page; at the end, it has said nothing if it is to be silent, and asked for nothing but itself.
+
+        Parameters
+        ----------
+        folder : Path, optional
+            Folder of files that the page may ask for as well.
+        """
+        window, said, asked = self._window(scripts), list[str](), list[str]()
+        heard: dict[str, Callable[[Any], None]] = {
+            "console": lambda message: said.append(message.text),
+            "pageerror": lambda error: said.append(str(error)),
+            "request": lambda request: asked.append(request.url),
+        }
+        window.mouse.move(0, 0)
+        window.set_viewport_size({"width": width, "height": height})
+        window.emulate_media(media="screen", color_scheme="light")
+        for event, hear in heard.items():
+            window.on(event, hear)
+        try:
+            window.goto(path.as_uri())
+            yield window
+        finally:
+            for event, hear in heard.items():
+                window.remove_listener(event, hear)
+            window.goto("about:blank")
+        assert not (silent and said), said
+        own = (path.as_uri(), "data:") if folder is None else (folder.as_uri(), "data:")
+        assert [url for url in asked if not url.startswith(own)] == []
 
 
 @pytest.fixture(scope="session")
-def browser() -> Iterator[Patient]:
+def browser() -> Iterator[Browser]:
     from playwright.sync_api import sync_playwright
 
     quiet = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-component-update"]
     with sync_playwright() as playwright:
         chromium = playwright.chromium.launch(executable_path=CHROMIUM, args=quiet, timeout=1e3 * LONG)
-        yield Patient(chromium)
+        yield Browser(chromium)
         chromium.close()
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.browser.conftest import FOLDER, KINDS, NAME
+from tests.browser.conftest import FOLDER, KINDS, NAME, Browser
 
 FIGURES = {
     "report": 11, "many": 8, "aided": 15, "replay": 1, "comparison": 1, "index": 0, "start times": 5, "linearity": 2,
@@ -68,29 +68,8 @@ DARK = ("report", "aided", "calibration", "story")
 """Pages that show every colour there is between them."""
 
 
-class Opened:
-    """A page in a window, with what it said and asked for."""
-
-    def __init__(self, browser: Any, path: Path, width: int, height: int = 900, **options: Any) -> None:
-        self.page = browser.new_page(viewport={"width": width, "height": height}, **options)
-        self.said: list[str] = []
-        self.asked: list[str] = []
-        self.page.on("console", lambda message: self.said.append(message.text))
-        self.page.on("pageerror", lambda error: self.said.append(str(error)))
-        self.page.on("request", lambda request: self.asked.append(request.url))
-        self.page.goto(path.as_uri())
-        self.asked = [url for url in self.asked if url != path.as_uri() and not url.startswith("data:")]
-
-    def __enter__(self) -> Any:
-        return self.page
-
-    def __exit__(self, *_: object) -> None:
-        self.page.close()
-        assert self.said == []
-        assert self.asked == []
-
-    def unfold(self) -> None:
-        self.page.evaluate("document.querySelectorAll('details').forEach(each => each.open = true)")
+def _unfold(page: Any) -> None:
+    page.evaluate("document.querySelectorAll('details').forEach(each => each.open = true)")
 
 
 def _every_figure_is_shown(page: Any, kind: str, width: int) -> None:
@@ -131,38 +110,37 @@ def _every_key_hides_its_series(page: Any) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_on_a_screen(browser: Any, page_of: Callable[[str], Path], kind: str) -> None:
+def test_on_a_screen(browser: Browser, page_of: Callable[[str], Path], kind: str) -> None:
     """At a desk and in a hand, with and without JavaScript; ids are unique, labels whole and apart.
 
     At a desk tables are whole as well, and keys hide their series.
     """
     for width in (1280, 380):
-        opened = Opened(browser, page_of(kind), width)
-        with opened as page:
+        with browser.opened(page_of(kind), width) as page:
             _every_figure_is_shown(page, kind, width)
             assert page.evaluate(TEXTS) == []
-            opened.unfold()
+            _unfold(page)
             assert page.evaluate("document.documentElement.scrollWidth") <= width
             identifiers = page.evaluate("Array.from(document.querySelectorAll('[id]')).map(each => each.id)")
             assert len(identifiers) == len(set(identifiers))
             if width == 1280:
                 _every_table_fits(page)
                 _every_key_hides_its_series(page)
-    with Opened(browser, page_of(kind), 380, java_script_enabled=False) as page:
+    with browser.opened(page_of(kind), 380, scripts=False) as page:
         _every_figure_is_shown(page, kind, 380)
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_for_everyone(browser: Any, page_of: Callable[[str], Path], kind: str) -> None:
+def test_for_everyone(browser: Browser, page_of: Callable[[str], Path], kind: str) -> None:
     """Nothing serious by axe with everything unfolded: names, roles, headings, tables; contrast in the dark as well."""
     axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
     schemes = {"light": {}, "dark": {"runOnly": ["color-contrast"]}} if kind in DARK else {"light": {}}
-    for scheme, options in schemes.items():
-        opened = Opened(browser, page_of(kind), 1280, color_scheme=scheme)
-        with opened as page:
-            opened.unfold()
-            assert page.evaluate(UNREACHABLE) == []
-            page.evaluate(SHORTENED)
+    with browser.opened(page_of(kind), 1280) as page:
+        _unfold(page)
+        assert page.evaluate(UNREACHABLE) == []
+        page.evaluate(SHORTENED)
+        for scheme, options in schemes.items():
+            page.emulate_media(color_scheme=scheme)
             found = axe.run(page, options=options | {"resultTypes": ["violations"]}).response["violations"]
             assert [
                 (each["id"], each["nodes"][0]["html"]) for each in found if each["impact"] in ("serious", "critical")
@@ -170,9 +148,9 @@ def test_for_everyone(browser: Any, page_of: Callable[[str], Path], kind: str) -
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_on_paper(browser: Any, page_of: Callable[[str], Path], kind: str) -> None:
+def test_on_paper(browser: Browser, page_of: Callable[[str], Path], kind: str) -> None:
     """No plot is cut by a page's end or wider than it; the heading of a table may stand on every page."""
-    with Opened(browser, page_of(kind), 688) as page:
+    with browser.opened(page_of(kind), 688) as page:
         page.emulate_media(media="print")
         assert page.pdf(format="A4").startswith(b"%PDF")
         breaks = page.locator(".plot").evaluate_all("all => all.map(each => getComputedStyle(each).breakInside)")
@@ -184,27 +162,27 @@ def test_on_paper(browser: Any, page_of: Callable[[str], Path], kind: str) -> No
 
 
 @pytest.mark.parametrize("kind", ["report", "many"])
-def test_answers_stand_on_the_first_screen(browser: Any, page_of: Callable[[str], Path], kind: str) -> None:
+def test_answers_stand_on_the_first_screen(browser: Browser, page_of: Callable[[str], Path], kind: str) -> None:
     """Verdict, requirements, sigmas by every method and largest sources: whole at a desk, not wider than a phone."""
-    with Opened(browser, page_of(kind), 1280, height=800) as page:
+    with browser.opened(page_of(kind), 1280, height=800) as page:
         for part in (".verdict", ".asked", ".answers"):
             box = page.locator(part).bounding_box()
             assert box["y"] + box["height"] <= 800, part
         rows = page.locator(".answers tbody tr").all_inner_texts()
         assert len(rows) == page.locator("#matrices-0-c").count() + {"report": 4, "many": 9}[kind]
         assert all("%" in row.split("\t")[-1] for row in rows[:-1])
-    with Opened(browser, page_of(kind), 380) as page:
+    with browser.opened(page_of(kind), 380) as page:
         boxes = page.locator(".answers td").evaluate_all("all => all.map(each => each.getBoundingClientRect().right)")
         assert max(boxes) <= 380
 
 
-def test_one_of_many_pairs_is_chosen(browser: Any, page_of: Callable[[str], Path]) -> None:
+def test_one_of_many_pairs_is_chosen(browser: Browser, page_of: Callable[[str], Path]) -> None:
     """Without JavaScript all pairs are there; with it some, one, or all."""
-    with Opened(browser, page_of("many"), 1280, java_script_enabled=False) as page:
+    with browser.opened(page_of("many"), 1280, scripts=False) as page:
         assert page.locator("#figure-scatter .plot").evaluate_all("all => all.every(each => each.offsetHeight > 0)")
         count = page.locator("#figure-scatter .plot").count()
     assert count == 36
-    with Opened(browser, page_of("many"), 1280) as page:
+    with browser.opened(page_of("many"), 1280) as page:
         shown = page.locator("#figure-scatter .plot:visible")
         assert 1 < shown.count() < count
         chosen = page.locator("#figure-scatter").get_by_label("Show")

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import pytest
+
+from tests.browser.conftest import Browser
 
 pytestmark = pytest.mark.slow
 
@@ -15,39 +14,24 @@ PAGES = ("index", "tutorial-aided", "campaigns", "reference/commands", "referenc
 """Pages with everything there is between them: prose, code, tables, signatures, a picture."""
 
 
-@contextmanager
-def opened(browser: Any, site: Path, page: str, width: int, **options: Any) -> Iterator[Any]:
-    """Open a page of the site; at the end, it has said nothing and asked for files alone."""
-    window = browser.new_page(viewport={"width": width, "height": 900}, **options)
-    said: list[str] = []
-    asked: list[str] = []
-    window.on("console", lambda message: said.append(message.text))
-    window.on("pageerror", lambda error: said.append(str(error)))
-    window.on("request", lambda request: asked.append(request.url))
-    window.goto((site / f"{page}.html").as_uri())
-    yield window
-    window.close()
-    assert said == []
-    assert [url for url in asked if not url.startswith(("file:", "data:"))] == []
-
-
 @pytest.mark.parametrize("page", PAGES)
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_a_page_is_readable(browser: Any, site: Path, page: str, scheme: str) -> None:
+def test_a_page_is_readable(browser: Browser, site: Path, page: str) -> None:
     """No page is wider than its window; text has the contrast that axe asks for; the page of a phone has its menu."""
     axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
-    for width in (1280, 380):
-        with opened(browser, site, page, width, color_scheme=scheme) as window:
-            assert window.evaluate("document.documentElement.scrollWidth") <= width
-            assert window.locator("label.nav-overlay-icon").is_visible() == (width == 380)
-    with opened(browser, site, page, 1280, color_scheme=scheme) as window:
-        found = axe.run(window, options={"runOnly": ["color-contrast"], "resultTypes": ["violations"]})
-        assert [node["html"] for each in found.response["violations"] for node in each["nodes"]] == []
+    with browser.opened(site / f"{page}.html", folder=site) as window:
+        for scheme in ("light", "dark"):
+            window.emulate_media(color_scheme=scheme)
+            for width in (380, 1280):
+                window.set_viewport_size({"width": width, "height": 900})
+                assert window.evaluate("document.documentElement.scrollWidth") <= width
+                assert window.locator("label.nav-overlay-icon").is_visible() == (width == 380)
+            found = axe.run(window, options={"runOnly": ["color-contrast"], "resultTypes": ["violations"]})
+            assert [node["html"] for each in found.response["violations"] for node in each["nodes"]] == []
 
 
-def test_a_word_is_found(browser: Any, site: Path) -> None:
+def test_a_word_is_found(browser: Browser, site: Path) -> None:
     """The search works from files, without a server."""
-    with opened(browser, site, "index", 1280) as window:
+    with browser.opened(site / "index.html", folder=site) as window:
         window.get_by_placeholder("Search").first.fill("Schuler")
         window.keyboard.press("Enter")
         window.locator("#search-results li a").first.wait_for()
