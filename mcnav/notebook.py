@@ -21,8 +21,8 @@ import numpy as np
 import pandas as pd
 from jinja2 import Environment
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
+from mcnav._threads import one_thread
 from mcnav.config.read import Campaign, campaign_from
 from mcnav.config.sweep_values import POINTS
 from mcnav.errors import reading_file
@@ -76,7 +76,7 @@ class FlownRun:
     def __init__(self, path: Path) -> None:
         self.path = path
         folder = RunFolder(path)
-        with threadpool_limits(1), reading_file(path):
+        with one_thread(), reading_file(path):
             self.content: RunAnalysis = analyse(folder)
             _ = self.content.history, self.content.campaign, self.content.envelopes  # refused here when damaged
 

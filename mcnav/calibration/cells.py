@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 from typing import Final, TypeVar
 
 from joblib import Parallel, delayed
-from threadpoolctl import threadpool_limits
 
 from mcnav._subprocess import end_with_parent
+from mcnav._threads import one_thread
 
 LEVEL: Final = 0.95
 """Confidence of each single statement."""
@@ -64,6 +64,6 @@ def tally(trials: int, jobs: int, kinds: Sequence[Kind], count: Callable[[Kind, 
 
 def _piece(count: Callable[[Kind, Sequence[int], Tally], None], kind: Kind, seeds: Sequence[int]) -> Tally:
     found = Tally()
-    with threadpool_limits(1):
+    with one_thread():
         count(kind, seeds, found)
     return found

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
+from mcnav._threads import one_thread
 from mcnav._types import Array
 from mcnav.lincov.block_sums import Normalization
 from mcnav.lincov.sample_reduction import reduce_samples
@@ -140,7 +140,7 @@ def simulate_chunk(work: ChunkJob, place: SampleRange) -> ChunkFile:
     """Draw, simulate and store one chunk."""
     check_unchanged(work.inputs, work.folder.path)
     outputs = len(work.layout.outputs)
-    with threadpool_limits(1):
+    with one_thread():
         pieces = draw_pieces(work, place)
         results = ((batch.errors, simulate_batch(work.engine, work.timeout, outputs, batch)) for batch in pieces)
         return store(work, place, results)

@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
+from mcnav._threads import one_thread
 from mcnav.analysis.allocation import (
     LEAST,
     MOST,
@@ -117,7 +117,7 @@ class _Variations:
             scenario, errors = campaign.scenario, campaign.errors
             if not isinstance(scenario, HasCovarianceReadings):
                 return self.judged(values)
-            with threadpool_limits(1):
+            with one_thread():
                 found = scenario.covariance_readings(
                     scenario.reading_times, errors.mean, errors.covariance, self._shared
                 )

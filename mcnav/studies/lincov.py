@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
+from mcnav._threads import one_thread
 from mcnav._types import Array
 from mcnav.analysis.comparison import Model
 from mcnav.analysis.linear_answer import LinearAnswer, judge_linearly
@@ -64,7 +64,7 @@ def linear_covariance(campaign: str | Path | Campaign | Mapping[str, Any], times
     described = campaign_from(campaign)
     scenario, errors = described.scenario, described.errors
     names = tuple(source.name for source in scenario.sources)
-    with threadpool_limits(1), _scenario_errors(described):
+    with one_thread(), _scenario_errors(described):
         if not isinstance(scenario, HasLinearReadings) and times is not None:
             raise ScenarioError("type", "has no trajectory whose times could be named; leave out --at")
         _check_soundness(described)

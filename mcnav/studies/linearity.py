@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
+from mcnav._threads import one_thread
 from mcnav._types import Array
 from mcnav.analysis.comparison import Criterion, Model
 from mcnav.analysis.linearity import AloneRange, DispersionRange, alone, together
@@ -80,7 +80,7 @@ def linearity_study(
 
         return propagate_and_count
 
-    with threadpool_limits(1):
+    with one_thread():
         progress.phase(Phase.SIMULATING, note="each source alone")
         single = alone(
             lambda multiple: counted(multiple * np.vstack([directions, -directions])),

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
+from mcnav._threads import one_thread
 from mcnav._types import Array
 from mcnav.analysis.comparison import Comparison, Criterion, Model, compare
 from mcnav.config.read import Campaign
@@ -119,7 +119,7 @@ def write_start_times(
     """
     sources, outputs = campaign.scenario.sources, campaign.scenario.outputs
     progress.phase(Phase.PREPARING)
-    with threadpool_limits(1):
+    with one_thread():
         study = start_time_study(campaign, axes, count)
         times = checked_times(campaign, study) if checks else ()
         progress.phase(Phase.SIMULATING, len(times) * campaign.start_times.samples)

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
+from mcnav._threads import one_thread
 from mcnav._types import Array
 from mcnav.analysis.accuracy_measures import (
     Measure,
@@ -80,7 +80,7 @@ def run_sweep(
     CampaignError
         When the campaign cannot be read, or has no linear model, at one of the points; the first mistake alone.
     """
-    with threadpool_limits(1):
+    with one_thread():
         return _Study(campaign, plan, progress).sweep()
 
 
@@ -95,7 +95,7 @@ def write_sweep(
     confirmed : int, optional
         Points at which Monte Carlo runs, in folders of their own below the path.
     """
-    with threadpool_limits(1):
+    with one_thread():
         study = _Study(campaign, plan, progress)
         if confirmed is not None:
             check_count(confirmed, study.shape)

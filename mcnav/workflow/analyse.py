@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
-from threadpoolctl import threadpool_limits
 
 from mcnav._subprocess import side_threads
+from mcnav._threads import one_thread
 from mcnav._types import Array
 from mcnav.analysis.budget import error_budget
 from mcnav.analysis.comparison import Criterion, Model, compare_reduced, reduce_stored, reduce_summary
@@ -48,7 +48,7 @@ def report_run(path: str | Path) -> dict[str, Any]:
     """
     folder = RunFolder(Path(path))
     folder.existing_manifest()
-    with folder.lock(), threadpool_limits(1), reading_file(folder.path):
+    with folder.lock(), one_thread(), reading_file(folder.path):
         folder.finished_manifest()
         return write_results(folder, analyse(folder))
 

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
+from mcnav._threads import one_thread
 from mcnav.analysis.run_comparison import SampleSet, change
 from mcnav.errors import reading_file
 from mcnav.report.comparison import Row, inputs, outputs, render
@@ -76,7 +76,7 @@ def compare_runs(paths: Sequence[str | Path]) -> RunComparison:
     RunFolderError
         When one holds no finished run, or is damaged.
     """
-    with threadpool_limits(1):
+    with one_thread():
         summaries = tuple(summary_of(Path(path)) for path in paths)
         runs, sample_sets = [], []
         for path in paths:

@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
-from threadpoolctl import threadpool_limits
-
+from mcnav._threads import one_thread
 from mcnav.errors import reading_file
 from mcnav.files import to_json, write_whole
 from mcnav.report.arrays import arrays, as_mat, as_npz
@@ -42,7 +41,7 @@ def export_run(path: str | Path, folder: str | Path, units: Units = "shown") -> 
 
     See `write_export`. Raises `RunFolderError` when there is no finished run, or it is damaged.
     """
-    with threadpool_limits(1), reading_file(Path(path)):
+    with one_thread(), reading_file(Path(path)):
         return write_export(analyse(RunFolder(Path(path))), Path(folder), units)
 
 

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from threadpoolctl import threadpool_limits
-
+from mcnav._threads import one_thread
 from mcnav.errors import RunFolderError, reading_file
 from mcnav.report.page import figures
 from mcnav.store.run_folder import RunFolder
@@ -42,7 +41,7 @@ def draw_figure(
     """
     if into.suffix.lower() not in ENDINGS:
         raise RunFolderError(f"{into}: must end in .pdf, .svg or .png")
-    with threadpool_limits(1), reading_file(folder):
+    with one_thread(), reading_file(folder):
         found = figures(analyse(RunFolder(folder)))
     if name not in found:
         raise RunFolderError(f"NAME: must be one of {', '.join(found)}; got {name}")

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
+from mcnav._threads import one_thread
 from mcnav.config.context import EarlierFile
 from mcnav.config.read import Campaign, read_campaign
 from mcnav.errors import CampaignError, Problem, RunFolderError, shortened
@@ -73,7 +73,7 @@ def replay(path: Path, index: int, campaign_file: Path | None = None) -> Replay:
     scenario, errors = campaign.scenario, campaign.errors
     draws = DrawPlan(errors, campaign.design, campaign.seed, campaign.samples)
     sample = draws.batch(index, index + 1)
-    with threadpool_limits(1):
+    with one_thread():
         try:
             others = () if isinstance(scenario, StochasticScenario) else ("reference",)  # it has noise of its own
             names = dict.fromkeys((engine_name, *(name for name in others if name in scenario.engines)))
@@ -147,7 +147,7 @@ def _campaign_of(folder: RunFolder, manifest: Manifest, file: Path | None) -> tu
         if record.setting is not None
     }
     campaign = read_campaign(path, given, execute=file is not None, earlier=earlier)
-    with threadpool_limits(1):
+    with one_thread():
         now = identity_of(campaign.resolved, then.engine, campaign.code, campaign.inputs(), campaign.scenario)
     if (now.campaign, now.code) != (then.campaign, then.code):
         raise RunFolderError(f"{path}: is not the campaign that was flown in {folder.path}")

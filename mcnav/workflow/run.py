@@ -11,9 +11,8 @@ from pathlib import Path
 from threading import Event
 from typing import Any, TypeVar
 
-from threadpoolctl import threadpool_limits
-
 from mcnav._subprocess import side_threads
+from mcnav._threads import one_thread
 from mcnav.config.read import Campaign
 from mcnav.errors import CampaignError, Problem, RunFolderError
 from mcnav.execution.chunks import ChunkJob, DrawPlan
@@ -104,7 +103,7 @@ def run_campaign(
     progress.phase(Phase.PREPARING)
     engine_name = _engine_name(campaign, engine)
     check_no_foreign_files(folder)
-    with folder.lock(), threadpool_limits(1):
+    with folder.lock(), one_thread():
         folder.remove_partial_files()
         inputs = campaign.inputs()
         identity = identity_of(campaign.resolved, engine_name, campaign.code, inputs, campaign.scenario)
@@ -221,5 +220,5 @@ def engine_of(path: Path, campaign: Path) -> str | None:
 
 def check_scenario(campaign: Campaign) -> list[Check]:
     """Check the scenario of a campaign with its errors; see `mcnav.scenarios.conformance`."""
-    with threadpool_limits(1):
+    with one_thread():
         return check_conformance(campaign.scenario, campaign.errors.standard_deviations)
