@@ -25,6 +25,7 @@ from typing import Any, Final
 import filelock
 import pyarrow as pa
 
+from mcnav._recent import Recent
 from mcnav._types import Array
 from mcnav.errors import RunFolderBusy, RunFolderError
 from mcnav.files import (
@@ -77,6 +78,19 @@ _REPLAY: Final = re.compile(r"replay_\d+\.(?:html|csv)")
 def _as_text(content: Mapping[str, Any]) -> bytes:
     """Format a JSON file."""
     return (indented_json(content, ensure_ascii=False, allow_nan=False) + "\n").encode()
+
+
+_WHOLE: Final = Recent[bool](most=8)
+"""Digests of the last manifests that are as this program writes them: finding out takes longer than reading."""
+
+
+def _is_whole(text: bytes, manifest: Mapping[str, Any]) -> bool:
+    """Return whether a text is that of its manifest, and the manifest has its checksum."""
+    try:
+        content = {key: value for key, value in manifest.items() if key != "checksum"}
+        return _as_text(manifest) == text and manifest.get("checksum") == json_digest(content)
+    except (ValueError, RecursionError):
+        return False
 
 
 def _rows_of(chunk: ChunkFile, stored_rows: int | None) -> int:
@@ -138,12 +152,8 @@ class RunFolder:
         content = self._json(MANIFEST, remedy)
         if content is None:
             return None
-        try:
-            whole = _as_text(content) == self._read(MANIFEST, remedy)
-            known = content.pop("checksum", None) == json_digest(content)
-        except (ValueError, RecursionError):
-            whole = known = False
-        if not (whole and known):
+        text = self._read(MANIFEST, remedy)
+        if text is None or not _WHOLE.get(hashlib.sha256(text).digest(), lambda: _is_whole(text, content), fits=bool):
             raise RunFolderError(f"{self.path / MANIFEST}: is damaged or was edited; {remedy}")
         try:
             return Manifest.from_json(content)
@@ -178,7 +188,9 @@ class RunFolder:
     def write_manifest(self, manifest: Manifest) -> None:
         """Write the manifest with a checksum of itself."""
         content = manifest.to_json()
-        self.write(MANIFEST, _as_text(content | {"checksum": json_digest(content)}))
+        text = _as_text(content | {"checksum": json_digest(content)})
+        self.write(MANIFEST, text)
+        _WHOLE.get(hashlib.sha256(text).digest(), lambda: True)
 
     def summary(self) -> dict[str, Any]:
         """Read the analysed results; `RunFolderError` when there are none, or they are not those of the run."""
