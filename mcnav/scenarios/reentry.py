@@ -252,6 +252,9 @@ class Reentry:
     engines = ("ensemble", "reference")
     start_clock = StartClock("min from reentry", "reentry")
 
+    _latest: tuple[bytes, EnsembleEngine] | None = None
+    """Content of the last probes, and the ensemble: another run of the campaign has the same."""
+
     def __init__(self, flight: Flight) -> None:
         if not 0.0 <= flight.final_altitude < REENTRY_ALTITUDE:
             raise ScenarioError(
@@ -281,8 +284,17 @@ class Reentry:
         """Compute partial derivatives by the variational equations along the truth."""
         return self._model
 
+    @cached_property
+    def _histories(self) -> dict[int, PartialsHistory]:
+        return {}
+
     def partials_history(self, count: int) -> PartialsHistory:
         """Compute partials over the flight; half of the times are after reentry, where errors change fastest."""
+        if count not in self._histories:
+            self._histories[count] = self._partials_history(count)
+        return self._histories[count]
+
+    def _partials_history(self, count: int) -> PartialsHistory:
         navigation, reentry, final = self.navigation, self.trajectory.reentry_time, self.trajectory.final_time
         before = count // 2 if navigation.start < reentry else 0
         times = np.concatenate(
@@ -404,6 +416,12 @@ class Reentry:
         """Prepare one of `engines`; the ensemble's grid is refined until the probes, shape (n, sources), agree."""
         if engine == "reference":
             return ReferenceEngine(self.navigation)
+        probed, latest = probes.tobytes(), self._latest
+        if latest is None or latest[0] != probed:
+            latest = self._latest = probed, self._ensemble(probes)
+        return latest[1]
+
+    def _ensemble(self, probes: Array) -> EnsembleEngine:
         refined = refined_grid(self.trajectory, self.navigation.start, self.navigation.theta_axes, probes)
         accuracy = (
             f"variation of constants, {refined.nodes} nodes; largest numerical error of "
