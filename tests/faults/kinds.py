@@ -80,7 +80,7 @@ KINDS: Final = {
     "free, reference": Kind("reference", FREE, 8, 8),
     "aided, own gains": Kind("ensemble", AIDED, 64, 6),
     "aided, shared gains": Kind("shared-gains", AIDED, 256, 6),
-    "aided, reference": Kind("reference", AIDED, 8, 6),
+    "aided, reference": Kind("reference", AIDED, 8, 4),
     "own, stochastic": Kind("single", STOCHASTIC, 32, 8, in_processes=True),
 }
 
