@@ -46,7 +46,7 @@ def workplace(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_help(tmp_path: Path) -> None:
-    finished = mcnav("--help", cwd=tmp_path)
+    finished = invoke("--help", cwd=tmp_path)
     assert finished.returncode == 0
     commands = (
         "run",
@@ -367,6 +367,6 @@ def test_failed_samples_give_status_3(workplace: Path) -> None:
     described = '[scenario]\ntype = "reentry"\ntrajectory = 4\n[errors]\n'
     described += 'altitude = { distribution = "uniform", half_width = "40000 km" }\n'
     (workplace / "failing.toml").write_text(described)
-    finished = mcnav("run", "failing.toml", "--samples", 40, cwd=workplace)
+    finished = mcnav("run", "failing.toml", "--samples", 40, "--jobs", 1, cwd=workplace)
     assert finished.returncode == 3
     assert "samples failed and are excluded from all results" in finished.stdout.replace("\n", " ")

@@ -107,14 +107,12 @@ def test_every_trajectory_of_its_page(tmp_path: Path) -> None:
 
 def test_every_command_and_every_option_of_run_is_documented() -> None:
     told = (PAGES / "COMMANDS.md").read_text(encoding="utf-8")
-    listed = _run([sys.executable, "-m", "mcnav", "--help"], ROOT).stdout
+    listed = invoke("--help", cwd=ROOT, columns=160).stdout
     commands = re.findall(r"^  ([a-z][a-z-]+) {2,}", listed.partition("Commands:")[2], re.MULTILINE)
     assert len(commands) > 10
     for command in commands:
         assert f"`mcnav {command}" in told
-    options = set(
-        re.findall(r"^  (--[a-z-]+)", _run([sys.executable, "-m", "mcnav", "run", "--help"], ROOT).stdout, re.M)
-    )
+    options = set(re.findall(r"^  (--[a-z-]+)", invoke("run", "--help", cwd=ROOT, columns=160).stdout, re.MULTILINE))
     assert len(options) > 10
     for option in options:
         assert f"`{option}" in told

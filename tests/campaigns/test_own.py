@@ -105,7 +105,7 @@ def test_the_textbook_moments(tmp_path: Path) -> None:
 
 def test_a_killed_worker_is_outlived(tmp_path: Path) -> None:
     """The run goes on by itself, to the same bits."""
-    arguments = ["run", BOOST, "--samples", 640, "--jobs", 2, "--no-report", "--out"]
+    arguments = ["run", BOOST, "--samples", 320, "--jobs", 2, "--no-report", "--out"]
     assert invoke(*arguments, tmp_path / "calm", cwd=tmp_path).returncode == 0
     with running([sys.executable, "-m", "mcnav", *arguments, tmp_path / "hit"], env=_environment()) as process:
         wait_for(lambda: _digests(tmp_path / "hit"), process)

@@ -16,7 +16,7 @@ from mcnav.scenarios.reentry import Reentry
 from tests.conftest import SIZES, reentry
 
 Draw = Callable[[int, float], np.ndarray]
-COUNT = 50
+COUNT = 25
 
 
 def _difference(scenario: Reentry, errors: np.ndarray, multiple: float) -> np.ndarray:

@@ -28,7 +28,7 @@ from mcnav.errors import CampaignError, RunFolderError
 from mcnav.files import parquet_bytes
 from mcnav.workflow.analyse import report_run, samples_of, summary_of
 from mcnav.workflow.run import run_campaign
-from tests.conftest import campaign, content
+from tests.conftest import TWO_ERRORS, campaign, content
 from tests.faults.folders.content import VALUES, places_in, set_at, sign
 from tests.faults.scenarios import VECTORISED, mcnav, write_campaign
 from tests.processes import LONG
@@ -38,7 +38,7 @@ from tests.processes import LONG
 def stored(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A finished run of three chunks of the reference engine's size."""
     folder = tmp_path_factory.mktemp("stored") / "run"
-    run_campaign(campaign(4, samples=70), folder, "reference", 1)
+    run_campaign(campaign(1, samples=70, errors=TWO_ERRORS), folder, "reference", 1)
     return folder
 
 
@@ -213,7 +213,7 @@ def test_links_are_not_followed(link: str, folder: Path, tmp_path: Path) -> None
     (folder / link).unlink(missing_ok=True)
     (folder / link).symlink_to(precious if link == ".lock" else victim)
     with pytest.raises(RunFolderError, match="is a link to somewhere else"):
-        run_campaign(campaign(4, samples=70), folder, "reference", 1, fresh=True)
+        run_campaign(campaign(1, samples=70, errors=TWO_ERRORS), folder, "reference", 1, fresh=True)
     assert precious.read_text() == "precious"
 
 
