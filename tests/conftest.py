@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ import pytest
 from filelock import FileLock
 from hypothesis import settings
 
+from mcnav._threads import one_thread
 from mcnav.config.read import Campaign, parse_campaign
 from mcnav.physics.reentry.ensemble.transition import Response, linear_response
 from mcnav.physics.reentry.vehicle import Vehicle
@@ -168,6 +169,13 @@ def content(trajectory: int = 4, multiple: float = 1.0, **entries: Any) -> dict[
 def campaign(trajectory: int = 4, multiple: float = 1.0, **entries: Any) -> Campaign:
     """Return a campaign at a multiple of the errors of NASA TN D-1772."""
     return parse_campaign(content(trajectory, multiple, **entries), "test.toml", "test")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def one_thread_each() -> Iterator[None]:
+    """Leave linear algebra one thread: its matrices are small here, and there are other workers than this one."""
+    with one_thread():
+        yield
 
 
 @pytest.fixture(scope="session", autouse=True)
