@@ -124,6 +124,18 @@ def test_every_sensor_keeps_a_matched_filter_consistent() -> None:
         assert abs(lag) < stats.norm.isf(FALSE_ALARM / 2) * np.sqrt(lags / size)
 
 
+def test_states_have_the_numbers_of_the_processes_that_they_model() -> None:
+    """Of a bias of the instruments, or of a sensor's component with a correlated error; -1 for none, as documented."""
+    tables = engine("ensemble", ("gnss", "altimeter")).tables
+    sensors, linked = tables.loop.sensors, tables.loop.filter.processes
+    names = [component.error_name("correlated") for sensor in sensors for component in sensor.components]
+    drifts = [next((names.index(name) for name in each if name in names), -1) for each in linked]
+    np.testing.assert_array_equal(tables.drifts, drifts)
+    assert len(tables.ensemble.sizes) == np.count_nonzero(tables.biases >= 0)
+    assert max(drifts) >= 0 > min(drifts)
+    assert min(tables.biases) == -1
+
+
 def test_samples_follow_the_true_linear_covariance_of_a_mismatched_filter_not_the_filters_own() -> None:
     count = 200
     result = simulate(count, SIGMAS | NEGLECTED, 3)
