@@ -234,7 +234,8 @@ def table_from(content: bytes, rows: int | None = None, text: int | None = None)
         if text is not None:
             raise ValueError(f"its column {printable(texts[0])!r} has texts in it")
         file = _opened(content, described, texts)
-    table, room = file.read(), MOST_TEXT
+    # threads of Arrow that have just begun abort a process that ends, as one does that refuses another file
+    table, room = file.read(use_threads=False), MOST_TEXT
     for place, field in enumerate(table.schema):
         if pa.types.is_dictionary(field.type) and _is_text(field.type.value_type):
             column, taken = _repeated(table.column(place), field.type.value_type, room)
