@@ -24,7 +24,7 @@ types: Any = numba_types
 THREE: Final = 3
 
 ENTRIES: Final = 9
-"""Of a block."""
+"""Parts or numbers of a block."""
 
 _NUMBER: Final = ir.IntType(32)
 

@@ -262,44 +262,18 @@ def _where(context: Any, condition: Any, one: Any, other: Any) -> Any:
     return result(mask, result, result), generate
 
 
-@intrinsic
-def _bits(context: Any, value: Any) -> Any:
-    """Return the bits of doubles as words."""
+def _define_conversion(result: Any, given: Any, instruction: str, of: ir.VectorType) -> Callable[..., Any]:
+    """Define the conversion of vectors of one type to another by a method of the builder."""
 
-    def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
-        return builder.bitcast(given[0], _WORDS)
+    @intrinsic
+    def _convert(context: Any, value: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            return getattr(builder, instruction)(values[0], of)
 
-    return words(lanes), generate
+        return result(given), generate
 
-
-@intrinsic
-def _doubles(context: Any, value: Any) -> Any:
-    """Return the doubles that have the bits of words."""
-
-    def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
-        return builder.bitcast(given[0], _DOUBLES)
-
-    return lanes(words), generate
-
-
-@intrinsic
-def _narrow(context: Any, value: Any) -> Any:
-    """Return doubles as numbers of single precision."""
-
-    def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
-        return builder.fptrunc(given[0], _SINGLES)
-
-    return singles(lanes), generate
-
-
-@intrinsic
-def _widen(context: Any, value: Any) -> Any:
-    """Return numbers of single precision as doubles."""
-
-    def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
-        return builder.fpext(given[0], _DOUBLES)
-
-    return lanes(singles), generate
+    converted: Callable[..., Any] = _convert
+    return converted
 
 
 def pointer(context: Any, builder: Any, array_type: Any, array: Any, place: Any, of: ir.VectorType) -> Any:
@@ -381,10 +355,17 @@ load_part: Final[Callable[..., Vector]] = _load_part
 store_part: Final[Callable[..., None]] = _store_part
 fma: Final[Callable[..., Vector]] = _fma
 where: Final[Callable[..., Vector]] = _where
-bits: Final[Callable[..., Any]] = _bits
-doubles: Final[Callable[..., Vector]] = _doubles
-narrow: Final[Callable[..., Vector]] = _narrow
-widen: Final[Callable[..., Vector]] = _widen
+bits: Final[Callable[..., Any]] = _define_conversion(words, lanes, "bitcast", _WORDS)
+"""The bits of doubles, as words."""
+
+doubles: Final[Callable[..., Vector]] = _define_conversion(lanes, words, "bitcast", _DOUBLES)
+"""The doubles that have the bits of words."""
+
+narrow: Final[Callable[..., Vector]] = _define_conversion(singles, lanes, "fptrunc", _SINGLES)
+"""Doubles as numbers of single precision."""
+
+widen: Final[Callable[..., Vector]] = _define_conversion(lanes, singles, "fpext", _DOUBLES)
+"""Numbers of single precision as doubles."""
 
 
 Rooms: TypeAlias = Callable[..., Array]

@@ -100,7 +100,7 @@ EPOCH_STREAM: Final = 4
 
 
 class EstimateSteps(NamedTuple):
-    """What the filters' estimates of errors need of K steps, as `mcnav.physics.ins.filter_tables.FilterTables` has it.
+    """Tables for the filters' estimates of errors over K steps, of `mcnav.physics.ins.filter_tables.FilterTables`.
 
     Attributes
     ----------

@@ -13,7 +13,7 @@ STEPS_OF_BLOCK: Final = 16
 
 
 class SampleGroups(NamedTuple):
-    """What outlasts a step: of the group at work, and of all groups.
+    """Rooms that outlast a step: of the group at work, and of all groups.
 
     Attributes
     ----------
