@@ -217,8 +217,10 @@ def load_symmetric(p: Array, t: int, r: int, c: int) -> Block:
 
 @inlined
 def store_symmetric(p: Array, t: int, r: int, c: int, x: Block) -> None:
-    """Write a block of the lower triangle of a symmetric matrix of blocks; on the diagonal its own lower triangle."""
+    """Write a block of a symmetric matrix of blocks to its lower triangle; on the diagonal the block's own counts."""
     if r == c:
         store_block(p, (t, r, c), (x[0], x[3], x[6], x[3], x[4], x[7], x[6], x[7], x[8]))
-    else:
+    elif r > c:
         store_block(p, (t, r, c), x)
+    else:
+        store_block(p, (t, c, r), transpose(x))

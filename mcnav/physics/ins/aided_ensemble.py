@@ -36,12 +36,12 @@ from mcnav.physics.ins.filter_lanes import (
     filter_updates,
     project_along_samples,
     project_along_truth,
-    propagate_covariances,
     update_covariances,
 )
 from mcnav.physics.ins.instruments import CONSTANTS
 from mcnav.physics.ins.noise import IMU_STREAM, draw_normals
 from mcnav.physics.ins.normalization_lanes import share_covariances
+from mcnav.physics.ins.propagation_lanes import propagate_covariances
 from mcnav.physics.ins.record_lanes import (
     EpochTables,
     ReadingRooms,
@@ -168,7 +168,9 @@ class AidedTables:
     def filter_steps(self) -> FilterSteps:
         """Tables of the filters over the steps, for compiled code."""
         model, shared = self.loop.filter, self.ensemble
-        return filter_steps(shared.motion, shared.thrust, model.coupling, model.decay, model.noise, model.corrected)
+        return filter_steps(
+            shared.durations, shared.motion, shared.thrust, model.coupling, model.decay, model.noise, model.corrected
+        )
 
     @cached_property
     def _of_active(self) -> dict[tuple[str, bytes], Any]:

@@ -1,6 +1,5 @@
-"""Covariances of the filters of LANES aided samples: propagation and updates.
+"""Covariances of the filters of LANES aided samples: their tables, and updates.
 
-Each filter's transition is that of the step's tables, turned to the attitude and the force that its sample indicates.
 Covariances are matrices of blocks (`mcnav.physics.blocks`): three of psi, v, x, and as many as hold the q other states;
 of theirs the lower triangles count. The filters of a part of the lanes are handled together, so that what is at work
 stays in registers and in the first level of cache.
@@ -18,7 +17,6 @@ from mcnav.physics.blocks import (
     ENTRIES,
     THREE,
     Block,
-    add,
     add_product,
     blocks_of,
     choose,
@@ -36,6 +34,7 @@ from mcnav.physics.blocks import (
     transpose,
 )
 from mcnav.physics.ins.error_filter import NAVIGATION
+from mcnav.physics.ins.step_lanes import SHORT
 from mcnav.physics.jit import allocation_free, allocation_free_part, inlined
 from mcnav.physics.vectors import (
     PARTS,
@@ -66,7 +65,11 @@ class FilterSteps(NamedTuple):
     motion : ndarray, shape (K, 2, 3, 9)
         Responses of v, x to psi, v, x.
     thrust : ndarray, shape (K, 6)
+    durations : ndarray, shape (K,)
+    short : ndarray of bool, shape (K,)
+        Whether a step takes at most `SHORT`.
     coupling : ndarray, shape (K, 3, n - 3, 9)
+        Responses of psi, v, x to the other states; for short steps that of x has half a step of that of v less.
     decay : ndarray, shape (K, 3 (n - 3))
     noise : ndarray, shape (K, n, n, 9)
     corrected : ndarray, shape (3 n,)
@@ -77,13 +80,15 @@ class FilterSteps(NamedTuple):
         Whether it changes that of all states of two blocks.
     still : ndarray of bool, shape (n - 3, n - 3)
         Whether no step changes the covariance of other states of two blocks, as they are constants.
-    turning, moving, shaken : ndarray of int
-        Blocks of other states that psi responds to, that v and x respond to, and whose noise is correlated with that of
-        psi, v and x.
+    turning, moving, fading, shaken : ndarray of int
+        Blocks of other states that psi responds to, that v and x respond to, that are not constants, and whose noise is
+        correlated with that of psi, v and x.
     """
 
     motion: Array
     thrust: Array
+    durations: Array
+    short: NDArray[np.bool_]
     coupling: Array
     decay: Array
     noise: Array
@@ -93,16 +98,18 @@ class FilterSteps(NamedTuple):
     still: NDArray[np.bool_]
     turning: IndexArray
     moving: IndexArray
+    fading: IndexArray
     shaken: IndexArray
 
 
 def filter_steps(
-    motion: Array, thrust: Array, coupling: Array, decay: Array, noise: Array, corrected: Array
+    durations: Array, motion: Array, thrust: Array, coupling: Array, decay: Array, noise: Array, corrected: Array
 ) -> FilterSteps:
     """Prepare the tables over K steps.
 
     Parameters
     ----------
+    durations : ndarray, shape (K,)
     motion : ndarray, shape (K, 6, 9)
     thrust : ndarray, shape (K, 6)
     coupling, decay, noise, corrected : ndarray
@@ -112,14 +119,18 @@ def filter_steps(
     filled, all_corrected = np.ones((len(decay), THREE * threes)), np.ones(NAVIGATION + THREE * threes)
     filled[:, : decay.shape[1]] = decay
     all_corrected[: len(corrected)] = corrected
-    couplings, noises = blocks_of(coupling), blocks_of(noise)
-    coupled, shaken = np.any(couplings, axis=(0, 3)), np.any(noises[:, THREE:, :THREE], axis=(0, 2, 3))
+    short, noises = durations <= SHORT, blocks_of(noise)
+    beyond = coupling.copy()
+    beyond[short, 6:] -= (0.5 * durations[short])[:, None, None] * coupling[short, 3:6]
+    couplings = blocks_of(beyond)
+    coupled, shaken = np.any(blocks_of(coupling), axis=(0, 3)), np.any(noises[:, THREE:, :THREE], axis=(0, 2, 3))
     constant = np.all((filled == 1.0).reshape(len(decay), threes, THREE), axis=(0, 2))
     still = np.outer(constant, constant) & ~np.any(noises[:, THREE:, THREE:], axis=(0, 3))
     changes = blocks_of(np.maximum(all_corrected[:, None], all_corrected))
     return FilterSteps(
-        blocks_of(motion), thrust, couplings, filled, noises, all_corrected, changes, np.all(changes, axis=2), still,
-        np.flatnonzero(coupled[0]), np.flatnonzero(coupled[1] | coupled[2]), np.flatnonzero(shaken),
+        blocks_of(motion), thrust, durations, short, couplings, filled, noises, all_corrected, changes,
+        np.all(changes, axis=2), still, np.flatnonzero(coupled[0]), np.flatnonzero(coupled[1] | coupled[2]),
+        np.flatnonzero(~constant), np.flatnonzero(shaken),
     )  # fmt: skip
 
 
@@ -185,8 +196,10 @@ class Covariances(NamedTuple):
     p : ndarray, shape (PARTS, n, n, 9, PART)
     cross : ndarray, shape (PARTS, n, 2, 9, PART)
         ``P H^T``.
-    transition, coupled, added : ndarray, shapes (2, 9, PART), (3, n - 3, 9, PART), (n, 3, 9, PART)
-        The step's tables as turned: responses of v, x to psi; of psi, v, x to the other states; noise.
+    transition, coupled : ndarray, shapes (2, 9, PART), (3, n - 3, 9, PART)
+        The step's tables as turned: responses of v, x to psi; of psi, v, x to the other states.
+    force : ndarray, shape (2, 3, PART)
+        Integral of the force as samples indicate it, and what that integral's has beyond half a step of it.
     product, left : ndarray, shapes (3, n, 9, PART), (n, n, 9, PART)
     white, gain : ndarray, shape (n, 2, 9, PART)
         ``P H^T`` with the innovations whitened, ``P H^T L^-T``; gains.
@@ -204,7 +217,7 @@ class Covariances(NamedTuple):
     cross: Array
     transition: Array
     coupled: Array
-    added: Array
+    force: Array
     product: Array
     left: Array
     white: Array
@@ -234,7 +247,7 @@ def covariances_of(states: int, own: bool = True, keep: Rooms = room) -> Covaria
     rows, root, inverse, correction = room(SIX if own else 0, NAVIGATION), room(SIX, SIX), room(SIX), room(THREE * n)
     return Covariances(
         parts_first(keep(n * n * ENTRIES), n, n, ENTRIES), room_of_parts(PARTS, n, 2, ENTRIES),
-        room_of_parts(2, ENTRIES), room_of_parts(THREE, others, ENTRIES), room_of_parts(n, THREE, ENTRIES),
+        room_of_parts(2, ENTRIES), room_of_parts(THREE, others, ENTRIES), room_of_parts(2, THREE),
         room_of_parts(THREE, n, ENTRIES), room_of_parts(n, n, ENTRIES), room_of_parts(n, 2, ENTRIES),
         room_of_parts(n, 2, ENTRIES), rows, root, inverse, correction, parts_of(rows), parts_of(root),
         parts_of(inverse), parts_of(correction),
@@ -244,124 +257,6 @@ def covariances_of(states: int, own: bool = True, keep: Rooms = room) -> Covaria
 def parts_first(lanes: Array, *shape: int) -> Array:
     """Return memory of lanes as that of parts one after the other, shape (PARTS, ..., PART)."""
     return lanes.reshape(PARTS, *shape, lanes.size // (PARTS * int(np.prod(shape))))
-
-
-@inlined
-def turn_rows(turned: Block, b: Block) -> Block:
-    """Compute ``R B``, with R - I."""
-    return add_product(b, turned, b)
-
-
-@inlined
-def turn_both(turned: Block, b: Block) -> Block:
-    """Compute ``R B R^T``, with R - I."""
-    a = add_product(b, turned, b)
-    return add_product(a, a, transpose(turned))
-
-
-@inlined
-def _part_of_rows(rows: Array, t: int) -> Block:
-    """Return the part t of nine rows of lanes, shape (9, PARTS, PART)."""
-    return (
-        load_part(rows, (0, t)), load_part(rows, (1, t)), load_part(rows, (2, t)), load_part(rows, (3, t)),
-        load_part(rows, (4, t)), load_part(rows, (5, t)), load_part(rows, (6, t)), load_part(rows, (7, t)),
-        load_part(rows, (8, t)),
-    )  # fmt: skip
-
-
-@inlined
-def _indicated_force(thrust: Array, k: int, half: int, response: Block) -> tuple[Vector, Vector, Vector]:
-    """Compute the error of the force's integral that a sample indicates in step k: of the velocity or the position."""
-    at = THREE * half
-    ax, ay, az = response[0], response[1], response[2]
-    fx, fy, fz = thrust[k, at], thrust[k, at + 1], thrust[k, at + 2]
-    share = 0.5 if half == 0 else 1.0 / 3.0
-    return (
-        response[3 + at] - share * (ay * fz - az * fy),
-        response[4 + at] - share * (az * fx - ax * fz),
-        response[5 + at] - share * (ax * fy - ay * fx),
-    )
-
-
-@allocation_free_part
-def _turn_tables(k: int, t: int, tables: FilterSteps, response: Array, turned: Array, filters: Covariances) -> None:
-    """Turn a step's tables to the attitude and the force that each sample of part t indicates."""
-    of_errors, rotation = _part_of_rows(response, t), _part_of_rows(turned, t)
-    for half in range(2):
-        b = turn_both(rotation, load_numbers(tables.motion, (k, half, 0)))
-        x, y, z = _indicated_force(tables.thrust, k, half, of_errors)
-        b = (b[0], b[1] + z, b[2] - y, b[3] - z, b[4], b[5] + x, b[6] + y, b[7] - x, b[8])
-        store_block(filters.transition, half, b)
-    for r in range(THREE):
-        for c in range(r + 1):
-            store_block(filters.added, (r, c), turn_both(rotation, load_numbers(tables.noise, (k, r, c))))
-        for s in tables.moving if r > 0 else tables.turning:
-            store_block(filters.coupled, (r, s), turn_rows(rotation, load_numbers(tables.coupling, (k, r, s))))
-        for s in tables.shaken:
-            turned_noise = turn_rows(rotation, load_numbers(tables.noise, (k, r, THREE + s)))
-            store_block(filters.added, (THREE + s, r), transpose(turned_noise))
-
-
-@allocation_free_part
-def _propagate(k: int, t: int, tables: FilterSteps, filters: Covariances) -> None:
-    """Take the covariances of part t over a step with the tables that are turned."""
-    p, transition, coupled, added, product = (
-        filters.p, filters.transition, filters.coupled, filters.added, filters.product,
-    )  # fmt: skip
-    motion, turning, moving, n = tables.motion, tables.turning, tables.moving, p.shape[1]
-    for j in range(n):
-        x = load_symmetric(p, t, 0, j)
-        for s in turning:
-            x = add_product(x, load_block(coupled, (0, s)), load_symmetric(p, t, THREE + s, j))
-        store_block(product, (0, j), x)
-        for half in range(2):
-            x = multiply(load_block(transition, half), load_symmetric(p, t, 0, j))
-            x = add_product(x, load_numbers(motion, (k, half, 1)), load_symmetric(p, t, 1, j))
-            x = add_product(x, load_numbers(motion, (k, half, 2)), load_symmetric(p, t, 2, j))
-            for s in moving:
-                x = add_product(x, load_block(coupled, (1 + half, s)), load_symmetric(p, t, THREE + s, j))
-            store_block(product, (1 + half, j), x)
-    for r in range(THREE):
-        x = add(load_block(added, (r, 0)), load_block(product, (r, 0)))
-        for s in turning:
-            x = add_product(x, load_block(product, (r, THREE + s)), transpose(load_block(coupled, (0, s))))
-        store_symmetric(p, t, r, 0, x)
-        for half in range(r):
-            x = load_block(added, (r, 1 + half))
-            x = add_product(x, load_block(product, (r, 0)), transpose(load_block(transition, half)))
-            x = add_product(x, load_block(product, (r, 1)), transpose(load_numbers(motion, (k, half, 1))))
-            x = add_product(x, load_block(product, (r, 2)), transpose(load_numbers(motion, (k, half, 2))))
-            for s in moving:
-                to_state = transpose(load_block(coupled, (1 + half, s)))
-                x = add_product(x, load_block(product, (r, THREE + s)), to_state)
-            store_symmetric(p, t, r, 1 + half, x)
-        for s in range(n - THREE):
-            kept = scale_rows(transpose(load_block(product, (r, THREE + s))), tables.decay[k], s)
-            store_block(p, (t, THREE + s, r), add(kept, load_block(added, (THREE + s, r))))
-    for s in range(n - THREE):
-        for e in range(s + 1):
-            if tables.still[s, e]:
-                continue
-            kept = scale_rows(load_block(p, (t, THREE + s, THREE + e)), tables.decay[k], s)
-            kept = transpose(scale_rows(transpose(kept), tables.decay[k], e))
-            added_to = load_numbers(tables.noise, (k, THREE + s, THREE + e))
-            store_block(p, (t, THREE + s, THREE + e), add(kept, added_to))
-
-
-@allocation_free_part
-def propagate_covariances(k: int, tables: FilterSteps, response: Array, turned: Array, filters: Covariances) -> None:
-    """Take the filters' covariances over a step: ``P' = Phi P Phi^T + Q``.
-
-    Parameters
-    ----------
-    response : ndarray, shape (9, PARTS, PART)
-        Of psi, v, x to the errors of the instruments that are left.
-    turned : ndarray, shape (9, PARTS, PART)
-        R - I.
-    """
-    for t in range(PARTS):
-        _turn_tables(k, t, tables, response, turned, filters)
-        _propagate(k, t, tables, filters)
 
 
 @inlined

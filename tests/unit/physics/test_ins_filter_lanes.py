@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -19,15 +21,16 @@ from mcnav.physics.ins.filter_lanes import (
     filter_updates,
     project_along_samples,
     project_along_truth,
-    propagate_covariances,
     update_covariances,
 )
+from mcnav.physics.ins.propagation_lanes import propagate_covariances
 from mcnav.physics.vectors import LANES, PARTS, parts_of, room
 
 STATES, COMPONENTS = 7, 4
 SIZE = 9 + STATES
 CORRECTED = np.array([1.0] * 12 + [0.0] * 4)
 ALL = np.array([[0, 9]])
+LONG = np.array([10.0])
 
 
 def set_covariances(filters: Covariances, covariances: Array) -> None:
@@ -63,7 +66,7 @@ def still(corrected: Array = CORRECTED) -> FilterSteps:
     """Return tables of one step in which nothing happens."""
     motion = np.eye(6, 9, 3)[None]
     return filter_steps(
-        motion, np.zeros((1, 6)), np.zeros((1, 9, STATES)), np.ones((1, STATES)), np.zeros((1, SIZE, SIZE)), corrected
+        LONG, motion, np.zeros((1, 6)), np.zeros((1, 9, STATES)), np.ones((1, STATES)), np.zeros((1, SIZE, SIZE)), corrected
     )
 
 
@@ -108,40 +111,94 @@ def josephs(covariance: Array, rows: Array, variances: Array) -> Array:
     return np.asarray(kept @ covariance @ kept.T + gain @ np.diag(variances) @ gain.T)
 
 
-def test_a_step_is_that_of_matrix_algebra() -> None:
-    """``Phi P Phi^T + Q`` with tables turned to each sample's attitude: to 1e-13 of the largest entry, for sums of 16.
+def crosses(vector: Array) -> Array:
+    """Return the matrix of ``psi x vector`` as a function of psi."""
+    return np.asarray(np.cross(np.eye(3), vector).T)
 
-    Psi of the step's end turns what velocity and position respond to by the error of the indicated force.
-    """
+
+class Step(NamedTuple):
+    """Tables of one step, and the samples that take it."""
+
+    motion: Array
+    thrust: Array
+    coupling: Array
+    decay: Array
+    noise: Array
+    rotations: Array
+    response: Array
+
+
+def random_step() -> Step:
+    """Return a step in which everything happens; psi responds to two of the other states."""
     rng = np.random.default_rng(11)
-    filters, covariance, *_ = make()
-    motion, thrust = rng.standard_normal((1, 6, 9)), rng.standard_normal((1, 6))
-    coupling, decay = rng.standard_normal((1, 9, STATES)), rng.random((1, STATES))
+    coupling, factor = rng.standard_normal((1, 9, STATES)), rng.standard_normal((SIZE, SIZE))
     coupling[0, :3, 2:] = 0.0
-    factor = rng.standard_normal((SIZE, SIZE))
-    noise = (factor @ factor.T)[None]
-    rotations = Rotation.from_rotvec(rng.standard_normal((LANES, 3)))
-    turned, response = room(9), room(9)
-    turned[:] = (rotations.as_matrix() - np.eye(3)).reshape(LANES, 9).T
+    response = room(9)
     response[:] = rng.standard_normal((9, LANES))
-    steps = filter_steps(motion, thrust, coupling, decay, noise, CORRECTED)
-    propagate_covariances(0, steps, parts_of(response), parts_of(turned), filters)
-    found = covariances(filters)
-    for lane, rotation in enumerate(rotations.as_matrix()):
-        whole = np.kron(np.eye(3), rotation)
-        transition = np.eye(SIZE)
-        transition[3:9, 3:9] = motion[0, :, 3:]
-        transition[:9, 9:] = whole @ coupling[0]
-        transition[9:, 9:] = np.diag(decay[0])
-        for half, share in ((0, 1 / 2), (1, 1 / 3)):
-            at = slice(3 * half, 3 * half + 3)
-            of_psi = rotation @ motion[0, at, :3] @ rotation.T
-            more = response[3 + 3 * half : 6 + 3 * half, lane] - share * np.cross(response[:3, lane], thrust[0, at])
-            transition[3 + 3 * half : 6 + 3 * half, :3] = of_psi - np.cross(np.eye(3), more)
+    return Step(
+        rng.standard_normal((1, 6, 9)), rng.standard_normal((1, 6)), coupling, rng.random((1, STATES)),
+        (factor @ factor.T)[None], Rotation.from_rotvec(rng.standard_normal((LANES, 3))).as_matrix(), response,
+    )  # fmt: skip
+
+
+def propagate(durations: Array, step: Step, filters: Covariances) -> Array:
+    """Return the covariances after a step, shape (LANES, 9 + q, 9 + q)."""
+    turned = room(9)
+    turned[:] = (step.rotations - np.eye(3)).reshape(LANES, 9).T
+    steps = filter_steps(durations, step.motion, step.thrust, step.coupling, step.decay, step.noise, CORRECTED)
+    propagate_covariances(0, steps, parts_of(step.response), parts_of(turned), filters)
+    return covariances(filters)
+
+
+def indicated_error(step: Step, lane: int, half: int) -> Array:
+    """Compute the error of the force's integral that a sample indicates, with psi of the step's end."""
+    share, force = (1 / 2, 1 / 3)[half], step.thrust[0, 3 * half : 3 * half + 3]
+    response = step.response[:, lane]
+    return np.asarray(response[3 + 3 * half : 6 + 3 * half] - share * np.cross(response[:3], force))
+
+
+def compare(found: Array, covariance: Array, step: Step, transitions: list[Array]) -> None:
+    """Compare with ``Phi P Phi^T + Q`` to 1e-13 of the largest entry, for sums of 16 products of products."""
+    for lane, rotation in enumerate(step.rotations):
         turn = np.eye(SIZE)
-        turn[:9, :9] = whole
-        expected = transition @ covariance[lane] @ transition.T + turn @ noise[0] @ turn.T
+        turn[:9, :9] = np.kron(np.eye(3), rotation)
+        expected = transitions[lane] @ covariance[lane] @ transitions[lane].T + turn @ step.noise[0] @ turn.T
         np.testing.assert_allclose(found[lane], expected, rtol=0.0, atol=1e-13 * np.abs(expected).max())
+
+
+def test_a_long_step_is_that_of_matrix_algebra() -> None:
+    """With tables turned to each sample's attitude, and the force that it indicates."""
+    filters, covariance, *_ = make()
+    step, transitions = random_step(), []
+    for lane, rotation in enumerate(step.rotations):
+        transition = np.eye(SIZE)
+        transition[3:9, 3:9] = step.motion[0, :, 3:]
+        transition[:9, 9:] = np.kron(np.eye(3), rotation) @ step.coupling[0]
+        transition[9:, 9:] = np.diag(step.decay[0])
+        for half in range(2):
+            at = slice(3 + 3 * half, 6 + 3 * half)
+            of_psi = rotation @ step.motion[0, 3 * half : 3 * half + 3, :3] @ rotation.T
+            transition[at, :3] = of_psi + crosses(indicated_error(step, lane, half))
+        transitions.append(transition)
+    compare(propagate(LONG, step, filters), covariance, step, transitions)
+
+
+def test_a_short_step_is_that_of_matrix_algebra() -> None:
+    """Half a step of the position, one of the velocity, the other half, and psi."""
+    filters, covariance, *_ = make()
+    step, transitions, duration = random_step(), [], 0.7
+    for lane, rotation in enumerate(step.rotations):
+        of_force = [crosses(rotation @ step.thrust[0, 3 * half : 3 * half + 3] + indicated_error(step, lane, half))
+                    for half in range(2)]  # fmt: skip
+        coupling = np.kron(np.eye(3), rotation) @ step.coupling[0]
+        first, middle, last, end = np.eye(SIZE), np.eye(SIZE), np.eye(SIZE), np.eye(SIZE)
+        first[6:9, 3:6] = last[6:9, 3:6] = 0.5 * duration * np.eye(3)
+        middle[3:6, :3], middle[3:6, 6:9], middle[3:6, 9:] = of_force[0], step.motion[0, :3, 6:], coupling[3:6]
+        last[6:9, :3] = of_force[1] - 0.5 * duration * of_force[0]
+        last[6:9, 9:] = coupling[6:] - 0.5 * duration * coupling[3:6]
+        end[:3, 9:], end[9:, 9:] = coupling[:3], np.diag(step.decay[0])
+        transitions.append(end @ last @ middle @ first)
+    compare(propagate(np.array([duration]), step, filters), covariance, step, transitions)
 
 
 def test_a_step_without_anything_changes_nothing() -> None:
@@ -159,7 +216,7 @@ def test_filters_of_navigation_alone() -> None:
     set_covariances(filters, np.broadcast_to(np.diag([1e-6] * 3 + [1.0] * 6), (LANES, 9, 9)))
     motion, none = np.eye(6, 9, 3)[None], np.zeros((1, 0))
     motion[0, 3:, 3:6] = 10.0 * np.eye(3)
-    steps = filter_steps(motion, np.zeros((1, 6)), np.zeros((1, 9, 0)), none, np.zeros((1, 9, 9)), np.ones(9))
+    steps = filter_steps(LONG, motion, np.zeros((1, 6)), np.zeros((1, 9, 0)), none, np.zeros((1, 9, 9)), np.ones(9))
     propagate_covariances(0, steps, parts_of(room(9)), parts_of(room(9)), filters)
     np.testing.assert_allclose(covariances(filters)[:, 6, 6], 101.0, rtol=1e-15)
     rows = np.eye(3, 9, 6)[None]
