@@ -112,10 +112,10 @@ NOISE: Final = tuple(Output(name, *PROCESS_UNITS[name.rpartition("_")[0]]) for n
 BEFORE_OUTAGES_END: Final = 1.0
 """Time before the end of an outage at which errors are read out, s; less in a short outage."""
 
-REVISION: Final = 4
+REVISION: Final = 5
 """Counts the changes of the samples' digits: 1 drew normal variates one at a time, 2 two of a block of random bits.
 
-4 computes them in single precision.
+4 computes them in single precision, 5 linear errors as sums.
 """
 
 EPOCHS: Final = 60

@@ -1,9 +1,10 @@
 """Many samples of an aided navigator, each with its own filter, and the linear closed loop of the same draws.
 
-A sample is a deviation from the shared truth (`mcnav.physics.ins.ensemble`), whose linear part is its twin in the
-linear closed loop: the twin has the gains along the truth and the same noise. What a filter has estimated is subtracted
-from the errors of the instruments. The filter's covariance is propagated with the step's tables turned to the sample's
-own indicated attitude and force; its gains are its own, or with shared gains those along the truth.
+A sample is a deviation from the shared truth (`mcnav.physics.ins.ensemble`). Its twin in the linear closed loop has the
+gains along the truth and the same noise; the twin's errors are a sum (`mcnav.physics.ins.adjoint`). What a filter has
+estimated is subtracted from the errors of the instruments; of a constant that a state models exactly, only the
+difference is propagated. The filter's covariance is propagated with the step's tables turned to the sample's own
+indicated attitude and force; its gains are its own, or with shared gains those along the truth.
 """
 
 from __future__ import annotations
@@ -18,9 +19,11 @@ from numpy.typing import NDArray
 
 from mcnav._types import Array, IndexArray
 from mcnav.physics.blocks import blocks_of
+from mcnav.physics.ins.adjoint import Adjoint, add_linear, adjoint_of_closed
 from mcnav.physics.ins.closed_loop import ClosedLoop, own_covariances
 from mcnav.physics.ins.deviations import deviate
 from mcnav.physics.ins.ensemble import EnsembleTables
+from mcnav.physics.ins.error_filter import NAVIGATION
 from mcnav.physics.ins.filter_consistency import COUNTS
 from mcnav.physics.ins.filter_lanes import (
     BEYOND,
@@ -69,13 +72,11 @@ from mcnav.physics.ins.update_lanes import (
     UpdateTables,
     add_constant_errors,
     along_truth,
-    correct_twins,
     disturb,
     estimates_of,
     feed_back_own,
     feed_back_shared,
     innovate,
-    innovate_twins,
     judge,
 )
 from mcnav.physics.jit import allocation_free, allocation_free_part, inlined
@@ -104,8 +105,8 @@ class EstimateSteps(NamedTuple):
 
     Attributes
     ----------
-    turning, moving : ndarray of int
-        Other states that psi responds to, and that v and x respond to.
+    turning, moving, fading : ndarray of int
+        Other states that psi responds to, that v and x respond to, and that are not constants.
     """
 
     coupling: Array
@@ -113,6 +114,7 @@ class EstimateSteps(NamedTuple):
     corrected: Array
     turning: IndexArray
     moving: IndexArray
+    fading: IndexArray
 
 
 @dataclass(frozen=True)
@@ -161,8 +163,29 @@ class AidedTables:
         coupled = np.any(model.coupling, axis=0)
         return EstimateSteps(
             model.coupling, model.decay, model.corrected, np.flatnonzero(np.any(coupled[:3], axis=0)),
-            np.flatnonzero(np.any(coupled[3:], axis=0)),
+            np.flatnonzero(np.any(coupled[3:], axis=0)), np.flatnonzero(np.any(model.decay != 1.0, axis=0)),
         )  # fmt: skip
+
+    @cached_property
+    def adjoint(self) -> Adjoint:
+        """Responses of the linear errors at the last epoch, with the gains along the truth."""
+        return adjoint_of_closed(self.loop, int(self.ensemble.epochs[-1]), self.ensemble.output_maps[-1])
+
+    @cached_property
+    def exact(self) -> IndexArray:
+        """Numbers of the states that model constant errors of the instruments exactly."""
+        model = self.loop.filter
+        inputs = self.ensemble.inputs
+        return np.array(
+            [
+                state
+                for state, number in enumerate(model.constants)
+                if NAVIGATION <= number < len(CONSTANTS)
+                and np.all(model.decay[:, state] == 1.0)
+                and np.array_equal(model.coupling[:, :, state], inputs[:, number - NAVIGATION])
+            ],
+            dtype=np.int64,
+        )
 
     @cached_property
     def filter_steps(self) -> FilterSteps:
@@ -191,7 +214,7 @@ class AidedTables:
         active : ndarray of int
             Numbers of the constant errors of the instruments that are not zero.
         """
-        return self._once("steps", active, self.ensemble.steps)
+        return self._once("steps", active, lambda chosen: self.ensemble.steps(chosen, self.adjoint))
 
     def updates(self, active: IndexArray) -> UpdateTables:
         """Return what compiled code takes of the updates.
@@ -215,7 +238,7 @@ class AidedTables:
             measured.sensors, measured.sizes, measured.components, measured.kinds, measured.directions, measured.arms,
             np.ascontiguousarray(measured.constants[:, :, active]), measured.rows, measured.forward, measured.places,
             self.bounds, self.correlated, self.memory, self.white, self.limits, model.rows, self.loop.gains, roots,
-            lags, np.flatnonzero(np.any(model.rows, axis=(0, 1))),
+            self.adjoint.updates, lags, np.flatnonzero(np.any(model.rows, axis=(0, 1))),
             filter_updates(
                 measured.rows, model.rows, self.bounds, model.variances, along_truth(measured), careful
             ),
@@ -290,12 +313,13 @@ def tabulate_aided(loop: ClosedLoop, ensemble: EnsembleTables, biases: tuple[str
 
 
 class _Given(NamedTuple):
-    """Errors of n samples."""
+    """Errors of n samples, and what their filters have estimated at the start."""
 
     indices: NDArray[np.uint64]
     equipment: Array
     aiding: Array
     of_states: Array
+    estimates: Array
     state: Array
     linear: Array
 
@@ -396,10 +420,17 @@ def simulate_aided(
     errors = np.ascontiguousarray(errors, dtype=float)
     count, epochs, states = len(errors), len(shared.epochs), len(model.constants)
     state = deviate(shared.start, errors[:, :9])
-    linear = np.einsum("nj,ij->ni", errors[:, :9], shared.start_map)
-    instruments, aiding = errors[:, 9 : len(CONSTANTS)], errors[:, len(CONSTANTS) :]
-    active, active_aiding = np.flatnonzero(instruments.any(axis=0)), np.flatnonzero(aiding.any(axis=0))
     of_states = np.ascontiguousarray(np.where(model.constants >= 0, errors[:, np.maximum(model.constants, 0)], 0.0))
+    estimates = np.zeros((count, states))
+    estimates[:, tables.exact] = -of_states[:, tables.exact]
+    of_states[:, tables.exact] = 0.0
+    left = errors[:, NAVIGATION:].copy()
+    left[:, model.constants[tables.exact] - NAVIGATION] = 0.0
+    instruments, aiding = left[:, : len(CONSTANTS) - NAVIGATION], left[:, len(CONSTANTS) - NAVIGATION :]
+    active, active_aiding = np.flatnonzero(instruments.any(axis=0)), np.flatnonzero(aiding.any(axis=0))
+    of_start = tables.adjoint.start
+    linear = np.einsum("nj,ij->ni", errors[:, :NAVIGATION], of_start[:, :NAVIGATION] @ shared.start_map)
+    linear += np.einsum("ns,is->ni", estimates, of_start[:, NAVIGATION:])
     values, predicted = np.empty((count, epochs, 9)), np.empty((count, 9))
     outcome = np.zeros(count, dtype=np.int64)
     nothing = np.zeros((0, 0))
@@ -413,12 +444,12 @@ def simulate_aided(
     blocks = np.append(loop.first_updates[:-1:STEPS_OF_BLOCK], loop.first_updates[-1])
     disturbed_together = int(np.diff(blocks).max())
     keep = Store()
-    deviations = deviations_of(len(active), len(shared.sizes), True, keep)
-    estimates = estimates_of(states, len(active_aiding), components, len(loop.sensors), keep)
+    deviations = deviations_of(len(active), len(shared.sizes), keep)
+    filtered = estimates_of(states, len(active_aiding), components, len(loop.sensors), keep)
     covariances = room(9 + states, 9 + states)
     rooms = _LaneRooms(
         deviations,
-        estimates,
+        filtered,
         covariances_of(states, own, keep if own else room),
         room(max(STEPS_OF_BLOCK * width, len(shared.sizes))),
         room(disturbed_together * most),
@@ -426,8 +457,8 @@ def simulate_aided(
         keep(1),
         parts_of(deviations.response),
         parts_of(deviations.turned),
-        parts_of(estimates.accepted),
-        parts_of(estimates.whitened),
+        parts_of(filtered.accepted),
+        parts_of(filtered.whitened),
         covariances,
         parts_of(covariances),
         np.zeros((1, LANES), dtype=np.uint64),
@@ -445,7 +476,7 @@ def simulate_aided(
         _Given(
             samples.astype(np.uint64), np.ascontiguousarray(instruments[:, active]),
             np.ascontiguousarray(aiding[:, active_aiding]),
-            of_states, state, linear,
+            of_states, estimates, state, linear,
         ),
         _Noise(np.uint64(seed), noisy and given is None, given is None, drifting, added, disturbed),
         rooms,
@@ -465,9 +496,8 @@ def _begin(begin: int, size: int, given: _Given, samples: Deviations, own: Estim
         cause[0, i] = SOUND
         for a in range(len(own.aiding)):
             own.aiding[a, i] = given.aiding[n, a]
-    for s in range(len(own.estimate)):
-        store(own.estimate, s, 0.0)
-        store(own.twin_estimate, s, 0.0)
+        for s in range(len(own.estimate)):
+            own.estimate[s, i] = given.estimates[n, s]
     for c in range(len(own.drifts)):
         store(own.drifts, c, 0.0)
         store(own.shown, c, 0.0)
@@ -484,24 +514,16 @@ def _subtract_estimates(k: int, tables: EstimateSteps, samples: Deviations, own:
     coupling = tables.coupling
     for r in range(0, 9, 3):
         x, y, z = load(samples.response, r), load(samples.response, r + 1), load(samples.response, r + 2)
-        a, b, c = x, y, z
         for s in tables.turning if r == 0 else tables.moving:
-            estimate, of_twin = load(own.estimate, s), load(own.twin_estimate, s)
+            estimate = load(own.estimate, s)
             x -= coupling[k, r, s] * estimate
             y -= coupling[k, r + 1, s] * estimate
             z -= coupling[k, r + 2, s] * estimate
-            a -= coupling[k, r, s] * of_twin
-            b -= coupling[k, r + 1, s] * of_twin
-            c -= coupling[k, r + 2, s] * of_twin
         store(samples.response, r, x)
         store(samples.response, r + 1, y)
         store(samples.response, r + 2, z)
-        store(samples.linear_response, r, a)
-        store(samples.linear_response, r + 1, b)
-        store(samples.linear_response, r + 2, c)
-    for s in range(len(own.estimate)):
+    for s in tables.fading:
         store(own.estimate, s, tables.decay[k, s] * load(own.estimate, s))
-        store(own.twin_estimate, s, tables.decay[k, s] * load(own.twin_estimate, s))
 
 
 @inlined
@@ -533,6 +555,7 @@ def _disturb(
                 own.disturbance[c, i] = noise.disturbances[begin + min(i, size - 1), u * most + c]
     if len(own.aiding) > 0:
         add_constant_errors(u, m, updates, own)
+    add_linear(updates.adjoint, u, m, own.disturbance, lanes.samples.linear)
 
 
 @inlined
@@ -540,9 +563,8 @@ def _update(
     u: int, m: int, constants: Array, corrected: Array, of_filter: FilterSteps, updates: UpdateTables, own_gains: bool,
     lanes: _LaneRooms,
 ) -> None:  # fmt: skip
-    """Update samples, their filters and the linear samples with a measurement."""
+    """Update samples and their filters with a measurement."""
     samples, own, filters, sensor = lanes.samples, lanes.own, lanes.filters, updates.sensors[u]
-    innovate_twins(u, m, updates, samples.linear, own)
     innovate(u, m, constants, updates, samples, filters.rows, own)
     if own_gains:
         if updates.of_filter.along_truth[u]:
@@ -556,7 +578,6 @@ def _update(
                 store(filters.root, (c, e), updates.roots[u, c, e])
             store(filters.inverse, c, 1.0 / updates.roots[u, c, c])
     judge(u, m, updates.limits[u], updates.lags[u], sensor, filters.root, filters.inverse, own)
-    correct_twins(u, m, updates.gains, samples, own)
     if own_gains:
         update_covariances(u, m, lanes.accepted, lanes.whitened, of_filter, updates.of_filter, filters)
         feed_back_own(filters.correction, corrected, samples, own)
@@ -569,7 +590,7 @@ def _respond(
     k: int, first: int, begin: int, size: int, steps: StepTables, estimated: EstimateSteps, noise: _Noise,
     lanes: _LaneRooms,
 ) -> None:  # fmt: skip
-    """Compute the responses of samples and of linear samples in a step to all that drives them.
+    """Compute the responses of samples in a step to all that drives them, and add them to the linear errors.
 
     Parameters
     ----------
@@ -581,6 +602,7 @@ def _respond(
     if not noise.drawn and noise.added.shape[1] > 0:
         for i in range(LANES):
             add_given(noise.added[begin + min(i, size - 1), k * width : (k + 1) * width], i, samples)
+    add_linear(steps.adjoint, k, 9, samples.response, samples.linear)
     _subtract_estimates(k, estimated, samples, lanes.own)
 
 

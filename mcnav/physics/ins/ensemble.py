@@ -4,25 +4,28 @@ The truth is shared, so that a sample is a deviation from it (`mcnav.physics.ins
 
     R' = R [C dw]x        v' = (R - I) C f + R C df + g(r + x) - g(r)        x' = v
 
-Its linear part is carried by the tables of the steps, exactly. What is left is of second order, and changes slowly:
-over a step the rotation R at its beginning is applied to the truth's force and to the step's own linear response, the
-products of errors within the step are taken from their means, and the remainder of gravity by Simpson's rule.
+Of a step, what is linear in the sample is computed by the tables, exactly. What is left is of second order, and changes
+slowly: over a step the rotation R at its beginning is applied to the truth's force and to the step's own linear
+response, the products of errors within the step are taken from their means, and the remainder of gravity by Simpson's
+rule. The linear errors of the same draws are a sum over the steps (`mcnav.physics.ins.adjoint`).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mcnav._types import Array, IndexArray
+from mcnav.physics.ins.adjoint import Adjoint, add_linear, adjoint_of_free
 from mcnav.physics.ins.covariance import output_map, process_systems
 from mcnav.physics.ins.deviations import StartingPoint, deviate, starting_point
 from mcnav.physics.ins.instruments import GYRO, Imu
 from mcnav.physics.ins.noise import IMU_STREAM, draw_normals
-from mcnav.physics.ins.readout_lanes import LOCAL, TrueStates, copy_rows, read_errors, read_linear, true_states
+from mcnav.physics.ins.readout_lanes import LOCAL, TrueStates, copy_linear, copy_rows, read_errors, true_states
 from mcnav.physics.ins.response import StepResponses
 from mcnav.physics.ins.sample_groups import STEPS_OF_BLOCK, SampleGroups, put_aside, sample_groups, take_back
 from mcnav.physics.ins.step_lanes import (
@@ -90,7 +93,12 @@ class EnsembleTables:
     output_maps: Array
     truth: TrueStates
 
-    def steps(self, active: IndexArray) -> StepTables:
+    @cached_property
+    def adjoint(self) -> Adjoint:
+        """Responses of the linear errors at the last epoch of a navigator without aiding."""
+        return adjoint_of_free(self.motion, int(self.epochs[-1]), self.output_maps[-1])
+
+    def steps(self, active: IndexArray, adjoint: Adjoint) -> StepTables:
         """Return what compiled code takes of it.
 
         Parameters
@@ -101,7 +109,7 @@ class EnsembleTables:
         return StepTables(
             self.start.constants, self.durations, self.motion, self.force, self.thrust,
             np.ascontiguousarray(self.inputs[:, active]), int(np.count_nonzero(active < len(GYRO))), self.biases,
-            self.decays, self.factors, self.places, self.fields, self.gradients,
+            self.decays, self.factors, self.places, self.fields, self.gradients, adjoint.steps,
         )  # fmt: skip
 
     def without_noise(self) -> EnsembleTables:
@@ -226,7 +234,6 @@ class _LaneRooms(NamedTuple):
     samples: Deviations
     normals: Array
     numbers: NDArray[np.uint64]
-    deviations: Array
     local: Array
     axes: Array
     errors: Array
@@ -264,18 +271,19 @@ def _simulate(
 ) -> EnsembleErrors:
     errors = np.ascontiguousarray(errors, dtype=float)
     state = deviate(tables.start, errors[:, :9])
-    linear = np.einsum("nj,ij->ni", errors[:, :9], tables.start_map)  # a matrix product rounds by a row's place
     active = np.flatnonzero(errors[:, 9:].any(axis=0))
+    # a matrix product rounds by a row's place
+    linear = np.einsum("nj,ij->ni", errors[:, :9], tables.adjoint.start @ tables.start_map)
     values, predicted = np.empty((len(errors), len(tables.epochs), 9)), np.empty((len(errors), 9))
     sound, width = np.empty(len(errors), dtype=np.bool_), tables.factors.shape[1]
     keep = Store()
     lanes = _LaneRooms(
-        deviations_of(len(active), len(tables.sizes), keep=keep), room(max(STEPS_OF_BLOCK * width, len(tables.sizes))),
-        np.zeros((1, LANES), dtype=np.uint64), room(6), room(LOCAL), room(9), room(9),
+        deviations_of(len(active), len(tables.sizes), keep), room(max(STEPS_OF_BLOCK * width, len(tables.sizes))),
+        np.zeros((1, LANES), dtype=np.uint64), room(LOCAL), room(9), room(9),
         sample_groups(len(errors), keep),
     )  # fmt: skip
     _run(
-        tables.steps(active), tables.epochs, tables.truth, tables.output_maps, tables.sizes,
+        tables.steps(active, tables.adjoint), tables.epochs, tables.truth, tables.sizes,
         np.ascontiguousarray(errors[:, 9 + active]), state, linear, seed, samples, given, noisy, lanes, values,
         predicted, sound,
     )  # fmt: skip
@@ -284,8 +292,8 @@ def _simulate(
 
 @allocation_free
 def _run(
-    tables: StepTables, epochs: IndexArray, truth: TrueStates, output_maps: Array, sizes: Array, equipment: Array,
-    state: Array, linear: Array, seed: np.uint64, indices: NDArray[np.uint64], given: Array, noisy: bool,
+    tables: StepTables, epochs: IndexArray, truth: TrueStates, sizes: Array, equipment: Array, state: Array,
+    linear: Array, seed: np.uint64, indices: NDArray[np.uint64], given: Array, noisy: bool,
     lanes: _LaneRooms, values: Array, predicted: Array, valid: NDArray[np.bool_],
 ) -> None:  # fmt: skip
     """Simulate all samples, LANES at a time: each group over a block of steps, whose tables stay in the cache."""
@@ -315,22 +323,21 @@ def _run(
                 draw_normals(seed, lanes.numbers, IMU_STREAM, count + block * width, drawn, normals)
             for k in range(block, end):
                 if reached < len(epochs) and epochs[reached] == k:
-                    for r in range(6):
-                        store(lanes.deviations, r, load(samples.linear, 3 + r) + load(samples.beyond, r))
                     read_errors(
-                        reached, tables.constants, truth, samples.turn, lanes.deviations, lanes.local, lanes.axes,
+                        reached, tables.constants, truth, samples.turn, samples.moved, lanes.local, lanes.axes,
                         lanes.errors,
                     )  # fmt: skip
                     copy_rows(lanes.errors, begin, size, reached, values)
                     reached += 1
                     if reached == len(epochs):
-                        read_linear(output_maps[-1], samples.linear, begin, size, predicted)
+                        copy_linear(samples.linear, begin, size, predicted)
                 if k == steps:
                     break
                 respond(k, tables, drawing, normals, (k - block) * width, samples)
                 if noisy and not drawing:
                     for i in range(LANES):
                         add_given(given[begin + min(i, size - 1), k * width : (k + 1) * width], i, samples)
+                add_linear(tables.adjoint, k, 9, samples.response, samples.linear)
                 advance(k, tables, samples)
             if end > steps:
                 for i in range(size):

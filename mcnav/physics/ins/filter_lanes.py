@@ -39,7 +39,6 @@ from mcnav.physics.jit import allocation_free, allocation_free_part, inlined
 from mcnav.physics.vectors import (
     PARTS,
     Rooms,
-    Vector,
     load,
     load_part,
     parts_of,

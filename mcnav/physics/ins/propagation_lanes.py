@@ -7,7 +7,7 @@ gravity changes within it is 3e-6 h^2 / 6 of its effect, at most 2e-6.
 
 from __future__ import annotations
 
-from mcnav._types import Array
+from mcnav._types import Array, IndexArray
 from mcnav.physics.blocks import (
     THREE,
     Block,
@@ -69,9 +69,7 @@ def _indicated_force(thrust: Array, k: int, half: int, response: Block) -> tuple
 
 
 @inlined
-def _turned_force(
-    thrust: Array, k: int, half: int, turned: Block, response: Block
-) -> tuple[Vector, Vector, Vector]:
+def _turned_force(thrust: Array, k: int, half: int, turned: Block, response: Block) -> tuple[Vector, Vector, Vector]:
     """Compute the force's integral as a sample indicates it."""
     x, y, z = _indicated_force(thrust, k, half, response)
     at = THREE * half
@@ -104,7 +102,7 @@ def _add_force(x: Block, force: Array, half: int, b: Block) -> Block:
 
 
 @inlined
-def _add_states(x: Block, t: int, r: int, c: int, states: Array, filters: Covariances) -> Block:
+def _add_states(x: Block, t: int, r: int, c: int, states: IndexArray, filters: Covariances) -> Block:
     """Add to column c what the other states contribute to psi, v or x."""
     for s in states:
         x = add_product(x, load_block(filters.coupled, (r, s)), load_symmetric(filters.p, t, THREE + s, c))

@@ -147,14 +147,11 @@ def copy_rows(rows: Array, begin: int, size: int, reached: int, out: Array) -> N
 
 
 @allocation_free_part
-def read_linear(output_map: Array, linear: Array, begin: int, size: int, out: Array) -> None:
-    """Compute the linear navigation errors of samples, shape (n, 9), from linear deviations, shape (9, LANES)."""
+def copy_linear(linear: Array, begin: int, size: int, out: Array) -> None:
+    """Copy linear errors, shape (9, LANES), to those of samples, shape (n, 9)."""
     for i in range(size):
         for r in range(9):
-            total = output_map[r, 0] * linear[0, i]
-            for c in range(1, 9):
-                total += output_map[r, c] * linear[c, i]
-            out[begin + i, r] = total
+            out[begin + i, r] = linear[r, i]
 
 
 @allocation_free_uncontracted

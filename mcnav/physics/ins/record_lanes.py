@@ -22,7 +22,7 @@ from mcnav.physics.ins.normalization_lanes import (
     normalize_by_own,
     normalize_by_shared,
 )
-from mcnav.physics.ins.readout_lanes import LOCAL, TrueStates, copy_rows, read_errors, read_linear
+from mcnav.physics.ins.readout_lanes import LOCAL, TrueStates, copy_linear, copy_rows, read_errors
 from mcnav.physics.ins.step_lanes import Deviations
 from mcnav.physics.ins.update_lanes import Estimates, rotation_vectors
 from mcnav.physics.jit import allocation_free, allocation_free_part
@@ -64,15 +64,12 @@ class ReadingRooms(NamedTuple):
 
     Attributes
     ----------
-    deviations : ndarray, shape (6, LANES)
-        Of velocity and position.
     local, axes : ndarray, shapes (LOCAL, LANES), (9, LANES)
     outputs : ndarray, shape (9, LANES)
     record : ndarray, shape (width, LANES)
     """
 
     normalization: NormalizationRooms
-    deviations: Array
     local: Array
     axes: Array
     outputs: Array
@@ -118,7 +115,7 @@ def reading_rooms(states: int, width: int, own: bool) -> ReadingRooms:
     own : bool
         Whether each filter has a covariance of its own.
     """
-    return ReadingRooms(normalization_rooms(states, own), room(6), room(LOCAL), room(9), room(9), room(width))
+    return ReadingRooms(normalization_rooms(states, own), room(LOCAL), room(9), room(9), room(width))
 
 
 @allocation_free_part
@@ -147,8 +144,7 @@ def _collect_errors(
     for r in range(3):
         store(errors, r, load(own.rotation, r))
     for r in range(6):
-        store(rooms.deviations, r, load(samples.linear, 3 + r) + load(samples.beyond, r))
-        store(errors, 3 + r, load(rooms.deviations, r))
+        store(errors, 3 + r, load(samples.moved, r))
     for s in range(len(own.estimate)):
         for i in range(LANES):
             errors[9 + s, i] = of_states[begin + min(i, size - 1), s]
@@ -216,13 +212,11 @@ def read(
         normalize_by_shared(
             reached, epochs.covariances, epochs.chosen, epochs.output_maps[reached], rooms.normalization
         )
-    read_errors(
-        reached, constants, epochs.truth, samples.turn, rooms.deviations, rooms.local, rooms.axes, rooms.outputs
-    )
+    read_errors(reached, constants, epochs.truth, samples.turn, samples.moved, rooms.local, rooms.axes, rooms.outputs)
     copy_rows(rooms.outputs, begin, size, reached, results.values)
     _record(reached, epochs, own_gains, own, p, rooms)
     for i in range(size):
         for c in range(len(rooms.record)):
             results.records[reached, begin + i, c] = rooms.record[c, i]
     if reached == len(epochs.numbers) - 1:
-        read_linear(epochs.output_maps[reached], samples.linear, begin, size, results.linear)
+        copy_linear(samples.linear, begin, size, results.linear)

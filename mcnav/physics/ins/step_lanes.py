@@ -1,6 +1,6 @@
-"""One step of LANES samples: the linear response to the errors of their instruments, and the nonlinear deviation.
+"""One step of LANES samples: the response to the errors of their instruments, and the deviation from the truth.
 
-A sample is the rotation from true to indicated axes, a linear deviation, and what velocity and position have beyond it
+A sample is the rotation from true to indicated axes, and deviations of velocity and position
 (`mcnav.physics.ins.ensemble` has the equations). Vectors of lanes are handled in threes, as those of space are.
 """
 
@@ -32,6 +32,8 @@ class StepTables(NamedTuple):
         Of the constant errors that are not zero, those of the gyros first.
     gyros : int
         Number of these.
+    adjoint : ndarray, shape (K, 9, 9)
+        As `mcnav.physics.ins.adjoint.Adjoint` has it.
     """
 
     constants: Array
@@ -47,6 +49,7 @@ class StepTables(NamedTuple):
     places: Array
     fields: Array
     gradients: Array
+    adjoint: Array
 
 
 class Deviations(NamedTuple):
@@ -56,60 +59,53 @@ class Deviations(NamedTuple):
     ----------
     turn : ndarray, shape (4, LANES)
         Quaternion from true to indicated axes.
+    moved : ndarray, shape (6, LANES)
+        Deviations of velocity and position.
     linear : ndarray, shape (9, LANES)
-        Linear deviation of attitude, velocity and position.
-    beyond : ndarray, shape (6, LANES)
-        What velocity and position have beyond it.
+        Linear errors of the outputs at the last epoch, from all that the sample has had so far.
     here, pull : ndarray, shape (3, LANES)
         Deviation of the position, and the change of gravitation by it beyond the linear one.
     errors, bias : ndarray, shapes (p, LANES), (b, LANES)
         Constant errors of the instruments, and biases of processes.
-    response, linear_response : ndarray, shape (9, LANES)
-        Linear response of attitude, velocity and position to the errors of the instruments in the step: of the sample,
-        and of its linear deviation. Without a filter they are one array.
+    response : ndarray, shape (9, LANES)
+        Linear response of attitude, velocity and position to the errors of the instruments in the step.
     turned : ndarray, shape (9, LANES)
         R - I at the beginning of the step.
     sound : ndarray, shape (1, LANES)
         1 as long as a sample stays where the scheme holds, then 0.
-    moved, moved_linear : ndarray, shape (6, LANES)
-        Velocity and position at the end of a step without the remainder of gravity, beyond the linear ones and linear.
+    following : ndarray, shape (6, LANES)
+        Velocity and position at the end of a step without the remainder of gravity.
     there, middle, last : ndarray, shape (3, LANES)
         Position at the end of a step, and remainders of gravity in its middle and at its end.
     """
 
     turn: Array
+    moved: Array
     linear: Array
-    beyond: Array
     here: Array
     pull: Array
     errors: Array
     bias: Array
     response: Array
-    linear_response: Array
     turned: Array
     sound: Array
-    moved: Array
-    moved_linear: Array
+    following: Array
     there: Array
     middle: Array
     last: Array
 
 
-def deviations_of(errors: int, biases: int, closed: bool = False, keep: Rooms = room) -> Deviations:
+def deviations_of(errors: int, biases: int, keep: Rooms = room) -> Deviations:
     """Return room for samples with a number of constant errors and of biases of processes.
 
     Parameters
     ----------
-    closed : bool
-        Whether a filter estimates errors of the instruments, so that samples and their linear deviations respond to
-        what is left of different estimates.
     keep : callable
         Makes the rooms that outlast a step.
     """
-    response = room(9)
     return Deviations(
-        keep(4), keep(9), keep(6), keep(3), keep(3), keep(errors), keep(biases), response,
-        room(9) if closed else response, room(9), keep(1), room(6), room(6), room(3), room(3), room(3),
+        keep(4), keep(6), keep(9), keep(3), keep(3), keep(errors), keep(biases), room(9), room(9), keep(1), room(6),
+        room(3), room(3), room(3),
     )  # fmt: skip
 
 
@@ -134,7 +130,7 @@ def place(i: int, errors: Array, linear: Array, state: Array, samples: Deviation
     ----------
     errors : ndarray, shape (p,)
     linear, state : ndarray, shapes (9,), (10,)
-        Linear deviation; quaternion, and deviations of velocity and position.
+        Linear errors of the outputs; quaternion, and deviations of velocity and position.
     """
     samples.sound[0, i] = 1.0
     for q in range(len(errors)):
@@ -144,14 +140,14 @@ def place(i: int, errors: Array, linear: Array, state: Array, samples: Deviation
     for r in range(9):
         samples.linear[r, i] = linear[r]
     for r in range(6):
-        samples.beyond[r, i] = state[4 + r] - linear[3 + r]
+        samples.moved[r, i] = state[4 + r]
 
 
 @allocation_free_part
 def start(k: int, tables: StepTables, samples: Deviations) -> None:
     """Compute the deviations of the position, and the remainder of gravitation, at the beginning of step k."""
     for r in range(3):
-        store(samples.here, r, load(samples.linear, 6 + r) + load(samples.beyond, 3 + r))
+        store(samples.here, r, load(samples.moved, 3 + r))
     change_gravitation(
         tables.constants, tables.places[2 * k], tables.fields[2 * k], tables.gradients[2 * k], samples.here,
         samples.pull,
@@ -292,53 +288,57 @@ def _check_distance(constants: Array, x: Vector, y: Vector, z: Vector, samples: 
     store(samples.sound, 0, where(x * x + y * y + z * z > floor, load(samples.sound, 0), 0.0))
 
 
+@inlined
+def _parted(turned: Array) -> tuple[Vector, Vector, Vector, Vector, Vector, Vector]:
+    """Part R - I: its skew part is that of a vector, which the linear response turns by; of the rest, what is mixed."""
+    return (
+        0.5 * (load(turned, 7) - load(turned, 5)), 0.5 * (load(turned, 2) - load(turned, 6)),
+        0.5 * (load(turned, 3) - load(turned, 1)), 0.5 * (load(turned, 1) + load(turned, 3)),
+        0.5 * (load(turned, 2) + load(turned, 6)), 0.5 * (load(turned, 5) + load(turned, 7)),
+    )  # fmt: skip
+
+
+@inlined
+def _add_motion(k: int, motion: Array, a: Vector, b: Vector, c: Vector, samples: Deviations) -> None:
+    """Add to velocity and position of a step's end the linear response to those of its beginning, and to turns."""
+    moved, following = samples.moved, samples.following
+    vx, vy, vz, x, y, z = (
+        load(moved, 0), load(moved, 1), load(moved, 2), load(moved, 3), load(moved, 4), load(moved, 5),
+    )  # fmt: skip
+    for r in range(6):
+        along = load(following, r) + (motion[k, r, 0] * a + motion[k, r, 1] * b + motion[k, r, 2] * c)
+        along += motion[k, r, 3] * vx + motion[k, r, 4] * vy + motion[k, r, 5] * vz
+        along += motion[k, r, 6] * x + motion[k, r, 7] * y + motion[k, r, 8] * z
+        store(following, r, along)
+
+
 @allocation_free_part
 def advance(k: int, tables: StepTables, samples: Deviations) -> None:
     """Take samples over step k, with their response to the errors of the instruments in it."""
-    constants, motion, force, turned = tables.constants, tables.motion, tables.force, samples.turned
-    response, along_it, here, h = samples.response, samples.linear_response, samples.here, tables.durations[k]
-    moved, linear, there, middle, last = (
-        samples.moved,
-        samples.moved_linear,
-        samples.there,
-        samples.middle,
-        samples.last,
-    )
+    constants, force, turned, h = tables.constants, tables.force, samples.turned, tables.durations[k]
+    response, here, moved, following = samples.response, samples.here, samples.moved, samples.following
+    there, middle, last = samples.there, samples.middle, samples.last
     turn_less_one(samples.turn, turned)
-    # R - I without its linear part
-    a, b, c = load(samples.linear, 0), load(samples.linear, 1), load(samples.linear, 2)
-    b01, b02, b12 = load(turned, 1) + c, load(turned, 2) - b, load(turned, 5) + a
-    b10, b20, b21 = load(turned, 3) - c, load(turned, 6) + b, load(turned, 7) - a
+    a, b, c, b01, b02, b12 = _parted(turned)
     b00, b11, b22 = load(turned, 0), load(turned, 4), load(turned, 8)
     ax, ay, az = load(response, 0), load(response, 1), load(response, 2)
-    vx, vy, vz = load(samples.linear, 3), load(samples.linear, 4), load(samples.linear, 5)
-    x, y, z = load(samples.linear, 6), load(samples.linear, 7), load(samples.linear, 8)
-    dvx, dvy, dvz = load(samples.beyond, 0), load(samples.beyond, 1), load(samples.beyond, 2)
-    dx, dy, dz = load(samples.beyond, 3), load(samples.beyond, 4), load(samples.beyond, 5)
     for half in range(2):
         lx, ly, lz = load(response, 3 + 3 * half), load(response, 4 + 3 * half), load(response, 5 + 3 * half)
         px, py, pz = products_within(turned, tables.thrust, half, k, ax, ay, az, lx, ly, lz)
-        store(moved, 3 * half, px)
-        store(moved, 3 * half + 1, py)
-        store(moved, 3 * half + 2, pz)
+        store(following, 3 * half, px + lx)
+        store(following, 3 * half + 1, py + ly)
+        store(following, 3 * half + 2, pz + lz)
     for r in range(6):
-        extra = load(moved, r) + (load(response, 3 + r) - load(along_it, 3 + r))
-        extra += force[k, r, 0] * b00 + force[k, r, 1] * b01 + force[k, r, 2] * b02
-        extra += force[k, r, 3] * b10 + force[k, r, 4] * b11 + force[k, r, 5] * b12
-        extra += force[k, r, 6] * b20 + force[k, r, 7] * b21 + force[k, r, 8] * b22
-        extra += motion[k, r, 3] * dvx + motion[k, r, 4] * dvy + motion[k, r, 5] * dvz
-        extra += motion[k, r, 6] * dx + motion[k, r, 7] * dy + motion[k, r, 8] * dz
-        store(moved, r, extra)
-        along = load(along_it, 3 + r) + (motion[k, r, 0] * a + motion[k, r, 1] * b + motion[k, r, 2] * c)
-        along += motion[k, r, 3] * vx + motion[k, r, 4] * vy + motion[k, r, 5] * vz
-        along += motion[k, r, 6] * x + motion[k, r, 7] * y + motion[k, r, 8] * z
-        store(linear, r, along)
+        extra = load(following, r) + (force[k, r, 0] * b00 + force[k, r, 4] * b11 + force[k, r, 8] * b22)
+        extra += (force[k, r, 1] + force[k, r, 3]) * b01 + (force[k, r, 2] + force[k, r, 6]) * b02
+        extra += (force[k, r, 5] + force[k, r, 7]) * b12
+        store(following, r, extra)
+    _add_motion(k, tables.motion, a, b, c, samples)
     first = samples.pull
     for r in range(3):
-        store(samples.linear, r, load(samples.linear, r) + load(along_it, r))
         f = load(first, r)
-        end = load(linear, 3 + r) + load(moved, 3 + r) + (0.5 * h * h) * f
-        change = (load(samples.linear, 3 + r) + load(samples.beyond, r)) - (load(linear, r) + load(moved, r) + h * f)
+        end = load(following, 3 + r) + (0.5 * h * h) * f
+        change = load(moved, r) - (load(following, r) + h * f)
         store(there, r, end)
         store(here, r, 0.5 * (load(here, r) + end) + 0.125 * h * change)
     change_gravitation(
@@ -355,13 +355,11 @@ def advance(k: int, tables: StepTables, samples: Deviations) -> None:
             pushed += gradient * (load(first, c) + load(middle, c))
             pulled += gradient * (2.0 * load(first, c) + load(middle, c))
         f, m = load(first, r), load(middle, r)
-        velocity = load(moved, r) + h * ((1.0 / 6.0) * (f + 4.0 * m + load(last, r)) + (h * h / 12.0) * pushed)
-        position = load(moved, 3 + r) + h * h * ((1.0 / 6.0) * (f + 2.0 * m) + (h * h / 72.0) * pulled)
-        store(samples.beyond, r, velocity)
-        store(samples.beyond, 3 + r, position)
-        store(samples.linear, 3 + r, load(linear, r))
-        store(samples.linear, 6 + r, load(linear, 3 + r))
-        store(here, r, load(linear, 3 + r) + position)
+        velocity = load(following, r) + h * ((1.0 / 6.0) * (f + 4.0 * m + load(last, r)) + (h * h / 12.0) * pushed)
+        position = load(following, 3 + r) + h * h * ((1.0 / 6.0) * (f + 2.0 * m) + (h * h / 72.0) * pulled)
+        store(moved, r, velocity)
+        store(moved, 3 + r, position)
+        store(here, r, position)
     for r in range(3):
         store(first, r, load(last, r))
     _turn(ax, ay, az, samples)
@@ -374,49 +372,41 @@ def advance(k: int, tables: StepTables, samples: Deviations) -> None:
 def advance_short(k: int, tables: StepTables, samples: Deviations) -> None:
     """Take samples over a step of at most `SHORT`, with their response to the errors of the instruments in it.
 
-    What gravity has beyond its linear part is that of the step's middle, and what the remainder of the velocity grows
-    by within the step is linear in time.
+    What gravity has beyond its linear part is that of the step's middle, and what the velocity grows by within the
+    step, beyond its linear response, is linear in time.
     """
-    motion, thrust, turned, h = tables.motion, tables.thrust, samples.turned, tables.durations[k]
-    response, along_it, here, middle = samples.response, samples.linear_response, samples.here, samples.middle
-    linear, beyond, moved, gradients = samples.linear, samples.beyond, samples.moved, tables.gradients
+    thrust, turned, h, response, moved = (
+        tables.thrust, samples.turned, tables.durations[k], samples.response, samples.moved,
+    )  # fmt: skip
+    here, middle, following = samples.here, samples.middle, samples.following
     turn_less_one(samples.turn, turned)
-    a, b, c = load(linear, 0), load(linear, 1), load(linear, 2)
-    vx, vy, vz = load(linear, 3), load(linear, 4), load(linear, 5)
-    x, y, z = load(linear, 6), load(linear, 7), load(linear, 8)
-    dvx, dvy, dvz = load(beyond, 0), load(beyond, 1), load(beyond, 2)
-    # position beyond the linear one in the middle of the step, and all of it
-    dx, dy, dz = load(beyond, 3) + 0.5 * h * dvx, load(beyond, 4) + 0.5 * h * dvy, load(beyond, 5) + 0.5 * h * dvz
-    store(here, 0, (x + 0.5 * h * vx) + dx)
-    store(here, 1, (y + 0.5 * h * vy) + dy)
-    store(here, 2, (z + 0.5 * h * vz) + dz)
+    for r in range(3):
+        store(here, r, load(moved, 3 + r) + 0.5 * h * load(moved, r))
     change_gravitation(
-        tables.constants, tables.places[2 * k + 1], tables.fields[2 * k + 1], gradients[2 * k + 1], here, middle
+        tables.constants, tables.places[2 * k + 1], tables.fields[2 * k + 1], tables.gradients[2 * k + 1], here, middle
     )  # fmt: skip
     ax, ay, az = load(response, 0), load(response, 1), load(response, 2)
     lx, ly, lz = load(response, 3), load(response, 4), load(response, 5)
     px, py, pz = products_within(turned, thrust, 0, k, ax, ay, az, lx, ly, lz)
-    # of the position, what noise adds besides half of the velocity's part, is turned too
-    lx, ly, lz = load(response, 6) - 0.5 * h * lx, load(response, 7) - 0.5 * h * ly, load(response, 8) - 0.5 * h * lz
     # R - I without its linear part, times the specific force
+    a, b, c, b01, b02, b12 = _parted(turned)
     fx, fy, fz = thrust[k, 0], thrust[k, 1], thrust[k, 2]
-    store(moved, 0, px + (load(turned, 0) * fx + (load(turned, 1) + c) * fy + (load(turned, 2) - b) * fz))
-    store(moved, 1, py + ((load(turned, 3) - c) * fx + load(turned, 4) * fy + (load(turned, 5) + a) * fz))
-    store(moved, 2, pz + ((load(turned, 6) + b) * fx + (load(turned, 7) - a) * fy + load(turned, 8) * fz))
-    for r in range(3):
-        pulled = gradients[2 * k + 1, r, 0] * dx + gradients[2 * k + 1, r, 1] * dy + gradients[2 * k + 1, r, 2] * dz
-        more = load(moved, r) + h * (load(middle, r) + pulled)
-        velocity, position = load(beyond, r), load(beyond, 3 + r)
-        position += h * velocity + 0.5 * h * more
-        position += load(turned, 3 * r) * lx + load(turned, 3 * r + 1) * ly + load(turned, 3 * r + 2) * lz
-        store(beyond, r, velocity + more + (load(response, 3 + r) - load(along_it, 3 + r)))
-        store(beyond, 3 + r, position + (load(response, 6 + r) - load(along_it, 6 + r)))
-        store(linear, r, load(linear, r) + load(along_it, r))
+    px += (load(turned, 0) * fx + b01 * fy + b02 * fz) + h * load(middle, 0)
+    py += (b01 * fx + load(turned, 4) * fy + b12 * fz) + h * load(middle, 1)
+    pz += (b02 * fx + b12 * fy + load(turned, 8) * fz) + h * load(middle, 2)
+    store(following, 0, px + lx)
+    store(following, 1, py + ly)
+    store(following, 2, pz + lz)
+    # of the position, what noise adds besides half of the velocity's part is turned too
+    qx, qy, qz = load(response, 6), load(response, 7), load(response, 8)
+    lx, ly, lz = qx - 0.5 * h * lx, qy - 0.5 * h * ly, qz - 0.5 * h * lz
+    px, py, pz = qx + 0.5 * h * px, qy + 0.5 * h * py, qz + 0.5 * h * pz
+    store(following, 3, px + (load(turned, 0) * lx + load(turned, 1) * ly + load(turned, 2) * lz))
+    store(following, 4, py + (load(turned, 3) * lx + load(turned, 4) * ly + load(turned, 5) * lz))
+    store(following, 5, pz + (load(turned, 6) * lx + load(turned, 7) * ly + load(turned, 8) * lz))
+    _add_motion(k, tables.motion, a, b, c, samples)
     for r in range(6):
-        along = load(along_it, 3 + r) + (motion[k, r, 0] * a + motion[k, r, 1] * b + motion[k, r, 2] * c)
-        along += motion[k, r, 3] * vx + motion[k, r, 4] * vy + motion[k, r, 5] * vz
-        along += motion[k, r, 6] * x + motion[k, r, 7] * y + motion[k, r, 8] * z
-        store(linear, 3 + r, along)
+        store(moved, r, load(following, r))
     _turn(ax, ay, az, samples)
     x, y = tables.places[2 * k + 1, 0] + load(here, 0), tables.places[2 * k + 1, 1] + load(here, 1)
     z = tables.places[2 * k + 1, 2] + load(here, 2)

@@ -37,6 +37,8 @@ class UpdateTables(NamedTuple):
     ----------
     constant_rows : ndarray, shape (U, M, a)
         Responses to the constant errors of the sensors that are not zero.
+    adjoint : ndarray, shape (U, 9, M)
+        As `mcnav.physics.ins.adjoint.Adjoint` has it.
     lags : ndarray of bool, shape (U,)
         Whether an update's sensor has had one before.
     linked : ndarray of int
@@ -61,6 +63,7 @@ class UpdateTables(NamedTuple):
     state_rows: Array
     gains: Array
     roots: Array
+    adjoint: Array
     lags: NDArray[np.bool_]
     linked: IndexArray
     of_filter: FilterUpdates
@@ -81,13 +84,13 @@ class Estimates(NamedTuple):
 
     Attributes
     ----------
-    estimate, twin_estimate : ndarray, shape (q, LANES)
-        Of the other states, with the sample's gains and along the truth.
+    estimate : ndarray, shape (q, LANES)
+        Of the other states; of a constant that a state models exactly, less its true value.
     aiding : ndarray, shape (A, LANES)
         Constant errors of the sensors.
     drifts, shown : ndarray, shape (G, LANES)
         Correlated errors of all components, and those that the epochs show.
-    disturbance, innovation, twin_innovation, whitened : ndarray, shape (SIX, LANES)
+    disturbance, innovation, whitened : ndarray, shape (SIX, LANES)
     rotation : ndarray, shape (3, LANES)
         Rotation vector from true to indicated axes.
     accepted : ndarray, shape (1, LANES)
@@ -98,13 +101,11 @@ class Estimates(NamedTuple):
     """
 
     estimate: Array
-    twin_estimate: Array
     aiding: Array
     drifts: Array
     shown: Array
     disturbance: Array
     innovation: Array
-    twin_innovation: Array
     whitened: Array
     rotation: Array
     accepted: Array
@@ -121,8 +122,8 @@ def estimates_of(states: int, aiding: int, components: int, sensors: int, keep: 
         Makes the rooms that outlast an update.
     """
     return Estimates(
-        keep(states), keep(states), keep(aiding), keep(components), keep(components), room(SIX), room(SIX), room(SIX),
-        room(SIX), room(3), room(1), keep(sensors, SIX), keep(sensors, COUNTS),
+        keep(states), keep(aiding), keep(components), keep(components), room(SIX), room(SIX), room(SIX), room(3),
+        room(1), keep(sensors, SIX), keep(sensors, COUNTS),
     )  # fmt: skip
 
 
@@ -169,24 +170,6 @@ def add_constant_errors(u: int, m: int, tables: UpdateTables, own: Estimates) ->
         for a in range(len(own.aiding)):
             value -= tables.constant_rows[u, c, a] * load(own.aiding, a)
         store(own.disturbance, c, value)
-
-
-@allocation_free_part
-def innovate_twins(u: int, m: int, tables: UpdateTables, linear: Array, own: Estimates) -> None:
-    """Compute the innovations of the linear samples.
-
-    Parameters
-    ----------
-    linear : ndarray, shape (9, LANES)
-        Linear deviations.
-    """
-    for c in range(m):
-        value = -load(own.disturbance, c)
-        for j in range(tables.bounds[u, c, 0], tables.bounds[u, c, 1]):
-            value += tables.rows[u, c, j] * load(linear, j)
-        for s in tables.linked:
-            value -= tables.state_rows[u, c, s] * load(own.twin_estimate, s)
-        store(own.twin_innovation, c, value)
 
 
 @inlined
@@ -240,14 +223,13 @@ def innovate(
     rows : ndarray, shape (SIX, 9, LANES)
         Or none, if the responses are not needed; those along the truth are computed for Joseph's form alone.
     """
-    turn, turned, linear, beyond = samples.turn, samples.turned, samples.linear, samples.beyond
+    turn, turned, moved = samples.turn, samples.turned, samples.moved
     plain = tables.of_filter.along_truth[u]
     spin, wanted = constants[3], len(rows) > 0 and (tables.of_filter.careful[u] or not plain)
     if not plain:
         turn_less_one(turn, turned)
-    x, y, z = load(linear, 6) + load(beyond, 3), load(linear, 7) + load(beyond, 4), load(linear, 8) + load(beyond, 5)
-    vx, vy = (load(linear, 3) + load(beyond, 0)) + spin * y, (load(linear, 4) + load(beyond, 1)) - spin * x
-    vz = load(linear, 5) + load(beyond, 2)  # over the earth
+    x, y, z = load(moved, 3), load(moved, 4), load(moved, 5)
+    vx, vy, vz = load(moved, 0) + spin * y, load(moved, 1) - spin * x, load(moved, 2)  # over the earth
     zero = 0.0 * x
     if wanted:
         for c in range(THREE * ((m + 2) // THREE)):
@@ -376,26 +358,11 @@ def _add_three(out: Array, r: int, s: int, t: int, x: Vector, y: Vector, z: Vect
 
 
 @allocation_free_part
-def correct_twins(u: int, m: int, gains: Array, samples: Deviations, own: Estimates) -> None:
-    """Correct the linear samples and their estimates by gains along the truth; the samples stay where they are."""
-    linear, beyond, last = samples.linear, samples.beyond, len(own.twin_estimate) - 1
-    for r in range(0, 9, 3):
-        x, y, z = _correction(u, m, gains, r, r + 1, r + 2, own.twin_innovation)
-        _add_three(linear, r, r + 1, r + 2, -x, -y, -z)
-        if r > 0:
-            _add_three(beyond, r - 3, r - 2, r - 1, x, y, z)
-    for s in range(0, last + 1, 3):
-        t, e = min(s + 1, last), min(s + 2, last)
-        x, y, z = _correction(u, m, gains, 9 + s, 9 + t, 9 + e, own.twin_innovation)
-        _add_three(own.twin_estimate, s, t, e, x, y, z)
-
-
-@allocation_free_part
 def feed_back_own(correction: Array, corrected: Array, samples: Deviations, own: Estimates) -> None:
     """Correct the navigators and the estimates by ``K n``, rows of lanes."""
     _turn_back(load(correction, 0), load(correction, 1), load(correction, 2), samples.turn, samples.sound)
     for r in range(6):
-        store(samples.beyond, r, load(samples.beyond, r) - load(correction, 3 + r))
+        store(samples.moved, r, load(samples.moved, r) - load(correction, 3 + r))
     for s in range(len(own.estimate)):
         store(own.estimate, s, load(own.estimate, s) + corrected[9 + s] * load(correction, 9 + s))
 
@@ -403,14 +370,14 @@ def feed_back_own(correction: Array, corrected: Array, samples: Deviations, own:
 @allocation_free_part
 def feed_back_shared(u: int, m: int, gains: Array, samples: Deviations, own: Estimates) -> None:
     """Correct the navigators and the estimates by gains along the truth."""
-    beyond, last = samples.beyond, len(own.estimate) - 1
+    moved, last = samples.moved, len(own.estimate) - 1
     for c in range(m):
         store(own.innovation, c, load(own.accepted, 0) * load(own.innovation, c))
     x, y, z = _correction(u, m, gains, 0, 1, 2, own.innovation)
     _turn_back(x, y, z, samples.turn, samples.sound)
     for r in range(0, 6, 3):
         x, y, z = _correction(u, m, gains, 3 + r, 4 + r, 5 + r, own.innovation)
-        _add_three(beyond, r, r + 1, r + 2, -x, -y, -z)
+        _add_three(moved, r, r + 1, r + 2, -x, -y, -z)
     for s in range(0, last + 1, 3):
         t, e = min(s + 1, last), min(s + 2, last)
         x, y, z = _correction(u, m, gains, 9 + s, 9 + t, 9 + e, own.innovation)

@@ -66,7 +66,13 @@ def still(corrected: Array = CORRECTED) -> FilterSteps:
     """Return tables of one step in which nothing happens."""
     motion = np.eye(6, 9, 3)[None]
     return filter_steps(
-        LONG, motion, np.zeros((1, 6)), np.zeros((1, 9, STATES)), np.ones((1, STATES)), np.zeros((1, SIZE, SIZE)), corrected
+        LONG,
+        motion,
+        np.zeros((1, 6)),
+        np.zeros((1, 9, STATES)),
+        np.ones((1, STATES)),
+        np.zeros((1, SIZE, SIZE)),
+        corrected,
     )
 
 

@@ -37,7 +37,8 @@ def update_tables(found: Measurements) -> UpdateTables:
     return UpdateTables(
         found.sensors, found.sizes, found.components, found.kinds, found.directions, found.arms,
         found.constants[:, :, :0], found.rows, found.forward, found.places, whole, none, none, none, np.zeros(updates),
-        np.zeros((updates, most, 0)), np.zeros((updates, 9, most)), np.zeros((updates, most, most)), never,
+        np.zeros((updates, most, 0)), np.zeros((updates, 9, most)), np.zeros((updates, most, most)),
+        np.zeros((updates, 9, most)), never,
         np.zeros(0, dtype=np.int64),
         filter_updates(found.rows, np.zeros((updates, most, 0)), whole, none, never, never),
     )  # fmt: skip
@@ -48,7 +49,7 @@ def innovations_and_rows(found: Measurements, turn: Array, velocity: Array, away
     tables, constants = update_tables(found), flight(1.0).earth.constants
     samples = deviations_of(0, 0)
     samples.turn[:] = np.roll(Rotation.from_rotvec(turn).as_quat(), 1)[:, None]
-    samples.linear[3:6], samples.beyond[3:] = velocity[:, None], away[:, None]  # the sum of both counts
+    samples.moved[:3], samples.moved[3:] = velocity[:, None], away[:, None]
     values, responses = [], []
     for u, m in enumerate(found.sizes):
         own, rows = estimates_of(0, 0, 0, len(SENSORS)), room(SIX, 9)

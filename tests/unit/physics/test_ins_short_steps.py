@@ -21,8 +21,8 @@ from mcnav.physics.ins.step_lanes import (
 from tests.cross.test_ins_aided import engine
 
 STEP = 100
-TURN, APART, VELOCITY, AWAY = 0.02, 1e-3, 1.0, 2_000.0
-"""Turn of the sample, rad; linear and nonlinear deviations: of attitude, rad, velocity, m/s, and position, m."""
+TURN, VELOCITY, AWAY = 0.02, 1.0, 2_000.0
+"""Turn of the sample, rad, and deviations of velocity, m/s, and position, m."""
 
 RESPONSE = np.repeat([1e-5, 1e-3, 1e-3], 3)
 """To the errors of the instruments in the step, rad, m/s, m."""
@@ -31,22 +31,17 @@ RESPONSE = np.repeat([1e-5, 1e-3, 1e-3], 3)
 def tables() -> StepTables:
     """Return the tables of a flight with steps of a second."""
     made = engine().tables
-    return made.ensemble.steps(np.zeros(0, dtype=np.int64))
+    return made.ensemble.steps(np.zeros(0, dtype=np.int64), made.adjoint)
 
 
 def samples() -> Deviations:
-    """Return samples whose nonlinear deviations are far larger than a filter leaves them."""
+    """Return samples whose deviations are far larger than a filter leaves them."""
     rng = np.random.default_rng(3)
-    made = deviations_of(0, 0, closed=True)
+    made = deviations_of(0, 0)
     lanes = made.turn.shape[1]
-    turn = TURN * rng.standard_normal((lanes, 3))
-    made.turn[:] = np.roll(Rotation.from_rotvec(turn).as_quat(), 1, axis=1).T
-    made.linear[:3] = turn.T + APART * rng.standard_normal((3, lanes))
-    sizes = np.repeat([VELOCITY, AWAY], 3)[:, None]
-    made.linear[3:] = sizes * rng.standard_normal((6, lanes))
-    made.beyond[:] = 0.01 * sizes * rng.standard_normal((6, lanes))
+    made.turn[:] = np.roll(Rotation.from_rotvec(TURN * rng.standard_normal((lanes, 3))).as_quat(), 1, axis=1).T
+    made.moved[:] = np.repeat([VELOCITY, AWAY], 3)[:, None] * rng.standard_normal((6, lanes))
     made.response[:] = RESPONSE[:, None] * rng.standard_normal((9, lanes))
-    made.linear_response[:] = made.response + 0.1 * RESPONSE[:, None] * rng.standard_normal((9, lanes))
     made.sound[:] = 1.0
     return made
 
@@ -66,8 +61,16 @@ def largest(rows: Array) -> float:
     return float(np.linalg.norm(rows, axis=0).max())
 
 
+def linear_step(shared: StepTables, before: Deviations) -> Array:
+    """Compute velocity and position after a step as the linear response to those before and to the turn alone."""
+    turned = Rotation.from_quat(np.roll(before.turn, -1, axis=0).T).as_matrix()
+    skew = 0.5 * (turned - turned.swapaxes(1, 2))
+    turn = np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]])
+    return np.asarray(shared.motion[STEP] @ np.vstack([turn, before.moved]) + before.response[3:])
+
+
 def test_a_short_step_is_that_of_the_general_scheme() -> None:
-    """Velocities differ by what gravity's gradient makes, within the step, of what the velocity grows by.
+    """Velocities differ by what gravity's gradient makes, within the step, of what the velocity grows by nonlinearly.
 
     Positions differ besides by the part of the specific force's second integral that is not half of the first, and by
     products of the errors within the step.
@@ -77,22 +80,23 @@ def test_a_short_step_is_that_of_the_general_scheme() -> None:
     h = shared.durations[STEP]
     assert h <= SHORT
     np.testing.assert_array_equal(found.turn, expected.turn)
-    np.testing.assert_array_equal(found.linear, expected.linear)
     force, twice = shared.thrust[STEP, :3], shared.thrust[STEP, 3:]
     gradient = float(np.linalg.norm(shared.gradients[2 * STEP + 1], 2))
-    growth = float(np.abs(found.beyond[:3] - before.beyond[:3]).max())
-    turned = largest(before.linear[:3]) + APART  # at least the size of R - I
-    left = gradient * h**2 * (growth + gradient * h * largest(before.beyond[3:]) + largest(before.beyond[:3]))
+    growth = float(np.abs(found.moved - linear_step(shared, before))[:3].max())
+    velocity, away = largest(before.moved[:3]), largest(before.moved[3:])
+    left = gradient * h**2 * growth
     # Simpson's rule against the middle: gravity's remainder grows with the square of the distance
-    away = largest(before.linear[6:]) + largest(before.beyond[3:])
     remainder = 3.0 * gradient * away**2 / np.linalg.norm(shared.places[2 * STEP])
-    left += remainder * h * (h * (largest(before.linear[3:6]) + growth) / away) ** 2
+    left += remainder * h * (h * (velocity + growth) / away) ** 2
     rounding = 1e-15 * (away + h * float(np.linalg.norm(shared.fields[2 * STEP])))
-    assert np.abs(found.beyond[:3] - expected.beyond[:3]).max() <= left + rounding
-    rotation, velocity = largest(before.response[:3]), largest(before.response[3:6])
-    products = rotation * (rotation * float(np.linalg.norm(force)) + velocity)
+    difference = np.abs(found.moved - expected.moved)
+    assert difference[:3].max() <= left + rounding
+    # the part of R - I that is not linear in the turn is half of its square
+    turned = 2.0 * np.linalg.norm(before.turn[1:], axis=0).max()
+    rotation, added = largest(before.response[:3]), largest(before.response[3:6])
+    products = rotation * (rotation * float(np.linalg.norm(force)) + added)
     further = turned**2 * float(np.linalg.norm(twice - 0.5 * h * force)) + h * products
-    assert np.abs(found.beyond[3:] - expected.beyond[3:]).max() <= h * left + further + rounding
+    assert difference[3:].max() <= h * left + further + rounding
     # the bound is far below what the step adds
     assert left < 1e-3 * growth
 
@@ -104,9 +108,8 @@ def test_samples_near_the_earths_centre_are_not_sound(short: bool) -> None:
     directions = np.random.default_rng(4).standard_normal(made.here.shape)
     shares = np.resize([0.45, 0.55], made.here.shape[1])
     away = shares * shared.constants[0] * directions / np.linalg.norm(directions, axis=0)
-    made.linear[6:] = away - shared.places[2 * STEP][:, None]
-    made.linear[3:6] = -np.gradient(shared.places, shared.durations[STEP] / 2.0, axis=0)[2 * STEP][:, None]
-    made.beyond[:] = 0.0
+    made.moved[3:] = away - shared.places[2 * STEP][:, None]
+    made.moved[:3] = -np.gradient(shared.places, shared.durations[STEP] / 2.0, axis=0)[2 * STEP][:, None]
     if short:
         advance_short(STEP, shared, made)
     else:
@@ -121,7 +124,7 @@ def test_large_turns_within_a_step(short: bool) -> None:
     made = samples()
     angles = np.linspace(0.0, 0.99 * LARGEST_TURN, made.turn.shape[1])
     axes = np.random.default_rng(5).standard_normal((3, len(angles)))
-    made.response[:3] = made.linear_response[:3] = angles * axes / np.linalg.norm(axes, axis=0)
+    made.response[:3] = angles * axes / np.linalg.norm(axes, axis=0)
     before = Rotation.from_quat(np.roll(made.turn, -1, axis=0).T)
     expected = before * Rotation.from_rotvec(made.response[:3].T)
     if short:
