@@ -96,6 +96,12 @@ CAREFUL: Final = 1e6
 Without it the covariance keeps all but as many of its sixteen digits as this has.
 """
 
+OWN_NOISE: Final = 1e-4
+"""Position that noise adds to a step independently of the velocity, in sigma, below which it is left out.
+
+It would add 1e-8 to the position's variance.
+"""
+
 EPOCH_STREAM: Final = 4
 """Stream of the correlated errors' change from the last measurement to an epoch."""
 
@@ -192,8 +198,20 @@ class AidedTables:
         """Tables of the filters over the steps, for compiled code."""
         model, shared = self.loop.filter, self.ensemble
         return filter_steps(
-            shared.durations, shared.motion, shared.thrust, model.coupling, model.decay, model.noise, model.corrected
-        )
+            shared.durations, shared.motion, shared.thrust, model.coupling, model.decay, model.noise, model.corrected,
+            self._sigmas[:, NAVIGATION:].max(axis=0), self.smallest_position,
+        )  # fmt: skip
+
+    @cached_property
+    def _sigmas(self) -> Array:
+        """Sigmas of the filter along the truth at the start and at the epochs, shape (m + 1, 9 + q)."""
+        covariances = np.concatenate([self.loop.filter.initial[None], self.covariances])
+        return np.asarray(np.sqrt(np.diagonal(covariances, axis1=1, axis2=2)))
+
+    @property
+    def smallest_position(self) -> float:
+        """Smallest sigma of a position among them."""
+        return float(self._sigmas[:, NAVIGATION - 3 : NAVIGATION].min())
 
     @cached_property
     def _of_active(self) -> dict[tuple[str, bytes], Any]:
@@ -214,7 +232,18 @@ class AidedTables:
         active : ndarray of int
             Numbers of the constant errors of the instruments that are not zero.
         """
-        return self._once("steps", active, lambda chosen: self.ensemble.steps(chosen, self.adjoint))
+        return self._once("steps", active, self._steps)
+
+    def _steps(self, active: IndexArray) -> StepTables:
+        steps = self.ensemble.steps(active, self.adjoint)
+        position = np.abs(steps.factors[:, NAVIGATION - 3 :, NAVIGATION - 3 : NAVIGATION])
+        if (
+            position.any()
+            and np.all(position < OWN_NOISE * self.smallest_position)
+            and np.all(steps.durations <= SHORT)
+        ):
+            return steps._replace(factors=np.delete(steps.factors, np.s_[NAVIGATION - 3 : NAVIGATION], axis=2))
+        return steps
 
     def updates(self, active: IndexArray) -> UpdateTables:
         """Return what compiled code takes of the updates.
@@ -438,7 +467,8 @@ def simulate_aided(
     disturbed = nothing if given is None else np.ascontiguousarray(given.measured.reshape(count, -1))
     noisy = bool(shared.factors.any() or shared.sizes.any())
     drifting = given is None and bool(tables.correlated.any())
-    most, width = measured.components.shape[1], shared.factors.shape[1]
+    steps = tables.steps(active)
+    most, width = measured.components.shape[1], steps.factors.shape[2]
     components = len(tables.drift_sigmas)
     # the last block may end with the epoch after all steps
     blocks = np.append(loop.first_updates[:-1:STEPS_OF_BLOCK], loop.first_updates[-1])
@@ -468,7 +498,7 @@ def simulate_aided(
     )
     records = np.empty((epochs, count, len(rooms.reading.record)))
     _run(
-        tables.steps(active),
+        steps,
         tables.estimate_steps,
         tables.filter_steps,
         tables.updates(active_aiding),
@@ -613,7 +643,7 @@ def _run(
 ) -> None:  # fmt: skip
     """Simulate all samples, LANES at a time: each group over a block of steps, whose tables stay in the cache."""
     samples, own, filters, constants = lanes.samples, lanes.own, lanes.filters, steps.constants
-    count, width, all_steps = len(epochs.sizes), steps.factors.shape[1], len(steps.durations)
+    count, width, all_steps = len(epochs.sizes), steps.factors.shape[2], len(steps.durations)
     groups, passed, most = len(lanes.groups.others), 0, updates.components.shape[1]
     for block in range(0, all_steps + 1, STEPS_OF_BLOCK):
         end = min(block + STEPS_OF_BLOCK, all_steps + 1)

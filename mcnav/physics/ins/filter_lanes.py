@@ -52,6 +52,9 @@ from mcnav.physics.vectors import (
 SIX: Final = 6
 """Components of the largest measurement."""
 
+EVEN: Final = 1e-6
+"""Position that other states may add to short steps besides that of an even growth of the velocity, in sigma."""
+
 SOUND, BEYOND, INDEFINITE = 0, 1, 2
 """Outcomes of a sample: good; beyond the validity of the scheme; a covariance that is not positive definite."""
 
@@ -67,6 +70,8 @@ class FilterSteps(NamedTuple):
     durations : ndarray, shape (K,)
     short : ndarray of bool, shape (K,)
         Whether a step takes at most `SHORT`.
+    uneven : ndarray of bool, shape (K,)
+        Whether other states add more to the position than half a step of what they add to the velocity, by `EVEN`.
     coupling : ndarray, shape (K, 3, n - 3, 9)
         Responses of psi, v, x to the other states; for short steps that of x has half a step of that of v less.
     decay : ndarray, shape (K, 3 (n - 3))
@@ -88,6 +93,7 @@ class FilterSteps(NamedTuple):
     thrust: Array
     durations: Array
     short: NDArray[np.bool_]
+    uneven: NDArray[np.bool_]
     coupling: Array
     decay: Array
     noise: Array
@@ -102,8 +108,9 @@ class FilterSteps(NamedTuple):
 
 
 def filter_steps(
-    durations: Array, motion: Array, thrust: Array, coupling: Array, decay: Array, noise: Array, corrected: Array
-) -> FilterSteps:
+    durations: Array, motion: Array, thrust: Array, coupling: Array, decay: Array, noise: Array, corrected: Array,
+    largest: Array, position: float,
+) -> FilterSteps:  # fmt: skip
     """Prepare the tables over K steps.
 
     Parameters
@@ -113,6 +120,10 @@ def filter_steps(
     thrust : ndarray, shape (K, 6)
     coupling, decay, noise, corrected : ndarray
         As `mcnav.physics.ins.filter_tables.FilterTables` has them.
+    largest : ndarray, shape (q,)
+        Largest sigmas of the other states, along the truth.
+    position : float
+        Smallest sigma of the position there.
     """
     threes = count_threes(decay.shape[1])
     filled, all_corrected = np.ones((len(decay), THREE * threes)), np.ones(NAVIGATION + THREE * threes)
@@ -121,13 +132,14 @@ def filter_steps(
     short, noises = durations <= SHORT, blocks_of(noise)
     beyond = coupling.copy()
     beyond[short, 6:] -= (0.5 * durations[short])[:, None, None] * coupling[short, 3:6]
+    uneven = ~short | np.any(np.abs(beyond[:, 6:]) @ largest > EVEN * position, axis=1)
     couplings = blocks_of(beyond)
     coupled, shaken = np.any(blocks_of(coupling), axis=(0, 3)), np.any(noises[:, THREE:, :THREE], axis=(0, 2, 3))
     constant = np.all((filled == 1.0).reshape(len(decay), threes, THREE), axis=(0, 2))
     still = np.outer(constant, constant) & ~np.any(noises[:, THREE:, THREE:], axis=(0, 3))
     changes = blocks_of(np.maximum(all_corrected[:, None], all_corrected))
     return FilterSteps(
-        blocks_of(motion), thrust, durations, short, couplings, filled, noises, all_corrected, changes,
+        blocks_of(motion), thrust, durations, short, uneven, couplings, filled, noises, all_corrected, changes,
         np.all(changes, axis=2), still, np.flatnonzero(coupled[0]), np.flatnonzero(coupled[1] | coupled[2]),
         np.flatnonzero(~constant), np.flatnonzero(shaken),
     )  # fmt: skip

@@ -85,7 +85,7 @@ def _turned_force(thrust: Array, k: int, half: int, turned: Block, response: Blo
 def _turn_couplings(k: int, t: int, tables: FilterSteps, turned: Array, filters: Covariances) -> None:
     """Turn the responses to the other states to the attitude that each sample of part t indicates."""
     rotation = _part_of_rows(turned, t)
-    for r in range(THREE):
+    for r in range(THREE if tables.uneven[k] else POSITION):
         for s in tables.moving if r > 0 else tables.turning:
             store_block(filters.coupled, (r, s), _turn_rows(rotation, load_numbers(tables.coupling, (k, r, s))))
 
@@ -122,7 +122,9 @@ def _change_position(k: int, t: int, c: int, tables: FilterSteps, filters: Covar
     """Compute what the position gains in the second half of a step: column c of its covariance."""
     x = scale(load_symmetric(filters.p, t, VELOCITY, c), 0.5 * tables.durations[k])
     x = _add_force(x, filters.force, 1, load_symmetric(filters.p, t, PSI, c))
-    return _add_states(x, t, POSITION, c, tables.moving, filters)
+    if tables.uneven[k]:
+        x = _add_states(x, t, POSITION, c, tables.moving, filters)
+    return x
 
 
 @inlined

@@ -17,7 +17,7 @@ LARGEST_TURN: Final = 0.5
 """Largest rotation by the gyros' errors within a step, rad: beyond it a sample leaves the engine's validity."""
 
 SHORT: Final = 2.0
-"""Longest step for `advance_short`, s: gravity's gradient, 3e-6 1/s^2, changes a remainder's growth by 2e-6 of it."""
+"""Longest step for `advance_short`, s: what gravity's gradient, 3e-6 1/s^2, makes of a step's growth is 1e-6 of it."""
 
 SMALLEST_RADIUS: Final = 0.5
 """Smallest distance from the earth's centre, as a share of the earth's radius."""
@@ -32,6 +32,7 @@ class StepTables(NamedTuple):
         Of the constant errors that are not zero, those of the gyros first.
     gyros : int
         Number of these.
+    factors : ndarray, shape (K, 9 + b, 9 + b) or (K, 9 + b, 6 + b)
     adjoint : ndarray, shape (K, 9, 9)
         As `mcnav.physics.ins.adjoint.Adjoint` has it.
     """
@@ -110,16 +111,23 @@ def deviations_of(errors: int, biases: int, keep: Rooms = room) -> Deviations:
 
 
 @allocation_free_uncontracted
-def change_gravitation(constants: Array, place: Array, field: Array, gradient: Array, x: Array, out: Array) -> None:
-    """Compute the change of gravitation by deviations, shape (3, LANES), beyond its linear part.
+def change_gravitation(constants: Array, place: Array, field: Array, x: Array, out: Array) -> None:
+    """Compute the change of gravitation by deviations, shape (3, LANES).
 
     Without deviations it is exactly zero: not contracted, as the field of the truth.
     """
+    gx, gy, gz = gravitation(constants, place[0] + load(x, 0), place[1] + load(x, 1), place[2] + load(x, 2))
+    store(out, 0, gx - field[0])
+    store(out, 1, gy - field[1])
+    store(out, 2, gz - field[2])
+
+
+@allocation_free_part
+def _leave_remainder(gradient: Array, x: Array, change: Array) -> None:
+    """Subtract from the change of gravitation by deviations what is linear in them."""
     a, b, c = load(x, 0), load(x, 1), load(x, 2)
-    gx, gy, gz = gravitation(constants, place[0] + a, place[1] + b, place[2] + c)
-    store(out, 0, (gx - field[0]) - (gradient[0, 0] * a + gradient[0, 1] * b + gradient[0, 2] * c))
-    store(out, 1, (gy - field[1]) - (gradient[1, 0] * a + gradient[1, 1] * b + gradient[1, 2] * c))
-    store(out, 2, (gz - field[2]) - (gradient[2, 0] * a + gradient[2, 1] * b + gradient[2, 2] * c))
+    for r in range(3):
+        store(change, r, load(change, r) - (gradient[r, 0] * a + gradient[r, 1] * b + gradient[r, 2] * c))
 
 
 @allocation_free
@@ -148,10 +156,8 @@ def start(k: int, tables: StepTables, samples: Deviations) -> None:
     """Compute the deviations of the position, and the remainder of gravitation, at the beginning of step k."""
     for r in range(3):
         store(samples.here, r, load(samples.moved, 3 + r))
-    change_gravitation(
-        tables.constants, tables.places[2 * k], tables.fields[2 * k], tables.gradients[2 * k], samples.here,
-        samples.pull,
-    )  # fmt: skip
+    change_gravitation(tables.constants, tables.places[2 * k], tables.fields[2 * k], samples.here, samples.pull)
+    _leave_remainder(tables.gradients[2 * k], samples.here, samples.pull)
 
 
 @allocation_free_part
@@ -167,6 +173,7 @@ def respond(k: int, tables: StepTables, drawn: bool, normals: Array, first: int,
         Row of the step's first variate.
     """
     errors, bias, inputs, biases, factors = samples.errors, samples.bias, tables.inputs, tables.biases, tables.factors
+    independent = factors.shape[2] - len(bias)  # nine, or six if the position has no noise of its own
     for r in range(0, 9, 3):
         # an accelerometer turns nothing
         count = tables.gyros if r == 0 else len(errors)
@@ -182,7 +189,7 @@ def respond(k: int, tables: StepTables, drawn: bool, normals: Array, first: int,
             y += biases[k, q, r + 1] * error
             z += biases[k, q, r + 2] * error
         if drawn:
-            for c in range(r + 3):
+            for c in range(min(r + 3, independent)):
                 normal = load(normals, first + c)
                 x += factors[k, r, c] * normal
                 y += factors[k, r + 1, c] * normal
@@ -193,7 +200,7 @@ def respond(k: int, tables: StepTables, drawn: bool, normals: Array, first: int,
     for q in range(len(bias)):
         x = tables.decays[k, q] * load(bias, q)
         if drawn:
-            for c in range(10 + q):
+            for c in range(independent + 1 + q):
                 x += factors[k, 9 + q, c] * load(normals, first + c)
         store(bias, q, x)
 
@@ -254,14 +261,14 @@ def products_within(
     lx, ly, lz : vectors
         The linear response.
     """
-    of_force, of_input, share = (1.0 / 6.0, 0.5, 0.5) if half == 0 else (1.0 / 12.0, 1.0 / 3.0, 1.0 / 3.0)
+    # (a x (a x f)) / 6 + (a x u) / 2 for the velocity, / 12 and / 3 for the position, where u is what the linear
+    # response has besides the force turned by a half or a third of a
+    of_force, of_input = (-1.0 / 12.0, 0.5) if half == 0 else (-1.0 / 36.0, 1.0 / 3.0)
     fx, fy, fz = thrust[k, 3 * half], thrust[k, 3 * half + 1], thrust[k, 3 * half + 2]
-    tx, ty, tz = ay * fz - az * fy, az * fx - ax * fz, ax * fy - ay * fx
-    # of the step's linear response, what is not turned force; the force turns by a half on average
-    ux, uy, uz = lx - share * tx, ly - share * ty, lz - share * tz
-    px = of_force * (ay * tz - az * ty) + of_input * (ay * uz - az * uy)
-    py = of_force * (az * tx - ax * tz) + of_input * (az * ux - ax * uz)
-    pz = of_force * (ax * ty - ay * tx) + of_input * (ax * uy - ay * ux)
+    wx = of_force * (ay * fz - az * fy) + of_input * lx
+    wy = of_force * (az * fx - ax * fz) + of_input * ly
+    wz = of_force * (ax * fy - ay * fx) + of_input * lz
+    px, py, pz = ay * wz - az * wy, az * wx - ax * wz, ax * wy - ay * wx
     qx, qy, qz = px + lx, py + ly, pz + lz
     return (
         px + (load(turned, 0) * qx + load(turned, 1) * qy + load(turned, 2) * qz),
@@ -341,12 +348,10 @@ def advance(k: int, tables: StepTables, samples: Deviations) -> None:
         change = load(moved, r) - (load(following, r) + h * f)
         store(there, r, end)
         store(here, r, 0.5 * (load(here, r) + end) + 0.125 * h * change)
-    change_gravitation(
-        constants, tables.places[2 * k + 1], tables.fields[2 * k + 1], tables.gradients[2 * k + 1], here, middle
-    )  # fmt: skip
-    change_gravitation(
-        constants, tables.places[2 * k + 2], tables.fields[2 * k + 2], tables.gradients[2 * k + 2], there, last
-    )  # fmt: skip
+    change_gravitation(constants, tables.places[2 * k + 1], tables.fields[2 * k + 1], here, middle)
+    _leave_remainder(tables.gradients[2 * k + 1], here, middle)
+    change_gravitation(constants, tables.places[2 * k + 2], tables.fields[2 * k + 2], there, last)
+    _leave_remainder(tables.gradients[2 * k + 2], there, last)
     # Simpson's rule for the remainder, and for what its velocity and position change in gravity
     for r in range(3):
         pushed = pulled = 0.0
@@ -368,45 +373,60 @@ def advance(k: int, tables: StepTables, samples: Deviations) -> None:
     _check_distance(constants, x, y, z, samples)
 
 
+@inlined
+def _force_alone(k: int, tables: StepTables) -> tuple[float, float, float, float, float, float]:
+    """Compute the specific force's integral without what gravity makes of it, and the second one less half a step."""
+    thrust, gradient, h = tables.thrust, tables.gradients[2 * k + 1], tables.durations[k]
+    fx, fy, fz = thrust[k, 0], thrust[k, 1], thrust[k, 2]
+    x = (h * h / 6.0) * (gradient[0, 0] * fx + gradient[0, 1] * fy + gradient[0, 2] * fz)
+    y = (h * h / 6.0) * (gradient[1, 0] * fx + gradient[1, 1] * fy + gradient[1, 2] * fz)
+    z = (h * h / 6.0) * (gradient[2, 0] * fx + gradient[2, 1] * fy + gradient[2, 2] * fz)
+    # of the second integral gravity makes h / 4 times as much
+    sx, sy, sz = thrust[k, 3] - 0.25 * h * x, thrust[k, 4] - 0.25 * h * y, thrust[k, 5] - 0.25 * h * z
+    fx, fy, fz = fx - x, fy - y, fz - z
+    return fx, fy, fz, sx - 0.5 * h * fx, sy - 0.5 * h * fy, sz - 0.5 * h * fz
+
+
 @allocation_free_part
 def advance_short(k: int, tables: StepTables, samples: Deviations) -> None:
     """Take samples over a step of at most `SHORT`, with their response to the errors of the instruments in it.
 
-    What gravity has beyond its linear part is that of the step's middle, and what the velocity grows by within the
-    step, beyond its linear response, is linear in time.
+    Gravity changes by the mean position of the step, to which the velocity at its beginning and an even turned force
+    lead; the linear response has what gravity makes of it.
     """
     thrust, turned, h, response, moved = (
         tables.thrust, samples.turned, tables.durations[k], samples.response, samples.moved,
     )  # fmt: skip
-    here, middle, following = samples.here, samples.middle, samples.following
+    here, pull, half = samples.here, samples.middle, 0.5 * h
+    fx, fy, fz, sx, sy, sz = _force_alone(k, tables)
     turn_less_one(samples.turn, turned)
-    for r in range(3):
-        store(here, r, load(moved, 3 + r) + 0.5 * h * load(moved, r))
-    change_gravitation(
-        tables.constants, tables.places[2 * k + 1], tables.fields[2 * k + 1], tables.gradients[2 * k + 1], here, middle
-    )  # fmt: skip
     ax, ay, az = load(response, 0), load(response, 1), load(response, 2)
     lx, ly, lz = load(response, 3), load(response, 4), load(response, 5)
     px, py, pz = products_within(turned, thrust, 0, k, ax, ay, az, lx, ly, lz)
-    # R - I without its linear part, times the specific force
-    a, b, c, b01, b02, b12 = _parted(turned)
-    fx, fy, fz = thrust[k, 0], thrust[k, 1], thrust[k, 2]
-    px += (load(turned, 0) * fx + b01 * fy + b02 * fz) + h * load(middle, 0)
-    py += (b01 * fx + load(turned, 4) * fy + b12 * fz) + h * load(middle, 1)
-    pz += (b02 * fx + b12 * fy + load(turned, 8) * fz) + h * load(middle, 2)
-    store(following, 0, px + lx)
-    store(following, 1, py + ly)
-    store(following, 2, pz + lz)
-    # of the position, what noise adds besides half of the velocity's part is turned too
-    qx, qy, qz = load(response, 6), load(response, 7), load(response, 8)
-    lx, ly, lz = qx - 0.5 * h * lx, qy - 0.5 * h * ly, qz - 0.5 * h * lz
-    px, py, pz = qx + 0.5 * h * px, qy + 0.5 * h * py, qz + 0.5 * h * pz
-    store(following, 3, px + (load(turned, 0) * lx + load(turned, 1) * ly + load(turned, 2) * lz))
-    store(following, 4, py + (load(turned, 3) * lx + load(turned, 4) * ly + load(turned, 5) * lz))
-    store(following, 5, pz + (load(turned, 6) * lx + load(turned, 7) * ly + load(turned, 8) * lz))
-    _add_motion(k, tables.motion, a, b, c, samples)
-    for r in range(6):
-        store(moved, r, load(following, r))
+    px += load(turned, 0) * fx + load(turned, 1) * fy + load(turned, 2) * fz
+    py += load(turned, 3) * fx + load(turned, 4) * fy + load(turned, 5) * fz
+    pz += load(turned, 6) * fx + load(turned, 7) * fy + load(turned, 8) * fz
+    vx, vy, vz = load(moved, 0), load(moved, 1), load(moved, 2)
+    x, y, z = load(moved, 3) + half * vx, load(moved, 4) + half * vy, load(moved, 5) + half * vz
+    store(here, 0, x + (h / 6.0) * px)
+    store(here, 1, y + (h / 6.0) * py)
+    store(here, 2, z + (h / 6.0) * pz)
+    change_gravitation(tables.constants, tables.places[2 * k + 1], tables.fields[2 * k + 1], here, pull)
+    vx += (px + lx) + h * load(pull, 0)
+    vy += (py + ly) + h * load(pull, 1)
+    vz += (pz + lz) + h * load(pull, 2)
+    store(moved, 0, vx)
+    store(moved, 1, vy)
+    store(moved, 2, vz)
+    # of the position, what the errors and the force add besides half a step of the velocity's part
+    lx, ly, lz = load(response, 6) - half * lx, load(response, 7) - half * ly, load(response, 8) - half * lz
+    fx, fy, fz = lx + sx, ly + sy, lz + sz
+    lx += load(turned, 0) * fx + load(turned, 1) * fy + load(turned, 2) * fz
+    ly += load(turned, 3) * fx + load(turned, 4) * fy + load(turned, 5) * fz
+    lz += load(turned, 6) * fx + load(turned, 7) * fy + load(turned, 8) * fz
+    store(moved, 3, x + (half * vx + lx))
+    store(moved, 4, y + (half * vy + ly))
+    store(moved, 5, z + (half * vz + lz))
     _turn(ax, ay, az, samples)
     x, y = tables.places[2 * k + 1, 0] + load(here, 0), tables.places[2 * k + 1, 1] + load(here, 1)
     z = tables.places[2 * k + 1, 2] + load(here, 2)

@@ -73,6 +73,8 @@ def still(corrected: Array = CORRECTED) -> FilterSteps:
         np.ones((1, STATES)),
         np.zeros((1, SIZE, SIZE)),
         corrected,
+        np.zeros(STATES),
+        1.0,
     )
 
 
@@ -151,7 +153,9 @@ def propagate(durations: Array, step: Step, filters: Covariances) -> Array:
     """Return the covariances after a step, shape (LANES, 9 + q, 9 + q)."""
     turned = room(9)
     turned[:] = (step.rotations - np.eye(3)).reshape(LANES, 9).T
-    steps = filter_steps(durations, step.motion, step.thrust, step.coupling, step.decay, step.noise, CORRECTED)
+    steps = filter_steps(
+        durations, step.motion, step.thrust, step.coupling, step.decay, step.noise, CORRECTED, np.ones(STATES), 1.0
+    )
     propagate_covariances(0, steps, parts_of(step.response), parts_of(turned), filters)
     return covariances(filters)
 
@@ -222,7 +226,9 @@ def test_filters_of_navigation_alone() -> None:
     set_covariances(filters, np.broadcast_to(np.diag([1e-6] * 3 + [1.0] * 6), (LANES, 9, 9)))
     motion, none = np.eye(6, 9, 3)[None], np.zeros((1, 0))
     motion[0, 3:, 3:6] = 10.0 * np.eye(3)
-    steps = filter_steps(LONG, motion, np.zeros((1, 6)), np.zeros((1, 9, 0)), none, np.zeros((1, 9, 9)), np.ones(9))
+    steps = filter_steps(
+        LONG, motion, np.zeros((1, 6)), np.zeros((1, 9, 0)), none, np.zeros((1, 9, 9)), np.ones(9), np.zeros(0), 1.0
+    )
     propagate_covariances(0, steps, parts_of(room(9)), parts_of(room(9)), filters)
     np.testing.assert_allclose(covariances(filters)[:, 6, 6], 101.0, rtol=1e-15)
     rows = np.eye(3, 9, 6)[None]

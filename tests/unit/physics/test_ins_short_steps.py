@@ -61,16 +61,8 @@ def largest(rows: Array) -> float:
     return float(np.linalg.norm(rows, axis=0).max())
 
 
-def linear_step(shared: StepTables, before: Deviations) -> Array:
-    """Compute velocity and position after a step as the linear response to those before and to the turn alone."""
-    turned = Rotation.from_quat(np.roll(before.turn, -1, axis=0).T).as_matrix()
-    skew = 0.5 * (turned - turned.swapaxes(1, 2))
-    turn = np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]])
-    return np.asarray(shared.motion[STEP] @ np.vstack([turn, before.moved]) + before.response[3:])
-
-
 def test_a_short_step_is_that_of_the_general_scheme() -> None:
-    """Velocities differ by what gravity's gradient makes, within the step, of what the velocity grows by nonlinearly.
+    """Velocities differ by what gravity makes, within the step, of an uneven growth of the velocity and of its own.
 
     Positions differ besides by the part of the specific force's second integral that is not half of the first, and by
     products of the errors within the step.
@@ -82,15 +74,20 @@ def test_a_short_step_is_that_of_the_general_scheme() -> None:
     np.testing.assert_array_equal(found.turn, expected.turn)
     force, twice = shared.thrust[STEP, :3], shared.thrust[STEP, 3:]
     gradient = float(np.linalg.norm(shared.gradients[2 * STEP + 1], 2))
-    growth = float(np.abs(found.moved - linear_step(shared, before))[:3].max())
     velocity, away = largest(before.moved[:3]), largest(before.moved[3:])
-    left = gradient * h**2 * growth
+    growth = largest(found.moved[:3] - before.moved[:3])
+    # what the velocity grows by is not even where the force is not, and gravity's gradient changes with the place
+    uneven = float(np.linalg.norm(twice - 0.5 * h * force)) / (0.5 * h * float(np.linalg.norm(force)))
+    rate = 3.0 * h * float(np.linalg.norm(np.gradient(shared.places, h / 2.0, axis=0)[2 * STEP])) / 6.3e6
+    pulled = gradient * h * away
+    left = gradient * h**2 * (uneven * growth + pulled + rate * velocity + rate**2 * away / h) / 6.0
     # Simpson's rule against the middle: gravity's remainder grows with the square of the distance
     remainder = 3.0 * gradient * away**2 / np.linalg.norm(shared.places[2 * STEP])
     left += remainder * h * (h * (velocity + growth) / away) ** 2
     rounding = 1e-15 * (away + h * float(np.linalg.norm(shared.fields[2 * STEP])))
     difference = np.abs(found.moved - expected.moved)
     assert difference[:3].max() <= left + rounding
+    left += gradient * h**2 * (velocity + growth) / 12.0
     # the part of R - I that is not linear in the turn is half of its square
     turned = 2.0 * np.linalg.norm(before.turn[1:], axis=0).max()
     rotation, added = largest(before.response[:3]), largest(before.response[3:6])
