@@ -206,7 +206,7 @@ class AidedTables:
     def _sigmas(self) -> Array:
         """Sigmas of the filter along the truth at the start and at the epochs, shape (m + 1, 9 + q)."""
         covariances = np.concatenate([self.loop.filter.initial[None], self.covariances])
-        return np.asarray(np.sqrt(np.diagonal(covariances, axis1=1, axis2=2)))
+        return np.asarray(np.sqrt(np.maximum(np.diagonal(covariances, axis1=1, axis2=2), 0.0)))
 
     @property
     def smallest_position(self) -> float:

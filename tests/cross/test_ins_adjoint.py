@@ -1,0 +1,75 @@
+"""The linear system run backwards from the last epoch, against the one run forwards."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mcnav._types import Array
+from mcnav.physics.ins.adjoint import Adjoint
+from mcnav.physics.ins.aided_ensemble import GivenNoise, simulate_aided
+from mcnav.physics.ins.instruments import CONSTANTS, GYRO
+from tests.cross.test_ins_aided import NEGLECTED, SIGMAS, draw, engine, scenario
+
+ROUNDING = 1e-11
+"""Share of the largest contribution: 1e-16 in each of some hundred updates and steps, which gains make larger."""
+
+ALL = ("gnss", "altimeter", "stars", "doppler", "compass")
+
+
+def without_noise(sensors: tuple[str, ...]) -> GivenNoise:
+    tables = engine(sensors=sensors).tables
+    return GivenNoise(np.zeros((1, *tables.ensemble.factors.shape[:2])), np.zeros((1, *tables.white.shape)))
+
+
+def partials(adjoint: Adjoint, inputs: Array, start_map: Array, constants: Array) -> Array:
+    """Add up the responses to constant errors: of the start, the instruments and the sensors, shape (9, sources)."""
+    of_start = adjoint.start[:, :9] @ start_map
+    of_instruments = np.einsum("koi,kqi->oq", adjoint.steps, inputs)
+    return np.hstack([of_start, of_instruments, np.einsum("uoc,ucq->oq", adjoint.updates, constants)])
+
+
+@pytest.mark.parametrize("sensors", [("gnss",), ALL])
+def test_partials_of_a_closed_loop(sensors: tuple[str, ...]) -> None:
+    """To the constant errors, those of sensors included, as the closed loop propagates them forwards."""
+    tables, of = engine(sensors=sensors).tables, scenario(sensors)
+    shared, measured = tables.ensemble, tables.loop.measurements
+    # a constant error of a sensor adds to the innovation what a measurement's error takes from it
+    found = partials(tables.adjoint, shared.inputs, shared.start_map, -measured.constants)
+    expected = of.partials_history(2).partials[-1]
+    assert found.shape == expected.shape
+    sizes = draw(1, {**SIGMAS, **NEGLECTED}, 1, of)[0] != 0.0
+    scale = np.abs(expected).max(axis=0)
+    assert np.all(scale[sizes] > 0.0)
+    np.testing.assert_allclose(found / np.where(scale > 0.0, scale, 1.0), expected / np.where(scale > 0.0, scale, 1.0),
+                               rtol=0.0, atol=ROUNDING)  # fmt: skip
+
+
+def test_partials_of_a_free_navigator() -> None:
+    """As the covariance propagates them forwards: with the gyros' errors alone, which reach all outputs."""
+    tables = engine().tables
+    shared = tables.ensemble
+    found = partials(shared.adjoint, shared.inputs, shared.start_map, np.zeros((0, 0, 0)))
+    y = np.zeros((9, len(CONSTANTS)))
+    y[:, :9] = shared.start_map
+    for k in range(len(shared.durations)):
+        following = y.copy()
+        following[3:] = shared.motion[k] @ y
+        following[:, 9:] += shared.inputs[k].T
+        y = following
+    expected = shared.output_maps[-1] @ y
+    scale = np.abs(expected[:, : 9 + len(GYRO)]).max(axis=0)
+    assert np.all(scale > 0.0)
+    np.testing.assert_allclose(found[:, : 9 + len(GYRO)] / scale, expected[:, : 9 + len(GYRO)] / scale,
+                               rtol=0.0, atol=ROUNDING)  # fmt: skip
+
+
+@pytest.mark.parametrize("sensors", [("gnss",), ALL])
+def test_linear_errors_of_samples_are_partials_times_errors(sensors: tuple[str, ...]) -> None:
+    """Whether a state models a constant, which is propagated less its estimate, or not."""
+    tables, of = engine(sensors=sensors).tables, scenario(sensors)
+    assert len(tables.exact) == 6
+    errors = draw(1, {**SIGMAS, **NEGLECTED}, 7, of)
+    found = simulate_aided(tables, errors, 1, np.zeros(1, int), False, without_noise(sensors)).linear[0]
+    each = of.partials_history(2).partials[-1] * errors[0]
+    np.testing.assert_allclose(found, each.sum(axis=1), rtol=0.0, atol=ROUNDING * np.abs(each).max())
