@@ -50,13 +50,24 @@ def gravity_remainder(east: float, up: float) -> tuple[float, float]:
     ``q = 2 up + d`` and ``H = (3/2) q - 1 + (1 + q)^(-3/2)``, the part of Battin's function beyond the linear one. In
     ``y = sqrt(1 + q)``, ``H = (y - 1)^2 (3/2 y^3 + 3 y^2 + 2 y + 1) / y^3`` and ``y - 1 = q / (1 + y)``.
     """
-    square = east * east + up * up
+    radial, share = gravity_shares(up, east * east + up * up)
+    return share * east, radial + share * up
+
+
+@inlined
+def gravity_shares(up: float, square: float) -> tuple[float, float]:
+    """Compute the parts of `gravity_remainder` along the vertical and along the deviation, as a share of the radius.
+
+    Parameters
+    ----------
+    square : float
+        Of the deviation as a share of the radius.
+    """
     q = 2.0 * up + square
     y = np.sqrt(np.abs(1.0 + q))
     further = 1.0 + y
     beyond = q * q * (1.0 + y * (2.0 + y * (3.0 + 1.5 * y))) / (further * further * (y * y * y))
-    share = 1.5 * q - beyond
-    return share * east, (1.5 * square - beyond) + share * up
+    return 1.5 * square - beyond, 1.5 * q - beyond
 
 
 @inlined

@@ -211,7 +211,11 @@ _define(operator.iand, mask, (mask, mask), "and_")
 _define(operator.invert, mask, (mask,), "not_")
 
 
-_FLOATS: Final = {lanes: (_DOUBLES, f"v{LANES}f64"), singles: (_SINGLES, f"v{LANES}f32")}
+_FLOATS: Final = {
+    lanes: (_DOUBLES, f"v{LANES}f64"),
+    part: (PART_OF_DOUBLES, f"v{PART}f64"),
+    singles: (_SINGLES, f"v{LANES}f32"),
+}
 """Types of vectors of floating point numbers, for the compiler, and how its functions call them."""
 
 

@@ -63,6 +63,7 @@ from mcnav.physics.ins.step_lanes import (
     advance,
     advance_short,
     deviations_of,
+    parts_of_deviations,
     place,
     respond,
     start,
@@ -369,8 +370,10 @@ class _LaneRooms(NamedTuple):
 
     Attributes
     ----------
-    response, turned, accepted, whitened : ndarray, shape (..., PARTS, PART)
-        Rows of `samples` and `own`, by parts.
+    parts : Deviations
+        The memory of `samples` by parts.
+    accepted, whitened : ndarray, shape (..., PARTS, PART)
+        Rows of `own`, by parts.
     covariances, covariance_parts : ndarray, shapes (9 + q, 9 + q, LANES), (9 + q, 9 + q, PARTS, PART)
         Of the filters, as they are read.
     """
@@ -382,8 +385,7 @@ class _LaneRooms(NamedTuple):
     white: Array
     drifting: Array
     cause: Array
-    response: Array
-    turned: Array
+    parts: Deviations
     accepted: Array
     whitened: Array
     covariances: Array
@@ -485,8 +487,7 @@ def simulate_aided(
         room(disturbed_together * most),
         room(disturbed_together * most if drifting else 0),
         keep(1),
-        parts_of(deviations.response),
-        parts_of(deviations.turned),
+        parts_of_deviations(deviations),
         parts_of(filtered.accepted),
         parts_of(filtered.whitened),
         covariances,
@@ -691,7 +692,7 @@ def _run(
                     break
                 _respond(k, (k - block) * width, begin, size, steps, estimated, noise, lanes)
                 if steps.durations[k] <= SHORT:
-                    advance_short(k, steps, samples)
+                    advance_short(k, steps, samples, lanes.parts, own_gains)
                     fresh = True
                 else:
                     if fresh or first < last:
@@ -699,7 +700,7 @@ def _run(
                     advance(k, steps, samples)
                     fresh = False
                 if own_gains:
-                    propagate_covariances(k, of_filter, lanes.response, lanes.turned, filters)
+                    propagate_covariances(k, of_filter, lanes.parts.response, lanes.parts.turned, filters)
             if end > all_steps:
                 for i in range(size):
                     of_lane = int(lanes.cause[0, i])

@@ -28,6 +28,9 @@ GEODETIC_ITERATIONS: Final = 3
 GRADIENT_STEP: Final = 64.0
 """Step of the central differences of gravitation, m: its gradient is right to 1e-10 of it."""
 
+CURVATURE_STEP: Final = 1e4
+"""Step of the gradient's differences, m: of the earth's radius squared, 2e-6."""
+
 
 @dataclass(frozen=True)
 class Earth:
@@ -90,6 +93,26 @@ class Earth:
     def gravity_gradient(self, position: Array) -> Array:
         """Compute the gradient of the gravitation, 1/s^2, at positions, shape (n, 3): shape (n, 3, 3)."""
         return _gradient_of(self.constants, np.ascontiguousarray(position, dtype=float))
+
+    def zonal_curvature(self, position: Array) -> Array:
+        """Compute half of the second derivative of the gravitation of the zonal harmonics, 1/(m s^2).
+
+        At positions, shape (n, 3), earth-centred: of xx, yy, zz, xy, xz and yz, the last three twice, shape (n, 3, 6).
+        """
+        derivative = np.empty((len(position), 3, 3, 3))
+        for axis in range(3):
+            shift = CURVATURE_STEP * np.eye(3)[axis]
+            change = self._zonal_gradient(position + shift) - self._zonal_gradient(position - shift)
+            derivative[..., axis] = change / (4.0 * CURVATURE_STEP)
+        mixed = derivative + derivative.swapaxes(2, 3)
+        squares = np.einsum("nijj->nij", derivative)
+        return np.concatenate([squares, mixed[:, :, [0, 0, 1], [1, 2, 2]]], axis=2)
+
+    def _zonal_gradient(self, position: Array) -> Array:
+        radius = np.linalg.norm(position, axis=1)[:, None, None]
+        vertical = position / radius[:, 0]
+        central = (3.0 * vertical[:, :, None] * vertical[:, None, :] - np.eye(3)) / radius**3
+        return np.asarray(self.gravity_gradient(position) - self.gravitational_parameter * central)
 
     def curvature_radii(self, latitude: Array) -> tuple[Array, Array]:
         """Compute the radii of curvature in the meridian, M, and in the prime vertical, N, m."""

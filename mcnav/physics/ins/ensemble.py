@@ -68,6 +68,8 @@ class EnsembleTables:
         Cholesky factors of the covariance that processes add.
     places, fields, gradients : ndarray, shape (2 K + 1, 3), (2 K + 1, 3), (2 K + 1, 3, 3)
         True position, gravitation and its gradient at the ends and the middles of steps.
+    curvatures : ndarray, shape (K, 3, 6)
+        Of the field in the middles, as `mcnav.physics.ins.earth.Earth.zonal_curvature` has it.
     start : StartingPoint
     start_map, output_maps : ndarray, shape (9, 9), (m, 9, 9)
         From initial errors to psi, v, x, and from these to outputs, to first order.
@@ -88,6 +90,7 @@ class EnsembleTables:
     places: Array
     fields: Array
     gradients: Array
+    curvatures: Array
     start: StartingPoint
     start_map: Array
     output_maps: Array
@@ -109,7 +112,7 @@ class EnsembleTables:
         return StepTables(
             self.start.constants, self.durations, self.motion, self.force, self.thrust,
             np.ascontiguousarray(self.inputs[:, active]), int(np.count_nonzero(active < len(GYRO))), self.biases,
-            self.decays, self.factors, self.places, self.fields, self.gradients, adjoint.steps,
+            self.decays, self.factors, self.places, self.fields, self.gradients, self.curvatures, adjoint.steps,
         )  # fmt: skip
 
     def without_noise(self) -> EnsembleTables:
@@ -203,6 +206,7 @@ def tabulate(
         places=around.position,
         fields=earth.gravitation(around.position),
         gradients=earth.gravity_gradient(around.position),
+        curvatures=earth.zonal_curvature(around.position[1::2]),
         start=starting_point(truth, float(times[0])),
         start_map=np.asarray(np.linalg.inv(output_map(truth, float(times[0]))), dtype=float),
         output_maps=np.stack([output_map(truth, float(time)) for time in times[epochs]]),

@@ -8,10 +8,14 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
+import numpy as np
+
 from mcnav._types import Array
+from mcnav.physics.blocks import Block
 from mcnav.physics.ins.earth import gravitation
 from mcnav.physics.jit import allocation_free, allocation_free_part, allocation_free_uncontracted, inlined
-from mcnav.physics.vectors import Rooms, Vector, load, room, store, where
+from mcnav.physics.lanes import gravity_shares
+from mcnav.physics.vectors import PARTS, Rooms, Vector, load, load_part, parts_of, room, store, store_part, where
 
 LARGEST_TURN: Final = 0.5
 """Largest rotation by the gyros' errors within a step, rad: beyond it a sample leaves the engine's validity."""
@@ -50,6 +54,7 @@ class StepTables(NamedTuple):
     places: Array
     fields: Array
     gradients: Array
+    curvatures: Array
     adjoint: Array
 
 
@@ -74,6 +79,8 @@ class Deviations(NamedTuple):
         R - I at the beginning of the step.
     sound : ndarray, shape (1, LANES)
         1 as long as a sample stays where the scheme holds, then 0.
+    checked : ndarray, shape (2, LANES)
+        Squares of a step's turn and of the distance from the earth's centre.
     following : ndarray, shape (6, LANES)
         Velocity and position at the end of a step without the remainder of gravity.
     there, middle, last : ndarray, shape (3, LANES)
@@ -90,6 +97,7 @@ class Deviations(NamedTuple):
     response: Array
     turned: Array
     sound: Array
+    checked: Array
     following: Array
     there: Array
     middle: Array
@@ -105,9 +113,14 @@ def deviations_of(errors: int, biases: int, keep: Rooms = room) -> Deviations:
         Makes the rooms that outlast a step.
     """
     return Deviations(
-        keep(4), keep(6), keep(9), keep(3), keep(3), keep(errors), keep(biases), room(9), room(9), keep(1), room(6),
-        room(3), room(3), room(3),
+        keep(4), keep(6), keep(9), keep(3), keep(3), keep(errors), keep(biases), room(9), room(9), keep(1), room(2),
+        room(6), room(3), room(3), room(3),
     )  # fmt: skip
+
+
+def parts_of_deviations(samples: Deviations) -> Deviations:
+    """Return the same memory by parts, shape (..., PARTS, PART)."""
+    return Deviations(*map(parts_of, samples))
 
 
 @allocation_free_uncontracted
@@ -214,48 +227,59 @@ def add_given(added: Array, i: int, samples: Deviations) -> None:
         samples.bias[q, i] += added[9 + q]
 
 
-@allocation_free_part
-def turn_less_one(turn: Array, out: Array) -> None:
-    """Compute R - I of rotations, shape (9, LANES)."""
-    a, b, c, e = load(turn, 0), load(turn, 1), load(turn, 2), load(turn, 3)
-    store(out, 0, -2.0 * (c * c + e * e))
-    store(out, 1, 2.0 * (b * c - a * e))
-    store(out, 2, 2.0 * (b * e + a * c))
-    store(out, 3, 2.0 * (b * c + a * e))
-    store(out, 4, -2.0 * (b * b + e * e))
-    store(out, 5, 2.0 * (c * e - a * b))
-    store(out, 6, 2.0 * (b * e - a * c))
-    store(out, 7, 2.0 * (c * e + a * b))
-    store(out, 8, -2.0 * (b * b + c * c))
+@inlined
+def rotation_less_one(a: Vector, b: Vector, c: Vector, e: Vector) -> Block:
+    """Compute R - I of a quaternion."""
+    return (
+        -2.0 * (c * c + e * e), 2.0 * (b * c - a * e), 2.0 * (b * e + a * c),
+        2.0 * (b * c + a * e), -2.0 * (b * b + e * e), 2.0 * (c * e - a * b),
+        2.0 * (b * e - a * c), 2.0 * (c * e + a * b), -2.0 * (b * b + c * c),
+    )  # fmt: skip
 
 
 @inlined
-def multiply_turns(turn: Array, w: Vector, x: Vector, y: Vector, z: Vector) -> None:
-    """Multiply rotations by further ones from the right."""
-    a, b, c, e = load(turn, 0), load(turn, 1), load(turn, 2), load(turn, 3)
-    store(turn, 0, a * w - (b * x + c * y + e * z))
-    store(turn, 1, b * w + (a * x + c * z - e * y))
-    store(turn, 2, c * w + (a * y + e * x - b * z))
-    store(turn, 3, e * w + (a * z + b * y - c * x))
+def rotate(m: Block, x: Vector, y: Vector, z: Vector) -> tuple[Vector, Vector, Vector]:
+    """Multiply a vector by a matrix."""
+    return m[0] * x + m[1] * y + m[2] * z, m[3] * x + m[4] * y + m[5] * z, m[6] * x + m[7] * y + m[8] * z
+
+
+@inlined
+def multiply_turns(
+    a: Vector, b: Vector, c: Vector, e: Vector, w: Vector, x: Vector, y: Vector, z: Vector
+) -> tuple[Vector, Vector, Vector, Vector]:
+    """Multiply rotations (a, b, c, e) by further ones from the right."""
+    return (
+        a * w - (b * x + c * y + e * z), b * w + (a * x + c * z - e * y), c * w + (a * y + e * x - b * z),
+        e * w + (a * z + b * y - c * x),
+    )  # fmt: skip
+
+
+@allocation_free_part
+def turn_less_one(turn: Array, out: Array) -> None:
+    """Compute R - I of rotations, shape (9, LANES)."""
+    found = rotation_less_one(load(turn, 0), load(turn, 1), load(turn, 2), load(turn, 3))
+    store(out, 0, found[0])
+    store(out, 1, found[1])
+    store(out, 2, found[2])
+    store(out, 3, found[3])
+    store(out, 4, found[4])
+    store(out, 5, found[5])
+    store(out, 6, found[6])
+    store(out, 7, found[7])
+    store(out, 8, found[8])
 
 
 @inlined
 def products_within(
-    turned: Array,
-    thrust: Array,
-    half: int,
-    k: int,
-    ax: Vector,
-    ay: Vector,
-    az: Vector,
-    lx: Vector,
-    ly: Vector,
+    turned: Block, thrust: Array, half: int, k: int, ax: Vector, ay: Vector, az: Vector, lx: Vector, ly: Vector,
     lz: Vector,
-) -> tuple[Vector, Vector, Vector]:
+) -> tuple[Vector, Vector, Vector]:  # fmt: skip
     """Compute the products of errors within a step, of which the rotation (ax, ay, az) grows evenly.
 
     Parameters
     ----------
+    turned : block
+        R - I.
     half : int
         0 for the velocity, 1 for the position.
     lx, ly, lz : vectors
@@ -269,39 +293,34 @@ def products_within(
     wy = of_force * (az * fx - ax * fz) + of_input * ly
     wz = of_force * (ax * fy - ay * fx) + of_input * lz
     px, py, pz = ay * wz - az * wy, az * wx - ax * wz, ax * wy - ay * wx
-    qx, qy, qz = px + lx, py + ly, pz + lz
-    return (
-        px + (load(turned, 0) * qx + load(turned, 1) * qy + load(turned, 2) * qz),
-        py + (load(turned, 3) * qx + load(turned, 4) * qy + load(turned, 5) * qz),
-        pz + (load(turned, 6) * qx + load(turned, 7) * qy + load(turned, 8) * qz),
-    )
+    qx, qy, qz = rotate(turned, px + lx, py + ly, pz + lz)
+    return px + qx, py + qy, pz + qz
 
 
 @inlined
-def _turn(ax: Vector, ay: Vector, az: Vector, samples: Deviations) -> None:
-    """Turn samples by what their gyros' errors amount to in a step; beyond `LARGEST_TURN` they are not sound."""
+def _turn_within(ax: Vector, ay: Vector, az: Vector) -> tuple[Vector, Vector, Vector, Vector, Vector]:
+    """Compute the quaternion of what gyros' errors amount to in a step, up to `LARGEST_TURN`, and its square."""
     square = ax * ax + ay * ay + az * az
     t = 0.25 * square
     cosine = 1.0 - t * (1 / 2 - t * (1 / 24 - t * (1 / 720 - t * (1 / 40320 - t * (1 / 3628800)))))
     sine = 0.5 * (1.0 - t * (1 / 6 - t * (1 / 120 - t * (1 / 5040 - t * (1 / 362880 - t * (1 / 39916800))))))
-    multiply_turns(samples.turn, cosine, sine * ax, sine * ay, sine * az)
-    store(samples.sound, 0, where(square < LARGEST_TURN * LARGEST_TURN, load(samples.sound, 0), 0.0))
+    return cosine, sine * ax, sine * ay, sine * az, square
 
 
 @inlined
-def _check_distance(constants: Array, x: Vector, y: Vector, z: Vector, samples: Deviations) -> None:
-    """Note which samples are so near to the earth's centre that they are not sound."""
+def _check(constants: Array, samples: Deviations) -> None:
+    """Note which samples are not sound: turned too far in a step, or too near to the earth's centre."""
     floor = (SMALLEST_RADIUS * constants[0]) ** 2
-    store(samples.sound, 0, where(x * x + y * y + z * z > floor, load(samples.sound, 0), 0.0))
+    sound = where(load(samples.checked, 0) < LARGEST_TURN * LARGEST_TURN, load(samples.sound, 0), 0.0)
+    store(samples.sound, 0, where(load(samples.checked, 1) > floor, sound, 0.0))
 
 
 @inlined
-def _parted(turned: Array) -> tuple[Vector, Vector, Vector, Vector, Vector, Vector]:
+def _parted(turned: Block) -> tuple[Vector, Vector, Vector, Vector, Vector, Vector]:
     """Part R - I: its skew part is that of a vector, which the linear response turns by; of the rest, what is mixed."""
     return (
-        0.5 * (load(turned, 7) - load(turned, 5)), 0.5 * (load(turned, 2) - load(turned, 6)),
-        0.5 * (load(turned, 3) - load(turned, 1)), 0.5 * (load(turned, 1) + load(turned, 3)),
-        0.5 * (load(turned, 2) + load(turned, 6)), 0.5 * (load(turned, 5) + load(turned, 7)),
+        0.5 * (turned[7] - turned[5]), 0.5 * (turned[2] - turned[6]), 0.5 * (turned[3] - turned[1]),
+        0.5 * (turned[1] + turned[3]), 0.5 * (turned[2] + turned[6]), 0.5 * (turned[5] + turned[7]),
     )  # fmt: skip
 
 
@@ -319,15 +338,25 @@ def _add_motion(k: int, motion: Array, a: Vector, b: Vector, c: Vector, samples:
         store(following, r, along)
 
 
+@inlined
+def _rows(rows: Array) -> Block:
+    """Return nine rows of lanes as a block."""
+    return (
+        load(rows, 0), load(rows, 1), load(rows, 2), load(rows, 3), load(rows, 4), load(rows, 5), load(rows, 6),
+        load(rows, 7), load(rows, 8),
+    )  # fmt: skip
+
+
 @allocation_free_part
 def advance(k: int, tables: StepTables, samples: Deviations) -> None:
     """Take samples over step k, with their response to the errors of the instruments in it."""
-    constants, force, turned, h = tables.constants, tables.force, samples.turned, tables.durations[k]
+    constants, force, h = tables.constants, tables.force, tables.durations[k]
     response, here, moved, following = samples.response, samples.here, samples.moved, samples.following
     there, middle, last = samples.there, samples.middle, samples.last
-    turn_less_one(samples.turn, turned)
+    turn_less_one(samples.turn, samples.turned)
+    turned = _rows(samples.turned)
     a, b, c, b01, b02, b12 = _parted(turned)
-    b00, b11, b22 = load(turned, 0), load(turned, 4), load(turned, 8)
+    b00, b11, b22 = turned[0], turned[4], turned[8]
     ax, ay, az = load(response, 0), load(response, 1), load(response, 2)
     for half in range(2):
         lx, ly, lz = load(response, 3 + 3 * half), load(response, 4 + 3 * half), load(response, 5 + 3 * half)
@@ -367,10 +396,17 @@ def advance(k: int, tables: StepTables, samples: Deviations) -> None:
         store(here, r, position)
     for r in range(3):
         store(first, r, load(last, r))
-    _turn(ax, ay, az, samples)
+    turn, (w, x, y, z, square) = samples.turn, _turn_within(ax, ay, az)
+    store(samples.checked, 0, square)
+    w, x, y, z = multiply_turns(load(turn, 0), load(turn, 1), load(turn, 2), load(turn, 3), w, x, y, z)
+    store(turn, 0, w)
+    store(turn, 1, x)
+    store(turn, 2, y)
+    store(turn, 3, z)
     x, y = tables.places[2 * k + 2, 0] + load(here, 0), tables.places[2 * k + 2, 1] + load(here, 1)
     z = tables.places[2 * k + 2, 2] + load(here, 2)
-    _check_distance(constants, x, y, z, samples)
+    store(samples.checked, 1, x * x + y * y + z * z)
+    _check(constants, samples)
 
 
 @inlined
@@ -387,47 +423,95 @@ def _force_alone(k: int, tables: StepTables) -> tuple[float, float, float, float
     return fx, fy, fz, sx - 0.5 * h * fx, sy - 0.5 * h * fy, sz - 0.5 * h * fz
 
 
+@inlined
+def _change_gravity(
+    k: int, tables: StepTables, radius: float, x: Vector, y: Vector, z: Vector
+) -> tuple[Vector, Vector, Vector]:
+    """Compute the change of gravitation by deviations in the middle of step k.
+
+    That of a point mass, and of the zonal harmonics to second order.
+    """
+    at, gradients, curvatures = 2 * k + 1, tables.gradients, tables.curvatures
+    share, pull = 1.0 / radius, tables.constants[2] / (radius * radius)
+    nx, ny, nz = share * tables.places[at, 0], share * tables.places[at, 1], share * tables.places[at, 2]
+    ux, uy, uz = share * x, share * y, share * z
+    radial, along = gravity_shares(nx * ux + ny * uy + nz * uz, ux * ux + uy * uy + uz * uz)
+    radial, along = pull * radial, pull * along
+    xx, yy, zz, xy, xz, yz = x * x, y * y, z * z, x * y, x * z, y * z
+    gx = nx * radial + ux * along + (gradients[at, 0, 0] * x + gradients[at, 0, 1] * y + gradients[at, 0, 2] * z)
+    gy = ny * radial + uy * along + (gradients[at, 1, 0] * x + gradients[at, 1, 1] * y + gradients[at, 1, 2] * z)
+    gz = nz * radial + uz * along + (gradients[at, 2, 0] * x + gradients[at, 2, 1] * y + gradients[at, 2, 2] * z)
+    gx += curvatures[k, 0, 0] * xx + curvatures[k, 0, 1] * yy + curvatures[k, 0, 2] * zz
+    gy += curvatures[k, 1, 0] * xx + curvatures[k, 1, 1] * yy + curvatures[k, 1, 2] * zz
+    gz += curvatures[k, 2, 0] * xx + curvatures[k, 2, 1] * yy + curvatures[k, 2, 2] * zz
+    gx += curvatures[k, 0, 3] * xy + curvatures[k, 0, 4] * xz + curvatures[k, 0, 5] * yz
+    gy += curvatures[k, 1, 3] * xy + curvatures[k, 1, 4] * xz + curvatures[k, 1, 5] * yz
+    gz += curvatures[k, 2, 3] * xy + curvatures[k, 2, 4] * xz + curvatures[k, 2, 5] * yz
+    return gx, gy, gz
+
+
 @allocation_free_part
-def advance_short(k: int, tables: StepTables, samples: Deviations) -> None:
+def advance_short(k: int, tables: StepTables, samples: Deviations, parts: Deviations, filtered: bool) -> None:
     """Take samples over a step of at most `SHORT`, with their response to the errors of the instruments in it.
 
     Gravity changes by the mean position of the step, to which the velocity at its beginning and an even turned force
     lead; the linear response has what gravity makes of it.
+
+    Parameters
+    ----------
+    parts : Deviations
+        The samples' memory by parts, so that what a part needs stays in registers.
+    filtered : bool
+        Whether R - I is kept for covariances of the samples' own.
     """
-    thrust, turned, h, response, moved = (
-        tables.thrust, samples.turned, tables.durations[k], samples.response, samples.moved,
+    thrust, h, places, response, moved, turn = (
+        tables.thrust, tables.durations[k], tables.places, parts.response, parts.moved, parts.turn,
     )  # fmt: skip
-    here, pull, half = samples.here, samples.middle, 0.5 * h
     fx, fy, fz, sx, sy, sz = _force_alone(k, tables)
-    turn_less_one(samples.turn, turned)
-    ax, ay, az = load(response, 0), load(response, 1), load(response, 2)
-    lx, ly, lz = load(response, 3), load(response, 4), load(response, 5)
-    px, py, pz = products_within(turned, thrust, 0, k, ax, ay, az, lx, ly, lz)
-    px += load(turned, 0) * fx + load(turned, 1) * fy + load(turned, 2) * fz
-    py += load(turned, 3) * fx + load(turned, 4) * fy + load(turned, 5) * fz
-    pz += load(turned, 6) * fx + load(turned, 7) * fy + load(turned, 8) * fz
-    vx, vy, vz = load(moved, 0), load(moved, 1), load(moved, 2)
-    x, y, z = load(moved, 3) + half * vx, load(moved, 4) + half * vy, load(moved, 5) + half * vz
-    store(here, 0, x + (h / 6.0) * px)
-    store(here, 1, y + (h / 6.0) * py)
-    store(here, 2, z + (h / 6.0) * pz)
-    change_gravitation(tables.constants, tables.places[2 * k + 1], tables.fields[2 * k + 1], here, pull)
-    vx += (px + lx) + h * load(pull, 0)
-    vy += (py + ly) + h * load(pull, 1)
-    vz += (pz + lz) + h * load(pull, 2)
-    store(moved, 0, vx)
-    store(moved, 1, vy)
-    store(moved, 2, vz)
-    # of the position, what the errors and the force add besides half a step of the velocity's part
-    lx, ly, lz = load(response, 6) - half * lx, load(response, 7) - half * ly, load(response, 8) - half * lz
-    fx, fy, fz = lx + sx, ly + sy, lz + sz
-    lx += load(turned, 0) * fx + load(turned, 1) * fy + load(turned, 2) * fz
-    ly += load(turned, 3) * fx + load(turned, 4) * fy + load(turned, 5) * fz
-    lz += load(turned, 6) * fx + load(turned, 7) * fy + load(turned, 8) * fz
-    store(moved, 3, x + (half * vx + lx))
-    store(moved, 4, y + (half * vy + ly))
-    store(moved, 5, z + (half * vz + lz))
-    _turn(ax, ay, az, samples)
-    x, y = tables.places[2 * k + 1, 0] + load(here, 0), tables.places[2 * k + 1, 1] + load(here, 1)
-    z = tables.places[2 * k + 1, 2] + load(here, 2)
-    _check_distance(tables.constants, x, y, z, samples)
+    half, sixth, px, py, pz = 0.5 * h, h / 6.0, places[2 * k + 1, 0], places[2 * k + 1, 1], places[2 * k + 1, 2]
+    radius = np.sqrt(px * px + py * py + pz * pz)
+    for t in range(PARTS):
+        a, b, c, e = load_part(turn, (0, t)), load_part(turn, (1, t)), load_part(turn, (2, t)), load_part(turn, (3, t))
+        turned = rotation_less_one(a, b, c, e)
+        if filtered:
+            store_part(parts.turned, (0, t), turned[0])
+            store_part(parts.turned, (1, t), turned[1])
+            store_part(parts.turned, (2, t), turned[2])
+            store_part(parts.turned, (3, t), turned[3])
+            store_part(parts.turned, (4, t), turned[4])
+            store_part(parts.turned, (5, t), turned[5])
+            store_part(parts.turned, (6, t), turned[6])
+            store_part(parts.turned, (7, t), turned[7])
+            store_part(parts.turned, (8, t), turned[8])
+        ax, ay, az = load_part(response, (0, t)), load_part(response, (1, t)), load_part(response, (2, t))
+        w, x, y, z, square = _turn_within(ax, ay, az)
+        w, x, y, z = multiply_turns(a, b, c, e, w, x, y, z)
+        store_part(turn, (0, t), w)
+        store_part(turn, (1, t), x)
+        store_part(turn, (2, t), y)
+        store_part(turn, (3, t), z)
+        store_part(parts.checked, (0, t), square)
+        lx, ly, lz = load_part(response, (3, t)), load_part(response, (4, t)), load_part(response, (5, t))
+        dx, dy, dz = products_within(turned, thrust, 0, k, ax, ay, az, lx, ly, lz)
+        ux, uy, uz = rotate(turned, fx, fy, fz)
+        dx, dy, dz = dx + ux, dy + uy, dz + uz
+        vx, vy, vz = load_part(moved, (0, t)), load_part(moved, (1, t)), load_part(moved, (2, t))
+        x, y, z = load_part(moved, (3, t)), load_part(moved, (4, t)), load_part(moved, (5, t))
+        x, y, z = x + half * vx, y + half * vy, z + half * vz
+        mx, my, mz = x + sixth * dx, y + sixth * dy, z + sixth * dz
+        gx, gy, gz = _change_gravity(k, tables, radius, mx, my, mz)
+        mx, my, mz = px + mx, py + my, pz + mz
+        store_part(parts.checked, (1, t), mx * mx + my * my + mz * mz)
+        vx, vy, vz = vx + (dx + lx + h * gx), vy + (dy + ly + h * gy), vz + (dz + lz + h * gz)
+        store_part(moved, (0, t), vx)
+        store_part(moved, (1, t), vy)
+        store_part(moved, (2, t), vz)
+        # of the position, what the errors and the force add besides half a step of the velocity's part
+        lx = load_part(response, (6, t)) - half * lx
+        ly = load_part(response, (7, t)) - half * ly
+        lz = load_part(response, (8, t)) - half * lz
+        ux, uy, uz = rotate(turned, lx + sx, ly + sy, lz + sz)
+        store_part(moved, (3, t), x + half * vx + (lx + ux))
+        store_part(moved, (4, t), y + half * vy + (ly + uy))
+        store_part(moved, (5, t), z + half * vz + (lz + uz))
+    _check(tables.constants, samples)

@@ -16,6 +16,7 @@ from mcnav.physics.ins.step_lanes import (
     advance,
     advance_short,
     deviations_of,
+    parts_of_deviations,
     start,
 )
 from tests.cross.test_ins_aided import engine
@@ -49,7 +50,7 @@ def samples() -> Deviations:
 def stepped(short: bool) -> Deviations:
     shared, made = tables(), samples()
     if short:
-        advance_short(STEP, shared, made)
+        advance_short(STEP, shared, made, parts_of_deviations(made), True)
     else:
         start(STEP, shared, made)
         advance(STEP, shared, made)
@@ -108,7 +109,7 @@ def test_samples_near_the_earths_centre_are_not_sound(short: bool) -> None:
     made.moved[3:] = away - shared.places[2 * STEP][:, None]
     made.moved[:3] = -np.gradient(shared.places, shared.durations[STEP] / 2.0, axis=0)[2 * STEP][:, None]
     if short:
-        advance_short(STEP, shared, made)
+        advance_short(STEP, shared, made, parts_of_deviations(made), True)
     else:
         start(STEP, shared, made)
         advance(STEP, shared, made)
@@ -125,7 +126,7 @@ def test_large_turns_within_a_step(short: bool) -> None:
     before = Rotation.from_quat(np.roll(made.turn, -1, axis=0).T)
     expected = before * Rotation.from_rotvec(made.response[:3].T)
     if short:
-        advance_short(STEP, tables(), made)
+        advance_short(STEP, tables(), made, parts_of_deviations(made), True)
     else:
         start(STEP, tables(), made)
         advance(STEP, tables(), made)
