@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from tests.browser.conftest import FOLDER, KINDS, NAME, Browser
+from tests.browser.contrast import CONTRAST, faint_texts
 
 FIGURES = {
     "report": 11, "many": 8, "aided": 15, "replay": 1, "comparison": 1, "index": 0, "start times": 5, "linearity": 2,
@@ -134,17 +135,29 @@ def test_on_a_screen(browser: Browser, page_of: Callable[[str], Path], kind: str
 def test_for_everyone(browser: Browser, page_of: Callable[[str], Path], kind: str) -> None:
     """Nothing serious by axe with everything unfolded: names, roles, headings, tables; contrast in the dark as well."""
     axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
-    schemes = {"light": {}, "dark": {"runOnly": ["color-contrast"]}} if kind in DARK else {"light": {}}
+    options = {"rules": {CONTRAST: {"enabled": False}}, "resultTypes": ["violations"]}
     with browser.opened(page_of(kind), 1280) as page:
         _unfold(page)
         assert page.evaluate(UNREACHABLE) == []
         page.evaluate(SHORTENED)
-        for scheme, options in schemes.items():
-            page.emulate_media(color_scheme=scheme)
-            found = axe.run(page, options=options | {"resultTypes": ["violations"]}).response["violations"]
-            assert [
-                (each["id"], each["nodes"][0]["html"]) for each in found if each["impact"] in ("serious", "critical")
-            ] == []
+        found = axe.run(page, options=options).response["violations"]
+        assert [
+            (each["id"], each["nodes"][0]["html"]) for each in found if each["impact"] in ("serious", "critical")
+        ] == []
+        assert faint_texts(page, axe, ("light", "dark") if kind in DARK else ("light",)) == []
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_one_faint_text_is_found(browser: Browser, page_of: Callable[[str], Path], scheme: str) -> None:
+    """The last of several texts that look the same, which is faint in one scheme, is the only one that is named."""
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
+    grey = {"light": "#aaaaaa", "dark": "#444444"}[scheme]
+    with browser.opened(page_of("comparison"), 1280) as page:
+        page.add_style_tag(content=f"@media (prefers-color-scheme: {scheme}) {{ .faint {{ color: {grey}; }} }}")
+        alike = page.locator("summary")
+        assert alike.count() > 3
+        faint = alike.last.evaluate("each => { each.classList.add('faint'); return each.outerHTML; }")
+        assert faint_texts(page, axe) == [faint]
 
 
 @pytest.mark.parametrize("kind", KINDS)
