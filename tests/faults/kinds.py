@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 from unittest.mock import patch
@@ -14,6 +15,7 @@ from mcnav.config.templates import new_scenario
 from mcnav.execution.dask_cluster import connect
 from mcnav.execution.runner import ChunkExecutor
 from mcnav.progress import SILENT, Progress
+from mcnav.scenarios.aided import AidedReferenceEngine
 from mcnav.store import summaries
 from mcnav.workflow.run import run_campaign
 from tests.conftest import TWO_ERRORS, content
@@ -59,7 +61,7 @@ class Kind:
     content : mapping
         Campaign file, without samples, seed and store.
     chunk : int
-        Samples of the engine's chunks.
+        Samples of the engine's chunks; the aided reference engine, which takes longest, has them smaller here.
     chunks : int
         Chunks of the campaign, an even number: one that stores a summary has half as many, of two each.
     in_processes : bool
@@ -80,7 +82,7 @@ KINDS: Final = {
     "free, reference": Kind("reference", FREE, 8, 8),
     "aided, own gains": Kind("ensemble", AIDED, 64, 6),
     "aided, shared gains": Kind("shared-gains", AIDED, 256, 6),
-    "aided, reference": Kind("reference", AIDED, 8, 4),
+    "aided, reference": Kind("reference", AIDED, 2, 4),
     "own, stochastic": Kind("single", STOCHASTIC, 32, 8, in_processes=True),
 }
 
@@ -128,7 +130,7 @@ class Case:
     ) -> None:
         """Run the campaign, with some entries changed, into a run folder; that of its backend simulates it."""
         campaign, kind = self.campaign(place, **changes), KINDS[self.kind]
-        with self._executor(executor) as simulate, small_summaries(kind.chunk):
+        with self._executor(executor) as simulate, small_summaries(kind.chunk), _small_chunks():
             run_campaign(campaign, folder, kind.engine, jobs, progress=progress, executor=simulate, report=False)
 
     @contextmanager
@@ -145,4 +147,12 @@ def small_summaries(chunk: int) -> Iterator[None]:
     Workers are told by the run how many samples a chunk has.
     """
     with patch.multiple(summaries, CHUNK=2 * chunk, SLOW=0):
+        yield
+
+
+@contextmanager
+def _small_chunks() -> Iterator[None]:
+    """Let chunks of the aided reference engine have two samples: a fifth of a second each."""
+    small = partial(AidedReferenceEngine, chunk=KINDS["aided, reference"].chunk)
+    with patch("mcnav.scenarios.ins.AidedReferenceEngine", small):
         yield
