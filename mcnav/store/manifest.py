@@ -43,9 +43,13 @@ Number = Annotated[float, BeforeValidator(lambda value: math.nan if value is Non
 """JSON has no value for what is not finite: null is read as NaN."""
 
 
+def _unchanged(array: Array) -> Array:
+    return array
+
+
 @dataclass(frozen=True)
 class _Nested:
-    """Reads an array from nested lists of numbers, null being NaN."""
+    """Reads an array from nested lists of numbers, null being NaN; `Record.to_json` converts it back."""
 
     lists: Any
 
@@ -56,7 +60,7 @@ class _Nested:
         return core_schema.no_info_wrap_validator_function(
             read,
             handler.generate_schema(self.lists),
-            serialization=core_schema.plain_serializer_function_ser_schema(to_json),
+            serialization=core_schema.plain_serializer_function_ser_schema(_unchanged),
         )
 
 
@@ -328,15 +332,15 @@ class Manifest(Record):
         return self
 
     @classmethod
-    def from_json(cls, content: Mapping[str, Any]) -> Manifest:
-        """Read the content of ``manifest.json``.
+    def from_json(cls, content: Mapping[str, Any], text: bytes | None = None) -> Manifest:
+        """Read the content of ``manifest.json``, whose text need not be formatted again where it is known.
 
         Raises `ManifestError` naming the first entry that is not as this program writes it.
         """
         if content.get("format", FORMAT) != FORMAT:
             raise ManifestError(f"format: got {str(content['format'])[:20]!r}; this version reads format {FORMAT}")
         try:
-            return cls.model_validate_json(json.dumps(content))
+            return cls.model_validate_json(json.dumps(content) if text is None else text)
         except ValidationError as invalid:
             first = invalid.errors(include_url=False, include_input=False, include_context=False)[0]
             message = str(first["msg"]).removeprefix("Value error, ")

@@ -156,7 +156,7 @@ class RunFolder:
         if text is None or not _WHOLE.get(hashlib.sha256(text).digest(), lambda: _is_whole(text, content), fits=bool):
             raise RunFolderError(f"{self.path / MANIFEST}: is damaged or was edited; {remedy}")
         try:
-            return Manifest.from_json(content)
+            return Manifest.from_json(content, text)
         except ManifestError as fault:
             raise RunFolderError(
                 f"{self.path / MANIFEST}: is not as this program writes it ({fault}); {remedy}"
