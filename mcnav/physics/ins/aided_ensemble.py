@@ -79,6 +79,8 @@ from mcnav.physics.ins.update_lanes import (
     feed_back_shared,
     innovate,
     judge,
+    whiten_by_own,
+    whiten_by_shared,
 )
 from mcnav.physics.jit import allocation_free, allocation_free_part, inlined
 from mcnav.physics.vectors import LANES, Store, load, parts_of, room, store
@@ -97,10 +99,10 @@ CAREFUL: Final = 1e6
 Without it the covariance keeps all but as many of its sixteen digits as this has.
 """
 
-OWN_NOISE: Final = 1e-4
+OWN_NOISE: Final = 3e-4
 """Position that noise adds to a step independently of the velocity, in sigma, below which it is left out.
 
-It would add 1e-8 to the position's variance.
+It would add 1e-7 of the position's variance.
 """
 
 EPOCH_STREAM: Final = 4
@@ -603,12 +605,10 @@ def _update(
         else:
             project_along_samples(u, m, updates.of_filter, filters)
         factor_innovations(u, m, updates.of_filter.variances, samples.sound, lanes.cause, filters)
+        whiten_by_own(m, filters.root, filters.inverse, own)
     else:
-        for c in range(m):
-            for e in range(c + 1):
-                store(filters.root, (c, e), updates.roots[u, c, e])
-            store(filters.inverse, c, 1.0 / updates.roots[u, c, c])
-    judge(u, m, updates.limits[u], updates.lags[u], sensor, filters.root, filters.inverse, own)
+        whiten_by_shared(u, m, updates.roots, own)
+    judge(m, updates.limits[u], updates.lags[u], sensor, own)
     if own_gains:
         update_covariances(u, m, lanes.accepted, lanes.whitened, of_filter, updates.of_filter, filters)
         feed_back_own(filters.correction, corrected, samples, own)

@@ -287,23 +287,43 @@ def innovate(
 
 
 @allocation_free_part
-def judge(u: int, m: int, limit: float, lags: bool, sensor: int, root: Array, inverse: Array, own: Estimates) -> None:
-    """Normalize the innovations of a sensor, count them, and accept or reject the measurement.
+def whiten_by_own(m: int, root: Array, inverse: Array, own: Estimates) -> None:
+    """Whiten the innovations of samples by covariances of their own.
+
+    Parameters
+    ----------
+    root, inverse : ndarray, shapes (SIX, SIX, LANES), (SIX, LANES)
+        Cholesky factor of the innovations' covariance, and its diagonal inverted.
+    """
+    for c in range(m):
+        value = load(own.innovation, c)
+        for e in range(c):
+            value -= load(root, (c, e)) * load(own.whitened, e)
+        store(own.whitened, c, value * load(inverse, c))
+
+
+@allocation_free_part
+def whiten_by_shared(u: int, m: int, roots: Array, own: Estimates) -> None:
+    """Whiten the innovations of samples by the covariance that they share, whose Cholesky factors are given."""
+    for c in range(m):
+        value = load(own.innovation, c)
+        for e in range(c):
+            value -= roots[u, c, e] * load(own.whitened, e)
+        store(own.whitened, c, value * (1.0 / roots[u, c, c]))
+
+
+@allocation_free_part
+def judge(m: int, limit: float, lags: bool, sensor: int, own: Estimates) -> None:
+    """Normalize the whitened innovations of a sample, count them, and accept or reject the measurement.
 
     Parameters
     ----------
     lags : bool
         Whether the sensor has had an update before.
-    root, inverse : ndarray, shapes (SIX, SIX, LANES), (SIX, LANES)
-        Cholesky factor of the innovations' covariance, and its diagonal inverted.
     """
     normalized = lag = 0.0 * load(own.innovation, 0)
     for c in range(m):
-        value = load(own.innovation, c)
-        for e in range(c):
-            value -= load(root, (c, e)) * load(own.whitened, e)
-        value *= load(inverse, c)
-        store(own.whitened, c, value)
+        value = load(own.whitened, c)
         normalized += value * value
         lag += value * load(own.before, (sensor, c))
         store(own.before, (sensor, c), value)
