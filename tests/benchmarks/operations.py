@@ -107,7 +107,8 @@ def _counted(function: Any, rows: int, *arguments: Any) -> Counter[str]:
             stack.enter_context(patch.object(module, "np", _Functions()))
         for name in ("half_turn", "gravity_remainder", "angle_of_half"):
             stack.enter_context(patch.object(kernel, name, getattr(lanes, name).py_func))
-        stack.enter_context(patch.object(lanes, "_sine_and_cosine", lanes._sine_and_cosine.py_func))
+        for name in ("_sine_and_cosine", "gravity_shares"):
+            stack.enter_context(patch.object(lanes, name, getattr(lanes, name).py_func))
         function.py_func(block, *arguments)
     return Counter({kind: round(counts[kind] / LANES) for kind in KINDS})
 
