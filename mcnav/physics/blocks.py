@@ -16,7 +16,7 @@ from numba.core import types as numba_types
 from numba.core.extending import intrinsic
 
 from mcnav._types import Array
-from mcnav.physics.jit import inlined
+from mcnav.physics.jit import allocation_free_part, inlined
 from mcnav.physics.vectors import PART_OF_DOUBLES, Vector, part, place_type, pointer, unpack
 
 types: Any = numba_types
@@ -108,7 +108,7 @@ store_block: Final[Callable[..., None]] = _store_block
 load_numbers: Final[Callable[..., Block]] = _load_numbers
 
 
-@inlined
+@allocation_free_part
 def add(a: Block, b: Block) -> Block:
     """Compute ``A + B``."""
     return (
@@ -117,7 +117,7 @@ def add(a: Block, b: Block) -> Block:
     )  # fmt: skip
 
 
-@inlined
+@allocation_free_part
 def subtract(a: Block, b: Block) -> Block:
     """Compute ``A - B``."""
     return (
@@ -132,7 +132,7 @@ def scale(a: Block, f: Vector) -> Block:
     return f * a[0], f * a[1], f * a[2], f * a[3], f * a[4], f * a[5], f * a[6], f * a[7], f * a[8]
 
 
-@inlined
+@allocation_free_part
 def scale_rows(a: Block, factors: Array, at: int) -> Block:
     """Multiply the rows of a block by numbers: the three at a place among so many threes."""
     x, y, z = factors[THREE * at], factors[THREE * at + 1], factors[THREE * at + 2]
@@ -144,7 +144,7 @@ def _choose(condition: float, one: Vector, other: Vector) -> Vector:
     return one if condition > 0.0 else other
 
 
-@inlined
+@allocation_free_part
 def choose(conditions: Block, a: Block, b: Block) -> Block:
     """Return entries of A where numbers are above zero, and of B elsewhere."""
     return (
@@ -160,7 +160,7 @@ def transpose(a: Block) -> Block:
     return a[0], a[3], a[6], a[1], a[4], a[7], a[2], a[5], a[8]
 
 
-@inlined
+@allocation_free_part
 def multiply(a: Block, b: Block) -> Block:
     """Compute ``A B``."""
     return (
@@ -176,7 +176,7 @@ def multiply(a: Block, b: Block) -> Block:
     )
 
 
-@inlined
+@allocation_free_part
 def add_product(x: Block, a: Block, b: Block) -> Block:
     """Compute ``X + A B``."""
     return (
@@ -192,7 +192,7 @@ def add_product(x: Block, a: Block, b: Block) -> Block:
     )
 
 
-@inlined
+@allocation_free_part
 def subtract_product(x: Block, a: Block, b: Block) -> Block:
     """Compute ``X - A B``."""
     return (
@@ -208,14 +208,14 @@ def subtract_product(x: Block, a: Block, b: Block) -> Block:
     )
 
 
-@inlined
+@allocation_free_part
 def load_symmetric(p: Array, t: int, r: int, c: int) -> Block:
     """Return a block of a symmetric matrix of blocks of which the lower triangle counts."""
     found = load_block(p, (t, r, c)) if r >= c else transpose(load_block(p, (t, c, r)))
     return found
 
 
-@inlined
+@allocation_free_part
 def store_symmetric(p: Array, t: int, r: int, c: int, x: Block) -> None:
     """Write a block of a symmetric matrix of blocks to its lower triangle; on the diagonal the block's own counts."""
     if r == c:

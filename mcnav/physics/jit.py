@@ -67,6 +67,7 @@ def allocation_free_part(function: Function) -> Function:
     """Compile a function that is `allocation_free` as a part of its callers.
 
     A call would copy the descriptions of all arrays that it is given, a hundred numbers and more.
+    Unlike `inlined`, its body is typed and lowered once, not wherever it is called.
     """
     return _compile(function, fastmath={"contract"}, _nrt=False, forceinline=True)
 

@@ -35,7 +35,7 @@ from mcnav.physics.blocks import (
 )
 from mcnav.physics.ins.error_filter import NAVIGATION
 from mcnav.physics.ins.step_lanes import SHORT
-from mcnav.physics.jit import allocation_free, allocation_free_part, inlined
+from mcnav.physics.jit import allocation_free, allocation_free_part
 from mcnav.physics.vectors import (
     PARTS,
     Rooms,
@@ -270,7 +270,7 @@ def parts_first(lanes: Array, *shape: int) -> Array:
     return lanes.reshape(PARTS, *shape, lanes.size // (PARTS * int(np.prod(shape))))
 
 
-@inlined
+@allocation_free_part
 def _own_rows(rows: Array, t: int, c: int, j: int) -> Block:
     """Return the responses of three components of the samples of a part to three states of navigation."""
     a, b, d = THREE * c, THREE * c + 1, THREE * c + 2
@@ -282,7 +282,7 @@ def _own_rows(rows: Array, t: int, c: int, j: int) -> Block:
     )  # fmt: skip
 
 
-@inlined
+@allocation_free_part
 def _store_root(root: Array, t: int, c: int, e: int, x: Block) -> None:
     """Write a block of the innovations' covariance to where its Cholesky factor will be."""
     for i in range(THREE):
@@ -380,7 +380,7 @@ def factor_innovations(u: int, m: int, variances: Array, sound: Array, cause: Ar
             store(root, (c, e), 0.0)
 
 
-@inlined
+@allocation_free_part
 def _root_block(root: Array, t: int, c: int, e: int) -> Block:
     """Return a block of the innovations' Cholesky factor below its diagonal blocks."""
     a, b, d = THREE * c, THREE * c + 1, THREE * c + 2
@@ -392,7 +392,7 @@ def _root_block(root: Array, t: int, c: int, e: int) -> Block:
     )  # fmt: skip
 
 
-@inlined
+@allocation_free_part
 def _divide_by_root(x: Block, root: Array, inverse: Array, t: int, c: int) -> Block:
     """Compute ``X L^-T`` with a diagonal block L of the innovations' Cholesky factor."""
     a = THREE * c
@@ -449,7 +449,7 @@ def _reduce(m: int, t: int, tables: FilterSteps, filters: Covariances) -> None:
                 store_symmetric(p, t, r, j, choose(load_numbers(tables.changes, (r, j)), x, load_block(p, (t, r, j))))
 
 
-@inlined
+@allocation_free_part
 def _divide_by_transposed_root(x: Block, root: Array, inverse: Array, t: int, c: int) -> Block:
     """Compute ``X L^-1`` with a diagonal block L of the innovations' Cholesky factor."""
     a = THREE * c

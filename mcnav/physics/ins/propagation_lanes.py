@@ -24,27 +24,27 @@ from mcnav.physics.blocks import (
     transpose,
 )
 from mcnav.physics.ins.filter_lanes import Covariances, FilterSteps
-from mcnav.physics.jit import allocation_free_part, inlined
+from mcnav.physics.jit import allocation_free_part
 from mcnav.physics.vectors import PARTS, Vector, load_part, store_part
 
 PSI, VELOCITY, POSITION = 0, 1, 2
 """Places of the blocks of navigation."""
 
 
-@inlined
+@allocation_free_part
 def _turn_rows(turned: Block, b: Block) -> Block:
     """Compute ``R B``, with R - I."""
     return add_product(b, turned, b)
 
 
-@inlined
+@allocation_free_part
 def _turn_both(turned: Block, b: Block) -> Block:
     """Compute ``R B R^T``, with R - I."""
     a = add_product(b, turned, b)
     return add_product(a, a, transpose(turned))
 
 
-@inlined
+@allocation_free_part
 def _part_of_rows(rows: Array, t: int) -> Block:
     """Return the part t of nine rows of lanes, shape (9, PARTS, PART)."""
     return (
@@ -54,7 +54,7 @@ def _part_of_rows(rows: Array, t: int) -> Block:
     )  # fmt: skip
 
 
-@inlined
+@allocation_free_part
 def _indicated_force(thrust: Array, k: int, half: int, response: Block) -> tuple[Vector, Vector, Vector]:
     """Compute the error of the force's integral that a sample indicates in step k: of the velocity or the position."""
     at = THREE * half
@@ -68,7 +68,7 @@ def _indicated_force(thrust: Array, k: int, half: int, response: Block) -> tuple
     )
 
 
-@inlined
+@allocation_free_part
 def _turned_force(thrust: Array, k: int, half: int, turned: Block, response: Block) -> tuple[Vector, Vector, Vector]:
     """Compute the force's integral as a sample indicates it."""
     x, y, z = _indicated_force(thrust, k, half, response)
@@ -90,7 +90,7 @@ def _turn_couplings(k: int, t: int, tables: FilterSteps, turned: Array, filters:
             store_block(filters.coupled, (r, s), _turn_rows(rotation, load_numbers(tables.coupling, (k, r, s))))
 
 
-@inlined
+@allocation_free_part
 def _add_force(x: Block, force: Array, half: int, b: Block) -> Block:
     """Compute ``X + psi x f`` for columns of psi, with a force of `Covariances`."""
     fx, fy, fz = load_part(force, (half, 0)), load_part(force, (half, 1)), load_part(force, (half, 2))
@@ -101,7 +101,7 @@ def _add_force(x: Block, force: Array, half: int, b: Block) -> Block:
     )  # fmt: skip
 
 
-@inlined
+@allocation_free_part
 def _add_states(x: Block, t: int, r: int, c: int, states: IndexArray, filters: Covariances) -> Block:
     """Add to column c what the other states contribute to psi, v or x."""
     for s in states:
@@ -109,7 +109,7 @@ def _add_states(x: Block, t: int, r: int, c: int, states: IndexArray, filters: C
     return x
 
 
-@inlined
+@allocation_free_part
 def _change_velocity(k: int, t: int, c: int, tables: FilterSteps, filters: Covariances) -> Block:
     """Compute what the velocity gains in a step, from the position in the middle: column c of its covariance."""
     x = multiply(load_numbers(tables.motion, (k, 0, POSITION)), load_symmetric(filters.p, t, POSITION, c))
@@ -117,7 +117,7 @@ def _change_velocity(k: int, t: int, c: int, tables: FilterSteps, filters: Covar
     return _add_states(x, t, VELOCITY, c, tables.moving, filters)
 
 
-@inlined
+@allocation_free_part
 def _change_position(k: int, t: int, c: int, tables: FilterSteps, filters: Covariances) -> Block:
     """Compute what the position gains in the second half of a step: column c of its covariance."""
     x = scale(load_symmetric(filters.p, t, VELOCITY, c), 0.5 * tables.durations[k])
@@ -127,7 +127,7 @@ def _change_position(k: int, t: int, c: int, tables: FilterSteps, filters: Covar
     return x
 
 
-@inlined
+@allocation_free_part
 def _change_psi(t: int, c: int, tables: FilterSteps, filters: Covariances) -> Block:
     """Compute what psi gains in a step: column c of its covariance."""
     x = scale(load_symmetric(filters.p, t, PSI, c), 0.0)
