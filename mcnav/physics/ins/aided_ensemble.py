@@ -479,7 +479,7 @@ def simulate_aided(
     disturbed_together = int(np.diff(blocks).max())
     keep = Store()
     deviations = deviations_of(len(active), len(shared.sizes), keep)
-    filtered = estimates_of(states, len(active_aiding), components, len(loop.sensors), keep)
+    filtered = estimates_of(states, len(active_aiding), components, len(loop.sensors), keep, keep if drifting else room)
     covariances = room(9 + states, 9 + states)
     rooms = _LaneRooms(
         deviations,

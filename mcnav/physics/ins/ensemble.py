@@ -282,7 +282,7 @@ def _simulate(
     sound, width = np.empty(len(errors), dtype=np.bool_), tables.factors.shape[1]
     keep = Store()
     lanes = _LaneRooms(
-        deviations_of(len(active), len(tables.sizes), keep), room(max(STEPS_OF_BLOCK * width, len(tables.sizes))),
+        deviations_of(len(active), len(tables.sizes), keep, keep), room(max(STEPS_OF_BLOCK * width, len(tables.sizes))),
         np.zeros((1, LANES), dtype=np.uint64), room(LOCAL), room(9), room(9),
         sample_groups(len(errors), keep),
     )  # fmt: skip

@@ -104,17 +104,19 @@ class Deviations(NamedTuple):
     last: Array
 
 
-def deviations_of(errors: int, biases: int, keep: Rooms = room) -> Deviations:
+def deviations_of(errors: int, biases: int, keep: Rooms = room, started: Rooms = room) -> Deviations:
     """Return room for samples with a number of constant errors and of biases of processes.
 
     Parameters
     ----------
     keep : callable
         Makes the rooms that outlast a step.
+    started : callable
+        Makes those that `start` fills: the same, unless each block of steps begins with it.
     """
     return Deviations(
-        keep(4), keep(6), keep(9), keep(3), keep(3), keep(errors), keep(biases), room(9), room(9), keep(1), room(2),
-        room(6), room(3), room(3), room(3),
+        keep(4), keep(6), keep(9), started(3), started(3), keep(errors), keep(biases), room(9), room(9), keep(1),
+        room(2), room(6), room(3), room(3), room(3),
     )  # fmt: skip
 
 

@@ -113,17 +113,21 @@ class Estimates(NamedTuple):
     tally: Array
 
 
-def estimates_of(states: int, aiding: int, components: int, sensors: int, keep: Rooms = room) -> Estimates:
+def estimates_of(
+    states: int, aiding: int, components: int, sensors: int, keep: Rooms = room, drifting: Rooms = room
+) -> Estimates:
     """Return room for estimates.
 
     Parameters
     ----------
     keep : callable
         Makes the rooms that outlast an update.
+    drifting : callable
+        Makes those of correlated errors: the same, unless there are none.
     """
     return Estimates(
-        keep(states), keep(aiding), keep(components), keep(components), room(SIX), room(SIX), room(SIX), room(3),
-        room(1), keep(sensors, SIX), keep(sensors, COUNTS),
+        keep(states), keep(aiding), drifting(components), drifting(components), room(SIX), room(SIX), room(SIX),
+        room(3), room(1), keep(sensors, SIX), keep(sensors, COUNTS),
     )  # fmt: skip
 
 
