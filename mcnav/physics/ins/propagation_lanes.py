@@ -7,6 +7,8 @@ gravity changes within it is 3e-6 h^2 / 6 of its effect, at most 2e-6.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from mcnav._types import Array, IndexArray
 from mcnav.physics.blocks import (
     THREE,
@@ -110,6 +112,12 @@ def _add_states(x: Block, t: int, r: int, c: int, states: IndexArray, filters: C
 
 
 @allocation_free_part
+def _move_position(k: int, t: int, c: int, tables: FilterSteps, filters: Covariances) -> Block:
+    """Compute what the position gains in the first half of a step: column c of its covariance."""
+    return scale(load_symmetric(filters.p, t, VELOCITY, c), 0.5 * tables.durations[k])
+
+
+@allocation_free_part
 def _change_velocity(k: int, t: int, c: int, tables: FilterSteps, filters: Covariances) -> Block:
     """Compute what the velocity gains in a step, from the position in the middle: column c of its covariance."""
     x = multiply(load_numbers(tables.motion, (k, 0, POSITION)), load_symmetric(filters.p, t, POSITION, c))
@@ -120,7 +128,7 @@ def _change_velocity(k: int, t: int, c: int, tables: FilterSteps, filters: Covar
 @allocation_free_part
 def _change_position(k: int, t: int, c: int, tables: FilterSteps, filters: Covariances) -> Block:
     """Compute what the position gains in the second half of a step: column c of its covariance."""
-    x = scale(load_symmetric(filters.p, t, VELOCITY, c), 0.5 * tables.durations[k])
+    x = _move_position(k, t, c, tables, filters)
     x = _add_force(x, filters.force, 1, load_symmetric(filters.p, t, PSI, c))
     if tables.uneven[k]:
         x = _add_states(x, t, POSITION, c, tables.moving, filters)
@@ -128,20 +136,35 @@ def _change_position(k: int, t: int, c: int, tables: FilterSteps, filters: Covar
 
 
 @allocation_free_part
-def _change_psi(t: int, c: int, tables: FilterSteps, filters: Covariances) -> Block:
+def _change_psi(k: int, t: int, c: int, tables: FilterSteps, filters: Covariances) -> Block:
     """Compute what psi gains in a step: column c of its covariance."""
     x = scale(load_symmetric(filters.p, t, PSI, c), 0.0)
     return _add_states(x, t, PSI, c, tables.turning, filters)
 
 
+Gain = Callable[[int, int, int, FilterSteps, Covariances], Block]
+
+
+@allocation_free_part
+def _shear(gain: Gain, row: int, k: int, t: int, tables: FilterSteps, filters: Covariances) -> None:
+    """Add to psi, v or x a linear function of the rest: ``P' = (I + E) P (I + E)^T``.
+
+    The row's own block has ``E P`` before and ``P' E^T`` after its other blocks.
+    """
+    p = filters.p
+    store_symmetric(p, t, row, row, add(load_block(p, (t, row, row)), gain(k, t, row, tables, filters)))
+    for c in range(p.shape[1]):
+        if c != row:
+            x = gain(k, t, c, tables, filters)
+            store_symmetric(p, t, row, c, add(load_symmetric(p, t, row, c), x))
+    x = transpose(gain(k, t, row, tables, filters))
+    store_symmetric(p, t, row, row, add(load_block(p, (t, row, row)), x))
+
+
 @allocation_free_part
 def _propagate_short(k: int, t: int, tables: FilterSteps, turned: Array, response: Array, filters: Covariances) -> None:
-    """Take the covariances of part t over a short step.
-
-    Each of four parts of the step adds to one of psi, v, x a linear function of the rest, ``P' = (I + E) P (I + E)^T``.
-    A row's own block has ``E P`` before and ``P' E^T`` after its other blocks.
-    """
-    p, half, n = filters.p, 0.5 * tables.durations[k], filters.p.shape[1]
+    """Take the covariances of part t over a short step: four shears, of the position, v, the position and psi."""
+    half = 0.5 * tables.durations[k]
     rotation, of_errors = _part_of_rows(turned, t), _part_of_rows(response, t)
     x, y, z = _turned_force(tables.thrust, k, 0, rotation, of_errors)
     u, v, w = _turned_force(tables.thrust, k, 1, rotation, of_errors)
@@ -151,39 +174,10 @@ def _propagate_short(k: int, t: int, tables: FilterSteps, turned: Array, respons
     store_part(filters.force, (1, 0), u - half * x)
     store_part(filters.force, (1, 1), v - half * y)
     store_part(filters.force, (1, 2), w - half * z)
-    x = load_symmetric(p, t, VELOCITY, POSITION)
-    store_symmetric(p, t, POSITION, POSITION, add(load_block(p, (t, POSITION, POSITION)), scale(x, half)))
-    for c in range(n):
-        if c != POSITION:
-            x = scale(load_symmetric(p, t, VELOCITY, c), half)
-            store_symmetric(p, t, POSITION, c, add(load_symmetric(p, t, POSITION, c), x))
-    x = transpose(scale(load_symmetric(p, t, VELOCITY, POSITION), half))
-    store_symmetric(p, t, POSITION, POSITION, add(load_block(p, (t, POSITION, POSITION)), x))
-
-    x = _change_velocity(k, t, VELOCITY, tables, filters)
-    store_symmetric(p, t, VELOCITY, VELOCITY, add(load_block(p, (t, VELOCITY, VELOCITY)), x))
-    for c in range(n):
-        if c != VELOCITY:
-            x = _change_velocity(k, t, c, tables, filters)
-            store_symmetric(p, t, VELOCITY, c, add(load_symmetric(p, t, VELOCITY, c), x))
-    x = transpose(_change_velocity(k, t, VELOCITY, tables, filters))
-    store_symmetric(p, t, VELOCITY, VELOCITY, add(load_block(p, (t, VELOCITY, VELOCITY)), x))
-
-    x = _change_position(k, t, POSITION, tables, filters)
-    store_symmetric(p, t, POSITION, POSITION, add(load_block(p, (t, POSITION, POSITION)), x))
-    for c in range(n):
-        if c != POSITION:
-            x = _change_position(k, t, c, tables, filters)
-            store_symmetric(p, t, POSITION, c, add(load_symmetric(p, t, POSITION, c), x))
-    x = transpose(_change_position(k, t, POSITION, tables, filters))
-    store_symmetric(p, t, POSITION, POSITION, add(load_block(p, (t, POSITION, POSITION)), x))
-
-    x = _change_psi(t, PSI, tables, filters)
-    store_symmetric(p, t, PSI, PSI, add(load_block(p, (t, PSI, PSI)), x))
-    for c in range(1, n):
-        store_symmetric(p, t, PSI, c, add(load_symmetric(p, t, PSI, c), _change_psi(t, c, tables, filters)))
-    x = transpose(_change_psi(t, PSI, tables, filters))
-    store_symmetric(p, t, PSI, PSI, add(load_block(p, (t, PSI, PSI)), x))
+    _shear(_move_position, POSITION, k, t, tables, filters)
+    _shear(_change_velocity, VELOCITY, k, t, tables, filters)
+    _shear(_change_position, POSITION, k, t, tables, filters)
+    _shear(_change_psi, PSI, k, t, tables, filters)
 
 
 @allocation_free_part
