@@ -19,6 +19,8 @@ from typing import Any, TypeVar, cast
 
 import numba
 
+from mcnav.physics.parts import PartCompiler, give_entry
+
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
@@ -35,7 +37,8 @@ def _compile(function: Function, **options: Any) -> Function:
 
     It has no second entry for callers written in C, whom there are none: that takes a tenth of the time.
     """
-    dispatcher = numba.njit(cache=True, error_model="numpy", nogil=True, no_cfunc_wrapper=True, **options)(function)
+    usual = {"cache": True, "error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
+    dispatcher = numba.njit(**(usual | options))(function)
     stored = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
     if stored is not None:
         stored._source_stamp = (*stored._source_stamp, sources_digest())
@@ -64,12 +67,15 @@ def allocation_free(function: Function) -> Function:
 
 
 def allocation_free_part(function: Function) -> Function:
-    """Compile a function that is `allocation_free` as a part of its callers.
+    """Compile a function that is `allocation_free` as a part of its callers (`mcnav.physics.parts`).
 
     A call would copy the descriptions of all arrays that it is given, a hundred numbers and more.
     Unlike `inlined`, its body is typed and lowered once, not wherever it is called.
     """
-    return _compile(function, fastmath={"contract"}, _nrt=False, forceinline=True)
+    options = {"fastmath": {"contract"}, "_nrt": False, "forceinline": True}
+    part = _compile(function, pipeline_class=PartCompiler, cache=False, no_cpython_wrapper=True, **options)
+    give_entry(part, cache(lambda: _compile(function, **options)))
+    return part
 
 
 def allocation_free_uncontracted(function: Function) -> Function:

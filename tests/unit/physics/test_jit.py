@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from numba import types
 
-from mcnav.physics.jit import compiled
+from mcnav.physics.jit import allocation_free_part, compiled
 from tests.processes import run_to_end
 
 CODE = """
@@ -46,3 +46,22 @@ def test_constants_have_no_version_of_their_own() -> None:
         _double.get_call_template((argument,), {})
     assert _double(4) == 8
     assert len(_double.signatures) == 1
+
+
+@allocation_free_part
+def _treble(number: float) -> float:
+    return 3.0 * number
+
+
+@compiled
+def _add_treble(number: float) -> float:
+    return number + _treble(number)
+
+
+def test_a_part_has_no_machine_code_of_its_own() -> None:
+    """Its caller contains it; Python may call it all the same."""
+    assert _add_treble(2.0) == 8.0
+    for function, has_code in ((_treble, False), (_add_treble, True)):
+        (found,) = function.overloads.values()
+        assert bool(found.library.get_pointer_to_function(found.fndesc.llvm_func_name)) == has_code
+    assert _treble(2.0) == 6.0
