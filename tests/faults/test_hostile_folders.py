@@ -224,6 +224,15 @@ def test_escapes_do_not_reach_the_terminal(base: Path, place: Path) -> None:
     assert "\x1b" not in done.stdout
 
 
+def test_half_of_a_surrogate_pair(place: Path) -> None:
+    """JSON can escape it, where UTF-8 has no bytes for it: no manifest of this program has one."""
+    run = place / "hostile" / "run"
+    sign(run, lambda manifest: manifest.update({"\ud800": "\ud800"}))
+    assert b'"\\ud800": "\\ud800"' in (run / "manifest.json").read_bytes()
+    for command in READERS:
+        assert "manifest.json: is damaged or was edited" in refuse(command, place)
+
+
 def _trajectory(named: str) -> str:
     return f'samples = 70\n[scenario]\ntype = "ins"\ntrajectory = "{named}"\n[errors]\nposition = "5 m"\n'
 

@@ -12,7 +12,7 @@ from typing import Any, Final
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from mcnav.files import parquet_bytes
+from mcnav.files import indented_json, parquet_bytes, to_json
 from mcnav.store.manifest import json_digest
 from mcnav.store.run_folder import RunFolder
 
@@ -74,7 +74,7 @@ VALUES: Final[tuple[Any, ...]] = (
     {"": 0},
     "1",
     [0.0] * 5_000,
-    *NAMES[:8],
+    *NAMES[:10],
 )
 """What is put in place of a value of a manifest or summary."""
 
@@ -91,7 +91,13 @@ def sign(folder: Path, change: Callable[[dict[str, Any]], object]) -> None:
     except (ValueError, AttributeError):
         return
     change(content)
-    RunFolder(folder).write_json(path.name, content | {"checksum": json_digest(content)})
+    RunFolder(folder).write(path.name, encoded_json(content | {"checksum": json_digest(content)}))
+
+
+def encoded_json(content: dict[str, Any]) -> bytes:
+    """Format a JSON file as the program does; half a surrogate pair, which UTF-8 has no bytes for, is escaped."""
+    text = indented_json(to_json(content), ensure_ascii=False, allow_nan=False) + "\n"
+    return text.encode("utf-8", "backslashreplace")
 
 
 def places_in(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:

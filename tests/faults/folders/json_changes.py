@@ -11,7 +11,7 @@ from typing import Any
 import pyarrow.parquet as pq
 
 from mcnav.store.manifest import json_digest
-from tests.faults.folders.content import NAMES, VALUES, places_in, set_at, sign, store
+from tests.faults.folders.content import NAMES, VALUES, encoded_json, places_in, set_at, sign, store
 from tests.faults.folders.runs import Outside
 
 
@@ -174,9 +174,7 @@ def renamed(chance: random.Random, folder: Path, outside: Outside) -> None:
         if name == "manifest.json":
             content.pop("checksum", None)
             content["checksum"] = json_digest(content)
-        (folder / name).write_bytes(
-            (json.dumps(content, indent=1, ensure_ascii=False) + "\n").encode("utf-8", "replace")
-        )
+        (folder / name).write_bytes(encoded_json(content))
     for path in sorted(folder.rglob("*.parquet")):
         table = pq.read_table(path)
         with_names = [printable_name(name.replace(old, new)) for name in table.column_names]
