@@ -32,6 +32,7 @@ from mcnav.execution.runner import ChunkExecutor
 from mcnav.files import write_whole
 from mcnav.store.chunk_files import ChunkFile, chunk_name
 from mcnav.store.run_folder import RunFolder
+from mcnav.units import printable
 
 JOBS: Final = 2
 """Default number of workers."""
@@ -290,7 +291,15 @@ def _made(distributed: ModuleType, workers: int) -> Iterator[str]:
     with (
         _scratch() as (folder, held),
         dask.config.set(settings | {"temporary-directory": folder, "mcnav": {"held": held}}),
-        distributed.LocalCluster(
+        _started(distributed, workers) as made,
+    ):
+        yield str(made.scheduler_address)
+
+
+def _started(distributed: ModuleType, workers: int) -> Any:
+    """Start a scheduler and its workers; `ClusterError` when one of them ends before it is ready."""
+    try:
+        return distributed.LocalCluster(
             n_workers=workers,
             threads_per_worker=1,
             processes=True,
@@ -300,9 +309,11 @@ def _made(distributed: ModuleType, workers: int) -> Iterator[str]:
             silence_logs=logging.CRITICAL,
             scheduler_kwargs={"allowed_failures": DEATHS, "dashboard": False, "dashboard_address": "127.0.0.1:0"},
             preload=["mcnav.execution.dask_worker"],
-        ) as made,
-    ):
-        yield str(made.scheduler_address)
+        )
+    except (RuntimeError, OSError) as failure:
+        told = printable(str(failure.__cause__ or failure), 200)
+        remedy = "the same command tries again, fewer workers need less memory"
+        raise ClusterError(f"--dask {workers}: the cluster could not be started: {told}; {remedy}") from None
 
 
 class _Held:

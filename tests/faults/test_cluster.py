@@ -8,10 +8,13 @@ import shutil
 import signal
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import replace
+from multiprocessing import active_children
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -253,6 +256,26 @@ def test_refusals(cluster: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
         patch.setattr(clusters, "_wanted", elsewhere)
         assert "does not see /nowhere/samples; the run folder must be shared" in refused(*there)
+
+
+def _kill_first_child(others: Collection[Any]) -> None:
+    first = wait_for(lambda: [child.pid for child in active_children() if child not in others and child.pid])[0]
+    os.kill(first, signal.SIGKILL)
+
+
+def test_a_worker_that_ends_before_it_is_ready(tmp_path: Path) -> None:
+    """One line; the campaign is not begun, and nobody is left."""
+    path, before = write_campaign(tmp_path, ""), active_children()
+    with ThreadPoolExecutor(1) as threads:
+        killed = threads.submit(_kill_first_child, before)
+        done = mcnav_run(path, "--dask", 2, "--out", tmp_path / "run")
+        killed.result()
+    assert done.exit_code == 2, done.output
+    assert done.stderr.startswith("error: --dask 2: the cluster could not be started: ")
+    assert done.stderr.endswith("; the same command tries again, fewer workers need less memory\n")
+    assert done.stderr.count("\n") == 1
+    assert set(active_children()) <= set(before)
+    assert not (tmp_path / "run").exists()
 
 
 def test_the_library_is_imported_for_clusters_alone() -> None:
