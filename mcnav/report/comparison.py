@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -30,6 +31,9 @@ NAN: Final = float("nan")
 NOTHING: Final = Change(NAN, NAN, NAN, (NAN, NAN), Estimate(NAN, NAN, 0.0), False)
 MARKS: Final = ("dot", "square", "triangle", "ring", "box")
 """Marker shapes of runs, besides their colours."""
+
+MOST_INPUTS: Final = 1_000
+"""Inputs that differ that are listed: a stranger's manifest may have a million."""
 
 
 @dataclass(frozen=True)
@@ -66,11 +70,14 @@ class Row:
 
 
 def inputs(manifests: Sequence[Manifest]) -> pd.DataFrame:
-    """Tabulate the inputs that differ between runs: one row per key of the campaign, one column per run."""
+    """Tabulate the inputs that differ between runs: one row per key of the campaign, one column per run.
+
+    A last row says how many there are beyond `MOST_INPUTS`.
+    """
     import pandas as pd  # slow to import: a fifth of a second
 
     flat = [
-        _flat(each.campaign)
+        dict(_flat(each.campaign))
         | {"engine": each.engine}
         | ({} if each.revision is None else {"revision": str(each.revision)})
         | {f"version of {name}": text for name, text in each.versions.items()}
@@ -81,20 +88,26 @@ def inputs(manifests: Sequence[Manifest]) -> pd.DataFrame:
         key: [each.get(key, ABSENT) for each in flat] for key in dict.fromkeys(key for each in flat for key in each)
     }
     changed = {key: values for key, values in rows.items() if key != "name" and len(set(values)) > 1}
+    if (more := len(changed) - MOST_INPUTS) > 0:
+        changed = dict(islice(changed.items(), MOST_INPUTS)) | {f"and {more:,} more": [""] * len(manifests)}
     return pd.DataFrame.from_dict(changed, orient="index", columns=range(len(manifests)))
 
 
-def _flat(value: Any, prefix: str = "") -> dict[str, str]:
+def _flat(value: Any, prefix: str = "") -> Iterator[tuple[str, str]]:
     """Flatten nested tables; keys are joined by dots.
 
-    >>> _flat({"errors": {"altitude": "5 km"}, "samples": 20})
+    >>> dict(_flat({"errors": {"altitude": "5 km"}, "samples": 20}))
     {'errors.altitude': '5 km', 'samples': '20'}
     """
     if isinstance(value, Mapping):
-        return {key: leaf for name, entry in value.items() for key, leaf in _flat(entry, f"{prefix}{name}.").items()}
-    if isinstance(value, list) and any(isinstance(entry, Mapping) for entry in value):
-        return {key: leaf for at, entry in enumerate(value) for key, leaf in _flat(entry, f"{prefix}{at + 1}.").items()}
-    return {prefix.removesuffix("."): str(value)}
+        entries: Iterable[tuple[Any, Any]] = value.items()
+    elif isinstance(value, list) and any(isinstance(entry, Mapping) for entry in value):
+        entries = enumerate(value, 1)
+    else:
+        yield prefix.removesuffix("."), str(value)
+        return
+    for key, entry in entries:
+        yield from _flat(entry, f"{prefix}{key}.")
 
 
 def outputs(rows: Sequence[Row], titles: Sequence[str]) -> pd.DataFrame:

@@ -136,12 +136,26 @@ def _harmless(cell: Any) -> Any:
 
 
 def as_json(tables: Mapping[str, Any]) -> str:
-    """Write tables by name as JSON in full precision; unknown values are null.
+    r"""Write tables by name as JSON in full precision; unknown values are null.
+
+    What is not printable is escaped: JSON itself leaves characters that a terminal obeys.
 
     >>> as_json({"outputs": [{"sigma": float("nan")}]}).split()
     ['{', '"outputs":', '[', '{', '"sigma":', 'null', '}', ']', '}']
+    >>> as_json({"\u202e": "\x9b31m"}).split()
+    ['{', '"\\u202e":', '"\\u009b31m"', '}']
     """
-    return json.dumps(_finite(tables), indent=2, ensure_ascii=False) + "\n"
+    lines = json.dumps(_finite(tables), indent=2, ensure_ascii=False).split("\n")
+    shown = (line if line.isprintable() else "".join(map(_escaped, line)) for line in lines)
+    return "\n".join(shown) + "\n"
+
+
+def _escaped(character: str) -> str:
+    """Escape a character of JSON that is not printable."""
+    if character.isprintable():
+        return character
+    units = character.encode("utf-16-be", "surrogatepass").hex()
+    return "".join(f"\\u{units[at : at + 4]}" for at in range(0, len(units), 4))
 
 
 def _finite(value: Any) -> Any:

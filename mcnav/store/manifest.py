@@ -21,6 +21,7 @@ from pydantic import (
     Field,
     GetCoreSchemaHandler,
     ValidationError,
+    field_validator,
     model_validator,
 )
 from pydantic_core import CoreSchema, core_schema
@@ -35,6 +36,9 @@ from mcnav.store.chunk_files import MOST_SAMPLES, ChunkFile, Count, Digest, Samp
 
 FORMAT: Final = 1
 """Counts the changes after which an earlier program cannot read a manifest."""
+
+MOST_KEYS: Final = 250_000
+"""Keys of a campaign: a file of a million bytes, the longest that is read, cannot have more."""
 
 Positive = Annotated[float, Field(ge=0.0)]
 Share = Annotated[float, Field(gt=0.0, lt=1.0)]
@@ -239,6 +243,21 @@ class FileRecord(Record):
     setting: Words | None = None
 
 
+def _count_keys(value: Any) -> int:
+    """Count the keys of nested tables.
+
+    >>> _count_keys({"errors": {"altitude": "5 km"}, "aiding": [{"type": "gnss"}]})
+    4
+    """
+    counted, left = 0, [value]
+    while left:
+        each = left.pop()
+        table = isinstance(each, dict)
+        counted += len(each) if table else 0
+        left += [entry for entry in (each.values() if table else each) if isinstance(entry, (dict, list))]
+    return counted
+
+
 class Identity(Record):
     """Everything that a run's numbers depend on; see `mcnav.execution.identity`."""
 
@@ -251,6 +270,13 @@ class Identity(Record):
     revision: int | None = None
     code: CodeRecord | None = None
     files: dict[Words, Digest] = {}
+
+    @field_validator("campaign")
+    @classmethod
+    def _bounded(cls, campaign: dict[str, Any]) -> dict[str, Any]:
+        if _count_keys(campaign) > MOST_KEYS:
+            raise ValueError(f"has more than {MOST_KEYS:,} keys")
+        return campaign
 
     @property
     def digest(self) -> str:

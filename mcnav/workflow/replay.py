@@ -11,7 +11,7 @@ import numpy as np
 from mcnav._threads import one_thread
 from mcnav.config.context import EarlierFile
 from mcnav.config.read import Campaign, read_campaign
-from mcnav.errors import CampaignError, Problem, RunFolderError, shortened
+from mcnav.errors import CampaignError, Problem, RunFolderError, reading_file, shortened
 from mcnav.execution.chunks import DrawPlan
 from mcnav.execution.identity import chunk_digest, identity_of
 from mcnav.execution.processes import IsolatedEngine, end_workers
@@ -41,7 +41,7 @@ from mcnav.store.chunk_files import (
 )
 from mcnav.store.inputs import INPUTS
 from mcnav.store.manifest import Manifest
-from mcnav.store.run_folder import CAMPAIGN, RunFolder
+from mcnav.store.run_folder import CAMPAIGN, MANIFEST, RunFolder
 from mcnav.store.summaries import STORED_ROWS, SUMMARY, summary_chunk
 
 STORED: Final = "stored"
@@ -137,7 +137,9 @@ def as_stored(found: Replay) -> bool:
 def _campaign_of(folder: RunFolder, manifest: Manifest, file: Path | None) -> tuple[Campaign, str]:
     """Read the campaign of a run and its engine's name; refuse a campaign that is not the run's."""
     then = manifest.identity
-    given = {key: then.campaign[key] for key in ("samples", "seed")} | {"store": then.campaign.get("store", "samples")}
+    with reading_file(folder.path / MANIFEST):
+        given = {key: then.campaign[key] for key in ("samples", "seed")}
+    given["store"] = then.campaign.get("store", "samples")
     if file is None:
         folder.campaign()  # refuses a pipe, which may have no end
     path = folder.path / CAMPAIGN if file is None else file

@@ -18,8 +18,10 @@ import pytest
 
 from mcnav.errors import RunFolderError
 from mcnav.files import parquet_bytes
+from mcnav.report.comparison import MOST_INPUTS
 from mcnav.store import chunk_files
 from mcnav.store.chunk_files import MOST_PARTS, table_from
+from mcnav.store.manifest import MOST_KEYS
 from mcnav.store.run_folder import MOST_ENTRIES, RunFolder
 from tests.commands import invoke
 from tests.faults.folders.content import sign
@@ -222,6 +224,44 @@ def test_escapes_do_not_reach_the_terminal(base: Path, place: Path) -> None:
     done = invoke("compare", base / "runs" / "summary", place / "hostile" / "run", cwd=place)
     assert "\\x1b[31mred\\u202e" in done.stdout
     assert "\x1b" not in done.stdout
+
+
+def _inputs_as_json(base: Path, place: Path) -> list[dict[str, Any]]:
+    """Compare with a sound run; return the rows of inputs, which are printed without what a terminal obeys."""
+    done = invoke("compare", base / "runs" / "summary", place / "hostile" / "run", "--format", "json", cwd=place)
+    assert done.returncode == 0, done.stderr
+    assert all(line.isprintable() for line in done.stdout.split("\n"))
+    return list(json.loads(done.stdout)["inputs"])
+
+
+def test_escapes_in_json(base: Path, place: Path) -> None:
+    run, note = place / "hostile" / "run", "\x1b[31m\x9bred\u202e\U000e0001"
+    sign(run, lambda manifest: manifest["identity"]["campaign"].update(note=note))
+    (row,) = _inputs_as_json(base, place)
+    assert (row["key"], row[str(run)]) == ("note", note)
+
+
+def test_inputs_beyond_number(base: Path, place: Path) -> None:
+    """The first thousand that differ are listed."""
+    more = {f"k{number}": number for number in range(MOST_INPUTS + 200)}
+    sign(place / "hostile" / "run", lambda manifest: manifest["identity"]["campaign"].update(more=more))
+    rows = _inputs_as_json(base, place)
+    assert len(rows) == MOST_INPUTS + 1
+    assert rows[-2]["key"] == f"more.k{MOST_INPUTS - 1}"
+    assert rows[-1]["key"] == "and 200 more"
+
+
+def test_keys_beyond_number(place: Path) -> None:
+    """More than fit into a campaign file; comparing a million of them takes a minute."""
+    more = {f"k{number}": number for number in range(MOST_KEYS)}
+    sign(place / "hostile" / "run", lambda manifest: manifest["identity"]["campaign"].update(more=more))
+    assert "(identity.campaign: has more than 250,000 keys)" in refuse("compare", place)
+
+
+@pytest.mark.parametrize("key", ["samples", "seed"])
+def test_a_replay_of_a_campaign_without(key: str, place: Path) -> None:
+    sign(place / "hostile" / "run", lambda manifest: manifest["identity"]["campaign"].pop(key))
+    assert f"manifest.json: is not as this program writes it (KeyError: '{key}')" in refuse("replay", place)
 
 
 def test_half_of_a_surrogate_pair(place: Path) -> None:
