@@ -395,6 +395,7 @@ def compare(
     from mcnav.errors import reading_file
     from mcnav.files import write_whole
     from mcnav.report import export, terminal
+    from mcnav.report.show import escaped
     from mcnav.workflow.analyse import summary_of
     from mcnav.workflow.compare import compare_runs
 
@@ -402,8 +403,9 @@ def compare(
     verdicts = []
     for name, summary in runs.items():
         with reading_file(Path(name) / "summary.json"):
-            terminal.comparison({name: summary})
-            verdicts.append((f"\n{name}: {summary['campaign']}", terminal.verdict(summary)))
+            runs[name] = shown = escaped(summary)
+            terminal.comparison({name: shown})
+            verdicts.append((f"\n{name}: {shown['campaign']}", terminal.verdict(shown)))
     several = len(folders) > 1
     found = compare_runs(folders) if several or html is not None else None
     console = out if form == "table" else err

@@ -153,8 +153,8 @@ def _join(names: Sequence[str]) -> str:
 def explanation(summary: Mapping[str, Any]) -> str:
     """Explain the verdict output by output, with numbers."""
     samples = summary["samples"] - summary["failed"]
-    limit = f"{100 * summary['tolerance']:g} %"
-    confidence = f"{100 * summary['confidence']:g} % confidence"
+    limit = f"{100.0 * summary['tolerance']:g} %"
+    confidence = f"{100.0 * summary['confidence']:g} % confidence"
     names = [humanize(output["name"]) for output in summary["outputs"]]
     if not summary["verdicts"]:
         return f"{samples:,} of {summary['samples']:,} samples succeeded, which is too few for a comparison."

@@ -72,6 +72,9 @@ MOST_ENTRIES: Final = 3_000_000
 READERS: Final = 2
 """Threads that read and verify sample files."""
 
+_SURROGATE: Final = re.compile(rb"\\u[dD][89a-fA-F]")
+"""Half of a surrogate pair as JSON escapes it; this program escapes none."""
+
 _REPLAY: Final = re.compile(r"replay_\d+\.(?:html|csv)")
 
 
@@ -221,6 +224,8 @@ class RunFolder:
             raise RunFolderError(f"{self.path / name}: has more than {MOST_ENTRIES:,} entries; {remedy}")
         try:
             content = json.loads(found.decode("utf-8"))
+            if _SURROGATE.search(found):
+                json.dumps(content, ensure_ascii=False).encode()  # half a pair alone cannot be encoded, nor printed
         except (ValueError, RecursionError):
             content = None
         if not isinstance(content, dict):

@@ -241,6 +241,23 @@ def test_escapes_in_json(base: Path, place: Path) -> None:
     assert (row["key"], row[str(run)]) == ("note", note)
 
 
+def test_escapes_in_csv(base: Path, place: Path) -> None:
+    """Names of a summary are not those of the manifest, which are checked."""
+    path = place / "hostile" / "run" / "summary.json"
+    path.write_text(path.read_text().replace('"name": "', '"name": "\x9b\u202e'))
+    done = invoke("compare", path.parent, "--format", "csv", cwd=place)
+    assert "\\x9b\\u202e" in done.stdout
+    assert all(line.isprintable() for line in done.stdout.split("\n"))
+
+
+@pytest.mark.parametrize("key", ["tolerance", "confidence"])
+def test_a_text_for_a_number(key: str, place: Path) -> None:
+    """It is not repeated a hundred times, which takes gigabytes when it is long."""
+    path = place / "hostile" / "run" / "summary.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {key: "x"}))
+    assert "summary.json: is not as this program writes it (TypeError: " in refuse("compare", place)
+
+
 def test_inputs_beyond_number(base: Path, place: Path) -> None:
     """The first thousand that differ are listed."""
     more = {f"k{number}": number for number in range(MOST_INPUTS + 200)}
@@ -265,12 +282,16 @@ def test_a_replay_of_a_campaign_without(key: str, place: Path) -> None:
 
 
 def test_half_of_a_surrogate_pair(place: Path) -> None:
-    """JSON can escape it, where UTF-8 has no bytes for it: no manifest of this program has one."""
+    """JSON can escape it, where UTF-8 has no bytes for it: no file of this program has one."""
     run = place / "hostile" / "run"
+    summary = run / "summary.json"
+    summary.write_text(summary.read_text().replace('"name": "altitude"', '"name": "\\ud800"'))
+    for command in ("show", "compare csv", "index"):
+        assert "summary.json: is damaged" in refuse(command, place)
     sign(run, lambda manifest: manifest.update({"\ud800": "\ud800"}))
     assert b'"\\ud800": "\\ud800"' in (run / "manifest.json").read_bytes()
     for command in READERS:
-        assert "manifest.json: is damaged or was edited" in refuse(command, place)
+        assert "manifest.json: is damaged" in refuse(command, place)
 
 
 def _trajectory(named: str) -> str:
