@@ -229,7 +229,7 @@ def test_a_correlated_error_of_a_sensor_keeps_its_variance(correlation_time: flo
 
 @pytest.mark.slow
 def test_matched_filter_is_consistent() -> None:
-    """NEES at the end and NIS of 30 samples within bounds of chi-square; each fails once in 10^4 correct engines.
+    """NEES at the end and NIS of 16 samples within bounds of chi-square; each fails once in 10^4 correct engines.
 
     Innovations of a matched filter are independent. What errors do beyond first order is of their size in radians,
     1e-4, and far within the bounds of ten per cent.
@@ -239,7 +239,7 @@ def test_matched_filter_is_consistent() -> None:
              "odometer_bias", "odometer_scale_factor", "compass_bias")  # fmt: skip
     model = matched(sensors, kinds, imu=UNIT)
     aided, generator = engine(flight(), model, 100.0), np.random.default_rng(11)
-    count, record = 30, schema(model)
+    count, record = 16, schema(model)
     records = np.stack([aided.simulate(drawn(model, generator), aided.draw(UNIT, 1963, n))[1] for n in range(count)])
     nees = np.sum(records[:, :, record.places["nees"]], axis=0)
     sizes = np.array(list(record.groups.values()))
@@ -254,7 +254,7 @@ def test_matched_filter_is_consistent() -> None:
         bound = stats.norm.isf(FALSE_ALARM / 2) / np.sqrt(lags * len(sensor.components))
         assert abs(lag / lags) <= bound
     within = np.mean(records[:, :, record.places["within_3"]])
-    assert within >= 0.98  # of 1,350, normal errors leave out 0.27 %
+    assert within >= 0.98  # of 720, normal errors leave out 0.27 %
 
 
 def test_estimates_take_the_errors_away() -> None:
