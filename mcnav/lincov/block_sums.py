@@ -77,6 +77,13 @@ class Normalization:
             Samples of the campaign.
         block_length : int
             Samples in an independent block of the design.
+
+        Examples
+        --------
+        Two outputs, of which the second has no dispersion:
+
+        >>> Normalization.of(np.eye(2), np.zeros(2), np.zeros(2), np.diag([4.0, 0.0]), 1_000, 1).scale
+        array([2., 1.])
         """
         sigma = np.sqrt(np.diag(covariance))
         scale = np.where(sigma > 0.0, sigma, 1.0)
