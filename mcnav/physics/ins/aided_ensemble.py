@@ -27,7 +27,6 @@ from mcnav.physics.ins.error_filter import NAVIGATION
 from mcnav.physics.ins.filter_consistency import COUNTS
 from mcnav.physics.ins.filter_lanes import (
     BEYOND,
-    SIX,
     SOUND,
     Covariances,
     FilterSteps,
@@ -537,8 +536,6 @@ def _begin(begin: int, size: int, given: _Given, samples: Deviations, own: Estim
     for sensor in range(len(own.tally)):
         for c in range(COUNTS):
             store(own.tally, (sensor, c), 0.0)
-        for c in range(SIX):
-            store(own.before, (sensor, c), 0.0)
 
 
 @allocation_free_part

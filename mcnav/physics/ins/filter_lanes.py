@@ -348,7 +348,7 @@ def project_along_samples(u: int, m: int, tables: FilterUpdates, filters: Covari
 def factor_innovations(u: int, m: int, variances: Array, sound: Array, cause: Array, filters: Covariances) -> None:
     """Compute the Cholesky factor of the innovations' covariance, ``H P H^T`` as projected and the measurements'.
 
-    What fills a block of components up is zero.
+    The inverse of what fills a block of components up is zero, as the responses are.
 
     Parameters
     ----------
@@ -376,8 +376,6 @@ def factor_innovations(u: int, m: int, variances: Array, sound: Array, cause: Ar
                 store(inverse, c, 1.0 / x)
     for c in range(m, THREE * ((m + 2) // THREE)):
         store(inverse, c, 0.0)
-        for e in range(c):
-            store(root, (c, e), 0.0)
 
 
 @allocation_free_part
