@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
+from math import prod
 
 import numpy as np
 import pytest
 from scipy import stats
 
 from mcnav._types import Array
+from mcnav.physics.ins import aided_ensemble
 from mcnav.physics.ins.aided_ensemble import simulate_aided
 from mcnav.physics.ins.aiding import Sensor
 from mcnav.physics.ins.filter_lanes import BEYOND, INDEFINITE
 from mcnav.physics.ins.instruments import Imu, Noise
+from mcnav.physics.vectors import room
 from mcnav.scenarios import aided
 from mcnav.scenarios.aided import WORDS, AidedEngine, AidedReferenceEngine
 from mcnav.scenarios.ins import Ins, Navigation
@@ -208,6 +211,21 @@ def test_bits_do_not_depend_on_the_batch() -> None:
         assert part.values.tobytes() == whole.values[rows].tobytes()
         assert part.filter_values is not None
         assert part.filter_values.tobytes() == whole.filter_values[rows].tobytes()
+
+
+def test_noise_of_measurements_takes_the_room_of_a_block_of_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever the length of the flight: all 300 measurements at once would take 1800 rows of lanes."""
+    rows = list[int]()
+
+    def recorded(*shape: int) -> Array:
+        rows.append(prod(shape))
+        return room(*shape)
+
+    made = engine()
+    monkeypatch.setattr(aided_ensemble, "room", recorded)
+    simulate(1, SIGMAS, 2, made)
+    assert rows
+    assert max(rows) < len(scenario().navigation.sensors[0].times)
 
 
 def test_a_gate_rejects_at_its_rate_and_counts_what_it_rejects() -> None:
