@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import openturns as ot
 import pytest
 
 from mcnav.analysis.budget import error_budget, largest_sigmas
-from mcnav.lincov.partials import SimulationFailed
-from mcnav.lincov.simulated_budget import simulate_each_source_alone
+from mcnav.execution.chunks import PROBES
+from mcnav.lincov.partials import QUICK, SimulationFailed
+from mcnav.lincov.simulated_budget import simulate_each_source_alone, simulated_budgets
 from mcnav.lincov.sobol import estimate_sobol_indices
 from mcnav.sampling.distributions import Fixed, Normal, Uniform
 from mcnav.sampling.error_model import Correlation, ErrorModel
@@ -41,6 +44,20 @@ def test_flights_of_a_linear_system_give_the_linear_budget(errors: ErrorModel, d
     np.testing.assert_allclose(found["alone"]["variance"], linear.shares * variances[:, None], atol=1e-12)
     np.testing.assert_allclose(found["without"]["variance"], (1.0 - linear.saved) * variances[:, None], atol=1e-12)
     assert np.max(found["alone"]["standard_error"]) < 1e-12
+
+
+@pytest.mark.parametrize("samples", [512, 5])
+def test_probes_are_the_first_draws_of_the_campaign(samples: int) -> None:
+    """So that they are those of its own engine, and none is prepared again; a slow one says why it has no budget."""
+    given = list[np.ndarray]()
+
+    def prepare(probes: np.ndarray) -> Any:
+        given.append(probes)
+        return SimpleNamespace(chunk=QUICK - 1)
+
+    found = simulated_budgets(prepare, ERRORS, PARTIALS, "random", 1, samples)
+    assert np.array_equal(given, [ERRORS.draw("random", 1, samples, 0, samples)[:PROBES]])
+    assert all("too slow" in each["failed"] for each in (found["alone"], found["sobol"]))
 
 
 def test_interaction_shows_in_all_but_one() -> None:
