@@ -148,6 +148,10 @@ def _expressions(tree: ast.Module) -> Iterator[tuple[ast.expr | ast.stmt, str, s
                 if value is not None:
                     yield from walk(value, owner or _name(target), function)
                 return
+            case ast.Assign(value=ast.Tuple(elts=values), targets=[ast.Tuple(elts=targets)]) if not owner:
+                for value, target in zip(values, targets, strict=True):
+                    yield from walk(value, _name(target), function)
+                return
             case ast.Assign(value=value, targets=[target]) if not owner:
                 yield from walk(value, _name(target), function)
                 return

@@ -42,6 +42,12 @@ def test_changes_of_each_kind(source: str, choices: list[str]) -> None:
     assert [choice for site in find_sites(source) for choice in site.choices] == choices
 
 
+def test_a_place_in_a_constant_belongs_to_its_name() -> None:
+    """By which the compiled code that contains it is found, where several are defined together, too."""
+    found = find_sites("A = 0\nB, C = 1, 2 * D")
+    assert [(site.was, site.owner) for site in found] == [("0", "A"), ("1", "B"), ("2 * D", "C"), ("2", "C")]
+
+
 def test_every_change_parses_and_differs() -> None:
     """Lines are kept, and the text around the place; non-ASCII symbols and expressions of several lines included."""
     chance = random.Random(3)
