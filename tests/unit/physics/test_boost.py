@@ -7,7 +7,7 @@ import pytest
 
 from mcnav.constants import STANDARD_GRAVITY
 from mcnav.physics.ins.boost import RAMP, Boost, BoostError, Launch, Stage, boost_truth
-from mcnav.physics.ins.earth import WGS84, Earth
+from mcnav.physics.ins.earth import WGS84, Earth, local_axes
 from mcnav.physics.ins.rows import rows_from
 
 DEG = np.pi / 180.0
@@ -64,6 +64,14 @@ def test_it_rises_from_rest_then_turns_with_its_velocity() -> None:
     np.testing.assert_allclose(rows.angles[turning, 0], course, rtol=0.0, atol=1e-9)
     np.testing.assert_allclose(rows.angles[turning, 2], 0.0, rtol=0.0, atol=1e-9)
     assert np.all(np.diff(pitch[turning]) < 0.0)
+
+
+def test_a_vertical_body_has_its_belly_towards_the_azimuth() -> None:
+    """On its launch site, to half of the digits: within these it counts as upright."""
+    axes = boost_truth(TWO, WGS84).states(np.zeros(1), "strapdown", 0.0).axes[0]
+    local = local_axes(np.array(TWO.latitude), np.array(TWO.longitude))
+    azimuth = np.array([np.cos(TWO.azimuth), np.sin(TWO.azimuth), 0.0])
+    np.testing.assert_allclose(axes[:, 2] @ local, azimuth, rtol=0.0, atol=2e-6)
 
 
 def test_energy_is_kept_in_free_flight() -> None:
