@@ -67,3 +67,22 @@ def test_sphere_is_central() -> None:
     radius = np.linalg.norm(position, axis=-1, keepdims=True)
     expected = -earth.gravitational_parameter * position / radius**3
     assert np.max(np.abs(gravitation(position, earth) - expected)) <= ROUNDING
+
+
+def test_curvature_of_the_zonal_harmonics() -> None:
+    """Second differences over 10 km leave out what is of fourth order, ten times (10 / 6400)^2 of it, twice aslant.
+
+    Along axes and diagonals, so that each of the six products has its coefficient; rounding is 1e-8 of it.
+    """
+    position = WGS84.from_geodetic(LATITUDES, LONGITUDES, np.full(len(LATITUDES), 1e4))
+
+    def zonal(at: Array) -> Array:
+        radius = np.linalg.norm(at, axis=1, keepdims=True)
+        return np.asarray(WGS84.gravitation(at) + WGS84.gravitational_parameter * at / radius**3)
+
+    found, size = WGS84.zonal_curvature(position), 1e4
+    for x, y, z in size * np.array([(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (1, 0, 1), (0, 1, 1), (1, -1, 1)]):
+        step = np.array([x, y, z])
+        expected = 0.5 * (zonal(position + step) + zonal(position - step)) - zonal(position)
+        change = found @ np.array([x * x, y * y, z * z, x * y, x * z, y * z])
+        np.testing.assert_allclose(change, expected, rtol=0.0, atol=1e-4 * np.abs(found).max() * size**2)
