@@ -7,7 +7,7 @@ import pytest
 
 from mcnav._types import Array
 from mcnav.physics.ins.earth import WGS84
-from mcnav.physics.ins.spline_states import SMALL
+from mcnav.physics.ins.spline_states import SMALL, states_of_splines
 from mcnav.physics.ins.truth import Truth, TruthStates
 from tests.flights import flight
 
@@ -49,6 +49,18 @@ def test_states_are_those_of_scipy(truth: Truth) -> None:
     # with an angle a between rows scipy divides differences of cosines by a^2: not below 1e-4
     size = np.abs(expected.rate).max()
     np.testing.assert_allclose(found.rate, expected.rate, rtol=0.0, atol=size * (20.0 * ROUNDING + ROUNDING / 1e-4))
+
+
+def test_no_index_is_beyond_its_array(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Python, which checks every index, computes the same states to some roundings."""
+    truth = tumbling()
+    times = np.linspace(truth.times[0], truth.times[-1], 7)
+    found = truth.states(times, "strapdown", float(truth.times[0]))
+    monkeypatch.setattr("mcnav.physics.ins.truth.states_of_splines", states_of_splines.py_func)
+    expected = truth.states(times, "strapdown", float(truth.times[0]))
+    for name in ("position", "velocity", "axes", "force", "rate"):
+        value, other = getattr(found, name), getattr(expected, name)
+        np.testing.assert_allclose(value, other, rtol=0.0, atol=20.0 * ROUNDING * np.abs(other).max(), err_msg=name)
 
 
 def test_both_ways_of_large_and_small_rotations_are_tried() -> None:
