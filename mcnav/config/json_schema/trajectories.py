@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from mcnav.config.json_schema.models import of_model
 from mcnav.config.json_schema.nodes import Node, by_key
-from mcnav.config.trajectories import SEGMENTS, TRAJECTORIES
+from mcnav.config.segments import SEGMENTS
+from mcnav.config.trajectory_tables import TRAJECTORIES
 from mcnav.physics.ins.rows import COLUMNS
 
 
