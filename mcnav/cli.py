@@ -576,7 +576,7 @@ def linearity(
     Example: mcnav linearity campaigns/14_polar.toml --samples 500
     """
     from mcnav.config.read import read_campaign
-    from mcnav.report import progress, sentences, terminal
+    from mcnav.report import linearity_words, progress, terminal
     from mcnav.studies.linearity import write_linearity
 
     content = read_campaign(campaign)
@@ -585,7 +585,7 @@ def linearity(
         study, files = write_linearity(content, target, tolerance, samples, largest, shown)
     out.print(terminal.linearity(content.scenario.outputs, study.together, study.tolerance))
     if study.without_noise:
-        out.print(sentences.WITHOUT_NOISE)
+        out.print(linearity_words.WITHOUT_NOISE)
     out.print()
     _print_written(files)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from mcnav.analysis.verdict import ROUNDING
 from mcnav.report.format import percent
@@ -13,20 +13,11 @@ from mcnav.report.summary import tally
 from mcnav.scenarios.failure import message_of
 from mcnav.statistics.power import sensible_step
 
-if TYPE_CHECKING:
-    from mcnav.analysis.linearity import DispersionRange
-
 LARGE_RATIO: Final = 3.0
 """Sigma ratio above which a difference is given as a multiple, not in per cent."""
 
 NEGLIGIBLE: Final = 1e-3
 """Share of a sigma that failed samples may hide without a warning."""
-
-WITHOUT_NOISE: Final = (
-    "The scenario has noise, which is left out here: the range is that of the constant errors. "
-    "A run compares linear covariance and samples with noise."
-)
-"""Note on the range of linearity of a scenario with noise."""
 
 JOINT: Final = "joint distribution"
 """Name of the NEES test among the outputs."""
@@ -294,21 +285,3 @@ def caveat(summary: Mapping[str, Any]) -> str:
             "(mcnav calibrate)."
         )
     return ""
-
-
-def multiple_words(value: float, largest: float) -> str:
-    """Format a multiple: a dash where there is no effect, a lower bound where it was not reached.
-
-    >>> multiple_words(8.2345, 100.0), multiple_words(float("inf"), 100.0)
-    ('8.23', '> 100')
-    """
-    if math.isnan(value):
-        return "–"
-    return f"> {largest:g}" if math.isinf(value) else f"{value:.3g}"
-
-
-def linearity_rows(names: Sequence[str], found: DispersionRange) -> list[tuple[str, list[str]]]:
-    """List the multiples up to which each output and the joint distribution agrees, departs, and differs."""
-    columns = zip([*names, JOINT], found.agrees_until, found.departs, found.differs_from, strict=True)
-    largest = float(found.multiples[-1])
-    return [(name, [multiple_words(float(value), largest) for value in values]) for name, *values in columns]

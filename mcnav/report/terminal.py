@@ -16,7 +16,7 @@ from mcnav.analysis.linearity import DispersionRange
 from mcnav.analysis.verdict import combine_verdicts
 from mcnav.errors import shortened
 from mcnav.lincov.start_times import StartTimeStudy
-from mcnav.report import filter_verdict, sentences
+from mcnav.report import filter_verdict, linearity_words, sentences
 from mcnav.report.export import output_rows, partial_rows
 from mcnav.report.fitted_table import FittedTable, numbers, texts
 from mcnav.report.format import interval
@@ -153,7 +153,7 @@ def linearity(outputs: Sequence[Output], found: DispersionRange, tolerance: floa
     title = f"Multiple of the stated errors at which a sigma differs from the linear one by {100 * tolerance:g} %"
     headings = ("agrees up to", "exceeds tolerance at", "differs from")
     table = FittedTable(title, [*texts("1σ of"), *numbers(*headings)])
-    for name, words in sentences.linearity_rows([humanize(output.name) for output in outputs], found):
+    for name, words in linearity_words.linearity_rows([humanize(output.name) for output in outputs], found):
         table.add(name, *words)
     return table
 

@@ -21,7 +21,7 @@ from mcnav.cli import app
 from mcnav.config.read import read_campaign
 from mcnav.config.templates import new_scenario
 from mcnav.errors import CampaignError
-from mcnav.report.sentences import WITHOUT_NOISE
+from mcnav.report.linearity_words import WITHOUT_NOISE
 from mcnav.scenarios.protocol import StochasticEngine, StochasticScenario
 from mcnav.scenarios.stochastic_user import MEASURED_FROM
 from mcnav.workflow.replay import as_stored, replay
