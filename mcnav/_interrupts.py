@@ -29,10 +29,13 @@ class Interrupts:
         Signals that end the command.
     resumes : bool
         The command resumes where it stopped.
+    deferred : bool
+        The first signal interrupts later.
     """
 
     received: list[int] = field(default_factory=list)
     resumes: bool = False
+    deferred: bool = False
 
     @property
     def status(self) -> int:
@@ -65,7 +68,20 @@ def _interrupt(number: int, frame: object) -> None:
     interrupts.received.append(number)
     if len(interrupts.received) > 1:  # files are written whole, and workers end with this process
         os._exit(interrupts.status)
-    raise KeyboardInterrupt
+    if not interrupts.deferred:
+        raise KeyboardInterrupt
+
+
+@contextmanager
+def deferred() -> Iterator[None]:
+    """Let a signal interrupt the command when the block ends: in a library that would leave its work half done."""
+    interrupts.deferred = True
+    try:
+        yield
+    finally:
+        interrupts.deferred = False
+    if interrupts.received:
+        raise KeyboardInterrupt
 
 
 def _end_if_ignored(ignored: Any) -> None:

@@ -10,7 +10,7 @@ from typing import Final, TypeVar
 
 from joblib import Parallel, delayed
 
-from mcnav._subprocess import end_with_parent
+from mcnav._subprocess import end_with_parent, interrupts_blocked
 from mcnav._threads import one_thread
 
 LEVEL: Final = 0.95
@@ -56,8 +56,11 @@ def tally(trials: int, jobs: int, kinds: Sequence[Kind], count: Callable[[Kind, 
         (kind, range(begin, min(begin + stretch, trials))) for kind in kinds for begin in range(0, trials, stretch)
     ]
     total = Tally()
-    workers = Parallel(n_jobs=jobs, backend="loky", initializer=end_with_parent, initargs=(os.getpid(),))
-    for part in workers(delayed(_piece)(count, *piece) for piece in pieces):
+    with interrupts_blocked():
+        parts = Parallel(
+            n_jobs=jobs, return_as="generator", backend="loky", initializer=end_with_parent, initargs=(os.getpid(),)
+        )(delayed(_piece)(count, *piece) for piece in pieces)
+    for part in parts:
         total += part
     return total
 

@@ -23,6 +23,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Final
 
+from mcnav._interrupts import deferred
+from mcnav._subprocess import interrupts_blocked
 from mcnav.errors import ClusterError
 from mcnav.execution.chunks import ChunkJob, SampleRange, find_chunk
 from mcnav.execution.dask_worker import incompatibility, processor, simulate_on_worker
@@ -291,8 +293,10 @@ def _made(distributed: ModuleType, workers: int) -> Iterator[str]:
     with (
         _scratch() as (folder, held),
         dask.config.set(settings | {"temporary-directory": folder, "mcnav": {"held": held}}),
-        _started(distributed, workers) as made,
+        ExitStack() as stack,
     ):
+        with deferred(), interrupts_blocked():  # dask cannot end what it is starting
+            made = stack.enter_context(_started(distributed, workers))
         yield str(made.scheduler_address)
 
 

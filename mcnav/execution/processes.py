@@ -11,6 +11,7 @@ import os
 import threading
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -19,7 +20,7 @@ from joblib import Parallel, delayed
 from joblib.externals.loky import get_reusable_executor
 from joblib.externals.loky.process_executor import BrokenProcessPool, ProcessPoolExecutor
 
-from mcnav._subprocess import end_with_parent
+from mcnav._subprocess import end_with_parent, interrupts_blocked
 from mcnav._types import Array
 from mcnav.execution.chunks import (
     ChunkJob,
@@ -55,6 +56,13 @@ def _isolated_worker() -> ProcessPoolExecutor:
     return _isolated_executors[thread]
 
 
+def _submit(task: Callable[..., Any], *arguments: Any) -> Future[Any]:
+    """Submit a task to the isolated process, which starts unless it runs."""
+    with interrupts_blocked():
+        submitted: Future[Any] = _isolated_worker().submit(task, *arguments)
+    return submitted
+
+
 def end_workers() -> None:
     """Kill all worker processes: what they have simulated is stored, and an orderly end takes seconds.
 
@@ -74,15 +82,17 @@ def _run_pool(work: ChunkJob, places: Sequence[SampleRange], jobs: int) -> Itera
     """Simulate chunks in worker processes; yield their numbers and files. Raises `BrokenProcessPool`."""
     workers = min(jobs, len(places))
     if workers == 1:  # joblib would use this process
-        yield from (_isolated_worker().submit(_numbered, work, place).result() for place in places)
+        yield from (_submit(_numbered, work, place).result() for place in places)
         return
-    yield from Parallel(
-        n_jobs=workers,
-        return_as="generator_unordered",
-        backend="loky",
-        initializer=end_with_parent,
-        initargs=(os.getpid(),),
-    )(delayed(_numbered)(work, place) for place in places)
+    with interrupts_blocked():
+        found = Parallel(
+            n_jobs=workers,
+            return_as="generator_unordered",
+            backend="loky",
+            initializer=end_with_parent,
+            initargs=(os.getpid(),),
+        )(delayed(_numbered)(work, place) for place in places)
+    yield from found
 
 
 def run_in_processes(work: ChunkJob, missing: Sequence[SampleRange], jobs: int) -> Generator[ChunkFile, None, None]:
@@ -120,7 +130,7 @@ def _ready() -> None:
 def _in_one_worker(task: Callable[..., Any], *arguments: Any) -> Any:
     """Run a task in an isolated process; none when the process dies. An interrupt kills the process."""
     try:
-        return _isolated_worker().submit(task, *arguments).result()
+        return _submit(task, *arguments).result()
     except (BrokenProcessPool, KeyboardInterrupt) as end:
         executor = _isolated_executors.pop(threading.get_ident(), None)
         if executor is not None:

@@ -10,7 +10,7 @@ import time
 from dataclasses import dataclass
 from multiprocessing import active_children
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import pytest
@@ -22,8 +22,8 @@ from mcnav.scenarios.protocol import SimulationResult
 from mcnav.scenarios.timeouts import Stopped, within_limit
 from mcnav.workflow import run
 from mcnav.workflow.run import run_campaign
-from tests.conftest import campaign
-from tests.faults.scenarios import OnAdvance, environment
+from tests.conftest import ROOT, campaign
+from tests.faults.scenarios import OnAdvance, command, environment
 from tests.processes import LONG, run_to_end, wait_for
 
 
@@ -149,3 +149,37 @@ cli.main()
     assert done.returncode == status
     assert done.stdout == "tidied up\n"
     assert done.stderr == "error: interrupted; stored samples are kept, and the same command resumes the run\n"
+
+
+INTERRUPTING: Final = """
+import os, signal, sys
+from pathlib import Path
+
+if any(name in " ".join(sys.orig_argv) for name in ("popen_loky", "spawn_main")):
+    try:
+        Path("once").touch(exist_ok=False)
+        os.killpg(0, signal.SIGINT)
+    except FileExistsError:
+        pass
+"""
+"""What Python imports when it starts: the first worker interrupts all processes of the command."""
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("run", "campaigns/01_tn_d1772_trajectory_4.toml", "--engine", "reference", "--samples", "70", "--jobs", "2"),
+        ("run", "campaigns/13_boost.toml", "--samples", "2"),
+        ("run", "campaigns/01_tn_d1772_trajectory_4.toml", "--samples", "70", "--dask", "2"),
+        ("calibrate", "--trials", "2", "--jobs", "2"),
+    ],
+    ids=["pool", "one worker", "dask", "calibrate"],
+)
+def test_workers_that_are_being_started_say_nothing(arguments: tuple[str, ...], tmp_path: Path) -> None:
+    (tmp_path / "sitecustomize.py").write_text(INTERRUPTING)
+    (tmp_path / "campaigns").symlink_to(ROOT / "campaigns")
+    there = environment() | {"PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"}
+    done = run_to_end(command(*arguments, "--out", "there"), cwd=tmp_path, env=there)
+    stored = "; stored samples are kept, and the same command resumes the run" if arguments[0] == "run" else ""
+    assert (done.returncode, done.stderr) == (130, f"error: interrupted{stored}\n")
+    assert (tmp_path / "once").exists()
