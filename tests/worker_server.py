@@ -1,4 +1,4 @@
-"""Server that has imported what workers of joblib need, and forks them for runs in the tests' own process.
+"""Server that has imported and loaded what workers of joblib need, and forks them for runs in the tests' own process.
 
 joblib starts a new interpreter for each worker, which imports for more than a second; there would be some hundred of
 them. Tasks and results are pickled and sent all the same. A command that a test starts as a process of its own has the
@@ -8,6 +8,7 @@ workers that a user's has.
 from __future__ import annotations
 
 import ctypes
+import gc
 import os
 import signal
 import sys
@@ -19,9 +20,11 @@ from pathlib import Path
 from typing import Final
 from unittest.mock import patch
 
+import numpy as np
 from joblib.externals.loky.backend import context
 
 from mcnav import _subprocess
+from mcnav.physics.power_sums import PowerSums
 
 SERVING: Final = "MCNAV_WORKER_SERVER"
 """Variable of the environment that only the server has."""
@@ -58,6 +61,13 @@ def use_server() -> None:
     context.set_start_method("forkserver", force=True)
 
 
+def load_kernels() -> None:
+    """Call a kernel that every run with samples calls: with the first, numba loads what it has for all of them."""
+    PowerSums.about_zero(np.zeros((1, 1, 1)))
+
+
 if SERVING in os.environ:
     import_module("mcnav.workflow.run")
+    load_kernels()
+    gc.freeze()  # joblib's workers collect garbage again and again
     _subprocess.end_with_parent = _end_with_server

@@ -6,6 +6,7 @@ time is.
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import signal
@@ -24,15 +25,13 @@ from mcnav.__main__ import main
 from tests.faults.kinds import small_summaries
 from tests.faults.navigation import HALF, write_navigation
 from tests.faults.remains import left_of
-from tests.processes import LONG, wait_for
+from tests.processes import BUSY, linger, wait_for
+from tests.worker_server import load_kernels
 
 RUN: Final = ("run", "navigation.toml", "--jobs", "2", "--out", "run")
 SWEEP: Final = ("sweep", "navigation.toml", "--vary", "imu.gyro.angle_random_walk=0.01, 0.02 deg/sqrt(h)",
                 "--against", "position_horizontal", "--out", "swept")  # fmt: skip
 CALIBRATE: Final = ("calibrate", "--trials", "2", "--out", "rates")
-
-BUSY: Final = "busy"
-"""File of a worker that is busy."""
 
 
 @dataclass(frozen=True)
@@ -108,12 +107,6 @@ def _interrupting(name: str, case: Case, function: Callable[..., Any]) -> Callab
     return call
 
 
-def _linger(*arguments: object) -> None:
-    """Keep a worker of a calibration busy."""
-    Path(BUSY).touch()
-    time.sleep(LONG)
-
-
 def _interrupt_busy_workers(number: signal.Signals) -> None:
     """Interrupt all processes when a worker is busy, or kill the command alone."""
     wait_for(Path(BUSY).exists)
@@ -135,7 +128,7 @@ def _command(name: str, case: Case, folder: Path) -> None:
         if name == "compiling":  # what is stored on disk is not loaded
             patches.enter_context(patch("numba.core.caching.Cache.load_overload", lambda *_: None))
         if case.command == CALIBRATE:
-            patches.enter_context(patch(case.at, _linger))
+            patches.enter_context(patch(case.at, linger))
             threading.Thread(target=_interrupt_busy_workers, args=(case.number,), daemon=True).start()
         else:
             owner = _owner(module)
@@ -174,4 +167,6 @@ def interrupt_all(place: str) -> None:
     """Interrupt each case in a folder of its own, and print how it ended."""
     for case in CASES.values():
         _owner(case.at.rpartition(".")[0])
+    load_kernels()
+    gc.freeze()
     print(json.dumps({name: asdict(interrupt(name, Path(place) / name)) for name in CASES}))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import shutil
 import signal
@@ -79,6 +80,7 @@ def start(place: Place, run: Callable[[], None]) -> int:
     process = os.fork()
     if process:
         return process
+    gc.freeze()  # what this process has imported is not looked at again
     status = 1
     try:
         os.setsid()
