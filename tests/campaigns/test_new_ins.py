@@ -30,6 +30,8 @@ UNITS = [unit.name for unit in catalogue_units()]
 AIDS = tuple(SENSOR_TYPES)
 SETS = [(), *((aid,) for aid in AIDS), AIDS]
 
+SEVERAL = ("strategic", "navigation", "HG9900", "tactical", "ADIS16488", "Groves consumer", "consumer")
+
 COMMENTED = re.compile(r"^# (\w+ = .*)$")
 """A key that is left out."""
 
@@ -56,7 +58,11 @@ def test_every_unit_with_every_sensor_is_read(unit: str, tmp_path: Path, validat
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("unit", "aids"),
-    [*((unit, ()) for unit in UNITS), *((unit, AIDS) for unit in UNITS), *(("tactical", (aid,)) for aid in AIDS)],
+    [
+        *((unit, ()) for unit in UNITS),
+        *((unit, AIDS) for unit in SEVERAL),
+        *(("tactical", (aid,)) for aid in AIDS),
+    ],
     ids=str,
 )
 def test_it_runs_as_it_stands(unit: str, aids: tuple[str, ...], tmp_path: Path) -> None:

@@ -101,13 +101,13 @@ def test_partials_over_time(scenario: Reentry) -> None:
     assert (np.abs(found - known.partials[1:]) * SIZES / largest).max() < AGREEMENT
 
 
-@pytest.mark.parametrize("axes", ["start", "trajectory"])
-def test_one_adjoint_sweep_gives_every_start_time(scenario: Reentry, axes: str) -> None:
-    """Against the variational equations integrated afresh from each of 50 start times, axes old and new."""
+@pytest.mark.parametrize(("axes", "begin"), [("start", 0), ("trajectory", 2)])
+def test_one_adjoint_sweep_gives_every_start_time(scenario: Reentry, axes: str, begin: int) -> None:
+    """Against the variational equations integrated afresh from every fourth of 50 start times, axes old and new."""
     trajectory = scenario.trajectory
     first = float(trajectory.state(0.0)[1])
     adjoint = sweep(trajectory, first)
-    for start in np.linspace(0.0, 0.999 * trajectory.final_time, 50):
+    for start in np.linspace(0.0, 0.999 * trajectory.final_time, 50)[begin::4]:
         theta_axes = float(trajectory.state(start)[1]) if axes == "start" else first
         fresh, _ = linearize(trajectory, start, theta_axes)
         largest = np.abs(fresh * SIZES).max(axis=1, keepdims=True)

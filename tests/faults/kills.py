@@ -211,7 +211,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("count", type=int, nargs="?", default=200, help="runs")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--kinds", nargs="+", choices=list(KINDS), default=list(KINDS), metavar="KIND")
+    stored = {f"{kind}, {store}": (kind, store) for kind, store in product(KINDS, STORES)}
+    parser.add_argument("--cases", nargs="+", choices=list(stored), default=list(stored), metavar="KIND, STORE")
     parser.add_argument("--backends", nargs="+", choices=BACKENDS, default=list(BACKENDS))
     parser.add_argument("--mode", choices=list(MODES), default="random")
     options = parser.parse_args(arguments)
@@ -224,8 +225,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         place, scheduler = Place(Path(path)), None
         if SCHEDULER in options.backends:
             scheduler = stack.enter_context(_running_cluster(Place(place.path / "cluster")))
-        chosen = product(options.kinds, STORES, options.backends)
-        cases = [Case(*each, scheduler if each[-1] == SCHEDULER else None) for each in chosen]
+        chosen = product((stored[name] for name in options.cases), options.backends)
+        cases = [Case(*of, backend, scheduler if backend == SCHEDULER else None) for of, backend in chosen]
         cases = [each for each in cases if options.mode != "workers" or each.has_workers]
         for number in range(len(cases) if options.mode == "fixed" else options.count):
             case = cases[number % len(cases)]
