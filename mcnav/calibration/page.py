@@ -18,7 +18,7 @@ from mcnav.files import write_texts
 from mcnav.report.figures.figure import HALF, Figure
 from mcnav.report.figures.marks import Axis, Mark, Panel, Points, Rule, Series
 from mcnav.report.figures.palette import FLOWN, INK, LINEAR, MUTED
-from mcnav.report.page import filled
+from mcnav.report.html import filled
 from mcnav.sampling.designs import DESIGNS
 
 if TYPE_CHECKING:

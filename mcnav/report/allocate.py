@@ -15,8 +15,8 @@ from mcnav.report.figures import allocate as drawn
 from mcnav.report.figures.lincov import short_name
 from mcnav.report.fitted_table import FittedTable, numbers, texts
 from mcnav.report.format import number
+from mcnav.report.html import filled
 from mcnav.report.lincov import TERMINAL, headline, requirement_rows, shown_limit, shown_value, units_shown
-from mcnav.report.page import filled
 from mcnav.report.requirements import TONES
 
 EXPLANATION: Final = (

@@ -17,8 +17,8 @@ from mcnav.report.figures.figure import HALF, Figure
 from mcnav.report.figures.marks import Axis, Mark, Panel, Rule, Series
 from mcnav.report.figures.palette import LINEAR, SOURCE_COLOURS
 from mcnav.report.format import number
+from mcnav.report.html import filled
 from mcnav.report.model import humanize, labels_in
-from mcnav.report.page import filled
 from mcnav.statistics.estimates import Estimate
 from mcnav.store.manifest import Manifest
 from mcnav.units import conversion

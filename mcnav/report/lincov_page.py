@@ -8,9 +8,9 @@ import numpy as np
 
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.report.figures import lincov as drawn
+from mcnav.report.html import filled
 from mcnav.report.lincov import answer_rows, headline, requirement_rows
 from mcnav.report.model import humanize, scale_of
-from mcnav.report.page import filled
 from mcnav.report.requirements import TONES
 
 EXPLANATION: Final = (

@@ -1,32 +1,24 @@
-"""HTML pages: one template each, tables as text, figures as SVG, one style sheet and script, nothing loaded."""
+"""The report of a run as an HTML page: its figures, tables and sentences."""
 
 from __future__ import annotations
 
-import base64
-import hashlib
-import re
 import shlex
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache
 from typing import Any, Final
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
 
 from mcnav.analysis.filter_remarks import instant
-from mcnav.errors import shortened
 from mcnav.report import filter_tables, filter_verdict, sentences, tables
-from mcnav.report import format as formats
 from mcnav.report.failures import failure_rows
 from mcnav.report.figures import agreement, consistency, dispersion, matrices, sources
 from mcnav.report.figures.envelopes import envelopes
 from mcnav.report.figures.estimation import estimation
 from mcnav.report.figures.figure import Figure
 from mcnav.report.figures.flight import flight
+from mcnav.report.html import filled
 from mcnav.report.model import RunAnalysis
 from mcnav.report.requirements import detailed_rows
-from mcnav.report.template_cache import TemplateCache
 
 FIGURES: Final[dict[str, Callable[[RunAnalysis], Figure | None]]] = {
     "ratios": agreement.sigma_ratios, "nees": agreement.nees, "matrices": matrices.matrices, "budget": sources.budget,
@@ -38,17 +30,11 @@ FIGURES: Final[dict[str, Callable[[RunAnalysis], Figure | None]]] = {
 }  # fmt: skip
 """Figures of the report besides the nominal flight: none where a run has nothing to show."""
 
-FILTERS: Final = ("number", "signed", "fixed", "with_error", "interval", "share", "percent", "probability")
-"""Functions of `mcnav.report.format` that templates use."""
-
 FOREMOST: Final = ("not met", "undecided", "met")
 """Findings in the order in which requirements are listed above everything else."""
 
 REQUIREMENTS: Final = 4
 """Requirements listed there; the section on requirements has all."""
-
-CONTENTS: Final = "<!-- contents -->"
-"""Placeholder of the table of contents in the base template."""
 
 
 def figures(content: RunAnalysis) -> dict[str, Figure]:
@@ -57,58 +43,6 @@ def figures(content: RunAnalysis) -> dict[str, Figure]:
     if content.dispersed:
         drawn |= {name: draw(content) for name, draw in FIGURES.items()}
     return {name: drawing for name, drawing in drawn.items() if drawing is not None}
-
-
-def filled(template: str, **values: Any) -> str:
-    """Fill a template of this package; text is escaped, only figures are markup.
-
-    The table of contents lists the sections that have an id and a heading. The content security policy allows the one
-    script by its hash. Scrolling boxes can be focused by keyboard.
-    """
-    environment = _environment()
-    style, script = (_source(environment, name) for name in ("style.css", "script.js"))
-    script = re.sub(r"(?m)^\s*(//.*)?\n?", "", script)
-    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    text = environment.get_template(template).render(
-        style=Markup(style), script=Markup(script), script_hash=Markup(f"sha256-{digest}"), **values
-    )
-    return _focusable(_with_contents(text))
-
-
-@cache
-def _environment() -> Environment:
-    """Return the one environment of this process, which keeps the templates that it has loaded."""
-    environment = Environment(
-        loader=PackageLoader("mcnav.report", "templates"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
-        lstrip_blocks=True, bytecode_cache=TemplateCache(__file__),
-    )  # fmt: skip
-    environment.filters |= {name: getattr(formats, name) for name in FILTERS} | {"shortened": shortened}
-    return environment
-
-
-def _source(environment: Environment, name: str) -> str:
-    return environment.loader.get_source(environment, name)[0] if environment.loader else ""
-
-
-def _with_contents(text: str) -> str:
-    """Add the list of sections."""
-    sections = re.findall(r'<section id="([^"]+)"[^>]*>\s*<h2[^>]*>(.*?)</h2>', text, flags=re.DOTALL)
-    if len(sections) < 2:
-        return text.replace(CONTENTS, "", 1)
-    links = "\n".join(f'<li><a href="#{name}">{heading}</a></li>' for name, heading in sections)
-    nav = f'<nav class="contents" aria-label="Contents"><p class="heading">On this page</p>\n<ul>\n{links}\n</ul></nav>'
-    return text.replace(CONTENTS, nav, 1).replace('<div class="page">', '<div class="page with-contents">', 1)
-
-
-def _focusable(text: str) -> str:
-    """Let scrolling boxes take the keyboard's focus, name them, and wrap captions so that they do not scroll."""
-    text = re.sub("<caption>(.*?)</caption>", r"<caption><span>\1</span></caption>", text, flags=re.DOTALL)
-    number_of = iter(range(1, text.count('<div class="scroll">') + 1))
-    return re.sub(
-        '<div class="scroll">',
-        lambda _: f'<div class="scroll" tabindex="0" role="group" aria-label="Table {next(number_of)}">',
-        text,
-    )
 
 
 def render(content: RunAnalysis) -> str:

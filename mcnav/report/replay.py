@@ -14,8 +14,8 @@ from mcnav._types import Array
 from mcnav.report.figures.flight import flight
 from mcnav.report.fitted_table import FittedTable, numbers, texts
 from mcnav.report.format import number
+from mcnav.report.html import filled
 from mcnav.report.model import humanize, labels_of
-from mcnav.report.page import filled
 from mcnav.scenarios.protocol import History, Output, Source
 from mcnav.units import conversion
 

@@ -13,8 +13,8 @@ from mcnav.analysis.comparison import Comparison
 from mcnav.lincov.start_times import StartTimeStudy
 from mcnav.report.figures import start_times as drawn
 from mcnav.report.format import interval
+from mcnav.report.html import filled
 from mcnav.report.model import humanize, labels_of, scale_of
-from mcnav.report.page import filled
 from mcnav.report.sentences import NOT_DISTURBED, output_words
 from mcnav.scenarios.protocol import Output, Source
 

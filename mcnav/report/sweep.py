@@ -16,8 +16,8 @@ from mcnav.files import to_json
 from mcnav.report import sentences
 from mcnav.report.figures import sweep as drawn
 from mcnav.report.format import interval, number
+from mcnav.report.html import filled
 from mcnav.report.model import humanize
-from mcnav.report.page import filled
 from mcnav.report.requirements import TONES
 from mcnav.report.sweep_words import (
     confirmation_rows,

@@ -14,7 +14,7 @@ from mcnav.constants import STANDARD_GRAVITY
 from mcnav.report.figures.flight import flight
 from mcnav.report.fitted_table import FittedTable, numbers, texts
 from mcnav.report.format import number
-from mcnav.report.page import filled
+from mcnav.report.html import filled
 from mcnav.scenarios.protocol import History
 
 

@@ -11,8 +11,8 @@ from mcnav.errors import RunFolderError, reading_file
 from mcnav.files import write_whole
 from mcnav.report import filter_verdict, sentences
 from mcnav.report.format import number
+from mcnav.report.html import filled
 from mcnav.report.model import humanize
-from mcnav.report.page import filled
 from mcnav.report.requirements import shown_units, tone_of
 from mcnav.store.run_folder import MANIFEST, REPORT, SUMMARY, RunFolder
 

@@ -12,7 +12,7 @@ import pandas as pd
 
 from mcnav.files import write_texts
 from mcnav.report.format import number
-from mcnav.report.page import filled
+from mcnav.report.html import filled
 from mcnav.reproduce.story_of_84_minutes import curves as story_curves
 from mcnav.reproduce.story_of_84_minutes import figures as drawn
 from mcnav.reproduce.story_of_84_minutes.numbers import Number, Standing, all_numbers

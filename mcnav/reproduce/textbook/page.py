@@ -14,7 +14,7 @@ import pandas as pd
 
 from mcnav.files import write_texts
 from mcnav.report.format import SUPERSCRIPTS, number
-from mcnav.report.page import filled
+from mcnav.report.html import filled
 from mcnav.reproduce.textbook.budgets import budget_numbers
 from mcnav.reproduce.textbook.filters import bound_numbers, matched_numbers, mismatched_numbers, tutorial_numbers
 from mcnav.reproduce.textbook.free import flat_numbers, schuler_numbers

@@ -15,7 +15,7 @@ import pandas as pd
 from mcnav.files import write_texts
 from mcnav.report.figures.figure import Figure
 from mcnav.report.format import number
-from mcnav.report.page import filled
+from mcnav.report.html import filled
 from mcnav.reproduce.tn_d1772 import curves as computed
 from mcnav.reproduce.tn_d1772 import figures as drawn
 from mcnav.reproduce.tn_d1772.claims import Finding, claims, settled
