@@ -40,6 +40,8 @@ LONGEST: Final = 10.0
 LARGEST: Final = 2_000_000_000
 HANGS: Final = 300.0
 """Seconds without an answer after which a child process is ended."""
+TOGETHER: Final = 200
+"""Folders of a child process, whose memory grows from one command to the next."""
 
 COMMANDS: Final[dict[str, list[str]]] = {
     "report": ["report", "RUN"],
@@ -264,7 +266,8 @@ def main(count: int, seed: int = 1, only: int | None = None) -> int:
     with tempfile.TemporaryDirectory(dir="/dev/shm" if Path("/dev/shm").is_dir() else None) as name:
         finished_runs(Path(name))
         while begin < end:
-            words = [sys.executable, "-m", "tests.faults.fuzz_folders", "child", begin, end - begin, seed, name]
+            some = min(TOGETHER, end - begin)
+            words = [sys.executable, "-m", "tests.faults.fuzz_folders", "child", begin, some, seed, name]
             with subprocess.Popen(
                 [*map(str, words)], stdout=subprocess.PIPE, env=os.environ | {"OPENBLAS_NUM_THREADS": "1"}
             ) as process:
@@ -299,7 +302,8 @@ def main(count: int, seed: int = 1, only: int | None = None) -> int:
                                 print(line, flush=True)
                 status = process.wait()
             if status == 0:
-                break
+                begin += some
+                continue
             findings += 1
             print(f"{trying[0]}\t{trying[1]}\tended with status {status}, or did not answer", flush=True)
             begin = trying[0] + 1

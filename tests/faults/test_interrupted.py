@@ -130,7 +130,7 @@ def test_an_isolated_sample_is_killed(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("name", "status"), [("SIGINT", 130), ("SIGTERM", 143)])
 def test_a_command_that_is_interrupted_waits_for_no_thread(name: str, status: int) -> None:
-    """Nor does it forget what is to be done at the end of a process."""
+    """Nor does it forget what is to be done at the end of a process, whose functions have no say."""
     code = f"""
 import atexit, os, signal, sys, threading, time
 from mcnav import cli
@@ -139,6 +139,7 @@ from mcnav import cli
 def busy():
     threading.Thread(target=time.sleep, args=(100_000,)).start()
     atexit.register(print, "tidied up")
+    atexit.register(print, "there was something to tidy up", file=sys.stderr)
     os.kill(os.getpid(), signal.{name})
     time.sleep(100_000)
 
