@@ -40,7 +40,7 @@ LONGEST: Final = 10.0
 LARGEST: Final = 2_000_000_000
 HANGS: Final = 300.0
 """Seconds without an answer after which a child process is ended."""
-TOGETHER: Final = 200
+TOGETHER: Final = 50
 """Folders of a child process, whose memory grows from one command to the next."""
 
 COMMANDS: Final[dict[str, list[str]]] = {
