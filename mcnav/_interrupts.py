@@ -96,7 +96,7 @@ def _end() -> None:
         sys.stdout.flush()
         remedy = f"; {RESUMES.format('')}" if interrupts.resumes else ""
         print(f"error: interrupted{remedy}", file=sys.stderr, flush=True)
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 2)  # libraries that are ended at any moment have more to say
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 2)  # libraries may print errors when they are ended at any moment
     atexit._run_exitfuncs()  # temporary folders, semaphores; an ordinary exit would join threads first
     with suppress(OSError):
         sys.stdout.flush()

@@ -35,9 +35,9 @@ def end_with_parent(parent: int) -> None:
 
 @contextmanager
 def interrupts_blocked() -> Iterator[None]:
-    """Block Ctrl-C in this thread, and in processes that it starts: they would say so while they import.
+    """Block SIGINT in this thread and in what it starts, so that workers print no traceback while they import.
 
-    They inherit what is blocked, as do threads, until `end_with_parent` lets them ignore it.
+    Processes and threads inherit the mask of signals. Workers ignore SIGINT from `end_with_parent` on.
     """
     if not hasattr(signal, "pthread_sigmask"):
         yield

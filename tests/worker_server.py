@@ -62,7 +62,7 @@ def use_server() -> None:
 
 
 def load_kernels() -> None:
-    """Call a kernel that every run with samples calls: with the first, numba loads what it has for all of them."""
+    """Call a kernel that every run with samples calls; with its first kernel, numba loads what all kernels need."""
     PowerSums.about_zero(np.zeros((1, 1, 1)))
 
 

@@ -23,7 +23,7 @@ SAID = {
 """What the heading of a page says where it is not the campaign's name."""
 
 PRINTED = {"report", "many", "aided", "textbook"}
-"""Pages that are printed; of the others, printing is as of these."""
+"""Pages of which Chromium makes a PDF: with figures, with many figures, with aiding, and with tables alone."""
 
 TEXTS = """() => {
   const wrong = [];

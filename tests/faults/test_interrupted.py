@@ -130,7 +130,7 @@ def test_an_isolated_sample_is_killed(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("name", "status"), [("SIGINT", 130), ("SIGTERM", 143)])
 def test_a_command_that_is_interrupted_waits_for_no_thread(name: str, status: int) -> None:
-    """Nor does it forget what is to be done at the end of a process, whose functions have no say."""
+    """Nor does it forget what is to be done at the end of a process; what that prints as an error is not shown."""
     code = f"""
 import atexit, os, signal, sys, threading, time
 from mcnav import cli

@@ -19,8 +19,8 @@ from tests.faults.remains import digests
 from tests.faults.scenarios import OnAdvance, command, environment
 from tests.processes import LONG, run_to_end, running, wait_for
 
-SAMPLES = 160
-"""Five chunks: when the first is stored, two workers have flown three or four at most."""
+SAMPLES = 192
+"""Six chunks: when the first is stored, two workers have flown three or four at most."""
 
 
 def _arguments(folder: Path) -> list[object]:
