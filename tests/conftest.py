@@ -6,7 +6,9 @@ import gc
 import os
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import lru_cache
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -72,6 +74,21 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         for number, group in enumerate(groups):
             takers[number % len(takers)].extend(group)
     items[:] = _level(parts)
+
+
+def pytest_collection(session: pytest.Session) -> None:
+    """Import a share of all test files first, so that each is compiled by one worker and loaded by the others.
+
+    pytest rewrites assertions, which takes as long as the rest of the collection. A file that cannot be imported is
+    reported when it is collected.
+    """
+    config = session.config
+    given = getattr(config, "workerinput", None)
+    if given and config.args == config.getini("testpaths"):
+        number, count = int(given["workerid"].removeprefix("gw")), given["workercount"]
+        for path in sorted(FOLDER.rglob("test_*.py"))[number::count]:
+            with suppress(Exception):
+                import_module(".".join(path.relative_to(ROOT).with_suffix("").parts))
 
 
 def pytest_collection_finish() -> None:
