@@ -150,15 +150,16 @@ class Truth:
         spin = np.array([0.0, 0.0, earth.rotation_rate])
         carried = velocity + np.cross(spin, position)
         felt = self.position(time, 2) + np.cross(spin, velocity + carried) - earth.gravitation(position)
-        if platform == "level":
-            axes, rate = self._level(position, velocity)
-        else:
-            axes = self.attitude(time).as_matrix()
-            rate = self.attitude(time, 1) + axes[:, 2] * earth.rotation_rate
-        axes = to_inertial @ axes
         if platform == "inertial":
             first = earth.turned(np.array(start - self.times[0])) @ self.attitude(start).as_matrix()
-            axes, rate = np.broadcast_to(first, axes.shape), np.zeros_like(rate)
+            axes, rate = np.broadcast_to(first, to_inertial.shape), np.zeros_like(position)
+        else:
+            if platform == "level":
+                axes, rate = self._level(position, velocity)
+            else:
+                axes = self.attitude(time).as_matrix()
+                rate = self.attitude(time, 1) + axes[:, 2] * earth.rotation_rate
+            axes = to_inertial @ axes
         force = np.einsum("nji,nj->ni", axes, np.einsum("nij,nj->ni", to_inertial, felt))
         return TruthStates(
             time,
