@@ -1,8 +1,8 @@
-"""Server that has imported and loaded what workers of joblib need, and forks them for runs in the tests' own process.
+"""Server that has imported and loaded what workers need, and forks them for runs in the tests' own process.
 
-joblib starts a new interpreter for each worker, which imports for more than a second; there would be some hundred of
-them. Tasks and results are pickled and sent all the same. A command that a test starts as a process of its own has the
-workers that a user's has.
+joblib and dask start a new interpreter for each worker, which imports for more than a second; there would be some
+hundred of them. Tasks and results are pickled and sent all the same. A command that a test starts as a process of its
+own has the workers that a user's has.
 """
 
 from __future__ import annotations
@@ -12,7 +12,8 @@ import gc
 import os
 import signal
 import sys
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from multiprocessing import forkserver, resource_tracker
 from multiprocessing.synchronize import SemLock, sem_unlink
@@ -61,13 +62,25 @@ def use_server() -> None:
     context.set_start_method("forkserver", force=True)
 
 
+@contextmanager
+def used_by_dask() -> Iterator[None]:
+    """Let the workers of clusters that this process makes be forks of the server."""
+    import dask.config
+    import distributed.utils
+
+    with dask.config.set({"distributed.worker.multiprocessing-method": "forkserver"}):
+        distributed.utils._forkserver_preload_set = True  # the server's modules are these, and not dask's choice
+        yield
+
+
 def load_kernels() -> None:
     """Call a kernel that every run with samples calls; with its first kernel, numba loads what all kernels need."""
     PowerSums.about_zero(np.zeros((1, 1, 1)))
 
 
 if SERVING in os.environ:
-    import_module("mcnav.workflow.run")
+    for name in ("mcnav.workflow.run", "distributed.nanny"):
+        import_module(name)
     load_kernels()
     gc.freeze()  # joblib's workers collect garbage again and again
     _subprocess.end_with_parent = _end_with_server

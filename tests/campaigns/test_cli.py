@@ -1,7 +1,7 @@
 """The commands: what they print, and their exit status.
 
-A run, a comparison, bad input, wrong use, a requirement that is not met and failed samples are processes; the other
-commands run in the process of the tests, as `test_a_process_prints_what_its_command_does` allows.
+A run, a comparison, bad input, wrong use and a requirement that is not met are processes; the other commands run in the
+process of the tests, as `test_a_process_prints_what_its_command_does` allows.
 """
 
 from __future__ import annotations
@@ -100,41 +100,36 @@ def test_a_command_uses_one_thread_unless_told_otherwise() -> None:
         assert run_to_end([sys.executable, "-c", program], env=environment | told).stdout.strip() == expected
 
 
-def test_a_run_without_report_imports_neither_pandas_nor_what_draws(tmp_path: Path) -> None:
-    arguments = ["mcnav", "run", str(DEMO), "--samples", "100", "--out", str(tmp_path / "run"), "--no-report"]
-    program = f"import sys; from mcnav import cli; sys.argv = {arguments}\ntry: cli.main()\n" + (
-        "except SystemExit as ended: assert not ended.code\n"
-        "print('loaded:', *{'numpy', 'pandas', 'matplotlib', 'mcnav.report.page'} & sys.modules.keys())"
-    )
-    finished = run_to_end([sys.executable, "-c", program])
-    assert finished.returncode == 0, finished.stderr
-    assert finished.stdout.rpartition("loaded: ")[2] == "numpy\n"
-
-
 AIDED = ROOT / "campaigns" / "19_flight_with_gnss.toml"
-
 SLOW_IMPORTS = {"pandas", "pint", "scipy.stats", "matplotlib", "filterpy", "dask", "distributed"}
+RUN = ("run", "--samples", 100)
 
 
 @pytest.mark.parametrize(
-    ("command", "slow"),
-    [(("lincov",), {*SLOW_IMPORTS, "joblib"}), (("run", "--samples", 100), SLOW_IMPORTS)],
+    "calls",
+    [
+        [(("lincov", campaign), {*SLOW_IMPORTS, "joblib"}) for campaign in (DEMO, AIDED)],
+        [
+            ((*RUN, DEMO, "--no-report"), {*SLOW_IMPORTS, "mcnav.report.page"}),
+            ((*RUN, DEMO), SLOW_IMPORTS), ((*RUN, AIDED), SLOW_IMPORTS),
+        ],
+    ],
     ids=["lincov", "run"],
-)
+)  # fmt: skip
 def test_what_is_slow_to_import_and_not_needed_is_not_imported(
-    command: tuple[object, ...], slow: set[str], tmp_path: Path
+    calls: list[tuple[tuple[object, ...], set[str]]], tmp_path: Path
 ) -> None:
-    """By a reentry and an aided navigation one after the other; what the first one imports, the second one has."""
+    """By commands in one process, one after the other: what one imports, the next ones have."""
     program = "import sys; from mcnav import cli\n"
-    for campaign in (DEMO, AIDED):
-        whole = ["mcnav", *map(str, command), str(campaign), "--out", str(tmp_path / campaign.stem)]
+    for number, (command, slow) in enumerate(calls):
+        whole = ["mcnav", *map(str, command), "--out", str(tmp_path / str(number))]
         program += (
             f"sys.argv = {whole}\ntry: cli.main()\nexcept SystemExit as ended: assert not ended.code\n"
             f"print('loaded:', *{slow} & sys.modules.keys())\n"
         )
     finished = run_to_end([sys.executable, "-c", program])
     assert finished.returncode == 0, finished.stderr
-    assert [line for line in finished.stdout.splitlines() if line.startswith("loaded:")] == ["loaded:", "loaded:"]
+    assert [line for line in finished.stdout.splitlines() if line.startswith("loaded:")] == ["loaded:"] * len(calls)
 
 
 def test_without_report(workplace: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -367,6 +362,6 @@ def test_failed_samples_give_status_3(workplace: Path) -> None:
     described = '[scenario]\ntype = "reentry"\ntrajectory = 4\n[errors]\n'
     described += 'altitude = { distribution = "uniform", half_width = "40000 km" }\n'
     (workplace / "failing.toml").write_text(described)
-    finished = mcnav("run", "failing.toml", "--samples", 40, "--jobs", 1, cwd=workplace)
+    finished = invoke("run", "failing.toml", "--samples", 40, "--jobs", 1, cwd=workplace)
     assert finished.returncode == 3
     assert "samples failed and are excluded from all results" in finished.stdout.replace("\n", " ")

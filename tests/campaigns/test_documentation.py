@@ -71,7 +71,7 @@ def test_every_command_of_the_page_on_clusters(place: Path) -> None:
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    there = {"head": "127.0.0.1", "8786": str(port), "--nworkers 16": "--nworkers 2", "/shared": str(place)}
+    there = {"head": "127.0.0.1", "8786": str(port), "--nworkers 16": "--nworkers 1", "/shared": str(place)}
     commands = [line for block in _blocks("SCALING.md", "sh") for line in block.splitlines() if line]
     assert len(commands) == 4
     environment = os.environ | {"DASK_TEMPORARY_DIRECTORY": str(place / "scratch")}

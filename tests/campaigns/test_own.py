@@ -6,7 +6,6 @@ import hashlib
 import json
 import os
 import shutil
-import signal
 import subprocess
 import sys
 import textwrap
@@ -27,7 +26,8 @@ from mcnav.workflow.replay import as_stored, replay
 from mcnav.workflow.run import run_campaign
 from tests.commands import invoke
 from tests.conftest import ROOT
-from tests.processes import LONG, run_to_end, running, wait_for
+from tests.faults.scenarios import KillsWorkers
+from tests.processes import run_to_end
 
 BOOST, POLAR = ROOT / "campaigns" / "13_boost.toml", ROOT / "campaigns" / "14_polar.toml"
 
@@ -105,16 +105,10 @@ def test_the_textbook_moments(tmp_path: Path) -> None:
 
 def test_a_killed_worker_is_outlived(tmp_path: Path) -> None:
     """The run goes on by itself, to the same bits."""
-    arguments = ["run", BOOST, "--samples", 320, "--jobs", 2, "--no-report", "--out"]
-    assert invoke(*arguments, tmp_path / "calm", cwd=tmp_path).returncode == 0
-    with running([sys.executable, "-m", "mcnav", *arguments, tmp_path / "hit"], env=_environment()) as process:
-        wait_for(lambda: _digests(tmp_path / "hit"), process)
-        children = run_to_end(["ps", "-ww", "-o", "pid=,args=", "--ppid", process.pid])
-        workers = [int(line.split()[0]) for line in children.stdout.splitlines() if "LokyProcess" in line]
-        assert workers
-        os.kill(workers[0], signal.SIGKILL)
-        _, said = process.communicate(timeout=LONG)
-    assert process.returncode == 0, said
+    run, kills = read_campaign(BOOST, {"samples": 320}), KillsWorkers()
+    run_campaign(run, tmp_path / "calm", None, 2)
+    run_campaign(run, tmp_path / "hit", None, 2, progress=kills)
+    assert kills.killed
     assert _digests(tmp_path / "hit") == _digests(tmp_path / "calm")
 
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 import textwrap
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from multiprocessing import active_children
 from pathlib import Path
 
 from mcnav.analysis.comparison import Model
@@ -99,6 +101,23 @@ class OnAdvance(Silent):
     def advance(self, samples: int, stored: bool = False) -> None:
         """Call it."""
         self.call()
+
+
+class KillsWorkers(Silent):
+    """Progress that kills a worker of each pool in turn, each time samples have become ready."""
+
+    def __init__(self, most: int = 1) -> None:
+        self.most = most
+        self.killed: list[int] = []
+        self._others = set(active_children())
+
+    def advance(self, samples: int, stored: bool = False) -> None:
+        """Kill one, unless as many are killed as shall be."""
+        pool = [worker.pid for worker in active_children() if worker not in self._others and worker.pid]
+        if pool and len(self.killed) < self.most:
+            self.killed.append(pool[0])
+            os.kill(pool[0], signal.SIGKILL)
+            self._others.update(active_children())
 
 
 @contextmanager

@@ -38,8 +38,15 @@ from tests.faults.remains import contents, digests, left_of
 from tests.faults.scenarios import VECTORISED, OnAdvance, chunk_job, command, environment, write_campaign
 from tests.faults.test_failures import LIMIT, REASONS
 from tests.processes import LONG, run_to_end, running, wait_for
+from tests.worker_server import used_by_dask
 
 POISON = ("os._exit(9)", "time.sleep(60)")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def forked_workers_of_dask() -> Iterator[None]:
+    with used_by_dask():
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -313,13 +320,13 @@ def test_a_chunk_that_nobody_wants_any_more(cluster: Cluster, tmp_path: Path) ->
     assert not list((tmp_path / "run").rglob(".*.tmp"))
 
 
-@pytest.mark.parametrize(("sign", "status"), [(signal.SIGINT, 130), (signal.SIGKILL, -9)])
-def test_nobody_is_left(sign: signal.Signals, status: int, tmp_path: Path) -> None:
-    """Ctrl-C, which reaches all processes of a terminal; a kill of the parent alone."""
+@pytest.mark.parametrize(("sign", "status", "workers"), [(signal.SIGINT, 130, 1), (signal.SIGKILL, -9, 2)])
+def test_nobody_is_left(sign: signal.Signals, status: int, workers: int, tmp_path: Path) -> None:
+    """Ctrl-C, which reaches all processes of a terminal; a kill of the parent alone. Each worker has a child."""
     (tmp_path / "scratch").mkdir()
     code = VECTORISED.replace("def propagate", "chunk = 5\n\n    def propagate")
     path = write_campaign(tmp_path, "time.sleep(0.1)", code, samples=2_000)
-    options = ("--out", tmp_path / "run", "--dask", 2, "--timeout", "100 s")
+    options = ("--out", tmp_path / "run", "--dask", workers, "--timeout", "100 s")
     there = environment() | {"TMPDIR": str(tmp_path / "scratch")}
     with running(command("run", path, *options), env=there) as process:
         wait_for(lambda: digests(tmp_path / "run"), process)

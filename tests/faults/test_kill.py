@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import sys
-from multiprocessing import active_children
 from pathlib import Path
 
 import pytest
@@ -16,18 +14,18 @@ from tests.commands import invoke
 from tests.conftest import TWO_ERRORS, content
 from tests.faults.kinds import KINDS, Case
 from tests.faults.remains import digests
-from tests.faults.scenarios import OnAdvance, command, environment
+from tests.faults.scenarios import KillsWorkers, command, environment
 from tests.processes import LONG, run_to_end, running, wait_for
 
 SAMPLES = 192
 """Six chunks: when the first is stored, two workers have flown three or four at most."""
 
 
-def _arguments(folder: Path) -> list[object]:
+def _arguments(folder: Path, jobs: int = 2) -> list[object]:
     """Without a report, and with few errors: neither what is flown on the side nor what is drawn is at stake."""
     path = folder.parent / "campaign.toml"
     path.write_text(tomli_w.dumps(content(1, samples=SAMPLES, errors=TWO_ERRORS)))
-    return ["run", path, "--engine", "reference", "--no-report", "--out", folder]
+    return ["run", path, "--engine", "reference", "--no-report", "--jobs", jobs, "--out", folder]
 
 
 def _run(folder: Path) -> None:
@@ -42,10 +40,14 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     return digests(folder)
 
 
-@pytest.mark.parametrize(("sign", "status"), [(signal.SIGKILL, -9), (signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_resume_after_a_signal(sign: signal.Signals, status: int, tmp_path: Path, undisturbed: dict[str, str]) -> None:
+@pytest.mark.parametrize(
+    ("sign", "status", "jobs"), [(signal.SIGKILL, -9, 2), (signal.SIGINT, 130, 2), (signal.SIGTERM, 143, 1)]
+)
+def test_resume_after_a_signal(
+    sign: signal.Signals, status: int, jobs: int, tmp_path: Path, undisturbed: dict[str, str]
+) -> None:
     folder = tmp_path / "run"
-    with running(command(*_arguments(folder)), env=environment()) as process:
+    with running(command(*_arguments(folder, jobs)), env=environment()) as process:
         wait_for(lambda: digests(folder), process)
         process.send_signal(sign)
         _, said = process.communicate(timeout=LONG)  # the pipes stay open as long as any worker lives
@@ -61,18 +63,10 @@ def test_resume_after_a_signal(sign: signal.Signals, status: int, tmp_path: Path
 
 def test_killed_workers_of_an_aided_run(tmp_path: Path) -> None:
     """One of each of two pools: what is left is simulated chunk by chunk, and no sample is lost."""
-    case, others, killed = Case("aided, own gains", "samples"), set(active_children()), list[int]()
-
-    def kill() -> None:
-        pool = [worker.pid for worker in active_children() if worker not in others and worker.pid]
-        if pool and len(killed) < TRIED_WHOLE:
-            killed.append(pool[0])
-            os.kill(pool[0], signal.SIGKILL)
-            others.update(active_children())
-
+    case, kills = Case("aided, own gains", "samples"), KillsWorkers(TRIED_WHOLE)
     case.run(tmp_path, tmp_path / "calm")
-    case.run(tmp_path, tmp_path / "hit", progress=OnAdvance(kill), sample_timeout="1 h")  # with a limit, in processes
-    assert killed
+    case.run(tmp_path, tmp_path / "hit", progress=kills, sample_timeout="1 h")  # with a limit, in processes
+    assert kills.killed
     assert digests(tmp_path / "hit") == digests(tmp_path / "calm")
 
 

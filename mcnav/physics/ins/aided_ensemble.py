@@ -629,7 +629,7 @@ def _respond(
     respond(k, steps, noise.drawn, lanes.normals, first, samples)
     if not noise.drawn and noise.added.shape[1] > 0:
         for i in range(LANES):
-            add_given(noise.added[begin + min(i, size - 1), k * width : (k + 1) * width], i, samples)
+            add_given(noise.added[begin + min(i, size - 1), k * width :], i, samples)
     add_linear(steps.adjoint, k, 9, samples.response, samples.linear)
     _subtract_estimates(k, estimated, samples, lanes.own)
 

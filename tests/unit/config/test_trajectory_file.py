@@ -208,6 +208,20 @@ def _without_velocities(change: Callable[[dict[str, Array]], None]) -> Callable[
 
 PER_RADIAN = float(np.degrees(1.0))
 
+
+def test_the_specific_force_of_a_jump_is_told(tmp_path: Path) -> None:
+    """At rest, 60 m up within 0.2 s after a step of 0.1 s: 60 / 0.2 / 0.15 m/s^2 and gravity, 9.81 m/s^2, in g."""
+    rows, jump = 50, 20
+    time = 0.1 * np.arange(rows) + np.where(np.arange(rows) > jump, 0.1, 0.0)
+    columns = {name: np.zeros(rows) for name in COLUMNS if not name.startswith("V")}
+    columns |= {"time": time, "lat": np.full(rows, 47.0), "alt": np.where(np.arange(rows) > jump, 160.0, 100.0)}
+    force = (60.0 / 0.2 / 0.15 + 9.81) / 9.80665
+    told = (
+        f"row 21, column alt: the positions around it imply a specific force of {force:.4g} g, above the limit of 100 g"
+    )
+    assert told in refused(write_csv(tmp_path / "flight.csv", columns))
+
+
 BAD: dict[str, tuple[Callable[[dict[str, Array]], None], str]] = {
     "repeated time": (_at("time", 7, 0.6), "row 8, column time: got 0.6 s, the same time as in the row before"),
     "falling time": (_at("time", 7, 0.55), "row 8, column time: got 0.55 s, which falls from 0.6 s"),

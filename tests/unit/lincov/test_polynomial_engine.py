@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -50,6 +51,19 @@ def test_far_samples_are_flown(draws: Draw) -> None:
     assert {3, 17} <= set(far.tolist())
     assert outcomes.fallback_count == len(far)
     assert np.array_equal(outcomes.values[far], engine.exact.propagate(errors[far]).values)
+
+
+def test_samples_within_reach_are_not_flown() -> None:
+    """The exact engine, which may take long for none as well, is not called."""
+
+    class Grounded:
+        accuracy, parallel, chunk = "", "threads", 1
+
+        def propagate(self, errors: np.ndarray) -> SimulationResult:
+            raise AssertionError(f"{len(errors)} samples are flown")
+
+    engine = replace(_map(4), exact=Grounded())
+    assert engine.propagate(np.zeros((5, len(ALL_ERRORS)))).fallback_count == 0
 
 
 @pytest.mark.parametrize(("multiple", "last"), [(4.0, 4), (100.0, 2)])

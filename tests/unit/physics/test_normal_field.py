@@ -7,7 +7,7 @@ import pytest
 
 from mcnav._types import Array
 from mcnav.physics.ins.earth import WGS84, ZONALS, Earth, local_axes
-from mcnav.physics.ins.normal_field import field_constants, normal_gravitation_at
+from mcnav.physics.ins.normal_field import DEEPEST, HEADER, field_constants, normal_gravitation_at
 
 LATITUDES = np.radians([0.0, 1e-9, 15.0, 45.0, 51.0, 60.0, 89.9, 90.0, -30.0, -90.0])
 LONGITUDES = np.linspace(-3.0, 3.0, len(LATITUDES))
@@ -59,6 +59,17 @@ def test_field_is_harmonic() -> None:
     size = np.max(np.abs(gradient))
     assert np.max(np.abs(np.trace(gradient, axis1=-2, axis2=-1))) <= 1e-7 * size
     assert np.max(np.abs(gradient - np.swapaxes(gradient, -1, -2))) <= 1e-7 * size
+
+
+def test_series_have_all_digits_as_far_down_as_is_said() -> None:
+    """The first term that is left out is below the last digit of the first one, where E / u is largest."""
+    terms = (len(field_constants(WGS84)) - HEADER) // 2
+    square = WGS84.eccentricity_squared / (DEEPEST * (1.0 - WGS84.flattening)) ** 2
+
+    def term(n: int) -> float:
+        return 2.0 * n / ((2 * n + 1) * (2 * n + 3)) * square ** (n - 1)
+
+    assert term(terms + 1) < np.finfo(float).eps * term(1)
 
 
 def test_sphere_is_central() -> None:

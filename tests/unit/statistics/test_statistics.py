@@ -118,6 +118,14 @@ def test_singular_covariances_are_tested_in_their_range() -> None:
         assert (certain.statistic, certain.p_value) == (np.inf, 0.0)
 
 
+def test_samples_without_dispersion_in_a_direction_are_certain() -> None:
+    """Their determinant is zero, exactly or by rounding."""
+    for sample in (np.diag([0.0, 1.0]), np.diag([1.0, 0.0]), np.full((2, 2), 0.1)):
+        found = covariance_likelihood_ratio(sample, 10, np.eye(2))
+        assert found is not None
+        assert (found.statistic, found.p_value) == (np.inf, 0.0)
+
+
 def _zero_mean(values: np.ndarray) -> HypothesisTest | None:
     return hotelling(len(values), values.mean(axis=0), np.atleast_2d(np.cov(values.T)))
 
