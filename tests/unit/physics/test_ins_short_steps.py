@@ -7,6 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mcnav._types import Array
+from mcnav.physics.ins.earth import WGS84
+from mcnav.physics.ins.normal_field import field_constants, normal_gravitation_at
 from mcnav.physics.ins.step_lanes import (
     LARGEST_TURN,
     SHORT,
@@ -19,7 +21,7 @@ from mcnav.physics.ins.step_lanes import (
     parts_of_deviations,
     start,
 )
-from tests.cross.test_ins_aided import engine
+from tests.cross.test_ins_aided import engine, scenario
 
 STEP = 100
 TURN, VELOCITY, AWAY = 0.02, 1.0, 2_000.0
@@ -133,3 +135,26 @@ def test_large_turns_within_a_step(short: bool) -> None:
     found = Rotation.from_quat(np.roll(made.turn, -1, axis=0).T)
     assert (found * expected.inv()).magnitude().max() < 1e-15
     np.testing.assert_allclose(np.linalg.norm(made.turn, axis=0), 1.0, rtol=0.0, atol=1e-15)
+
+
+def test_gravity_in_the_middle_of_a_long_step_is_that_of_its_place() -> None:
+    """Velocities at both ends bend the path: by an eighth of the step times their difference, 2 m of some 2,000.
+
+    What gravity's remainder, 1e-5 m/s^2, bends it by besides is 1e-5 m, and changes the remainder by 3e-14 m/s^2 at
+    most; rounding of gravitation is some twenty times its last digit.
+    """
+    navigation, k = scenario().navigation, 0
+    shared = navigation.tables(1).steps(np.zeros(0, dtype=np.int64), engine().tables.adjoint)
+    made = samples()
+    h, before = shared.durations[k], made.moved.copy()
+    start(k, shared, made)
+    advance(k, shared, made)
+    bent = 0.125 * h * (before[:3] - made.moved[:3])
+    place, field = shared.places[2 * k + 1], field_constants(WGS84)
+    away = 0.5 * (before[3:] + made.moved[3:]) + bent
+    change = normal_gravitation_at(field, place + away.T) - normal_gravitation_at(field, place[None])
+    expected = change.T - shared.gradients[2 * k + 1] @ away
+    assert h > SHORT
+    assert np.abs(bent).max() > 2.0
+    assert np.abs(expected).max() < 2e-5
+    np.testing.assert_allclose(made.middle, expected, rtol=0.0, atol=3e-14 + 20 * np.finfo(float).eps * 9.83)
