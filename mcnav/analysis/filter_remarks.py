@@ -39,6 +39,8 @@ def remarks_on(
     if {Honesty.OPTIMISTIC, Honesty.PESSIMISTIC} <= verdicts:
         names = [group.name for group in deciding if group.finding.verdict == Honesty.PESSIMISTIC]
         found.append(f"Of {' and '.join(names)} the filter is pessimistic.")
+    if verdicts == {Honesty.CONSISTENT}:
+        found += _on_single_outputs(outputs, means.samples)
     if sensors and all(sensor.nis_whole is None for sensor in sensors):
         found.append("The filter was never updated.")
     else:
@@ -64,6 +66,17 @@ def _on_zero_variances(sigmas: Sequence[SigmaConsistency]) -> Iterator[str]:
     for each in sigmas:
         if each.overlooked.any():
             yield f"The filter has no variance of {_spoken(each.name)} where its error is not zero."
+
+
+def _on_single_outputs(outputs: Sequence[SigmaConsistency], samples: int) -> Iterator[str]:
+    """Say what a consistent filter's verdict rests on where samples do not decide it for each output."""
+    undecided = [each.finding for each in outputs if each.finding.verdict == Honesty.UNDECIDED]
+    if undecided:
+        of = "single outputs" if len(undecided) == len(outputs) else f"{len(undecided)} of {len(outputs)} outputs alone"
+        needed = [finding.samples_needed for finding in undecided]
+        most = max((each for each in needed if each is not None), default=None)
+        would = f"; about {sensible_step(most, samples):,} would" if most and None not in needed else ""
+        yield f"The verdict is on groups of errors together. For {of} {samples:,} samples do not decide it{would}."
 
 
 def _on_sensors(sensors: Sequence[SensorConsistency], considered: Sequence[str]) -> Iterator[str]:

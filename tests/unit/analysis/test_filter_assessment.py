@@ -65,6 +65,16 @@ def test_a_matched_filter_is_consistent_with_enough_samples() -> None:
     assert found.sensors[0].finding.verdict == Honesty.CONSISTENT
     assert found.remarks == ()
     assert sentence(found).startswith("The filter is consistent")
+    some = assessed(drawn(2_000))
+    single = [output.finding for output in some.outputs]
+    undecided = [finding for finding in single if finding.verdict == Honesty.UNDECIDED]
+    assert some.verdict == Honesty.CONSISTENT
+    assert 0 < len(undecided) < len(single)
+    assert some.remarks == (
+        f"The verdict is on groups of errors together. For {len(undecided)} of 9 outputs alone 2,000 samples do not "
+        "decide it; about 4,400 would.",
+    )
+    assert 4_000 <= max(finding.samples_needed or 0 for finding in undecided) <= 4_400
     few = assessed(drawn(200))
     assert few.verdict == Honesty.UNDECIDED
     assert few.samples_needed is not None
