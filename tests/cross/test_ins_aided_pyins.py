@@ -19,6 +19,7 @@ from pyins.strapdown import compute_increments_from_imu
 from pyins.util import ACCEL_COLS, DV_COLS, GYRO_COLS, LLA_COLS, RPH_COLS, THETA_COLS, TRAJECTORY_COLS, VEL_COLS
 from scipy.spatial.transform import Rotation
 
+import tests.stored_pyins  # noqa: F401
 from mcnav._types import Array
 from mcnav.physics.ins.aided_mechanization import AidedMechanization
 from mcnav.physics.ins.earth import WGS84, local_axes

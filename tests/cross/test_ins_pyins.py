@@ -15,6 +15,7 @@ from pyins.util import ACCEL_COLS, GYRO_COLS, RPH_COLS, TRAJECTORY_COLS, VEL_COL
 from scipy.integrate import cumulative_trapezoid
 from scipy.spatial.transform import Rotation
 
+import tests.stored_pyins  # noqa: F401
 from mcnav._types import Array
 from mcnav.physics.ins.earth import WGS84, local_axes
 from mcnav.physics.ins.instruments import ACCELEROMETER, CONSTANTS, GYRO, OUTPUTS

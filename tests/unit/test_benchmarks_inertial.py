@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import tests.stored_pyins  # noqa: F401
 from mcnav._types import Array
 from mcnav.scenarios.ins import Ins
 from tests.benchmarks import machine, readme
