@@ -132,22 +132,22 @@ HANGS = {"beside": "abs(a) > 0.5", "samples": "abs(a - FIRST) < 1e-12"}
 
 
 @pytest.mark.parametrize(
-    ("sign", "times", "place"),
+    ("sign", "times", "place", "jobs"),
     [
-        (signal.SIGINT, 1, "beside"),
-        (signal.SIGTERM, 1, "samples"),
-        (signal.SIGINT, 2, "samples"),
-        (signal.SIGKILL, 1, "beside"),
+        (signal.SIGINT, 1, "beside", 1),
+        (signal.SIGTERM, 1, "samples", 1),
+        (signal.SIGINT, 2, "samples", 2),
+        (signal.SIGKILL, 1, "beside", 1),
     ],
 )
-def test_signals_while_a_sample_hangs(sign: signal.Signals, times: int, place: str, tmp_path: Path) -> None:
+def test_signals_while_a_sample_hangs(sign: signal.Signals, times: int, place: str, jobs: int, tmp_path: Path) -> None:
     """The first signal breaks off in order, a second one at once; neither waits for the sample, and nobody is left."""
     calm = read_campaign(write_campaign(tmp_path / "calm", "", samples=100))
     first = float(calm.errors.draw("random", 1, 100, 0, 1)[0, 0])
     hanging = tmp_path / "hanging"
     body = f"if {HANGS[place]}:\n    open({str(hanging)!r}, 'w').close()\n    time.sleep(100_000)"
     path = write_campaign(tmp_path, body.replace("FIRST", repr(first)), samples=100)
-    with running(command("run", path, "--out", tmp_path / "run"), env=environment()) as process:
+    with running(command("run", path, "--jobs", jobs, "--out", tmp_path / "run"), env=environment()) as process:
         wait_for(hanging.exists, process)
         for _ in range(times):
             process.send_signal(sign)
@@ -214,9 +214,10 @@ def test_two_processes_on_one_folder(tmp_path: Path) -> None:
     first_drawn = float(calm.errors.draw("random", 1, 300, 0, 1)[0, 0])
     body = f"while {HANGS['samples']} and not os.path.exists({str(go)!r}): time.sleep(0.01)"
     path = write_campaign(tmp_path, body.replace("FIRST", repr(first_drawn)), samples=300)
-    with running(command("run", path, "--out", tmp_path / "run"), env=environment()) as first:
+    arguments = ("run", path, "--jobs", 1, "--out", tmp_path / "run")
+    with running(command(*arguments), env=environment()) as first:
         wait_for((tmp_path / "run" / "manifest.json").exists, first)
-        second = run_to_end(command("run", path, "--out", tmp_path / "run"), env=environment())
+        second = invoke(*arguments, cwd=tmp_path)
         go.touch()
         _, said = first.communicate(timeout=LONG)
     assert first.returncode == 0, said
