@@ -108,10 +108,10 @@ RUN = ("run", "--samples", 100)
 @pytest.mark.parametrize(
     "calls",
     [
-        [(("lincov", campaign), {*SLOW_IMPORTS, "joblib"}) for campaign in (DEMO, AIDED)],
+        [(("lincov", campaign, "--out", campaign.stem), {*SLOW_IMPORTS, "joblib"}) for campaign in (DEMO, AIDED)],
         [
-            ((*RUN, DEMO, "--no-report"), {*SLOW_IMPORTS, "mcnav.report.page"}),
-            ((*RUN, DEMO), SLOW_IMPORTS), ((*RUN, AIDED), SLOW_IMPORTS),
+            ((*RUN, DEMO, "--out", "first", "--no-report"), {*SLOW_IMPORTS, "mcnav.report.page"}),
+            (("report", "first"), SLOW_IMPORTS), ((*RUN, AIDED, "--out", "aided"), SLOW_IMPORTS),
         ],
     ],
     ids=["lincov", "run"],
@@ -121,13 +121,12 @@ def test_what_is_slow_to_import_and_not_needed_is_not_imported(
 ) -> None:
     """By commands in one process, one after the other: what one imports, the next ones have."""
     program = "import sys; from mcnav import cli\n"
-    for number, (command, slow) in enumerate(calls):
-        whole = ["mcnav", *map(str, command), "--out", str(tmp_path / str(number))]
+    for command, slow in calls:
         program += (
-            f"sys.argv = {whole}\ntry: cli.main()\nexcept SystemExit as ended: assert not ended.code\n"
-            f"print('loaded:', *{slow} & sys.modules.keys())\n"
+            f"sys.argv = {['mcnav', *map(str, command)]}\ntry: cli.main()\n"
+            f"except SystemExit as ended: assert not ended.code\nprint('loaded:', *{slow} & sys.modules.keys())\n"
         )
-    finished = run_to_end([sys.executable, "-c", program])
+    finished = run_to_end([sys.executable, "-c", program], cwd=tmp_path)
     assert finished.returncode == 0, finished.stderr
     assert [line for line in finished.stdout.splitlines() if line.startswith("loaded:")] == ["loaded:"] * len(calls)
 

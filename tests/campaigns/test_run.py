@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import re
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +26,7 @@ from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.analyse import report_run, summary_of
 from mcnav.workflow.replay import replay
 from mcnav.workflow.run import run_campaign
+from tests.commands import invoke
 from tests.conftest import ROOT, TWO_ERRORS, RecordedProgress, campaign, content, tn_errors
 from tests.faults.scenarios import chunk_job
 
@@ -461,33 +460,28 @@ def test_the_commit_is_that_of_the_programs_own_checkout(tmp_path: Path) -> None
     assert commit(package) == "c" * 40
 
 
-def test_a_run_and_its_report_do_without_matplotlib(tmp_path: Path) -> None:
-    """Only a figure that is asked for by itself imports it."""
-    program = """
-import sys
-from typer.testing import CliRunner
-from mcnav.cli import app
-for arguments in (["run", sys.argv[1], "--samples", "300", "--out", "run"], ["report", "run"]):
-    assert CliRunner().invoke(app, arguments).exit_code == 0
-    assert "matplotlib" not in sys.modules
-for file, status in (("figure.pdf", 0), ("figure.doc", 2)):
-    assert CliRunner().invoke(app, ["figure", "run", "scatter", "--out", file, "--width", "8"]).exit_code == status
-for arguments, told in (
-    (["none"], "NAME: must be one of ratios, "), (["scatter", "--size", "88"], "--size: got '88'; expected WIDTHx"),
-    (["ratios", "--panel", "none"], "ratios: the figure has no panel 'none'"),
-    (["histograms", "--size", "20x20mm"], "histograms: panels and text do not fit"),
-):
-    done = CliRunner().invoke(app, ["figure", "run", *arguments, "--out", "figure.pdf"])
-    assert done.exit_code == 2 and done.stderr.startswith(f"error: {told}"), done.stderr
-arguments = ["figure", "run", "histograms", "--panel", "x", "--columns", "1", "--out", "x.svg", "--font-scale", "0.8"]
-done = CliRunner().invoke(app, [*arguments, "--size", "88x60mm"])
-assert done.exit_code == 0 and not done.stderr, done.stderr
-arguments = ["figure", "run", "matrices", "--out", "x.svg", "--size", "50x50mm", "--font-scale", "0.8"]
-done = CliRunner().invoke(app, arguments)
-assert done.exit_code == 0 and "labels overlap" in done.stderr, done.stderr
-"""
-    arguments = [sys.executable, "-c", program, str(ROOT / "campaigns" / "14_polar.toml")]
-    assert (
-        subprocess.run(arguments, cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(ROOT)}, check=False).returncode == 0
-    )
+def test_a_figure_by_itself(tmp_path: Path) -> None:
+    """It is written as asked, or one line says what is wrong."""
+
+    def figure(*arguments: str, out: str = "figure.pdf") -> subprocess.CompletedProcess[str]:
+        return invoke("figure", "run", *arguments, "--out", out, cwd=tmp_path)
+
+    done = invoke("run", ROOT / "campaigns" / "14_polar.toml", "--samples", 300, "--out", "run", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert figure("scatter", "--width", "8").returncode == 0
     assert (tmp_path / "figure.pdf").read_bytes().startswith(b"%PDF")
+    assert figure("scatter", "--width", "8", out="figure.doc").returncode == 2
+    for arguments, told in (
+        (["none"], "NAME: must be one of ratios, "),
+        (["scatter", "--size", "88"], "--size: got '88'; expected WIDTHx"),
+        (["ratios", "--panel", "none"], "ratios: the figure has no panel 'none'"),
+        (["histograms", "--size", "20x20mm"], "histograms: panels and text do not fit"),
+    ):
+        wrong = figure(*arguments)
+        assert (wrong.returncode, wrong.stderr.startswith(f"error: {told}")) == (2, True), wrong.stderr
+    smaller = ("--font-scale", "0.8")
+    one = figure("histograms", "--panel", "x", "--columns", "1", "--size", "88x60mm", *smaller, out="x.svg")
+    assert (one.returncode, one.stderr) == (0, "")
+    crowded = figure("matrices", "--size", "50x50mm", *smaller, out="x.svg")
+    assert crowded.returncode == 0
+    assert "labels overlap" in crowded.stderr
