@@ -17,7 +17,7 @@ ROUNDING = 1e-15
 @pytest.mark.parametrize("states", [0, 1, 2, 3, 4, 6, 7])
 @pytest.mark.parametrize("components", [1, 3])
 def test_shared_gains(states: int, components: int) -> None:
-    """Half of the lanes have accepted the measurement; the others stay as they are."""
+    """Half of the lanes have accepted the measurement; the others stay as they are. Another update's gains follow."""
     rng = np.random.default_rng(states)
     samples, own = deviations_of(0, 0), estimates_of(0, 0, 0, 1)
     memory, innovations = room(states + 3), 0.1 * rng.standard_normal((components, LANES))
@@ -29,9 +29,9 @@ def test_shared_gains(states: int, components: int) -> None:
     samples.moved[:] = moved = rng.standard_normal(samples.moved.shape)
     samples.turn[0], samples.turn[1:], samples.sound[:] = 1.0, 0.0, 1.0
 
-    feed_back_shared(1, components, gains, samples, own)
+    feed_back_shared(0, components, gains, samples, own)
 
-    correction = gains[1] @ (accepted * innovations)
+    correction = gains[0] @ (accepted * innovations)
     assert np.linalg.norm(correction[:3], axis=0).max() < LARGEST_CORRECTION
     assert samples.sound.all()
     turned = Rotation.from_quat(samples.turn.T, scalar_first=True).as_rotvec().T
