@@ -318,7 +318,7 @@ def tabulate_aided(loop: ClosedLoop, ensemble: EnsembleTables, biases: tuple[str
         np.inf if sensor.gate is None else 2.0 * float(gammaincinv(0.5 * len(sensor.components), sensor.gate))
         for sensor in sensors
     ])  # fmt: skip
-    bounds = np.zeros((*which.shape, 2), dtype=np.int64)
+    bounds = np.empty((*which.shape, 2), dtype=np.int64)
     used = measurements.rows != 0.0
     # a turned row has the same blocks of three
     blocks = used.reshape(*which.shape, 3, 3).any(axis=3)

@@ -233,7 +233,7 @@ def _propagate_constants(loop: ClosedLoop, readings: IndexArray, after: Array) -
     sources = fixed + len(aiding_constants(loop.sensors))
     y = np.zeros((NAVIGATION, sources))
     y[:, : len(OUTPUTS)] = np.linalg.inv(output_map(loop.truth, float(loop.times[0])))
-    seen = np.zeros((len(readings), NAVIGATION + count, sources))
+    seen = np.empty((len(readings), NAVIGATION + count, sources))
     _carry_constants(
         loop.transition, tables.coupling, tables.decay, inputs, measurements.rows, tables.rows, measurements.constants,
         measurements.sizes, gains, loop.first_updates, readings, after.astype(np.bool_), y, seen,
