@@ -12,16 +12,25 @@ the function that is called must be `inlined`.
 from __future__ import annotations
 
 import hashlib
+import secrets
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
+from numba.core.bytecode import FunctionIdentity
 
 from mcnav.physics.parts import PartCompiler, give_entry
 
 Function = TypeVar("Function", bound=Callable[..., Any])
+
+FunctionIdentity._unique_ids = iter(lambda: secrets.randbits(48), None)
+"""Numbers by which numba names what it compiles and its constants; its own begin with one in each process.
+
+A function that is compiled beside a caller loaded from disk could then have the name of the copy that the caller
+contains, and be stored with constants that it shares with that copy: later processes that load both could not call it.
+"""
 
 
 @cache

@@ -11,6 +11,7 @@ import pytest
 from numba import types
 
 from mcnav.physics.jit import allocation_free_part, compiled
+from tests.conftest import ROOT
 from tests.processes import run_to_end
 
 CODE = """
@@ -34,6 +35,40 @@ def test_compiled_code_belongs_to_its_sources(sources: str, hits: str, tmp_path:
     for digest, expected in (("as before", "0"), (sources, hits)):
         command = [sys.executable, "-c", CODE, digest, str(tmp_path)]
         assert run_to_end(command, env=environment).stdout.strip() == expected
+
+
+PAIR = """
+import numpy as np
+from mcnav.physics.jit import compiled
+
+@compiled
+def row(x):
+    return np.full(2, x)
+
+@compiled
+def first(x):
+    return row(x)[0]
+"""
+CALLED = "import sys, pair; print([float(pair.np.sum(getattr(pair, name)(3.0))) for name in sys.argv[1:]])"
+
+
+def test_a_function_whose_own_code_is_lost_and_that_of_its_caller_is_not(tmp_path: Path) -> None:
+    """It is compiled beside the copy that the caller contains, and works wherever both are loaded afterwards."""
+    (tmp_path / "pair.py").write_text(PAIR)
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": f"{tmp_path}:{ROOT}"}
+
+    def call(*names: str) -> str:
+        done = run_to_end([sys.executable, "-c", CALLED, *names], env=environment)
+        assert done.returncode == 0, done.stderr
+        return done.stdout.strip()
+
+    assert call("row", "first") == "[6.0, 3.0]"
+    lost = list((tmp_path / "cache").rglob("pair.row-*"))
+    assert lost
+    for path in lost:
+        path.unlink()
+    for _ in ("compiled", "loaded"):
+        assert call("first", "row") == "[3.0, 6.0]"
 
 
 @compiled
