@@ -109,6 +109,7 @@ def test_errors_that_change_with_the_start_time() -> None:
     assert 0.2 < multiple < 1.0
     assert found.verdict == "agrees"
     np.testing.assert_allclose(after.weights, [1e-3, 0.5e-3, 0.0, 0.0])
+    np.testing.assert_allclose(after.weighted, 1e-3 * np.hypot(after.sigma[:, 0], 0.5 * after.sigma[:, 1]), rtol=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -127,7 +127,7 @@ def _kind(name: str) -> str:
 def _constants_of(kind: str, beliefs: Beliefs) -> list[str]:
     instruments = [*(f"{kind}_{axis}" for axis in (*AXES, "xy", "xz", "yx", "yz", "zx", "zy"))]
     named = [name for sensor in beliefs.sensors for name in sensor.constants() if _kind(name) == kind]
-    return named or [name for name in instruments if name in beliefs.sigmas or _walk(name, beliefs.imu) > 0.0]
+    return named or instruments
 
 
 def _walk(name: str, imu: Imu) -> float:

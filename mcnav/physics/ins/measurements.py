@@ -208,21 +208,13 @@ class _Surroundings:
 
 
 @uncontracted
-def fill_row(kind: int, direction: Array, arm: Array, spin: float, turned: Array, out: Array) -> None:
-    """Compute the response of an innovation to psi, v, x of a navigator that has turned by R, shape (3, 3)."""
+def fill_row(kind: int, direction: Array, arm: Array, spin: float, out: Array) -> None:
+    """Compute the response of an innovation to psi, v, x of a navigator whose attitude is the truth."""
     out[:] = 0.0
     dx, dy, dz = direction[0], direction[1], direction[2]
-    if kind in (ATTITUDE, BODY_VELOCITY):
-        rx = turned[0, 0] * dx + turned[0, 1] * dy + turned[0, 2] * dz
-        ry = turned[1, 0] * dx + turned[1, 1] * dy + turned[1, 2] * dz
-        rz = turned[2, 0] * dx + turned[2, 1] * dy + turned[2, 2] * dz
-        dx, dy, dz = rx, ry, rz
     ax, ay, az = arm[0], arm[1], arm[2]
     if kind in (POSITION, VELOCITY):
-        lx = turned[0, 0] * ax + turned[0, 1] * ay + turned[0, 2] * az
-        ly = turned[1, 0] * ax + turned[1, 1] * ay + turned[1, 2] * az
-        lz = turned[2, 0] * ax + turned[2, 1] * ay + turned[2, 2] * az
-        out[0], out[1], out[2] = ly * dz - lz * dy, lz * dx - lx * dz, lx * dy - ly * dx
+        out[0], out[1], out[2] = ay * dz - az * dy, az * dx - ax * dz, ax * dy - ay * dx
     if kind == POSITION:
         out[6], out[7], out[8] = dx, dy, dz
     elif kind == VELOCITY:
@@ -243,7 +235,6 @@ def fill_row(kind: int, direction: Array, arm: Array, spin: float, turned: Array
 
 @compiled
 def _fill_rows(kinds: IndexArray, directions: Array, arms: Array, spin: Array, sizes: IndexArray, rows: Array) -> None:
-    same = np.eye(3)
     for u in range(len(sizes)):
         for c in range(sizes[u]):
-            fill_row(kinds[u, c], directions[u, c], arms[u, c], spin[2], same, rows[u, c])
+            fill_row(kinds[u, c], directions[u, c], arms[u, c], spin[2], rows[u, c])

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
-from mcnav.physics.ins.quintic import quintic_spline
+from mcnav.physics.ins.quintic import FORCE_ERROR, quintic_spline, row_times
 
 EARTH = 6.4e6
 EPS = np.finfo(float).eps
@@ -38,3 +39,14 @@ def test_velocities_meet_on_the_earth() -> None:
     ends = sum((5 - k) * spline.c[k] * widths ** (4 - k) for k in range(5))
     gap = np.abs(ends[:-1] - spline.c[4, 1:]).max()
     assert gap < 20.0 * EPS * 1e-3 * EARTH
+
+
+@pytest.mark.parametrize("share", [0.25, 0.5, 0.75])
+def test_a_step_is_halved_where_the_acceleration_is_missed(share: float) -> None:
+    """At rest but for one instant, a quarter, half or three quarters of the step from its begin."""
+
+    def motion(time: float) -> np.ndarray:
+        return np.array([[0.0], [0.0], [2.0 * FORCE_ERROR * (time == share)]])
+
+    assert row_times(motion, 1.0, 2.0) == [2.0]
+    assert 0.5 in row_times(motion, 0.0, 1.0)
