@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
+from tests.browser.accessibility import CONTRAST, faint_texts, violations
 from tests.browser.conftest import FOLDER, KINDS, NAME, Browser
-from tests.browser.contrast import CONTRAST, faint_texts
 
 FIGURES = {
     "report": 11, "many": 8, "aided": 15, "replay": 1, "comparison": 1, "index": 0, "start times": 5, "linearity": 2,
@@ -118,21 +118,21 @@ def _every_key_hides_its_series(page: Any) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_on_a_screen(browser: Browser, page_of: Callable[[str], Path], kind: str) -> None:
-    """At a desk and in a hand; ids are unique, labels whole and apart.
+    """In a hand and then, with the window made larger, at a desk; ids are unique, labels whole and apart.
 
     At a desk tables are whole as well, and keys hide their series. Some pages are opened without JavaScript, too.
     """
-    for width in (1280, 380):
-        with browser.opened(page_of(kind), width) as page:
+    with browser.opened(page_of(kind), 380) as page:
+        for width in (380, 1280):
+            page.set_viewport_size({"width": width, "height": 900})
             _every_figure_is_shown(page, kind, width)
             assert page.evaluate(TEXTS) == []
             _unfold(page)
             assert page.evaluate("document.documentElement.scrollWidth") <= width
-            identifiers = page.evaluate("Array.from(document.querySelectorAll('[id]')).map(each => each.id)")
-            assert len(identifiers) == len(set(identifiers))
-            if width == 1280:
-                _every_table_fits(page)
-                _every_key_hides_its_series(page)
+        identifiers = page.evaluate("Array.from(document.querySelectorAll('[id]')).map(each => each.id)")
+        assert len(identifiers) == len(set(identifiers))
+        _every_table_fits(page)
+        _every_key_hides_its_series(page)
     if kind in WITHOUT_SCRIPTS:
         with browser.opened(page_of(kind), 380, scripts=False) as page:
             _every_figure_is_shown(page, kind, 380)
@@ -141,30 +141,27 @@ def test_on_a_screen(browser: Browser, page_of: Callable[[str], Path], kind: str
 @pytest.mark.parametrize("kind", KINDS)
 def test_for_everyone(browser: Browser, page_of: Callable[[str], Path], kind: str) -> None:
     """Nothing serious by axe with everything unfolded: names, roles, headings, tables; contrast in the dark as well."""
-    axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
-    options = {"rules": {CONTRAST: {"enabled": False}}, "resultTypes": ["violations"]}
     with browser.opened(page_of(kind), 1280) as page:
         _unfold(page)
         assert page.evaluate(UNREACHABLE) == []
         page.evaluate(SHORTENED)
-        found = axe.run(page, options=options).response["violations"]
+        found = violations(page, {"rules": {CONTRAST: {"enabled": False}}})
         assert [
             (each["id"], each["nodes"][0]["html"]) for each in found if each["impact"] in ("serious", "critical")
         ] == []
-        assert faint_texts(page, axe, ("light", "dark") if kind in DARK else ("light",)) == []
+        assert faint_texts(page, ("light", "dark") if kind in DARK else ("light",)) == []
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_one_faint_text_is_found(browser: Browser, page_of: Callable[[str], Path], scheme: str) -> None:
     """The last of several texts that look the same, which is faint in one scheme, is the only one that is named."""
-    axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
     grey = {"light": "#aaaaaa", "dark": "#444444"}[scheme]
     with browser.opened(page_of("comparison"), 1280) as page:
         page.add_style_tag(content=f"@media (prefers-color-scheme: {scheme}) {{ .faint {{ color: {grey}; }} }}")
         alike = page.locator("summary")
         assert alike.count() > 3
         faint = alike.last.evaluate("each => { each.classList.add('faint'); return each.outerHTML; }")
-        assert faint_texts(page, axe) == [faint]
+        assert faint_texts(page) == [faint]
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.browser.accessibility import faint_texts
 from tests.browser.conftest import Browser
-from tests.browser.contrast import faint_texts
 
 pytestmark = pytest.mark.slow
 
@@ -18,7 +18,6 @@ PAGES = ("index", "tutorial-aided", "campaigns", "reference/commands", "referenc
 @pytest.mark.parametrize("page", PAGES)
 def test_a_page_is_readable(browser: Browser, site: Path, page: str) -> None:
     """No page is wider than its window; text has the contrast that axe asks for; the page of a phone has its menu."""
-    axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
     with browser.opened(site / f"{page}.html", folder=site) as window:
         for scheme in ("light", "dark"):
             window.emulate_media(color_scheme=scheme)
@@ -26,7 +25,7 @@ def test_a_page_is_readable(browser: Browser, site: Path, page: str) -> None:
                 window.set_viewport_size({"width": width, "height": 900})
                 assert window.evaluate("document.documentElement.scrollWidth") <= width
                 assert window.locator("label.nav-overlay-icon").is_visible() == (width == 380)
-        assert faint_texts(window, axe) == []
+        assert faint_texts(window) == []
 
 
 def test_a_word_is_found(browser: Browser, site: Path) -> None:

@@ -101,13 +101,13 @@ def test_summary(finished: tuple[Path, dict[str, Any]]) -> None:
     assert summary["nees_mean"] == returned["nees_mean"]
 
 
-@pytest.mark.parametrize(("engine", "samples"), [("ensemble", 20_000), ("reference", 70)])
-def test_one_and_two_jobs_give_the_same_bits(engine: str, samples: int, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("engine", "samples", "chunks"), [("ensemble", 20_000, 3), ("reference", 40, 2)])
+def test_one_and_two_jobs_give_the_same_bits(engine: str, samples: int, chunks: int, tmp_path: Path) -> None:
     errors = TWO_ERRORS if engine == "reference" else tn_errors()
     for jobs in (1, 2):
         run_campaign(campaign(1, samples=samples, errors=errors), tmp_path / str(jobs), engine, jobs)
     assert _digests(tmp_path / "1") == _digests(tmp_path / "2")
-    assert len(_digests(tmp_path / "1")) == 3
+    assert len(_digests(tmp_path / "1")) == chunks
 
 
 def test_both_engines_carry_the_same_draws(tmp_path: Path) -> None:
@@ -205,7 +205,7 @@ def test_samples_with_other_last_digits_are_not_mixed(tmp_path: Path, monkeypatc
     ("design", "engine", "before", "after"),
     [
         ("random", "ensemble", 9_000, 17_000),
-        ("antithetic", "reference", 70, 101),
+        ("antithetic", "reference", 65, 98),
         ("latin-hypercube", "ensemble", 500, 511),
         ("sobol", "ensemble", 9_000, 16_383),
     ],

@@ -320,13 +320,13 @@ def test_a_chunk_that_nobody_wants_any_more(cluster: Cluster, tmp_path: Path) ->
     assert not list((tmp_path / "run").rglob(".*.tmp"))
 
 
-@pytest.mark.parametrize(("sign", "status", "workers"), [(signal.SIGINT, 130, 1), (signal.SIGKILL, -9, 2)])
-def test_nobody_is_left(sign: signal.Signals, status: int, workers: int, tmp_path: Path) -> None:
-    """Ctrl-C, which reaches all processes of a terminal; a kill of the parent alone. Each worker has a child."""
+@pytest.mark.parametrize(("sign", "status"), [(signal.SIGINT, 130), (signal.SIGKILL, -9)])
+def test_nobody_is_left(sign: signal.Signals, status: int, tmp_path: Path) -> None:
+    """Ctrl-C, which reaches all processes of a terminal; a kill of the parent alone. The worker has a child."""
     (tmp_path / "scratch").mkdir()
     code = VECTORISED.replace("def propagate", "chunk = 5\n\n    def propagate")
     path = write_campaign(tmp_path, "time.sleep(0.1)", code, samples=2_000)
-    options = ("--out", tmp_path / "run", "--dask", workers, "--timeout", "100 s")
+    options = ("--out", tmp_path / "run", "--dask", 1, "--timeout", "100 s")
     there = environment() | {"TMPDIR": str(tmp_path / "scratch")}
     with running(command("run", path, *options), env=there) as process:
         wait_for(lambda: digests(tmp_path / "run"), process)

@@ -1,4 +1,4 @@
-"""Contrast of a page's text by axe, which is asked once for all texts that look the same.
+"""What axe finds in a page; on contrast it is asked once for all texts that look the same.
 
 The contrast of a text follows from the styles of its element and of those around it. axe looks at each element anew,
 for seconds on a page of some thousand.
@@ -7,6 +7,8 @@ for seconds on a page of some thousand.
 from __future__ import annotations
 
 from typing import Any, Final
+
+import pytest
 
 CONTRAST: Final = "color-contrast"
 """Rule of axe."""
@@ -41,15 +43,22 @@ LEAVE_ONE_OF_EACH: Final = """() => {
 """Empty all texts that are seen but the first of each look; return the number of those left."""
 
 
-def faint_texts(page: Any, axe: Any, schemes: tuple[str, ...] = ("light", "dark")) -> list[str]:
+def violations(page: Any, options: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return what axe objects to in a page, into which it is loaded unless it is there."""
+    sync_playwright = pytest.importorskip("axe_playwright_python.sync_playwright")
+    there = page.evaluate("'axe' in window")
+    axe = sync_playwright.Axe("undefined") if there else sync_playwright.Axe()
+    return list(axe.run(page, options=options | {"resultTypes": ["violations"]}).response["violations"])
+
+
+def faint_texts(page: Any, schemes: tuple[str, ...] = ("light", "dark")) -> list[str]:
     """Return the elements with too little contrast in any colour scheme; other texts of the page are gone then."""
     for scheme in schemes:
         page.emulate_media(color_scheme=scheme)
         page.evaluate(NOTE_STYLES)
     assert page.evaluate(LEAVE_ONE_OF_EACH) > 1
-    found, options = list[str](), {"runOnly": [CONTRAST], "resultTypes": ["violations"]}
+    found = list[str]()
     for scheme in schemes:
         page.emulate_media(color_scheme=scheme)
-        violations = axe.run(page, options=options).response["violations"]
-        found += [node["html"] for each in violations for node in each["nodes"]]
+        found += [node["html"] for each in violations(page, {"runOnly": [CONTRAST]}) for node in each["nodes"]]
     return found
