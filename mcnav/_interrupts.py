@@ -6,6 +6,7 @@ import atexit
 import os
 import signal
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
@@ -51,6 +52,7 @@ def listen() -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _interrupt)
     sys.unraisablehook = _end_if_ignored
+    threading.excepthook = _print_before_a_signal
 
 
 @contextmanager
@@ -89,6 +91,12 @@ def _end_if_ignored(ignored: Any) -> None:
     if interrupts.received and issubclass(ignored.exc_type, KeyboardInterrupt):
         _end()
     sys.__unraisablehook__(ignored)
+
+
+def _print_before_a_signal(failed: threading.ExceptHookArgs) -> None:
+    """Print the exception of a thread, but not when the command is ending: libraries' threads may lose their work."""
+    if not interrupts.received:
+        threading.__excepthook__(failed)
 
 
 def _end() -> None:

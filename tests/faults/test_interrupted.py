@@ -130,7 +130,10 @@ def test_an_isolated_sample_is_killed(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("name", "status"), [("SIGINT", 130), ("SIGTERM", 143)])
 def test_a_command_that_is_interrupted_waits_for_no_thread(name: str, status: int) -> None:
-    """Nor does it forget what is to be done at the end of a process; what that prints as an error is not shown."""
+    """Nor does it forget what is to be done at the end of a process.
+
+    The errors of that, and of threads that fail when their work is taken away, are not shown.
+    """
     code = f"""
 import atexit, os, signal, sys, threading, time
 from mcnav import cli
@@ -140,8 +143,13 @@ def busy():
     threading.Thread(target=time.sleep, args=(100_000,)).start()
     atexit.register(print, "tidied up")
     atexit.register(print, "there was something to tidy up", file=sys.stderr)
-    os.kill(os.getpid(), signal.{name})
-    time.sleep(100_000)
+    try:
+        os.kill(os.getpid(), signal.{name})
+        time.sleep(100_000)
+    finally:
+        failing = threading.Thread(target=lambda: 1 // 0)
+        failing.start()
+        failing.join()
 
 sys.argv = ["mcnav", "busy"]
 cli.main()
