@@ -1,4 +1,7 @@
-"""The integrator of every equation of motion outside the kernels: scipy's DOP853."""
+"""The integrator of the truth and of what is computed along it once: scipy's DOP853.
+
+Samples of the reference engines are integrated by its steps in compiled code (`mcnav.physics.dop853`).
+"""
 
 from __future__ import annotations
 

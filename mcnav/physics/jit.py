@@ -100,6 +100,14 @@ def uncontracted(function: Function) -> Function:
     return _compile(function, fastmath=False)
 
 
+def compiled_with_caller(function: Function) -> Function:
+    """Compile a function that is given functions, anew for each that calls it: numba cannot store it by itself.
+
+    Its results are the same bits wherever it is, as those of an `uncontracted` function.
+    """
+    return _compile(function, fastmath=False, cache=False, forceinline=True)
+
+
 def reduced_math(function: Function) -> Function:
     """Compile a sum over lanes, which may be taken in any order: the same one for the same lanes on one machine."""
     return _compile(function, fastmath={"contract", "reassoc"})

@@ -5,7 +5,7 @@ navigator of NASA TN D-1772. With its altitude slaved to an outside altimeter th
 an altitude of its own it diverges upwards.
 
 Two engines simulate it. ``ensemble`` integrates deviations in cartesian axes in a compiled kernel; ``reference``
-integrates spherical coordinates, sample by sample, with scipy's DOP853.
+integrates spherical coordinates, sample by sample, with DOP853.
 """
 
 from __future__ import annotations
@@ -102,8 +102,8 @@ MOST_STEPS: Final = 4_096
 LONGEST_STEP: Final = 400.0
 """Longest step of the time history of each error alone, s: a thirteenth of the natural period near the ground."""
 
-REVISION: Final = 2
-"""Counts the changes of the samples' last digits: 1 was a scheme of fourth order."""
+REVISION: Final = 3
+"""Counts the changes of the samples' last digits: 1 was a scheme of fourth order, 2 had scipy's integrator."""
 
 HAND_OVER_SHARE: Final = 0.01
 """Share of probes beyond the kernel's validity above which the reference path does the work, in processes."""

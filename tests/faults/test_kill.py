@@ -4,31 +4,17 @@ from __future__ import annotations
 
 import signal
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-import tomli_w
 
 from mcnav.config.read import read_campaign
 from mcnav.execution.processes import TRIED_WHOLE
 from tests.commands import invoke
-from tests.conftest import TWO_ERRORS, content
 from tests.faults.kinds import KINDS, Case
 from tests.faults.remains import digests
 from tests.faults.scenarios import KillsWorkers, command, environment, write_campaign
 from tests.processes import LONG, run_to_end, running, wait_for
-
-
-def _reentry(place: Path) -> list[object]:
-    """Five chunks, each of half a second: when the first is stored, two workers have flown three or four at most.
-
-    With few errors: what is flown on the side is not at stake.
-    """
-    path = place / "campaign.toml"
-    path.write_text(tomli_w.dumps(content(1, samples=160, errors=TWO_ERRORS)))
-    return ["run", path, "--engine", "reference"]
-
 
 GO = "go"
 """File that the held sample waits for."""
@@ -50,14 +36,11 @@ def _run(arguments: list[object], folder: Path, jobs: int) -> dict[str, str]:
 
 
 @pytest.mark.parametrize(
-    ("sign", "status", "jobs", "written"),
-    [(signal.SIGKILL, -9, 2, _reentry), (signal.SIGINT, 130, 2, _held), (signal.SIGTERM, 143, 1, _held)],
+    ("sign", "status", "jobs"), [(signal.SIGKILL, -9, 2), (signal.SIGINT, 130, 2), (signal.SIGTERM, 143, 1)]
 )
-def test_resume_after_a_signal(
-    sign: signal.Signals, status: int, jobs: int, written: Callable[[Path], list[object]], tmp_path: Path
-) -> None:
+def test_resume_after_a_signal(sign: signal.Signals, status: int, jobs: int, tmp_path: Path) -> None:
     """A command with workers of its own, none of which is left; it is resumed by two, and undisturbed by one."""
-    arguments, folder = written(tmp_path), tmp_path / "run"
+    arguments, folder = _held(tmp_path), tmp_path / "run"
     (tmp_path / GO).touch()
     undisturbed = _run(arguments, tmp_path / "undisturbed", 1)
     (tmp_path / GO).unlink()

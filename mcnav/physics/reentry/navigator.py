@@ -1,21 +1,22 @@
 """The navigator in the form of the report: NASA TN D-1772, eqs. (5), (9), (10), in polar coordinates.
 
-This is the reference path. Truth and indicated motion are integrated together, one sample at a time, by scipy's DOP853
-with a restart at every kink of the truth. The ensemble path (`mcnav.physics.reentry.ensemble.kernel`) shares none of
+This is the reference path. Truth and indicated motion are integrated together, one sample at a time, by DOP853 with a
+restart at every kink of the truth. The ensemble path (`mcnav.physics.reentry.ensemble.kernel`) shares none of
 these equations.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from mcnav._types import Array
 from mcnav.constants import EARTH_RADIUS
-from mcnav.physics.integration import Diverged, integrate
-from mcnav.physics.jit import compiled
+from mcnav.physics.dop853 import LEFT, REACHED, advance, integrate_compiled
+from mcnav.physics.integration import Diverged
+from mcnav.physics.jit import compiled, uncontracted
 from mcnav.physics.reentry.instruments import Error, indicated_force, measured_force
 from mcnav.physics.reentry.truth import ABSOLUTE_TOLERANCE, RELATIVE_TOLERANCE, Trajectory, motion, truth_force
 
@@ -23,6 +24,9 @@ TOLERANCES: Final = (RELATIVE_TOLERANCE, np.tile(ABSOLUTE_TOLERANCE, 2))
 
 LOWEST_RADIUS: Final = 0.01 * EARTH_RADIUS
 """An indicated position nearer to the earth's centre than this (m) ends the simulation."""
+
+LIMITS: Final = np.array([[-np.inf] * 4 + [LOWEST_RADIUS] + [-np.inf] * 3, [np.inf] * 8])
+"""Of the truth and an indicated state."""
 
 
 @compiled
@@ -41,6 +45,14 @@ def joint_rates(
         indicated_x, indicated_z = indicated_force(on * measured_x, on * measured_z, indicated[1] - theta_axes)
         motion(indicated, indicated_x, indicated_z, rates[own])
     return rates
+
+
+@uncontracted
+def _advance(
+    args: Any, bound: float, relative: float, absolute: Array, limits: Array, step: float, times: Array, states: Array
+) -> tuple[int, int, float]:
+    """Take steps of `joint_rates`; see `mcnav.physics.dop853.advance`."""
+    return advance(joint_rates, args, bound, relative, absolute, limits, step, times, states)
 
 
 def indicated_start(actual: Array, errors: Array) -> Array:
@@ -62,13 +74,6 @@ def navigation_error(actual: Array, indicated: Array) -> Array:
     """Subtract actual from indicated: altitude, range and their rates at the earth's radius, m and m/s."""
     scale = [1.0, EARTH_RADIUS, 1.0, EARTH_RADIUS]
     return np.asarray((indicated - actual) * scale, dtype=float)
-
-
-def _too_low(time: float, state: Array, *_: object) -> float:
-    return float(state[4]) - LOWEST_RADIUS
-
-
-_too_low.terminal = True  # type: ignore[attr-defined]
 
 
 def simulate_indicated(
@@ -109,11 +114,11 @@ def simulate_indicated(
     for begin, end, phase in trajectory.navigated(start):
         args = (phase.coefficients, float(phase.accelerometers_on), errors[None], start, theta_axes)
         shared = trajectory.shared(begin, phase, state)
-        solution = integrate(joint_rates, (begin, end), shared, TOLERANCES, args, events=_too_low)
-        watch(solution.t, solution.y)
-        state = solution.y[:, -1]
-        if solution.status == 1:
-            raise Diverged(f"the indicated position fell to {state[4] / 1e3:.0f} km from the earth's centre")
-        if solution.status < 0 or not np.all(np.isfinite(state)):
-            raise Diverged(f"the integration broke down at {solution.t[-1]:.1f} s: {solution.message}")
+        steps = integrate_compiled(_advance, (begin, end), shared, TOLERANCES, LIMITS, args)
+        watch(steps.times, steps.states.T)
+        state = steps.states[-1]
+        if steps.status == LEFT:
+            raise Diverged(f"the indicated position fell to {LOWEST_RADIUS / 1e3:.0f} km from the earth's centre")
+        if steps.status != REACHED:
+            raise Diverged(f"the integration broke down at {steps.times[-1]:.1f} s: its steps became too small")
     return navigation_error(state[:4], state[4:])

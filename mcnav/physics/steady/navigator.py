@@ -13,17 +13,22 @@ the Schuler oscillation is what these equations do.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.physics.integration import Diverged, integrate
-from mcnav.physics.jit import compiled
+from mcnav.physics.dop853 import LEFT, REACHED, advance, integrate_compiled
+from mcnav.physics.integration import Diverged
+from mcnav.physics.jit import compiled, uncontracted
 from mcnav.physics.steady.truth import Error, SteadyFlight, navigation_error
 
 TOLERANCES: Final = (1e-12, np.array([1e-6, 1e-14, 1e-14, 1e-9, 1e-17, 1e-17]))
 """DOP853's, for r, theta, cross and their rates: m, rad, m/s, rad/s."""
+
+RADIUS: Final = 0
+ACROSS: Final = 2
+"""Places in the state."""
 
 LOWEST_SHARE: Final = 0.01
 """An indicated position nearer to the earth's centre than this share of the actual radius ends the simulation."""
@@ -93,6 +98,14 @@ def indicated_rates(
     return rates
 
 
+@uncontracted
+def _advance(
+    args: Any, bound: float, relative: float, absolute: Array, limits: Array, step: float, times: Array, states: Array
+) -> tuple[int, int, float]:
+    """Take steps of `indicated_rates`; see `mcnav.physics.dop853.advance`."""
+    return advance(indicated_rates, args, bound, relative, absolute, limits, step, times, states)
+
+
 def indicated_start(flight: SteadyFlight, errors: Array) -> Array:
     """Add the initial errors to the actual state: the indicated start, shape (4,) (NASA TN D-1772, eq. 10).
 
@@ -130,28 +143,20 @@ def simulate_indicated(
     Diverged
         When the indicated position comes near the earth's centre or the great circle's pole, or breaks down.
     """
-    lowest = LOWEST_SHARE * flight.radius
-
-    def too_low(time: float, state: Array, *_: object) -> float:
-        return float(state[0]) - lowest
-
-    def too_far_across(time: float, state: Array, *_: object) -> float:
-        return STEEPEST - abs(float(state[2]))
-
-    for event in (too_low, too_far_across):
-        event.terminal = True  # type: ignore[attr-defined]
+    limits = np.array([[-np.inf] * 6, [np.inf] * 6])
+    limits[0, RADIUS], limits[:, ACROSS] = LOWEST_SHARE * flight.radius, (-STEEPEST, STEEPEST)
     start = indicated_start(flight, errors)
-    if not np.all(np.isfinite(start)) or too_low(0.0, start) <= 0.0 or too_far_across(0.0, start) <= 0.0:
+    if not np.all((limits[0] <= start) & (start <= limits[1])):
         raise Diverged(f"the indicated flight starts at radius {start[0]:.6g} m, {start[2]:.3g} rad across the track")
     earth = flight.earth.gravitational_parameter
     args = (errors, flight.radius, flight.rate, flight.effective_gravity, earth, flight.slaved, flight.level)
-    events = (too_low, too_far_across)
-    solution = integrate(indicated_rates, (0.0, flight.duration), start, TOLERANCES, args, events=events)
-    watch(solution.t, solution.y)
-    if solution.status == 1:
-        low = solution.t_events[0].size > 0
+    steps = integrate_compiled(_advance, (0.0, flight.duration), start, TOLERANCES, limits, args)
+    watch(steps.times, steps.states.T)
+    last = steps.states[-1]
+    if steps.status == LEFT:
+        low = last[RADIUS] < limits[0, RADIUS]
         where = "the earth's centre" if low else "the pole of the great circle"
-        raise Diverged(f"the indicated position came near {where} at {solution.t[-1]:.0f} s")
-    if solution.status < 0 or not np.all(np.isfinite(solution.y[:, -1])):
-        raise Diverged(f"the integration broke down at {solution.t[-1]:.1f} s: {solution.message}")
-    return navigation_error(flight, solution.y[:, -1])
+        raise Diverged(f"the indicated position came near {where} at {steps.times[-1]:.0f} s")
+    if steps.status != REACHED:
+        raise Diverged(f"the integration broke down at {steps.times[-1]:.1f} s: its steps became too small")
+    return navigation_error(flight, last)
