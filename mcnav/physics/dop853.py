@@ -70,7 +70,9 @@ def advance(
     """
     n = states.shape[1]
     slopes, trial, scale = np.empty((STAGES + 1, n)), np.empty(n), np.empty(n)
-    slopes[0] = rates(times[0], states[0], *args)
+    slope = rates(times[0], states[0], *args)
+    for i in range(n):
+        slopes[0, i] = slope[i]
     if step == 0.0:
         step = _first_step(rates, args, bound, relative, absolute, times[0], states[0], slopes[0], trial)
     for taken in range(len(times) - 1):
@@ -89,7 +91,9 @@ def advance(
                     for k in range(stage):
                         change += WEIGHTS[stage, k] * slopes[k, i]
                     trial[i] = state[i] + step * change
-                slopes[stage] = rates(time + TIMES[stage] * step, trial, *args)
+                slope = rates(time + TIMES[stage] * step, trial, *args)
+                for i in range(n):
+                    slopes[stage, i] = slope[i]
             for i in range(n):
                 scale[i] = absolute[i] + relative * max(abs(state[i]), abs(trial[i]))
             error = _error_of(slopes, scale, step)
@@ -102,8 +106,8 @@ def advance(
             largest = min(largest, SAFETY * error ** (-1.0 / (ORDER + 1)))
         step *= largest
         times[taken + 1] = end
-        reached[:] = trial
-        slopes[0] = slopes[STAGES]
+        for i in range(n):
+            reached[i], slopes[0, i] = trial[i], slope[i]
         for i in range(n):
             if not limits[0, i] <= trial[i] <= limits[1, i]:
                 return LEFT, taken + 1, step
@@ -134,15 +138,21 @@ def _first_step(
     trial: Array,
 ) -> float:  # fmt: skip
     """Choose the first step, s, by the size of the state, its rate and the change of the rate; overwrites ``trial``."""
-    scale = absolute + relative * np.abs(state)
-    size, rate = np.sqrt(np.mean((state / scale) ** 2)), np.sqrt(np.mean((slope / scale) ** 2))
-    small = 1e-6 if size < 1e-5 or rate < 1e-5 else 0.01 * size / rate
-    small = min(small, bound - time)
-    trial[:] = state + small * slope
-    change = np.sqrt(np.mean(((rates(time + small, trial, *args) - slope) / scale) ** 2)) / small
-    if rate <= 1e-15 and change <= 1e-15:
-        larger = max(1e-6, 1e-3 * small)
-    else:
+    size = rate = change = 0.0
+    for i in range(len(state)):
+        scale = absolute[i] + relative * abs(state[i])
+        size += (state[i] / scale) ** 2
+        rate += (slope[i] / scale) ** 2
+    size, rate = np.sqrt(size / len(state)), np.sqrt(rate / len(state))
+    small = min(1e-6 if size < 1e-5 or rate < 1e-5 else 0.01 * size / rate, bound - time)
+    for i in range(len(state)):
+        trial[i] = state[i] + small * slope[i]
+    later = rates(time + small, trial, *args)
+    for i in range(len(state)):
+        change += ((later[i] - slope[i]) / (absolute[i] + relative * abs(state[i]))) ** 2
+    change = np.sqrt(change / len(state)) / small
+    larger = max(1e-6, 1e-3 * small)
+    if max(rate, change) > 1e-15:
         larger = (0.01 / max(rate, change)) ** (1.0 / (ORDER + 1))
     return min(100.0 * small, larger, bound - time)
 

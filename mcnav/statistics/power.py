@@ -21,7 +21,7 @@ def detectable_ratio(error: float, degrees_of_freedom: float, confidence: float)
     when the true logarithm is ``(t_confidence + t_power) s`` away; the upward departure, ``exp(...) - 1``, is the
     larger one and is returned.
     """
-    if not math.isfinite(error) or degrees_of_freedom < 1.0:
+    if degrees_of_freedom < 1.0:
         return math.inf
     reach = float(special.stdtrit(degrees_of_freedom, [0.5 + 0.5 * confidence, USUAL_POWER]).sum()) * error
     return math.expm1(reach) if reach < 700.0 else math.inf

@@ -97,8 +97,9 @@ def _run_backwards(
     before = np.zeros(9)
     for k in range(last, -1, -1):
         if k < last:
-            steps[k] = responses[:, :9]
             for o in range(9):
+                for i in range(9):
+                    steps[k, o, i] = responses[o, i]
                 for s in range(states):
                     value = decay[k, s] * responses[o, 9 + s]
                     for i in range(9):

@@ -211,7 +211,10 @@ def _propagate(
                 for j in range(moved, size):
                     c[j, i] = c[i, j]
         while reached < len(readings) and readings[reached] == k:
-            found[reached], means[reached] = c[:9, :9], x[:9]
+            for i in range(9):
+                means[reached, i] = x[i]
+                for j in range(9):
+                    found[reached, i, j] = c[i, j]
             reached += 1
         if k == len(over):
             break

@@ -186,17 +186,20 @@ def navigate(
     steps, epoch = len(step_times) - 1, 0
     for step in range(steps):
         while epoch < len(epoch_steps) and epoch_steps[epoch] == step:
-            states[epoch] = state
             duration = epoch_durations[epoch]
+            change[:] = 0.0
             if duration > 0.0:
                 reading = values[steps + epoch]
                 _turned(spin, duration, reading, gyro, gyro_noise[step], state, slopes, points, change)
-                aside[:] = slow
+                for i in range(3):
+                    for j in range(3):
+                        aside[i, j] = slow[i, j]
                 _pushed(
                     constants, spin, duration, reading, accelerometer, accelerometer_noise[step], state, low, points,
                     aside, change,
                 )  # fmt: skip
-                states[epoch] += change
+            for i in range(STATE):
+                states[epoch, i] = state[i] + change[i]
             epoch += 1
         outcome = _stepped(
             constants, spin, lowest, step_times[step + 1] - step_times[step], values[step], gyro, accelerometer,
@@ -234,5 +237,6 @@ def advance(
         )  # fmt: skip
         if outcome != WENT_ON:
             return outcome, step
-        states[step] = now
+        for i in range(STATE):
+            states[step, i] = now[i]
     return WENT_ON, len(durations)

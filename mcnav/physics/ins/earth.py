@@ -219,7 +219,8 @@ def geodetic(constants: Array, x: float, y: float, z: float) -> tuple[float, flo
 def _gravitation_of(constants: Array, position: Array) -> Array:
     found = np.empty_like(position)
     for row in range(len(position)):
-        found[row] = gravitation(constants, position[row, 0], position[row, 1], position[row, 2])
+        x, y, z = gravitation(constants, position[row, 0], position[row, 1], position[row, 2])
+        found[row, 0], found[row, 1], found[row, 2] = x, y, z
     return found
 
 
@@ -229,7 +230,8 @@ def _gradient_of(constants: Array, position: Array) -> Array:
     there = np.empty(3)
     for row in range(len(position)):
         for axis in range(3):
-            there[:] = position[row]
+            for i in range(3):
+                there[i] = position[row, i]
             there[axis] += GRADIENT_STEP
             ax, ay, az = gravitation(constants, there[0], there[1], there[2])
             there[axis] -= 2.0 * GRADIENT_STEP
@@ -244,5 +246,6 @@ def _gradient_of(constants: Array, position: Array) -> Array:
 def _geodetic_of(constants: Array, position: Array) -> Array:
     found = np.empty_like(position)
     for row in range(len(position)):
-        found[row] = geodetic(constants, position[row, 0], position[row, 1], position[row, 2])
+        x, y, z = geodetic(constants, position[row, 0], position[row, 1], position[row, 2])
+        found[row, 0], found[row, 1], found[row, 2] = x, y, z
     return found

@@ -297,7 +297,8 @@ def gravitation_gradients(constants: Array, positions: Array) -> Array:
     there = np.empty(3)
     for row in range(len(positions)):
         for axis in range(3):
-            there[:] = positions[row]
+            for i in range(3):
+                there[i] = positions[row, i]
             there[axis] += GRADIENT_STEP
             ax, ay, az = normal_gravitation(constants, there[0], there[1], there[2])
             there[axis] -= 2.0 * GRADIENT_STEP

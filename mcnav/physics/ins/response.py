@@ -29,7 +29,7 @@ import numpy as np
 from mcnav._types import Array, IndexArray
 from mcnav.physics.ins.instruments import CROSS_AXES, Imu
 from mcnav.physics.ins.truth import Platform, Truth
-from mcnav.physics.jit import compiled, inlined
+from mcnav.physics.jit import allocation_free_part, compiled
 
 LONGEST_INTERVAL: Final = 0.25
 """Longest interval of the quadrature, s: a rate of 1 rad/s leaves an error of 1e-6."""
@@ -133,7 +133,7 @@ def respond(truth: Truth, platform: Platform, times: Array, imu: Imu) -> StepRes
     return StepResponses(times, *(*found, at_times.axes))
 
 
-@inlined
+@allocation_free_part
 def _add_products(total: Array, vector: Array, weight: float, size: int) -> None:
     """Add a weighted outer product to the lower triangle."""
     for i in range(size):
@@ -142,7 +142,7 @@ def _add_products(total: Array, vector: Array, weight: float, size: int) -> None
             total[i, j] += scaled * vector[j]
 
 
-@inlined
+@allocation_free_part
 def _fill_upper(total: Array) -> None:
     """Complete symmetric matrices, shape (3, d, d), from their lower triangles."""
     for a in range(3):
@@ -151,7 +151,7 @@ def _fill_upper(total: Array) -> None:
                 total[a, j, i] = total[a, i, j]
 
 
-@inlined
+@allocation_free_part
 def _advance_motion(of_v: Array, of_x: Array, gradient: Array, s: float, out_v: Array, out_x: Array) -> None:
     """Take the responses to v and to x back by a time s, in which the gravity gradient is constant (to order s^3)."""
     for r in range(6):
@@ -263,16 +263,17 @@ def _respond(
                     along[0, r, m], along[1, r, m] = of_v[r, m], of_x[r, m]
             _advance_motion(along[0], along[1], gradient, h, of_v, of_x)
             remaining += h
-        attitude[k] = of_psi
-        motion[k, :, :3] = of_v
-        motion[k, :, 3:] = of_x
+        for r in range(6):
+            for m in range(3):
+                attitude[k, r, m] = of_psi[r, m]
+                motion[k, r, m], motion[k, r, 3 + m] = of_v[r, m], of_x[r, m]
         for covariance in (gyro_white[k], accelerometer_white[k], gyro_driven[k], gyro_walked[k],
                            accelerometer_driven[k], accelerometer_walked[k], gyro_quantized[k],
                            accelerometer_quantized[k]):  # fmt: skip
             _fill_upper(covariance)
 
 
-@inlined
+@allocation_free_part
 def _turn_back(out: Array, responses: Array, rate: Array, a: int, size: int) -> None:
     """Compute the response to -(w x e_a) from the responses to readings along the three axes, shape (3, size)."""
     b, c = (a + 1) % 3, (a + 2) % 3
@@ -280,7 +281,7 @@ def _turn_back(out: Array, responses: Array, rate: Array, a: int, size: int) -> 
         out[r] = rate[b] * responses[c, r] - rate[c] * responses[b, r]
 
 
-@inlined
+@allocation_free_part
 def _drive(
     state: Array, walk: Array, driven: Array, walked: Array, first: Array, second: Array, node: Array, size: int,
     h: float, remaining: float, correlation: float,

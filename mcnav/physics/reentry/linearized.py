@@ -35,7 +35,9 @@ def variational_rates(
     ``r theta_e'' = df_x - theta'' r_e - 2 theta' r_e' - 2 r' theta_e'``.
     """
     rates = np.empty(state.size)
-    rates[:8] = joint_rates(time, state[:8], coefficients, on, no_errors, start, theta_axes)
+    joint = joint_rates(time, state[:8], coefficients, on, no_errors, start, theta_axes)
+    for i in range(8):
+        rates[i] = joint[i]
     actual, indicated = state[:4], state[4:8]
     elapsed, angle = time - start, indicated[1] - theta_axes
     force_x, force_z = truth_force(actual, coefficients)

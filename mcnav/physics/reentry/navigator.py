@@ -109,10 +109,11 @@ def simulate_indicated(
     """
     actual = trajectory.departure(start)
     state = np.concatenate([actual, indicated_start(actual, errors)])
+    alone = np.ascontiguousarray(errors)[None]
     if not np.all(np.isfinite(state)) or state[4] <= LOWEST_RADIUS:
         raise Diverged(f"the indicated radius starts at {state[4]:.6g} m")
     for begin, end, phase in trajectory.navigated(start):
-        args = (phase.coefficients, float(phase.accelerometers_on), errors[None], start, theta_axes)
+        args = (phase.coefficients, float(phase.accelerometers_on), alone, start, theta_axes)
         shared = trajectory.shared(begin, phase, state)
         steps = integrate_compiled(_advance, (begin, end), shared, TOLERANCES, LIMITS, args)
         watch(steps.times, steps.states.T)

@@ -40,24 +40,29 @@ STEEPEST: Final = 1.5
 @compiled
 def misaligned(force: Array, turn: Array) -> Array:
     """Turn the axes of a vector by a rotation vector (rad), shape (3,): Rodrigues' formula."""
-    angle = np.sqrt(np.sum(turn * turn))
+    angle = np.sqrt(turn[0] * turn[0] + turn[1] * turn[1] + turn[2] * turn[2])
     if angle == 0.0:
         return force.copy()
     axis = turn / angle
-    turned: Array = np.cos(angle) * force + np.sin(angle) * np.cross(axis, force)
-    turned += (1.0 - np.cos(angle)) * np.sum(axis * force) * axis
+    cosine, sine = np.cos(angle), np.sin(angle)
+    along = (1.0 - cosine) * (axis[0] * force[0] + axis[1] * force[1] + axis[2] * force[2])
+    turned = np.empty(3)
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        turned[i] = cosine * force[i] + sine * (axis[j] * force[k] - axis[k] * force[j]) + along * axis[i]
     return turned
 
 
 @compiled
-def directions(theta: float, cross: float) -> Array:
-    """Form the directions along, across (right) and down at a position, as rows in the instruments' axes; (3, 3)."""
-    along, across = np.array([np.cos(theta), 0.0, np.sin(theta)]), np.empty(3)
-    down = np.array([-np.cos(cross) * np.sin(theta), -np.sin(cross), np.cos(cross) * np.cos(theta)])
-    across[0], across[1], across[2] = -np.sin(cross) * np.sin(theta), np.cos(cross), np.sin(cross) * np.cos(theta)
-    rows = np.empty((3, 3))
-    rows[0], rows[1], rows[2] = along, across, down
-    return rows
+def resolved(force: Array, theta: float, cross: float) -> Array:
+    """Resolve a vector along, across (right) and down at a position from the instruments' axes, shape (3,)."""
+    ahead = np.cos(theta) * force[0] + np.sin(theta) * force[2]
+    down = np.cos(theta) * force[2] - np.sin(theta) * force[0]  # in the plane of the great circle
+    found = np.empty(3)
+    found[0] = ahead
+    found[1] = np.cos(cross) * force[1] + np.sin(cross) * down
+    found[2] = np.cos(cross) * down - np.sin(cross) * force[1]
+    return found
 
 
 @compiled
@@ -68,7 +73,6 @@ def indicated_rates(
     """Compute the rates of (r, theta, cross, r', theta', cross') of the indicated motion, shape (6,)."""
     angle = rate * time
     felt = np.array([force * np.sin(angle), 0.0, -force * np.cos(angle)])
-    local = directions(state[1], state[2])
     first, later = time, 0.0  # how long the gyros have drifted about their first axes, and a quarter turn on
     if level and rate != 0.0:
         first, later = np.sin(angle) / rate, (1.0 - np.cos(angle)) / rate
@@ -80,16 +84,15 @@ def indicated_rates(
             errors[8] + roll * later + azimuth * first,
         ]
     )
+    r, theta, cross, r_rate, theta_rate, cross_rate = state
     felt = misaligned(felt, turn)
     if level:
-        felt = local @ felt
+        felt = resolved(felt, theta, cross)
     measured = (felt + errors[12:15]) * (1.0 + errors[15:18])
     if not level:
-        measured = local @ measured
-    r, _, cross, r_rate, theta_rate, cross_rate = state
+        measured = resolved(measured, theta, cross)
     rates = np.empty(6)
-    rates[:3] = state[3:]
-    rates[3] = 0.0
+    rates[0], rates[1], rates[2], rates[3] = r_rate, theta_rate, cross_rate, 0.0
     if not slaved:
         rates[3] = r * (cross_rate**2 + (theta_rate * np.cos(cross)) ** 2) - measured[2] - mu / (r * r)
     along = (measured[0] / np.cos(cross) - 2.0 * r_rate * theta_rate) / r
@@ -148,8 +151,8 @@ def simulate_indicated(
     start = indicated_start(flight, errors)
     if not np.all((limits[0] <= start) & (start <= limits[1])):
         raise Diverged(f"the indicated flight starts at radius {start[0]:.6g} m, {start[2]:.3g} rad across the track")
-    earth = flight.earth.gravitational_parameter
-    args = (errors, flight.radius, flight.rate, flight.effective_gravity, earth, flight.slaved, flight.level)
+    whole, earth = np.ascontiguousarray(errors), flight.earth.gravitational_parameter
+    args = (whole, flight.radius, flight.rate, flight.effective_gravity, earth, flight.slaved, flight.level)
     steps = integrate_compiled(_advance, (0.0, flight.duration), start, TOLERANCES, limits, args)
     watch(steps.times, steps.states.T)
     last = steps.states[-1]

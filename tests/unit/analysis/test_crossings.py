@@ -77,6 +77,7 @@ HALVINGS = int(np.ceil(np.log2(1e9)))
         (lambda x: x**9 - 1e-3, 2 * HALVINGS),
         (lambda x: np.tanh(50.0 * (x - 0.9)), 2 * HALVINGS),
         (lambda x: -1.0 if x < 0.123 else 5.0, 2 * HALVINGS),
+        (lambda x: -1e-300 if x < 0.123 else 1e300, 2 * HALVINGS),
         (lambda x: x - 0.5, 2 * HALVINGS),
         (lambda x: x**3 - 0.3, HALVINGS // 2),
     ],

@@ -52,6 +52,7 @@ def test_it_rises_from_rest_then_turns_with_its_velocity() -> None:
     assert np.linalg.norm(truth.earth_fixed(np.zeros(1))[1]) < 1e-9
     rows = rows_from(truth, truth.times)
     assert rows.velocity is not None
+    assert rows.altitude[0] == pytest.approx(0.0, abs=1e-6)
     pitch, velocity = rows.angles[:, 1], rows.velocity
     climb = np.arctan2(-velocity[:, 2], np.hypot(velocity[:, 0], velocity[:, 1]))
     rising = rows.time <= TWO.rise

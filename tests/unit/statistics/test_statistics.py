@@ -202,7 +202,7 @@ def _shape(values: np.ndarray) -> tuple[Estimate, Estimate]:
 
 def test_shape_of_a_constant_is_zero() -> None:
     for found in _shape(np.full(50, 3.0)):
-        assert (found.value, found.standard_error) == (0.0, 0.0)
+        assert (found.value, found.standard_error, found.degrees_of_freedom) == (0.0, 0.0, 49.0)
 
 
 def test_shape_has_the_normals_error_for_normal_samples() -> None:
@@ -297,7 +297,7 @@ def test_power_of_a_ratio() -> None:
     found = power.detectable_ratio(error, 1e6, 0.95)
     assert np.log1p(found) == pytest.approx(3.2415 * error, rel=1e-4)
     assert power.samples_to_detect(found, error, 10_000, 0.95) == pytest.approx(10_000, rel=1e-4)
-    assert power.detectable_ratio(np.inf, 5, 0.95) == np.inf
+    assert power.detectable_ratio(np.inf, 5, 0.95) == power.detectable_ratio(error, 0.5, 0.95) == np.inf
     assert power.detectable_ratio(0.0, 5, 0.95) == 0.0
     with pytest.raises(ValueError, match="departure must be positive"):
         power.samples_to_detect(0.0, error, 100, 0.95)

@@ -56,7 +56,7 @@ def response_rates(time: float, state: Array, coefficients: Array, on: float, th
     x, y = state[4], state[5]
     square = x * x + y * y
     stiffness = GRAVITATIONAL_PARAMETER / (square * np.sqrt(square))
-    rates[4:6] = state[6:8]
+    rates[4], rates[5] = state[6], state[7]
     rates[6] = on * along_x - stiffness * x
     rates[7] = -on * along_z - stiffness * y
     response, change = state[8:].reshape(4, COLUMNS), rates[8:].reshape(4, COLUMNS)
