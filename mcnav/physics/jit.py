@@ -8,8 +8,8 @@ compiles both calls the original, and a process that loads the caller from disk 
 multiplications with additions. `tests/cross/test_compiled.py` checks that both give the same bits. Where they do not,
 the function that is called must be `inlined`.
 
-An array assigned to a part of another takes numba two seconds in each of its kinds, for the message where shapes differ;
-elements are assigned one by one.
+An array assigned to a part of another takes numba two seconds in each of its kinds, for the message where shapes
+differ; elements are assigned one by one.
 """
 
 from __future__ import annotations

@@ -89,6 +89,15 @@ def test_unscented_transform_is_exact_for_a_quadratic() -> None:
     assert found[1, 1] == pytest.approx(0.25 + 0.25 * 4.0 - correlation * 2.0 * 0.5, rel=1e-12)
 
 
+def test_unscented_transform_without_dispersion() -> None:
+    """The outcome of the mean, and no covariance."""
+    mean, found = unscented_covariance(
+        lambda errors: SimulationResult(np.exp(errors)), np.array([0.0, 1.0]), np.zeros((2, 2))
+    )
+    np.testing.assert_array_equal(mean, np.exp([0.0, 1.0]))
+    np.testing.assert_array_equal(found, np.zeros((2, 2)))
+
+
 def test_unscented_transform_is_filterpys() -> None:
     """Bit for bit, with the modules as the package has them: for independent unit sigmas no factor intervenes."""
     points = MerweScaledSigmaPoints(2, alpha=1.0, beta=2.0, kappa=0.0)

@@ -10,7 +10,7 @@ from scipy import stats
 
 from mcnav.statistics import chi_square, circular_error, mean_square, order_statistics, power, proportions, shape
 from mcnav.statistics.covariance_tests import covariance_likelihood_ratio
-from mcnav.statistics.estimates import Estimate, blocked_mean
+from mcnav.statistics.estimates import Estimate, blocked_mean, summed_mean
 from mcnav.statistics.hotelling import hotelling
 from mcnav.statistics.hypothesis_test import HypothesisTest
 from mcnav.statistics.mardia import mardia
@@ -289,6 +289,12 @@ def test_coverage_of_intervals_of_mean_squares() -> None:
         found = mean_square.mean_square_intervals(mean, error, np.array(50), np.array(150), 0.95)
         covered = np.mean((found[:, 0] <= sum(variances)) & (sum(variances) <= found[:, 1]))
         assert covered > 0.95 - 0.015 - 3.0 * np.sqrt(0.05 * 0.95 / sets)
+
+
+def test_a_mean_of_nothing_is_unknown() -> None:
+    found = summed_mean(np.zeros(3), np.zeros(3))
+    assert np.isnan(found.value)
+    assert (found.standard_error, found.degrees_of_freedom) == (np.inf, 0.0)
 
 
 def test_power_of_a_ratio() -> None:
