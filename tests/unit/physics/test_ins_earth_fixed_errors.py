@@ -209,6 +209,7 @@ def test_steps_of_the_filter_are_whole_steps() -> None:
     durations = np.array([0.1, 0.1, 0.1, 0.1, 0.06, 0.1, 0.1, 0.1, 0.1, 0.1])
     steps = FilterSteps.group(durations, 0.5, np.array([0.01]))
     assert steps.begins.tolist() == [0, 5]
+    assert steps.middles.tolist() == [2, 7]
     assert np.sum(steps.durations) == pytest.approx(0.96, rel=1e-15)
     assert np.add.reduceat(steps.weights, steps.begins) == pytest.approx([1.0, 1.0], rel=1e-15)
     assert len(FilterSteps.group(durations, 0.01, np.zeros(0)).begins) == len(durations)
