@@ -1,8 +1,8 @@
 """DOP853 for compiled equations of motion: scipy's scheme and control of steps, without Python between the stages.
 
-For equations of a few states scipy's own integrator takes some thirty times as long as the equations. `advance` takes
-the same steps within compiled code; an entry of its own, compiled beside the equations, calls it for each kind of
-motion, as numba cannot store a function that is given others.
+For equations of a few states scipy's own integrator takes some twenty times as long as the equations, when these are
+compiled. `advance` takes the same steps within compiled code. Each motion has an entry that calls it with its own
+equations: numba cannot store a function that is given others.
 
 Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I (1993), section II.5.
 """
