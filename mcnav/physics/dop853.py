@@ -15,6 +15,7 @@ from typing import Any, Final
 
 import numpy as np
 from scipy.integrate import DOP853
+from scipy.optimize import brentq
 
 from mcnav._types import Array
 from mcnav.physics.integration import Tolerances
@@ -22,7 +23,7 @@ from mcnav.physics.jit import compiled_with_caller, uncontracted
 
 STAGES: Final = DOP853.n_stages
 WEIGHTS: Final = np.vstack([DOP853.A, DOP853.B])
-"""Of the stages before each; the last row, of the step, is those of the stage at its end."""
+"""Weights of the stages before each stage; those of the last, at the end of the step, are those of the step itself."""
 TIMES: Final = np.append(DOP853.C, 1.0)
 FIFTH: Final = DOP853.E5.copy()
 THIRD: Final = DOP853.E3.copy()
@@ -41,6 +42,7 @@ UNDERWAY: Final = 0
 REACHED: Final = 1
 LEFT: Final = 2
 TOO_SMALL: Final = 3
+"""Reasons for which `advance` returns: no room for more steps, the end, limits of the state, a step below rounding."""
 
 
 @compiled_with_caller
@@ -166,7 +168,7 @@ class Steps:
     status : int
         `REACHED`, `LEFT` or `TOO_SMALL`.
     times : ndarray, shape (m,)
-        s, the first and the last included.
+        s; the last is the end, the time at which the state meets its limits, or where the steps became too small.
     states : ndarray, shape (m, n)
     """
 
@@ -202,4 +204,32 @@ def integrate_compiled(
         status, count, step = entry(args, end, relative, allowed, limits, step, times, states)
         blocks.append((times[1 : count + 1], states[1 : count + 1]))
     times, states = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
+    if status == LEFT:
+        times[-1], states[-1] = _meet_limits(entry, times[-2:], states[-2], tolerances, limits, args)
     return Steps(status, times, states)
+
+
+def _meet_limits(
+    entry: Callable[..., tuple[int, int, float]],
+    times: Array,
+    state: Array,
+    tolerances: Tolerances,
+    limits: Array,
+    args: tuple[object, ...],
+) -> tuple[float, Array]:
+    """Find when a state that leaves its limits between two times meets them, s, and the state then."""
+    begin, unlimited = float(times[0]), np.outer([-np.inf, np.inf], np.ones(len(state)))
+
+    def at(time: float) -> Array:
+        if time == begin:
+            return state
+        steps = integrate_compiled(entry, (begin, time), state, tolerances, unlimited, args)
+        return np.asarray(steps.states[-1])
+
+    def margin(time: float) -> float:
+        there = at(time)
+        return float(min((there - limits[0]).min(), (limits[1] - there).min()))
+
+    end = float(times[1])
+    met = float(brentq(margin, begin, end)) if margin(begin) * margin(end) < 0.0 else end
+    return met, at(met)

@@ -11,13 +11,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mcnav.lincov.partials import partials_throughout
-from mcnav.physics.integration import Diverged
+from mcnav.physics.integration import Diverged, integrate
 from mcnav.physics.reentry.instruments import Error as PlanarError
 from mcnav.physics.reentry.instruments import indicated_force, measured_force
 from mcnav.physics.reentry.truth import motion
 from mcnav.physics.steady.ensemble import ORDER, simulate_ensemble, simulate_histories
 from mcnav.physics.steady.linearized import linearize
-from mcnav.physics.steady.navigator import indicated_rates, simulate_indicated
+from mcnav.physics.steady.navigator import (
+    STEEPEST,
+    TOLERANCES,
+    indicated_rates,
+    indicated_start,
+    simulate_indicated,
+)
 from mcnav.physics.steady.truth import Earth, Error, SteadyFlight
 from mcnav.reproduce.story_of_84_minutes.numbers import CROSS, RANGE, measured_period
 from mcnav.reproduce.story_of_84_minutes.schuler import schuler_period
@@ -215,6 +221,28 @@ def test_a_navigator_that_falls_is_a_failure_with_its_reason() -> None:
     outcomes = scenario.engine("ensemble", errors[None, :]).propagate(errors[None, :])
     assert outcomes.fallback_count == 1
     assert np.isnan(outcomes.values).all()
+
+
+def test_a_navigator_that_reaches_the_pole_is_a_failure_with_its_time() -> None:
+    """The time is that of the root in scipy's dense output; a step is 50 s there."""
+    flight = SteadyFlight(0.0, 0.0, 6_000.0, slaved=False)
+    errors = np.zeros(len(SIZES))
+    errors[Error.CROSS_RANGE], errors[Error.CROSS_RANGE_RATE] = 1.45 * flight.radius, 7_000.0
+
+    def too_far(time: float, state: np.ndarray, *_: object) -> float:
+        return STEEPEST - abs(float(state[2]))
+
+    too_far.terminal = True  # type: ignore[attr-defined]
+    earth = flight.earth.gravitational_parameter
+    args = (errors, flight.radius, flight.rate, flight.effective_gravity, earth, flight.slaved, flight.level)
+    scipy = integrate(
+        indicated_rates, (0.0, flight.duration), indicated_start(flight, errors), TOLERANCES, args, events=too_far
+    )
+    seen: list[float] = []
+    message = f"came near the pole of the great circle at {scipy.t[-1]:.0f} s"
+    with pytest.raises(Diverged, match=message):
+        simulate_indicated(flight, errors, lambda times, states: seen.extend(times))
+    assert seen[-1] == pytest.approx(scipy.t[-1], abs=1e-3)
 
 
 def test_development_ends_with_the_partials() -> None:

@@ -26,7 +26,7 @@ LOWEST_RADIUS: Final = 0.01 * EARTH_RADIUS
 """An indicated position nearer to the earth's centre than this (m) ends the simulation."""
 
 LIMITS: Final = np.array([[-np.inf] * 4 + [LOWEST_RADIUS] + [-np.inf] * 3, [np.inf] * 8])
-"""Of the truth and an indicated state."""
+"""Limits of the truth and an indicated state: m, rad, m/s, rad/s."""
 
 
 @compiled

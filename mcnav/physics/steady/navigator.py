@@ -157,8 +157,8 @@ def simulate_indicated(
     watch(steps.times, steps.states.T)
     last = steps.states[-1]
     if steps.status == LEFT:
-        low = last[RADIUS] < limits[0, RADIUS]
-        where = "the earth's centre" if low else "the pole of the great circle"
+        across = abs(last[ACROSS]) / STEEPEST > limits[0, RADIUS] / last[RADIUS]  # the limit that is met, to rounding
+        where = "the pole of the great circle" if across else "the earth's centre"
         raise Diverged(f"the indicated position came near {where} at {steps.times[-1]:.0f} s")
     if steps.status != REACHED:
         raise Diverged(f"the integration broke down at {steps.times[-1]:.1f} s: its steps became too small")

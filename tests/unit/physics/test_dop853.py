@@ -62,13 +62,23 @@ def test_more_steps_than_compiled_code_takes_at_once() -> None:
     assert np.abs(ours.states[-1] - START).max() < 2.0 * np.abs(scipy.y[:, -1] - START).max()
 
 
-def test_the_last_step_is_the_first_that_leaves_the_limits() -> None:
+@pytest.mark.parametrize(("component", "side", "limit"), [(0, 0, -1.0), (1, 1, 0.3), (3, 0, 0.0)])
+def test_steps_end_where_the_state_meets_a_limit(component: int, side: int, limit: float) -> None:
+    """At the root that scipy finds in its dense output, whose error is that of its steps."""
     limits = FREE.copy()
-    limits[0, 0] = -1.0
+    limits[side, component] = limit
+
+    def meets(time: float, state: Array, calls: Array) -> float:
+        return float(state[component]) - limit
+
+    meets.terminal = True  # type: ignore[attr-defined]
+    scipy = integrate(rates, (0.0, PERIOD), START, TOLERANCES, (np.zeros(1),), events=meets)
     found = integrate_compiled(_advance, (0.0, PERIOD), START, TOLERANCES, limits, (np.zeros(1),))
-    assert found.status == LEFT
-    assert (found.states[:-1, 0] >= -1.0).all()
-    assert found.states[-1, 0] < -1.0
+    assert (found.status, scipy.status) == (LEFT, 1)
+    inside = found.states[:-1, component] - limit
+    assert ((inside >= 0.0) if side == 0 else (inside <= 0.0)).all()
+    assert found.states[-1, component] == pytest.approx(limit, abs=1e-9)
+    assert found.times[-1] == pytest.approx(scipy.t[-1], abs=1e-6)
 
 
 def test_a_fall_into_the_centre_ends() -> None:
