@@ -11,6 +11,7 @@ from typing import Any
 from scipy.integrate import DOP853, solve_ivp
 
 from mcnav._types import Array
+from mcnav.physics.dense_output import DenseOutput
 
 Tolerances = tuple[float, float | Array]
 """Relative, and absolute in the units of the state."""
@@ -28,6 +29,12 @@ def integrate(
     args: Sequence[object] = (),
     **options: Any,
 ) -> Any:
-    """Integrate a state over a span of time (s); scipy's solution, with ``options`` of its `solve_ivp`."""
+    """Integrate a state over a span of time (s).
+
+    Returns scipy's solution, with ``options`` of its `solve_ivp`; its ``sol``, if there is one, is a `DenseOutput`.
+    """
     relative, absolute = tolerances
-    return solve_ivp(rates, span, state, method=DOP853, rtol=relative, atol=absolute, args=args, **options)
+    solution = solve_ivp(rates, span, state, method=DOP853, rtol=relative, atol=absolute, args=args, **options)
+    if solution.sol is not None:
+        solution.sol = DenseOutput.of(solution.sol)
+    return solution

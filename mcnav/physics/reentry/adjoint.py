@@ -20,10 +20,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.integrate import OdeSolution
 
 from mcnav._types import Array
 from mcnav.constants import EARTH_RADIUS, GRAVITATIONAL_PARAMETER
+from mcnav.physics.dense_output import DenseOutput
 from mcnav.physics.integration import integrate
 from mcnav.physics.jit import compiled
 from mcnav.physics.reentry.instruments import Error, measured_force
@@ -83,13 +83,13 @@ class Adjoint:
     ----------
     theta_axes : float
         Range angle of the fixed reference axes of the sweep, rad.
-    sweeps : tuple of (float, OdeSolution)
+    sweeps : tuple of (float, DenseOutput)
         Begin of each phase (s), and the dense output within it, in order of time.
     """
 
     trajectory: Trajectory
     theta_axes: float
-    sweeps: tuple[tuple[float, OdeSolution], ...]
+    sweeps: tuple[tuple[float, DenseOutput], ...]
 
     def partials(self, start: float, axes: str = "start") -> Array:
         """Compute partial derivatives of the final errors for navigation that starts at a time (s), shape (4, sources).

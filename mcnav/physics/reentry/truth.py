@@ -18,11 +18,11 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from scipy.integrate import OdeSolution
 from scipy.optimize import brentq
 
 from mcnav._types import Array
 from mcnav.constants import EARTH_RADIUS, EARTH_RATE, GRAVITATIONAL_PARAMETER, REENTRY_ALTITUDE
+from mcnav.physics.dense_output import DenseOutput
 from mcnav.physics.integration import integrate
 from mcnav.physics.jit import compiled
 from mcnav.physics.reentry.atmosphere import LAYER_BOUNDARIES, LAYERS, Layer, layer_density
@@ -58,7 +58,7 @@ class Phase:
         Whether the accelerometers' outputs are used.
     start, end : float
         Time since the first point of the trajectory, s.
-    solution : OdeSolution
+    solution : DenseOutput
         Dense output of the polar state on [start, end].
     """
 
@@ -66,7 +66,7 @@ class Phase:
     accelerometers_on: bool
     start: float
     end: float
-    solution: OdeSolution
+    solution: DenseOutput
 
 
 @compiled
@@ -125,6 +125,10 @@ class Trajectory:
     def _ends(self) -> list[float]:
         return [phase.end for phase in self.phases]
 
+    def _numbers(self, times: Array) -> Array:
+        """Find the numbers of the phases that hold times (s), shape (n,), as `phase_at` does."""
+        return np.minimum(np.searchsorted(self._ends, times, side="right"), len(self.phases) - 1)
+
     def phase_at(self, time: float) -> Phase:
         """Find the phase that holds a time (s); a boundary belongs to the later one."""
         return self.phases[min(bisect_right(self._ends, time), len(self.phases) - 1)]
@@ -154,11 +158,16 @@ class Trajectory:
 
     def states(self, times: Array) -> Array:
         """Evaluate the polar states at many times, shape (n, 4)."""
-        return np.array([self.state(time) for time in times])
+        states, numbers = np.empty((len(times), 4)), self._numbers(times)
+        for number in np.unique(numbers):
+            within = numbers == number
+            states[within] = self.phases[number].solution(times[within]).T
+        return states
 
     def forces(self, times: Array) -> Array:
         """Compute the specific forces (f_x, f_z) at many times, m/s^2, shape (n, 2); f_z is positive down."""
-        return np.array([truth_force(self.state(time), self.phase_at(time).coefficients) for time in times])
+        coefficients = np.array([phase.coefficients for phase in self.phases])[self._numbers(times)]
+        return np.array([truth_force(*each) for each in zip(self.states(times), coefficients, strict=True)])
 
     def shared(self, begin: float, phase: Phase, states: Array) -> Array:
         """Move states integrated along this truth, shape (4 n,), together: the first is the truth where a phase begins.
@@ -315,7 +324,7 @@ def fly_truth(
         rising = rising != turned
 
 
-def _when(solution: OdeSolution, radius: float, begin: float, end: float) -> float:
+def _when(solution: DenseOutput, radius: float, begin: float, end: float) -> float:
     """Find when a solution whose radius is monotone on [begin, end] passes a radius there, s."""
     return float(brentq(lambda time: float(solution(time)[0]) - radius, begin, end, xtol=1e-12))
 

@@ -18,10 +18,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.integrate import OdeSolution
 
 from mcnav._types import Array
 from mcnav.constants import GRAVITATIONAL_PARAMETER
+from mcnav.physics.dense_output import DenseOutput
 from mcnav.physics.integration import integrate
 from mcnav.physics.jit import compiled
 from mcnav.physics.reentry.truth import Phase, Trajectory, motion, truth_force
@@ -115,7 +115,7 @@ class Response:
         Response at the end: deviation east, up and its rates in these directions, by columns of `COLUMNS`.
     steps, radii : ndarray, shape (n,)
         Ends of the integrator's steps, s: a kink of the truth is always among them. Radius of the reference there, m.
-    stretches : tuple of (float, Phase, OdeSolution)
+    stretches : tuple of (float, Phase, DenseOutput)
         End of each phase (s), the phase, and the dense output within it.
     """
 
@@ -128,7 +128,7 @@ class Response:
     final: Array
     steps: Array
     radii: Array
-    stretches: tuple[tuple[float, Phase, OdeSolution], ...]
+    stretches: tuple[tuple[float, Phase, DenseOutput], ...]
 
     def at(self, times: Array) -> Tables:
         """Evaluate the tables at rising times within the flight (s), shape (n,)."""
