@@ -332,11 +332,11 @@ class RunFolder:
             (self.path / INPUTS).rmdir()  # unless there is something else in it
 
     def remove_partial_files(self) -> None:
-        """Delete what a killed process left half written."""
+        """Delete what killed processes and workers left half written."""
         for place in (self.path, *self._all_folders):
             for entry in place.glob(".*.tmp"):
                 if is_temporary(entry.name):
-                    entry.unlink()
+                    entry.unlink(missing_ok=True)
 
     @property
     def chunk_folder(self) -> Path:

@@ -125,6 +125,7 @@ def run_campaign(
             began = time.perf_counter()
             try:
                 manifest, simulated = execution.run(manifest, campaign.until)
+                folder.remove_partial_files()
             except OSError as failure:
                 raise RunFolderError(
                     f"{path}: cannot be written to: {failure.strerror or failure}; what is stored there is kept"

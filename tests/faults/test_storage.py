@@ -27,7 +27,7 @@ from mcnav.workflow.analyse import report_run
 from mcnav.workflow.run import run_campaign
 from tests.commands import invoke
 from tests.faults.remains import digests, left_of
-from tests.faults.scenarios import SINGLE, VECTORISED, as_nobody, command, environment, write_campaign
+from tests.faults.scenarios import SINGLE, VECTORISED, OnAdvance, as_nobody, command, environment, write_campaign
 from tests.processes import LONG, run_to_end, running, wait_for
 
 POSITIONS = 2_000
@@ -184,6 +184,14 @@ def test_stale_files_are_swept(finished: Path, tmp_path: Path) -> None:
     stale.write_bytes(b"half")
     assert run_campaign(small(300), tmp_path / "run", "ensemble", 1).simulated == 0
     assert not stale.exists()
+
+
+def test_what_a_worker_leaves_is_gone_at_the_end(tmp_path: Path) -> None:
+    """One that is killed amid a run that goes on to its end."""
+    left = tmp_path / "run" / "samples" / ".part-00001.parquet.0123456789ab.tmp"
+    progress = OnAdvance(lambda: left.write_bytes(b"half"))
+    assert run_campaign(small(300), tmp_path / "run", "ensemble", 1, progress=progress, report=False).simulated == 300
+    assert not left.exists()
 
 
 def test_a_read_only_folder(finished: Path) -> None:
