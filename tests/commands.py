@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import subprocess
-from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -22,8 +21,9 @@ def _program(app: typer.Typer) -> Any:
     return typer.main.get_command(app)
 
 
-def in_process(words: Sequence[str], columns: int = 300) -> testing.Result:
+def in_process(*arguments: object, columns: int = 300) -> testing.Result:
     """Run a command in the current folder; an exception that a process would end with is in the result."""
+    words = [str(argument) for argument in arguments]
     with patch.object(testing, "_get_command", _program):
         return testing.CliRunner().invoke(app, words, prog_name="mcnav", env={"COLUMNS": str(columns)})
 
@@ -33,9 +33,8 @@ def invoke(*arguments: object, cwd: Path, columns: int = 300) -> subprocess.Comp
 
     An exception that a process would end with as a traceback is raised.
     """
-    words = [str(argument) for argument in arguments]
     with contextlib.chdir(cwd):
-        done = in_process(words, columns)
+        done = in_process(*arguments, columns=columns)
     if done.exception is not None and not isinstance(done.exception, SystemExit):
         raise done.exception
-    return subprocess.CompletedProcess(words, done.exit_code, done.stdout, done.stderr)
+    return subprocess.CompletedProcess([str(each) for each in arguments], done.exit_code, done.stdout, done.stderr)

@@ -32,6 +32,9 @@ FOLDER = Path(__file__).parent
 COMPILING = FOLDER / "cross" / "test_compiled.py"
 """Tests that compile what most others then load."""
 
+BROWSER = FOLDER / "browser"
+"""Folder whose files stay together, for the sake of one browser and of its pages."""
+
 LONG_FIRST = ("faults", "browser", "campaigns", "published", "statistical", "cross", "properties")
 """Folders whose tests come first, those with the longest before the others."""
 
@@ -63,7 +66,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         if item.path == COMPILING:
             compiling.append([item])
         else:
-            files.setdefault(item.path, []).append(item)
+            files.setdefault(BROWSER if BROWSER in item.path.parents else item.path, []).append(item)
     inertial, others = (
         [files.pop(FOLDER / name) for name in names if FOLDER / name in files] for names in (INERTIAL, NOT_INERTIAL)
     )
@@ -98,7 +101,7 @@ def pytest_collection_finish() -> None:
 
 
 def _rank(path: Path) -> int:
-    """Return the place of a file's folder among all."""
+    """Return the place of a file's folder, or of a folder, among all."""
     folder = path.relative_to(FOLDER).parts[0] if FOLDER in path.parents else ""
     return LONG_FIRST.index(folder) if folder in LONG_FIRST else len(LONG_FIRST)
 

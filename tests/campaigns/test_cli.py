@@ -15,11 +15,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from typer.testing import CliRunner
 
-from mcnav.cli import app
 from mcnav.scenarios.reentry import SOURCES
-from tests.commands import invoke
+from tests.commands import in_process, invoke
 from tests.conftest import ROOT
 from tests.processes import run_to_end
 
@@ -142,12 +140,12 @@ def test_without_report(workplace: Path, tmp_path: Path, monkeypatch: pytest.Mon
 
     opened: list[str] = []
     monkeypatch.setattr("webbrowser.open", lambda address: opened.append(address) or len(opened) == 1)
-    shown = CliRunner().invoke(app, ["report", str(folder), "--open"])
+    shown = in_process("report", folder, "--open")
     assert shown.exit_code == 0
     assert "no browser" not in shown.output
     assert opened == [(folder / "report.html").as_uri()]
     assert "<svg" in (folder / "report.html").read_text()
-    assert "no browser" in CliRunner().invoke(app, ["report", str(folder), "--open"]).output
+    assert "no browser" in in_process("report", folder, "--open").output
 
     again = invoke("run", DEMO, "--samples", 2000, "--out", "run", "--no-report", cwd=tmp_path)
     assert again.returncode == 0, again.stderr

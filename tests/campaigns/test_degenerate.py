@@ -8,9 +8,8 @@ import re
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
-from mcnav.cli import app
+from tests.commands import in_process
 
 TOYS = '''
 import numpy as np
@@ -119,7 +118,7 @@ def test_a_clear_statement(case: str, tmp_path: Path) -> None:
     lines = [f"samples = {samples}\nseed = 3", top, f"[scenario]\n{scenario}", *settings, f"[errors]\n{errors}"]
     (tmp_path / "toys.py").write_text(TOYS)
     (tmp_path / "case.toml").write_text("\n".join([*lines, "" if top else more]))
-    told = CliRunner().invoke(app, ["run", str(tmp_path / "case.toml"), "--out", str(tmp_path / "run"), "--jobs", "1"])
+    told = in_process("run", tmp_path / "case.toml", "--out", tmp_path / "run", "--jobs", "1")
     assert told.exit_code == status, told.output
     summary = json.loads((tmp_path / "run" / "summary.json").read_text())
     assert summary["samples"] == samples

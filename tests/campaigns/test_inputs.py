@@ -12,10 +12,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import mcnav
-from mcnav.cli import app
 from mcnav.config.read import read_campaign
 from mcnav.errors import CampaignError, RunFolderError
 from mcnav.progress import Silent
@@ -33,6 +31,7 @@ from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.compare import compare_runs
 from mcnav.workflow.replay import as_stored, replay
 from mcnav.workflow.run import run_campaign
+from tests.commands import in_process
 
 CLASS = """
 from pathlib import Path
@@ -284,7 +283,7 @@ def test_replay_uses_the_files_of_the_run(change: Callable[[Path], None], tmp_pa
     assert as_stored(again)
     copy = tmp_path / "run" / "inputs" / "table.txt"
     assert again.notes == (f"scenario.table: the file is not as it was; the run's own copy {copy} is used",)
-    said = CliRunner().invoke(app, ["replay", str(tmp_path / "run"), "5", "--campaign", str(campaign)])
+    said = in_process("replay", tmp_path / "run", "5", "--campaign", campaign)
     assert said.exit_code == 0
     assert f"note: {again.notes[0]}" in said.stderr
     copy.write_text("4\n")

@@ -10,16 +10,15 @@ import numpy as np
 import pandas as pd
 import pytest
 import tomli_w
-from typer.testing import CliRunner
 
 from mcnav._types import Array
-from mcnav.cli import app
 from mcnav.config.campaign import Campaign
 from mcnav.config.read import parse_campaign
 from mcnav.errors import CampaignError
 from mcnav.scenarios.ins import SHORTEST, Ins
 from mcnav.scenarios.protocol import NoisyStart
 from mcnav.studies.start_times import check_start_time, start_time_study
+from tests.commands import in_process
 
 END = 300.0
 STARTS = np.array([30.0, 111.7, 250.0])
@@ -163,7 +162,7 @@ def test_the_command(tmp_path: Path) -> None:
     table = {"samples": 200, "count": 9, "check": ["60 s", "200 s"], "errors": {"heading": [
         ["20 s", "0.5 mrad"], ["200 s", "2 mrad"]]}}  # fmt: skip
     path = written(tmp_path, described(start_times=table))
-    finished = CliRunner().invoke(app, ["start-times", str(path), "--out", str(tmp_path / "found")])
+    finished = in_process("start-times", path, "--out", tmp_path / "found")
     assert finished.exit_code == 0, finished.output
     assert "min of the trajectory" in finished.output
     page = (tmp_path / "found" / "start_times.html").read_text(encoding="utf-8")
@@ -186,7 +185,7 @@ def test_the_command(tmp_path: Path) -> None:
 def test_a_page_of_few_sources(tmp_path: Path, errors: dict[str, Any], imu: dict[str, Any], drawn: str) -> None:
     path = written(tmp_path, described(errors=errors, imu=imu))
     command = ["partials", str(path), "--start-times", "--count", "5", "--out", str(tmp_path / "found")]
-    finished = CliRunner().invoke(app, command)
+    finished = in_process(*command)
     assert finished.exit_code == 0, finished.output
     assert drawn in (tmp_path / "found" / "start_times.html").read_text(encoding="utf-8")
 
@@ -199,7 +198,7 @@ def test_aided_navigation_is_refused(tmp_path: Path, table: dict[str, Any]) -> N
     path = written(
         tmp_path, described(aiding=[SENSOR], filter={"estimates": ["position", "velocity", "attitude"]}, **table)
     )
-    refused = CliRunner().invoke(app, ["start-times", str(path), "--out", str(tmp_path / "found")])
+    refused = in_process("start-times", path, "--out", tmp_path / "found")
     assert refused.exit_code == 2, refused.output
     assert len(refused.output.strip().splitlines()) == 1, refused.output
     assert "start times are not compared for aided navigation" in refused.output

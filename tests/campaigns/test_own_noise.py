@@ -14,10 +14,8 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
-from typer.testing import CliRunner
 
 import mcnav
-from mcnav.cli import app
 from mcnav.config.read import read_campaign
 from mcnav.config.templates import new_scenario
 from mcnav.errors import CampaignError
@@ -26,6 +24,7 @@ from mcnav.scenarios.protocol import StochasticEngine, StochasticScenario
 from mcnav.scenarios.stochastic_user import MEASURED_FROM
 from mcnav.workflow.replay import as_stored, replay
 from mcnav.workflow.run import run_campaign
+from tests.commands import in_process
 from tests.conftest import ROOT
 from tests.processes import LONG, run_to_end, running, wait_for
 
@@ -295,10 +294,10 @@ def test_what_noise_makes_meaningless_is_refused(tmp_path: Path) -> None:
     with pytest.raises(CampaignError, match="a net has no place for noise"):
         read_campaign(_written(tmp_path, top='design = "sobol"'))
     path = _written(tmp_path)
-    mapped = CliRunner().invoke(app, ["run", str(path), "--engine", "map", "--out", str(tmp_path / "run")])
+    mapped = in_process("run", path, "--engine", "map", "--out", tmp_path / "run")
     assert (mapped.exit_code, "this scenario has single" in mapped.output) == (2, True)
     options = ["--samples", "200", "--largest", "1", "--out", str(tmp_path / "linearity")]
-    ranged = CliRunner().invoke(app, ["linearity", str(path), *options])
+    ranged = in_process("linearity", path, *options)
     assert ranged.exit_code == 0, ranged.output
     assert WITHOUT_NOISE in " ".join(ranged.output.split())
     with pytest.raises(CampaignError, match="has no start times to choose from"):
@@ -357,7 +356,7 @@ def test_a_time_limit_holds_for_each_sample(tmp_path: Path) -> None:
 
 def test_a_new_scenario_with_noise_runs_as_it_stands(tmp_path: Path) -> None:
     """Linear covariance of the Schuler loop by its closed form, against the samples; the tests that come with it."""
-    written = CliRunner().invoke(app, ["new", "scenario", "drift", "--stochastic", "--in", str(tmp_path)])
+    written = in_process("new", "scenario", "drift", "--stochastic", "--in", tmp_path)
     assert written.exit_code == 0, written.output
     assert "then change fly in" in " ".join(written.output.split())
     code, campaign, test = (tmp_path / name for name in ("drift.py", "drift.toml", "test_drift.py"))

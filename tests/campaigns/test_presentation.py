@@ -11,19 +11,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy import stats
-from typer.testing import CliRunner
 
 import mcnav
 from mcnav.analysis.comparison import Criterion, Model, compare
 from mcnav.analysis.tails import tails
 from mcnav.analysis.verdict import Verdict, judge
-from mcnav.cli import app
 from mcnav.report import sentences, terminal
 from mcnav.report.export import output_rows, partial_rows
 from mcnav.report.figures.matrices import certain_differences
 from mcnav.report.fitted_table import Column, FittedTable, OpenConsole
 from mcnav.scenarios.protocol import Output, Source
 from mcnav.statistics.power import SMALLEST_STEP, sensible_step
+from tests.commands import in_process
 
 WIDTHS = (20, 40, 60, 80, 100, 200)
 
@@ -126,7 +125,7 @@ def test_into_a_pipe_the_width_is_unlimited(nine: Path) -> None:
     assert len(shown.splitlines()) == 2 + 9
     assert "plain interval" in shown
     assert left_out(shown) == ""
-    done = CliRunner().invoke(app, ["compare", str(nine / "run")], env={"COLUMNS": "30"})
+    done = in_process("compare", nine / "run", columns=30)
     assert shown.splitlines()[2] in done.stdout
     assert sentences.explanation(summary) in done.stdout
 
@@ -148,7 +147,7 @@ def test_machine_readable(nine: Path, command: str) -> None:
         "two": ["compare", run, str(nine / "other")],
         "partials": ["partials", campaign, "--method", "differences"],
     }[command]
-    written = {form: CliRunner().invoke(app, [*arguments, "--format", form]) for form in ("csv", "json")}
+    written = {form: in_process(*arguments, "--format", form) for form in ("csv", "json")}
     assert [done.exit_code for done in written.values()] == [0, 0]
     from_csv = list(csv.DictReader(io.StringIO(written["csv"].stdout)))
     tables = json.loads(written["json"].stdout)
@@ -178,7 +177,7 @@ def test_machine_readable(nine: Path, command: str) -> None:
 
 
 def test_partials_of_every_start_time_are_files(nine: Path) -> None:
-    done = CliRunner().invoke(app, ["partials", str(nine / "nine.toml"), "--start-times", "--format", "csv"])
+    done = in_process("partials", nine / "nine.toml", "--start-times", "--format", "csv")
     assert done.exit_code == 2
     assert done.stderr.startswith("error: --format: cannot be used with --start-times")
 
@@ -213,7 +212,7 @@ def test_what_nothing_disturbs_does_not_agree(nine: Path) -> None:
     assert run.outputs["verdict"].iloc[-1] == words
     page = (nine / "run" / "report.html").read_text()
     assert page.count(words) == 2  # card and table
-    done = CliRunner().invoke(app, ["compare", str(nine / "run"), str(nine / "other")])
+    done = in_process("compare", nine / "run", nine / "other")
     assert done.stdout.count(words) == 3, done.stdout  # twice as a verdict, once as a change
     agreeing = dict(summary, verdict="agrees", verdicts=["agrees"] * 9)
     assert "In every other output" in sentences.explanation(agreeing)

@@ -8,10 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import mcnav
-from mcnav.cli import app
 from mcnav.config.read import read_campaign
 from mcnav.errors import CampaignError
 from mcnav.scenarios.finite_differences import differentiate
@@ -19,6 +17,7 @@ from mcnav.scenarios.protocol import SimulationResult
 from mcnav.scenarios.soundness import LARGEST
 from mcnav.workflow.analyse import report_run
 from mcnav.workflow.run import run_campaign
+from tests.commands import in_process
 from tests.conftest import ROOT
 
 CODE = """
@@ -194,9 +193,9 @@ def test_forced_it_is_said_on_top_of_everything(tmp_path: Path) -> None:
     words = "Partial derivatives do not converge (x by noise seed: "
     end = "the comparison below has no valid linear model."
     command = ["run", str(path), "--out", str(folder), "--jobs", "1"]
-    refused = CliRunner().invoke(app, command)
+    refused = in_process(*command)
     assert (refused.exit_code, refused.output.count("\n")) == (2, 1)
-    told = CliRunner().invoke(app, [*command, "--force"])
+    told = in_process(*command, "--force")
     assert told.exit_code == 0, told.output
     said = " ".join(told.output.split())
     assert said.startswith(f"mine: {words}")
@@ -212,9 +211,9 @@ def test_forced_it_is_said_on_top_of_everything(tmp_path: Path) -> None:
         assert page.index(words) < page.index("<section")
         assert "No: the linear" not in page
         report_run(folder)
-    assert CliRunner().invoke(app, ["index", str(tmp_path / "runs")]).exit_code == 0
+    assert in_process("index", tmp_path / "runs").exit_code == 0
     assert words in (tmp_path / "runs" / "index.html").read_text()
-    compared = " ".join(CliRunner().invoke(app, ["compare", str(folder)]).output.split())
+    compared = " ".join(in_process("compare", folder).output.split())
     assert compared.startswith(f"{folder}: {words}".replace("\n", " "))
     run = mcnav.open_run(folder)
     assert run.verdict == "undecided"

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner, Result
+from typer.testing import Result
 
-from mcnav.cli import app
 from mcnav.constants import STANDARD_GRAVITY
+from tests.commands import in_process
 from tests.unit.config.test_trajectory_file import flight, write_csv
 
 CAMPAIGN = """
@@ -31,7 +31,7 @@ position = "10 m"
 
 
 def trajectory(*arguments: object) -> Result:
-    return CliRunner().invoke(app, ["trajectory", *map(str, arguments)])
+    return in_process("trajectory", *arguments)
 
 
 def facts(*arguments: object) -> dict[str, tuple[float, float | None]]:

@@ -196,7 +196,7 @@ def try_command(name: str, place: Path, audit: Audit, outside: Outside, good: Pa
     began = time.process_time()
     try:
         with audit.listening(place) as heard:
-            done = in_process(arguments)
+            done = in_process(*arguments)
         took = time.process_time() - began
         seen = watch.seen()
     finally:

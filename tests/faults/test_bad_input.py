@@ -6,11 +6,10 @@ import shutil
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
-from mcnav.cli import app
 from mcnav.errors import MOST_NAMES, suggestion
 from mcnav.scenarios.reentry import SOURCES
+from tests.commands import in_process
 from tests.conftest import ROOT
 
 REENTRY = 'samples = 100\n[scenario]\ntype = "reentry"\ntrajectory = 4\n[errors]\naltitude = "1 km"\n'
@@ -181,7 +180,7 @@ def test_names_are_listed_up_to_a_number() -> None:
 
 
 def _refused(command: list[str], message: str) -> None:
-    told = CliRunner().invoke(app, command)
+    told = in_process(*command)
     assert told.exit_code == 2, told.output
     (line,) = told.stderr.splitlines()
     assert line.startswith(f"error: {message}")

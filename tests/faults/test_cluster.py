@@ -20,9 +20,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from joblib.externals.loky.backend import resource_tracker
-from typer.testing import CliRunner, Result
+from typer.testing import Result
 
-from mcnav.cli import app
 from mcnav.config.read import read_campaign
 from mcnav.errors import ClusterError, RunFolderError, TooManyFailures
 from mcnav.execution import dask_cluster as clusters
@@ -32,6 +31,7 @@ from mcnav.execution.runner import run_chunks
 from mcnav.progress import SILENT
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.run import run_campaign
+from tests.commands import in_process
 from tests.conftest import ROOT, campaign
 from tests.faults.kinds import Case
 from tests.faults.remains import contents, digests, left_of
@@ -62,7 +62,7 @@ def workers(cluster: Cluster) -> set[int]:
 
 
 def mcnav_run(*arguments: object) -> Result:
-    return CliRunner().invoke(app, ["run", *map(str, arguments)])
+    return in_process("run", *arguments)
 
 
 @pytest.mark.parametrize("where", ["executed", "flown"])

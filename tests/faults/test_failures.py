@@ -9,14 +9,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from typer.testing import CliRunner
 
 import mcnav
-from mcnav.cli import app
 from mcnav.config.read import read_campaign
 from mcnav.errors import CampaignError, RunFolderError, TooManyFailures
 from mcnav.workflow.replay import as_stored, replay, write_replay
 from mcnav.workflow.run import run_campaign
+from tests.commands import in_process
 from tests.conftest import campaign
 from tests.faults.scenarios import VECTORISED, write_campaign
 
@@ -115,7 +114,7 @@ def test_replay_of_a_reentry(tmp_path: Path) -> None:
     samples = mcnav.samples_of(tmp_path / "run")
     for failed in (True, False):
         index = int(np.flatnonzero((samples["status"] != "ok") == failed)[2])
-        done = CliRunner().invoke(app, ["replay", str(tmp_path / "run"), str(index)])
+        done = in_process("replay", tmp_path / "run", index)
         assert done.exit_code == 0, done.output
         assert f"sample {index}" in done.output
         found = replay(tmp_path / "run", index)
@@ -129,7 +128,7 @@ def test_replay_of_a_reentry(tmp_path: Path) -> None:
         if not failed:
             assert "<svg" in page
             assert 1e3 * last == pytest.approx(samples["output altitude [m]"][index], rel=1e-6)
-    refused = CliRunner().invoke(app, ["replay", str(tmp_path / "run"), "32"])
+    refused = in_process("replay", tmp_path / "run", "32")
     assert refused.exit_code == 2
     assert run_campaign(run, tmp_path / "run", "ensemble", 1).simulated == 0
 

@@ -20,14 +20,13 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from typer.testing import CliRunner
 
-from mcnav.cli import app
 from mcnav.config.read import parse_campaign, read_campaign
 from mcnav.errors import CampaignError, RunFolderError
 from mcnav.files import parquet_bytes
 from mcnav.workflow.analyse import report_run, samples_of, summary_of
 from mcnav.workflow.run import run_campaign
+from tests.commands import in_process
 from tests.conftest import TWO_ERRORS, campaign, content
 from tests.faults.folders.content import VALUES, places_in, set_at, sign
 from tests.faults.scenarios import VECTORISED, mcnav, write_campaign
@@ -51,7 +50,7 @@ def folder(stored: Path, tmp_path: Path) -> Path:
 def refused(folder: Path) -> str:
     """The one line of `mcnav report` on a folder that it refuses."""
     began = time.process_time()
-    done = CliRunner().invoke(app, ["report", str(folder)])
+    done = in_process("report", folder)
     assert time.process_time() - began < LONG
     assert done.exit_code == 2, done.output
     assert done.exception is None or isinstance(done.exception, SystemExit)
@@ -180,7 +179,7 @@ def test_a_summary_of_anything(folder: Path) -> None:
         changed = copy.deepcopy(summary)
         set_at(changed, path, chance.choice(VALUES))
         (folder / "summary.json").write_text(json.dumps(changed))
-        done = CliRunner().invoke(app, ["compare", str(folder)])
+        done = in_process("compare", folder)
         assert done.exit_code in (0, 2), (path, done.output, done.exception)
         assert done.exit_code == 0 or len(done.stderr.splitlines()) == 1
 
@@ -309,7 +308,7 @@ def test_a_run_folder_that_names_code_does_not_execute_it(folder: Path, tmp_path
     (folder / "evil.py").write_text(f"open({str(mark)!r}, 'w')")
     text = (folder / "campaign.toml").read_text().replace('type = "reentry"', 'type = "evil.py:Evil"')
     (folder / "campaign.toml").write_text(text)
-    done = CliRunner().invoke(app, ["replay", str(folder), "3"])
+    done = in_process("replay", folder, "3")
     assert done.exit_code == 2
     assert "nothing in a run folder is executed" in done.stderr
     report_run(folder)

@@ -5,12 +5,11 @@ from __future__ import annotations
 import json
 
 import pytest
-from typer.testing import CliRunner
 
-from mcnav.cli import app
 from mcnav.config.imu_catalogue import catalogue, catalogue_units
 from mcnav.constants import STANDARD_GRAVITY
 from mcnav.units import quantity
+from tests.commands import in_process
 
 GRADES = {"strategic": (1e-4, 1e-3), "navigation": (0.0, 0.01), "tactical": (1.0, 10.0), "consumer": (360.0, 360.0)}
 """Ranges of gyro bias, deg/h (El-Sheimy and Youssef 2020)."""
@@ -56,16 +55,16 @@ def test_units_of_data_sheets() -> None:
 
 
 def test_the_command_lists_and_shows() -> None:
-    listed = CliRunner().invoke(app, ["imu"])
+    listed = in_process("imu")
     assert listed.exit_code == 0, listed.output
     for unit in catalogue_units():
         assert unit.name in listed.output
-    shown = CliRunner().invoke(app, ["imu", "STIM300"])
+    shown = in_process("imu", "STIM300")
     assert shown.exit_code == 0
     assert "gyro.g_sensitivity" in shown.output
     assert "citing the data sheet" in shown.output
-    table = json.loads(CliRunner().invoke(app, ["imu", "--format", "json"]).stdout)
+    table = json.loads(in_process("imu", "--format", "json").stdout)
     assert len(table["values"]) == sum(len(unit.values) for unit in catalogue_units())
-    refused = CliRunner().invoke(app, ["imu", "STIM30"])
+    refused = in_process("imu", "STIM30")
     assert refused.exit_code == 2
     assert "no grade or unit 'STIM30'; did you mean 'STIM300'?" in refused.stderr
