@@ -22,7 +22,7 @@ from mcnav.scenarios.ins import Ins
 from mcnav.store.run_folder import RunFolder
 from mcnav.studies.lincov import linear_covariance
 from mcnav.workflow.analyse import samples_of
-from mcnav.workflow.run import run_campaign
+from tests.runs import simulate
 
 FOLDER = Path(__file__).parents[2] / "campaigns"
 
@@ -54,7 +54,7 @@ def entries(number: int) -> Entries:
 
 def run(folder: Path, described: Entries, engine: str | None = None, **changes: Any) -> Entries:
     campaign = parse_campaign(described | changes, str(FOLDER / "small.toml"), "small")
-    return dict(run_campaign(campaign, folder, engine, 1).summary)
+    return dict(simulate(campaign, folder, engine, 1).summary)
 
 
 def covariance(described: Entries, times: list[float] | None = None) -> LinearCovariance:

@@ -28,6 +28,7 @@ from tests.commands import invoke
 from tests.conftest import ROOT, campaign
 from tests.printed import follow
 from tests.processes import LONG, run_to_end, running
+from tests.runs import simulate
 from tests.unit.config.test_trajectory_file import flight, write_csv
 
 PAGES = ROOT / "mcnav"
@@ -160,7 +161,7 @@ def test_the_scenario_with_noise_and_a_filter_runs(tmp_path: Path) -> None:
         'samples = 300\n[scenario]\ntype = "attitude.py:Attitude"\n'
         '[errors]\nangle = "20 arcsec"\ngyro_bias = "0.05 deg/h"\n'
     )
-    summary = run_campaign(read_campaign(campaign), tmp_path / "run", None, 1).summary
+    summary = simulate(read_campaign(campaign), tmp_path / "run", None, 1).summary
     assert (summary["verdict"], summary["unsettled"], summary["failed"]) == ("agrees", None, 0)
     assert summary["filter"]["verdict"] == "optimistic"
     assert summary["filter"]["neglected"][0]["name"] == "gyro_bias"

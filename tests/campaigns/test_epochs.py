@@ -14,6 +14,7 @@ from mcnav.scenarios.protocol import TimeHistoryEngine
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.run import run_campaign
 from tests.conftest import SIZES, campaign, reentry
+from tests.runs import simulate
 
 OUTPUTS = ("altitude [m]", "range [m]", "altitude_rate [m/s]", "range_rate [m/s]")
 
@@ -78,7 +79,7 @@ def test_the_report_shows_envelopes(runs: tuple[Path, Path]) -> None:
 
 
 def test_a_map_has_those_of_the_flights_it_was_fitted_to(tmp_path: Path) -> None:
-    run_campaign(campaign(1, samples=3_000), tmp_path / "run", "map", 1)
+    simulate(campaign(1, samples=3_000), tmp_path / "run", "map", 1)
     _, described = RunFolder(tmp_path / "run").epochs() or ({}, {})
     assert described["samples"] == described["stored"] == 2_000
 

@@ -32,6 +32,7 @@ from mcnav.workflow.compare import compare_runs
 from mcnav.workflow.replay import as_stored, replay
 from mcnav.workflow.run import run_campaign
 from tests.commands import in_process
+from tests.runs import simulate
 
 CLASS = """
 from pathlib import Path
@@ -121,7 +122,7 @@ def test_settings_of_every_type_arrive_as_they_are_declared(tmp_path: Path) -> N
         speed='"36 km/h"', gains='["1 m/s^2", "100 ug"]', ratio="0.5", label='"a \\"b\\" ü"',
         drag="true", count="-3", names='["x", ""]', flags="[true, false]", orders="[]",
     )  # fmt: skip
-    run_campaign(read_campaign(campaign), tmp_path / "run", None, 1)
+    simulate(read_campaign(campaign), tmp_path / "run", None, 1)
     for place in (campaign, tmp_path / "run" / "campaign.toml"):
         given = read_campaign(place).scenario._instance.given
         gains = given.pop("gains")
@@ -132,7 +133,7 @@ def test_settings_of_every_type_arrive_as_they_are_declared(tmp_path: Path) -> N
             "speed": (float, 10.0), "ratio": (float, 0.5), "label": (str, 'a "b" ü'), "drag": (bool, True),
             "count": (int, -3), "names": (list, ["x", ""]), "flags": (list, [True, False]), "orders": (list, []),
         }  # fmt: skip
-    again = run_campaign(read_campaign(tmp_path / "run" / "campaign.toml"), tmp_path / "run", None, 1)
+    again = simulate(read_campaign(tmp_path / "run" / "campaign.toml"), tmp_path / "run", None, 1)
     assert again.simulated == 0
 
 
@@ -197,11 +198,11 @@ def test_files_of_one_name_are_kept_apart(name: str, tmp_path: Path) -> None:
     for place in (f"a/{name}", f"b/{name}", "one.t.csv"):
         (tmp_path / place).parent.mkdir(exist_ok=True)
         (tmp_path / place).write_text(place)
-    run_campaign(read_campaign(campaign), tmp_path / "run", None, 1)
+    simulate(read_campaign(campaign), tmp_path / "run", None, 1)
     kept = {path.name.partition(".")[0]: path.read_text() for path in (tmp_path / "run" / "inputs").iterdir()}
     assert kept == {"one": f"a/{name}", "two": f"b/{name}", "three": "one.t.csv"}
     again = read_campaign(tmp_path / "run" / "campaign.toml")
-    assert run_campaign(again, tmp_path / "run", None, 1).simulated == 0
+    assert simulate(again, tmp_path / "run", None, 1).simulated == 0
 
 
 PLACES = ["declared", "executed", "made", "thread", "flown", "partials", "history"]
@@ -216,28 +217,28 @@ def campaign_reading(where: str, folder: Path, table: str) -> Path:
 def test_a_changed_file_is_refused_like_a_changed_campaign(where: str, tmp_path: Path) -> None:
     """Also in one process, which keeps the user's objects; a file put back is the same run again."""
     campaign = campaign_reading(where, tmp_path, "2\n")
-    run_campaign(read_campaign(campaign), tmp_path / "run", None, 1)
+    simulate(read_campaign(campaign), tmp_path / "run", None, 1)
     before = sigma(tmp_path / "run")
     (tmp_path / "table.txt").write_text("3\n")
     was, now = (hashlib.sha256(text).hexdigest()[:12] for text in (b"2\n", b"3\n"))
     with pytest.raises(RunFolderError) as refused:
-        run_campaign(read_campaign(campaign), tmp_path / "run", None, 1)
+        simulate(read_campaign(campaign), tmp_path / "run", None, 1)
     assert str(refused.value) == (
         f"{tmp_path / 'run'}: holds the results of another run (files.table.txt was {was}, is {now}); "
         "--fresh replaces them, --out writes elsewhere"
     )
     assert sigma(tmp_path / "run") == before
-    fresh = run_campaign(read_campaign(campaign), tmp_path / "other", None, 1).summary
+    fresh = simulate(read_campaign(campaign), tmp_path / "other", None, 1).summary
     gain = 1.0 if where == "history" else 1.5
     assert sigma(tmp_path / "other") == pytest.approx(gain * before, rel=1e-12)
     assert fresh["sigma_linear"][0] == pytest.approx(2.0 * gain, rel=1e-9)
     (tmp_path / "table.txt").write_text("2\n")
-    assert run_campaign(read_campaign(campaign), tmp_path / "run", None, 1).simulated == 0
+    assert simulate(read_campaign(campaign), tmp_path / "run", None, 1).simulated == 0
 
 
 @pytest.mark.parametrize("where", PLACES)
 def test_files_are_listed_and_kept(where: str, tmp_path: Path) -> None:
-    run_campaign(read_campaign(campaign_reading(where, tmp_path, "2\n")), tmp_path / "run", None, 1)
+    simulate(read_campaign(campaign_reading(where, tmp_path, "2\n")), tmp_path / "run", None, 1)
     content = RunFolder(tmp_path / "run").existing_manifest().to_json()
     digest = hashlib.sha256(b"2\n").hexdigest()
     setting = "table" if where == "declared" else None
@@ -248,7 +249,7 @@ def test_files_are_listed_and_kept(where: str, tmp_path: Path) -> None:
 
 
 def test_a_scenario_that_reads_nothing_has_the_identity_that_it_had(tmp_path: Path) -> None:
-    run_campaign(read_campaign(written(tmp_path)), tmp_path / "run", None, 1)
+    simulate(read_campaign(written(tmp_path)), tmp_path / "run", None, 1)
     content = RunFolder(tmp_path / "run").existing_manifest().to_json()
     assert content["identity"].keys() == {"campaign", "engine", "versions", "chunks", "code"}
     assert not (tmp_path / "run" / "inputs").exists()
@@ -258,10 +259,10 @@ def test_a_large_file_is_known_by_its_digest_alone(tmp_path: Path, monkeypatch: 
     """At the limit a file is kept, beyond it it is not; replay then needs the file itself."""
     limit = campaign_inputs.LARGEST_COPY
     campaign = declared(tmp_path, "2\n".ljust(limit))
-    run_campaign(read_campaign(campaign), tmp_path / "small", None, 1)
+    simulate(read_campaign(campaign), tmp_path / "small", None, 1)
     assert (tmp_path / "small" / "inputs" / "table.txt").stat().st_size == limit
     (tmp_path / "table.txt").write_text("2\n".ljust(limit + 1))
-    run_campaign(read_campaign(campaign), tmp_path / "large", None, 1)
+    simulate(read_campaign(campaign), tmp_path / "large", None, 1)
     assert not (tmp_path / "large" / "inputs").exists()
     assert as_stored(replay(tmp_path / "large", 5, campaign))
     for change in (lambda path: path.write_text("3\n"), lambda path: path.unlink()):
@@ -276,7 +277,7 @@ def test_a_large_file_is_known_by_its_digest_alone(tmp_path: Path, monkeypatch: 
 @pytest.mark.parametrize("change", [lambda path: path.write_text("3\n"), lambda path: path.unlink()])
 def test_replay_uses_the_files_of_the_run(change: Callable[[Path], None], tmp_path: Path) -> None:
     campaign = declared(tmp_path, "2\n")
-    run_campaign(read_campaign(campaign), tmp_path / "run", None, 1)
+    simulate(read_campaign(campaign), tmp_path / "run", None, 1)
     assert replay(tmp_path / "run", 5, campaign).notes == ()
     change(tmp_path / "table.txt")
     again = replay(tmp_path / "run", 5, campaign)
@@ -295,7 +296,7 @@ def test_replay_uses_the_files_of_the_run(change: Callable[[Path], None], tmp_pa
 def test_replay_refuses_a_changed_file_that_was_only_noticed(where: str, tmp_path: Path) -> None:
     """One line that names the run's copy; restored from it, the file is the run's."""
     campaign = noticed(tmp_path, "2\n", where)
-    run_campaign(read_campaign(campaign), tmp_path / "run", None, 1)
+    simulate(read_campaign(campaign), tmp_path / "run", None, 1)
     assert as_stored(replay(tmp_path / "run", 5, campaign))
     (tmp_path / "table.txt").write_text("3\n")
     with pytest.raises(RunFolderError) as refused:
@@ -313,7 +314,7 @@ def test_replay_refuses_a_changed_file_that_was_only_noticed(where: str, tmp_pat
 
 def test_replay_refuses_a_missing_file_that_was_only_noticed(tmp_path: Path) -> None:
     campaign = noticed(tmp_path, "2\n")
-    run_campaign(read_campaign(campaign), tmp_path / "run", None, 1)
+    simulate(read_campaign(campaign), tmp_path / "run", None, 1)
     (tmp_path / "table.txt").unlink()
     with pytest.raises(CampaignError) as refused:
         replay(tmp_path / "run", 5, campaign)
@@ -344,16 +345,16 @@ def test_a_file_that_changes_while_the_run_goes_on(where: str, engine: str, tmp_
 
     progress = ChangingProgress(tmp_path / "table.txt")
     with pytest.raises(RunFolderError) as refused:
-        run_campaign(read_campaign(campaign), tmp_path / "run", None, 1, progress=progress)
+        simulate(read_campaign(campaign), tmp_path / "run", None, 1, progress=progress)
     assert str(refused.value) == (
         f"{tmp_path / 'table.txt'}: has changed; samples stored in {tmp_path / 'run'} come from the file as it was: "
         "restore it, or replace them with --fresh"
     )
     assert not RunFolder(tmp_path / "run").existing_manifest().complete
     with pytest.raises(RunFolderError, match=r"files\.table\.txt was"):
-        run_campaign(read_campaign(campaign), tmp_path / "run", None, 1)
+        simulate(read_campaign(campaign), tmp_path / "run", None, 1)
     (tmp_path / "table.txt").write_text("2\n")
-    run_campaign(read_campaign(campaign), tmp_path / "run", None, 1)
+    simulate(read_campaign(campaign), tmp_path / "run", None, 1)
     samples = mcnav.samples_of(tmp_path / "run")
     np.testing.assert_allclose(samples["output b [m]"], 2.0 * samples["error a [m]"], rtol=1e-15)
 
@@ -363,7 +364,7 @@ def test_a_file_that_changes_at_the_very_end(tmp_path: Path) -> None:
     campaign = declared(tmp_path, "2\n")
     progress = ChangingProgress(tmp_path / "table.txt")
     with pytest.raises(RunFolderError, match="has changed; samples stored in"):
-        run_campaign(read_campaign(campaign), tmp_path / "run", None, 1, progress=progress)
+        simulate(read_campaign(campaign), tmp_path / "run", None, 1, progress=progress)
     assert len(list((tmp_path / "run" / "samples").glob("part-*.parquet"))) == 1
 
 
@@ -398,9 +399,9 @@ def test_a_comparison_names_changed_files(tmp_path: Path) -> None:
 
 def test_fresh_from_the_run_folders_own_campaign(tmp_path: Path) -> None:
     """Its copy of the file is what the new run reads: it is not deleted under it."""
-    run_campaign(read_campaign(declared(tmp_path, "2\n")), tmp_path / "run", None, 1)
+    simulate(read_campaign(declared(tmp_path, "2\n")), tmp_path / "run", None, 1)
     again = read_campaign(tmp_path / "run" / "campaign.toml")
-    assert run_campaign(again, tmp_path / "run", None, 1, fresh=True).simulated == 300
+    assert simulate(again, tmp_path / "run", None, 1, fresh=True).simulated == 300
 
 
 def test_a_pipe_is_no_input(tmp_path: Path) -> None:

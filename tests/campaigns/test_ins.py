@@ -15,9 +15,9 @@ from mcnav.errors import CampaignError
 from mcnav.notebook import open_run
 from mcnav.report.linearity_words import WITHOUT_NOISE
 from mcnav.studies.linearity import linearity_study, write_linearity
-from mcnav.workflow.analyse import samples_of
+from mcnav.workflow.analyse import report_run, samples_of
 from mcnav.workflow.replay import as_stored, replay
-from mcnav.workflow.run import run_campaign
+from tests.runs import simulate
 
 OUTPUTS = ["position_north", "position_east", "position_down", "velocity_north", "velocity_east", "velocity_down",
            "tilt_north", "tilt_east", "heading"]  # fmt: skip
@@ -42,7 +42,7 @@ def described(samples: int = 300, **changes: Any) -> dict[str, Any]:
 
 def run(folder: Path, jobs: int = 1, fresh: bool = False, engine: str | None = None, **changes: Any) -> dict[str, Any]:
     campaign = parse_campaign(described(**changes), "test.toml", "test")
-    return dict(run_campaign(campaign, folder, engine, jobs, fresh=fresh).summary)
+    return dict(simulate(campaign, folder, engine, jobs, fresh=fresh).summary)
 
 
 def test_linear_and_monte_carlo_agree_with_noise(tmp_path: Path) -> None:
@@ -64,6 +64,7 @@ def test_linear_and_monte_carlo_agree_with_noise(tmp_path: Path) -> None:
     assert len(epochs) == 61
     ratio = epochs["sigma position_east [m]"] / epochs["linear sigma position_east [m]"]
     assert np.abs(ratio - 1.0).max() < 5.0 / np.sqrt(2.0 * 3_000)  # five standard errors
+    report_run(tmp_path / "run")
     report = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
     assert "gyro angle random walk" in report
     assert "gyro_angle_random_walk_x" in open_run(tmp_path / "run").budget.index

@@ -28,6 +28,7 @@ from tests.commands import invoke
 from tests.conftest import ROOT
 from tests.faults.scenarios import KillsWorkers
 from tests.processes import run_to_end
+from tests.runs import simulate
 
 BOOST, POLAR = ROOT / "campaigns" / "13_boost.toml", ROOT / "campaigns" / "14_polar.toml"
 
@@ -68,7 +69,7 @@ class Mine:
 def test_one_and_two_jobs_give_the_same_bits(campaign: Path, tmp_path: Path) -> None:
     samples = {BOOST: 300, POLAR: 20_000}[campaign]
     for jobs in (1, 2):
-        run_campaign(read_campaign(campaign, {"samples": samples}), tmp_path / str(jobs), None, jobs)
+        simulate(read_campaign(campaign, {"samples": samples}), tmp_path / str(jobs), None, jobs)
     assert _digests(tmp_path / "1") == _digests(tmp_path / "2")
     assert len(_digests(tmp_path / "1")) == 3
 
@@ -89,7 +90,7 @@ def test_the_reports_are_complete(tmp_path: Path) -> None:
 def test_the_textbook_moments(tmp_path: Path) -> None:
     """Sigmas of x and y within five standard errors of their closed form; linear misses y by a factor of 2.5."""
     count, spread, distance, turned = 20_000, 20.0, 1_000.0, np.radians(15.0)
-    summary = run_campaign(read_campaign(POLAR), tmp_path / "run", None, 1).summary
+    summary = simulate(read_campaign(POLAR), tmp_path / "run", None, 1).summary
     square = 0.5 * (distance**2 + spread**2)
     along = square * (1.0 + np.exp(-2.0 * turned**2)) - (distance * np.exp(-0.5 * turned**2)) ** 2
     across = square * (1.0 - np.exp(-2.0 * turned**2))
@@ -106,8 +107,8 @@ def test_the_textbook_moments(tmp_path: Path) -> None:
 def test_a_killed_worker_is_outlived(tmp_path: Path) -> None:
     """The run goes on by itself, to the same bits."""
     run, kills = read_campaign(BOOST, {"samples": 320}), KillsWorkers()
-    run_campaign(run, tmp_path / "calm", None, 2)
-    run_campaign(run, tmp_path / "hit", None, 2, progress=kills)
+    simulate(run, tmp_path / "calm", None, 2)
+    simulate(run, tmp_path / "hit", None, 2, progress=kills)
     assert kills.killed
     assert _digests(tmp_path / "hit") == _digests(tmp_path / "calm")
 
@@ -116,7 +117,7 @@ def test_a_sample_that_kills_its_worker_is_a_failure(tmp_path: Path) -> None:
     """One beyond 2.5 sigma ends the process that flies it: it alone fails, with that reason."""
     body = GOOD.replace("return 2.0", "if abs(errors[0]) > 2.5: os._exit(9)\n        return 2.0") + "    chunk = 50\n"
     run = read_campaign(_written(tmp_path, body))
-    summary = run_campaign(run, tmp_path / "run", None, 2).summary
+    summary = simulate(run, tmp_path / "run", None, 2).summary
     samples = pd.read_parquet(tmp_path / "run" / "samples")
     wild = samples["error a [m]"].abs() > 2.5
     assert 0 < wild.sum() == summary["failed"]
@@ -127,14 +128,14 @@ def test_a_sample_that_kills_its_worker_is_a_failure(tmp_path: Path) -> None:
 def test_a_single_chunk_is_flown_in_a_worker_too(tmp_path: Path) -> None:
     """Its last sample ends the process: the command lives on and tells."""
     body = GOOD.replace("return 2.0", "if abs(errors[0]) > 2.5: os._exit(9)\n        return 2.0")
-    summary = run_campaign(read_campaign(_written(tmp_path, body), {"samples": 120}), tmp_path / "run", None, 2).summary
+    summary = simulate(read_campaign(_written(tmp_path, body), {"samples": 120}), tmp_path / "run", None, 2).summary
     assert 0 < summary["failed"] < 10
     assert set(summary["failures"]) == {"failed: the worker process died while flying it"}
 
 
 def test_failures_keep_their_reason_and_place(tmp_path: Path) -> None:
     body = GOOD.replace("return 2.0", "if errors[0] > 2.0: raise ValueError('too far')\n        return 2.0")
-    summary = run_campaign(read_campaign(_written(tmp_path, body)), tmp_path / "run", None, 1).summary
+    summary = simulate(read_campaign(_written(tmp_path, body)), tmp_path / "run", None, 1).summary
     (reason,) = summary["failures"]
     assert reason == "failed: ValueError: too far (line 11)"
 
@@ -146,7 +147,7 @@ def test_a_vectorised_failure_is_pinned_to_its_sample(tmp_path: Path) -> None:
         "if (errors > 2.5).any(): raise ValueError('too far')\n        return np.sqrt(errors + 2.0) - 1.0 + 0.0",
     )
     with np.errstate(invalid="ignore"):
-        summary = run_campaign(read_campaign(_written(tmp_path, body)), tmp_path / "run", None, 1).summary
+        summary = simulate(read_campaign(_written(tmp_path, body)), tmp_path / "run", None, 1).summary
     assert set(summary["failures"]) == {"failed: ValueError: too far (line 11)", "failed: an output is not finite"}
     samples = pd.read_parquet(tmp_path / "run" / "samples")
     errors = samples["error a [m]"]
@@ -155,24 +156,24 @@ def test_a_vectorised_failure_is_pinned_to_its_sample(tmp_path: Path) -> None:
 
 def test_a_changed_file_is_refused_like_a_changed_campaign(tmp_path: Path) -> None:
     campaign = _written(tmp_path, GOOD)
-    run_campaign(read_campaign(campaign), tmp_path / "run", None, 1)
+    simulate(read_campaign(campaign), tmp_path / "run", None, 1)
     before = _digests(tmp_path / "run")
     _written(tmp_path, GOOD.replace("2.0", "3.0"))
     with pytest.raises(RunFolderError, match=r"holds the results of another run \(code\.sha256 was"):
-        run_campaign(read_campaign(campaign), tmp_path / "run", None, 1)
+        simulate(read_campaign(campaign), tmp_path / "run", None, 1)
     assert _digests(tmp_path / "run") == before
-    again = run_campaign(read_campaign(tmp_path / "run" / "campaign.toml"), tmp_path / "run", None, 1)
+    again = simulate(read_campaign(tmp_path / "run" / "campaign.toml"), tmp_path / "run", None, 1)
     assert again.simulated == 0  # the file as it was flown lies in the run folder
-    run_campaign(read_campaign(campaign), tmp_path / "run", None, 1, fresh=True)
+    simulate(read_campaign(campaign), tmp_path / "run", None, 1, fresh=True)
     assert "3.0" in (tmp_path / "run" / "mine.py").read_text()
 
 
 def test_a_run_goes_on_from_what_is_stored(tmp_path: Path) -> None:
     run = read_campaign(_written(tmp_path, GOOD))
-    run_campaign(run, tmp_path / "run", None, 1)
+    simulate(run, tmp_path / "run", None, 1)
     before = _digests(tmp_path / "run")
     (tmp_path / "run" / "samples" / "part-00001.parquet").unlink()
-    assert run_campaign(run, tmp_path / "run", None, 1).simulated == 128
+    assert simulate(run, tmp_path / "run", None, 1).simulated == 128
     assert _digests(tmp_path / "run") == before
 
 
@@ -268,7 +269,7 @@ def test_what_is_no_scenario_is_told_in_one_line(before: str, after: str, messag
 def test_what_cannot_be_flown_is_told_before_the_flight(before: str, after: str, message: str, tmp_path: Path) -> None:
     run = read_campaign(_written(tmp_path, GOOD.replace(before, after)))
     with pytest.raises(CampaignError) as refused:
-        run_campaign(run, tmp_path / "run", None, 1)
+        simulate(run, tmp_path / "run", None, 1)
     assert f"scenario.type: {message}" in str(refused.value)
 
 
@@ -338,7 +339,7 @@ def test_steps_that_cannot_be_flown_are_left_out(tmp_path: Path) -> None:
     with pytest.raises(
         CampaignError, match="no two steps of source 1 could be flown to both sides: ValueError: beyond"
     ):
-        run_campaign(run, tmp_path / "run", None, 1)
+        simulate(run, tmp_path / "run", None, 1)
 
 
 def test_what_a_history_says_stays_text(tmp_path: Path) -> None:
@@ -360,7 +361,7 @@ def test_what_a_history_says_stays_text(tmp_path: Path) -> None:
 def test_a_new_scenario_runs_as_it_stands(tmp_path: Path) -> None:
     """As a new user has it: written, flown, tested."""
     code, campaign, test = new_scenario("my_system", tmp_path)
-    summary = run_campaign(read_campaign(campaign, {"samples": 2_000}), tmp_path / "run", None, 1).summary
+    summary = simulate(read_campaign(campaign, {"samples": 2_000}), tmp_path / "run", None, 1).summary
     assert summary["verdict"] == "agrees"
     assert code.name == "my_system.py"
     pytests = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-c", os.devnull, test]
@@ -373,7 +374,7 @@ def test_a_new_scenario_runs_as_it_stands(tmp_path: Path) -> None:
 @pytest.mark.parametrize("kind", get_args(TemplateType))
 def test_a_new_campaign_runs_as_it_stands(kind: str, tmp_path: Path) -> None:
     (path,) = new_campaign("mine", tmp_path, kind)
-    summary = run_campaign(read_campaign(path, {"samples": 200}), tmp_path / "run", None, 1).summary
+    summary = simulate(read_campaign(path, {"samples": 200}), tmp_path / "run", None, 1).summary
     assert summary["failed"] == 0
 
 

@@ -11,7 +11,7 @@ import mcnav
 from mcnav.config.read import read_campaign
 from mcnav.errors import CampaignError
 from mcnav.scenarios.protocol import Batch, FilterEngine, FilterScenario
-from mcnav.workflow.run import run_campaign
+from tests.runs import simulate
 
 SAMPLES = 2_000
 STEPS = 60
@@ -116,7 +116,7 @@ def test_the_prediction_is_the_filter_along_the_truth(tmp_path: Path) -> None:
 
 def test_a_campaign_of_it(tmp_path: Path) -> None:
     """Linear covariance is right about the filter that is wrong about itself."""
-    summary = run_campaign(read_campaign(_written(tmp_path)), tmp_path / "run", None, 1).summary
+    summary = simulate(read_campaign(_written(tmp_path)), tmp_path / "run", None, 1).summary
     assert summary["verdict"] == "agrees"
     assert summary["sigma_linear"][0] == pytest.approx(np.sqrt(TRUE), rel=1e-9)
     assert [process["name"] for process in summary["processes"]] == ["walk", "measurement"]
@@ -132,16 +132,16 @@ def test_beliefs_that_are_wrong_are_told(believed: str, tmp_path: Path) -> None:
     code = (tmp_path / "mine.py").read_text().replace('{"walk": 0.25}', believed)
     (tmp_path / "mine.py").write_text(code)
     with pytest.raises(CampaignError, match=r"Mine.believed must give a share of variance, from zero on, for names"):
-        run_campaign(read_campaign(path), tmp_path / "run", None, 1)
+        simulate(read_campaign(path), tmp_path / "run", None, 1)
 
 
 def test_a_filter_that_loses_definiteness_is_told_in_words(tmp_path: Path) -> None:
     """In the rows of the samples, and before the run where it happens without errors."""
     lost = "np.where(errors[0] > 0.5, -1.0, 1.0)"
-    summary = run_campaign(read_campaign(_written(tmp_path, lost)), tmp_path / "run", None, 1).summary
+    summary = simulate(read_campaign(_written(tmp_path, lost)), tmp_path / "run", None, 1).summary
     (status,) = summary["failures"]
     assert status == "failed: the filter's covariance is not positive definite at time [s] = 0"
     samples = mcnav.samples_of(tmp_path / "run")
     assert ((samples["status"] == status) == (samples["error a [m]"] > 0.5)).all()
     with pytest.raises(CampaignError, match="its flight without any error: the filter's covariance is not positive"):
-        run_campaign(read_campaign(_written(tmp_path, "-1.0")), tmp_path / "other", None, 1)
+        simulate(read_campaign(_written(tmp_path, "-1.0")), tmp_path / "other", None, 1)

@@ -27,6 +27,7 @@ from mcnav.workflow.run import run_campaign
 from tests.commands import in_process
 from tests.conftest import ROOT
 from tests.processes import LONG, run_to_end, running, wait_for
+from tests.runs import simulate
 
 STEPS = 8
 
@@ -126,10 +127,10 @@ def test_a_killed_run_goes_on_to_the_same_bits(tmp_path: Path) -> None:
 
 def test_a_sample_that_ends_its_process_leaves_the_others_their_noise(tmp_path: Path) -> None:
     """Those beyond one and a half sigma end their worker: the others are repeated one by one."""
-    run_campaign(read_campaign(_written(tmp_path / "calm", samples=40)), tmp_path / "1", None, 1)
+    simulate(read_campaign(_written(tmp_path / "calm", samples=40)), tmp_path / "1", None, 1)
     body = "if abs(errors[0]) > 1.5: os._exit(9)"
     path = _written(tmp_path / "wild", body, samples=40)
-    summary = run_campaign(read_campaign(path), tmp_path / "2", None, 1).summary
+    summary = simulate(read_campaign(path), tmp_path / "2", None, 1).summary
     samples = pd.read_parquet(tmp_path / "2" / "samples")
     wild = samples["error a [m]"].abs() > 1.5
     assert 0 < wild.sum() == summary["failed"]
@@ -142,7 +143,7 @@ def test_a_sample_that_ends_its_process_leaves_the_others_their_noise(tmp_path: 
 def test_a_run_of_which_nothing_is_left(tmp_path: Path) -> None:
     """Every sample with noise ends its process: all have failed, with that reason."""
     body = "if noise.__class__ is np.random.Generator: os._exit(9)"
-    summary = run_campaign(read_campaign(_written(tmp_path, body, samples=6)), tmp_path / "run", None, 1).summary
+    summary = simulate(read_campaign(_written(tmp_path, body, samples=6)), tmp_path / "run", None, 1).summary
     assert summary["failures"] == {"failed: the worker process died while flying it": 6}
 
 
@@ -150,7 +151,7 @@ def test_a_summary_store_has_the_same_estimates(tmp_path: Path) -> None:
     found = []
     for store in ("samples", "summary"):
         path = _written(tmp_path / store, samples=600, top=f'store = "{store}"')
-        found.append(run_campaign(read_campaign(path), tmp_path / store / "run", None, 1).summary)
+        found.append(simulate(read_campaign(path), tmp_path / store / "run", None, 1).summary)
     for key in ("sigma_linear", "sigma_sample", "sigma_paired", "nees_mean"):
         np.testing.assert_allclose(found[0][key], found[1][key], rtol=1e-9)
 
@@ -180,7 +181,7 @@ def test_partials_of_its_own_at_every_epoch(tmp_path: Path) -> None:
     path = _written(tmp_path, more=more)
     for errors, budget in (("1 m", 1.0), ("0 m", 0.0)):
         path.write_text(path.read_text().replace('a = "1 m"', f'a = "{errors}"'))
-        summary = run_campaign(read_campaign(path), tmp_path / errors, None, 1).summary
+        summary = simulate(read_campaign(path), tmp_path / errors, None, 1).summary
         np.testing.assert_allclose(summary["sigma_linear"], [np.sqrt(budget + 2.0), 2.0 * budget], rtol=1e-12)
         epochs = pq.read_table(tmp_path / errors / "epochs.parquet").to_pandas()
         np.testing.assert_allclose(epochs["linear sigma c [m]"], 2.0 * budget, rtol=1e-12)
@@ -190,7 +191,7 @@ def test_partials_of_its_own_at_every_epoch(tmp_path: Path) -> None:
 
 def test_own_linear_simulations_are_those_of_differences(tmp_path: Path) -> None:
     for name, more in (("differences", COVARIANCE), ("own", COVARIANCE + TWIN)):
-        run_campaign(read_campaign(_written(tmp_path / name, more=more)), tmp_path / name / "run", None, 1)
+        simulate(read_campaign(_written(tmp_path / name, more=more)), tmp_path / name / "run", None, 1)
     differences, own = (_outputs(tmp_path / name / "run") for name in ("differences", "own"))
     np.testing.assert_array_equal(differences[:, :2], own[:, :2])
     np.testing.assert_allclose(differences[:, 2:], own[:, 2:], atol=1e-12)
@@ -214,7 +215,7 @@ def test_a_covariance_that_is_not_given_is_measured(tmp_path: Path) -> None:
 def test_a_response_that_is_not_linear_is_found(more: str, tmp_path: Path) -> None:
     """With 0.3 w^2 for a walk w of variance 2, variance 3 becomes 3 + 0.09 * 8: five standard errors of 20,000."""
     body = "walk = walk + 0.3 * walk**2"
-    run = run_campaign(read_campaign(_written(tmp_path, body, more, 2_000)), tmp_path / "run", None, 2)
+    run = simulate(read_campaign(_written(tmp_path, body, more, 2_000)), tmp_path / "run", None, 2)
     (low, high), expected = run.summary["sigma_ratio_paired_interval"][0], np.sqrt(3.72 / 3.0)
     assert low - 0.005 < expected < high + 0.005  # the measured variance of the noise is 3 % off at most
     assert run.summary["verdicts"] == ["differs", "agrees"]
@@ -239,7 +240,7 @@ def test_linear_simulations_that_are_wrong_are_refused(tmp_path: Path) -> None:
     assert "fly_linear() differs from simulations with small errors and noise, in output 'b' by" in _refused(
         path, tmp_path / "run"
     )
-    summary = run_campaign(read_campaign(path), tmp_path / "run", None, 1, force=True).summary
+    summary = simulate(read_campaign(path), tmp_path / "run", None, 1, force=True).summary
     assert (summary["verdict"], summary["unsettled"]["noise"]) == ("undecided", "fly_linear")
     assert "own linear simulations disagree with its simulations (b: " in repr(mcnav.open_run(tmp_path / "run"))
 
@@ -285,7 +286,7 @@ DECLARED = {
 @pytest.mark.parametrize("message", DECLARED)
 def test_what_is_declared_wrongly_is_told_in_one_line(message: str, tmp_path: Path) -> None:
     with pytest.raises(CampaignError) as refused:
-        run_campaign(read_campaign(_written(tmp_path, more=DECLARED[message])), tmp_path / "run", None, 1)
+        simulate(read_campaign(_written(tmp_path, more=DECLARED[message])), tmp_path / "run", None, 1)
     (line,) = str(refused.value).splitlines()
     assert message in line
 
@@ -311,7 +312,7 @@ def test_final_errors_with_noise_alone(tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text((tmp_path / "mine.py").read_text().replace("    epochs =", "    instants ="))
     run = read_campaign(path)
     assert isinstance(run.scenario, StochasticScenario)
-    summary = run_campaign(run, tmp_path / "run", None, 1).summary
+    summary = simulate(run, tmp_path / "run", None, 1).summary
     np.testing.assert_allclose(summary["sigma_ratio_paired"], 1.0, atol=1e-9)
     assert [process["name"] for process in summary["processes"]] == ["noise"]
     assert not (tmp_path / "run" / "epochs.parquet").exists()
@@ -325,7 +326,7 @@ def test_errors_over_time_without_noise(tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text("\n".join(lines).replace("errors, noise", "errors"))
     run = read_campaign(path)
     assert isinstance(run.scenario.engine("single", np.zeros((1, 1))), StochasticEngine)
-    summary = run_campaign(run, tmp_path / "run", None, 1).summary
+    summary = simulate(run, tmp_path / "run", None, 1).summary
     assert summary["sigma_ratio_paired"][0] == pytest.approx(1.0, abs=1e-9)
     epochs = pq.read_table(tmp_path / "run" / "epochs.parquet").to_pandas()
     np.testing.assert_allclose(epochs["linear sigma b [m]"], np.arange(9.0), rtol=1e-9)
@@ -335,7 +336,7 @@ def test_errors_over_time_without_noise(tmp_path: Path) -> None:
 
 def test_failures_have_no_linear_outcome_and_do_not_count(tmp_path: Path) -> None:
     path = _written(tmp_path, "if noise.__class__ is np.random.Generator and walk[-1] > 3.0: raise ValueError('off')")
-    summary = run_campaign(read_campaign(path), tmp_path / "run", None, 1).summary
+    summary = simulate(read_campaign(path), tmp_path / "run", None, 1).summary
     samples = mcnav.samples_of(tmp_path / "run")
     failed = samples["status"] == "failed: ValueError: off (line 15)"
     assert 0 < failed.sum() == summary["failed"]
@@ -346,7 +347,7 @@ def test_failures_have_no_linear_outcome_and_do_not_count(tmp_path: Path) -> Non
 def test_a_time_limit_holds_for_each_sample(tmp_path: Path) -> None:
     body = "if abs(errors[0]) > 2.0: time.sleep(60.0)"
     path = _written(tmp_path, body, samples=30, top='sample_timeout = "2 s"')
-    summary = run_campaign(read_campaign(path), tmp_path / "run", None, 2).summary
+    summary = simulate(read_campaign(path), tmp_path / "run", None, 2).summary
     samples = pd.read_parquet(tmp_path / "run" / "samples")
     hanging = samples["error a [m]"].abs() > 2.0
     assert 0 < hanging.sum() < len(samples)
@@ -360,7 +361,7 @@ def test_a_new_scenario_with_noise_runs_as_it_stands(tmp_path: Path) -> None:
     assert written.exit_code == 0, written.output
     assert "then change fly in" in " ".join(written.output.split())
     code, campaign, test = (tmp_path / name for name in ("drift.py", "drift.toml", "test_drift.py"))
-    summary = run_campaign(read_campaign(campaign, {"samples": 400}), tmp_path / "run", None, 2).summary
+    summary = simulate(read_campaign(campaign, {"samples": 400}), tmp_path / "run", None, 2).summary
     assert (summary["verdict"], summary["unsettled"]) == ("agrees", None)
     assert max(abs(np.array(summary["sigma_ratio_paired"]) - 1.0)) < 1e-6  # the third-order term of angles of 1e-4 rad
     passed = run_to_end(

@@ -29,6 +29,7 @@ from mcnav.workflow.run import run_campaign
 from tests.commands import invoke
 from tests.conftest import ROOT, TWO_ERRORS, RecordedProgress, campaign, content, tn_errors
 from tests.faults.scenarios import chunk_job
+from tests.runs import simulate
 
 SOURCES = [(source.name, source.unit) for source in reentry.SOURCES]
 OUTPUTS = SOURCES[:4]
@@ -105,7 +106,7 @@ def test_summary(finished: tuple[Path, dict[str, Any]]) -> None:
 def test_one_and_two_jobs_give_the_same_bits(engine: str, samples: int, chunks: int, tmp_path: Path) -> None:
     errors = TWO_ERRORS if engine == "reference" else tn_errors()
     for jobs in (1, 2):
-        run_campaign(campaign(1, samples=samples, errors=errors), tmp_path / str(jobs), engine, jobs)
+        simulate(campaign(1, samples=samples, errors=errors), tmp_path / str(jobs), engine, jobs)
     assert _digests(tmp_path / "1") == _digests(tmp_path / "2")
     assert len(_digests(tmp_path / "1")) == chunks
 
@@ -114,7 +115,7 @@ def test_both_engines_carry_the_same_draws(tmp_path: Path) -> None:
     """Errors are the same bits, outputs agree to 1e-5 of their dispersion."""
     frames = {}
     for engine in ("ensemble", "reference"):
-        run_campaign(campaign(2, samples=40, errors=TWO_ERRORS), tmp_path / engine, engine, 1)
+        simulate(campaign(2, samples=40, errors=TWO_ERRORS), tmp_path / engine, engine, 1)
         frames[engine] = pd.read_parquet(tmp_path / engine / "samples")
     errors, outputs = ({k: f.filter(like=kind).to_numpy() for k, f in frames.items()} for kind in ("error", "output"))
     assert np.array_equal(errors["ensemble"], errors["reference"])
@@ -124,7 +125,7 @@ def test_both_engines_carry_the_same_draws(tmp_path: Path) -> None:
 
 def test_the_resolved_campaign_runs_again(finished: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
     folder, _ = finished
-    run_campaign(read_campaign(folder / "campaign.toml"), tmp_path / "again", "ensemble", 1)
+    simulate(read_campaign(folder / "campaign.toml"), tmp_path / "again", "ensemble", 1)
     assert (tmp_path / "again" / "campaign.toml").read_text() == (folder / "campaign.toml").read_text()
     first, again = (pd.read_parquet(path / "samples") for path in (folder, tmp_path / "again"))
     pd.testing.assert_frame_equal(first, again, check_exact=True)
@@ -166,18 +167,18 @@ def test_a_missing_or_damaged_part_is_flown_again(tmp_path: Path) -> None:
 
 def test_another_campaign_does_not_touch_earlier_results(tmp_path: Path) -> None:
     folder = tmp_path / "run"
-    run_campaign(campaign(1), folder, "ensemble", 1)
+    simulate(campaign(1), folder, "ensemble", 1)
     before = {path.name: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
     with pytest.raises(RunFolderError, match=r"holds the results of another run \(seed was 1772, is 5\)"):
-        run_campaign(campaign(1, seed=5), folder, "ensemble", 1)
+        simulate(campaign(1, seed=5), folder, "ensemble", 1)
     with pytest.raises(RunFolderError, match="engine was ensemble, is reference"):
-        run_campaign(campaign(1), folder, "reference", 1)
+        simulate(campaign(1), folder, "reference", 1)
     (folder / "manifest.json").rename(tmp_path / "kept")
     with pytest.raises(RunFolderError, match=r"holds samples of another run, and the manifest\.json .* is missing"):
-        run_campaign(campaign(1, seed=5), folder, "ensemble", 1)
+        simulate(campaign(1, seed=5), folder, "ensemble", 1)
     (tmp_path / "kept").rename(folder / "manifest.json")
     assert {path.name: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
-    summary = run_campaign(campaign(1, seed=5), folder, "ensemble", 1, fresh=True).summary
+    summary = simulate(campaign(1, seed=5), folder, "ensemble", 1, fresh=True).summary
     assert summary["seed"] == 5
 
 
@@ -187,18 +188,18 @@ def test_samples_with_other_last_digits_are_not_mixed(tmp_path: Path, monkeypatc
     run = parse_campaign(described | {"samples": 100, "seed": 1}, "test.toml", "test")
     now = Cruise.revision
     monkeypatch.delattr(Cruise, "revision")
-    run_campaign(run, tmp_path / "run", "ensemble", 1)
+    simulate(run, tmp_path / "run", "ensemble", 1)
     monkeypatch.undo()
     with pytest.raises(RunFolderError, match=rf"\(revision was absent, is {now}\)"):
-        run_campaign(run, tmp_path / "run", "ensemble", 1)
+        simulate(run, tmp_path / "run", "ensemble", 1)
     found = replay(tmp_path / "run", 7)
     assert found.notes == (
         f"the run is of revision 1 of its scenario; samples of revision {now} have other last digits",
     )
     (tmp_path / "run" / "manifest.json").unlink()
     with pytest.raises(RunFolderError, match="holds samples of another run"):
-        run_campaign(run, tmp_path / "run", "ensemble", 1)
-    assert run_campaign(run, tmp_path / "run", "ensemble", 1, fresh=True).simulated == 100
+        simulate(run, tmp_path / "run", "ensemble", 1)
+    assert simulate(run, tmp_path / "run", "ensemble", 1, fresh=True).simulated == 100
 
 
 @pytest.mark.parametrize(
@@ -215,16 +216,16 @@ def test_a_run_is_extended(design: str, engine: str, before: int, after: int, tm
     folder, at_once = tmp_path / "extended", tmp_path / "at_once"
     errors = TWO_ERRORS if engine == "reference" else tn_errors()
     short, long = (campaign(1, design=design, samples=samples, errors=errors) for samples in (before, after))
-    run_campaign(short, folder, engine, 2)
+    simulate(short, folder, engine, 2)
     first = mcnav.samples_of(folder)
-    extended = run_campaign(long, folder, engine, 2)
-    whole = run_campaign(long, at_once, engine, 2)
+    extended = simulate(long, folder, engine, 2)
+    whole = simulate(long, at_once, engine, 2)
     assert _digests(folder) == _digests(at_once)
     assert extended.summary == whole.summary
     assert after - before <= extended.simulated < after or before < 8_192
     pd.testing.assert_frame_equal(mcnav.samples_of(folder)[:before], first, check_exact=True)
     with pytest.raises(RunFolderError, match=f"holds a run of {after:,} samples, and {before:,} are fewer; ask"):
-        run_campaign(short, folder, engine, 2)
+        simulate(short, folder, engine, 2)
     assert _digests(folder) == _digests(at_once)
 
 
@@ -236,23 +237,23 @@ def test_a_run_is_extended(design: str, engine: str, before: int, after: int, tm
     ],
 )
 def test_what_cannot_be_extended_is_told(design: str, before: int, after: int, message: str, tmp_path: Path) -> None:
-    run_campaign(campaign(4, design=design, samples=before), tmp_path / "run", "ensemble", 1)
+    simulate(campaign(4, design=design, samples=before), tmp_path / "run", "ensemble", 1)
     kept = _digests(tmp_path / "run")
     with pytest.raises(RunFolderError, match=message):
-        run_campaign(campaign(4, design=design, samples=after), tmp_path / "run", "ensemble", 1)
+        simulate(campaign(4, design=design, samples=after), tmp_path / "run", "ensemble", 1)
     assert _digests(tmp_path / "run") == kept
 
 
 def test_a_folder_of_someone_elses_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("precious")
     with pytest.raises(RunFolderError, match=r"holds 'thesis.tex', which is not of a run"):
-        run_campaign(campaign(1), tmp_path, "ensemble", 1, fresh=True)
+        simulate(campaign(1), tmp_path, "ensemble", 1, fresh=True)
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
 
 
 def test_a_folder_in_use_is_respected(tmp_path: Path) -> None:
     with RunFolder(tmp_path).lock(), pytest.raises(RunFolderBusy, match="another mcnav is writing here"):
-        run_campaign(campaign(1), tmp_path, "ensemble", 1)
+        simulate(campaign(1), tmp_path, "ensemble", 1)
 
 
 def test_a_part_that_is_not_of_the_run_is_named(tmp_path: Path) -> None:
@@ -303,7 +304,7 @@ def test_nothing_to_compare_is_said_so(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("design", ["random", "antithetic", "latin-hypercube", "sobol"])
 def test_a_handful_of_samples_decides_nothing(design: str, tmp_path: Path) -> None:
-    summary = run_campaign(campaign(4, samples=8, design=design), tmp_path / "run", "ensemble", 1).summary
+    summary = simulate(campaign(4, samples=8, design=design), tmp_path / "run", "ensemble", 1).summary
     assert summary["verdict"] == "undecided"
     assert summary["verdict_matrix"] == "undecided"
     assert summary["sigma_ratio_paired_interval"][0] == [0.0, None]
@@ -356,10 +357,10 @@ def test_flown_until_precise_enough(tmp_path: Path) -> None:
 def test_a_run_until_that_was_broken_off_goes_on(tmp_path: Path) -> None:
     """Parts beyond the look at hand are there already; the result is that of a run without a break."""
     folder, run = tmp_path / "run", _until("sigma_ratio 2 %", 100_000)
-    whole = run_campaign(run, folder, "ensemble", 2).summary
+    whole = simulate(run, folder, "ensemble", 2).summary
     (folder / "samples" / "part-00000.parquet").unlink()
     (folder / "manifest.json").unlink()
-    done = run_campaign(run, folder, "ensemble", 2)
+    done = simulate(run, folder, "ensemble", 2)
     assert (done.simulated, done.summary) == (8_192, whole)
 
 
@@ -377,21 +378,21 @@ def test_a_table_goes_with_its_run(tmp_path: Path) -> None:
     described["errors"]["range"] = {"distribution": "table", "file": "values.csv", "column": "x", "unit": "km"}
     run = parse_campaign(described, str(tmp_path / "test.toml"), "test")
     folder = tmp_path / "run"
-    first = run_campaign(run, folder, "ensemble", 1).summary
+    first = simulate(run, folder, "ensemble", 1).summary
     assert set(pd.read_parquet(folder / "samples")["error range [m]"]) <= set(1000.0 * pd.read_csv(values)["x"])
-    again = run_campaign(read_campaign(folder / "campaign.toml"), folder, "ensemble", 1)
+    again = simulate(read_campaign(folder / "campaign.toml"), folder, "ensemble", 1)
     assert (again.simulated, again.summary) == (0, first)
     pd.DataFrame({"x": [0.0, 1.0]}).to_csv(values)
     changed = parse_campaign(described, str(tmp_path / "test.toml"), "test")
     with pytest.raises(RunFolderError, match=r"errors\.range\.sha256 was"):
-        run_campaign(changed, folder, "ensemble", 1)
-    run_campaign(changed, folder, "ensemble", 1, fresh=True)
+        simulate(changed, folder, "ensemble", 1)
+    simulate(changed, folder, "ensemble", 1, fresh=True)
 
 
 def test_a_file_in_place_of_the_folder(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(RunFolderError, match="cannot be written to"):
-        run_campaign(campaign(1), tmp_path / "file", "ensemble", 1)
+        simulate(campaign(1), tmp_path / "file", "ensemble", 1)
 
 
 def test_failed_samples_are_rows_with_their_reason(tmp_path: Path) -> None:

@@ -16,9 +16,9 @@ from mcnav.scenarios.finite_differences import differentiate
 from mcnav.scenarios.protocol import SimulationResult
 from mcnav.scenarios.soundness import LARGEST
 from mcnav.workflow.analyse import report_run
-from mcnav.workflow.run import run_campaign
 from tests.commands import in_process
 from tests.conftest import ROOT
+from tests.runs import simulate
 
 CODE = """
 import itertools
@@ -84,7 +84,7 @@ def test_unsettled_derivatives_are_refused_before_anything_is_simulated(case: st
     body, method, partials, output, source = UNSETTLED[case]
     path = _written(tmp_path, body, method, partials)
     with pytest.raises(CampaignError) as refused:
-        run_campaign(read_campaign(path), tmp_path / "run", None, 1)
+        simulate(read_campaign(path), tmp_path / "run", None, 1)
     (line,) = str(refused.value).splitlines()
     assert line.startswith(f"{path}: scenario: the partial derivative of output {output!r} to source ")
     assert source is None or f"to source {source!r}" in line
@@ -114,7 +114,7 @@ def test_a_scenario_that_answers_identical_calls_differently_is_refused(
         body = body.replace("size=len(a)", "").replace("len(a)", "").replace(".T", "")
     path = _written(tmp_path, body, method)
     with pytest.raises(CampaignError) as refused:
-        run_campaign(read_campaign(path), tmp_path / "run", None, 1, force=force)
+        simulate(read_campaign(path), tmp_path / "run", None, 1, force=force)
     (line,) = str(refused.value).splitlines()
     assert line.startswith(f"{path}: scenario.type: answers identical calls differently")
     assert not list((tmp_path / "run").rglob("*.parquet"))
@@ -124,7 +124,7 @@ def test_noise_drawn_for_a_whole_chunk_is_refused(tmp_path: Path) -> None:
     """The same bits in every call, but a sample depends on its place."""
     body = "return np.array([a + np.random.default_rng(0).standard_normal(len(a)), a]).T"
     with pytest.raises(CampaignError, match="with its place among others"):
-        run_campaign(read_campaign(_written(tmp_path, body)), tmp_path / "run", None, 1)
+        simulate(read_campaign(_written(tmp_path, body)), tmp_path / "run", None, 1)
 
 
 PASSING = {
@@ -146,13 +146,13 @@ PASSING = {
 @pytest.mark.parametrize("case", PASSING)
 def test_what_is_not_linear_but_no_noise_is_flown(case: str, tmp_path: Path) -> None:
     body, partials = PASSING[case]
-    summary = run_campaign(read_campaign(_written(tmp_path, body, "propagate", partials)), tmp_path / "run", None, 1)
+    summary = simulate(read_campaign(_written(tmp_path, body, "propagate", partials)), tmp_path / "run", None, 1)
     assert summary.summary["unsettled"] is None
 
 
 def test_a_source_that_the_campaign_does_not_disturb_is_not_judged(tmp_path: Path) -> None:
     path = _written(tmp_path, SEEDED, errors='a = "1 m"')
-    assert run_campaign(read_campaign(path), tmp_path / "run", None, 1).summary["unsettled"] is None
+    assert simulate(read_campaign(path), tmp_path / "run", None, 1).summary["unsettled"] is None
 
 
 @pytest.mark.parametrize("number", ["13_boost", "14_polar"])
@@ -170,17 +170,17 @@ def test_a_tight_tolerance_asks_for_settled_derivatives(tolerance: str, refused:
     run = read_campaign(path)
     if refused:
         with pytest.raises(CampaignError, match=r"limit 0\.1 %"):
-            run_campaign(run, tmp_path / "run", None, 1)
+            simulate(run, tmp_path / "run", None, 1)
     else:
-        assert run_campaign(run, tmp_path / "run", None, 1).summary["unsettled"] is None
+        assert simulate(run, tmp_path / "run", None, 1).summary["unsettled"] is None
 
 
 def test_partials_of_its_own_that_are_not_those_of_the_flights(tmp_path: Path) -> None:
     path = _written(tmp_path, PLAIN, "propagate", "[[1.1, 0.0], [2.0, 0.0]]")
     with pytest.raises(CampaignError) as refused:
-        run_campaign(read_campaign(path), tmp_path / "run", None, 1)
+        simulate(read_campaign(path), tmp_path / "run", None, 1)
     assert "the class's own partial derivative of output 'x' to source 'a' is 10 % of" in str(refused.value)
-    summary = run_campaign(read_campaign(path), tmp_path / "run", None, 1, force=True).summary
+    summary = simulate(read_campaign(path), tmp_path / "run", None, 1, force=True).summary
     assert summary["unsettled"]["own"]
     assert "own partial derivatives disagree with finite differences (x by a: 10 %)" in repr(
         mcnav.open_run(tmp_path / "run")
@@ -227,7 +227,7 @@ def test_force_changes_no_sample(tmp_path: Path) -> None:
     digests = []
     for force in (False, True):
         folder = tmp_path / str(force)
-        run_campaign(read_campaign(path), folder, None, 1, force=force)
+        simulate(read_campaign(path), folder, None, 1, force=force)
         manifest = json.loads((folder / "manifest.json").read_text())
         parts = sorted((folder / "samples").glob("*.parquet"))
         digests.append((manifest["identity"], [hashlib.sha256(part.read_bytes()).hexdigest() for part in parts]))
@@ -237,11 +237,11 @@ def test_force_changes_no_sample(tmp_path: Path) -> None:
 def test_a_refused_campaign_deletes_nothing(tmp_path: Path) -> None:
     """Not with --fresh either."""
     path = _written(tmp_path, PLAIN)
-    run_campaign(read_campaign(path), tmp_path / "run", None, 1)
+    simulate(read_campaign(path), tmp_path / "run", None, 1)
     before = {file: file.read_bytes() for file in (tmp_path / "run").rglob("*") if file.is_file()}
     _written(tmp_path, SEEDED)
     with pytest.raises(CampaignError):
-        run_campaign(read_campaign(path), tmp_path / "run", None, 1, fresh=True)
+        simulate(read_campaign(path), tmp_path / "run", None, 1, fresh=True)
     assert {file: file.read_bytes() for file in before} == before
 
 

@@ -32,10 +32,10 @@ from mcnav.statistics.shape import shape_of_sums
 from mcnav.store import summaries as store
 from mcnav.store.manifest import Manifest, ManifestError
 from mcnav.store.run_folder import RunFolder
-from mcnav.workflow.analyse import summary_of
-from mcnav.workflow.run import run_campaign
+from mcnav.workflow.analyse import report_run, summary_of
 from tests.conftest import campaign, content
 from tests.faults.scenarios import normalization
+from tests.runs import simulate
 
 DESIGN = SamplingDesign()
 SAMPLES, KEPT, CHUNK = 60_000, 10_000, 1 << 14
@@ -58,13 +58,13 @@ def _digests(folder: Path) -> dict[str, str]:
 
 def _run(folder: Path, jobs: int = 2, engine: str = "ensemble", **entries: Any) -> dict[str, Any]:
     described = campaign(4, **{"samples": SAMPLES, "store": "summary"} | entries)
-    return run_campaign(described, folder, engine, jobs).summary
+    return simulate(described, folder, engine, jobs).summary
 
 
 def test_the_same_answers_as_from_samples(tmp_path: Path) -> None:
     """Every estimate to rounding; standard errors, from larger blocks, within five of their own: 1 / sqrt(2 blocks)."""
     summed = _run(tmp_path / "summed")
-    whole = run_campaign(campaign(4, samples=SAMPLES), tmp_path / "whole", "ensemble", 2).summary
+    whole = simulate(campaign(4, samples=SAMPLES), tmp_path / "whole", "ensemble", 2).summary
     for key in (
         "mean_sample", "covariance_sample", "covariance_paired", "sigma_ratio", "sigma_ratio_paired", "nees_mean",
         "nees_mean_paired", "principal_ratios", "skewness", "excess_kurtosis", "correlation_difference", "contained",
@@ -89,6 +89,7 @@ def test_rows_of_the_first_samples_are_kept_and_no_others(tmp_path: Path) -> Non
     _run(tmp_path / "summed")
     rows = pd.read_parquet(tmp_path / "summed" / "samples")
     assert np.array_equal(rows["index"], np.arange(KEPT))
+    report_run(tmp_path / "summed")
     assert "use the first 10,000." in (tmp_path / "summed" / "report.html").read_text()
 
 
@@ -104,7 +105,7 @@ def test_bits_do_not_depend_on_jobs_or_on_breaks(tmp_path: Path) -> None:
     damaged = bytearray(parts[2].read_bytes())
     damaged[len(damaged) // 2] ^= 1
     parts[2].write_bytes(damaged)
-    flown = run_campaign(campaign(4, samples=SAMPLES, store="summary"), tmp_path / "two", "ensemble", 2).simulated
+    flown = simulate(campaign(4, samples=SAMPLES, store="summary"), tmp_path / "two", "ensemble", 2).simulated
     assert flown == 2 * CHUNK
     assert _digests(tmp_path / "two") == digests
     assert summary_of(tmp_path / "two")["covariance_paired"] == json.loads(json.dumps(first["covariance_paired"]))
@@ -114,7 +115,7 @@ def test_bits_do_not_depend_on_jobs_or_on_breaks(tmp_path: Path) -> None:
 def test_blocks_of_a_design_stay_whole(design: str, tmp_path: Path) -> None:
     """Estimates are those of the samples; errors those of the design's own blocks, where these are large."""
     summed = _run(tmp_path / "summed", samples=40_000, design=design)
-    whole = run_campaign(campaign(4, samples=40_000, design=design), tmp_path / "whole", "ensemble", 2).summary
+    whole = simulate(campaign(4, samples=40_000, design=design), tmp_path / "whole", "ensemble", 2).summary
     np.testing.assert_allclose(summed["covariance_paired"], whole["covariance_paired"], rtol=1e-7)
     if design != "antithetic":  # the very blocks of the design
         np.testing.assert_allclose(summed["bias_standard_error"], whole["bias_standard_error"], rtol=1e-7)
@@ -268,9 +269,9 @@ def test_a_summary_is_extended_while_its_blocks_stay(tmp_path: Path) -> None:
     """From 60,000 to 65,000 samples blocks have 16 samples; at 70,000 they would have 32."""
     _run(tmp_path / "one")
     described = campaign(4, samples=65_000, store="summary")
-    longer = run_campaign(described, tmp_path / "one", "ensemble", 2)
+    longer = simulate(described, tmp_path / "one", "ensemble", 2)
     assert longer.simulated == 65_000 - 3 * CHUNK
-    assert longer.summary == run_campaign(described, tmp_path / "two", "ensemble", 2).summary
+    assert longer.summary == simulate(described, tmp_path / "two", "ensemble", 2).summary
     with pytest.raises(RunFolderError, match=r"one of 70,000 is kept in larger blocks"):
         _run(tmp_path / "one", samples=70_000)
 
@@ -278,7 +279,7 @@ def test_a_summary_is_extended_while_its_blocks_stay(tmp_path: Path) -> None:
 def test_samples_are_as_before_beside_a_summary(tmp_path: Path) -> None:
     """Stored samples do not know of another store; a folder of theirs is not taken for a summary's."""
     assert "store" not in campaign(4).resolved
-    run_campaign(campaign(4, samples=1_000), tmp_path, "ensemble", 1)
+    simulate(campaign(4, samples=1_000), tmp_path, "ensemble", 1)
     with pytest.raises(RunFolderError, match=r"store was absent, is summary"):
         _run(tmp_path, samples=1_000)
 

@@ -30,7 +30,6 @@ from mcnav.execution.dask_cluster import Cluster, connect
 from mcnav.execution.runner import run_chunks
 from mcnav.progress import SILENT
 from mcnav.store.run_folder import RunFolder
-from mcnav.workflow.run import run_campaign
 from tests.commands import in_process
 from tests.conftest import ROOT, campaign
 from tests.faults.kinds import Case
@@ -38,6 +37,7 @@ from tests.faults.remains import contents, digests, left_of
 from tests.faults.scenarios import VECTORISED, OnAdvance, chunk_job, command, environment, write_campaign
 from tests.faults.test_failures import LIMIT, REASONS
 from tests.processes import LONG, run_to_end, running, wait_for
+from tests.runs import simulate
 from tests.worker_server import used_by_dask
 
 POISON = ("os._exit(9)", "time.sleep(60)")
@@ -77,7 +77,7 @@ def test_a_file_that_a_scenario_reads(where: str, cluster: Cluster, tmp_path: Pa
     for gain in (2.0, 3.0):
         table.write_text(f"{gain:g}")
         for folder, flyers in (("here", None), ("there", cluster.simulate)):
-            run_campaign(read_campaign(path), tmp_path / folder, None, 2, fresh=True, executor=flyers)
+            simulate(read_campaign(path), tmp_path / folder, None, 2, fresh=True, executor=flyers)
         here, there = (RunFolder(tmp_path / folder).manifest() for folder in ("here", "there"))
         assert here is not None
         assert there is not None
@@ -89,7 +89,7 @@ def test_a_file_that_a_scenario_reads(where: str, cluster: Cluster, tmp_path: Pa
 
     path.write_text(path.read_text().replace("samples = 100", "samples = 30_000"))  # four chunks
     with pytest.raises(RunFolderError, match=r"table\.txt: has changed; samples stored in"):
-        run_campaign(
+        simulate(
             read_campaign(path),
             tmp_path / "there",
             None,

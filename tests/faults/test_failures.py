@@ -18,6 +18,7 @@ from mcnav.workflow.run import run_campaign
 from tests.commands import in_process
 from tests.conftest import campaign
 from tests.faults.scenarios import VECTORISED, write_campaign
+from tests.runs import simulate
 
 LIMIT = 'sample_timeout = "3 s"'  # flying a sample that is well takes microseconds, whatever else the machine does
 
@@ -40,8 +41,8 @@ def test_poison_samples_fail_alone(tmp_path: Path) -> None:
     chosen = dict(zip(np.sort(drawn)[: len(REASONS)].tolist(), REASONS, strict=True))
     body = "\n".join(f"if a == {value!r}:\n    {act}" for value, act in chosen.items())
     poisoned = read_campaign(write_campaign(tmp_path / "hit", body, samples=60, more=LIMIT))
-    summary = run_campaign(poisoned, tmp_path / "hit" / "run", None, 2).summary
-    run_campaign(calm, tmp_path / "calm" / "run", None, 1)
+    summary = simulate(poisoned, tmp_path / "hit" / "run", None, 2).summary
+    simulate(calm, tmp_path / "calm" / "run", None, 1)
     hit, other = (mcnav.samples_of(tmp_path / name / "run") for name in ("hit", "calm"))
     expected = [f"failed: {REASONS[chosen[value]]}" if value in chosen else "ok" for value in drawn.tolist()]
     assert hit["status"].tolist() == expected
@@ -54,7 +55,7 @@ def test_poison_samples_fail_alone(tmp_path: Path) -> None:
 def test_flights_on_the_side_may_end_their_process(tmp_path: Path) -> None:
     """The unscented transform's points lie where every flight is deadly, and there is one worker only."""
     run = read_campaign(write_campaign(tmp_path, "if abs(a) > 0.9: os._exit(9)", samples=8))
-    summary = run_campaign(run, tmp_path / "run", None, 1).summary
+    summary = simulate(run, tmp_path / "run", None, 1).summary
     samples = mcnav.samples_of(tmp_path / "run")
     assert ((samples["status"] != "ok") == (samples["error a [m]"].abs() > 0.9)).all()
     assert "died while flying it" in (tmp_path / "run" / "manifest.json").read_text()
@@ -67,7 +68,7 @@ def test_a_vectorised_sample_that_hangs(tmp_path: Path) -> None:
     largest = float(calm.errors.draw("random", 1, 60, 0, 60)[:, 0].max())
     body = f"if (a == {largest!r}).any(): time.sleep(60)"
     run = read_campaign(write_campaign(tmp_path, body, VECTORISED, samples=60, more=LIMIT))
-    summary = run_campaign(run, tmp_path / "run", None, 1).summary
+    summary = simulate(run, tmp_path / "run", None, 1).summary
     samples = mcnav.samples_of(tmp_path / "run")
     assert summary["failures"] == {"failed: took longer than 3 s": 1}
     assert ((samples["status"] != "ok") == (samples["error a [m]"] == largest)).all()
@@ -77,13 +78,13 @@ def test_too_many_failures_break_off(tmp_path: Path) -> None:
     """What is stored is kept; a run that may go on does."""
     run = read_campaign(write_campaign(tmp_path, "if a > 0.5: raise ValueError('no fuel')", samples=200))
     with pytest.raises(TooManyFailures, match=r"of the \d+ samples flown so far failed, where 5 may"):
-        run_campaign(run, tmp_path / "run", None, 1, most_failures=5)
+        simulate(run, tmp_path / "run", None, 1, most_failures=5)
     assert 0 < len(list((tmp_path / "run" / "samples").glob("part-*.parquet"))) < 8
-    done = run_campaign(run, tmp_path / "run", None, 1, most_failures=199)
+    done = simulate(run, tmp_path / "run", None, 1, most_failures=199)
     assert 0 < done.simulated < 200
     assert 0 < done.summary["failed"] < 100
     with pytest.raises(TooManyFailures):
-        run_campaign(run, tmp_path / "run", None, 1, most_failures=5)
+        simulate(run, tmp_path / "run", None, 1, most_failures=5)
 
 
 def test_tracebacks_are_kept_and_replayed(tmp_path: Path) -> None:
@@ -138,7 +139,7 @@ def test_replay_of_a_cruise(tmp_path: Path) -> None:
 
     described = {"scenario": {"type": "cruise", "speed": "250 m/s", "duration": "1 h", "altitude": "10 km"}}
     described |= {"samples": 100, "seed": 1, "errors": {"misalignment": "1 mrad", "gyro_drift": "0.1 deg/h"}}
-    run_campaign(parse_campaign(described, "test.toml", "test"), tmp_path / "run", "ensemble", 1)
+    simulate(parse_campaign(described, "test.toml", "test"), tmp_path / "run", "ensemble", 1)
     found = replay(tmp_path / "run", 7)
     assert as_stored(found)
     stored, _, reference = found.outcomes

@@ -31,6 +31,7 @@ from tests.conftest import TWO_ERRORS, campaign, content
 from tests.faults.folders.content import VALUES, places_in, set_at, sign
 from tests.faults.scenarios import VECTORISED, mcnav, write_campaign
 from tests.processes import LONG
+from tests.runs import simulate
 
 
 @pytest.fixture(scope="module")
@@ -212,7 +213,7 @@ def test_links_are_not_followed(link: str, folder: Path, tmp_path: Path) -> None
     (folder / link).unlink(missing_ok=True)
     (folder / link).symlink_to(precious if link == ".lock" else victim)
     with pytest.raises(RunFolderError, match="is a link to somewhere else"):
-        run_campaign(campaign(1, samples=70, errors=TWO_ERRORS), folder, "reference", 1, fresh=True)
+        simulate(campaign(1, samples=70, errors=TWO_ERRORS), folder, "reference", 1, fresh=True)
     assert precious.read_text() == "precious"
 
 
@@ -222,7 +223,7 @@ def test_fresh_deletes_only_what_a_run_wrote(folder: Path) -> None:
     (folder / ".thesis.tmp").write_text("precious")
     code = {"file": "thesis.py", "sha256": "0" * 64}
     sign(folder, lambda manifest: manifest["identity"].update(code=code))
-    run_campaign(campaign(4, samples=64), folder, "ensemble", 1, fresh=True)
+    simulate(campaign(4, samples=64), folder, "ensemble", 1, fresh=True)
     assert (folder / "thesis.py").read_text() == "precious"
     assert (folder / ".thesis.tmp").read_text() == "precious"
 
@@ -262,9 +263,9 @@ def test_kept_files_that_are_not_what_a_run_wrote(spoilt: str, with_inputs: Path
     again = read_campaign(stored_with_inputs / "mine.toml")
     if spoilt == "folder":
         with pytest.raises(RunFolderError, match=r"inputs/table\.txt: cannot be written: Is a directory"):
-            run_campaign(again, with_inputs, None, 1, fresh=True)
+            simulate(again, with_inputs, None, 1, fresh=True)
         copy.rmdir()
-    run_campaign(again, with_inputs, None, 1, fresh=True)
+    simulate(again, with_inputs, None, 1, fresh=True)
     assert not copy.is_symlink()
     assert copy.read_text() == "2"
     assert precious.read_text() == "precious"
@@ -272,7 +273,7 @@ def test_kept_files_that_are_not_what_a_run_wrote(spoilt: str, with_inputs: Path
 
 
 def test_fresh_deletes_the_copies_of_the_earlier_run(with_inputs: Path) -> None:
-    run_campaign(campaign(4, samples=64), with_inputs, "ensemble", 1, fresh=True)
+    simulate(campaign(4, samples=64), with_inputs, "ensemble", 1, fresh=True)
     assert not (with_inputs / "inputs").exists()
 
 

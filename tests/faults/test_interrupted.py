@@ -20,11 +20,10 @@ from mcnav._subprocess import side_threads
 from mcnav.execution.processes import IsolatedEngine, end_workers
 from mcnav.scenarios.protocol import SimulationResult
 from mcnav.scenarios.timeouts import Stopped, within_limit
-from mcnav.workflow import run
-from mcnav.workflow.run import run_campaign
 from tests.conftest import ROOT, campaign
 from tests.faults.scenarios import OnAdvance, command, environment
 from tests.processes import LONG, run_to_end, wait_for
+from tests.runs import simulate
 
 
 def test_an_exception_does_not_wait_for_threads() -> None:
@@ -71,11 +70,11 @@ def test_flights_on_the_side_are_stopped(tmp_path: Path, monkeypatch: pytest.Mon
 
     monkeypatch.setattr("mcnav.workflow.prepare.PreparedSystem.corrections", corrections)
     with pytest.raises(KeyboardInterrupt):
-        run_campaign(campaign(4, samples=100), tmp_path / "run", "ensemble", 1, progress=OnAdvance(broken_off))
+        simulate(campaign(4, samples=100), tmp_path / "run", "ensemble", 1, progress=OnAdvance(broken_off))
     assert ended.wait(LONG)
     assert len(list((tmp_path / "run" / "samples").glob("part-*.parquet"))) == 1
     monkeypatch.undo()
-    assert run.run_campaign(campaign(4, samples=100), tmp_path / "run", "ensemble", 1).simulated == 0
+    assert simulate(campaign(4, samples=100), tmp_path / "run", "ensemble", 1).simulated == 0
 
 
 def _linger() -> None:

@@ -29,6 +29,7 @@ from tests.commands import invoke
 from tests.faults.remains import digests, left_of
 from tests.faults.scenarios import SINGLE, VECTORISED, OnAdvance, as_nobody, command, environment, write_campaign
 from tests.processes import LONG, run_to_end, running, wait_for
+from tests.runs import simulate
 
 POSITIONS = 2_000
 
@@ -98,7 +99,7 @@ def test_every_wrong_byte_of_a_manifest_is_noticed_and_mended(finished: Path, tm
         path.write_bytes(damaged)
         with pytest.raises(RunFolderError, match=r"manifest\.json: is damaged"):
             folder.manifest()
-    mended = run_campaign(small(300), folder.path, "ensemble", 1)
+    mended = simulate(small(300), folder.path, "ensemble", 1)
     assert mended.simulated == 0
     assert len(mended.notices) == 1
     assert "manifest.json: was damaged" in mended.notices[0]
@@ -173,16 +174,16 @@ def test_a_run_that_ends_while_it_begins_is_resumed(written: int, tmp_path: Path
         write(folder, name, content)
 
     with patch.object(RunFolder, "write", write_some), pytest.raises(KeyboardInterrupt):
-        run_campaign(run, tmp_path / "run", None, 1)
+        simulate(run, tmp_path / "run", None, 1)
     assert {path.name for path in (tmp_path / "run").iterdir() if path.is_file()} == {*names, ".lock"}
-    assert run_campaign(run, tmp_path / "run", None, 1).simulated == 20
+    assert simulate(run, tmp_path / "run", None, 1).simulated == 20
 
 
 def test_stale_files_are_swept(finished: Path, tmp_path: Path) -> None:
     shutil.copytree(finished, tmp_path / "run")
     stale = tmp_path / "run" / "samples" / ".part-00001.parquet.0123456789ab.tmp"
     stale.write_bytes(b"half")
-    assert run_campaign(small(300), tmp_path / "run", "ensemble", 1).simulated == 0
+    assert simulate(small(300), tmp_path / "run", "ensemble", 1).simulated == 0
     assert not stale.exists()
 
 
@@ -203,7 +204,7 @@ def test_a_read_only_folder(finished: Path) -> None:
         run.chmod(0o555)
         try:
             with as_nobody(), pytest.raises(RunFolderError, match="cannot be written"):
-                run_campaign(small(400), run, "ensemble", 1)
+                simulate(small(400), run, "ensemble", 1)
         finally:
             run.chmod(0o755)
         assert digests(run) == digests(finished)
@@ -212,7 +213,7 @@ def test_a_read_only_folder(finished: Path) -> None:
 def test_a_folder_that_is_being_read_only_is_told(tmp_path: Path) -> None:
     """Where not even the owner of everything may write."""
     with pytest.raises(RunFolderError, match="cannot be written to"):
-        run_campaign(small(300), Path("/proc/mcnav"), "ensemble", 1)
+        simulate(small(300), Path("/proc/mcnav"), "ensemble", 1)
 
 
 def test_two_processes_on_one_folder(tmp_path: Path) -> None:

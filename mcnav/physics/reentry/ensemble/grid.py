@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.constants import GRAVITATIONAL_PARAMETER
+from mcnav.physics.jit import uncontracted
 from mcnav.physics.reentry.ensemble.transition import Response, Tables
 
 DEGREE: Final = 6
@@ -173,12 +174,20 @@ def _gauss(edges: Array) -> tuple[Array, Array]:
 
 def _lagrange(times: Array, stencils: Array) -> Array:
     """Evaluate Lagrange polynomials at times, shape (n,), through nodes of their own, shape (n, k): shape (n, k)."""
-    values = np.ones_like(stencils)
-    for this in range(stencils.shape[1]):
-        for other in range(stencils.shape[1]):
-            if other != this:
-                values[:, this] *= (times - stencils[:, other]) / (stencils[:, this] - stencils[:, other])
+    values = np.ones(stencils.shape)
+    _multiply_factors(times, np.ascontiguousarray(stencils), values)
     return values
+
+
+@uncontracted
+def _multiply_factors(times: Array, stencils: Array, values: Array) -> None:
+    """Multiply values by the factors of Lagrange polynomials."""
+    for row in range(len(times)):
+        for this in range(stencils.shape[1]):
+            for other in range(stencils.shape[1]):
+                if other != this:
+                    distance = stencils[row, this] - stencils[row, other]
+                    values[row, this] *= (times[row] - stencils[row, other]) / distance
 
 
 class Pieces(NamedTuple):
