@@ -30,6 +30,7 @@ from tests.mutation.sites import find_sites, mutate
         ("x = np.sqrt(a)", ["a"]),
         ("x = f(a, b)", ["f(b, a)"]),
         ("x = load(a, b)", []),
+        ("x = np.empty((n + 1, 3))", []),
         ('x = f"{a + b}"', []),
         ("raise ValueError(a + b)", []),
         ("x: Literal[1]", []),
