@@ -39,10 +39,13 @@ LONG_FIRST = ("faults", "browser", "campaigns", "published", "statistical", "cro
 """Folders whose tests come first, those with the longest before the others."""
 
 NOT_INERTIAL = (
-    "campaigns/test_own_noise.py", "faults/test_storage.py", "campaigns/test_run.py", "cross/test_engines.py",
+    "faults/test_storage.py", "campaigns/test_own_noise.py", "campaigns/test_run.py", "cross/test_engines.py",
     "faults/test_failures.py", "faults/test_hostile.py", "statistical/test_intervals.py", "cross/test_partials.py",
 )  # fmt: skip
-"""Files whose tests load nothing of inertial navigation; they take longer than its compilation by another worker."""
+"""Files whose tests load nothing of inertial navigation; they take longer than its compilation by another worker.
+
+The second one loads nothing that is compiled: its worker begins with it, while another compiles the rest.
+"""
 
 INERTIAL = (
     "faults/test_kill.py", "faults/test_navigation_inputs.py", "faults/test_navigation_storage.py",
