@@ -31,16 +31,20 @@ NOTE_STYLES: Final = """() => {
 """Number the looks of every element: its style and the look of what is around it. Schemes follow one another."""
 
 LEAVE_ONE_OF_EACH: Final = """() => {
-  const seen = new Set();
+  const seen = new Set(), others = [];
   for (const [each, look] of window.looks) {
     const texts = Array.from(each.childNodes).filter((one) => one.nodeType === Node.TEXT_NODE && one.data.trim());
     if (!texts.length || !each.checkVisibility()) continue;
-    if (seen.has(look)) texts.forEach((one) => { one.data = ""; });
+    if (seen.has(look)) others.push(...texts);
     seen.add(look);
   }
+  others.forEach((one) => { one.data = ""; });
   return seen.size;
 }"""
-"""Empty all texts that are seen but the first of each look; return the number of those left."""
+"""Empty all texts that are seen but the first of each look; return the number of those left.
+
+What is seen is asked before the first text is emptied: afterwards the page would be laid out anew for each answer.
+"""
 
 
 def violations(page: Any, options: dict[str, Any]) -> list[dict[str, Any]]:
