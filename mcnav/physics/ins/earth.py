@@ -17,6 +17,7 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.physics.elements import stack_elements
 from mcnav.physics.jit import compiled, inlined, uncontracted
 
 ZONALS: Final = 4
@@ -134,9 +135,8 @@ class Earth:
     def turned(self, duration: Array) -> Array:
         """Compute the matrices that take earth-fixed to inertial axes after durations, s: shape (..., 3, 3)."""
         angle = self.rotation_rate * np.asarray(duration)
-        sine, cosine, zero, one = np.sin(angle), np.cos(angle), np.zeros_like(angle), np.ones_like(angle)
-        rows = [[cosine, -sine, zero], [sine, cosine, zero], [zero, zero, one]]
-        return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+        sine, cosine = np.sin(angle), np.cos(angle)
+        return stack_elements([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
 
 
 WGS84: Final = Earth(6_378_137.0, 1.0 / 298.257223563, 3.986004418e14, 7.292115e-5)
@@ -146,8 +146,7 @@ WGS84: Final = Earth(6_378_137.0, 1.0 / 298.257223563, 3.986004418e14, 7.292115e
 def local_axes(latitude: Array, longitude: Array) -> Array:
     """Compute the matrices from north, east, down to earth-fixed axes, shape (..., 3, 3)."""
     sf, cf, sl, cl = np.sin(latitude), np.cos(latitude), np.sin(longitude), np.cos(longitude)
-    rows = [[-sf * cl, -sl, -cf * cl], [-sf * sl, cl, -cf * sl], [cf, np.zeros_like(sl), -sf]]
-    return np.stack([np.stack(np.broadcast_arrays(*row), axis=-1) for row in rows], axis=-2)
+    return stack_elements([[-sf * cl, -sl, -cf * cl], [-sf * sl, cl, -cf * sl], [cf, 0.0, -sf]])
 
 
 @inlined

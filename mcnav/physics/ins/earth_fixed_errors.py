@@ -142,6 +142,12 @@ class ErrorModel:
         sigma, walk = (np.array([getattr(state, name) for state in self.states]) for name in ("sigma", "walk"))
         return np.asarray(2.0 * sigma**2 * self.decay_rates * (self.decay_rates > 0.0) + walk**2)
 
+    @cached_property
+    def _alone(self) -> tuple[IndexArray, Array]:
+        """Places of the correlated errors of sensors among the other states, and their variances."""
+        found = np.setdiff1d(np.flatnonzero(self.decay_rates), [each.place for each in self.instruments])
+        return found, np.array([self.states[place].sigma for place in found]) ** 2
+
     def initial_covariance(self, to_outputs: Array) -> Array:
         """Compute the covariance at the start, from the map of psi, dv, dr to the outputs, shape (9, 9)."""
         found = np.diag(np.concatenate([np.zeros(NAVIGATION), [state.sigma**2 for state in self.states]]))
@@ -185,8 +191,7 @@ class ErrorModel:
         noise_ = white + 4.0 * (half @ white @ np.swapaxes(half, -1, -2)) + whole @ white @ np.swapaxes(whole, -1, -2)
         noise_ *= (steps.durations / 6.0)[:, None, None]
         # correlated errors of sensors drive no other state, and may be shorter than a step
-        alone = np.setdiff1d(np.flatnonzero(self.decay_rates), [each.place for each in self.instruments])
-        variances = np.array([self.states[place].sigma for place in alone]) ** 2
+        alone, variances = self._alone
         remaining = np.exp(-2.0 * np.outer(steps.durations, self.decay_rates[alone]))
         noise_[:, NAVIGATION + alone, NAVIGATION + alone] = variances * (1.0 - remaining)
         return whole, noise_

@@ -25,6 +25,7 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array, IndexArray
+from mcnav.physics.elements import stack_elements
 from mcnav.physics.ins.collocation import NODES, REASONS, STATE, WENT_ON, navigate
 from mcnav.physics.ins.instruments import ACCELEROMETER, CONSTANTS, GYRO, OUTPUTS, Imu
 from mcnav.physics.ins.navigation_errors import EarthFixedStates, indicated_state, navigation_errors
@@ -289,9 +290,8 @@ def response_matrix(constants: Array) -> Array:
 def matrices(quaternion: Array) -> Array:
     """Compute the matrices of quaternions, shape (n, 4), scalar first."""
     w, x, y, z = (quaternion / np.linalg.norm(quaternion, axis=-1, keepdims=True)).T
-    rows = [
+    return stack_elements([
         [w * w + x * x - y * y - z * z, 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
         [2.0 * (x * y + w * z), w * w - x * x + y * y - z * z, 2.0 * (y * z - w * x)],
         [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), w * w - x * x - y * y + z * z],
-    ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    ])  # fmt: skip

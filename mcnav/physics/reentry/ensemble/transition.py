@@ -22,6 +22,7 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.constants import GRAVITATIONAL_PARAMETER
 from mcnav.physics.dense_output import DenseOutput
+from mcnav.physics.elements import stack_elements
 from mcnav.physics.integration import integrate
 from mcnav.physics.jit import compiled
 from mcnav.physics.reentry.truth import Phase, Trajectory, motion, truth_force
@@ -180,7 +181,7 @@ class Response:
 def _to_local(angle: Array) -> Array:
     """Form the matrices that turn components along X and Y into east and up at polar angles, shape (n, 2, 2)."""
     sine, cosine = np.sin(angle), np.cos(angle)
-    return np.stack([np.stack([cosine, -sine], axis=-1), np.stack([sine, cosine], axis=-1)], axis=-2)
+    return stack_elements([[cosine, -sine], [sine, cosine]])
 
 
 @compiled
