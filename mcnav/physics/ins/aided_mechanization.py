@@ -390,5 +390,8 @@ def _turned_back(quaternion: Array, vector: Array) -> Array:
     size = float(np.linalg.norm(vector))
     scalar, part = np.cos(0.5 * size), -0.5 * np.sinc(size / (2.0 * np.pi)) * vector
     w, u = quaternion[0], quaternion[1:]
-    found = np.concatenate([[scalar * w - part @ u], scalar * u + w * part + np.cross(part, u)])
+    a, b, c = part
+    x, y, z = u
+    across = np.array([b * z - c * y, c * x - a * z, a * y - b * x])  # np.cross takes ten times as long
+    found = np.concatenate([[scalar * w - part @ u], scalar * u + w * part + across])
     return np.asarray(found / np.linalg.norm(found))
