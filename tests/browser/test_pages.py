@@ -68,6 +68,9 @@ UNREACHABLE = """() => Array.from(document.querySelectorAll("body *")).filter((e
 }).map((each) => each.outerHTML.slice(0, 80))"""
 """What scrolls and cannot be scrolled from the keyboard."""
 
+PAPER = 688
+"""Width of a page of A4 without its margins, pixels."""
+
 DARK = ("report", "aided", "calibration", "story")
 """Pages that show every colour there is between them."""
 
@@ -116,13 +119,25 @@ def _every_key_hides_its_series(page: Any) -> None:
     assert left == 0
 
 
+def _fits_on_paper(page: Any, kind: str) -> None:
+    """No plot is cut by a page's end or wider than it; the heading of a table may stand on every page."""
+    page.emulate_media(media="print")
+    assert kind not in PRINTED or page.pdf(format="A4").startswith(b"%PDF")
+    breaks = page.locator(".plot").evaluate_all("all => all.map(each => getComputedStyle(each).breakInside)")
+    assert set(breaks) <= {"avoid"}
+    assert page.evaluate("document.documentElement.scrollWidth") <= PAPER
+    assert set(page.locator(".sort").evaluate_all("all => all.map(e => getComputedStyle(e).display)")) <= {"contents"}
+    page.emulate_media(media="screen")
+
+
 @pytest.mark.parametrize("kind", KINDS)
-def test_on_a_screen(browser: Browser, page_of: Callable[[str], Path], kind: str) -> None:
-    """In a hand and then, with the window made larger, at a desk; ids are unique, labels whole and apart.
+def test_on_paper_and_on_a_screen(browser: Browser, page_of: Callable[[str], Path], kind: str) -> None:
+    """Printed, in a hand and, with the window made larger, at a desk; ids are unique, labels whole and apart.
 
     At a desk tables are whole as well, and keys hide their series. Some pages are opened without JavaScript, too.
     """
-    with browser.opened(page_of(kind), 380) as page:
+    with browser.opened(page_of(kind), PAPER) as page:
+        _fits_on_paper(page, kind)
         for width in (380, 1280):
             page.set_viewport_size({"width": width, "height": 900})
             _every_figure_is_shown(page, kind, width)
@@ -162,20 +177,6 @@ def test_one_faint_text_is_found(browser: Browser, page_of: Callable[[str], Path
         assert alike.count() > 3
         faint = alike.last.evaluate("each => { each.classList.add('faint'); return each.outerHTML; }")
         assert faint_texts(page) == [faint]
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_on_paper(browser: Browser, page_of: Callable[[str], Path], kind: str) -> None:
-    """No plot is cut by a page's end or wider than it; the heading of a table may stand on every page."""
-    with browser.opened(page_of(kind), 688) as page:
-        page.emulate_media(media="print")
-        assert kind not in PRINTED or page.pdf(format="A4").startswith(b"%PDF")
-        breaks = page.locator(".plot").evaluate_all("all => all.map(each => getComputedStyle(each).breakInside)")
-        assert set(breaks) <= {"avoid"}
-        assert page.evaluate("document.documentElement.scrollWidth") <= 688
-        assert set(page.locator(".sort").evaluate_all("all => all.map(e => getComputedStyle(e).display)")) <= {
-            "contents"
-        }
 
 
 @pytest.mark.parametrize("kind", ["report", "many"])
