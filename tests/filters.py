@@ -10,6 +10,7 @@ from scipy import special
 from mcnav._types import Array
 from mcnav.analysis.filter_consistency import (
     Band,
+    CertainDeparture,
     FilterConsistency,
     Finding,
     GroupConsistency,
@@ -119,6 +120,10 @@ def consistency(
     wavy = ratio * (1.0 + 0.01 * np.sin(TIMES))
     verdict = Honesty.OPTIMISTIC if factor > 1.0 else Honesty.PESSIMISTIC if factor < 1.0 else Honesty.CONSISTENT
     found = {} if factor == 1.0 else {"begin": OUTAGE[0], "end": 24.0, "worst": 24.0}
+    departures = tuple(
+        CertainDeparture(verdict, name, size, each, (0.9 * each, 1.1 * each), OUTAGE[0], 24.0, 24.0)
+        for name, size, each in (("position", 3, factor), ("position_north", 0, factor * (1.0 + 0.01 * np.sin(24.0))))
+    )
     return FilterConsistency(
         "time [min]", TIMES, samples, CONFIDENCE, TOLERANCE,
         groups=tuple(group_consistency(name, size, wavy, samples) for name, size in GROUPS.items()),
@@ -134,5 +139,6 @@ def consistency(
         verdict=verdict, group="position" if found else "", factor=factor, output="position_north" if found else "",
         neglected=tuple(neglected), neglected_at=24.0 if neglected else None,
         neglected_output="position_north" if neglected else "",
-        covariance=np.diag([each[2] ** 2 for each in outputs.values()]), **found,
+        covariance=np.diag([each[2] ** 2 for each in outputs.values()]), on_groups=verdict, on_outputs=verdict,
+        departures=departures if found else (), **found,
     )  # fmt: skip

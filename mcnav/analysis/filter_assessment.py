@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -11,7 +11,7 @@ from scipy import special
 
 from mcnav._types import Array
 from mcnav.analysis.comparison import LARGEST_FAILED_SHARE, Criterion
-from mcnav.analysis.filter_causes import largest_departure, neglected_errors
+from mcnav.analysis.filter_causes import Departure, largest_departure, neglected_errors
 from mcnav.analysis.filter_consistency import (
     Band,
     FilterConsistency,
@@ -23,10 +23,18 @@ from mcnav.analysis.filter_consistency import (
     Whiteness,
     rounding_floor,
 )
+from mcnav.analysis.filter_decision import (
+    NOT_NAVIGATION,
+    Decision,
+    certain_departures,
+    decide,
+    deciding_names,
+    outputs_of,
+    worst_output,
+)
 from mcnav.analysis.filter_evidence import FilterEvidence, LinearFilter, MeanSquares
 from mcnav.analysis.filter_judgement import (
     Rates,
-    combine,
     find,
     mean_square_band,
     root_ratio,
@@ -40,22 +48,14 @@ from mcnav.statistics.mean_square import mean_square_bounds, share_bounds, share
 WITHIN: Final = {"within_1": float(special.erf(np.sqrt(0.5))), "within_3": float(special.erf(3.0 * np.sqrt(0.5)))}
 """Probability of a normal error within one and three sigmas."""
 
-WHOLE: Final = ("navigation", "all")
-"""Groups that hold every output."""
-
-NOT_NAVIGATION: Final = ("all", "sensors")
-"""Groups that do not decide, where there are others."""
-
-OUTPUTS_OF: Final[Mapping[str, tuple[str, ...]]] = {"attitude": ("tilt", "heading")}
-"""Beginnings of the names of a group's outputs, where they are not the group's name."""
-
 
 @dataclass(frozen=True)
 class _Basis:
-    """Evidence, criterion, and why nothing can be decided, if so."""
+    """Evidence, criterion, rates of the intervals that decide, and why nothing can be decided, if so."""
 
     evidence: FilterEvidence
     criterion: Criterion
+    deciding: Rates
     remark: str
 
     @property
@@ -82,31 +82,27 @@ class _Basis:
 
 def assess_filter(evidence: FilterEvidence, criterion: Criterion) -> FilterConsistency:
     """Assess the consistency of a filter; the tolerance is that of the ratio of true sigma to the filter's."""
-    basis = _Basis(evidence, criterion, undecidable(evidence.samples, evidence.failed, evidence.weight))
-    means = evidence.means
+    remark, means = undecidable(evidence.samples, evidence.failed, evidence.weight), evidence.means
     if means is None:
         return FilterConsistency(
             evidence.label, evidence.times, 0, criterion.confidence, criterion.tolerance, (), (), (), (),
-            Honesty.UNDECIDED, remarks=(f"{basis.remark[:1].upper()}{basis.remark[1:]}.",),
+            Honesty.UNDECIDED, remarks=(f"{remark[:1].upper()}{remark[1:]}.",),
         )  # fmt: skip
+    basis = _Basis(evidence, criterion, Rates.of(criterion, _deciding_intervals(evidence, means)), remark)
     outputs = () if evidence.true is None else _outputs(basis, means, evidence.true)
     states, sensors = _states(basis, means), _sensors(basis, means)
     groups = _groups(basis, means, outputs, states)
-    deciding = deciding_groups(groups)
-    picked = deciding[combine([group.finding for group in deciding]) or 0]
-    finding = picked.finding
-    doubt = _doubt(evidence, means, outputs)
-    if finding.verdict == Honesty.CONSISTENT and doubt:
-        finding = replace(finding, verdict=Honesty.UNDECIDED, remark=doubt)
-    worst_output = _worst_output(outputs, picked, finding)
+    of_name = {group.name: group for group in groups}
+    deciding = [of_name[name] for name in deciding_names(of_name)]
+    decision = decide(deciding, outputs)
+    finding, picked = decision.decides.finding, decision.decides
+    doubt = "" if decision.departures or remark else _doubt(evidence, means, outputs)
+    named = worst_output(outputs, decision)
+    causes = _causes(evidence, decision, criterion.tolerance)
 
     def time(epoch: int | None) -> float | None:
         return None if epoch is None else float(evidence.times[epoch])
 
-    departure = None
-    if finding.verdict == Honesty.OPTIMISTIC and evidence.linear is not None:
-        names = [output.name for output in evidence.outputs]
-        departure = largest_departure(evidence.linear, outputs_of(picked.name, names), criterion.tolerance)
     return FilterConsistency(
         label=evidence.label,
         times=evidence.times,
@@ -117,21 +113,46 @@ def assess_filter(evidence: FilterEvidence, criterion: Criterion) -> FilterConsi
         outputs=outputs,
         states=states,
         sensors=sensors,
-        verdict=finding.verdict,
-        group="" if finding.factor is None else picked.name,
+        verdict=Honesty.UNDECIDED if doubt else decision.verdict,
+        group="" if finding.factor is None or not picked.size else picked.name,
         factor=finding.factor,
         interval=finding.interval,
         begin=time(finding.begin),
         end=time(finding.end),
         worst=time(finding.worst),
-        output="" if worst_output is None else outputs[worst_output].name,
-        neglected=() if departure is None or evidence.linear is None else neglected_errors(evidence.linear, departure),
-        neglected_at=None if departure is None else time(departure.epoch),
-        neglected_output="" if departure is None else evidence.outputs[departure.output].name,
+        output="" if named is None else outputs[named].name,
+        neglected=() if causes is None or evidence.linear is None else neglected_errors(evidence.linear, causes),
+        neglected_at=None if causes is None else time(causes.epoch),
+        neglected_output="" if causes is None else evidence.outputs[causes.output].name,
         samples_needed=finding.samples_needed,
-        remarks=remarks_on(finding.remark, means, groups, deciding, outputs, states, sensors),
+        remarks=remarks_on(doubt or finding.remark, means, decision, groups, outputs, states, sensors),
         covariance=means.covariances[-1],
+        on_groups=decision.groups,
+        on_outputs=decision.outputs,
+        departures=certain_departures(decision, evidence.times),
+        doubt=doubt,
     )
+
+
+def _deciding_intervals(evidence: FilterEvidence, means: FilterMeans) -> int:
+    """Count the intervals that decide: of each group and each output, at the epochs at which there is one.
+
+    They share the error rate equally.
+    """
+    deciding = deciding_names(means.schema.groups)
+    columns = [number for number, name in enumerate(means.schema.groups) if name in deciding]
+    of_groups = np.count_nonzero(np.isfinite(means.at("nees").value[:-1, columns]))
+    of_outputs = 0 if evidence.true is None else np.count_nonzero(means.variances.value[:-1] > 0.0)
+    return int(of_groups + of_outputs)
+
+
+def _causes(evidence: FilterEvidence, decision: Decision, tolerance: float) -> Departure | None:
+    """Return where linear analysis names the causes of an optimistic filter: among the outputs that depart."""
+    if decision.verdict != Honesty.OPTIMISTIC or evidence.linear is None:
+        return None
+    names, decides = [output.name for output in evidence.outputs], decision.decides
+    members = outputs_of(decides.name, names) if decides.size else (names.index(decides.name),)
+    return largest_departure(evidence.linear, members, tolerance)
 
 
 def _doubt(evidence: FilterEvidence, means: FilterMeans, outputs: Sequence[SigmaConsistency]) -> str:
@@ -146,31 +167,19 @@ def _doubt(evidence: FilterEvidence, means: FilterMeans, outputs: Sequence[Sigma
     return ""
 
 
-def deciding_groups(groups: Sequence[GroupConsistency]) -> tuple[GroupConsistency, ...]:
-    """Return the groups on which the verdict is: those of navigation errors; all, where navigation is no group."""
-    left_out = NOT_NAVIGATION if any(group.name == "navigation" for group in groups) else ("sensors",)
-    found = [group for group in groups if group.name not in left_out] or groups
-    return tuple(sorted(found, key=lambda group: group.name == "all"))
-
-
-def outputs_of(group: str, names: Sequence[str]) -> tuple[int, ...]:
-    """Return the outputs of a group, all of them where none is named after it.
-
-    >>> outputs_of("attitude", ["position_north", "tilt_east", "heading"])
-    (1, 2)
-    """
-    beginnings = OUTPUTS_OF.get(group, (group,))
-    found = tuple(number for number, name in enumerate(names) if name.startswith(beginnings))
-    return found if found and group not in WHOLE else tuple(range(len(names)))
-
-
 def _groups(
     basis: _Basis, means: FilterMeans, outputs: Sequence[SigmaConsistency], states: Sequence[SigmaConsistency]
 ) -> tuple[GroupConsistency, ...]:
-    """Compare the mean NEES of each group with its size, at every epoch at which the filter believes in its errors."""
+    """Compare the mean NEES of each group with its size, at every epoch at which the filter believes in its errors.
+
+    Bounds of a consistent filter hold for all groups together.
+    """
     nees, evidence = means.at("nees"), basis.evidence
     epochs, sizes = len(evidence.times), means.schema.groups
-    rates = Rates.of(basis.criterion, int(np.count_nonzero(np.isfinite(nees.value[:-1]))))
+    known = np.isfinite(nees.value[:-1])
+    bounding, deciding = Rates.of(basis.criterion, int(np.count_nonzero(known))), deciding_names(sizes)
+    others = [number for number, name in enumerate(sizes) if name not in deciding]
+    aside = Rates.of(basis.criterion, int(np.count_nonzero(known[:, others])))
     names = [output.name for output in evidence.outputs]
     found = []
     for number, (name, size) in enumerate(sizes.items()):
@@ -183,12 +192,12 @@ def _groups(
             basis.error(nees.standard_error[:epochs, number]),
             count,
             count * size,
-            rates,
+            basis.deciding if name in deciding else aside,
         )
         ratio = root_ratio(band, float(size))
         freedom = np.array(means.samples * evidence.weight * size)
         bounds_each, bounds_together = (
-            _pair(mean_square_bounds(float(size), freedom, each)) for each in (rates.each, rates.together)
+            _pair(mean_square_bounds(float(size), freedom, each)) for each in (bounding.each, bounding.together)
         )
         linear = None if name == "sensors" else _linear_ratio(evidence.linear, outputs_of(name, names), size)
         found.append(
@@ -242,7 +251,6 @@ def _outputs(basis: _Basis, means: FilterMeans, true: MeanSquares) -> tuple[Sigm
     """Compare the true sigma of each output with the filters', and count the samples within."""
     evidence, epochs = basis.evidence, len(basis.evidence.times)
     variances, linear = means.variances, evidence.linear
-    rates = Rates.of(basis.criterion, int(np.count_nonzero(variances.value[:-1] > 0.0)))
     shares = {name: means.at(name) for name in WITHIN}
     halves = Rates.of(basis.criterion, 2 * len(evidence.outputs) * epochs)
     independent = means.samples * evidence.weight
@@ -251,7 +259,7 @@ def _outputs(basis: _Basis, means: FilterMeans, true: MeanSquares) -> tuple[Sigm
     for i, output in enumerate(evidence.outputs):
         squares = Means(true.value[:, i], true.standard_error[:, i], np.full(epochs, float(true.samples)))
         own = Means(variances.value[:epochs, i], variances.standard_error[:epochs, i], variances.count[:epochs, i])
-        ratio = _ratio(basis, squares, own, rates)
+        ratio = _ratio(basis, squares, own, basis.deciding)
         within_1, within_3 = (
             _share_band(shares[name].value[:epochs, i], basis.count(shares[name].count[:epochs, i]), halves)
             for name in WITHIN
@@ -382,18 +390,6 @@ def _whiteness(basis: _Basis, size: int, nis: float, found: Mapping[str, Means],
 
 def _share_band(share: Array, count: Array, rates: Rates) -> Band:
     return Band(share, share_intervals(share, count, rates.each), share_intervals(share, count, rates.together))
-
-
-def _worst_output(outputs: Sequence[SigmaConsistency], group: GroupConsistency, finding: Finding) -> int | None:
-    """Return the output of a group whose ratio is farthest, in the direction of the verdict, at the worst epoch."""
-    if finding.worst is None or not outputs:
-        return None
-    picked = outputs_of(group.name, [output.name for output in outputs])
-    ratios = np.array([outputs[i].ratio.value[finding.worst] for i in picked])
-    if not np.isfinite(ratios).any():
-        return None
-    away = {Honesty.OPTIMISTIC: ratios, Honesty.PESSIMISTIC: -ratios}.get(finding.verdict, np.abs(ratios - 1.0))
-    return int(picked[int(np.nanargmax(np.where(np.isfinite(ratios), away, np.nan)))])
 
 
 def _pair(bounds: Array) -> tuple[float, float]:

@@ -6,14 +6,14 @@ The normalized innovation squared (NIS) of a sensor is that of what the filter p
 (Bar-Shalom, Li and Kirubarajan, 2001, section 5.4).
 
 Every statement over epochs has two intervals. *Each* holds at one epoch at the confidence of the campaign;
-*together* all of them hold at that confidence, over epochs and groups, outputs, states or sensors (Bonferroni). Errors
-of neighbouring epochs are strongly correlated, so that the actual confidence is higher: these intervals are
-conservative.
+*together* all of them hold at that confidence (Bonferroni): over all epochs, and over the groups and outputs that
+decide; those of the other groups, of the other states and of the sensors are families of their own. Errors of
+neighbouring epochs are strongly correlated, so that the actual confidence is higher: these intervals are conservative.
 
 A filter is *optimistic* or *pessimistic* when an interval of the second sort lies beyond the tolerance: with the stated
-confidence there is no false alarm. It is *consistent* when all intervals of the first sort lie within the tolerance:
-were the ratio beyond it at any epoch, this one interval would have to miss it, so that no correction is needed (an
-intersection-union test; Berger, 1982).
+confidence there is no false alarm. It is *consistent* when all intervals of the first sort, of groups and of single
+outputs, lie within the tolerance: were one ratio beyond it at any epoch, this one interval would have to miss it, so
+that no correction is needed (an intersection-union test; Berger, 1982). See `mcnav.analysis.filter_decision`.
 """
 
 from __future__ import annotations
@@ -181,6 +181,11 @@ class SigmaConsistency:
         return np.asarray(self.disbelieved & (self.true > rounding_floor(self.true, self.filter)))
 
     @property
+    def claims(self) -> bool:
+        """Return whether there is a ratio to judge at any epoch: not without error and variance."""
+        return bool(self.ratio.known.any())
+
+    @property
     def linear(self) -> Array | None:
         """True over filter sigma by linear analysis, shape (m,); NaN where the filter's is zero."""
         if self.true_linear is None or self.filter_linear is None:
@@ -281,6 +286,36 @@ class NeglectedError:
 
 
 @dataclass(frozen=True)
+class CertainDeparture:
+    """A certain departure of a group's, or an output's, ratio of true to filter sigma from the tolerance.
+
+    Attributes
+    ----------
+    verdict : Honesty
+        Optimistic or pessimistic.
+    name : str
+        Of the group, or of the output.
+    size : int
+        States of the group; zero of an output.
+    factor : float
+        The ratio at its worst epoch; of a group it is the root of the mean NEES over the number of states.
+    interval : (float, float)
+        Of the factor; it holds together with those of all groups, outputs and epochs that decide.
+    begin, end, worst : float
+        Times.
+    """
+
+    verdict: Honesty
+    name: str
+    size: int
+    factor: float
+    interval: tuple[float, float]
+    begin: float
+    end: float
+    worst: float
+
+
+@dataclass(frozen=True)
 class FilterConsistency:
     """Consistency of the filter of a campaign.
 
@@ -298,11 +333,11 @@ class FilterConsistency:
         Outputs of the scenario, and other states of the filter.
     sensors : tuple of SensorConsistency
     verdict : Honesty
-        On the groups of navigation errors.
+        On the groups of navigation errors and on every output.
     group : str
-        The group that decides, empty when none does.
+        The group that decides, empty when none does, or when an output does.
     factor : float or None
-        Its ratio at the worst epoch.
+        Ratio of this group, or of the output, at the worst epoch.
     interval : (float, float) or None
         Of the factor; see `Finding`.
     begin, end : float or None
@@ -310,7 +345,8 @@ class FilterConsistency:
     worst : float or None
         Time of the worst epoch.
     output : str
-        Output of this group with the farthest ratio at the worst epoch, empty when none.
+        The output that departs the most where one certainly does; else that of the group with the farthest ratio at
+        the worst epoch, empty when none.
     neglected : tuple of NeglectedError
         What makes an optimistic filter optimistic, the largest share first; empty where it is not known.
     neglected_at : float or None
@@ -324,6 +360,12 @@ class FilterConsistency:
         What else there is to say, a sentence each.
     covariance : ndarray, shape (outputs, outputs), or None
         Mean covariance that the samples' filters state at the end, after the last update; SI.
+    on_groups, on_outputs : Honesty
+        Verdict on the groups of navigation errors by themselves, and on the outputs by themselves.
+    departures : tuple of CertainDeparture
+        The largest ones: the optimistic ones first, and of each direction that of a group before that of an output.
+    doubt : str
+        Why the filter is not called consistent although all ratios are within the tolerance.
     """
 
     label: str
@@ -349,3 +391,12 @@ class FilterConsistency:
     samples_needed: int | None = None
     remarks: tuple[str, ...] = ()
     covariance: Array | None = None
+    on_groups: Honesty = Honesty.UNDECIDED
+    on_outputs: Honesty = Honesty.UNDECIDED
+    departures: tuple[CertainDeparture, ...] = ()
+    doubt: str = ""
+
+    @property
+    def departing_output(self) -> CertainDeparture | None:
+        """Return the largest certain departure of an output in the direction of the verdict."""
+        return next((each for each in self.departures if each.verdict == self.verdict and not each.size), None)

@@ -1,9 +1,8 @@
-"""Judgement of a filter: bands of ratios of sigmas over time, findings on them, and the verdict on the whole."""
+"""Judgement of one statistic of a filter: bands of ratios of sigmas over time, and findings on them."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -115,23 +114,6 @@ def _samples_needed(ratio: Band, tolerance: float, samples: int) -> int | None:
         shares = half / edge
         widening = float(np.min(shares[outside]) if outside.any() else np.max(shares))
     return max(samples + 1, math.ceil(samples * widening**2)) if widening < HOPELESS else None
-
-
-def combine(findings: Sequence[Finding]) -> int | None:
-    """Return which of several findings decides; none when there is none.
-
-    The most optimistic one outweighs the most pessimistic one, and this one that is undecided.
-    """
-    order = (Honesty.OPTIMISTIC, Honesty.PESSIMISTIC, Honesty.UNDECIDED, Honesty.CONSISTENT)
-
-    def rank(number: int) -> tuple[int, float]:
-        finding = findings[number]
-        factor = 1.0 if finding.factor is None else finding.factor
-        needed = math.inf if finding.samples_needed is None else finding.samples_needed
-        away = {Honesty.OPTIMISTIC: -factor, Honesty.PESSIMISTIC: factor, Honesty.UNDECIDED: -needed}
-        return order.index(finding.verdict), away.get(finding.verdict, -abs(factor - 1.0))
-
-    return min(range(len(findings)), key=rank, default=None)
 
 
 def undecidable(samples: int, failed: int, weight: float) -> str:

@@ -9,12 +9,14 @@ from typing import Final
 import numpy as np
 
 from mcnav.analysis.filter_consistency import (
+    CertainDeparture,
     FilterConsistency,
     GroupConsistency,
     Honesty,
     SensorConsistency,
     SigmaConsistency,
 )
+from mcnav.analysis.filter_decision import Decision
 from mcnav.scenarios.filter_sums import FilterMeans
 from mcnav.statistics.power import sensible_step
 
@@ -25,8 +27,8 @@ GROUPS: Final[Mapping[str, str]] = {"all": "all states", "sensors": "errors of i
 def remarks_on(
     reason: str,
     means: FilterMeans,
+    decision: Decision,
     groups: Sequence[GroupConsistency],
-    deciding: Sequence[GroupConsistency],
     outputs: Sequence[SigmaConsistency],
     states: Sequence[SigmaConsistency],
     sensors: Sequence[SensorConsistency],
@@ -35,12 +37,10 @@ def remarks_on(
     found = [f"{reason[:1].upper()}{reason[1:]}."] if reason else []
     found += _on_records(means)
     found += _on_zero_variances([*outputs, *states])
-    verdicts = {group.finding.verdict for group in deciding}
-    if {Honesty.OPTIMISTIC, Honesty.PESSIMISTIC} <= verdicts:
-        names = [group.name for group in deciding if group.finding.verdict == Honesty.PESSIMISTIC]
-        found.append(f"Of {' and '.join(names)} the filter is pessimistic.")
-    if verdicts == {Honesty.CONSISTENT}:
-        found += _on_single_outputs(outputs, means.samples)
+    if decision.groups == Honesty.CONSISTENT and decision.outputs != Honesty.CONSISTENT:
+        found += _on_single_outputs(decision, [output for output in outputs if output.claims])
+    if decision.verdict == Honesty.CONSISTENT:
+        found += _on_other_states(groups, states)
     if sensors and all(sensor.nis_whole is None for sensor in sensors):
         found.append("The filter was never updated.")
     else:
@@ -68,15 +68,34 @@ def _on_zero_variances(sigmas: Sequence[SigmaConsistency]) -> Iterator[str]:
             yield f"The filter has no variance of {_spoken(each.name)} where its error is not zero."
 
 
-def _on_single_outputs(outputs: Sequence[SigmaConsistency], samples: int) -> Iterator[str]:
-    """Say what a consistent filter's verdict rests on where samples do not decide it for each output."""
-    undecided = [each.finding for each in outputs if each.finding.verdict == Honesty.UNDECIDED]
+def _on_single_outputs(decision: Decision, outputs: Sequence[SigmaConsistency]) -> Iterator[str]:
+    """Say what it means that groups are consistent and single outputs are not, or not known to be."""
+    if decision.departures:
+        yield "No group of errors shows it: in a mean NEES single errors average out."
+        return
+    whole = "As a whole: the mean NEES of each group of errors is within the tolerance at every epoch"
+    undecided = [output for output in outputs if output.finding.verdict == Honesty.UNDECIDED]
+    of = "no single output" if len(undecided) == len(outputs) else f"{len(outputs) - len(undecided)} of {len(outputs)}"
+    within = "outputs by themselves are" if len(undecided) < len(outputs) else "is known to be"
+    yield f"{whole}; {of} {within}."
+
+
+def _on_other_states(groups: Sequence[GroupConsistency], states: Sequence[SigmaConsistency]) -> Iterator[str]:
+    """Name what does not decide and is not consistent, where what decides is."""
+    for verdict in (Honesty.OPTIMISTIC, Honesty.PESSIMISTIC):
+        departing = [f"{_size(each.finding.factor)} in {_spoken(each.name)}" for each in states
+                     if each.finding.verdict == verdict and each.finding.factor is not None]  # fmt: skip
+        if departing:
+            of = f"Of other states, which do not decide, the filter is {verdict.value} by a factor of"
+            yield f"{of} {' and '.join(departing)}."
+    undecided = [each for each in states if each.claims and each.finding.verdict == Honesty.UNDECIDED]
     if undecided:
-        of = "single outputs" if len(undecided) == len(outputs) else f"{len(undecided)} of {len(outputs)} outputs alone"
-        needed = [finding.samples_needed for finding in undecided]
-        most = max((each for each in needed if each is not None), default=None)
-        would = f"; about {sensible_step(most, samples):,} would" if most and None not in needed else ""
-        yield f"The verdict is on groups of errors together. For {of} {samples:,} samples do not decide it{would}."
+        yield f"Of other states, which do not decide, {len(undecided)} of {len(states)} are undecided."
+    for group in groups:
+        if group.finding.verdict in (Honesty.OPTIMISTIC, Honesty.PESSIMISTIC):
+            size = _size(group.finding.factor or 1.0)
+            words = f"{group_words(group.name)} as a group, which does not decide"
+            yield f"Of {words}, the filter is {group.finding.verdict.value} by a factor of {size}."
 
 
 def _on_sensors(sensors: Sequence[SensorConsistency], considered: Sequence[str]) -> Iterator[str]:
@@ -115,21 +134,54 @@ def sentence(found: FilterConsistency) -> str:
 
     A filter is optimistic when its sigmas are smaller than those of its errors.
     """
-    if found.verdict == Honesty.UNDECIDED or found.factor is None:
-        if found.remarks and found.factor is None:
-            return f"Undecided: {found.remarks[0][:1].lower()}{found.remarks[0][1:]}"
-        needed = found.samples_needed and f"; about {sensible_step(found.samples_needed, found.samples):,} would decide"
-        return f"Undecided: {found.samples:,} samples do not tell whether the filter is consistent{needed or ''}."
+    if found.departures:
+        return _departed(found)
     within = f"±{100.0 * found.tolerance:g} %"
     if found.verdict == Honesty.CONSISTENT:
-        return f"The filter is consistent: the true sigmas are within {within} of its own at every epoch."
-    size = f"{found.factor:.3g}" if found.factor >= 1.0 else _inverse(found.factor)
-    largest = ""
+        every = "every output and of every group of them" if found.outputs else "every group of errors"
+        return (
+            f"The filter is consistent: the true sigma of {every} is within {within} of its own at every epoch "
+            f"({100.0 * found.confidence:g} % confidence)."
+        )
+    reason = found.doubt or (found.remarks[0] if found.remarks and found.factor is None else "").rstrip(".")
+    if reason:
+        return f"Undecided: {reason[:1].lower()}{reason[1:]}."
+    needed = found.samples_needed and f"about {sensible_step(found.samples_needed, found.samples):,}"
+    if found.on_groups == Honesty.CONSISTENT:
+        single = f"single errors need {needed} samples" if needed else "single errors are not decided"
+        return f"Undecided: the filter is consistent as a whole; {single}."
+    would = f"; {needed} would decide" if needed else ""
+    return f"Undecided: {found.samples:,} samples do not tell whether the filter is consistent{would}."
+
+
+def _departed(found: FilterConsistency) -> str:
+    """Say by how much, of what and when a filter is optimistic and pessimistic."""
+    parts = []
+    for verdict in (Honesty.OPTIMISTIC, Honesty.PESSIMISTIC):
+        departures = [each for each in found.departures if each.verdict == verdict]
+        single = [each for each in departures if not each.size]
+        departures = [each for each in departures if each.size != 1 or not single]  # a group of one is its output
+        if departures:
+            whens = [_when(each, found) for each in departures]
+            same = len(set(whens)) == 1
+            words = [f"{_by(each)}{'' if same else when}" for each, when in zip(departures, whens, strict=True)]
+            listed = " and ".join(words) if same else ", and ".join(words)
+            parts.append(f"{verdict.value} by a factor of {listed}{whens[0] if same else ''}")
+    cause = ""
     if found.neglected:
-        cause = found.neglected[0]
-        largest = f"; the largest error that it neglects is {_spoken(cause.name)} ({100.0 * cause.share:.0f} %)"
-    where = group_words(found.group)
-    return f"The filter is {found.verdict.value} by a factor of {size} in {where}{_when(found)}{largest}."
+        largest = found.neglected[0]
+        cause = f"; the largest error that it neglects is {_spoken(largest.name)} ({100.0 * largest.share:.0f} %)"
+    return f"The filter is {', and '.join(parts)}{cause}."
+
+
+def _by(departure: CertainDeparture) -> str:
+    """State a factor, and whether it is of a group or, with its interval, of an output."""
+    if departure.size:
+        group = " as a group" if departure.size > 1 else ""
+        return f"{_size(departure.factor)} in {group_words(departure.name)}{group}"
+    low, high = departure.interval if departure.factor >= 1.0 else departure.interval[::-1]
+    between = f" ({_size(low)} to {_size(high)})" if departure.factor > 0.0 else ""
+    return f"{_size(departure.factor)}{between} in {_spoken(departure.name)}"
 
 
 def group_words(group: str) -> str:
@@ -137,18 +189,19 @@ def group_words(group: str) -> str:
     return GROUPS.get(group, _spoken(group))
 
 
-def _inverse(factor: float) -> str:
+def _size(factor: float) -> str:
+    """Return a factor, or its inverse where it is below one, to three digits."""
+    if factor >= 1.0:
+        return f"{factor:.3g}"
     return f"{1.0 / factor:.3g}" if factor > 0.0 else "infinity: the errors are zero"
 
 
-def _when(found: FilterConsistency) -> str:
-    """Say from when to when the departure is certain; empty where nothing is."""
-    if found.begin is None or found.end is None:
-        return ""
-    begin, end = instant(found.begin, found.label), instant(found.end, found.label)
-    if found.end >= found.times[np.isfinite(found.times)][-1]:
+def _when(departure: CertainDeparture, found: FilterConsistency) -> str:
+    """Say from when to when the departure is certain."""
+    begin, end = instant(departure.begin, found.label), instant(departure.end, found.label)
+    if departure.end >= found.times[np.isfinite(found.times)][-1]:
         return f" from {begin} on"
-    return f" at {begin}" if begin == end else f" from {instant(found.begin, '')} to {end}"
+    return f" at {begin}" if begin == end else f" from {instant(departure.begin, '')} to {end}"
 
 
 def instant(time: float, label: str) -> str:

@@ -25,8 +25,9 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.analysis.comparison import Criterion, compare
-from mcnav.analysis.filter_assessment import assess_filter, outputs_of
+from mcnav.analysis.filter_assessment import assess_filter
 from mcnav.analysis.filter_causes import largest_departure, neglected_errors
+from mcnav.analysis.filter_decision import outputs_of
 from mcnav.analysis.filter_evidence import FilterEvidence, LinearFilter, MeanSquares
 from mcnav.analysis.requirements import Requirement, judge_requirement, linear_quantile
 from mcnav.analysis.requirements_over_time import ErrorHistories, judge_over_time, largest_linear_quantile

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from mcnav.analysis.filter_consistency import (
+    CertainDeparture,
     FilterConsistency,
     Finding,
     GroupConsistency,
@@ -58,10 +59,26 @@ def _table(found: FilterConsistency) -> dict[str, Any]:
         "neglected_at": found.neglected_at,
         "neglected_output": found.neglected_output,
         "remarks": list(found.remarks),
+        "verdict_groups": found.on_groups.value,
+        "verdict_outputs": found.on_outputs.value,
+        "departures": [_departure(each) for each in found.departures],
         "groups": {group.name: _group(group, found) for group in found.groups},
         "outputs": {output.name: _sigma(output, found) for output in found.outputs},
         "states": {state.name: _sigma(state, found) for state in found.states},
         "sensors": {sensor.name: _sensor(sensor) for sensor in found.sensors},
+    }
+
+
+def _departure(each: CertainDeparture) -> dict[str, Any]:
+    return {
+        "verdict": each.verdict.value,
+        "of": "group" if each.size else "output",
+        "name": each.name,
+        "factor": each.factor,
+        "factor_interval": each.interval,
+        "begin": each.begin,
+        "end": each.end,
+        "worst": each.worst,
     }
 
 

@@ -16,6 +16,7 @@ from mcnav.analysis.filter_consistency import (
     SigmaConsistency,
     Whiteness,
 )
+from mcnav.analysis.filter_decision import deciding_names
 from mcnav.analysis.filter_remarks import group_words, instant
 from mcnav.report.figures.consistency import group_title
 from mcnav.report.figures.filter_errors import sigmas
@@ -74,29 +75,36 @@ def _at(found: FilterConsistency, each: SigmaConsistency, place: int) -> dict[st
 def at_worst(found: FilterConsistency) -> str:
     """Compare the true sigma with the filter's where they differ most; empty where nothing is known."""
     output = next((each for each in found.outputs if each.name == found.output), None)
+    departure = found.departing_output
     if found.worst is None or found.factor is None:
         return ""
-    when = instant(found.worst, found.label)
     if found.verdict in (Honesty.CONSISTENT, Honesty.UNDECIDED):
-        return f"The ratio farthest from one is {found.factor:.3f}, in {group_words(found.group)} at {when}."
+        where = f"{group_words(found.group)} as a group" if found.group else humanize(found.output)
+        farthest = f"{found.factor:.3f}, at {instant(found.worst, found.label)}"
+        if found.verdict == Honesty.CONSISTENT:
+            return f"The ratio farthest from one is that of {where}: {farthest}."
+        return f"The most samples are needed for {where}: its ratio farthest from one is {farthest}."
     if output is None:
         return ""
-    place = int(np.argmin(np.abs(found.times - found.worst)))
+    worst = found.worst if departure is None else departure.worst
+    place, when = int(np.argmin(np.abs(found.times - worst))), instant(worst, found.label)
     whose = {name: float(values[place]) for name, values in sigmas(output).items()}
     return worst_sigmas(output.name, when, whose["Monte Carlo"], whose["filter"], output.shown_in)
 
 
 def findings(found: FilterConsistency) -> dict[str, list[dict[str, Any]]]:
-    """List the verdicts on groups of states, and those on outputs and other states, a row each."""
-    quantities = [
-        _finding_row(found, humanize(each.name), each.finding, each.ratio.value)
-        for each in (*found.outputs, *found.states)
-    ]
+    """List the verdicts on groups of states, on outputs and on other states of the filter, a row each."""
+    deciding = deciding_names(group.name for group in found.groups)
+    outputs, states = (
+        [_finding_row(found, humanize(each.name), each.finding, each.ratio.value) for each in kind]
+        for kind in (found.outputs, found.states)
+    )
     groups = [
-        _finding_row(found, group_title(each), each.finding, each.ratio.value) | {"size": each.size}
+        _finding_row(found, group_title(each), each.finding, each.ratio.value)
+        | {"size": each.size, "decides": each.name in deciding}
         for each in found.groups
     ]
-    return {"groups": groups, "quantities": quantities}
+    return {"groups": groups, "outputs": outputs, "states": states}
 
 
 def _finding_row(found: FilterConsistency, name: str, finding: Finding, ratio: Array) -> dict[str, Any]:

@@ -9,11 +9,12 @@ import pytest
 
 from mcnav._types import Array
 from mcnav.analysis.comparison import Criterion
-from mcnav.analysis.filter_assessment import assess_filter, outputs_of
+from mcnav.analysis.filter_assessment import assess_filter
 from mcnav.analysis.filter_causes import Departure, largest_departure, neglected_errors
 from mcnav.analysis.filter_consistency import Band, FilterConsistency, Finding, Honesty
+from mcnav.analysis.filter_decision import combine, decide, outputs_of
 from mcnav.analysis.filter_evidence import FilterEvidence, LinearFilter, MeanSquares
-from mcnav.analysis.filter_judgement import Rates, combine, find
+from mcnav.analysis.filter_judgement import Rates, find
 from mcnav.analysis.filter_remarks import sentence
 from mcnav.calibration.filter_trials import OUTPUTS, SCHEMA, evidence
 from mcnav.physics.power_sums import PowerSums
@@ -21,6 +22,7 @@ from mcnav.sampling.designs import SamplingDesign
 from mcnav.scenarios.filter_record import FilterSchema
 from mcnav.scenarios.filter_sums import FilterMeans, FilterSums
 from mcnav.scenarios.protocol import Output
+from mcnav.statistics.mean_square import mean_square_intervals
 
 CRITERION = Criterion(tolerance=0.05, confidence=0.95)
 
@@ -65,20 +67,83 @@ def test_a_matched_filter_is_consistent_with_enough_samples() -> None:
     assert found.sensors[0].finding.verdict == Honesty.CONSISTENT
     assert found.remarks == ()
     assert sentence(found).startswith("The filter is consistent")
-    some = assessed(drawn(2_000))
-    single = [output.finding for output in some.outputs]
-    undecided = [finding for finding in single if finding.verdict == Honesty.UNDECIDED]
-    assert some.verdict == Honesty.CONSISTENT
-    assert 0 < len(undecided) < len(single)
-    assert some.remarks == (
-        f"The verdict is on groups of errors together. For {len(undecided)} of 9 outputs alone 2,000 samples do not "
-        "decide it; about 4,400 would.",
-    )
-    assert 4_000 <= max(finding.samples_needed or 0 for finding in undecided) <= 4_400
     few = assessed(drawn(200))
     assert few.verdict == Honesty.UNDECIDED
     assert few.samples_needed is not None
     assert 500 < few.samples_needed < 20_000  # (interval ±10 % and the farthest of 20 ratios) / 5 %, squared, times 200
+
+
+def test_groups_that_are_consistent_do_not_make_single_errors_so() -> None:
+    """The groups' intervals of 2,000 samples are within the tolerance, those of single errors are not."""
+    some = assessed(drawn(2_000))
+    undecided = [output.finding for output in some.outputs if output.finding.verdict == Honesty.UNDECIDED]
+    assert {group.finding.verdict for group in some.groups} == {Honesty.CONSISTENT}
+    assert 0 < len(undecided) < len(some.outputs)
+    assert (some.verdict, some.on_groups, some.on_outputs) == (
+        Honesty.UNDECIDED, Honesty.CONSISTENT, Honesty.UNDECIDED,
+    )  # fmt: skip
+    needed = max(finding.samples_needed or 0 for finding in undecided)
+    assert some.samples_needed == needed
+    assert 4_000 <= needed <= 4_400
+    assert sentence(some) == "Undecided: the filter is consistent as a whole; single errors need about 4,400 samples."
+    assert some.remarks == (
+        "As a whole: the mean NEES of each group of errors is within the tolerance at every epoch; "
+        f"{9 - len(undecided)} of 9 outputs by themselves are.",
+    )
+
+
+def test_one_sigma_that_is_wrong_decides() -> None:
+    """One of nine sigmas is too small by 1.2: the mean NEES of its group is 1.15 of what it should be, of all 1.05."""
+    found = assessed(drawn(5_000, np.array([*[1.0] * 8, 1.2]), seed=2))
+    assert (found.verdict, found.output) == (Honesty.OPTIMISTIC, "tilt_z")
+    (departure,) = [each for each in found.departures if not each.size]
+    assert departure.interval[0] < 1.2 < departure.interval[1]
+    assert (departure.begin, departure.end) == (0.0, 4.0)
+    low, high = departure.interval
+    assert f"{departure.factor:.3g} ({low:.3g} to {high:.3g}) in tilt z from 0 s on." in sentence(found)
+
+
+def test_two_sigmas_wrong_in_opposite_directions_do_not_cancel() -> None:
+    """With 1.44 and 0.56 of their variances the mean NEES of the group is as expected, and nothing else shows it."""
+    wrong = np.array([*[1.0] * 6, 1.2, np.sqrt(0.56), 1.0])
+    found = assessed(drawn(10_000, wrong))
+    assert found.on_groups == Honesty.CONSISTENT
+    assert (found.verdict, found.group, found.output) == (Honesty.OPTIMISTIC, "", "tilt_x")
+    assert [(each.verdict, each.name) for each in found.departures] == [
+        (Honesty.OPTIMISTIC, "tilt_x"), (Honesty.PESSIMISTIC, "tilt_y"),
+    ]  # fmt: skip
+    for departure, true in zip(found.departures, (1.2, np.sqrt(0.56)), strict=True):
+        assert departure.interval[0] < true < departure.interval[1]
+    assert sentence(found).index("optimistic") < sentence(found).index(" in tilt x") < sentence(found).index("pessimis")
+    assert sentence(found).endswith(" in tilt y from 0 s on.")
+    assert found.remarks == ("No group of errors shows it: in a mean NEES single errors average out.",)
+
+
+def test_an_output_without_error_and_variance_decides_nothing() -> None:
+    """It has no ratio at any epoch, and is not undecided for that."""
+    found = assessed(drawn(10_000))
+    nothing = np.full(5, np.nan)
+    unknown = Band(nothing, np.full((5, 2), np.nan), np.full((5, 2), np.nan))
+    still = replace(found.outputs[8], true=np.zeros(5), filter=np.zeros(5), ratio=unknown,
+                    finding=find(unknown, 0.05, 10_000))  # fmt: skip
+    assert still.finding.verdict == Honesty.UNDECIDED
+    assert not still.claims
+    decided = decide(found.groups, (*found.outputs[:8], still))
+    assert (decided.verdict, decided.outputs) == (Honesty.CONSISTENT, Honesty.CONSISTENT)
+
+
+def test_the_intervals_that_decide_share_the_error_rate() -> None:
+    """Four groups and nine outputs at five epochs: 65 intervals; the others are a family of their own."""
+    given = drawn(500)
+    found = assessed(given)
+    rates = Rates.of(CRITERION, 65)
+    assert given.true is not None
+    expected = mean_square_intervals(
+        given.true.value[:, 3], given.true.standard_error[:, 3], np.full(5, 500.0), np.full(5, 500.0), rates.together
+    )
+    np.testing.assert_allclose(found.outputs[3].ratio.together ** 2, expected, rtol=1e-12)
+    widths = {group.name: np.ptp(np.log(group.nees.together[0])) for group in found.groups}
+    assert widths["navigation"] > widths["all"]  # the same NEES, of 65 and of five intervals
 
 
 def test_an_optimistic_filter_is_found_where_it_is() -> None:
@@ -102,7 +167,11 @@ def test_a_pessimistic_filter_and_one_that_is_both() -> None:
     assert found.factor == pytest.approx(0.7, rel=0.05)
     both = assessed(drawn(2_000, np.repeat([1.4, 0.7, 1.0], 3)))
     assert (both.verdict, both.group) == (Honesty.OPTIMISTIC, "position")
-    assert "Of velocity the filter is pessimistic." in both.remarks
+    assert "is optimistic by a factor of 1.4" in sentence(both)
+    assert ", and pessimistic by a factor of 1.4" in sentence(both)
+    assert [(each.verdict, each.name, each.size) for each in both.departures[::2]] == [
+        (Honesty.OPTIMISTIC, "position", 3), (Honesty.PESSIMISTIC, "velocity", 3),
+    ]  # fmt: skip
 
 
 def test_a_departure_has_a_begin_and_an_end() -> None:

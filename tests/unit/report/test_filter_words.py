@@ -45,15 +45,16 @@ def test_an_optimistic_filter_and_what_it_neglects() -> None:
     """The verdict names the largest error; the explanation all that matter, and what the sigmas are."""
     found = consistency(3.3, neglected=NEGLECTED)
     assert filter_verdict.headline(summary(found)) == (
-        "The filter is optimistic by a factor of 3.3 in position from 20 to 24 min; the largest error that it neglects "
-        "is gyro scale factor z (70 %)."
+        "The filter is optimistic by a factor of 3.3 in position as a group and 3.27 (2.94 to 3.6) in position north "
+        "from 20 to 24 min; the largest error that it neglects is gyro scale factor z (70 %)."
     )
     assert filter_verdict.explanation(summary(found)) == (
         "Neglected errors: gyro scale factor z 70 %, initial tilt 30 %."
     )
     worst = found.outputs[0]
     assert filter_tables.at_worst(found) == (
-        f"At 24 min the sigma of position north is {worst.true[24]:.1f} m; the filter states {worst.filter[24]:.1f} m."
+        f"At 24 min the sigma of position north is {worst.true[24]:.1f} m; the filter states {worst.filter[24]:.1f} m "
+        "(factor of this output alone: 3.27)."
     )
     content: Any = SimpleNamespace(filter=found, source_names=["initial tilt error"],
                                    manifest=SimpleNamespace(model=SimpleNamespace(
@@ -72,7 +73,13 @@ def test_an_optimistic_filter_and_what_it_neglects() -> None:
 
 def test_the_ratio_farthest_from_one_of_a_consistent_filter() -> None:
     found = replace(consistency(), factor=1.02149, worst=6.5, group="all", output="velocity_east")
-    assert filter_tables.at_worst(found) == "The ratio farthest from one is 1.021, in all states at 6.5 min."
+    assert filter_tables.at_worst(found) == (
+        "The ratio farthest from one is that of all states as a group: 1.021, at 6.5 min."
+    )
+    alone = replace(found, group="", verdict=Honesty.UNDECIDED)
+    assert filter_tables.at_worst(alone) == (
+        "The most samples are needed for velocity east: its ratio farthest from one is 1.021, at 6.5 min."
+    )
     assert filter_tables.at_worst(replace(found, worst=None)) == ""
 
 
@@ -136,7 +143,9 @@ def test_findings() -> None:
     )  # fmt: skip
     assert (first["tone"], first["remark"]) == ("differs", "")
     assert (second["certain"], second["remark"]) == ("", "about 1,300 samples")
-    assert len(filter_tables.findings(found)["quantities"]) == len(found.outputs) + len(found.states)
+    listed = filter_tables.findings(found)
+    assert [len(listed[kind]) for kind in ("outputs", "states")] == [len(found.outputs), len(found.states)]
+    assert [row["decides"] for row in listed["groups"]] == [False, True, True, True, True, False]  # all, …, sensors
 
 
 def test_sensors() -> None:

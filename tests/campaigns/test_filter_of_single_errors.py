@@ -1,0 +1,121 @@
+"""A filter of one's own that is wrong about single errors, from campaign file to page: its groups do not show it."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from mcnav.config.read import read_campaign
+from mcnav.workflow.run import run_campaign
+
+SCENARIO = '''
+import numpy as np
+from mcnav import Epochs, Flown, Output, Source
+
+
+class Constants:
+    """Six independent constants of sigma 1 m; the filter states another sigma of some of them."""
+
+    sources = tuple(Source(f"s{i}", "m", "m", 1.0) for i in range(6))
+    outputs = tuple(Output(f"x{i}", "m", "m") for i in range(6))
+    epochs = Epochs("time [min]", np.arange(4.0))
+    stated = np.array(STATED)
+
+    def fly(self, errors):
+        return Flown(np.tile(errors, (4, 1)), np.tile(np.diag(self.stated**2), (4, 1, 1)))
+
+    def partials(self):
+        return np.tile(np.eye(6), (4, 1, 1))
+'''
+"""Every epoch has the same errors: what is measured at one is measured at all."""
+
+RIGHT = 1.0
+BANNER = re.compile(r'<div class="verdict (\w+)">\s*<p class="headline">(.*?)</p>\s*<p>(.*?)</p>', re.DOTALL)
+CHIP = re.compile(r'class="tag (\w+)"')
+
+
+def run(folder: Path, stated: list[float], samples: int) -> dict[str, Any]:
+    (folder / "constants.py").write_text(SCENARIO.replace("STATED", str(stated)))
+    lines = [
+        f'name = "constants"\nsamples = {samples}\nseed = 4',
+        '[scenario]\ntype = "constants.py:Constants"',
+        "[errors]",
+    ]
+    path = folder / "constants.toml"
+    path.write_text("\n".join([*lines, *(f's{i} = "1 m"' for i in range(6))]))
+    return dict(run_campaign(read_campaign(path), folder / "run", None, 1).summary)
+
+
+def banner(folder: Path) -> tuple[str, str, str]:
+    """Return tone, headline and explanation of the filter's banner."""
+    tone, headline, explanation = BANNER.findall((folder / "run" / "report.html").read_text(encoding="utf-8"))[-1]
+    return tone, headline, explanation
+
+
+def test_one_of_six_sigmas_is_too_small(tmp_path: Path) -> None:
+    """Too small by 1.2: the mean NEES of all is 6.44 for 6, a ratio of 1.036, within the tolerance of 5 %."""
+    summary = run(tmp_path, [RIGHT] * 5 + [1.0 / 1.2], 10_000)
+    verdict = summary["filter"]
+    assert verdict["verdict"] == "optimistic"
+    assert (verdict["group"], verdict["output"], verdict["verdict_groups"]) == ("", "x5", "consistent")
+    low, high = verdict["factor_interval"]
+    assert low < 1.2 < high
+    assert re.fullmatch(
+        r"The filter is optimistic by a factor of 1\.\d+ \(1\.1\d* to 1\.2\d*\) in x5 from 0 min on\.",
+        summary["filter_verdict"],
+    )
+    tone, headline, explanation = banner(tmp_path)
+    assert (tone, headline) == ("differs", summary["filter_verdict"])
+    assert "the sigma of x5" in explanation
+    assert "single errors average out" in explanation
+
+
+def test_two_of_six_sigmas_are_wrong_in_opposite_directions(tmp_path: Path) -> None:
+    """Variances of 1.44 and 0.56 of those stated cancel in the mean NEES of all six; linear analysis is right."""
+    summary = run(tmp_path, [RIGHT] * 4 + [0.56**-0.5, 1.0 / 1.2], 10_000)
+    verdict = summary["filter"]
+    assert verdict["groups"]["all"]["ratio_linear"] == pytest.approx(1.0, abs=1e-12)
+    assert verdict["verdict_groups"] == "consistent"
+    assert (verdict["verdict"], verdict["output"]) == ("optimistic", "x5")
+    assert [(each["verdict"], each["of"], each["name"]) for each in verdict["departures"]] == [
+        ("optimistic", "output", "x5"), ("pessimistic", "output", "x4"),
+    ]  # fmt: skip
+    for departure, true in zip(verdict["departures"], (1.2, 0.56**0.5), strict=True):
+        low, high = departure["factor_interval"]
+        assert low < true < high
+    assert re.fullmatch(
+        r"The filter is optimistic by a factor of 1\.\d+ \(.*\) in x5 from 0 min on, "
+        r"and pessimistic by a factor of 1\.3\d* \(1\.\d+ to 1\.\d+\) in x4 from 0 min on\.",
+        summary["filter_verdict"],
+    )
+
+
+def test_too_few_samples_for_single_errors(tmp_path: Path) -> None:
+    """The mean NEES of six errors is known to ±3.3 % from 600 samples, one sigma to ±5.8 %: the page is not green."""
+    summary = run(tmp_path, [RIGHT] * 6, 600)
+    verdict = summary["filter"]
+    assert (verdict["verdict"], verdict["verdict_groups"], verdict["verdict_outputs"]) == (
+        "undecided", "consistent", "undecided",
+    )  # fmt: skip
+    assert re.fullmatch(
+        r"Undecided: the filter is consistent as a whole; single errors need about [\d,]+ samples\.",
+        summary["filter_verdict"],
+    )
+    tone, headline, _ = banner(tmp_path)
+    assert (tone, headline) == ("undecided", summary["filter_verdict"])
+
+
+def test_every_sigma_is_right(tmp_path: Path) -> None:
+    """10,000 samples know each to ±1.4 %, and below the green banner every mark of the filter is green."""
+    summary = run(tmp_path, [RIGHT] * 6, 10_000)
+    assert summary["filter_verdict"] == (
+        "The filter is consistent: the true sigma of every output and of every group of them is within ±5 % of its own "
+        "at every epoch (95 % confidence)."
+    )
+    assert banner(tmp_path)[0] == "agrees"
+    page = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
+    section = page[page.index('<section id="filter">') :]
+    assert set(CHIP.findall(section[: section.index("</section>")])) == {"agrees"}
