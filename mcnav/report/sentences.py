@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
+from mcnav.analysis.comparison import LARGEST_FAILED_SHARE
 from mcnav.analysis.verdict import ROUNDING
 from mcnav.report.format import percent
 from mcnav.report.model import humanize, labels_in
@@ -177,6 +178,13 @@ def explanation(summary: Mapping[str, Any]) -> str:
     if undecided:
         return f"With {samples:,} samples, {confidence} and a tolerance of ±{limit}: {undecided}"
     alone = f" {_join(still)} {'is' if len(still) == 1 else 'are'} {NOT_DISTURBED}." if still else ""
+    if summary["verdict"] == "undecided":  # although every output agrees: too many samples failed
+        return (
+            f"{summary['failed']:,} of {summary['samples']:,} samples failed, more than the "
+            f"{100.0 * LARGEST_FAILED_SHARE:g} % up to which agreement is claimed: their errors are not known. Of the "
+            f"{samples:,} samples that did not fail the Monte Carlo sigma in every {'other ' if still else ''}output "
+            f"is within ±{limit} of the linear sigma; {largest}.{alone}"
+        )
     return (
         f"In every {'other ' if still else ''}output the Monte Carlo sigma from {samples:,} samples is within "
         f"±{limit} of the linear sigma ({confidence}); {largest}.{alone}"

@@ -15,6 +15,7 @@ import pytest
 
 from mcnav.errors import RunFolderError
 from mcnav.execution.chunks import DrawPlan
+from mcnav.report import sentences
 from mcnav.scenarios.filter_sums import FilterMeans, FilterSums
 from mcnav.scenarios.protocol import Batch, SimulationResult
 from mcnav.store.filters import MARK
@@ -174,6 +175,20 @@ def test_degenerate_campaigns_have_words_and_no_nan(tmp_path: Path) -> None:
     whole, reduced = run(tmp_path / "whole"), run(tmp_path / "reduced", store="summary")
     assert whole["filter"]["factor"] == pytest.approx(reduced["filter"]["factor"], rel=1e-12)
     assert whole["filter_verdict"] == reduced["filter_verdict"]
+
+
+def test_agreement_is_not_claimed_where_too_many_samples_failed(tmp_path: Path) -> None:
+    """Thirty of 600: neither verdict has a confidence, and both sentences say why."""
+    summary = run(tmp_path / "run", 600, walk=1.0, failing=range(30), report=False)
+    assert (summary["verdict"], summary["verdicts"]) == ("undecided", ["agrees"])
+    said = f"{sentences.headline(summary)} {sentences.explanation(summary)}"
+    assert said.startswith("Undecided: ")
+    assert "30 of 600 samples failed, more than the 0.1 % up to which agreement is claimed" in said
+    assert "Of the 570 samples that did not fail the Monte Carlo sigma in every output is within ±5 %" in said
+    assert "confidence" not in said
+    assert summary["filter_verdict"] == "Undecided: too many samples failed."
+    few = run(tmp_path / "few", 600, walk=1.0, report=False)
+    assert "is within ±5 % of the linear sigma (95 % confidence)" in sentences.explanation(few)
 
 
 def test_histories_of_first_samples_come_from_the_chunks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
