@@ -96,18 +96,19 @@ def findings(found: FilterConsistency) -> dict[str, list[dict[str, Any]]]:
     """List the verdicts on groups of states, on outputs and on other states of the filter, a row each."""
     deciding = deciding_names(group.name for group in found.groups)
     outputs, states = (
-        [_finding_row(found, humanize(each.name), each.finding, each.ratio.value) for each in kind]
-        for kind in (found.outputs, found.states)
+        [_finding_row(found, humanize(each.name), each.finding, each.ratio.value, decides) for each in kind]
+        for kind, decides in ((found.outputs, True), (found.states, False))
     )
     groups = [
-        _finding_row(found, group_title(each), each.finding, each.ratio.value)
-        | {"size": each.size, "decides": each.name in deciding}
+        _finding_row(found, group_title(each), each.finding, each.ratio.value, each.name in deciding)
+        | {"size": each.size}
         for each in found.groups
     ]
     return {"groups": groups, "outputs": outputs, "states": states}
 
 
-def _finding_row(found: FilterConsistency, name: str, finding: Finding, ratio: Array) -> dict[str, Any]:
+def _finding_row(found: FilterConsistency, name: str, finding: Finding, ratio: Array, decides: bool) -> dict[str, Any]:
+    """Return one row; only what decides has a colour, as the verdict has."""
     known = np.flatnonzero(np.isfinite(ratio))
     needed = finding.samples_needed
     return {
@@ -117,7 +118,8 @@ def _finding_row(found: FilterConsistency, name: str, finding: Finding, ratio: A
         "worst": "" if finding.worst is None else instant(float(found.times[finding.worst]), found.label),
         "certain": _span(found, finding),
         "verdict": finding.verdict.value,
-        "tone": TONES[finding.verdict.value],
+        "tone": TONES[finding.verdict.value] if decides else "",
+        "decides": decides,
         "remark": more_samples(needed, found.samples) if needed else finding.remark,
     }
 

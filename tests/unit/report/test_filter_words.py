@@ -136,12 +136,17 @@ def test_findings() -> None:
     found = consistency()
     departed = Finding(Honesty.OPTIMISTIC, 1.7, worst=22, begin=20, end=24)
     few = Finding(Honesty.UNDECIDED, 1.04, worst=3, samples_needed=1_234)
-    groups = (replace(found.groups[0], finding=departed), replace(found.groups[1], finding=few))
-    first, second = filter_tables.findings(replace(found, groups=groups))["groups"]
+    groups = (
+        replace(found.groups[0], finding=departed),
+        replace(found.groups[1], finding=few),
+        replace(found.groups[2], finding=departed),
+    )
+    first, second, third = filter_tables.findings(replace(found, groups=groups))["groups"]
     assert (first["name"], first["size"], first["worst"], first["certain"]) == (
         "all estimated states", 15, "22 min", "20 to 24 min",
     )  # fmt: skip
-    assert (first["tone"], first["remark"]) == ("differs", "")
+    assert (first["tone"], first["remark"]) == ("", "")  # all states decide nothing where navigation is a group
+    assert third["tone"] == "differs"
     assert (second["certain"], second["remark"]) == ("", "about 1,300 samples")
     listed = filter_tables.findings(found)
     assert [len(listed[kind]) for kind in ("outputs", "states")] == [len(found.outputs), len(found.states)]
