@@ -147,12 +147,18 @@ def _deciding_intervals(evidence: FilterEvidence, means: FilterMeans) -> int:
 
 
 def _causes(evidence: FilterEvidence, decision: Decision, tolerance: float) -> Departure | None:
-    """Return where linear analysis names the causes of an optimistic filter: among the outputs that depart."""
-    if decision.verdict != Honesty.OPTIMISTIC or evidence.linear is None:
+    """Return where linear analysis names the causes of an optimistic filter: in the group that departs.
+
+    Of an output that departs by itself it is the smallest group that holds it, so that chance does not name the error.
+    """
+    if decision.verdict != Honesty.OPTIMISTIC or evidence.linear is None or evidence.means is None:
         return None
     names, decides = [output.name for output in evidence.outputs], decision.decides
-    members = outputs_of(decides.name, names) if decides.size else (names.index(decides.name),)
-    return largest_departure(evidence.linear, members, tolerance)
+    if decides.size:
+        return largest_departure(evidence.linear, outputs_of(decides.name, names), tolerance)
+    groups = (outputs_of(group, names) for group in deciding_names(evidence.means.schema.groups))
+    holding = (members for members in groups if names.index(decides.name) in members)
+    return largest_departure(evidence.linear, min(holding, key=len), tolerance)
 
 
 def _doubt(evidence: FilterEvidence, means: FilterMeans, outputs: Sequence[SigmaConsistency]) -> str:

@@ -148,7 +148,7 @@ def sentence(found: FilterConsistency) -> str:
         return f"Undecided: {reason[:1].lower()}{reason[1:]}."
     needed = found.samples_needed and f"about {sensible_step(found.samples_needed, found.samples):,}"
     if found.on_groups == Honesty.CONSISTENT:
-        single = f"single errors need {needed} samples" if needed else "single errors are not decided"
+        single = f"single errors need {needed} samples" if needed else "single errors are undecided"
         return f"Undecided: the filter is consistent as a whole; {single}."
     would = f"; {needed} would decide" if needed else ""
     return f"Undecided: {found.samples:,} samples do not tell whether the filter is consistent{would}."

@@ -324,6 +324,10 @@ def test_linear_analysis_chooses_where_causes_are_named() -> None:
         assert (found.verdict, found.group) == (Honesty.OPTIMISTIC, "position")
         named.add((found.neglected_at, found.neglected_output, found.neglected[0].name, found.neglected[0].share))
     assert named == {(3.0, "position_y", "cause_1", 1.0)}
+    cancelling = np.array([1.2, np.sqrt(0.56), *[1.0] * 7])  # position x alone departs: its group is looked at
+    found = assessed(replace(drawn(10_000, cancelling, seed=2), linear=linear))
+    assert (found.group, found.output) == ("", "position_x")
+    assert (found.neglected_at, found.neglected_output, found.neglected[0].name) == (3.0, "position_y", "cause_1")
 
 
 def test_considered_errors_are_known_to_correlate_innovations() -> None:
