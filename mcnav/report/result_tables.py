@@ -324,7 +324,11 @@ def _neglected(results: Results) -> list[Row]:
     found = results.summary.get("filter") or {"neglected": ()}
     rows = []
     for entry in found["neglected"]:
-        output = next(each for each in results.quantities("outputs") if each.name == found["output"])
+        output = next(
+            each
+            for each in results.quantities("outputs")
+            if each.name == (found.get("neglected_output") or found["output"])
+        )
         sigmas = {f"sigma_{key}": math.sqrt(max(entry[key], 0.0)) * output.scale for key in ("true", "believed")}
         row: Row = {"cause": entry["name"], "output": output.name, "unit": output.unit, **sigmas}
         rows.append(row | {"share": entry["share"]})
