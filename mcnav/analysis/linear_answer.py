@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.analysis.budget import ErrorBudget, error_budget
+from mcnav.analysis.causes import Cause, causes_of
 from mcnav.analysis.comparison import Model
 from mcnav.analysis.linear_covariance import LinearCovariance, Moments
+from mcnav.analysis.linear_filter import LinearVerdict
+from mcnav.analysis.linear_range import BeyondRange, find_beyond, limits_of, picked, readings_beyond
+from mcnav.analysis.requirement_causes import causes_of_requirement
 from mcnav.analysis.requirements import (
     Requirement,
     normal_box_probability,
@@ -23,6 +29,9 @@ from mcnav.analysis.requirements_over_time import largest_normal_quantile
 from mcnav.scenarios.protocol import Output, Source
 from mcnav.statistics.bisection import smallest_reaching
 
+NOMINAL: Final = "nominal_errors"
+"""Name of the cause of a mean error that a system has without any error."""
+
 
 @dataclass(frozen=True)
 class LinearRequirement:
@@ -31,7 +40,8 @@ class LinearRequirement:
     Attributes
     ----------
     value : float
-        Quantile or radius, SI, or probability of a box; NaN for a sigma ratio, which needs Monte Carlo.
+        Quantile or radius, SI, or probability of a box; NaN for a sigma ratio, and where errors are beyond the range of
+        linear analysis: these need Monte Carlo.
     margin : float
         Multiple of all final errors at which the requirement is just met: at least one where it is met.
     time : float or None
@@ -72,6 +82,8 @@ class LinearAnswer:
         In the order of the campaign.
     asked : LinearCovariance or None
         At times that were asked for.
+    filter : LinearVerdict or None
+        Verdict on the filter; none without a filter whose covariance is known over time.
     """
 
     campaign: str
@@ -81,6 +93,7 @@ class LinearAnswer:
     history: LinearCovariance | None
     requirements: tuple[LinearRequirement, ...]
     asked: LinearCovariance | None = None
+    filter: LinearVerdict | None = None
 
     @cached_property
     def covariance(self) -> Array:
@@ -117,6 +130,94 @@ class LinearAnswer:
     def met(self) -> bool:
         """Return whether all requirements that linear analysis can judge are met."""
         return all(each.met for each in self.requirements if each.judged)
+
+    @cached_property
+    def beyond(self) -> BeyondRange | None:
+        """Where errors leave the range of linear analysis; what it says later, and at the end, has no meaning."""
+        history, over_time = self.history, None
+        if history is not None:
+            over_time = history.readings.times, history.mean, history.sigma
+        return find_beyond(self._limits, self.mean, self.sigma, over_time)
+
+    @property
+    def _limits(self) -> Array:
+        return limits_of(output.limit for output in self.outputs)
+
+    def readings_beyond(self, found: LinearCovariance) -> NDArray[np.bool_]:
+        """Return at which readings linear errors have no meaning, shape (r,)."""
+        return readings_beyond(self._limits, found, None if self.beyond is None else self.beyond.time)
+
+    @cached_property
+    def meaningful(self) -> LinearCovariance | None:
+        """The history within the range of linear analysis; none where there is no reading."""
+        if self.history is None or self.beyond is None:
+            return self.history
+        within = ~self.readings_beyond(self.history)
+        return picked(self.history, within) if within.any() else None
+
+    @cached_property
+    def means(self) -> Mapping[str, Array]:
+        """What the mean of each source adds to the final mean error, shape (outputs,), SI; and the nominal errors."""
+        found = {
+            source.name: self.model.partials[:, number] * self.model.mean[number]
+            for number, source in enumerate(self.sources)
+            if self.model.mean[number]
+        }
+        return found | ({NOMINAL: self.model.nominal} if np.any(self.model.nominal) else {})
+
+    @cached_property
+    def final_variances(self) -> Mapping[str, Array]:
+        """What each cause adds to the final variances, shape (outputs,), SI."""
+        squares = self.budget.contributions**2
+        return {name: squares[:, number] for number, name in enumerate(self.causes) if squares[:, number].any()}
+
+    def final_causes(self, output: int) -> tuple[Cause, ...]:
+        """List the causes of an output's final variance."""
+        variances = {name: values[[output]] for name, values in self.final_variances.items()}
+        return causes_of(variances, {}, float(self.covariance[output, output]))
+
+    def requirement_causes(self, number: int) -> tuple[Cause, ...]:
+        """List the causes of the errors that a requirement limits, at the instant at which it is tightest."""
+        judged = self.requirements[number]
+        if judged.time is None or self.history is None:
+            return causes_of_requirement(
+                judged.requirement, self.final_variances, self.means, self.covariance, self.mean
+            )
+        history = self.history
+        at = int(history.settled[np.argmin(np.abs(history.readings.times[history.settled] - judged.time))])
+        variances, means = (
+            {name: values[at] for name, values in parts.items()} for parts in (history.variances, history.means)
+        )
+        return causes_of_requirement(judged.requirement, variances, means, history.covariance[at], history.mean[at])
+
+
+def causes_at(found: LinearCovariance, reading: int, output: int) -> tuple[Cause, ...]:
+    """List the causes of the variance of an output at a reading."""
+    variances = {name: values[reading, [output]] for name, values in found.variances.items()}
+    return causes_of(variances, {}, float(found.sigma[reading, output] ** 2))
+
+
+def within_range(
+    judged: Sequence[LinearRequirement], beyond: BeyondRange | None, times: Array | None
+) -> tuple[LinearRequirement, ...]:
+    """Withdraw the judgement on requirements that hold where errors are beyond the range of linear analysis.
+
+    Parameters
+    ----------
+    times : ndarray, shape (m,), or None
+        Of the epochs, where the requirements refer to some.
+    """
+    if beyond is None:
+        return tuple(judged)
+
+    def meaningless(each: LinearRequirement) -> bool:
+        epochs = each.requirement.epochs
+        if not epochs or times is None or beyond.time is None:
+            return True
+        return bool((times[list(epochs)] >= beyond.time).any())
+
+    return tuple(replace(each, value=math.nan, margin=math.nan, time=None) if meaningless(each) else each
+                 for each in judged)  # fmt: skip
 
 
 def judge_linearly(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -45,6 +45,8 @@ class LinearCovariance:
         Contribution of each source and process that has any, by name.
     correlations : ndarray, shape (r, outputs)
         Contribution of correlations between sources; with the others it adds up to the variance.
+    means : mapping of str to ndarray, shape (r, outputs)
+        Mean error that the mean of each source causes, of those that have one, by name.
     """
 
     readings: LinearReadings
@@ -54,6 +56,7 @@ class LinearCovariance:
     sigma_filter: Array | None
     variances: Mapping[str, Array]
     correlations: Array
+    means: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def settled(self) -> IndexArray:
@@ -91,4 +94,5 @@ def covariance_over_time(
     own = None if readings.own is None else np.sqrt(np.maximum(np.diagonal(readings.own, axis1=1, axis2=2), 0.0))
     whole = sum(readings.processes.values(), partials @ covariance @ partials.swapaxes(1, 2))
     sigma = np.sqrt(np.maximum(total, 0.0))
-    return LinearCovariance(readings, partials @ mean, whole, sigma, own, variances, correlations)
+    means = {name: partials[:, :, number] * mean[number] for number, name in enumerate(sources) if mean[number]}
+    return LinearCovariance(readings, partials @ mean, whole, sigma, own, variances, correlations, means)

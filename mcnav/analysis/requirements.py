@@ -23,6 +23,7 @@ from scipy import special
 
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.budget import largest_sigmas
+from mcnav.analysis.causes import Cause
 from mcnav.analysis.comparison import LARGEST_FAILED_SHARE, Comparison, Model
 from mcnav.analysis.verdict import Verdict, judge
 from mcnav.statistics import proportions
@@ -100,6 +101,8 @@ class RequirementResult:
         Of several epochs, that of the largest estimate, in the unit of the run's histories.
     samples : int or None
         Samples with histories that it was judged by.
+    causes : tuple of Cause
+        Of the errors that it limits, by linear analysis, at ``time`` or at the end; empty where they are not known.
     """
 
     requirement: Requirement
@@ -113,6 +116,7 @@ class RequirementResult:
     remark: str = ""
     time: float | None = None
     samples: int | None = None
+    causes: tuple[Cause, ...] = ()
 
 
 def judge_requirement(

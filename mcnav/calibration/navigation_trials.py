@@ -39,7 +39,8 @@ from mcnav.physics.power_sums import PowerSums
 from mcnav.sampling.designs import SamplingDesign
 from mcnav.scenarios.filter_sums import FilterMeans, FilterSums
 from mcnav.scenarios.protocol import SimulationResult, StochasticEngine
-from mcnav.workflow.analyse import linear_filter, linear_model, linear_moments
+from mcnav.workflow.analyse import linear_filter, linear_model
+from mcnav.workflow.linear_extremes import linear_moments
 from mcnav.workflow.prepare import PreparedSystem, prepare_system
 
 NAVIGATION: Final = "free navigation"

@@ -72,6 +72,9 @@ def _sigmas(summary: Mapping[str, Any], i: int, scale: float) -> Row:
         low, high = bounds if None not in bounds else (None, None)
         row |= {f"sigma_{kind}": at(sigma, scale), f"ratio_{kind}": at(ratio)}
         row |= {f"ratio_{kind}_from": low, f"ratio_{kind}_to": high}
+    if summary.get("beyond_range"):
+        row = dict.fromkeys(row) | {"sigma_plain": row["sigma_plain"]}
+        return row | {"verdict": sentences.BEYOND, "samples": summary["samples"]}
     verdicts = sentences.verdict_words(summary)
     return row | {"verdict": verdicts[i] if verdicts else None, "samples": summary["samples"]}
 

@@ -47,6 +47,7 @@ def answers(content: RunAnalysis, outputs: Sequence[Mapping[str, Any]]) -> list[
                 "sigma_filter": filter_sigma,
                 "true_over_filter": (row["sigma_paired"] or np.nan) / filter_sigma if filter_sigma > 0.0 else None,
                 "worst": None if place is None or place == len(found.times) - 1 else _at(found, each, place),
+                "worst_time": None if place is None else float(found.times[place]),
                 "honesty": each.finding.verdict.value,
                 "honesty_tone": TONES[each.finding.verdict.value],
             }

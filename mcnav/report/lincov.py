@@ -10,19 +10,29 @@ import numpy as np
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement
+from mcnav._types import Array
+from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement, causes_at
 from mcnav.analysis.linear_covariance import LinearCovariance
 from mcnav.report.figures.axis_groups import stem
 from mcnav.report.figures.lincov import cause_labels
 from mcnav.report.fitted_table import FittedTable, numbers, texts
 from mcnav.report.format import number
+from mcnav.report.lincov_words import (
+    cause_words,
+    filter_words,
+    final_means,
+    mean_words,
+    range_words,
+    worst_first,
+)
 from mcnav.report.model import humanize, scale_of
-from mcnav.report.requirements import TONES, stated
+from mcnav.report.requirements import TONES, listed, stated
+from mcnav.report.sentences import BEYOND
 from mcnav.scenarios.protocol import Output
 from mcnav.units import conversion
 
-LARGEST: Final = 3
-"""Causes listed for each output."""
+CAUSES: Final = "largest causes, share of the variance"
+"""Heading of the column that lists them."""
 
 COARSEST_SHARE: Final = 0.001
 """Smallest share of a variance that is listed."""
@@ -35,7 +45,7 @@ COLOURS: Final = {"met": "green", "not met": "red"}
 INITIAL: Final = "initial"
 """Beginning of the names of initial errors; alone it is no kind of causes."""
 
-TERMINAL: Final = {"agrees": "green", "differs": "red", "undecided": "yellow", "": ""}
+TERMINAL: Final = {"agrees": "green", "differs": "red", "partly": "yellow", "undecided": "yellow", "": ""}
 """Colours of the headline's tones."""
 
 
@@ -69,18 +79,31 @@ def headline(found: LinearAnswer) -> tuple[str, str]:
     names = largest_causes(found)
     if not names:
         return "No final error has any dispersion", "undecided"
-    return f"Largest {'cause' if len(names) == 1 else 'causes'}: {' and '.join(names)}", ""
+    return f"Largest {'cause' if len(names) == 1 else 'causes'} at the end: {' and '.join(names)}", ""
+
+
+def statements(found: LinearAnswer) -> list[tuple[str, str]]:
+    """List what linear analysis says, in sentences with their tones, the worst first."""
+    said = [*range_words(found), *filter_words(found)]
+    if found.beyond is None or any(each.judged for each in found.requirements):
+        said.append(headline(found))
+    return worst_first([*said, *mean_words(found)])
 
 
 def printed(found: LinearAnswer) -> RenderableType:
-    """Arrange the terminal's lines: headline, requirements, sigmas at times that were asked for, outputs."""
-    words, tone = headline(found)
-    lines: list[RenderableType] = [Text(words, style=f"bold {TERMINAL[tone]}")]
+    """Arrange the terminal's lines: sentences, requirements, sigmas at times that were asked for, outputs."""
+    lines: list[RenderableType] = [
+        Text(words, style=f"bold {TERMINAL[tone]}" if number == 0 else TERMINAL[tone])
+        for number, (words, tone) in enumerate(statements(found))
+    ]
     if found.requirements:
         lines += ["", requirement_table(found)]
     if found.asked is not None:
-        lines += ["", sigma_table(found.asked, found.outputs)]
-    return Group(*lines, "", answer_table(found))
+        lines += ["", sigma_table(found, found.asked)]
+    lines += ["", answer_table(found)]
+    if found.meaningful is not None:
+        lines += ["", largest_table(found)]
+    return Group(*lines)
 
 
 def largest_causes(found: LinearAnswer) -> list[str]:
@@ -100,7 +123,7 @@ def requirement_rows(found: LinearAnswer) -> list[dict[str, Any]]:
     names, units = [output.name for output in found.outputs], units_shown(found.outputs)
     label = "" if found.history is None else found.history.readings.label
     rows = []
-    for each in found.requirements:
+    for place, each in enumerate(found.requirements):
         limited = [names[i] for i in each.requirement.outputs]
         entry = {
             "kind": each.requirement.kind,
@@ -115,6 +138,7 @@ def requirement_rows(found: LinearAnswer) -> list[dict[str, Any]]:
             "value": each.value if each.judged else None,
             "shown": shown_value(each, *units[limited[0]]),
             "margin": each.margin if math.isfinite(each.margin) else None,
+            "causes": cause_words(found, found.requirement_causes(place)) if each.judged else [],
             "at": "" if each.time is None else f"{each.time:.6g} {label.partition('[')[2].removesuffix(']')}".strip(),
         })  # fmt: skip
     return rows
@@ -138,65 +162,105 @@ def shown_limit(row: LinearRequirement, scale: float, unit: str) -> str:
 def requirement_table(found: LinearAnswer) -> FittedTable:
     """Tabulate the requirements and their linear values."""
     columns = [*texts("finding", "requirement"), *numbers("linear"), *texts("largest at"), *numbers("errors may be ×")]
+    columns += texts("largest causes then, share of the mean square")
     table = FittedTable("Requirements, for linear normal errors", columns, keys=2)
     for row in requirement_rows(found):
         words = Text(row["finding"], style=COLOURS.get(row["finding"], ""))
-        table.add(words, row["requirement"], row["shown"], row["at"] or "–", number(row["margin"]))
+        table.add(words, row["requirement"], row["shown"], row["at"] or "–", number(row["margin"]),
+                  listed(row["causes"]))  # fmt: skip
     return table
 
 
 def answer_rows(found: LinearAnswer) -> list[dict[str, Any]]:
-    """List the outputs with their sigmas in the units shown: at the end, the filter's, and the largest over time."""
-    scale, history, labels = scale_of(found.outputs), found.history, cause_labels(found)
-    rows = []
-    for i, output in enumerate(found.outputs):
-        row: dict[str, Any] = {
+    """List the outputs at the end in the units shown: mean, sigma, that of the filter, and the causes of the variance.
+
+    Where errors are beyond the range of linear analysis, numbers and causes are none.
+    """
+    scale, own = scale_of(found.outputs), None if found.history is None else found.history.sigma_filter
+    means, meaningful = final_means(found), found.beyond is None
+    return [
+        {
             "output": output.name,
             "unit": output.shown_in,
-            "sigma": float(found.sigma[i] * scale[i]),
-            "sigma_filter": None,
-            "largest": None,
-            "time": None,
+            "mean": float(means[i] * scale[i]) if meaningful else None,
+            "sigma": float(found.sigma[i] * scale[i]) if meaningful else None,
+            "sigma_filter": float(own[-1, i] * scale[i]) if meaningful and own is not None else None,
+            "causes": cause_words(found, found.final_causes(i)) if meaningful else [],
         }
-        if history is not None:
-            own, worst = history.sigma_filter, int(np.argmax(history.sigma[:, i]))
-            row["sigma_filter"] = None if own is None else float(own[-1, i] * scale[i])
-            row["largest"] = float(history.sigma[worst, i] * scale[i])
-            row["time"] = float(history.readings.times[worst])
-        shares = np.nan_to_num(found.budget.shares[i])
-        order = np.argsort(-shares, kind="stable")[:LARGEST]
-        row["causes"] = [(labels[j], float(shares[j])) for j in order if shares[j] >= COARSEST_SHARE]
-        rows.append(row)
+        for i, output in enumerate(found.outputs)
+    ]
+
+
+def largest_rows(found: LinearAnswer) -> list[dict[str, Any]]:
+    """List the largest sigma of each output over time in the units shown, with the filter's and the causes then."""
+    scale, history = scale_of(found.outputs), found.meaningful
+    if history is None:
+        return []
+    rows, own = [], history.sigma_filter
+    for i, output in enumerate(found.outputs):
+        worst = int(np.argmax(history.sigma[:, i]))
+        rows.append({
+            "output": output.name,
+            "unit": output.shown_in,
+            "sigma": float(history.sigma[worst, i] * scale[i]),
+            "time": float(history.readings.times[worst]),
+            "sigma_filter": None if own is None else float(own[worst, i] * scale[i]),
+            "causes": cause_words(found, causes_at(history, worst, i)),
+        })  # fmt: skip
     return rows
 
 
 def answer_table(found: LinearAnswer) -> FittedTable:
-    """Tabulate the final sigmas, their largest values over time, and the largest causes."""
-    history = found.history
-    filtered = history is not None and history.sigma_filter is not None
-    columns = [*texts("output"), *numbers("σ at the end", *(["filter's σ"] if filtered else []))]
-    if history is not None:
-        columns += numbers("largest σ", f"at {history.readings.label}")
-    columns += texts("largest causes, share of the variance")
-    table = FittedTable("Linear covariance, 1σ", columns)
-    for row in answer_rows(found):
-        cells = [f"{row['sigma']:.5g}"]
-        cells += [f"{row['sigma_filter']:.5g}"] if filtered else []
-        cells += [f"{row['largest']:.5g}", f"{row['time']:.5g}"] if history is not None else []
-        causes = ", ".join(f"{name} {100.0 * share:.3g} %" for name, share in row["causes"])
-        table.add(f"{humanize(row['output'])} [{row['unit']}]", *cells, causes or "–")
+    """Tabulate the final means and sigmas with the causes of the variances."""
+    rows = answer_rows(found)
+    filtered = found.history is not None and found.history.sigma_filter is not None
+    biased = any(row["mean"] for row in rows)
+    columns = [*texts("output"), *numbers(*(["mean"] if biased else []), "σ", *(["filter's σ"] if filtered else []))]
+    table = FittedTable("Linear covariance at the end, 1σ", [*columns, *texts(CAUSES)])
+    for row in rows:
+        cells = [_shown(row["mean"])] if biased else []
+        cells += [_shown(row["sigma"])]
+        cells += [_shown(row["sigma_filter"])] if filtered else []
+        table.add(f"{humanize(row['output'])} [{row['unit']}]", *cells, listed(row["causes"]))
     return table
 
 
+def largest_table(found: LinearAnswer) -> FittedTable:
+    """Tabulate the largest sigmas over time with the causes of the variances at these times."""
+    history = found.meaningful
+    assert history is not None
+    filtered = history.sigma_filter is not None
+    columns = [
+        *texts("output"),
+        *numbers("largest σ", *(["filter's σ"] if filtered else []), f"at {history.readings.label}"),
+    ]
+    within = " within the range of linear analysis" if found.beyond is not None else ""
+    table = FittedTable(f"Largest over time{within}, 1σ", [*columns, *texts(CAUSES)])
+    for row in largest_rows(found):
+        own = [_shown(row["sigma_filter"])] if filtered else []
+        time = f"{row['time']:.5g}"
+        table.add(f"{humanize(row['output'])} [{row['unit']}]", _shown(row["sigma"]), *own, time, listed(row["causes"]))
+    return table
+
+
+def _shown(value: float | None) -> str:
+    return BEYOND if value is None else f"{value:.5g}"
+
+
 def sigma_rows(found: LinearAnswer) -> list[dict[str, Any]]:
-    """List the sigmas at all readings, a row for each reading and output, in the units shown; else those at the end."""
+    """List means and sigmas at all readings, a row for each reading and output, in the units shown; else at the end.
+
+    Where ``beyond_range`` holds they have no meaning.
+    """
     scale, history = scale_of(found.outputs), found.asked or found.history
     if history is None:
         return [
             {"time": None, "update": "", "output": output.name, "unit": output.shown_in,
-             "sigma": float(found.sigma[i] * scale[i]), "sigma_filter": None}
+             "sigma": float(found.sigma[i] * scale[i]), "sigma_filter": None, "mean": float(found.mean[i] * scale[i]),
+             "beyond_range": found.beyond is not None}
             for i, output in enumerate(found.outputs)
         ]  # fmt: skip
+    beyond = found.readings_beyond(history)
     return [
         {
             "time": float(time),
@@ -205,29 +269,40 @@ def sigma_rows(found: LinearAnswer) -> list[dict[str, Any]]:
             "unit": output.shown_in,
             "sigma": float(history.sigma[at, i] * scale[i]),
             "sigma_filter": None if history.sigma_filter is None else float(history.sigma_filter[at, i] * scale[i]),
+            "mean": float(history.mean[at, i] * scale[i]),
+            "beyond_range": bool(beyond[at]),
         }
         for at, time in enumerate(history.readings.times)
         for i, output in enumerate(found.outputs)
     ]
 
 
-def sigma_table(found: LinearCovariance, outputs: Sequence[Output]) -> FittedTable:
-    """Tabulate the sigmas at all readings: true ones and, below them, those that the filter states."""
-    readings, scale, own = found.readings, scale_of(outputs), found.sigma_filter
-    columns = [*numbers(readings.label), *texts("update", *(["σ"] if own is not None else []))]
+def sigma_table(answer: LinearAnswer, found: LinearCovariance) -> FittedTable:
+    """Tabulate the sigmas at all readings: true ones and, below them, those that the filter states, and the means."""
+    outputs, readings, own = answer.outputs, found.readings, found.sigma_filter
+    scale, beyond, biased = scale_of(outputs), answer.readings_beyond(found), bool(found.means)
+    several = own is not None or biased
+    columns = [*numbers(readings.label), *texts("update", *(["σ"] if several else []))]
     columns += numbers(*(f"{humanize(output.name)} [{output.shown_in}]" for output in outputs))
-    table = FittedTable("Linear covariance, 1σ", columns, keys=2 if own is None else 3)
+    table = FittedTable("Linear covariance, 1σ", columns, keys=3 if several else 2)
+
+    def cells(values: Array, at: int) -> list[str]:
+        return [BEYOND if beyond[at] else f"{value:.4g}" for value in values * scale]
+
     for at, time in enumerate(readings.times):
         when = (f"{time:g}", readings.updates[at] or "–")
-        true = [f"{value:.4g}" for value in found.sigma[at] * scale]
-        table.add(*when, *(["true"] if own is not None else []), *true)
+        table.add(*when, *(["true"] if several else []), *cells(found.sigma[at], at))
         if own is not None:
-            table.add("", "", "filter's", *(f"{value:.4g}" for value in own[at] * scale))
+            table.add("", "", "filter's", *cells(own[at], at))
+        if biased:
+            table.add("", "", "mean", *cells(found.mean[at], at))
     return table
 
 
 def contributor_rows(found: LinearAnswer) -> list[dict[str, Any]]:
-    """List the contributions of all causes to the final sigmas, the largest first."""
+    """List the contributions of all causes to the final sigmas, the largest first; none beyond the linear range."""
+    if found.beyond is not None:
+        return []
     scale, budget, names = scale_of(found.outputs), found.budget, found.causes
     rows = []
     for i, output in enumerate(found.outputs):

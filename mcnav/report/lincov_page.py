@@ -9,9 +9,10 @@ import numpy as np
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.report.figures import lincov as drawn
 from mcnav.report.html import filled
-from mcnav.report.lincov import answer_rows, headline, requirement_rows
+from mcnav.report.lincov import answer_rows, largest_rows, requirement_rows, statements
 from mcnav.report.model import humanize, scale_of
 from mcnav.report.requirements import TONES
+from mcnav.report.sentences import BEYOND
 
 EXPLANATION: Final = (
     "Linear analysis for normal errors; nothing is simulated. mcnav run tests it by Monte Carlo simulation."
@@ -20,7 +21,8 @@ EXPLANATION: Final = (
 
 def render(found: LinearAnswer, outages: drawn.Outages) -> str:
     """Render the page; outages are those of the aiding sensors."""
-    words, tone = headline(found)
+    (words, tone), *others = statements(found)
+    rows, meaningful = answer_rows(found), found.beyond is None
     requirements = [row | {"tone": TONES.get(row["finding"], "undecided")} for row in requirement_rows(found)]
     return filled(
         "lincov.html",
@@ -29,15 +31,21 @@ def render(found: LinearAnswer, outages: drawn.Outages) -> str:
         tone=tone,
         explanation=EXPLANATION,
         requirements=requirements,
-        outputs=[row | {"name": humanize(row["output"])} for row in answer_rows(found)],
+        boxes=any(each.requirement.kind == "box" for each in found.requirements),
+        others=[sentence for sentence, _ in others],
+        outputs=[row | {"name": humanize(row["output"])} for row in rows],
+        biased=any(row["mean"] for row in rows),
+        largest=[row | {"name": humanize(row["output"])} for row in largest_rows(found)],
+        beyond=BEYOND,
+        meaningful=meaningful,
         history=found.history,
         label="" if found.history is None else found.history.readings.label,
         figures={
             "sigmas": drawn.sigmas(found, outages),
             "requirements": drawn.requirements(found, outages),
-            "budget": drawn.budget(found),
+            "budget": drawn.budget(found) if meaningful else None,
             "development": drawn.development(found, outages),
-            "correlations": drawn.correlations(found) if found.sigma.any() else None,
+            "correlations": drawn.correlations(found) if meaningful and found.sigma.any() else None,
         },
         names=[(humanize(output.name), output.shown_in) for output in found.outputs],
         grouped=_grouped(found),

@@ -15,6 +15,7 @@ from mcnav.analysis.comparison import Comparison, Criterion, Model
 from mcnav.analysis.envelopes import Envelopes, envelopes_from
 from mcnav.analysis.failed_samples import FailureBias
 from mcnav.analysis.filter_consistency import FilterConsistency
+from mcnav.analysis.linear_range import BeyondRange
 from mcnav.analysis.requirements import RequirementResult
 from mcnav.analysis.running_ratios import Convergence
 from mcnav.analysis.tails import Quantile
@@ -32,7 +33,8 @@ class RunAnalysis:
     """A run with its samples and all that is concluded from them; what only a report shows is read when it is used.
 
     Of a run that stores a summary, ``samples`` are the first ones. ``failures`` gives for each reason how many samples
-    failed, and the indices of the first of them. ``filter`` is none of a scenario without a filter.
+    failed, and the indices of the first of them. ``filter`` is none of a scenario without a filter, and ``beyond``
+    where linear errors leave the range in which they have a meaning, none where they do not.
     """
 
     folder: RunFolder
@@ -49,6 +51,7 @@ class RunAnalysis:
     left_out: FailureBias | None
     failures: Mapping[str, tuple[int, Sequence[int]]]
     filter: FilterConsistency | None = None
+    beyond: BeyondRange | None = None
 
     @cached_property
     def summary(self) -> Mapping[str, Any]:
@@ -65,6 +68,7 @@ class RunAnalysis:
             self.tails,
             self.left_out,
             self.filter,
+            self.beyond,
         )
 
     @cached_property
@@ -109,8 +113,12 @@ class RunAnalysis:
 
     @property
     def dispersed(self) -> bool:
-        """Return whether there is dispersion to show: samples, and an output with a linear sigma."""
-        return bool(self.comparison.outputs) and bool(np.any(np.diag(self.comparison.covariance_linear) > 0.0))
+        """Return whether there is dispersion to show: samples, and an output with a linear sigma that has a meaning."""
+        return (
+            self.beyond is None
+            and bool(self.comparison.outputs)
+            and bool(np.any(np.diag(self.comparison.covariance_linear) > 0.0))
+        )
 
     @cached_property
     def moving(self) -> list[int]:

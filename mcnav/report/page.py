@@ -17,6 +17,7 @@ from mcnav.report.figures.estimation import estimation
 from mcnav.report.figures.figure import Figure
 from mcnav.report.figures.flight import flight
 from mcnav.report.html import filled
+from mcnav.report.linear_causes import causes_at
 from mcnav.report.model import RunAnalysis
 from mcnav.report.requirements import detailed_rows
 
@@ -98,8 +99,12 @@ def _of_filter(content: RunAnalysis, outputs: Sequence[Mapping[str, Any]]) -> di
     if found is None:
         return {"filter_answers": []}
     explained = filter_tables.at_worst(found), filter_verdict.explanation(summary)
+    answers = filter_tables.answers(content, outputs)
     return {
-        "filter_answers": filter_tables.answers(content, outputs),
+        "filter_answers": [
+            row | {"largest_at_worst": causes_at(content, row["worst_time"], number) if row["worst"] else []}
+            for number, row in enumerate(answers)
+        ],
         "filter_headline": filter_verdict.headline(summary),
         "filter_explanation": " ".join(filter(None, explained)),
         "filter_tone": filter_verdict.TONES[found.verdict.value],

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any, Final
 
+from mcnav.analysis.filter_causes import MEAN
 from mcnav.report import sentences
 from mcnav.report.format import number
-from mcnav.report.model import RunAnalysis, humanize
+from mcnav.report.model import RunAnalysis, humanize, labels_in
 from mcnav.units import conversion
 
 RADII: Final = {
@@ -18,6 +19,9 @@ RADII: Final = {
     "sep": "spherical error probable",
 }
 """Radii about zero that requirements limit, by kind."""
+
+NAMED: Final = 3
+"""Causes that are named beside a number."""
 
 TONES: Final = {"met": "agrees", "not met": "differs", "undecided": "undecided"}
 
@@ -51,12 +55,38 @@ def shown_units(summary: Mapping[str, Any]) -> dict[str, tuple[float, str]]:
     return {entry["name"]: (conversion(entry["unit"], unit), unit) for entry, unit in zip(outputs, shown, strict=True)}
 
 
+def requirement_causes(summary: Mapping[str, Any], entry: Mapping[str, Any]) -> list[tuple[str, float]]:
+    """List the largest causes of the errors that a requirement of a summary limits, for people, with their shares."""
+    sources = [source["name"] for source in summary["sources"]]
+    labels = dict(zip(sources, labels_in(summary), strict=True))
+    found = []
+    for cause in list(entry.get("causes") or ())[:NAMED]:
+        name = str(cause["name"]).removeprefix(MEAN)
+        of_mean = "mean of " if name != cause["name"] else ""
+        found.append((f"{of_mean}{labels.get(name, humanize(name))}", float(cause["share"])))
+    return found
+
+
+def listed(causes: Sequence[tuple[str, float]]) -> str:
+    """List causes with their shares in one line.
+
+    >>> listed([("gyro bias z", 0.2113), ("heading", 0.05)])
+    'gyro bias z 21.1 %, heading 5 %'
+    """
+    return ", ".join(f"{name} {100.0 * share:.3g} %" for name, share in causes) or "–"
+
+
 def requirement_rows(summary: Mapping[str, Any]) -> list[dict[str, Any]]:
     """List the requirements with their findings, one per row."""
     units = shown_units(summary)
     keys = ("finding", "samples_needed", "remark")
     return [
-        {"requirement": stated(entry, units), **{key: entry[key] for key in keys}} for entry in summary["requirements"]
+        {
+            "requirement": stated(entry, units),
+            **{key: entry[key] for key in keys},
+            "causes": requirement_causes(summary, entry),
+        }
+        for entry in summary["requirements"]
     ]
 
 
@@ -74,8 +104,12 @@ def detailed_rows(content: RunAnalysis) -> list[dict[str, Any]]:
             | {
                 "tone": TONES[row["finding"]],
                 "largest_at": _largest_at(content, entry),
-                "linear": shown(entry["linear"]),
-                "gaussian": "–" if entry["kind"] == "sigma_ratio" else "met" if entry["linear_meets"] else "not met",
+                "linear": shown(entry["linear"], "–"),
+                "gaussian": "–"
+                if entry["kind"] == "sigma_ratio" or entry["linear"] is None
+                else "met"
+                if entry["linear_meets"]
+                else "not met",
                 "needed": needed and sentences.more_samples(needed, summary["samples"]),
                 "largest": [] if entry["largest_sigmas"] is None else _largest(content, entry["largest_sigmas"]),
             }

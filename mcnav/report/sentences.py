@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from mcnav.analysis.comparison import LARGEST_FAILED_SHARE
+from mcnav.analysis.filter_remarks import instant
 from mcnav.analysis.verdict import ROUNDING
 from mcnav.report.format import percent
 from mcnav.report.model import humanize, labels_in
@@ -23,14 +24,22 @@ NEGLIGIBLE: Final = 1e-3
 JOINT: Final = "joint distribution"
 """Name of the NEES test among the outputs."""
 
+BEYOND: Final = "beyond linear range"
+"""What stands in place of a linear number that has no meaning."""
+
 NOT_DISTURBED: Final = "not disturbed by any source"
 """Finding for an output without dispersion, linear or Monte Carlo."""
 
 
 def tone(summary: Mapping[str, Any]) -> str:
-    """Combine the verdicts on outputs and covariance matrix: ``agrees``, ``partly``, ``differs`` or ``undecided``."""
+    """Combine the verdicts on outputs and covariance matrix: ``agrees``, ``partly``, ``differs`` or ``undecided``.
+
+    Beyond its range linear analysis differs, whatever the samples show.
+    """
     if summary.get("unsettled"):
         return "undecided"
+    if summary.get("beyond_range"):
+        return "differs"
     if summary["verdict"] == "agrees" and summary["verdict_matrix"] not in ("agrees", None):
         return "partly"
     return str(summary["verdict"])
@@ -93,6 +102,8 @@ def _on_requirements(summary: Mapping[str, Any]) -> str:
 def _on_linear(summary: Mapping[str, Any]) -> str:
     if summary.get("unsettled"):
         return unsettled(summary)
+    if summary.get("beyond_range"):
+        return beyond_range(summary)
     if tone(summary) == "partly":
         rest = {"differs": "no for their joint distribution", "undecided": "their joint distribution is undecided"}
         return f"Yes for the dispersion of each output; {rest[summary['verdict_matrix']]}."
@@ -132,6 +143,22 @@ def unsettled(summary: Mapping[str, Any]) -> str:
     return f"{cause}: the comparison below has no valid linear model."
 
 
+def beyond_range(summary: Mapping[str, Any]) -> str:
+    """Say from when on linear errors have no meaning; empty where all are within their range.
+
+    >>> found = {"outputs": ["position_down"], "begin": 120.0, "time": "time [min]"}
+    >>> beyond_range({"beyond_range": found})
+    'No: errors are beyond the range of linear analysis from 120 min on (position down).'
+    """
+    found = summary.get("beyond_range")
+    if not found:
+        return ""
+    begin, label = found["begin"], found["time"]
+    since = "at the end" if begin is None else f"from {instant(begin, label or '')} on"
+    names = _join([humanize(name) for name in found["outputs"]])
+    return f"No: errors are beyond the range of linear analysis {since} ({names})."
+
+
 def _no_dispersion(summary: Mapping[str, Any]) -> str:
     """Explain why no output has a dispersion."""
     dispersed = any(row[i] > 0.0 for i, row in enumerate(summary["start_covariance"]))
@@ -148,6 +175,8 @@ def explanation(summary: Mapping[str, Any]) -> str:
     limit = f"{100.0 * summary['tolerance']:g} %"
     confidence = f"{100.0 * summary['confidence']:g} % confidence"
     names = [humanize(output["name"]) for output in summary["outputs"]]
+    if summary.get("beyond_range"):
+        return "Linear sigmas there are not shown, and samples are not compared with them."
     if not summary["verdicts"]:
         return f"{samples:,} of {summary['samples']:,} samples succeeded, which is too few for a comparison."
     ratios = {
@@ -208,7 +237,7 @@ def _undecided(summary: Mapping[str, Any], names: Sequence[str]) -> str:
 def joint_explanation(summary: Mapping[str, Any]) -> str:
     """Explain the verdict on the covariance matrix, with numbers; empty where there is none."""
     verdict, dimension = summary["verdict_matrix"], summary["nees_dimension"]
-    if verdict is None:
+    if verdict is None or summary.get("beyond_range"):
         return ""
     mean = summary["nees_mean_paired"]
     if mean is None or mean <= 0.0:
@@ -249,6 +278,8 @@ def failures(summary: Mapping[str, Any]) -> str:
     commonest = message_of(next(iter(summary["failures"]), ""))
     if commonest:
         found += f" ({'' if len(summary['failures']) == 1 else 'most often: '}{commonest})"
+    if summary.get("beyond_range"):
+        return f"{found}."
     ratios = (summary.get("excluded") or {}).get("sigma_ratio", ())
     smallest = [ratio for ratio in ratios if ratio is not None and math.isfinite(ratio)]
     if not smallest:

@@ -49,7 +49,7 @@ def show(summary: Mapping[str, Any], units: Units = "shown") -> RenderableType:
     parts: list[RenderableType] = [terminal.comparison({"": summary}), terminal.verdict(summary)]
     if (warning := terminal.warnings({summary["campaign"]: summary})) is not None:
         parts.insert(0, warning)
-    if any(summary["sigma_linear"]):
+    if any(summary["sigma_linear"]) and not summary.get("beyond_range"):
         parts.append(budget(summary, tables["budget"]))
     if summary["requirements"]:
         parts.append(terminal.requirements(summary))

@@ -12,13 +12,14 @@ from mcnav.analysis.budget import ErrorBudget
 from mcnav.analysis.comparison import Comparison, Criterion, Model
 from mcnav.analysis.failed_samples import FailureBias
 from mcnav.analysis.filter_consistency import FilterConsistency
+from mcnav.analysis.linear_range import BeyondRange
 from mcnav.analysis.multivariate import MultivariateTests
 from mcnav.analysis.requirements import RequirementResult
 from mcnav.analysis.tails import Quantile
 from mcnav.analysis.variance_breakdown import VarianceBreakdown
 from mcnav.report.filter_summary import filter_entries
 from mcnav.statistics.hypothesis_test import HypothesisTest
-from mcnav.store.manifest import Manifest
+from mcnav.store.manifest import Manifest, ModelRecord
 
 TESTS: Final = ("covariance", "covariance_paired", "bias", "bias_paired", "nees")
 """Tests of the outputs together that `mcnav.analysis.multivariate.MultivariateTests` holds."""
@@ -47,6 +48,7 @@ def summarise(
     tails: Sequence[Quantile],
     left_out: FailureBias | None = None,
     filtered: FilterConsistency | None = None,
+    beyond: BeyondRange | None = None,
 ) -> dict[str, Any]:
     """Collect results in SI units, rows and columns in the order of outputs and sources.
 
@@ -121,9 +123,16 @@ def summarise(
         ],
         "requirements": [_requirement(judged, named["outputs"]) for judged in requirements],
         "requirements_met": tally(judged.finding.value for judged in requirements),
+        **({} if beyond is None else {"beyond_range": _beyond(beyond, record)}),
         "budget": {**asdict(budget), "flown": record.budget},
         **({} if filtered is None else filter_entries(filtered)),
     }
+
+
+def _beyond(beyond: BeyondRange, record: ModelRecord) -> dict[str, Any]:
+    """Name the outputs that leave the range of linear analysis, and when; in the unit of the run's histories."""
+    names = [record.outputs[output].name for output in beyond.outputs]
+    return {"outputs": names, "begin": beyond.time, "time": record.development and record.development.label}
 
 
 def _named(entry: dict[str, Any], outputs: Sequence[Mapping[str, str]]) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from mcnav.report.export import output_rows, partial_rows
 from mcnav.report.fitted_table import FittedTable, numbers, texts
 from mcnav.report.format import interval
 from mcnav.report.model import humanize, labels_of, scale_of
-from mcnav.report.requirements import TONES, requirement_rows
+from mcnav.report.requirements import TONES, listed, requirement_rows
 from mcnav.scenarios.protocol import Output, Source
 
 if TYPE_CHECKING:
@@ -116,11 +116,17 @@ def changes(first: str, found: pd.DataFrame) -> RenderableType:
 
 def requirements(summary: Mapping[str, Any]) -> RenderableType:
     """Tabulate the requirements and their findings."""
-    table = FittedTable("Requirements", texts("finding", "requirement", "to decide"), keys=2)
-    for row in requirement_rows(summary):
+    rows = requirement_rows(summary)
+    explained = any(row["causes"] for row in rows)
+    columns = texts(
+        "finding", "requirement", "to decide", *(["largest linear causes of these errors"] if explained else [])
+    )
+    table = FittedTable("Requirements", columns, keys=2)
+    for row in rows:
         needed, colour = row["samples_needed"], COLOURS[TONES[row["finding"]]]
         decides = sentences.more_samples(needed, summary["samples"]) if needed else row["remark"]
-        table.add(Text(row["finding"], style=colour), row["requirement"], decides)
+        causes = [listed(row["causes"])] if explained else []
+        table.add(Text(row["finding"], style=colour), row["requirement"], decides, *causes)
     return table
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcnav._types import Array
-from mcnav.constants import STANDARD_GRAVITY
+from mcnav.constants import EARTH_RADIUS, STANDARD_GRAVITY
 from mcnav.physics.ins.aiding import Sensor
 from mcnav.physics.ins.closed_loop_covariance import ClosedLoopCovariance
 from mcnav.physics.ins.covariance import LinearErrors, propagate
@@ -103,7 +103,19 @@ def kind_of(name: str) -> str:
 SOURCES: Final = tuple(Source(name, *KINDS[kind_of(name)], group=kind_of(name)) for name in CONSTANTS)
 """Constant error sources: initial errors, gyros, accelerometers."""
 
-NAVIGATION_ERRORS: Final = tuple(Output(name, *SHOWN[kind_of(name)]) for name in OUTPUTS)
+LIMITS: Final = {
+    "position": EARTH_RADIUS,
+    "velocity": float(np.sqrt(STANDARD_GRAVITY * EARTH_RADIUS)),
+    "tilt": 1.0,
+    "heading": 1.0,
+}
+"""Size of each kind of output beyond which a linear error has no meaning, SI.
+
+The earth's radius R, over which gravity and the local axes change altogether; sqrt(g R), the velocity in a Schuler
+oscillation with the amplitude R; a radian.
+"""
+
+NAVIGATION_ERRORS: Final = tuple(Output(name, *SHOWN[kind_of(name)], limit=LIMITS[kind_of(name)]) for name in OUTPUTS)
 """Final navigation errors."""
 
 NOISE: Final = tuple(Output(name, *PROCESS_UNITS[name.rpartition("_")[0]]) for name in PROCESSES)
@@ -423,8 +435,16 @@ class Ins:
             linear.own_variances,
             linear.state_partials,
             linear.state_variances,
-            believed_shares(navigation.imu, navigation.sensors, navigation.filter, navigation.sigmas),
+            self._believed,
         )
+
+    @property
+    def _believed(self) -> dict[str, float]:
+        """Variance that the filter believes of each cause, over its true mean square."""
+        navigation = self.navigation
+        if navigation.filter is None:
+            return {}
+        return believed_shares(navigation.imu, navigation.sensors, navigation.filter, navigation.sigmas)
 
     def linear_model(self) -> LinearModel:
         """Compute the linear model at the end of navigation by the variational equations."""
@@ -472,7 +492,7 @@ class Ins:
         if navigation.aided is not None:
             updates, closed = navigation.aided.read_out(times)
             return LinearReadings(
-                closed.times, updates, closed.partials, closed.processes, closed.own, label=TRAJECTORY_TIME
+                closed.times, updates, closed.partials, closed.processes, closed.own, TRAJECTORY_TIME, self._believed
             )
         linear = navigation.linear
         if times is not None:

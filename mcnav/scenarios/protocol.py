@@ -41,11 +41,18 @@ class Source:
 
 @dataclass(frozen=True)
 class Output:
-    """An error that comes out; attributes as those of `Source`."""
+    """An error that comes out; name and units as those of `Source`.
+
+    Attributes
+    ----------
+    limit : float, optional
+        Size of the error, SI, beyond which the linear system that it belongs to has lost its meaning.
+    """
 
     name: str
     unit: str
     shown_in: str
+    limit: float | None = None
 
 
 def source_labels(sources: Sequence[str], outputs: Sequence[str]) -> list[str]:
@@ -237,6 +244,8 @@ class LinearReadings:
         Covariance that the navigator's filter states.
     label : str
         What the times are, as ``name [unit]``.
+    believed : mapping of str to float
+        As in `FilterPrediction`.
     """
 
     times: Array
@@ -245,6 +254,7 @@ class LinearReadings:
     processes: Mapping[str, Array] = field(default_factory=dict)
     own: Array | None = None
     label: str = "time [s]"
+    believed: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass

@@ -88,11 +88,15 @@ class Record(BaseModel):
 
 
 class Variable(Record):
-    """An error source or an output: its name, SI unit, and the unit in which it is shown."""
+    """An error source or an output: its name, SI unit, and the unit in which it is shown.
+
+    ``limit`` is that of `mcnav.scenarios.protocol.Output`.
+    """
 
     name: Name
     unit: Words
     shown_in: Words
+    limit: Annotated[float, Field(gt=0.0)] | None = None
 
     @model_validator(mode="after")
     def _units(self) -> Self:

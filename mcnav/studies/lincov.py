@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mcnav._threads import one_thread
 from mcnav._types import Array
 from mcnav.analysis.comparison import Model
-from mcnav.analysis.linear_answer import LinearAnswer, judge_linearly
+from mcnav.analysis.linear_answer import LinearAnswer, judge_linearly, within_range
 from mcnav.analysis.linear_covariance import LinearCovariance, covariance_over_time
+from mcnav.analysis.linear_filter import LinearVerdict, judge_filter
+from mcnav.analysis.linear_range import picked
 from mcnav.analysis.requirements import requirements_from
 from mcnav.config.read import Campaign, campaign_from
 from mcnav.errors import CampaignError, Problem
@@ -74,14 +78,36 @@ def linear_covariance(campaign: str | Path | Campaign | Mapping[str, Any], times
         history = None if readings is None else covariance_over_time(readings, names, *moments)
         outputs = [{"name": output.name} for output in scenario.outputs]
         entries = [record.model_dump() for record in described.requirements]
-        found = judge_linearly(
+        judged = judge_linearly(
             requirements_from(entries, outputs), model.outcome_mean, model.outcome_covariance,
             None if history is None else history.moments,
         )  # fmt: skip
         asked = None
         if isinstance(scenario, HasLinearReadings) and times is not None:
             asked = covariance_over_time(scenario.linear_readings(np.unique(times)), names, *moments)
-    return LinearAnswer(described.name, scenario.sources, scenario.outputs, model, history, found, asked)
+        answer = LinearAnswer(described.name, scenario.sources, scenario.outputs, model, history, judged, asked)
+        epochs = None if history is None else history.moments.times
+        return replace(
+            answer,
+            requirements=within_range(judged, answer.beyond, epochs),
+            filter=_judge_filter(answer, scenario, described),
+        )
+
+
+def _judge_filter(answer: LinearAnswer, scenario: Scenario, campaign: Campaign) -> LinearVerdict | None:
+    """Judge the filter at the epochs and at times that were asked for, within the range of linear analysis."""
+    schema = scenario.filter_schema if isinstance(scenario, FilterScenario) else None
+    if schema is None:
+        return None
+    known = [each for each in (answer.history, answer.asked) if each is not None]
+    return judge_filter(
+        [picked(each, ~answer.readings_beyond(each)) for each in known],
+        [output.name for output in answer.outputs],
+        list(schema.groups),
+        [source.name for source in answer.sources],
+        campaign.errors.covariance,
+        campaign.tolerance,
+    )
 
 
 @contextmanager
@@ -113,12 +139,13 @@ def _linearize(scenario: Scenario) -> tuple[LinearModel, LinearReadings | None]:
     if not isinstance(scenario, HasPartialsHistory):
         return linear, None
     known = scenario.partials_history(HISTORY_POINTS)
-    own = None
+    own: Array | None = None
+    believed: dict[str, float] = {}
     prediction = scenario.filter_prediction() if isinstance(scenario, FilterScenario) else None
     if prediction is not None and np.array_equal(prediction.times, known.times):
-        own = prediction.covariance
+        own, believed = prediction.covariance, dict(prediction.believed)
     updates = (None,) * len(known.times)
-    return linear, LinearReadings(known.times, updates, known.partials, known.processes, own, known.label)
+    return linear, LinearReadings(known.times, updates, known.partials, known.processes, own, known.label, believed)
 
 
 def read_times(written: str) -> Array:
@@ -162,11 +189,34 @@ def lincov_table(found: LinearAnswer) -> Mapping[str, Any]:
                 "met": each.met if each.judged else None,
                 "margin": each.margin,
                 "time": each.time,
+                "causes": [asdict(cause) for cause in found.requirement_causes(number)],
             }
-            for each in found.requirements
+            for number, each in enumerate(found.requirements)
         ],
+        "mean_by_cause": found.means,
+        "filter": None if found.filter is None else _filter_entry(found.filter),
+        "beyond_range": None if found.beyond is None else {
+            "outputs": [names[output] for output in found.beyond.outputs],
+            "begin": found.beyond.time,
+        },
         "time": None if history is None else history.readings.label,
-        "rows": [] if history is None else _rows(history),
+        "rows": [] if history is None else _rows(history, found.readings_beyond(history)),
+    }  # fmt: skip
+
+
+def _filter_entry(found: LinearVerdict) -> dict[str, Any]:
+    """Return the verdict on the filter; times are those of the readings, and an infinite factor is null."""
+    return {
+        "verdict": found.verdict.value,
+        "output": found.output,
+        "group": found.group,
+        "factor": found.factor if np.isfinite(found.factor) else None,
+        "begin": found.begin,
+        "end": found.end,
+        "worst": found.worst,
+        "tolerance": found.tolerance,
+        "readings": len(found.times),
+        "causes": [asdict(each) for each in found.neglected],
     }
 
 
@@ -181,16 +231,19 @@ def _budget_rows(found: LinearAnswer) -> list[dict[str, Any]]:
     return [*rows, {"cause": "correlations", "sigma": None, "share": budget.cross_terms}]
 
 
-def _rows(found: LinearCovariance) -> list[dict[str, Any]]:
+def _rows(found: LinearCovariance, beyond: NDArray[np.bool_]) -> list[dict[str, Any]]:
     rows = []
     for number, time in enumerate(found.readings.times):
         own = None if found.sigma_filter is None else found.sigma_filter[number]
         rows.append({
             "time": float(time),
             "update": found.readings.updates[number],
+            "mean": found.mean[number],
             "sigma": found.sigma[number],
             "sigma_filter": own,
+            "beyond_range": bool(beyond[number]),
             "variance_by_cause": {name: variance[number] for name, variance in found.variances.items()},
             "variance_by_correlations": found.correlations[number],
+            "mean_by_cause": {name: values[number] for name, values in found.means.items()},
         })  # fmt: skip
     return rows

@@ -31,11 +31,12 @@ from mcnav.sampling.designs import SamplingDesign
 from mcnav.scenarios.filter_sums import FilterMeans
 from mcnav.scenarios.protocol import Output
 from mcnav.store.histories import STORED
-from mcnav.store.manifest import FilterRecord, Manifest, ModelRecord, PartialsRecord
+from mcnav.store.manifest import FilterRecord, Manifest, ModelRecord
 from mcnav.store.run_folder import MANIFEST, REPORT, RunFolder
 from mcnav.store.run_folder import SUMMARY as SUMMARY_FILE
 from mcnav.store.summaries import SUMMARY, collect_summary
 from mcnav.store.totals import read_totals
+from mcnav.workflow.linear_extremes import beyond_range, explain, linear_moments
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -126,10 +127,14 @@ def analyse(folder: RunFolder, unfinished: Manifest | None = None) -> RunAnalysi
     over_time = any(requirement.epochs for requirement in requirements)
     histories = error_histories(folder, manifest, design) if over_time and unfinished is None else None
 
+    beyond = beyond_range(manifest.model, model)
+
     def judged(requirement: Requirement) -> RequirementResult:
         if requirement.epochs:
-            return judge_over_time(requirement, histories, criterion.confidence)
-        return judge_requirement(requirement, model, samples.outputs, blocks, comparison, criterion.confidence)
+            result = judge_over_time(requirement, histories, criterion.confidence)
+        else:
+            result = judge_requirement(requirement, model, samples.outputs, blocks, comparison, criterion.confidence)
+        return explain(result, manifest.model, model, beyond)
 
     return RunAnalysis(
         folder=folder,
@@ -146,6 +151,7 @@ def analyse(folder: RunFolder, unfinished: Manifest | None = None) -> RunAnalysi
         requirements=tuple(map(judged, requirements)),
         failures=failures,
         filter=None if filtered is None else assess_filter(filtered, criterion),
+        beyond=beyond,
     )
 
 
@@ -176,14 +182,6 @@ def filter_evidence(folder: RunFolder, manifest: Manifest, failed: int) -> Filte
         sampling=manifest.sampling_design,
         linear=linear_filter(manifest.model, record),
     )
-
-
-def linear_moments(model: ModelRecord, development: PartialsRecord) -> tuple[Array, Array]:
-    """Return linear mean and covariance over time, shapes (n, outputs) and (n, outputs, outputs)."""
-    partials, covariance = development.partials, development.covariance
-    if covariance is None:
-        covariance = partials @ model.start_covariance @ partials.swapaxes(1, 2)
-    return partials @ model.start_mean, covariance
 
 
 def error_histories(folder: RunFolder, manifest: Manifest, design: SamplingDesign) -> ErrorHistories | None:

@@ -330,7 +330,12 @@ def _filter_record(schema: FilterSchema, epochs: Epochs, scenario: Scenario, err
 
 
 def _variables(entries: Sequence[Source | Output]) -> tuple[Variable, ...]:
-    return tuple(Variable(name=entry.name, unit=entry.unit, shown_in=entry.shown_in) for entry in entries)
+    def variable(entry: Source | Output) -> Variable:
+        limit = entry.limit if isinstance(entry, Output) else None
+        limited = {} if limit is None else {"limit": limit}
+        return Variable(name=entry.name, unit=entry.unit, shown_in=entry.shown_in, **limited)
+
+    return tuple(map(variable, entries))
 
 
 def _sizes(scenario: Scenario) -> Array:

@@ -60,7 +60,7 @@ def _moving(history: LinearCovariance) -> list[int]:
 
 def sigmas(found: LinearAnswer, outages: Outages) -> Figure | None:
     """Draw sigma of every output over time, with that of the filter; none without a history."""
-    history = found.history
+    history = found.meaningful
     if history is None or not _moving(history):
         return None
     label, times, scale = history.readings.label, history.readings.times, scale_of(found.outputs)
@@ -92,8 +92,8 @@ def sigmas(found: LinearAnswer, outages: Outages) -> Figure | None:
 
 def requirements(found: LinearAnswer, outages: Outages) -> Figure | None:
     """Draw the quantile or radius of each requirement over time with its limit; none without one over time."""
-    history = found.history
-    wanted = [each for each in found.requirements if each.requirement.epochs]
+    history = found.meaningful
+    wanted = [each for each in found.requirements if each.requirement.epochs and each.judged]
     if history is None or not wanted:
         return None
     label, scale = history.readings.label, scale_of(found.outputs)
@@ -162,7 +162,7 @@ def budget(found: LinearAnswer) -> Figure | None:
 
 def development(found: LinearAnswer, outages: Outages) -> Figure | None:
     """Draw sigma of each output over time by contributor; none without a history."""
-    history = found.history
+    history = found.meaningful
     if history is None or not _moving(history):
         return None
     label, times, scale = history.readings.label, history.readings.times, scale_of(found.outputs)

@@ -1,0 +1,214 @@
+"""Verdict of linear analysis on a filter: true over stated sigma at every reading, without a sample and its error.
+
+Both covariances are known: the filter's own P, and the mean squares T of the true errors about zero, so that a mean
+error counts as it does for a filter, which knows of none. The ratio of an output is ``sqrt(T_ii / P_ii)``; that of a
+group of d outputs is the root of its expected NEES over d, ``sqrt(trace(P^-1 T) / d)``.
+
+The filter is *consistent* where every output and every group is within the tolerance at every reading, before and after
+updates. It is *optimistic* where one lies above it, else *pessimistic*.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from mcnav._types import Array, IndexArray
+from mcnav.analysis.filter_decision import NOT_NAVIGATION, outputs_of
+from mcnav.analysis.filter_causes import NEARLY, Departure, neglected_errors
+from mcnav.analysis.filter_consistency import Honesty, NeglectedError, rounding_floor
+from mcnav.analysis.filter_evidence import LinearFilter
+from mcnav.analysis.linear_covariance import LinearCovariance
+
+SINGULAR: Final = 1e-6
+"""Smallest eigenvalue of a filter's correlation matrix of which a NEES is computed.
+
+The two covariances of a matched filter agree to 1e-9 of its sigmas, so that such a NEES has an error of some 1e-3.
+"""
+
+
+@dataclass(frozen=True)
+class LinearVerdict:
+    """Verdict of linear analysis on a filter.
+
+    Attributes
+    ----------
+    verdict : Honesty
+        Never undecided.
+    tolerance : float
+        Of the ratio of true to stated sigma.
+    label : str
+        What the times are, as ``name [unit]``.
+    times : ndarray, shape (r,)
+        Readings that were judged.
+    ratios : ndarray, shape (r, outputs)
+        True over stated sigma; NaN where both are zero, infinite where the filter believes in no error that there is.
+    groups : mapping of str to ndarray, shape (r,)
+        Of groups of outputs together; NaN where the filter's covariance is singular.
+    output, group : str
+        What departs the most: one output, or, where none alone does, a group; both empty of a consistent filter.
+    factor : float
+        Its ratio at the worst reading; of a consistent filter the ratio farthest from one.
+    worst : float
+        Time of this reading.
+    begin, end : float or None
+        First and last time at which an output or group departs in the direction of the verdict.
+    departing : ndarray of int
+        Numbers of the readings at which one does.
+    neglected : tuple of NeglectedError
+        What makes that output optimistic at that reading, the largest share first; of a group nothing is known.
+    """
+
+    verdict: Honesty
+    tolerance: float
+    label: str
+    times: Array
+    ratios: Array
+    groups: Mapping[str, Array]
+    output: str
+    group: str
+    factor: float
+    worst: float
+    begin: float | None = None
+    end: float | None = None
+    departing: tuple[int, ...] = ()
+    neglected: tuple[NeglectedError, ...] = ()
+
+    @property
+    def throughout(self) -> bool:
+        """Return whether all readings from the first to the last departure depart."""
+        return not self.departing or self.departing[-1] - self.departing[0] + 1 == len(self.departing)
+
+
+def judge_filter(
+    covariances: Sequence[LinearCovariance], outputs: Sequence[str], groups: Sequence[str], sources: Sequence[str],
+    covariance: Array, tolerance: float,
+) -> LinearVerdict | None:  # fmt: skip
+    """Judge a filter by linear covariances over time; none without a filter.
+
+    Parameters
+    ----------
+    covariances : sequence of LinearCovariance
+        At one or more lists of readings.
+    groups : sequence of str
+        Names of the filter's groups of states; see `FilterSchema`.
+    sources : sequence of str
+        Names, in the order of the columns of the partials.
+    covariance : ndarray, shape (sources, sources)
+        Of the sources.
+    """
+    found = [_evidence(each, sources, covariance) for each in covariances if each.readings.own is not None]
+    found = [each for each in found if len(each.covariance)]
+    if not found:
+        return None
+    times = np.concatenate([each.readings.times for each in covariances if each.readings.own is not None])
+    evidence = _joined(found, np.argsort(times, kind="stable"))
+    ratios = output_ratios(evidence)
+    together = {
+        group: group_ratios(evidence, outputs_of(group, outputs)) for group in groups if group not in NOT_NAVIGATION
+    }
+    return _verdict(evidence, np.sort(times, kind="stable"), covariances[0].readings.label, outputs, ratios, together,
+                    tolerance)  # fmt: skip
+
+
+def _evidence(found: LinearCovariance, sources: Sequence[str], covariance: Array) -> LinearFilter:
+    """Return what `neglected_errors` asks for at the readings."""
+    readings, mean = found.readings, found.mean
+    assert readings.own is not None
+    crossed = readings.partials * (readings.partials @ covariance)
+    contributions = {name: crossed[:, :, k] for k, name in enumerate(sources) if np.any(crossed[:, :, k])}
+    contributions |= {name: np.diagonal(added, axis1=1, axis2=2) for name, added in readings.processes.items()}
+    nothing = np.zeros((len(mean), 0))
+    true = found.covariance + mean[:, :, None] * mean[:, None, :]
+    by_mean = {name: values * mean for name, values in found.means.items()}
+    return LinearFilter(readings.own, nothing, true, nothing, contributions, readings.believed, by_mean)
+
+
+def _joined(found: Sequence[LinearFilter], order: IndexArray) -> LinearFilter:
+    """Put readings of several lists into one, in the order of time."""
+
+    def joined(parts: Sequence[Array | None]) -> Array:
+        return np.asarray(np.concatenate([part for part in parts if part is not None])[order])
+
+    first = found[0]
+    return LinearFilter(
+        joined([each.covariance for each in found]),
+        joined([each.state_variance for each in found]),
+        joined([each.true for each in found]),
+        joined([each.state_true for each in found]),
+        {name: joined([each.contributions[name] for each in found]) for name in first.contributions},
+        first.believed,
+        {name: joined([each.squared_means[name] for each in found]) for name in first.squared_means},
+    )
+
+
+def _sigmas(evidence: LinearFilter) -> tuple[Array, Array]:
+    """Return true and stated sigmas, shape (r, outputs); those up to rounding are zero."""
+    assert evidence.true is not None
+    true, own = (
+        np.sqrt(np.maximum(np.diagonal(each, axis1=1, axis2=2), 0.0)) for each in (evidence.true, evidence.covariance)
+    )
+    floors = np.array([rounding_floor(*columns) for columns in zip(true.T, own.T, strict=True)])
+    return np.where(true > floors, true, 0.0), np.where(own > floors, own, 0.0)
+
+
+def output_ratios(evidence: LinearFilter) -> Array:
+    """Return true over stated sigma of each output, shape (r, outputs)."""
+    true, own = _sigmas(evidence)
+    ratio = np.divide(true, own, out=np.full_like(true, np.nan), where=own > 0.0)
+    return np.where((own <= 0.0) & (true > 0.0), np.inf, ratio)
+
+
+def group_ratios(evidence: LinearFilter, outputs: Sequence[int]) -> Array:
+    """Return the root of the expected NEES of a group over its size, shape (r,)."""
+    assert evidence.true is not None
+    picked = np.ix_(range(len(evidence.true)), outputs, outputs)
+    own, true, size = evidence.covariance[picked], evidence.true[picked], len(outputs)
+    sigma = _sigmas(evidence)[1][:, list(outputs)]
+    regular = np.asarray((sigma > 0.0).all(axis=1))
+    scale = np.where(regular[:, None], sigma, 1.0)
+    scales = scale[:, :, None] * scale[:, None, :]
+    correlation = np.where(regular[:, None, None], own / scales, np.eye(size))
+    regular &= np.linalg.eigvalsh(correlation)[:, 0] > SINGULAR
+    correlation[~regular] = np.eye(size)
+    nees = np.trace(np.linalg.solve(correlation, true / scales), axis1=1, axis2=2)
+    return np.asarray(np.where(regular, np.sqrt(np.maximum(nees, 0.0) / size), np.nan))
+
+
+def _verdict(
+    evidence: LinearFilter, times: Array, label: str, outputs: Sequence[str], ratios: Array,
+    groups: Mapping[str, Array], tolerance: float,
+) -> LinearVerdict:  # fmt: skip
+    """Find the direction of the verdict, and the output or group that departs the most."""
+    names = [*outputs, *groups]
+    everything = np.column_stack([ratios, *groups.values()])
+    known = np.nan_to_num(everything, nan=1.0, posinf=np.inf)
+    above, below = known > 1.0 + tolerance, known < 1.0 - tolerance
+    if not (above.any() or below.any()):
+        away = np.abs(known - 1.0)
+        farthest = int(np.argmax(away.max(axis=1)))
+        factor = float(known[farthest, np.argmax(away[farthest])])
+        return LinearVerdict(Honesty.CONSISTENT, tolerance, label, times, ratios, groups, "", "", factor,
+                             float(times[farthest]))  # fmt: skip
+    verdict, departs = (Honesty.OPTIMISTIC, above) if above.any() else (Honesty.PESSIMISTIC, below)
+    away = known if verdict == Honesty.OPTIMISTIC else np.divide(1.0, known, out=np.full_like(known, np.inf),
+                                                                 where=known > 0.0)  # fmt: skip
+    single = departs[:, : len(outputs)].any()
+    away = np.where(departs, away, 0.0)[:, : len(outputs) if single else None]
+    largest = away.max(axis=1)
+    reading = int(np.flatnonzero(largest >= NEARLY * largest.max())[-1])
+    place = int(np.argmax(away[reading]))
+    neglected: tuple[NeglectedError, ...] = ()
+    if single and verdict == Honesty.OPTIMISTIC:
+        neglected = neglected_errors(evidence, Departure(reading, place))
+    departing = np.flatnonzero(departs.any(axis=1))
+    return LinearVerdict(
+        verdict, tolerance, label, times, ratios, groups,
+        output=names[place] if single else "", group="" if single else names[place],
+        factor=float(known[reading, place]), worst=float(times[reading]),
+        begin=float(times[departing[0]]), end=float(times[departing[-1]]),
+        departing=tuple(int(number) for number in departing), neglected=neglected,
+    )  # fmt: skip

@@ -1,0 +1,177 @@
+"""Linear covariance of a campaign in sentences: range, filter, requirements, mean errors; the worst first."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.analysis.causes import Cause, causes_of
+from mcnav.analysis.filter_causes import MEAN, NEARLY
+from mcnav.analysis.filter_consistency import Honesty
+from mcnav.analysis.filter_remarks import group_words, instant
+from mcnav.analysis.linear_answer import LinearAnswer
+from mcnav.analysis.linear_filter import LinearVerdict
+from mcnav.report.figures.lincov import cause_labels
+from mcnav.report.filter_verdict import LEAST
+from mcnav.report.filter_verdict import TONES as FILTER_TONES
+from mcnav.report.format import number, signed
+from mcnav.report.model import humanize, scale_of
+from mcnav.report.requirements import NAMED, listed
+
+ROUNDING: Final = 1e-9
+"""Share of an output's sigma and of what errors of usual size cause, below which its mean is rounding."""
+
+ORDER: Final = ("differs", "partly", "undecided", "", "agrees")
+"""Tones of sentences, the worst first."""
+
+
+def worst_first(sentences: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
+    """Sort sentences with their tones; those of one tone keep their order.
+
+    >>> worst_first([("met", "agrees"), ("optimistic", "differs")])
+    [('optimistic', 'differs'), ('met', 'agrees')]
+    """
+    return sorted(sentences, key=lambda sentence: ORDER.index(sentence[1]))
+
+
+def label_of(found: LinearAnswer, cause: str) -> str:
+    """Name a cause for people.
+
+    Parameters
+    ----------
+    cause : str
+        Name of a source or process, or of a source's mean.
+    """
+    labels = dict(zip(found.causes, cause_labels(found), strict=True))
+    name = cause.removeprefix(MEAN)
+    return f"{'mean of ' if cause != name else ''}{labels.get(name, humanize(name))}"
+
+
+def cause_words(found: LinearAnswer, causes: Sequence[Cause]) -> list[tuple[str, float]]:
+    """Return the largest causes by the names that people read, with their shares."""
+    return [(label_of(found, cause.name), cause.share) for cause in causes[:NAMED]]
+
+
+def range_words(found: LinearAnswer) -> Iterator[tuple[str, str]]:
+    """Say from when on linear errors have no meaning; nothing where all are within their range."""
+    if found.beyond is None:
+        return
+    scale = scale_of(found.outputs)
+    limits = []
+    for output in found.beyond.outputs:
+        described = found.outputs[output]
+        size = "" if described.limit is None else f" exceeds {number(described.limit * scale[output])} "
+        limits.append(f"{humanize(described.name)}{size}{described.shown_in if size else ''}")
+    time, history = found.beyond.time, found.history
+    since = "at the end" if time is None or history is None else f"from {instant(time, history.readings.label)} on"
+    yield f"Errors are beyond the range of linear analysis {since}: {' and '.join(limits)}", "differs"
+
+
+def filter_words(found: LinearAnswer) -> Iterator[tuple[str, str]]:
+    """Put the verdict on the filter in a sentence; nothing without a filter."""
+    judged = found.filter
+    if judged is None:
+        return
+    within = f"±{100.0 * judged.tolerance:g} %"
+    tone = FILTER_TONES[judged.verdict.value]
+    if judged.verdict == Honesty.CONSISTENT:
+        times = len(np.unique(judged.times))
+        yield (
+            f"The filter is consistent: the true sigma of every output and of every group of them is within {within} "
+            f"of its own at all {times} times",
+            tone,
+        )
+        return
+    worst = instant(judged.worst, judged.label)
+    yield f"The filter is {judged.verdict.value} {_period(judged)}: at worst, at {worst}, {_departure(found)}", tone
+
+
+def _period(judged: LinearVerdict) -> str:
+    """Say when a filter's sigmas depart: all the time between two readings, or at some of them."""
+    assert judged.begin is not None
+    assert judged.end is not None
+    begin, end = instant(judged.begin, judged.label), instant(judged.end, judged.label)
+    if begin == end:
+        return f"at {begin}"
+    if not judged.throughout:
+        return f"at {len(judged.departing)} of {len(judged.times)} readings from {begin} to {end}"
+    return f"from {begin} on" if judged.end >= judged.times[-1] else f"from {begin} to {end}"
+
+
+def _departure(found: LinearAnswer) -> str:
+    """Say what departs the most, by how much, and because of which neglected errors."""
+    judged = found.filter
+    assert judged is not None
+    if judged.group:
+        return (
+            f"the errors of {group_words(judged.group)} together are {judged.factor:.3g} times what it states (root of "
+            "the expected NEES over the number of outputs), though each alone is within the tolerance"
+        )
+    name = humanize(judged.output)
+    if math.isinf(judged.factor):
+        words = f"it states no error of {name}, and there is one"
+    else:
+        words = f"the error of {name} is {judged.factor:.3g} times its own sigma"
+    named = [cause for cause in judged.neglected if cause.share >= LEAST][:NAMED]
+    if not named:
+        return words
+    return f"{words}, because of {listed([(label_of(found, cause.name), cause.share) for cause in named])}"
+
+
+def mean_words(found: LinearAnswer) -> Iterator[tuple[str, str]]:
+    """Say where a mean error is largest against its sigma, and what causes it; nothing where all means are zero."""
+    history = found.meaningful
+    if history is not None and not np.any(_without_rounding(found, found.model.nominal)):
+        means, sigmas, parts = history.mean, history.sigma, dict(history.means)
+    elif found.beyond is None:
+        means, sigmas = found.mean[None], found.sigma[None]
+        parts = {name: values[None] for name, values in found.means.items()}
+    else:
+        return
+    sizes = np.abs(_without_rounding(found, means))
+    if not sizes.any():
+        return
+    ratios = _ratios(sizes, sigmas)
+    largest = ratios.max(axis=1)
+    at = int(np.flatnonzero(largest >= NEARLY * largest.max())[-1])
+    output = int(np.argmax(ratios[at]))
+    described, scale = found.outputs[output], scale_of(found.outputs)[output]
+    mean, ratio = float(means[at, output]), float(ratios[at, output])
+    when = "at the end" if history is None or len(means) == 1 else f"at {_reading(history.readings.times[at], found)}"
+    against = "where its sigma is zero" if math.isinf(ratio) else f"{ratio:.3g} times its sigma"
+    causes = causes_of({}, {name: values[at, [output]] for name, values in parts.items()}, mean**2)
+    words = listed([(label_of(found, cause.name), cause.share) for cause in causes[:NAMED]])
+    name = humanize(described.name)
+    known = "; the filter knows of no mean" if found.filter is not None else ""
+    yield (
+        f"Mean errors are not zero: that of {name} is {signed(mean * scale)} {described.shown_in} {when}, {against}, "
+        f"because of {words}{known}",
+        "",
+    )
+
+
+def final_means(found: LinearAnswer) -> Array:
+    """Return the mean of the final errors, shape (outputs,), SI; what is rounding is zero."""
+    return _without_rounding(found, found.mean)
+
+
+def _without_rounding(found: LinearAnswer, means: Array) -> Array:
+    """Set means that are rounding to zero; shape (..., outputs)."""
+    usual = np.abs(found.model.partials) @ [abs(source.nominal) for source in found.sources]
+    largest = found.sigma if found.history is None else found.history.sigma.max(axis=0, initial=0.0)
+    return np.where(np.abs(means) > ROUNDING * (usual + largest), means, 0.0)
+
+
+def _reading(time: float, found: LinearAnswer) -> str:
+    assert found.history is not None
+    return instant(float(time), found.history.readings.label)
+
+
+def _ratios(sizes: Array, sigmas: Array) -> Array:
+    """Divide means by sigmas: zero over zero is zero."""
+    ratios = np.divide(sizes, sigmas, out=np.zeros_like(sizes), where=sigmas > 0.0)
+    return np.where((sigmas <= 0.0) & (sizes > 0.0), np.inf, ratios)
