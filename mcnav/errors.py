@@ -27,6 +27,10 @@ LONGEST_LINE: Final = 2_000
 LONGEST_NAME: Final = 100
 """Characters of a name that may have been meant for another."""
 
+VERY_CLOSE: Final = 0.85
+CLOSE: Final = 0.6
+"""Similarity of a name with one letter of six missing, and of one with a third of its letters wrong (`difflib`)."""
+
 SHORTEST_PART: Final = 3
 """Characters of a part of a name by which it is suggested."""
 
@@ -98,7 +102,7 @@ def reading_file(path: Path) -> Iterator[None]:
 
 
 def near_names(name: str, known: Sequence[str]) -> list[str]:
-    """Return names that another may have been meant for: up to three that contain it, or else the closest.
+    """Return names that another may have been meant for: one that is very close, those that contain it, or a close one.
 
     >>> near_names("altitud_", ["altitude", "range"]), near_names("aided", ["tutorial-aided", "guide"])
     (['altitude'], ['tutorial-aided'])
@@ -107,10 +111,12 @@ def near_names(name: str, known: Sequence[str]) -> list[str]:
         return []
     folded = {each.casefold(): each for each in reversed(known)}
     containing = [each for each in known if len(name) >= SHORTEST_PART and name.casefold() in each.casefold()]
-    if 0 < len(containing) <= MOST_NEAR:
-        return containing
-    close = difflib.get_close_matches(name.casefold(), list(folded), n=1)
-    return [folded[each] for each in close] or containing[:MOST_NEAR]
+
+    def closest(cutoff: float) -> list[str]:
+        return [folded[each] for each in difflib.get_close_matches(name.casefold(), list(folded), 1, cutoff)]
+
+    few = containing if len(containing) <= MOST_NEAR else []
+    return closest(VERY_CLOSE) or few or closest(CLOSE) or containing[:MOST_NEAR]
 
 
 def did_you_mean(names: Sequence[str]) -> str:
