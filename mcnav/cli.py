@@ -5,6 +5,7 @@ from __future__ import annotations
 import atexit
 import gc
 import os
+import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -13,6 +14,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, ParamSpec, TypeVar
 
 import typer
+from typer.core import TyperCommand
 
 from mcnav import shell_completion as completion
 from mcnav._interrupts import RESUMES, interruptible, interrupts
@@ -21,6 +23,12 @@ from mcnav.report.fitted_table import OpenConsole
 
 CHECK_FAILED, BAD_INPUT, SOME_FAILED, BUSY = 1, 2, 3, 4
 """Exit statuses; 0 is success, and those of interrupts are in `mcnav._interrupts`."""
+
+UNKNOWN_CHOICE = re.compile(r"(?:Value error, )?'(?P<name>.*)' is not one of (?P<known>'.*')\.?", re.DOTALL)
+"""Message of typer about an unknown choice."""
+
+LONGEST_CHOICE = 60
+"""Characters of an unknown choice that are shown."""
 
 GARBAGE_THRESHOLD = 50_000
 """New objects after which Python looks for cycles to free."""
@@ -93,6 +101,33 @@ def _reported_errors(file: Path | None, given: Path | None) -> Iterator[None]:
         raise _fail(f"{problem.filename or 'a file'}: {problem.strerror or problem}") from None
 
 
+class _Command(TyperCommand):
+    """A command that suggests the choice that an unknown one was meant for, and the closest of a long list."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        try:
+            return super().parse_args(ctx, args)
+        except typer.BadParameter as wrong:
+            wrong.message = _with_suggestion(str(wrong.message))
+            raise
+
+
+def _with_suggestion(message: str) -> str:
+    """Shorten the message about an unknown choice, and suggest a near one; others are left.
+
+    >>> _with_suggestion("Value error, 'tnd1772' is not one of 'tn-d1772', 'textbook'.")
+    "'tnd1772' is unknown; did you mean 'tn-d1772'? It is one of tn-d1772, textbook"
+    """
+    parts = UNKNOWN_CHOICE.fullmatch(message)
+    if parts is None:
+        return message
+    from mcnav.errors import suggestion
+    from mcnav.units import printable
+
+    name, known = parts["name"], re.findall(r"'([^']*)'", parts["known"])
+    return f"'{printable(name, LONGEST_CHOICE)}' is unknown{suggestion(name, known)}"
+
+
 def _command(
     name: str | None = None, group: typer.Typer = app, resumes: bool = False
 ) -> Callable[[Callable[Parameters, Result]], Callable[Parameters, Result]]:
@@ -111,7 +146,7 @@ def _command(
             with _reported_errors(file, file or folder):
                 return function(*arguments, **options)
 
-        group.command(name)(command)
+        group.command(name, cls=_Command)(command)
         return command
 
     return add
@@ -911,7 +946,7 @@ def schema(
         _print_written(write_texts(file.parent, {file.name: schema_text()}))
 
 
-@app.command()
+@app.command(cls=_Command)
 def docs(page: Annotated[Page, typer.Argument(metavar="PAGE", help="Page to show.")] = "guide") -> None:
     """Show a page of the documentation.
 

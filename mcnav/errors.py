@@ -27,6 +27,16 @@ LONGEST_LINE: Final = 2_000
 LONGEST_NAME: Final = 100
 """Characters of a name that may have been meant for another."""
 
+VERY_CLOSE: Final = 0.85
+CLOSE: Final = 0.6
+"""Similarity of a name with one letter of six missing, and of one with a third of its letters wrong (`difflib`)."""
+
+SHORTEST_PART: Final = 3
+"""Characters of a part of a name by which it is suggested."""
+
+MOST_NEAR: Final = 3
+"""Names that contain a part, and are suggested."""
+
 MOST_NAMES: Final = 20
 """Names that a message lists."""
 
@@ -91,21 +101,47 @@ def reading_file(path: Path) -> Iterator[None]:
         raise RunFolderError(f"{path}: is not as this program writes it ({told}); run the campaign again") from failure
 
 
-def suggestion(name: str, known: list[str]) -> str:
+def near_names(name: str, known: Sequence[str]) -> list[str]:
+    """Return names that another may have been meant for: one that is very close, those that contain it, or a close one.
+
+    >>> near_names("altitud_", ["altitude", "range"]), near_names("aided", ["tutorial-aided", "guide"])
+    (['altitude'], ['tutorial-aided'])
+    """
+    if not 0 < len(name) <= LONGEST_NAME:
+        return []
+    folded = {each.casefold(): each for each in reversed(known)}
+    containing = [each for each in known if len(name) >= SHORTEST_PART and name.casefold() in each.casefold()]
+
+    def closest(cutoff: float) -> list[str]:
+        return [folded[each] for each in difflib.get_close_matches(name.casefold(), list(folded), 1, cutoff)]
+
+    few = containing if len(containing) <= MOST_NEAR else []
+    return closest(VERY_CLOSE) or few or closest(CLOSE) or containing[:MOST_NEAR]
+
+
+def did_you_mean(names: Sequence[str]) -> str:
+    """Ask for near names, as the end of a message; empty without any.
+
+    >>> did_you_mean(["altitude", "altitude_rate"])
+    "; did you mean 'altitude' or 'altitude_rate'?"
+    """
+    return f"; did you mean {' or '.join(repr(each) for each in names)}?" if names else ""
+
+
+def suggestion(name: str, known: Sequence[str]) -> str:
     """Suggest what an unknown name may have meant, and list known names, as the end of a message.
 
     >>> suggestion("altitud", ["altitude", "range"])
     "; did you mean 'altitude'? It is one of altitude, range"
     """
+    known = [each for each in known if each.strip()]
     if not known:
         return ""
     listed = ", ".join(known[:MOST_NAMES])
     if len(known) > MOST_NAMES:
         listed += f" and {len(known) - MOST_NAMES} more"
-    close = difflib.get_close_matches(name, known, n=1) if len(name) <= LONGEST_NAME else []
-    if close:
-        return f"; did you mean {close[0]!r}? It is one of {listed}"
-    return f"; expected one of {listed}"
+    near = did_you_mean(near_names(name, known))
+    return f"{near} It is one of {listed}" if near else f"; expected one of {listed}"
 
 
 def shortened(text: str) -> str:

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from mcnav._threads import one_thread
 from mcnav.config.read import Campaign, campaign_from
 from mcnav.config.sweep_values import POINTS
-from mcnav.errors import reading_file
+from mcnav.errors import reading_file, suggestion
 from mcnav.report import filter_verdict, sentences
 from mcnav.report.arrays import arrays
 from mcnav.report.dataset import dataset
@@ -230,7 +230,7 @@ class FlownRun:
             A key of ``drawings``.
         """
         if name not in self.drawings:
-            raise ValueError(f"name must be one of {', '.join(self.drawings)}; got {name!r}")
+            raise ValueError(f"the report has no figure {name!r:.60}{suggestion(name, list(self.drawings))}")
         return self.drawings[name].figure()
 
     def _repr_html_(self) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -47,11 +47,32 @@ def example(name: str) -> Path:
     Raises `CampaignError` when there is no such example.
     """
     names = list(examples())
-    chosen = [each for each in names if each == name or (name.isdecimal() and each.startswith(f"{int(name):02}_"))]
-    if not chosen:
+    known = example_name(name, names)
+    if known is None:
         message = f"no example {name!r:.60}{suggestion(name, names)}"
+        if name.isdecimal():
+            message = f"no example {name!r:.60}; they are numbered from 1 to {len(names)}, and --list shows them"
         raise CampaignError([Problem("NAME", "", message)])
-    return examples_folder() / f"{chosen[0]}.toml"
+    return examples_folder() / f"{known}.toml"
+
+
+def example_name(name: str, names: Sequence[str]) -> str | None:
+    """Return the example that a name or a number stands for, if any.
+
+    >>> example_name("2", ["01_reentry", "02_cruise"])
+    '02_cruise'
+    """
+    return next((each for each in names if each == name or begins_with_number(each, name)), None)
+
+
+def begins_with_number(stem: str, number: str) -> bool:
+    """Whether the name of a file such as ``05_reentry`` begins with a number such as ``5``.
+
+    >>> begins_with_number("05_reentry", "5"), begins_with_number("05_reentry", "50")
+    (True, False)
+    """
+    first = stem.partition("_")[0]
+    return all(each.isdecimal() and len(each) <= 4 for each in (first, number)) and int(first) == int(number)
 
 
 def copy_examples(folder: Path) -> list[Path]:

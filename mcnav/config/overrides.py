@@ -2,7 +2,8 @@
 
 A path has the names of tables and of a key. Besides, it may have
 
-- the name of a sensor, ``aiding.gnss.position``, or the number of an entry from one on, ``accept.r95.1.below``;
+- the name of a sensor, ``aiding.gnss.position``, or the number of an entry from one on, ``accept.r95.1.below``, also of
+  a list in a list: ``aiding.gnss.outages.1.2`` is the end of the first outage;
 - an axis, ``imu.gyro.bias.x``: the others keep their values.
 
 A quantity for a key that holds a table sets what gives the table its size: ``sigma``, ``half_width``, ``value`` … of a
@@ -153,15 +154,30 @@ def _set(table: dict[str, Any], names: list[str], value: Value, above: tuple[str
         inside = table[name] = {}
     if isinstance(inside, dict):
         _set(inside, rest, value, here)
-    elif isinstance(inside, list) and any(isinstance(entry, dict) for entry in inside):
-        place = _place(inside, rest[0], here)
-        if len(rest) == 1:
-            raise _Mistake("expected a key of this entry as well")
-        _set(inside[place], rest[1:], value, (*here, rest[0]))
+    elif isinstance(inside, list) and (rest[0].isdecimal() or any(isinstance(entry, dict) for entry in inside)):
+        _set_entry(inside, rest, value, here)
     elif len(rest) == 1:
         table[name] = _with_part(inside, rest[0], value)
     else:
         raise _Mistake(f"{'.'.join(here)} is no table")
+
+
+def _set_entry(entries: list[Any], names: list[str], value: Value, above: tuple[str, ...]) -> None:
+    """Set an entry of a list, or a key or an entry in it."""
+    place, rest, here = _place(entries, names[0], above), names[1:], (*above, names[0])
+    inside = entries[place]
+    if isinstance(inside, dict) and rest:
+        _set(inside, rest, value, here)
+    elif isinstance(inside, dict):
+        raise _Mistake("expected a key of this entry as well")
+    elif isinstance(inside, list) and rest:
+        _set_entry(inside, rest, value, here)
+    elif isinstance(inside, list):
+        raise _Mistake(f"has several entries; expected the number of one, such as {'.'.join(here)}.1")
+    elif rest:
+        raise _Mistake(f"{'.'.join(here)} is no table")
+    else:
+        entries[place] = value
 
 
 def _with_grade(imu: Mapping[str, Any], name: str, above: tuple[str, ...]) -> Any:

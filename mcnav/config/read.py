@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
 from mcnav.config.campaign import Campaign, check_stored_samples
 from mcnav.config.context import EarlierFile, FileContext
 from mcnav.config.empirical import stored_table
+from mcnav.config.requirement_times import with_epochs
 from mcnav.config.requirements import read_requirements
 from mcnav.config.scenarios import SCENARIO_TYPES, USER, ScenarioSpec, scenario_type
 from mcnav.config.schema import CampaignTable, UntilTable
@@ -134,6 +136,9 @@ def parse_campaign(
     joint = read_joint(table.joint, sources, context)
     requirements: list[RequirementRecord] = []
     if table.accept is not None and described is not None:
+        if ins is not None:
+            ins = with_epochs(ins, table.accept)
+            described = replace(described, scenario=ins)
         requirements = read_requirements(table.accept, described.scenario, context)
     until = read_stopping_rule(rule, str(table.design), context) if rule else None
     if rule and table.store == SUMMARY:

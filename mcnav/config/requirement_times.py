@@ -1,19 +1,20 @@
 """Epochs at which a requirement holds: ``after``, ``during`` or ``at`` a time of the trajectory.
 
 Errors of all samples are known at the epochs of a navigation, so that a requirement holds at each epoch in its span.
+The time of ``at`` becomes an epoch.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mcnav.config.context import FileContext
-from mcnav.config.instants import same_times, seconds, within
-from mcnav.config.schema import CircularTable, QuantileTable
+from mcnav.config.instants import DECIMALS, same_times, seconds, within
+from mcnav.config.schema import AcceptTable, CircularTable, QuantileTable
 from mcnav.scenarios.ins import Ins, Navigation
 from mcnav.scenarios.protocol import Scenario
 
@@ -35,6 +36,19 @@ class RequirementEpochs:
 
     words: str
     numbers: tuple[int, ...]
+
+
+def with_epochs(scenario: Ins, table: AcceptTable) -> Ins:
+    """Return a scenario whose epochs contain the times at which requirements hold."""
+    navigation = scenario.navigation
+    entries = [entry for kind in (table.quantile, table.cep, table.r95, table.sep) for entry in kind]
+    asked = sorted({round(entry.at, DECIMALS) for entry in entries if entry.at is not None})
+    times = navigation.times
+    far = [
+        time for time in asked
+        if navigation.start < time < navigation.end and np.abs(times - time).min() > same_times(navigation)
+    ]  # fmt: skip
+    return Ins(replace(navigation, further=tuple(far))) if far else scenario
 
 
 def read_epochs(
@@ -67,14 +81,9 @@ def _after(navigation: Navigation, time: float, key: str, context: FileContext) 
 def _at(navigation: Navigation, time: float, key: str, context: FileContext) -> RequirementEpochs | None:
     if not _navigates(navigation, time, key, context):
         return None
-    times = navigation.times
-    same = np.abs(times - time) <= same_times(navigation)
-    if not same.any():
-        later = int(np.searchsorted(times, time))
-        neighbours = f"{seconds(times[later - 1])} or {seconds(times[later])}"
-        context.problem(key, f"got {seconds(time)}, which lies between two epochs; expected {neighbours}")
-        return None
-    return _found(f"at {seconds(time)}", same)
+    nearest = np.zeros(len(navigation.times), dtype=bool)
+    nearest[np.argmin(np.abs(navigation.times - time))] = True
+    return _found(f"at {seconds(time)}", nearest)
 
 
 def _during(navigation: Navigation, entry: object, key: str, context: FileContext) -> RequirementEpochs | None:

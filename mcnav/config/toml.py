@@ -10,6 +10,7 @@ from typing import Any, Final
 
 import tomli_w
 
+from mcnav.config.near_files import near_file
 from mcnav.errors import CampaignError, Problem
 
 DOTTED: Final = re.compile(rb"(?:[\w-]{1,100}[ \t]?\.[ \t]?){200}")
@@ -36,7 +37,7 @@ def load_file(path: Path) -> dict[str, Any]:
     except IsADirectoryError:
         message = "is a folder; expected a campaign file in TOML"
     except FileNotFoundError:
-        message = "no such file; expected a campaign file in TOML"
+        message = f"no such file; expected a campaign file in TOML{near_file(path, ('.toml',))}"
     except OSError as failure:
         message = f"cannot be read: {failure.strerror or failure}"
     except UnicodeDecodeError as failure:

@@ -18,6 +18,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.config.near_files import near_file
+from mcnav.config.trajectory_formats import foreign_format, why_no_header
 from mcnav.errors import suggestion
 from mcnav.files import numbers_in, read_whole
 from mcnav.physics.ins.earth import WGS84, Earth
@@ -36,6 +38,9 @@ MOST_ROWS: Final = 5_000_000
 
 LONGEST_HEADER: Final = 20_000
 """Bytes of the first line."""
+
+ENDINGS: Final = (".csv", ".parquet", ".txt", ".toml")
+"""Of files that ``mcnav trajectory`` may read."""
 
 DELIMITERS: Final = (",", ";", "\t")
 
@@ -103,7 +108,7 @@ def read_trajectory_file(
 
 def _why_unreadable(path: Path, failure: OSError) -> str:
     if isinstance(failure, FileNotFoundError):
-        return "no such file; expected a trajectory as CSV or parquet"
+        return f"no such file; expected a trajectory as CSV or parquet{near_file(path, ENDINGS)}"
     if path.is_dir():
         return "is a folder; expected a trajectory file, CSV or parquet"
     if path.exists() and not path.is_file():
@@ -194,6 +199,8 @@ def _read_csv(content: bytes, columns: Mapping[str, str]) -> Table:
     line = content[start : min(ends, default=len(content))]
     if not line.strip():
         raise TrajectoryError("is empty; expected a trajectory as CSV or parquet")
+    if (foreign := foreign_format(content)) is not None:
+        raise TrajectoryError(foreign)
     if len(line) > LONGEST_HEADER:
         raise TrajectoryError("is no table: its first line is longer than that of any trajectory")
     try:
@@ -212,6 +219,9 @@ def _read_csv(content: bytes, columns: Mapping[str, str]) -> Table:
         raise TrajectoryError(
             f"has no header and {len(header)} columns; without a header the {len(COLUMNS)} are {', '.join(COLUMNS)}"
         )
+    wanted = [_name_and_unit(columns.get(name, name))[0] for name in COLUMNS]
+    if not headless and (reason := why_no_header(text, header, wanted)) is not None:
+        raise TrajectoryError(reason)
     found = _find_columns(COLUMNS if headless else header, columns)
     body = content if headless and not start else content[start if headless else start + len(line) + 1 :]
     if not body.strip():

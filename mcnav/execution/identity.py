@@ -34,7 +34,7 @@ SHOWN: Final = 3
 SAMPLES: Final = "samples"
 
 UNUSED: Final = ("start_times", "accept", "sample_timeout")
-"""Entries of a campaign on which its samples do not depend."""
+"""Entries of a campaign on which its samples do not depend, but for the epochs that requirements add."""
 
 REMEDY: Final = "--fresh replaces them, --out writes elsewhere"
 
@@ -57,13 +57,16 @@ def identity_of(
 ) -> Identity:
     """Collect what the samples of a resolved campaign depend on; other entries are left out.
 
-    A scenario whose samples have changed in their last digits counts these changes in an attribute ``revision``.
+    A scenario whose samples have changed in their last digits counts these changes in an attribute ``revision``. One
+    with epochs besides its usual ones, for which requirements ask, has them in ``further_epochs``.
     """
     optional: dict[str, Any] = {}
     if revision := getattr(scenario, "revision", None):
         optional["revision"] = revision
     if later := [source.name for source in scenario.sources if source.later]:
         optional["later_sources"] = later  # chunks of a run made before them do not have their columns
+    if further := getattr(scenario, "further_epochs", None):
+        optional["further_epochs"] = list(further)
     if code is not None:
         optional["code"] = CodeRecord(file=code.file, sha256=code.digest)
     if inputs:

@@ -3,6 +3,8 @@
 numba notices changes of the file that holds a compiled function, but not of constants and inlined functions that
 it takes from other files. The cache is therefore valid for one content of all files of this package.
 
+Where no folder can be written to, as in an installation for reading alone, functions are compiled in every process.
+
 The code of a function contains a copy of each compiled function that it calls, optimised once more. A process that
 compiles both calls the original, and a process that loads the caller from disk calls the copy, which may fuse other
 multiplications with additions. `tests/cross/test_compiled.py` checks that both give the same bits. Where they do not,
@@ -15,14 +17,17 @@ differ; elements are assigned one by one.
 from __future__ import annotations
 
 import hashlib
+import os
 import secrets
+import sys
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, Final, TypeVar, cast
 
 import numba
 from numba.core.bytecode import FunctionIdentity
+from numba.core.caching import UserWideCacheLocator
 
 from mcnav.physics.parts import PartCompiler, give_entry
 
@@ -44,13 +49,41 @@ def sources_digest() -> str:
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 
 
+TOLD: Final = "MCNAV_TOLD_THAT_CODE_CANNOT_BE_STORED"
+"""Variable of the environment that a command's worker processes have from it: they do not say it again."""
+
+
+def _dispatcher(function: Callable[..., Any], options: dict[str, Any]) -> Any:
+    """Give a function to numba; without a cache where no folder for it can be written to."""
+    try:
+        return numba.njit(**options)(function)
+    except RuntimeError as failure:
+        if not options["cache"] or "no locator available" not in str(failure):
+            raise
+    _tell_that_code_cannot_be_stored(function)
+    return numba.njit(**(options | {"cache": False}))(function)
+
+
+def _tell_that_code_cannot_be_stored(function: Callable[..., Any]) -> None:
+    """Print one line for a command and its workers, which names the folders that numba has tried."""
+    if os.environ.get(TOLD):
+        return
+    os.environ[TOLD] = "1"
+    file = function.__code__.co_filename
+    of_user = Path(UserWideCacheLocator(function, file).get_cache_path()).parent
+    tried = [numba.config.CACHE_DIR, Path(file).parent / "__pycache__", of_user]
+    places = " nor ".join(str(place) for place in tried if str(place))
+    remedy = "set NUMBA_CACHE_DIR to a folder that is, or every command compiles again"
+    print(f"note: compiled code cannot be stored: neither {places} is writable; {remedy}", file=sys.stderr)
+
+
 def _compile(function: Function, **options: Any) -> Function:
     """Compile a function once for a type: numba would compile it again for each constant that a caller passes.
 
     It has no second entry for callers written in C, whom there are none: that takes a tenth of the time.
     """
     usual = {"cache": True, "error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
-    dispatcher = numba.njit(**(usual | options))(function)
+    dispatcher = _dispatcher(function, usual | options)
     stored = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
     if stored is not None:
         stored._source_stamp = (*stored._source_stamp, sources_digest())

@@ -28,6 +28,11 @@ class TemplateCache(FileSystemBytecodeCache):
         folder = Path(cache_from_source(configured_in)).parent
         super().__init__(str(folder), f"jinja2-{jinja2.__version__}-{digest}-%s.cache")
 
+    def load_bytecode(self, bucket: Bucket) -> None:
+        """Load a template, if that is possible."""
+        with suppress(OSError):
+            super().load_bytecode(bucket)
+
     def dump_bytecode(self, bucket: Bucket) -> None:
         """Store a template, if that is possible."""
         if not sys.dont_write_bytecode:

@@ -34,7 +34,7 @@ def check_history(history: History) -> History:
     }
     if any(not begin <= end for each in outages.values() for begin, end in each):
         raise ValueError("an outage must not end before it begins")
-    return History(columns, events, history.panels, outages)
+    return History(columns, events, history.panels, outages, str(history.title))
 
 
 def with_errors(history: History, errors: Array, outputs: Sequence[Output]) -> History:

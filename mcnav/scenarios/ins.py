@@ -169,6 +169,8 @@ class Navigation:
         Of an aided navigation.
     sigmas : mapping of str to float
         True root mean squares of the constant sources, where they are known: what a filter believes is compared.
+    further : tuple of float
+        Times at which errors are looked at besides the usual epochs, s, such as those of requirements.
     """
 
     truth: Truth
@@ -179,6 +181,7 @@ class Navigation:
     sensors: tuple[Sensor, ...] = ()
     filter: FilterModel | None = None
     sigmas: Mapping[str, float] = field(default_factory=dict)
+    further: tuple[float, ...] = ()
 
     @property
     def latest_start(self) -> float:
@@ -190,11 +193,12 @@ class Navigation:
 
     @property
     def times(self) -> Array:
-        """Epochs, the start first, s; begin and end of each outage are among them."""
+        """Epochs, the start first, s; begin and end of each outage are among them, and further times."""
         times = np.linspace(self.start, self.end, EPOCHS + 1)
-        for begin, end in (outage for sensor in self.sensors for outage in sensor.outages):
-            just_before = end - min(BEFORE_OUTAGES_END, 0.01 * (end - begin))
-            inside = [time for time in (begin, just_before) if self.start < time < self.end]
+        outages = (outage for sensor in self.sensors for outage in sensor.outages)
+        ends = ((begin, end - min(BEFORE_OUTAGES_END, 0.01 * (end - begin))) for begin, end in outages)
+        for added in (*ends, *((time,) for time in self.further)):
+            inside = [time for time in added if self.start < time < self.end]
             far = [time for time in inside if np.abs(times - time).min() > 1e-6]
             times = np.union1d(times, far)
         return times
@@ -221,7 +225,11 @@ class Navigation:
 
     def grid(self, steps: int) -> Array:
         """Return the times of so many steps between epochs."""
-        return np.linspace(self.start, self.end, EPOCHS * steps + 1)
+        times = self.times
+        if len(times) == EPOCHS + 1:
+            return np.linspace(self.start, self.end, EPOCHS * steps + 1)
+        places = np.arange((len(times) - 1) * steps + 1) / steps
+        return np.interp(places, np.arange(len(times)), times)
 
     @cached_property
     def responses(self) -> StepResponses:
@@ -234,7 +242,7 @@ class Navigation:
         responses = self.responses
         if not np.array_equal(grid, self.times):
             responses = respond(self.truth, self.platform, grid, self.imu)
-        return tabulate(self.truth, self.platform, responses, self.imu, np.arange(EPOCHS + 1) * steps)
+        return tabulate(self.truth, self.platform, responses, self.imu, np.arange(len(self.times)) * steps)
 
     @cached_property
     def linear(self) -> LinearErrors:
@@ -242,7 +250,7 @@ class Navigation:
         if self.aided is not None:
             closed = self.aided.linear
             return LinearErrors(closed.times, closed.partials, closed.processes)
-        return propagate(self.truth, self.responses, self.imu, np.arange(EPOCHS + 1))
+        return propagate(self.truth, self.responses, self.imu, np.arange(len(self.times)))
 
 
 @dataclass(frozen=True)
@@ -452,6 +460,11 @@ class Ins:
         processes = {name: covariance[-1] for name, covariance in linear.processes.items()}
         return LinearModel(linear.partials[-1], np.zeros(len(OUTPUTS)), processes)
 
+    @property
+    def further_epochs(self) -> tuple[float, ...]:
+        """Times that have been added to the usual epochs, s: samples' noise depends on all of them."""
+        return self.navigation.further
+
     def _check_within(self, times: Array) -> None:
         navigation = self.navigation
         for time in times:
@@ -587,15 +600,15 @@ class Ins:
             )
             accuracy = f"deviations in inertial axes, {len(shared.ensemble.durations)} steps, {gains}; {known}"
             return AidedEngine(aided, shared, schema, engine == "ensemble", accuracy)
-        steps, tables, error = self._refined(probes)
+        tables, error = self._refined(probes)
         accuracy = (
-            f"deviations in inertial axes, {EPOCHS * steps} steps; largest numerical error of {len(probes)} probe "
-            f"samples {error:.1e} of an output's dispersion"
+            f"deviations in inertial axes, {len(tables.durations)} steps; largest numerical error of {len(probes)} "
+            f"probe samples {error:.1e} of an output's dispersion"
         )
         return EnsembleEngine(self.navigation, tables, accuracy)
 
-    def _refined(self, probes: Array) -> tuple[int, EnsembleTables, float]:
-        """Find the steps between epochs that the probes allow, and their error; the method is of second order."""
+    def _refined(self, probes: Array) -> tuple[EnsembleTables, float]:
+        """Find the tables with the steps that the probes allow, and their error; the method is of second order."""
         index, navigation = np.arange(len(probes)), self.navigation
 
         def flown(tables: EnsembleTables) -> Array:
@@ -612,9 +625,9 @@ class Ins:
             shares = np.abs(coarse - fine).max(axis=0, initial=0.0)[scale > 0.0] / scale[scale > 0.0]
             error = float(shares.max(initial=0.0)) / 3.0  # of the finer one
             if 4.0 * error <= TOLERANCE:
-                return steps, tables, 4.0 * error
+                return tables, 4.0 * error
             if error <= TOLERANCE or 2 * steps >= MOST_STEPS:
-                return 2 * steps, finer, error
+                return finer, error
             wanted = 2 * steps * 2 ** max(0, int(np.ceil(0.5 * np.log2(error / TOLERANCE))) - 1)
             steps = min(wanted, MOST_STEPS // 2)
             tables = finer if wanted == 2 * steps else navigation.tables(steps)

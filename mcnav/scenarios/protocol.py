@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal, Protocol, runtime_checkable
+from typing import Final, Literal, Protocol, runtime_checkable
 
 from mcnav._types import Array, IndexArray
 from mcnav.physics.power_sums import PowerSums
@@ -183,6 +183,9 @@ class Panel:
     marks: tuple[str, ...] = ()
 
 
+NOMINAL_FLIGHT: Final = "Nominal flight"
+
+
 @dataclass(frozen=True)
 class History:
     """Flight data for figures: named columns over time, and the diagrams that show them.
@@ -198,12 +201,15 @@ class History:
     outages : mapping of str to tuple of (float, float)
         Begin and end of the intervals in which an aiding sensor is silent, by its name, in the unit of the first
         column.
+    title : str
+        What the diagrams show.
     """
 
     columns: Mapping[str, Array] = field(default_factory=dict)
     events: Mapping[str, float] = field(default_factory=dict)
     panels: tuple[Panel, ...] = ()
     outages: Mapping[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
+    title: str = NOMINAL_FLIGHT
 
 
 @dataclass(frozen=True)

@@ -87,6 +87,9 @@ ENSEMBLE_CHUNK: Final = 8_192
 REFERENCE_CHUNK: Final = 32
 HISTORY_POINTS: Final = 121
 HISTORY_TIME: Final = "time [min]"
+RESPONSES: Final = "Errors left by one error alone"
+"""Title of the diagrams: the flight itself is steady, and shows nothing."""
+
 EPOCHS: Final = 60
 """Instants at which the errors of all samples are read out."""
 
@@ -297,4 +300,4 @@ class Cruise:
             columns |= drawn
             title = f"{spoken.capitalize()} error left by one error of usual size"
             panels.append(Panel(title, HISTORY_TIME, tuple(drawn), legend, f"{spoken} error [km]"))
-        return History(columns, {"end": flight.duration / 60.0}, tuple(panels))
+        return History(columns, {"end": flight.duration / 60.0}, tuple(panels), title=RESPONSES)

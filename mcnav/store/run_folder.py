@@ -40,7 +40,7 @@ from mcnav.files import (
 )
 from mcnav.scenarios.histories import check_history
 from mcnav.scenarios.inputs import InputFile
-from mcnav.scenarios.protocol import History, Panel
+from mcnav.scenarios.protocol import NOMINAL_FLIGHT, History, Panel
 from mcnav.store.chunk_files import (
     LARGEST_CHUNK,
     MOST_EXPANSION,
@@ -390,7 +390,8 @@ class RunFolder:
                 Panel(**entry | {key: tuple(entry[key]) for key in ("y", "legend", "marks")}) for entry in described
             )
             outages = json.loads(marks.get(b"mcnav.outages", b"{}"))
-            return check_history(History(_columns(table), events, panels, outages))
+            title = marks.get(b"mcnav.title", NOMINAL_FLIGHT.encode()).decode()
+            return check_history(History(_columns(table), events, panels, outages, title))
 
     def epochs(self) -> tuple[dict[str, Array], dict[str, Any]] | None:
         """Read the columns of ``epochs.parquet`` and its description; none where the run has none.
@@ -440,6 +441,8 @@ def history_table(history: History) -> bytes:
         "mcnav.events": json.dumps(dict(history.events)),
         "mcnav.panels": json.dumps([asdict(panel) for panel in history.panels]),
     }
+    if history.title != NOMINAL_FLIGHT:
+        marks["mcnav.title"] = history.title
     if history.outages:
         marks["mcnav.outages"] = json.dumps(dict(history.outages))
     return parquet_bytes(arrow_table(history.columns).replace_schema_metadata(marks))

@@ -29,6 +29,7 @@ from mcnav.report.lincov_page import render
 from mcnav.scenarios.ins import Ins
 from mcnav.scenarios.protocol import (
     FilterScenario,
+    HasCovarianceReadings,
     HasLinearReadings,
     HasPartialsHistory,
     LinearModel,
@@ -69,8 +70,8 @@ def linear_covariance(campaign: str | Path | Campaign | Mapping[str, Any], times
     scenario, errors = described.scenario, described.errors
     names = tuple(source.name for source in scenario.sources)
     with one_thread(), _scenario_errors(described):
-        if not isinstance(scenario, HasLinearReadings) and times is not None:
-            raise ScenarioError("type", "has no trajectory whose times could be named; leave out --at")
+        if times is not None:
+            _check_times(described, times)
         _check_soundness(described)
         linear, readings = _linearize(scenario)
         model = Model(linear.partials, linear.nominal, errors.mean, errors.covariance, linear.processes)
@@ -119,6 +120,19 @@ def _scenario_errors(campaign: Campaign) -> Iterator[None]:
         raise CampaignError([Problem(campaign.file, f"scenario.{wrong.key}", str(wrong))]) from None
     except SimulationFailed as wrong:
         raise CampaignError([Problem(campaign.file, "scenario", str(wrong))]) from None
+
+
+def _check_times(campaign: Campaign, times: Array) -> None:
+    """Refuse times outside of the navigation, and any for a scenario without a trajectory."""
+    scenario = campaign.scenario
+    if not (isinstance(scenario, HasLinearReadings) and isinstance(scenario, HasCovarianceReadings)):
+        message = "the scenario has no trajectory whose times could be named; leave out --at"
+        raise CampaignError([Problem(campaign.file, "--at", message)])
+    first, last = (float(time) for time in scenario.reading_times[[0, -1]])
+    outside = [float(time) for time in times if not first <= time <= last]
+    if outside:
+        message = f"got {outside[0]:.10g} s; navigation is from {first:.10g} s to {last:.10g} s"
+        raise CampaignError([Problem(campaign.file, "--at", message)])
 
 
 def _check_soundness(campaign: Campaign) -> None:

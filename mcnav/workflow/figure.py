@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from mcnav._threads import one_thread
-from mcnav.errors import RunFolderError, reading_file
+from mcnav.errors import RunFolderError, reading_file, suggestion
 from mcnav.report.page import figures
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.analyse import analyse
@@ -44,7 +44,7 @@ def draw_figure(
     with one_thread(), reading_file(folder):
         found = figures(analyse(RunFolder(folder)))
     if name not in found:
-        raise RunFolderError(f"NAME: must be one of {', '.join(found)}; got {name}")
+        raise RunFolderError(f"NAME: the report has no figure {name!r:.60}{suggestion(name, list(found))}")
     from mcnav.report.figures.on_axes import crowded, save
 
     try:

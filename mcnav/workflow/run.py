@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 from mcnav._subprocess import side_threads
 from mcnav._threads import one_thread
 from mcnav.config.read import Campaign
-from mcnav.errors import CampaignError, Problem, RunFolderError
+from mcnav.errors import CampaignError, Problem, RunFolderError, did_you_mean, near_names
 from mcnav.execution.chunks import ChunkJob, DrawPlan
 from mcnav.execution.identity import check_no_foreign_files, check_resumable, chunk_digest, identity_of
 from mcnav.execution.processes import end_workers_apart
@@ -151,7 +151,8 @@ def _engine_name(campaign: Campaign, name: str | None) -> str:
     known = engine_names(campaign.scenario)
     name = name or known[0]
     if name not in known:
-        raise CampaignError([Problem(campaign.file, "engine", f"got {name!r}; this scenario has {', '.join(known)}")])
+        message = f"got {name!r}; this scenario has {', '.join(known)}{did_you_mean(near_names(name, known))}"
+        raise CampaignError([Problem(campaign.file, "engine", message)])
     return name
 
 

@@ -308,6 +308,38 @@ def test_bad_input(arguments: list[object], message: str, workplace: Path) -> No
 
 
 @pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["run", "19"], "; did you mean 'campaigns/19_flight_with_gnss.toml'?"),
+        (["run", "campaigns/14_polar"], "; did you mean 'campaigns/14_polar.toml'?"),
+        (["lincov", "14_polr.toml"], "; did you mean 'campaigns/14_polar.toml'?"),
+        (["trajectory", "fligth.csv"], "; did you mean 'campaigns/flight.csv'?"),
+        (["run", "quaternion.toml"], "quaternion.toml: no such file; expected a campaign file in TOML"),
+        (["demo", "99"], "no example '99'; they are numbered from 1 to 23, and --list shows them"),
+        (["demo", "gnss"], "no example 'gnss'; did you mean '19_flight_with_gnss'?"),
+        (["docs", "filter"], "'filter' is unknown; did you mean 'howto-filter'?"),
+        (["docs", "aided"], "'aided' is unknown; did you mean 'tutorial-aided'?"),
+        (["reproduce", "tnd1772"], "'tnd1772' is unknown; did you mean 'tn-d1772'?"),
+        (["show", "run", "--format", "cvs"], "'cvs' is unknown; did you mean 'csv'? It is one of table, csv, json"),
+        (
+            ["run", DEMO, "--engine", "referense"],
+            "this scenario has ensemble, reference, map; did you mean 'reference'?",
+        ),
+    ],
+    ids=str,
+)
+def test_near_names_are_suggested(arguments: list[object], message: str) -> None:
+    finished = invoke(*arguments, cwd=ROOT)
+    assert finished.returncode == 2
+    assert message in finished.stderr.splitlines()[-1]
+
+
+def test_an_example_is_suggested_where_there_are_none(tmp_path: Path) -> None:
+    line = "19: no such file; expected a campaign file in TOML; mcnav demo 19 runs the example 19_flight_with_gnss"
+    assert line in invoke("run", "19", cwd=tmp_path).stderr
+
+
+@pytest.mark.parametrize(
     "arguments",
     [["run", DEMO, "--jobs", 0], ["run", DEMO, "--samples", 1], ["run", DEMO, "--engine", "magic"], ["fly"], ["run"]],
 )

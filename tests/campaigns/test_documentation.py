@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import re
 import shlex
@@ -21,9 +22,12 @@ import pytest
 import mcnav
 from mcnav.config.read import parse_campaign, read_campaign
 from mcnav.config.templates import new_scenario
+from mcnav.scenarios.ins import NAVIGATION_ERRORS
+from mcnav.studies.lincov import linear_covariance
 from mcnav.workflow.analyse import report_run
 from mcnav.workflow.index import write_index
 from mcnav.workflow.run import run_campaign
+from tests import readme
 from tests.commands import invoke
 from tests.conftest import ROOT, campaign
 from tests.printed import follow
@@ -198,7 +202,7 @@ def test_a_run_in_a_notebook(place: Path) -> None:
         assert drawing._repr_svg_().count("</svg>") == 1 + len(drawing.panels)
         assert "var(--" not in drawing._repr_svg_()
     for wrong in (lambda: run.figure("none"), lambda: run.covariance("none")):
-        with pytest.raises(ValueError, match="must be one of"):
+        with pytest.raises(ValueError, match="one of"):
             wrong()
     assert len(mcnav.open_run(place / "run").samples) == 500
 
@@ -273,3 +277,30 @@ def test_requirements_in_report_index_summary_and_notebook(tmp_path: Path) -> No
     assert repr(run) == f"test: {told}"
     assert told in run._repr_html_()
     assert run_campaign(campaign(1), tmp_path / "none", "ensemble", 1).summary["requirements_met"] is None
+
+
+def test_the_example_of_the_readme_is_what_linear_analysis_says() -> None:
+    """The filter's sigma to the digits shown, the true one within four standard errors of its samples' sigma."""
+    text = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+    said = re.search(r"After (\d+) minutes .*? know the (.*?) to ([\d.]+) mrad .*? truth is ([\d.]+) mrad", text)
+    drawn = re.search(r"([\d,]+) simulated samples", text)
+    assert said
+    assert drawn
+    history = linear_covariance(ROOT / readme.CAMPAIGN).history
+    assert history is not None
+    assert history.sigma_filter is not None
+    epoch = int(np.argmin(np.abs(history.readings.times / 60.0 - float(said[1]))))
+    place = [output.name for output in NAVIGATION_ERRORS].index(said[2].replace(" ", "_"))
+    true, own = (1e3 * float(each[epoch, place]) for each in (history.sigma, history.sigma_filter))
+    samples, half_a_digit = int(drawn[1].replace(",", "")), 0.0005
+    assert float(said[3]) == pytest.approx(own, abs=half_a_digit)
+    assert float(said[4]) == pytest.approx(true, rel=4.0 / math.sqrt(2.0 * samples), abs=half_a_digit)
+
+
+def test_the_example_of_the_readme_can_be_renewed() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    again = readme.renewed(text, "another")
+    assert again.partition(readme.BEGIN)[2].partition(readme.END)[0] == "\nanother\n"
+    assert again.partition(readme.END)[2] == text.partition(readme.END)[2]
+    with pytest.raises(ValueError, match="lacks its marks"):
+        readme.renewed("nothing", "another")

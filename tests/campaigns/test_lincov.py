@@ -78,8 +78,16 @@ class Jump:
 
 
 def test_times_need_a_trajectory() -> None:
-    with pytest.raises(CampaignError, match="no trajectory"):
+    with pytest.raises(CampaignError, match="--at: the scenario has no trajectory"):
         linear_covariance(CAMPAIGNS / "11_cruise.toml", np.array([60.0]))
+
+
+def test_times_outside_of_the_navigation_are_those_of_the_option() -> None:
+    """The end is written with all its digits: that which is shown is accepted."""
+    message = "--at: got 99999 s; navigation is from 0 s to 3598.878663 s"
+    with pytest.raises(CampaignError, match=message):
+        linear_covariance(CAMPAIGNS / "19_flight_with_gnss.toml", np.array([600.0, 99999.0]))
+    linear_covariance(CAMPAIGNS / "15_flight_navigation_grade.toml", np.array([3598.878663]))
 
 
 def test_files_of_a_linear_covariance(tmp_path: Path) -> None:

@@ -96,9 +96,9 @@ AIDING = {
     "not a number": (AIDED.replace('"3 m"', "nan"), "aiding #1.position: got nan without a unit; expected a length"),
     "infinite": (AIDED.replace('"1 s"', "inf"), "aiding #1.interval: got inf without a unit; expected a time"),
     "of another scenario": (REENTRY + GNSS, "aiding: this scenario cannot be aided, which those of type ins can"),
-    "a requirement between epochs": (
-        AIDED + '[[accept.cep]]\noutputs = ["position_north", "position_east"]\nbelow = "9 m"\nat = "50.5 s"\n',
-        "accept.cep #1.at: got 50.5 s, which lies between two epochs; expected ",
+    "a requirement after the end": (
+        AIDED + '[[accept.cep]]\noutputs = ["position_north", "position_east"]\nbelow = "9 m"\nat = "99999 s"\n',
+        "accept.cep #1.at: got 99999 s; navigation is from ",
     ),
 }
 

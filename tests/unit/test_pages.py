@@ -125,8 +125,8 @@ def test_every_page_has_a_name_and_is_in_the_lists_of_pages() -> None:
 
 
 def test_the_readme_is_short() -> None:
-    """One screen and a half; everything else is in the pages that it lists."""
+    """Two screens; everything else is in the pages that it lists."""
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert len(readme.splitlines()) <= 120
+    assert len(readme.splitlines()) < 150
     picture = ROOT / re.findall(r"!\[.*?\]\((.*?)\)", readme)[0]
     assert picture.stat().st_size < 200_000

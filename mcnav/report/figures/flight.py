@@ -22,8 +22,8 @@ def flight(history: History) -> Figure | None:
     titles = [panel.title for panel in history.panels]
     return Figure(
         name="flight",
-        title="Nominal flight",
-        description="Nominal flight: " + "; ".join(titles),
+        title=history.title,
+        description=f"{history.title}: " + "; ".join(titles),
         panels=[_panel(number, history, panel) for number, panel in enumerate(history.panels)],
         key=(),
         columns=history.columns,

@@ -112,6 +112,22 @@ def test_sensors_by_name_type_and_number() -> None:
     assert set_one(limits, "accept.r95.2.below", "9 m")["accept"]["r95"] == [{"below": "1 m"}, {"below": "9 m"}]
 
 
+def test_entries_of_lists_by_number() -> None:
+    """Of a list of lists both numbers are given; the other entries stay."""
+    outages = {"aiding": [{"type": "gnss", "outages": [["1 s", "2 s"], ["5 s", "6 s"]], "instants": ["3 s", "4 s"]}]}
+    assert set_one(outages, "aiding.gnss.outages.2.1", "4 s")["aiding"][0]["outages"] == [
+        ["1 s", "2 s"],
+        ["4 s", "6 s"],
+    ]
+    assert set_one(outages, "aiding.gnss.instants.2", "9 s")["aiding"][0]["instants"] == ["3 s", "9 s"]
+    assert "such as aiding.gnss.outages.1.1" in mistake(outages, "aiding.gnss.outages.1")
+    assert "from 1 to 2" in mistake(outages, "aiding.gnss.outages.3.1")
+    assert mistake(outages, "aiding.gnss.outages.1.2.3") == "aiding.gnss.outages.1.2 is no table"
+    found = vary(AIDED, {"aiding.gnss.outages.1.2": "1300 s"})
+    assert isinstance(found.scenario, Ins)
+    assert found.scenario.navigation.sensors[0].outages == ((1200.0, 1300.0),)
+
+
 def test_values_of_the_catalogue_count_as_those_of_the_file() -> None:
     """A process keeps its correlation time, an axis leaves the others as the grade has them."""
     imu = {"imu": {"grade": "navigation", "accelerometer": {"bias": "1 ug"}}}

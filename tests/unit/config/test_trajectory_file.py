@@ -263,6 +263,11 @@ def test_degrees_read_as_radians(tmp_path: Path) -> None:
     assert "degrees that are read as radians" in refused(path, {"heading": "heading [rad]"})
 
 
+RTKLIB = (
+    "2011/03/27 12:00:00.000   35.717456030  139.796223990    58.3012   1   8   0.0042   0.0033   0.0094"
+    "   0.0009  -0.0012  -0.0031   0.00   12.4\n"
+)
+
 TEXTS: dict[str, tuple[str | bytes, str]] = {
     "empty": ("", "is empty; expected a trajectory as CSV or parquet"),
     "blank lines": ("\n\n\n", "is empty"),
@@ -289,6 +294,31 @@ TEXTS: dict[str, tuple[str | bytes, str]] = {
     "binary": (bytes(range(128, 256)) * 50, "is neither CSV nor parquet"),
     "one long line": ("1" * 50_000, "is no table: its first line is longer"),
     "damaged parquet": (b"PAR1" + bytes(100), "is no parquet file that can be read"),
+    "blanks and names": (
+        "time lat lon alt roll pitch heading\n0 47 9 100 0 0 0\n",
+        "is separated by blanks: its first line is 'time lat lon alt roll pitch heading'; put commas between",
+    ),
+    "blanks without names": (
+        "  456250.000   47.0   9.0  100.0  0.0  0.0  0.0\n" * 5,
+        "is separated by blanks, without a header: its first line is '456250.000   47.0   9.0",
+    ),
+    "times of day without names": (
+        "2024-05-03T12:00:00Z,47,9,100,0,0,0\n" * 5,
+        "has no header: its first line is '2024-05-03T12:00:00Z,47,9,100,0,0,0'; add a first line of names",
+    ),
+    "a comment": ("# flight of May 3, 2024\ntime,lat\n", "begins with the comment '# flight of May 3, 2024'"),
+    "RTKLIB": (
+        "% program   : RTKLIB ver.2.4.2\n%  GPST   latitude(deg) longitude(deg)  height(m)   Q  ns\n",
+        "is an RTKLIB position file (.pos); write its times in s and its positions into a CSV file, beside roll,",
+    ),
+    "RTKLIB without a header": (RTKLIB, "is an RTKLIB position file"),
+    "RTKLIB in weeks": (RTKLIB.replace("2011/03/27 12:00:00.000", "1629 43200.000"), "is an RTKLIB position file"),
+    "NMEA": ("$GNGGA,123519.00,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\n", "is a log of NMEA sentences;"),
+    "GPX": ('<?xml version="1.0"?>\n<gpx version="1.1"><trk><trkseg></trkseg></trk></gpx>\n', "is a GPX file;"),
+    "KML": ('<?xml version="1.0"?>\n<kml xmlns="http://www.opengis.net/kml/2.2">\n', "is a KML file;"),
+    "JSON": ('{"time": [0, 1]}', "is a JSON file;"),
+    "a spreadsheet": (b"PK\x03\x04" + bytes(100), "is a ZIP file, as those of spreadsheets"),
+    "UTF-16": ("time,lat".encode("utf-16"), "is UTF-16 text; save it as UTF-8"),
 }  # fmt: skip
 
 

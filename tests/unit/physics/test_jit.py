@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
 from pathlib import Path
 
@@ -101,3 +102,30 @@ def test_a_part_has_no_machine_code_of_its_own() -> None:
         (found,) = function.overloads.values()
         assert bool(found.library.get_pointer_to_function(found.fndesc.llvm_func_name)) == has_code
     assert _treble(2.0) == 6.0
+
+
+@pytest.mark.slow
+def test_an_installation_that_cannot_be_written_to(tmp_path: Path) -> None:
+    """Commands work without stored code; they say so in one line, which their worker processes do not repeat.
+
+    A file stands wherever a folder for code would be made, so that not even an administrator can write there.
+    """
+    package = tmp_path / "installed" / "mcnav"
+    shutil.copytree(ROOT / "mcnav", package, ignore=shutil.ignore_patterns("__pycache__"))
+    for folder in (package, *(path for path in package.rglob("*") if path.is_dir())):
+        (folder / "__pycache__").touch()
+    nowhere = tmp_path / "no_folder"
+    nowhere.touch()
+    environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
+    environment |= {"PYTHONPATH": str(package.parent), "HOME": str(nowhere), "XDG_CACHE_HOME": str(nowhere / "cache")}
+    campaign = ROOT / "campaigns" / "01_tn_d1772_trajectory_4.toml"
+    options = ["--samples", "40", "--jobs", "2", "--engine", "reference"]
+    done = run_to_end([sys.executable, "-m", "mcnav", "run", str(campaign), *options], cwd=tmp_path, env=environment)
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr
+    told = [line for line in done.stderr.splitlines() if "cannot be stored" in line]
+    start = f"note: compiled code cannot be stored: neither {package}/"
+    assert len(told) == 1
+    assert told[0].startswith(start)
+    assert f" nor {nowhere}/cache/numba is writable; set NUMBA_CACHE_DIR to a folder that is" in told[0]
+    assert (tmp_path / "reports" / campaign.stem / "report.html").exists()

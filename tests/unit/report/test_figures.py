@@ -15,9 +15,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mcnav.config.read import read_campaign
 from mcnav.report.figures import marks as m
 from mcnav.report.figures.agreement import nees
 from mcnav.report.figures.figure import HALF, Figure
+from mcnav.report.figures.flight import flight
 from mcnav.report.figures.on_axes import crowded
 from mcnav.report.figures.palette import FLOWN, LINEAR, SOURCE_COLOURS
 from mcnav.report.figures.paper import read_size
@@ -32,6 +34,7 @@ from mcnav.report.figures.ticks import (
     ticks_along,
 )  # fmt: skip
 from mcnav.report.svg import UNIT, svg
+from tests.conftest import ROOT
 
 CURVE, DOTS = m.Series("curve", "a curve", LINEAR), m.Series("dots", "dots", FLOWN, "dot")
 BAR = m.Series("bar", "a bar", FLOWN, "area")
@@ -273,3 +276,11 @@ def test_reports_do_without_matplotlib() -> None:
         "mcnav.reproduce.story_of_84_minutes.page; sys.exit('matplotlib' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", program], check=False, timeout=120).returncode == 0
+
+
+def test_a_figure_of_errors_is_not_called_a_flight() -> None:
+    """A steady flight shows what each error leaves, and its figure says so; others show the flight itself."""
+    cruise = read_campaign(ROOT / "campaigns" / "11_cruise.toml").scenario.history()
+    reentry = read_campaign(ROOT / "campaigns" / "01_tn_d1772_trajectory_4.toml").scenario.history()
+    titles = [drawn.title for history in (cruise, reentry) if (drawn := flight(history)) is not None]
+    assert titles == ["Errors left by one error alone", "Nominal flight"]

@@ -69,3 +69,10 @@ def test_outages_are_stored(tmp_path: Path) -> None:
         files.append((folder.path / HISTORY).read_bytes())
     assert b"mcnav.outages" not in files[0]
     assert b"mcnav.outages" in files[1]
+
+
+def test_the_title_of_a_history_is_stored(tmp_path: Path) -> None:
+    for title in ("Nominal flight", "Errors left by one error alone"):
+        folder = RunFolder(tmp_path / title)
+        folder.write(HISTORY, history_table(History({"time [s]": np.arange(3.0)}, {}, title=title)))
+        assert folder.history().title == title
