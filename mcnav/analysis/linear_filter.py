@@ -17,9 +17,9 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array, IndexArray
-from mcnav.analysis.filter_decision import NOT_NAVIGATION, outputs_of
 from mcnav.analysis.filter_causes import NEARLY, Departure, neglected_errors
 from mcnav.analysis.filter_consistency import Honesty, NeglectedError, rounding_floor
+from mcnav.analysis.filter_decision import NOT_NAVIGATION, outputs_of
 from mcnav.analysis.filter_evidence import LinearFilter
 from mcnav.analysis.linear_covariance import LinearCovariance
 
