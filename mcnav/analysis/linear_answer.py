@@ -72,6 +72,8 @@ class LinearAnswer:
         In the order of the campaign.
     asked : LinearCovariance or None
         At times that were asked for.
+    kind : str
+        Type of its scenario.
     """
 
     campaign: str
@@ -81,6 +83,7 @@ class LinearAnswer:
     history: LinearCovariance | None
     requirements: tuple[LinearRequirement, ...]
     asked: LinearCovariance | None = None
+    kind: str = ""
 
     @cached_property
     def covariance(self) -> Array:

@@ -9,6 +9,7 @@ import numpy as np
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.report.figures import lincov as drawn
 from mcnav.report.html import filled
+from mcnav.report.left_out import not_modelled
 from mcnav.report.lincov import answer_rows, headline, requirement_rows
 from mcnav.report.model import humanize, scale_of
 from mcnav.report.requirements import TONES
@@ -28,6 +29,7 @@ def render(found: LinearAnswer, outages: drawn.Outages) -> str:
         headline=words,
         tone=tone,
         explanation=EXPLANATION,
+        not_modelled=not_modelled(found.kind),
         requirements=requirements,
         outputs=[row | {"name": humanize(row["output"])} for row in answer_rows(found)],
         history=found.history,

@@ -81,7 +81,8 @@ def linear_covariance(campaign: str | Path | Campaign | Mapping[str, Any], times
         asked = None
         if isinstance(scenario, HasLinearReadings) and times is not None:
             asked = covariance_over_time(scenario.linear_readings(np.unique(times)), names, *moments)
-    return LinearAnswer(described.name, scenario.sources, scenario.outputs, model, history, found, asked)
+    kind = str(described.resolved["scenario"]["type"])
+    return LinearAnswer(described.name, scenario.sources, scenario.outputs, model, history, found, asked, kind)
 
 
 @contextmanager
