@@ -8,12 +8,19 @@ from dataclasses import dataclass
 from typing import Final
 
 from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement
+from mcnav.statistics.bisection import root_between
 
 MOST: Final = 1_000.0
 """Largest multiple of a number that is looked at."""
 
 STRIDE: Final = 4.0
 """Ratio of successive multiples in the search for one at which a goal is not met."""
+
+LADDER: Final = (*(STRIDE**power for power in range(-4, 5)), MOST)
+"""Multiples, besides the least, that are looked at where none below one is known to meet a goal."""
+
+NARROW: Final = 0.02
+"""Width, as a logarithm, to which the multiple of the largest margin is found."""
 
 LEAST: Final = 1e-3
 """Multiple that stands for none where a number cannot be zero."""
@@ -38,10 +45,10 @@ class NumberChange:
     now, needed : str
         The number; empty for several, and where no change is found.
     factor : float
-        Needed over present size. Infinite where the goal is met at any size up to `MOST` times the present one, NaN
-        where it is not met by this change alone.
-    least : float
-        Factor at which ``result`` is where the goal is not met.
+        Needed over present size: above one where the number has to grow. Infinite where the goal is met at any size up
+        to `MOST` times the present one, NaN where it is not met by this change alone, smaller or larger.
+    closest : float
+        Where the goal is not met: multiple of the largest margin among those looked at, which ``result`` is of.
     result : LinearRequirement
         Requirement with the least margin, by a linear answer computed with the needed number.
     """
@@ -51,7 +58,7 @@ class NumberChange:
     now: str
     needed: str
     factor: float
-    least: float
+    closest: float
     result: LinearRequirement
 
     @property
@@ -190,6 +197,91 @@ def critical_multiple(margin: Callable[[float], float], least: float = 0.0) -> f
         return math.inf if beyond is None else _root(excess, *beyond)
     at_least = excess(least)
     return _root(excess, (least, at_least), (1.0, at_one)) if at_least <= 0.0 else math.nan
+
+
+def nearest_multiple(margin: Callable[[float], float], least: float = 0.0) -> tuple[float, float]:
+    """Find a multiple with which a goal that is not met now is just met: a smaller one, or else a larger one.
+
+    Errors that add up are smallest at the least multiple. With a filter the margin may have its maximum elsewhere:
+    gains follow from the numbers, and larger ones may suit the errors that the filter neglects. Where the least
+    multiple does not meet the goal, the `LADDER` is looked at, and the surroundings of its best rung by golden section.
+
+    Parameters
+    ----------
+    margin, least
+        As for `critical_multiple`; the margin at one is below one.
+
+    Returns
+    -------
+    multiple : float
+        Just met with it; NaN where no multiple looked at meets the goal.
+    closest : float
+        Of the largest margin looked at where none meets it, otherwise the same as ``multiple``.
+
+    Examples
+    --------
+    >>> round(nearest_multiple(lambda multiple: 1.0 / (0.5 + multiple))[0], 3)
+    0.5
+    >>> round(nearest_multiple(lambda multiple: (0.1 + multiple) / 3.1)[0], 3)
+    3.0
+    >>> nearest_multiple(lambda multiple: 0.9 / (1.0 + multiple))
+    (nan, 0.0)
+    """
+    multiple = critical_multiple(margin, least)
+    if not math.isnan(multiple):
+        return multiple, multiple
+    known = {each: _number(margin(each)) for each in (least, *LADDER)}
+    met = [each for each, value in known.items() if value >= 1.0]
+    if not met:
+        met = _climb(margin, known)
+    if not met:
+        highest = max(known.values())
+        return math.nan, next(each for each, value in known.items() if value >= highest * (1.0 - 1e-9))
+    nearest = min(met, key=lambda each: abs(math.log(each)))
+    if nearest < 1.0:
+        multiple = critical_multiple(margin, nearest)
+    else:
+        unmet = max(each for each in known if 1.0 <= each < nearest)
+        low, high = ((math.log(each), _shortfall(known[each])) for each in (unmet, nearest))
+        _, end = root_between(lambda place: _shortfall(margin(math.exp(place))), low, high, PRECISION)
+        multiple = min(math.exp(end), nearest)
+    return multiple, multiple
+
+
+def _shortfall(margin: float) -> float:
+    """Return a margin on a logarithmic scale, above zero where the goal is not met."""
+    return -math.log(margin) if margin > 0.0 else math.inf
+
+
+def _number(value: float) -> float:
+    return -math.inf if math.isnan(value) else value
+
+
+def _climb(margin: Callable[[float], float], known: dict[float, float]) -> list[float]:
+    """Look for the largest margin around the best rung until one meets the goal; return that, and extend ``known``."""
+    rungs = sorted(known)
+    place = max(range(len(rungs)), key=lambda each: known[rungs[each]])
+    if place in (0, len(rungs) - 1) or rungs[place - 1] == 0.0:
+        return []
+    low, high = math.log(rungs[place - 1]), math.log(rungs[place + 1])
+    golden = 0.5 * (math.sqrt(5.0) - 1.0)
+    inner = [high - golden * (high - low), low + golden * (high - low)]
+    values = [_number(margin(math.exp(each))) for each in inner]
+    while True:
+        for each, value in zip(inner, values, strict=True):
+            known[math.exp(each)] = value
+            if value >= 1.0:
+                return [math.exp(each)]
+        if high - low <= NARROW:
+            return []
+        if values[0] >= values[1]:
+            high, inner[1], values[1] = inner[1], inner[0], values[0]
+            inner[0] = high - golden * (high - low)
+            values[0] = _number(margin(math.exp(inner[0])))
+        else:
+            low, inner[0], values[0] = inner[0], inner[1], values[1]
+            inner[1] = low + golden * (high - low)
+            values[1] = _number(margin(math.exp(inner[1])))
 
 
 def _first_beyond(

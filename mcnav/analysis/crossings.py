@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.analysis.curve_refinement import refine_curve
 from mcnav.analysis.sweep import JustMet, Span, Variable
 from mcnav.errors import CampaignError
 from mcnav.statistics.bisection import root_between
@@ -20,7 +21,7 @@ TOLERANCE: Final = 1e-6
 def find_crossings(
     variable: Variable, margins: Array, margin_at: Callable[[float], float], measure: int, fixed: float | None = None
 ) -> JustMet:
-    """Find where a margin changes its sign.
+    """Find where a margin changes its sign, after values have been added where a change may hide.
 
     Parameters
     ----------
@@ -29,8 +30,8 @@ def find_crossings(
     margin_at : callable
         Margin at any value; raises `CampaignError` for a value that the key cannot have.
     """
-    known = np.flatnonzero(~np.isnan(margins))
-    signs = [(float(variable.values[place]), float(margins[place])) for place in known]
+    curve = refine_curve(variable, margins, margin_at)
+    signs = list(zip(curve.values.tolist(), curve.margins.tolist(), strict=True))
     values: list[float] = []
     spans: list[Span] = []
     begin: float | None = None
@@ -47,7 +48,8 @@ def find_crossings(
         begin, inside = values[-1], not inside
     if inside:
         spans.append((begin, None))
-    return JustMet(measure, fixed, tuple(values), tuple(spans))
+    closest = min(signs, key=lambda each: abs(each[1]), default=None)
+    return JustMet(measure, fixed, tuple(values), tuple(spans), len(signs), closest, curve.whole)
 
 
 def _root(

@@ -84,6 +84,8 @@ class LinearAnswer:
         At times that were asked for.
     filter : LinearVerdict or None
         Verdict on the filter; none without a filter whose covariance is known over time.
+    kind : str
+        Type of its scenario.
     """
 
     campaign: str
@@ -94,6 +96,7 @@ class LinearAnswer:
     requirements: tuple[LinearRequirement, ...]
     asked: LinearCovariance | None = None
     filter: LinearVerdict | None = None
+    kind: str = ""
 
     @cached_property
     def covariance(self) -> Array:

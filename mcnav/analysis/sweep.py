@@ -71,19 +71,28 @@ class JustMet:
     fixed : float or None
         Value of the first variable, where the second one is varied.
     values : tuple of float
-        At which the limit is just met, rising; empty if it is met, or not, at every value of the grid.
+        At which the limit is just met, rising; empty if it is met, or not, at every value looked at.
     met : tuple of Span
-        Intervals in which it is met; one without begin and end if it is met in the whole range.
+        Intervals in which it is met; one without begin and end if it is met at every value looked at.
+    looked_at : int
+        Values that were looked at, those of the grid and those added between them.
+    closest : (float, float) or None
+        Value looked at with the smallest margin, and the margin.
+    whole : bool
+        Whether values were added until no crossing can hide; see `mcnav.analysis.curve_refinement`.
     """
 
     measure: int
     fixed: float | None
     values: tuple[float, ...]
     met: tuple[Span, ...]
+    looked_at: int = 0
+    closest: tuple[float, float] | None = None
+    whole: bool = True
 
     @property
     def throughout(self) -> bool:
-        """Return whether the limit is met in the whole range."""
+        """Return whether the limit is met at every value looked at."""
         return self.met == ((None, None),)
 
 
@@ -129,6 +138,8 @@ class Sweep:
         NaN without a limit.
     present : ndarray, shape (measures,)
         Values of the campaign as it is.
+    added : tuple of (Point, ndarray)
+        Points looked at besides those of the grid, in order, with their values, shape (measures,), SI.
     """
 
     campaign: str
@@ -143,6 +154,7 @@ class Sweep:
     present: Array
     just_met: tuple[JustMet, ...]
     confirmations: tuple[Confirmation, ...] = ()
+    added: tuple[tuple[Point, Array], ...] = ()
 
     @property
     def shape(self) -> tuple[int, ...]:

@@ -61,12 +61,12 @@ class DataSheetNumber:
         """The size in words."""
         return shown(self.entry)
 
-    def rounded(self, factor: float) -> float:
-        """Reduce a factor so that the number, or with several sizes the factor itself, has three digits."""
-        size = _single(self.entry)
+    def rounded(self, factor: float, up: bool = False) -> float:
+        """Round a factor so that the number, or with several sizes the factor itself, has three digits."""
+        rounding, size = round_up if up else round_down, _single(self.entry)
         if size is None:
-            return round_down(factor)
-        return round_down(size * factor) / size
+            return rounding(factor)
+        return rounding(size * factor) / size
 
 
 def round_down(value: float) -> float:
@@ -79,6 +79,18 @@ def round_down(value: float) -> float:
         return value
     exponent = DIGITS - 1 - math.floor(math.log10(value))
     return math.floor(value * 10.0**exponent * (1.0 + 1e-12)) / 10.0**exponent
+
+
+def round_up(value: float) -> float:
+    """Round a positive number up to three significant digits.
+
+    >>> round_up(0.123187), round_up(99.91), round_up(0.0025)
+    (0.124, 100.0, 0.0025)
+    """
+    if value <= 0.0 or not math.isfinite(value):
+        return value
+    exponent = DIGITS - 1 - math.floor(math.log10(value))
+    return math.ceil(value * 10.0**exponent * (1.0 - 1e-12)) / 10.0**exponent
 
 
 def _single(entry: Value) -> float | None:
@@ -145,6 +157,21 @@ def data_sheet_numbers(content: Mapping[str, Any], sources: tuple[Source, ...]) 
         name = sensor.get("name", sensor["type"].replace("-", "_"))
         keys = [key for key in SENSOR_TYPES[sensor["type"]].keys if key in sensor and key != "lever_arm"]
         found += [DataSheetNumber(f"aiding.{name}.{key}", sensor[key], frozenset(), {}) for key in keys]
+    return [number for number in found if _multiplied(number.entry, 0.0) != _multiplied(number.entry, 1.0)]
+
+
+def believed_numbers(content: Mapping[str, Any]) -> list[DataSheetNumber]:
+    """List the sizes that a filter believes in place of the true ones: they are settings, and change no error."""
+    believes = content.get("filter", {}).get("believes", {})
+    tables = {f"imu.{name}": believes.get("imu", {}).get(name, {}) for name in KINDS}
+    tables |= {"errors": believes.get("errors", {})}
+    tables |= {f"aiding.{name}": entries for name, entries in believes.get("aiding", {}).items()}
+    found = [
+        DataSheetNumber(f"filter.believes.{table}.{key}", entry, frozenset(), {})
+        for table, entries in tables.items()
+        for key, entry in entries.items()
+        if key != "lever_arm"
+    ]
     return [number for number in found if _multiplied(number.entry, 0.0) != _multiplied(number.entry, 1.0)]
 
 

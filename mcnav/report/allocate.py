@@ -24,6 +24,21 @@ EXPLANATION: Final = (
     "computed: it is the value shown. mcnav run tests a choice by Monte Carlo simulation."
 )
 
+LOOKED_AT: Final = (
+    f"“Not by this alone”: neither smaller nor larger, at any multiple looked at from × 0 to × {MOST:,.0f}; the value "
+    "shown is the closest to the limit."
+)
+
+GROWS: Final = (
+    "A multiple above × 1 is a larger number: the gains of the filter follow from what it believes, and then suit the "
+    "errors that it neglects better."
+)
+
+IN_RUN: Final = (
+    "A constant bias that a filter estimates may be large by itself. Real units with a larger bias have a larger "
+    "instability of it in run, too: the lines of both together are for them."
+)
+
 FAILING: Final = 3
 """Changes that do not meet a goal of which a table in the terminal shows the linear value."""
 
@@ -67,7 +82,7 @@ def change_row(found: Allocation, goal: Goal, change: NumberChange) -> dict[str,
     """Arrange one change: the number now and then, its multiple, and the linear value then."""
     value, limit = value_words(found, change.result)
     if math.isnan(change.factor):
-        needed, multiple = "not by this alone", f"× {change.least:g}"
+        needed, multiple = "not by this alone", f"× {number(change.closest, 3) if change.closest else 0}"
     elif math.isinf(change.factor):
         needed, multiple = "any", f"to × {MOST:,.0f}"
     else:
@@ -83,6 +98,18 @@ def change_row(found: Allocation, goal: Goal, change: NumberChange) -> dict[str,
         "reached": change.reached,
         "together": len(change.paths) > 1,
     }
+
+
+def goal_notes(goal: Goal) -> list[str]:
+    """Say how far numbers were looked at, and what a larger one does."""
+    notes = []
+    if any(not change.reached for change in goal.changes):
+        notes.append(LOOKED_AT)
+    if not goal.met and any(change.reached and change.factor > 1.0 for change in goal.changes):
+        notes.append(GROWS)
+    if goal.met and any(change.label.startswith("bias and instability") for change in goal.changes):
+        notes.append(IN_RUN)
+    return notes
 
 
 def goal_table(found: Allocation, goal: Goal) -> FittedTable:
@@ -108,7 +135,9 @@ def grade_words(search: GradeSearch) -> str:
         return f"No grade of the catalogue states a {'finer' if search.finer else 'coarser'} number."
     if not search.finer:
         kept = sum(change.met for change in search.changes)
-        return f"{kept} of {len(search.changes)} numbers may be one grade of the catalogue coarser, one at a time."
+        joined = any(len(change.moves) > 1 for change in search.changes)
+        words = f"{kept} of {len(search.changes)} numbers may be one grade of the catalogue coarser, one at a time"
+        return words + ("; a bias takes its instability in run along." if joined else ".")
     if not search.changes:
         return "All numbers moved to the next finer grade of the catalogue do not meet the requirements."
     count = len(search.changes[0].moves)
@@ -155,7 +184,7 @@ def printed(found: Allocation) -> RenderableType:
     words, tone = standing(found)
     lines: list[RenderableType] = [Text(words, style=f"bold {TERMINAL[tone]}")]
     for goal in found.goals:
-        lines += ["", goal_table(found, goal)]
+        lines += ["", goal_table(found, goal), *map(Text, goal_notes(goal))]
     if found.grades is not None:
         lines += ["", grade_table(found, found.grades)]
     return Group(*lines)
@@ -214,4 +243,5 @@ def _shown_goal(found: Allocation, goal: Goal, place: int) -> dict[str, Any]:
         "figure": drawn.multiples(goal, place),
         "reached": [row for row in rows if row["reached"]],
         "failing": [row for row in rows if not row["reached"]],
+        "notes": goal_notes(goal),
     }

@@ -9,6 +9,7 @@ import numpy as np
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.report.figures import lincov as drawn
 from mcnav.report.html import filled
+from mcnav.report.left_out import not_modelled
 from mcnav.report.lincov import answer_rows, largest_rows, requirement_rows, statements
 from mcnav.report.model import humanize, scale_of
 from mcnav.report.requirements import TONES
@@ -30,6 +31,7 @@ def render(found: LinearAnswer, outages: drawn.Outages) -> str:
         headline=words,
         tone=tone,
         explanation=EXPLANATION,
+        not_modelled=not_modelled(found.kind),
         requirements=requirements,
         boxes=any(each.requirement.kind == "box" for each in found.requirements),
         others=[sentence for sentence, _ in others],

@@ -13,7 +13,7 @@ from mcnav._types import Array
 from mcnav.analysis.linearity import AloneRange, DispersionRange
 from mcnav.report.figures import linearity as drawn
 from mcnav.report.html import filled
-from mcnav.report.linearity_words import WITHOUT_NOISE, linearity_rows, multiple_words
+from mcnav.report.linearity_words import WITHOUT_NOISE, answer, linearity_rows, multiple_words
 from mcnav.report.model import humanize, labels_of
 from mcnav.report.sentences import JOINT
 from mcnav.scenarios.protocol import Output, Source
@@ -69,6 +69,7 @@ def render(
     return filled(
         "linearity.html",
         campaign=campaign,
+        answer=answer(names, dispersion, tolerance),
         tolerance=f"{100 * tolerance:g} %",
         confidence=f"{100 * confidence:g} %",
         samples=samples,

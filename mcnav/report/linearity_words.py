@@ -1,10 +1,12 @@
-"""A range of linearity in words: multiples, and what a study without noise leaves out."""
+"""A range of linearity in words: the answer, multiples, and what a study without noise leaves out."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from typing import Final
+
+import numpy as np
 
 from mcnav.analysis.linearity import DispersionRange
 from mcnav.report.sentences import JOINT
@@ -32,3 +34,40 @@ def linearity_rows(names: Sequence[str], found: DispersionRange) -> list[tuple[s
     columns = zip([*names, JOINT], found.agrees_until, found.departs, found.differs_from, strict=True)
     largest = float(found.multiples[-1])
     return [(name, [multiple_words(float(value), largest) for value in values]) for name, *values in columns]
+
+
+def answer(names: Sequence[str], found: DispersionRange, tolerance: float) -> str:
+    """Say by what factor the stated errors may grow, by the sigmas of all outputs and by their joint distribution."""
+    agrees, within = found.agrees_until[:-1], f"within ±{100.0 * tolerance:g} % of the linear one"
+    if np.isnan(agrees).all():
+        return "No output is disturbed by any error: there is nothing to compare."
+    first = int(np.nanargmin(agrees))
+    value, smallest, largest = float(agrees[first]), float(found.multiples[0]), float(found.multiples[-1])
+    if math.isinf(value):
+        tried = f"by a factor of {largest:g}, the largest tried"
+        sigmas = f"The stated errors may grow {tried}: every sigma is shown to be {within}."
+    elif value <= smallest:
+        tried = f"the smallest multiple tried, {smallest:g}"
+        sigmas = f"At no multiple is every sigma shown to be {within}: {names[first]} is not at {tried}."
+    elif value < 1.0:
+        factor = f"{value:.3g} times them is every sigma shown to be {within}"
+        sigmas = f"The stated errors are too large: only up to {factor}; {names[first]} is the first that is not."
+    else:
+        sigmas = (
+            f"The stated errors may grow by a factor of {value:.3g}: up to it every sigma is shown to be {within}, and "
+            f"beyond it {names[first]} is the first that is not."
+        )
+    return f"{sigmas} {_joint(float(found.agrees_until[-1]), smallest)}".strip()
+
+
+def _joint(multiple: float, smallest: float) -> str:
+    """Say up to which multiple the joint distribution agrees; empty where it was not tested."""
+    if math.isnan(multiple):
+        return ""
+    if math.isinf(multiple):
+        return "Their joint distribution agrees at all multiples tried."
+    if multiple <= smallest:
+        return f"Their joint distribution is not shown to agree even at {smallest:g} times the stated errors."
+    if multiple < 1.0:
+        return f"Their joint distribution agrees only up to {multiple:.3g} times the stated errors."
+    return f"Their joint distribution agrees up to a factor of {multiple:.3g}."

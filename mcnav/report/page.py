@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from mcnav.analysis.filter_remarks import instant
+from mcnav.analysis.heading import heading_remark
 from mcnav.report import filter_tables, filter_verdict, sentences, tables
 from mcnav.report.failures import failure_rows
 from mcnav.report.figures import agreement, consistency, dispersion, matrices, sources
@@ -17,6 +18,7 @@ from mcnav.report.figures.estimation import estimation
 from mcnav.report.figures.figure import Figure
 from mcnav.report.figures.flight import flight
 from mcnav.report.html import filled
+from mcnav.report.left_out import not_modelled
 from mcnav.report.linear_causes import causes_at
 from mcnav.report.model import RunAnalysis
 from mcnav.report.requirements import detailed_rows
@@ -64,7 +66,8 @@ def render(content: RunAnalysis) -> str:
         tone=sentences.standing(summary),
         explanation=sentences.explanation(summary),
         remarks=[remark(summary) for remark in remarks],
-        warnings=[warning(summary) for warning in (sentences.caveat, sentences.failures)],
+        warnings=[*(each(summary) for each in (sentences.caveat, sentences.failures)), heading_remark(content.history)],
+        not_modelled=not_modelled(str(manifest.identity.campaign.get("scenario", {}).get("type", ""))),
         figures={key: drawn.get(key) for key in ("flight", *FIGURES)},
         outputs=outputs,
         **_of_filter(content, outputs),

@@ -16,6 +16,7 @@ from mcnav.report.format import interval
 from mcnav.report.html import filled
 from mcnav.report.model import humanize, labels_of, scale_of
 from mcnav.report.sentences import NOT_DISTURBED, output_words
+from mcnav.report.start_time_words import answer, minutes
 from mcnav.scenarios.protocol import Output, Source
 
 CONVENTIONS: Final = {
@@ -73,6 +74,7 @@ def render(
     return filled(
         "start_times.html",
         campaign=campaign,
+        answer=answer(study, checks, outputs),
         convention=CONVENTIONS[study.axes].format(study.clock.aligned),
         clock=study.clock.label,
         event=study.clock.event,
@@ -109,11 +111,6 @@ def grouped_effects(study: StartTimeStudy, sources: Sequence[Source], outputs: S
     ]
     found = [each for each in found if each.sizes.any()] or found
     return found if study.noise is None else [*found, drawn.Effects("noise", study.noise, False, combined=True)]
-
-
-def minutes(seconds: float) -> str:
-    """Format a time from the event in minutes."""
-    return f"{seconds / 60.0:.1f}".replace("-", "−")
 
 
 def _cells(time: float, comparison: Comparison, outputs: Sequence[Output]) -> list[dict[str, Any]]:

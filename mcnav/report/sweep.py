@@ -11,6 +11,7 @@ import pandas as pd
 
 from mcnav._types import Array
 from mcnav.analysis.accuracy_measures import DRMS, SIGMA
+from mcnav.analysis.curve_refinement import BEND
 from mcnav.analysis.sweep import Confirmation, Sweep
 from mcnav.files import to_json
 from mcnav.report import sentences
@@ -80,6 +81,8 @@ def just_met_rows(sweep: Sweep) -> list[dict[str, Any]]:
             **({first[0].path: each.fixed} if first else {}),
             "just_met": list(each.values),
             "met": [list(span) for span in each.met],
+            "looked_at": each.looked_at,
+            "closest": None if each.closest is None else each.closest[0],
             "finding": met_words(each, last),
         }
         for each in sweep.just_met
@@ -110,6 +113,7 @@ def table(sweep: Sweep) -> Mapping[str, Any]:
         ],
         "values": sweep.values,
         "filter": sweep.own if np.isfinite(sweep.own).any() else None,
+        "added": [{"point": list(point), "values": values} for point, values in sweep.added],
         "just_met": just_met_rows(sweep),
         "monte_carlo": [
             {
@@ -169,6 +173,8 @@ def render(sweep: Sweep) -> str:
         filtered=bool(np.isfinite(sweep.own).any()),
         fixed=first[0].path if first else "",
         varied=last.path,
+        added=len(sweep.added),
+        bend=f"{100.0 * BEND:g} %",
         limits=_limits(sweep),
         present=[
             (title_of(measure, sweep), f"{number(value * factor)} {measure.shown_in}")

@@ -38,7 +38,7 @@ def printed(sweep: Sweep) -> RenderableType:
     lines += [Text(each) for each in remarks(sweep)]
     if sweep.just_met:
         lines += ["", _limits(sweep)]
-    lines += ["", _points(sweep)]
+    lines += ["", _points(sweep), *map(Text, _not_shown(sweep))]
     if sweep.confirmations:
         stated, colour = confirmed_words(sweep)
         lines += ["", Text(stated, style=f"bold {TERMINAL[colour]}"), _confirmations(sweep)]
@@ -73,6 +73,17 @@ def _points(sweep: Sweep) -> FittedTable:
         ]
         found.add(*map(number, values), *cells)
     return found
+
+
+def _not_shown(sweep: Sweep) -> list[str]:
+    """Say which points are not in the table."""
+    count, notes = int(np.prod(sweep.shape)), []
+    if count > MOST_LINES:
+        notes.append(f"{MOST_LINES} of {count:,} points shown; sweep.csv and --format csv have all.")
+    if sweep.added:
+        points = "1 point was" if len(sweep.added) == 1 else f"{len(sweep.added):,} points were"
+        notes.append(f"Besides them {points} added to find where limits are met; sweep.json has them.")
+    return notes
 
 
 def _confirmations(sweep: Sweep) -> FittedTable:

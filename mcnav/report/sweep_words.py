@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, Final
 
 import numpy as np
 
 from mcnav.analysis.accuracy_measures import BOX, DRMS, SIGMA, Measure
+from mcnav.analysis.curve_refinement import MOST_ADDED
 from mcnav.analysis.sweep import Confirmation, JustMet, Span, Sweep, Variable
 from mcnav.report.export import output_rows
 from mcnav.report.figures import sweep as drawn
@@ -56,9 +58,9 @@ def shown(variable: Variable, value: float) -> str:
 def met_words(found: JustMet, variable: Variable) -> str:
     """Say where a limit is met."""
     if found.throughout:
-        return "met in the whole range"
+        return f"met at {looked_at_words(found)}{closest_words(found, variable)}"
     if not found.met:
-        return "not met anywhere in the range"
+        return f"not met at {looked_at_words(found, False)}{closest_words(found, variable)}"
     spans = []
     for begin, end in found.met:
         if begin is None and end is not None:
@@ -68,6 +70,22 @@ def met_words(found: JustMet, variable: Variable) -> str:
         elif begin is not None and end is not None:
             spans.append(f"from {shown(variable, begin)} to {shown(variable, end)}")
     return f"met {' and '.join(spans)}"
+
+
+def looked_at_words(found: JustMet, met: bool = True) -> str:
+    """Say how many values were looked at."""
+    if not found.looked_at:
+        return "every value looked at" if met else "any value looked at"
+    return f"{'all' if met else 'any of the'} {found.looked_at:,} values looked at"
+
+
+def closest_words(found: JustMet, variable: Variable) -> str:
+    """Say where a limit that is not crossed is closest, and by which factor it is missed or kept there."""
+    if found.closest is None or not math.isfinite(found.closest[1]):
+        return ""
+    value, margin = found.closest
+    factor = f"a factor of {drawn.plain(math.exp(abs(margin)))}"
+    return f"; closest at {shown(variable, value)}, {f'off by {factor}' if margin > 0.0 else f'with {factor} to spare'}"
 
 
 def tone_of(found: JustMet) -> str:
@@ -87,9 +105,9 @@ def headline(sweep: Sweep) -> tuple[str, str]:
         return f"{_capital(title_of(sweep.measures[only.measure], sweep, True))}: {met_words(only, last)}", tones[0]
     over = " and ".join(each.path for each in sweep.variables)
     if set(tones) == {"agrees"}:
-        return f"All limits are met over the whole range of {over}", "agrees"
+        return f"All limits are met at every value looked at of {over}", "agrees"
     if set(tones) == {"differs"}:
-        return f"No limit is met anywhere in the range of {over}", "differs"
+        return f"No limit is met at any value looked at of {over}", "differs"
     if first:
         return f"Limits are met in part of the range of {over}", "partly"
     together = common_spans(sweep)
@@ -128,6 +146,11 @@ def remarks(sweep: Sweep) -> list[str]:
     if np.isfinite(sweep.own).any() and not any(drawn.differs(sweep, index) for index in range(len(sweep.measures))):
         found.append("The filter states the same values: at every point it believes what is true.")
     found += _of_filter(sweep)
+    if any(not each.whole for each in sweep.just_met):
+        found.append(
+            "Some limits are known at the values looked at alone: those between them have no answer, or more than "
+            f"{MOST_ADDED} would be needed."
+        )
     for axis, variable in enumerate(sweep.variables):
         low, high = np.nanmin(sweep.values, axis=axis), np.nanmax(sweep.values, axis=axis)
         still = (high - low <= drawn.CONSTANT * np.abs(high)).all(axis=tuple(range(low.ndim - 1)))

@@ -16,7 +16,7 @@ from mcnav.analysis.linearity import DispersionRange
 from mcnav.analysis.verdict import combine_verdicts
 from mcnav.errors import shortened
 from mcnav.lincov.start_times import StartTimeStudy
-from mcnav.report import filter_verdict, linearity_words, sentences
+from mcnav.report import filter_verdict, linearity_words, sentences, start_time_words
 from mcnav.report.export import output_rows, partial_rows
 from mcnav.report.fitted_table import FittedTable, numbers, texts
 from mcnav.report.format import interval
@@ -155,19 +155,20 @@ def agreement(outputs: Sequence[Output], differences: Mapping[str, Array]) -> Re
 
 
 def linearity(outputs: Sequence[Output], found: DispersionRange, tolerance: float) -> RenderableType:
-    """Tabulate the multiples of the errors at which sigmas leave the tolerance."""
+    """State by what factor errors may grow, and tabulate the multiples at which sigmas leave the tolerance."""
     title = f"Multiple of the stated errors at which a sigma differs from the linear one by {100 * tolerance:g} %"
     headings = ("agrees up to", "exceeds tolerance at", "differs from")
     table = FittedTable(title, [*texts("1σ of"), *numbers(*headings)])
-    for name, words in linearity_words.linearity_rows([humanize(output.name) for output in outputs], found):
+    names = [humanize(output.name) for output in outputs]
+    for name, words in linearity_words.linearity_rows(names, found):
         table.add(name, *words)
-    return table
+    return Group(Text(linearity_words.answer(names, found, tolerance), style="bold"), "", table)
 
 
 def best_starts(
     study: StartTimeStudy, checked: Mapping[float, Comparison], own_sigma: Array, outputs: Sequence[Output]
 ) -> RenderableType:
-    """Tabulate the best start for each output and for all outputs weighted.
+    """State the best start, and tabulate it for each output and for all outputs weighted.
 
     ``checked`` are Monte Carlo results by start time, s; ``own_sigma`` is the linear dispersion for the campaign's own
     start, SI, shape (outputs,).
@@ -192,7 +193,7 @@ def best_starts(
         elif checked:
             cells += ["–", "not checked"]
         table.add(*(Text(cell, style=COLOURS.get(cell, "")) for cell in (label, *cells)))
-    return table
+    return Group(Text(start_time_words.answer(study, checked, outputs), style="bold"), "", table)
 
 
 def checks(found: Sequence[tuple[str, bool, str]]) -> RenderableType:

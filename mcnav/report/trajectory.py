@@ -7,9 +7,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from rich.console import RenderableType
+from rich.console import Group, RenderableType
+from rich.text import Text
 
 from mcnav._types import Array
+from mcnav.analysis.heading import APART, compare_with_track, heading_remark
 from mcnav.constants import STANDARD_GRAVITY
 from mcnav.report.figures.flight import flight
 from mcnav.report.fitted_table import FittedTable, numbers, texts
@@ -96,6 +98,8 @@ def fact_rows(found: TrajectoryReport) -> list[dict[str, Any]]:
         row("roughness of the force (rms)", found.roughness / STANDARD_GRAVITY, "g"),
         row("largest turn rate", math.degrees(found.turn_rate.value), "deg/s", found.turn_rate.time),
     ]
+    if (compared := compare_with_track(found.history)) is not None:
+        rows.append(row(f"motion with heading and track {APART:g}° apart", 100.0 * compared.apart, "%"))
     if found.departure is not None:
         rows.append(row("largest distance of rows from the spline", found.departure, "m"))
     if found.disagreement is not None and found.disagreement_rms is not None:
@@ -118,11 +122,12 @@ def _plain(value: float) -> str:
 
 
 def lines(found: TrajectoryReport) -> RenderableType:
-    """Tabulate the facts for the terminal."""
+    """Tabulate the facts for the terminal, with a remark on a heading that can hardly be right."""
     table = FittedTable(found.name, [*texts("trajectory"), *numbers("value"), *texts("unit"), *numbers("at, s")])
     for row in fact_rows(found):
         table.add(*_texts(row))
-    return table
+    remark = heading_remark(found.history)
+    return Group(table, Text(remark, style="bold yellow")) if remark else table
 
 
 def page(found: TrajectoryReport) -> str:
@@ -132,6 +137,7 @@ def page(found: TrajectoryReport) -> str:
     return filled(
         "trajectory.html",
         name=found.name,
+        remark=heading_remark(found.history),
         facts=[_texts(row) for row in fact_rows(found)],
         flight=None if figure is None else replace(figure, title=title),
     )

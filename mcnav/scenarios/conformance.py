@@ -35,6 +35,9 @@ TRIED_NOISE: Final = 400
 CHANCE: Final = 5.0
 """Standard errors by which a measured sigma may differ from the stated one: by chance one in two million does."""
 
+LISTED: Final = 4
+"""Outputs whose nominal values are listed."""
+
 LEAST: Final = 1e-4
 """Departures below this share of an output's dispersion are numerical noise, of whatever size."""
 
@@ -86,6 +89,7 @@ def check_conformance(scenario: Scenario, sizes: Array) -> list[Check]:
     tried("travels to workers", lambda: _travels(prepared, errors))
     tried("linear near zero", lambda: _linear_near_zero(prepared, scenario.linear_model(), errors, sizes))
     tried("partials against differences", lambda: _partials(prepared, scenario.linear_model(), sizes))
+    tried("nominal outputs", lambda: _nominal_outputs(scenario, scenario.linear_model(), sizes))
     tried("history", lambda: _history(scenario))
     if isinstance(scenario, StochasticUserScenario) and scenario.noisy and isinstance(prepared, StochasticUserEngine):
         tried("noise from its generator", lambda: _noise(scenario, prepared, sizes))
@@ -173,6 +177,20 @@ def _partials(prepared: Engine, model: LinearModel, sizes: Array) -> str:
     if gap > AGREEMENT:
         raise _Broken(f"partial derivatives differ from differences by {gap:.1e} of their row's largest contribution")
     return f"agree to {max(gap, differences.error):.1e}"
+
+
+def _nominal_outputs(scenario: Scenario, model: LinearModel, sizes: Array) -> str:
+    """Name the outputs of a flight without errors that are not zero; no fault, but requirements count them."""
+    spread = np.sqrt(np.sum((model.partials * sizes) ** 2, axis=1))
+    named = [
+        f"{output.name} {nominal / conversion(output.shown_in, output.unit):.4g} {output.shown_in}".rstrip()
+        for output, nominal, sigma in zip(scenario.outputs, model.nominal, spread, strict=True)
+        if abs(nominal) > LEAST * sigma
+    ]
+    if not named:
+        return "zero without errors"
+    listed = ", ".join(named[:LISTED]) + (f" and {len(named) - LISTED} more" if len(named) > LISTED else "")
+    return f"not zero without errors: {listed}; requirements limit the outputs themselves, and count this too"
 
 
 def _noise(scenario: StochasticUserScenario, prepared: StochasticUserEngine, sizes: Array) -> str:

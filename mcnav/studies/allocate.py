@@ -30,11 +30,22 @@ from mcnav.analysis.allocation import (
     GradeSearch,
     NumberChange,
     critical_multiple,
+    nearest_multiple,
     worst_of,
 )
 from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement, judge_linearly
 from mcnav.analysis.linear_covariance import Moments, covariance_over_time
-from mcnav.config.data_sheet import DataSheetNumber, GradedValue, data_sheet_numbers, next_grade, round_down, shown
+from mcnav.config.data_sheet import (
+    DataSheetNumber,
+    GradedValue,
+    believed_numbers,
+    data_sheet_numbers,
+    next_grade,
+    round_down,
+    round_up,
+    shown,
+)
+from mcnav.config.imu_catalogue import INSTABILITY, KINDS
 from mcnav.config.overrides import Value, document_of, override
 from mcnav.config.read import Campaign, parse_campaign
 from mcnav.errors import CampaignError, Problem
@@ -48,20 +59,24 @@ from mcnav.studies.lincov import linear_covariance
 FILE: Final = "allocate.json"
 PAGE: Final = "allocate.html"
 
-INSTRUMENTS: Final = {"all of imu.gyro": "imu.gyro.", "all of imu.accelerometer": "imu.accelerometer.",
-                      "all of imu": "imu."}  # fmt: skip
-"""Beginnings of the keys of numbers that are also changed together."""
+TOGETHER: Final = {f"bias and instability, {instrument}": f"imu.{instrument}.bias" for instrument in KINDS} | {
+    "all of imu.gyro": "imu.gyro.", "all of imu.accelerometer": "imu.accelerometer.", "all of imu": "imu.",
+}  # fmt: skip
+"""Beginnings of the keys of numbers that are also changed together: a bias and what it does in run grow together."""
 
 EVERYTHING: Final = "all numbers"
 
-MOST_GRADES: Final = 100
+MOST_GRADES: Final = 300
 """Linear answers computed in the search for the fewest changes by one grade."""
 
 LISTED: Final = 5
 """Changes by one grade that are kept, of those that do equally."""
 
+STEP: Final = 1e-3
+"""Relative change with which the last digit of a proposed number is changed."""
+
 CORRECTIONS: Final = 3
-"""Times that the last digit of a proposed number is reduced until its linear answer meets the goal."""
+"""Times that this is done until its linear answer meets the goal."""
 
 
 Move = tuple[DataSheetNumber, GradedValue]
@@ -76,6 +91,7 @@ class _Variations:
         self.campaign = self.at({})
         self.base = linear_covariance(self.campaign)
         self.numbers = data_sheet_numbers(self.content, self.campaign.scenario.sources)
+        self.beliefs = believed_numbers(self.content) if self.closed_loop else []
         self.computed = 1
         self._progress = progress
         self._known: dict[str, tuple[LinearRequirement, ...] | None] = {}
@@ -172,8 +188,8 @@ def values_of(changed: Sequence[DataSheetNumber], factor: float) -> dict[str, Va
 def allocate(campaign: str | Path | Campaign | Mapping[str, Any], progress: Progress = SILENT) -> Allocation:
     """Find the numbers of a campaign's data sheet with which its requirements are just met, for normal errors.
 
-    For each requirement that is not met, every number is changed alone and all together; where all are met, each is
-    loosened until one is not.
+    For each requirement that is not met, every number is changed alone and all together, and each size that a filter
+    believes; where all are met, each number is loosened until one is not.
 
     Parameters
     ----------
@@ -206,7 +222,7 @@ def allocate(campaign: str | Path | Campaign | Mapping[str, Any], progress: Prog
 def _groups(numbers: Sequence[DataSheetNumber]) -> dict[str, list[DataSheetNumber]]:
     """Return the numbers that are changed together, by name: those of instruments, and all."""
     found = {
-        name: [number for number in numbers if number.path.startswith(prefix)] for name, prefix in INSTRUMENTS.items()
+        name: [number for number in numbers if number.path.startswith(prefix)] for name, prefix in TOGETHER.items()
     } | {EVERYTHING: list(numbers)}
     kept: dict[str, list[DataSheetNumber]] = {}
     for name, members in found.items():
@@ -216,16 +232,16 @@ def _groups(numbers: Sequence[DataSheetNumber]) -> dict[str, list[DataSheetNumbe
 
 
 def _goal(variations: _Variations, goal: tuple[int, ...]) -> Goal:
-    numbers = variations.numbers
-    together = _groups(numbers)
-    changes = [_change(variations, goal, number.path, [number]) for number in numbers]
-    changes += [_change(variations, goal, name, members) for name, members in together.items()]
     met = worst_of(variations.base.requirements, goal).met
+    numbers = variations.numbers
+    alone = numbers if met else [*numbers, *variations.beliefs]
+    changes = [_change(variations, goal, number.path, [number]) for number in alone]
+    changes += [_change(variations, goal, name, members) for name, members in _groups(numbers).items()]
 
     def order(change: NumberChange) -> tuple[bool, float]:
         if not change.reached:
             return True, -change.result.margin
-        return False, change.factor if met else -change.factor
+        return False, change.factor if met else abs(math.log(change.factor)) if change.factor > 0.0 else math.inf
 
     return Goal(goal, met, tuple(sorted(changes, key=order)))
 
@@ -240,24 +256,33 @@ def _change(
         return math.nan if found is None else worst_of(found, goal).margin
 
     met = worst_of(variations.base.requirements, goal).met
-    least = LEAST if not met and math.isnan(margin(0.0)) else 0.0
-    factor = critical_multiple(margin, least)
+    if met:
+        factor, closest = critical_multiple(margin), MOST
+    else:
+        factor, closest = nearest_multiple(margin, LEAST if math.isnan(margin(0.0)) else 0.0)
     alone = changed[0] if len(changed) == 1 else None
     now, paths = "" if alone is None else alone.text, tuple(number.path for number in changed)
     if math.isnan(factor) or math.isinf(factor):
-        found = variations.judged(values_of(changed, least if math.isnan(factor) else MOST))
+        found = variations.base.requirements if closest == 1.0 else variations.judged(values_of(changed, closest))
         result = worst_of(found or variations.base.requirements, goal)
-        return NumberChange(label, paths, now, "", factor, least, result)
-    rounded = alone.rounded(factor) if alone is not None else round_down(factor)
+        return NumberChange(label, paths, now, "", factor, closest, result)
+    grows = factor > 1.0 and not met
+    rounded = _rounded(alone, factor, grows)
     for _ in range(CORRECTIONS):
         found = variations.judged(values_of(changed, rounded))
         if found is not None and worst_of(found, goal).met:
             break
-        less = rounded * (1.0 - 1e-3)
-        rounded = alone.rounded(less) if alone is not None else round_down(less)
+        rounded = _rounded(alone, rounded * (1.0 + STEP if grows else 1.0 - STEP), grows)
     result = worst_of(found or variations.base.requirements, goal)
     needed = "" if alone is None else replace(alone, entry=alone.multiplied(rounded)[alone.path]).text
-    return NumberChange(label, paths, now, needed, rounded, least, result)
+    return NumberChange(label, paths, now, needed, rounded, rounded, result)
+
+
+def _rounded(alone: DataSheetNumber | None, factor: float, grows: bool) -> float:
+    """Round a multiple to the side on which the goal is met: up where a number has to grow."""
+    if alone is not None:
+        return alone.rounded(factor, grows)
+    return round_up(factor) if grows else round_down(factor)
 
 
 def _search_grades(variations: _Variations, goal: tuple[int, ...], finer: bool) -> GradeSearch | None:
@@ -288,7 +313,7 @@ def _search_grades(variations: _Variations, goal: tuple[int, ...], finer: bool) 
 
     whole = moved(moves)
     if not finer:
-        return GradeSearch(finer, best([[each] for each in moves]), whole, True)
+        return GradeSearch(finer, best(_with_instabilities(moves)), whole, True)
     if whole is None or not whole.met:
         return GradeSearch(finer, (), whole, True)
     tried = 0
@@ -300,6 +325,16 @@ def _search_grades(variations: _Variations, goal: tuple[int, ...], finer: bool) 
         if found:
             return GradeSearch(finer, best(found)[:LISTED], whole, True)
     return GradeSearch(finer, (whole,), whole, True)
+
+
+def _with_instabilities(moves: Sequence[Move]) -> list[list[Move]]:
+    """Take each move by itself, and a bias with its instability: a unit of a coarser grade has both."""
+    by_path = {number.path: (number, graded) for number, graded in moves}
+    found = []
+    for path, move in by_path.items():
+        joined = by_path.get(path.replace(".bias", f".{INSTABILITY}")) if path.endswith(".bias") else None
+        found.append([move] if joined is None else [move, joined])
+    return found
 
 
 def _irreducible(moves: Sequence[Move], meets: Callable[[Sequence[Move]], bool]) -> list[Move]:

@@ -86,7 +86,10 @@ def linear_covariance(campaign: str | Path | Campaign | Mapping[str, Any], times
         asked = None
         if isinstance(scenario, HasLinearReadings) and times is not None:
             asked = covariance_over_time(scenario.linear_readings(np.unique(times)), names, *moments)
-        answer = LinearAnswer(described.name, scenario.sources, scenario.outputs, model, history, judged, asked)
+        kind = str(described.resolved["scenario"]["type"])
+        answer = LinearAnswer(
+            described.name, scenario.sources, scenario.outputs, model, history, judged, asked, kind=kind
+        )
         epochs = None if history is None else history.moments.times
         return replace(
             answer,

@@ -143,6 +143,7 @@ class _Study:
         return Sweep(
             self._varied.campaign.name, self.outputs, self.variables, self.measures, self.times,
             arrays["values"], arrays["own"], arrays["bounds"], arrays["margins"], self.points.present.values, just_met,
+            added=tuple(self.points.beside(self.points.grid())),
         )  # fmt: skip
 
     def _check_corners(self) -> None:

@@ -101,6 +101,11 @@ class LinearPoints:
         """Return the points of the grid; the last variable changes first."""
         return list(product(*(each.values.tolist() for each in self._variables)))
 
+    def beside(self, grid: Sequence[Point]) -> list[tuple[Point, Array]]:
+        """Return the points whose answers were computed besides those of a grid, in order, with their values."""
+        others = sorted(self._known.keys() - set(grid))
+        return [(point, self._known[point].values) for point in others]
+
     def answers(self, points: Sequence[Point], jobs: int) -> list[PointAnswer]:
         """Compute the answers at some points by so many threads."""
         unknown = [point for point in points if point not in self._known]

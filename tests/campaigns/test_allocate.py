@@ -97,6 +97,60 @@ def test_a_measurement_of_the_position() -> None:
     assert factor_of(goal, "all numbers") == pytest.approx(round_down(whole), rel=1e-9)
 
 
+def believing_too_little(limit: str) -> Entries:
+    """As `fixed`, with a filter that believes the start to be known to 1 m, a hundredth of the truth."""
+    described = fixed(limit)
+    described["filter"]["believes"] = {"errors": {"position": "1 m"}}
+    return described
+
+
+def test_a_number_that_has_to_grow() -> None:
+    """A believed size b has the gain K = b^2 / (b^2 + 10^2), and leaves (1 - K)^2 100^2 + K^2 10^2.
+
+    At the believed 1 m that is 99 m, at 100 m it is least, 9.95 m: a limit of 12 m is just met in between. Nothing
+    smaller than 1 m helps.
+    """
+    sigma, start, fix = 12.0, 100.0, 10.0
+    (goal,) = allocate(believing_too_little(f"{sigma * float(special.ndtri(0.95))} m")).goals
+    # (1 - K)^2 100^2 + K^2 10^2 = sigma^2, the smaller root
+    a, half, c = start**2 + fix**2, start**2, start**2 - sigma**2
+    gain = (half - math.sqrt(half**2 - a * c)) / a
+    expected = math.sqrt(gain / (1.0 - gain)) * fix
+    change = next(each for each in goal.changes if each.label == "filter.believes.errors.position")
+    assert change.factor == pytest.approx(expected, rel=0.01)  # rounded up to three digits
+    assert change.factor >= expected * (1.0 - 1e-4)
+    assert change.result.met
+    assert change.needed == f"{change.factor:g} m"
+
+
+@pytest.mark.parametrize(("sigma", "words"), [
+    (9.0, "neither smaller nor larger, at any multiple looked at from × 0 to × 1,000"), (12.0, "is a larger number"),
+])  # fmt: skip
+def test_words_on_numbers_that_grow_or_do_not_help(tmp_path: Path, sigma: float, words: str) -> None:
+    """No believed start leaves less than 9.95 m."""
+    described = believing_too_little(f"{sigma * float(special.ndtri(0.95))} m")
+    found, (_, page) = write_allocation(described, tmp_path)
+    (change,) = (each for each in found.goals[0].changes if each.label == "filter.believes.errors.position")
+    assert change.reached == (sigma > 9.95)
+    assert words in page.read_text()
+    if not change.reached:  # the closest is the truth, 100 times the believed size
+        assert change.closest == pytest.approx(100.0, rel=0.05)
+
+
+@pytest.mark.usefixtures("at_the_campaigns")
+def test_a_bias_grows_with_its_instability() -> None:
+    """GNSS calibrates a constant bias of any size, not what it does in run: both together are bounded."""
+    described = entries(19)
+    described["scenario"] |= {"end": "600 s"}
+    described["aiding"][0]["outages"] = [["300 s", "540 s"]]
+    described["imu"] = {"grade": "navigation"}
+    described["accept"] = {"r95": [described["accept"]["r95"][0] | {"below": "30 m"}]}
+    (goal,) = allocate(described).goals
+    assert goal.met
+    assert math.isinf(factor_of(goal, "imu.accelerometer.bias"))
+    assert factor_of(goal, "bias and instability, accelerometer") < 100.0
+
+
 def test_loosening_ends_where_others_do_not_help() -> None:
     """With a limit above 10 m at 90 %, the start may be as uncertain as it likes."""
     (goal,) = allocate(fixed("17 m")).goals
@@ -179,7 +233,7 @@ def test_every_number_of_a_flight_that_is_not_aided() -> None:
 def test_the_fewest_numbers_by_one_grade() -> None:
     """Two numbers of a tactical unit moved to the next grade suffice, and no single one does."""
     described = entries(16)
-    described["accept"] = {"cep": [{"outputs": ["position_north", "position_east"], "below": "45 km"}]}
+    described["accept"] = {"cep": [{"outputs": ["position_north", "position_east"], "below": "60 km"}]}
     found = allocate(described)
     grades = found.grades
     assert grades is not None

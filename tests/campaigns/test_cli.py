@@ -216,6 +216,8 @@ def test_start_times(workplace: Path) -> None:
     assert [float(word) for word in told[3:6]] == pytest.approx([1e-3 * size for size in sizes], rel=1e-4)
     assert told[6] == "agrees"
     assert any(line.startswith("all, weighted") for line in finished.stdout.splitlines())
+    assert finished.stdout.startswith("Start at ")
+    assert "Monte Carlo agrees with linear analysis there." in finished.stdout
     assert (folder / "start_times.html").read_text().count('class="tag agrees"') == len(checks)
 
 
@@ -224,6 +226,8 @@ def test_linearity(workplace: Path) -> None:
     finished = invoke("linearity", DEMO, "--samples", 500, "--largest", 12, "--out", folder, cwd=workplace)
     assert finished.returncode == 0, finished.stderr
     assert "joint distribution" in finished.stdout
+    (answer,) = (line for line in finished.stdout.splitlines() if line.startswith("The stated errors may grow by"))
+    assert answer[:60] in (folder / "linearity.html").read_text()
     assert len(pd.read_csv(folder / "linearity.csv")) == 4 * (len(SOURCES) + 1)
     assert (folder / "linearity.html").read_text().count("<figure") == 2
 

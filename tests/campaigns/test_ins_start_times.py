@@ -64,13 +64,18 @@ def scenario(*args: Any) -> Ins:
 
 
 def assert_same(found: tuple[Array, Array], other: Ins, known: Campaign) -> None:
-    """P and the covariance of noise agree to 1e-9 of each row's largest contribution."""
+    """P and the covariance of noise agree to 1e-9 of each row's largest contribution.
+
+    The gyros' misalignments integrate the roll into the turn, which takes seconds, by steps of a second that begin
+    elsewhere: they agree to 1e-8.
+    """
     model = other.linear_model()
     sizes = np.sqrt(np.diag(known.errors.covariance))
     contributions = np.abs(model.partials * sizes)
     noise = sum(model.processes.values(), np.zeros((9, 9)))
-    difference = np.abs((found[0] - model.partials) * sizes).max(axis=1)
-    assert (difference <= 1e-9 * contributions.max(axis=1)).all()
+    difference = np.abs((found[0] - model.partials) * sizes)
+    allowed = np.array([1e-8 if name.startswith("gyro_misalignment") else 1e-9 for name in known.errors.names])
+    assert (difference <= allowed * contributions.max(axis=1)[:, None]).all()
     sigma = np.sqrt(np.diag(noise))
     assert (np.abs(found[1] - noise) <= 1e-9 * np.outer(sigma, sigma)).all()
 

@@ -299,7 +299,9 @@ def _check(path: Path) -> dict[str, tuple[bool, str]]:
 )  # fmt: skip
 def test_our_own_scenarios_keep_the_protocol(campaign: Path) -> None:
     found = _check(campaign)
-    assert len(found) == 8
+    assert len(found) == 9
+    switching = "not zero without errors: altitude 0.36"  # drag above the switch is not measured
+    assert found["nominal outputs"][1].startswith(switching if "10_" in campaign.name else "zero without errors")
     assert all(passed for passed, _ in found.values()), found
 
 
@@ -316,6 +318,16 @@ def test_our_own_scenarios_keep_the_protocol(campaign: Path) -> None:
 def test_what_does_not_keep_it_is_found(after: str, name: str, tmp_path: Path) -> None:
     found = _check(_written(tmp_path, GOOD.replace("return 2.0 * errors", after)))
     assert not found[name][0], found
+
+
+def test_outputs_that_are_not_zero_without_errors_are_named(tmp_path: Path) -> None:
+    passed, told = _check(_written(tmp_path, GOOD.replace("return 2.0 * errors", "return 5.0 + 2.0 * errors")))[
+        "nominal outputs"
+    ]
+    assert passed
+    assert told.startswith("not zero without errors: ")
+    assert " 5" in told
+    assert "requirements limit the outputs themselves, and count this too" in told
 
 
 def test_own_partials_that_are_wrong_are_found(tmp_path: Path) -> None:
@@ -397,7 +409,7 @@ def test_commands(tmp_path: Path) -> None:
     assert mcnav_says("new", "campaign", "flight", "--type", "cruise").returncode == 0
     checked = mcnav_says("check-scenario", "mine.toml")
     assert checked.returncode == 0, checked.stderr
-    assert checked.stdout.count(" passed ") == 8
+    assert checked.stdout.count(" passed ") == 9
     code = (tmp_path / "mine.py").read_text()
     plain = "np.column_stack(self._trajectory(speed, angle))"
     kinked = code.replace(plain, f"np.abs(errors) + {plain}")

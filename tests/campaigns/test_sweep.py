@@ -147,6 +147,41 @@ def test_a_requirement_in_an_outage_is_just_met_at_the_value_found(aided: Path) 
     assert judged.margin == pytest.approx(1.0, rel=2.0 * TOLERANCE)
 
 
+@pytest.mark.parametrize("points", [2, 3, 10])
+def test_a_limit_that_is_met_between_the_points_of_a_coarse_grid_is_found(points: int) -> None:
+    """A position known to 100 m is fixed to 10 m by a filter that believes in r: K = 1 / (1 + (r / 100)^2).
+
+    It leaves (1 - K)^2 100^2 + K^2 10^2 = 99.01 + 10100 (K - 100/101)^2, in m^2. At 0.01, 3.16 and 1000 m that is more
+    than 99.4; between 6.1 and 12.8 m it is less.
+    """
+    start, fix, limit = 100.0, 10.0, 99.4
+    described = {
+        "scenario": {"type": "ins", "trajectory": {"rate": "1 Hz", "segments": [{"hold": "60 s"}],
+                                                   "start": {"latitude": "47 deg", "longitude": "9 deg"}}},
+        "errors": {"position": f"{start} m"},
+        "aiding": [{"type": "position-fix", "name": "fix", "instants": ["2 s"], "position": f"{fix} m"}],
+        "filter": {"estimates": ["position", "velocity", "attitude"]},
+    }  # fmt: skip
+    best = start**2 / (start**2 + fix**2)
+    width = np.sqrt((limit - (1.0 - best) * start**2) / (start**2 + fix**2))
+    expected = [start * np.sqrt(1.0 / gain - 1.0) for gain in (best + width, best - width)]
+    path = {"filter.believes.aiding.fix.position": "0.01..1000 m"}
+    table = mcnav.sweep(
+        described, path, against=f"position_east < {float(np.sqrt(limit))!r} m", at="2 s", points=points
+    )
+    (found,) = table.attrs["just_met"]
+    assert found["just_met"] == pytest.approx(expected, rel=1e-3)  # the limit is 0.2 % above the minimum
+    assert len(table) == points
+    assert found["looked_at"] > points
+
+
+def test_a_long_grid_says_which_points_are_shown(aided: Path) -> None:
+    found = invoke("sweep", aided, "--vary", "imu.gyro.bias=0.1..10 deg/h", "--points", 25, "--against", "heading",
+                   "--out", aided.parent / "out", cwd=aided.parent)  # fmt: skip
+    assert found.returncode == 0, found.stderr
+    assert "12 of 25 points shown; sweep.csv and --format csv have all." in found.stdout
+
+
 def test_threads_and_order_do_not_matter(aided: Path) -> None:
     varied = {"imu.gyro.bias": "0.1..10 deg/h", "aiding.gnss.position": "1, 3, 9 m"}
     one, two = (mcnav.sweep(aided, varied, points=4, jobs=jobs) for jobs in (1, 2))

@@ -126,3 +126,28 @@ def test_bad_input_is_told_in_one_line(tmp_path: Path) -> None:
         assert line.startswith("error: ")
         assert message in line
     assert "expected a campaign of type ins" in trajectory(other).stderr
+
+
+def test_a_heading_of_zeros_on_a_turning_vehicle_is_remarked_on(tmp_path: Path) -> None:
+    columns = flight()
+    assert "The heading" not in trajectory(write_csv(tmp_path / "right.csv", columns)).stdout
+    path = write_csv(tmp_path / "zeros.csv", columns | {"heading": np.zeros(len(columns["time"]))})
+    done = trajectory(path, "--out", tmp_path / "zeros.html")
+    assert done.exit_code == 0
+    assert "track over the ground" in done.stdout
+    assert "check the column heading" in " ".join(done.stdout.split())
+    assert "check the column heading" in (tmp_path / "zeros.html").read_text()
+    assert facts(path)["motion with heading and track 45° apart"][0] > 50.0
+
+
+def test_pages_state_a_doubtful_heading_and_what_is_not_modelled(tmp_path: Path) -> None:
+    columns = flight()
+    write_csv(tmp_path / "zeros.csv", columns | {"heading": np.zeros(len(columns["time"]))})
+    path = tmp_path / "zeros.toml"
+    path.write_text('samples = 64\n[scenario]\ntype = "ins"\ntrajectory = "zeros.csv"\n[errors]\nposition = "10 m"\n')
+    for command, page in (("run", "report.html"), ("lincov", "lincov.html")):
+        done = in_process(command, path, "--out", tmp_path / command)
+        assert done.exit_code == 0, done.output
+        text = (tmp_path / command / page).read_text()
+        assert "Not modelled: disturbances of gravity" in text
+        assert ("check the column heading" in text) == (command == "run")

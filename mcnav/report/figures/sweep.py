@@ -42,6 +42,7 @@ OWN: Final = Series("filter", "as the filter states it", FILTER, "dashed")
 LIMIT: Final = Series("limit", "limit", INK, "dotted")
 BOUNDARY: Final = Series("limit", "limit", INK)
 MET: Final = Series("met", "point of the grid that meets it", MUTED, "dot")
+ADDED: Final = Series("added", "value added between those of the grid", LINEAR, "dot")
 SOLVED: Final = Series("solved", "limit just met, solved", INK, "dot")
 CHECKED: Final = Series("flown", "Monte Carlo", FLOWN, "ring")
 
@@ -99,6 +100,7 @@ def _key(sweep: Sweep) -> list[Series]:
         TRUE,
         *([OWN] if any(differs(sweep, index) for index in range(len(sweep.measures))) else []),
         *limits,
+        *([ADDED] if sweep.added and len(sweep.variables) == 1 else []),
         *([SOLVED] if any(each.values for each in sweep.just_met) else []),
         *([CHECKED] if checked else []),
     ]
@@ -119,7 +121,13 @@ def _curve(sweep: Sweep, number: int, title: str) -> Panel:
     marks: list[Mark] = []
     if np.isfinite(bounds).any():
         marks.append(Line(LIMIT, variable.values, bounds, 1.6))
-    marks.append(Line(TRUE, variable.values, values, 2.2))
+    places = np.array([point[0] for point, _ in sweep.added])
+    added = np.array([found[number] for _, found in sweep.added]) * scale
+    order = np.argsort(np.concatenate([variable.values, places]), kind="stable")
+    across, along = np.concatenate([variable.values, places])[order], np.concatenate([values, added])[order]
+    marks.append(Line(TRUE, across, along, 2.2))
+    if len(added):
+        marks.append(Points(ADDED, places, added, 2.4, 0.7))
     if differs(sweep, number):
         marks.append(Line(OWN, variable.values, own, 1.7))
     solved = [value for each in sweep.just_met if each.measure == number for value in each.values]
@@ -130,7 +138,7 @@ def _curve(sweep: Sweep, number: int, title: str) -> Panel:
     checked = np.array([(each.point[0], each.values[number] * scale) for each in sweep.confirmations]).reshape(-1, 2)
     if np.isfinite(checked[:, 1]).any():
         marks.append(Points(CHECKED, checked[:, 0], checked[:, 1], 8.0))
-    known = np.concatenate([values, own, bounds, checked[:, 1]])
+    known = np.concatenate([along, own, bounds, checked[:, 1]])
     known = known[np.isfinite(known)]
     log = bool(len(known)) and known.min() > 0.0 and known.max() > WIDE * known.min()
     return Panel(title, axis_of(variable), Axis("", measure.shown_in, log, None if log else 0.0), marks)

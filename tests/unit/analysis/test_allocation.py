@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import pytest
 
-from mcnav.analysis.allocation import MOST, PRECISION, critical_multiple
+from mcnav.analysis.allocation import MOST, PRECISION, critical_multiple, nearest_multiple
 
 CASES: dict[str, tuple[Callable[[float], float], float]] = {
     "tightened": (lambda k: math.sqrt(0.3 + 0.9 * k * k), math.sqrt(0.7 / 0.9)),
@@ -56,3 +56,24 @@ def test_the_least_multiple_stands_for_none() -> None:
     """A sensor's noise cannot be zero."""
     found = critical_multiple(lambda k: math.nan if k == 0.0 else 0.5 / k, least=1e-3)
     assert found == pytest.approx(0.5, rel=2.0 * PRECISION)
+
+
+@pytest.mark.parametrize("peak", [9.0, 0.11, 16.0])
+def test_a_goal_that_is_met_in_a_narrow_range_of_multiples(peak: float) -> None:
+    """``1.01 exp(-log(k / k_0)^2)`` is above one within a tenth of its maximum: neither at zero nor at one."""
+
+    def margin(multiple: float) -> float:
+        return 1.01 * math.exp(-(math.log(max(multiple, 1e-3) / peak) ** 2))
+
+    width = math.sqrt(math.log(1.01))
+    expected = peak * math.exp(-width if peak > 1.0 else width)
+    found, closest = nearest_multiple(margin)
+    assert found == closest
+    assert margin(found) >= 1.0
+    assert found == pytest.approx(expected, rel=2.0 * PRECISION)
+
+
+def test_where_no_multiple_does_the_closest_is_known() -> None:
+    found, closest = nearest_multiple(lambda k: 0.99 * math.exp(-(math.log(max(k, 1e-3) / 30.0) ** 2)))
+    assert math.isnan(found)
+    assert closest == pytest.approx(30.0, rel=0.02)

@@ -68,6 +68,41 @@ def test_a_key_of_whole_numbers_has_the_last_one_that_meets_the_limit() -> None:
     assert falling.met == ((4.0, None),)
 
 
+def dip(value: float) -> float:
+    """Return a margin that is below zero within a factor of 1.5 of 0.7 alone: a parabola of the logarithm."""
+    return float(np.log(value / 0.7) ** 2 - np.log(1.5) ** 2)
+
+
+@pytest.mark.parametrize("points", [2, 3, 4, 10, 40])
+def test_what_is_between_the_points_of_a_grid_does_not_depend_on_the_grid(points: int) -> None:
+    """The limit is met in part of the range, however few points are asked for."""
+    found = crossings(Variable("key", np.geomspace(0.01, 100.0, points), "m", True), dip)
+    assert found.values == pytest.approx((0.7 / 1.5, 0.7 * 1.5), rel=2.0 * TOLERANCE)
+    assert found.met == ((found.values[0], found.values[1]),)
+    assert found.whole
+
+
+@pytest.mark.parametrize("depth", [0.02, -0.02])
+def test_a_curve_that_nearly_touches_its_limit(depth: float) -> None:
+    """On a linear axis, of 3 points, with its minimum apart from every sixteenth of the range."""
+    found = crossings(Variable("key", np.linspace(0.0, 10.0, 3), "m", False), lambda x: (x - 6.27) ** 2 + depth)
+    assert len(found.values) == (0 if depth > 0.0 else 2)
+    assert found.closest is not None
+    if depth > 0.0:  # closest to the minimum to the bend that is not followed up, 0.1 % of the limit
+        assert found.closest[1] == pytest.approx(depth, abs=0.02)
+    assert found.looked_at > 3
+
+
+def test_values_that_cannot_be_computed_are_admitted() -> None:
+    def margin(value: float) -> float:
+        raise CampaignError([Problem("", "key", "expected a whole number")])
+
+    found = find_crossings(Variable("key", np.array([1.0, 4.0, 7.0]), "", False), np.ones(3), margin, 0)
+    assert not found.whole
+    assert found.looked_at == 3
+    assert found.met == ()
+
+
 HALVINGS = int(np.ceil(np.log2(1e9)))
 
 

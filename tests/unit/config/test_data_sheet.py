@@ -89,5 +89,8 @@ def test_next_grades() -> None:
     walk = next_grade(found["imu.gyro.angle_random_walk"], True)
     assert walk is not None
     assert (walk.grade, shown(walk.entry)) == ("navigation", "0.002 deg/sqrt(h)")
-    assert next_grade(found["imu.gyro.misalignment"], True) is None  # no finer grade states one
+    misaligned = next_grade(found["imu.gyro.misalignment"], True)
+    assert misaligned is not None
+    assert (misaligned.grade, shown(misaligned.entry)) == ("navigation", "0.1 mrad")
+    assert next_grade(found["imu.gyro.g_sensitivity"], True) is None  # no finer grade states one
     assert next_grade(found["errors.position"], True) is None

@@ -6,6 +6,7 @@ import json
 
 import pytest
 
+from mcnav.config.imu import ALLAN_MINIMUM
 from mcnav.config.imu_catalogue import catalogue, catalogue_units
 from mcnav.constants import STANDARD_GRAVITY
 from mcnav.units import quantity
@@ -30,6 +31,23 @@ def test_grades_are_in_their_ranges() -> None:
     for name, (low, high) in GRADES.items():
         bias = quantity(catalogue()[name]["gyro"]["bias"], "rad/s") / quantity("1 deg/h", "rad/s")
         assert low * (1.0 - 1e-12) <= bias <= high * (1.0 + 1e-12)  # rounding of a unit there and back
+
+
+def test_every_grade_has_an_instability_and_misalignments_of_its_own_size() -> None:
+    """An instability is smaller than the bias; none is zero, so that no filter calibrates the unit perfectly."""
+    for name in GRADES:
+        for instrument, unit in (("gyro", "rad/s"), ("accelerometer", "m/s^2")):
+            table = catalogue()[name][instrument]
+            (size,) = (text for key, text in table["bias_instability"].items() if key != "correlation_time")
+            assert 0.0 < quantity(size, unit) / ALLAN_MINIMUM < quantity(table["bias"], unit)
+            assert 0.0 < quantity(table["misalignment"], "rad") < 0.02
+
+
+def test_what_is_assumed_says_so() -> None:
+    for unit in catalogue_units():
+        for value in unit.values:
+            if unit.name in GRADES and value.key.startswith("bias_instability"):
+                assert value.source.startswith(("no source for the grade; ", "assumed"))
 
 
 def test_instabilities_are_complete() -> None:

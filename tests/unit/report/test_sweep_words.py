@@ -53,8 +53,8 @@ def confirmed(verdicts: tuple[str, str], finding: str, joint: str = "agrees") ->
 @pytest.mark.parametrize(
     ("spans", "words"),
     [
-        (((None, None),), "met in the whole range"),
-        ((), "not met anywhere in the range"),
+        (((None, None),), "met at every value looked at"),
+        ((), "not met at any value looked at"),
         (((None, 2.0),), "met up to 2 km"),
         (((2.0, None),), "met from 2 km on"),
         (((1.5, 2.5),), "met from 1.5 km to 2.5 km"),
@@ -65,10 +65,25 @@ def test_where_a_limit_is_met(spans: tuple[Span, ...], words: str) -> None:
     assert met_words(JustMet(0, None, (), spans), KEY) == words
 
 
+@pytest.mark.parametrize(
+    ("spans", "closest", "words"),
+    [
+        (((None, None),), (3.0, np.log(0.8)),
+         "met at all 17 values looked at; closest at 3 km, with a factor of 1.25 to spare"),
+        ((), (2.5, np.log(1.1)),
+         "not met at any of the 17 values looked at; closest at 2.5 km, off by a factor of 1.1"),
+    ],
+)  # fmt: skip
+def test_a_limit_that_is_not_crossed_says_what_was_looked_at(
+    spans: tuple[Span, ...], closest: tuple[float, float], words: str
+) -> None:
+    assert met_words(JustMet(0, None, (), spans, 17, closest), KEY) == words
+
+
 def test_limits_together() -> None:
     assert headline(SWEEP) == ("All limits together are met up to 2 km: errors.range", "partly")
     assert headline(replace(SWEEP, just_met=SWEEP.just_met[1:]))[0].startswith(
-        "95 % of |altitude|, at most 5 km: met in"
+        "95 % of |altitude|, at most 5 km: met at every value looked at"
     )
     below = JustMet(1, None, (1.5,), ((None, 1.5),))
     above = JustMet(1, None, (2.5,), ((2.5, None),))
@@ -76,7 +91,7 @@ def test_limits_together() -> None:
     assert common_spans(inner) == ((None, 1.5),)
     apart = replace(SWEEP, just_met=(SWEEP.just_met[0], above))
     assert common_spans(apart) == ()
-    assert headline(apart) == ("All limits together are not met anywhere in the range: errors.range", "differs")
+    assert headline(apart) == ("All limits together are not met at any value looked at: errors.range", "differs")
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,65 @@
+"""The best start of navigation in a sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from mcnav.analysis.comparison import Comparison
+from mcnav.analysis.verdict import combine_verdicts
+from mcnav.lincov.start_times import StartTimeStudy
+from mcnav.report.model import humanize
+from mcnav.scenarios.protocol import Output
+
+
+def minutes(seconds: float) -> str:
+    """Format a time from the event in minutes."""
+    return f"{seconds / 60.0:.1f}".replace("-", "−")
+
+
+def answer(study: StartTimeStudy, checks: Mapping[float, Comparison], outputs: Sequence[Output]) -> str:
+    """Say when to start for all outputs together, and whether Monte Carlo agrees there.
+
+    ``checks`` are Monte Carlo comparisons by start time, s.
+    """
+    place = study.best_weighted
+    gain = study.weighted[place] / study.weighted[0] if study.weighted[0] > 0.0 else 1.0
+    words = [
+        f"Start at {minutes(study.times[place])} {study.clock.label}: of the starts compared, the weighted dispersion "
+        f"of all outputs is smallest there, {gain:.3g} times that of a start at the first point."
+    ]
+    if place == 0:
+        words[0] = (
+            f"Start at the first point, {minutes(study.times[0])} {study.clock.label}: of the starts compared, the "
+            "weighted dispersion of all outputs is smallest there; an earlier start is not looked at."
+        )
+    elif place == study.before_event - 1:
+        words.append("It is the latest start compared; a later one is not looked at.")
+    if (differing := _of_single_outputs(study, outputs)) and len(outputs) > 1:
+        words.append(differing)
+    return " ".join([*words, _confirmed(study, checks)]).strip()
+
+
+def _of_single_outputs(study: StartTimeStudy, outputs: Sequence[Output]) -> str:
+    """Say between which times the best starts of single outputs lie; empty where they are the same."""
+    best = study.times[study.best]
+    first, last = int(np.argmin(best)), int(np.argmax(best))
+    if minutes(best[first]) == minutes(best[last]):
+        return ""
+    ends = [f"{minutes(best[each])} ({humanize(outputs[each].name)})" for each in (first, last)]
+    return f"Single outputs have their best starts from {ends[0]} to {ends[1]}."
+
+
+def _confirmed(study: StartTimeStudy, checks: Mapping[float, Comparison]) -> str:
+    """Say whether Monte Carlo agrees at the best start; empty where it was not run there."""
+    time = float(study.times[study.best_weighted])
+    found = next((each for when, each in checks.items() if np.isclose(when, time, rtol=0.0, atol=1e-6)), None)
+    if found is None or not found.outputs:
+        return ""
+    weighted = [each.paired.verdict for each, weight in zip(found.outputs, study.weights, strict=True) if weight > 0.0]
+    words = {
+        "agrees": "Monte Carlo agrees with linear analysis there.",
+        "differs": "Monte Carlo differs from linear analysis there: do not rely on it.",
+    }
+    return words.get(combine_verdicts(weighted).value, "Monte Carlo does not decide there.")

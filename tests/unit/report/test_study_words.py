@@ -1,0 +1,60 @@
+"""Studies answer their questions in a sentence: by what factor errors may grow, and when to start."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mcnav.analysis.linearity import DispersionRange
+from mcnav.lincov.start_times import StartTimeStudy
+from mcnav.report.linearity_words import answer
+from mcnav.report.start_time_words import answer as start_answer
+from mcnav.scenarios.protocol import Output, StartClock
+
+OUTPUTS = (Output("range", "m", "km"), Output("altitude", "m", "km"))
+
+
+def ranges(agrees: list[float]) -> DispersionRange:
+    """Return a range of linearity of two outputs and their joint distribution, tried from 0.1 to 50."""
+    steps, until = np.array([0.1, 1.0, 50.0]), np.array(agrees)
+    ones = np.ones((3, 3))
+    return DispersionRange(steps, ones, ones, ones, until, until, until)
+
+
+@pytest.mark.parametrize(
+    ("agrees", "words"),
+    [
+        ([2.5, np.inf, 3.0], "may grow by a factor of 2.5: up to it every sigma is shown to be within ±5 % of the "
+         "linear one, and beyond it range is the first that is not. Their joint distribution agrees up to a factor "
+         "of 3."),
+        ([np.inf, np.inf, np.inf], "may grow by a factor of 50, the largest tried: every sigma is shown to be within "
+         "±5 % of the linear one. Their joint distribution agrees at all multiples tried."),
+        ([2.0, 0.5, 0.3], "are too large: only up to 0.5 times them is every sigma shown to be within ±5 % of the "
+         "linear one; altitude is the first that is not. Their joint distribution agrees only up to 0.3 times "
+         "the stated"),
+        ([0.1, np.nan, 0.1], "At no multiple is every sigma shown to be within ±5 % of the linear one: range is not at "
+         "the smallest multiple tried, 0.1. Their joint distribution is not shown to agree even at 0.1 times"),
+        ([np.nan, np.nan, np.nan], "No output is disturbed by any error"),
+    ],
+)  # fmt: skip
+def test_by_what_factor(agrees: list[float], words: str) -> None:
+    assert words in answer(["range", "altitude"], ranges(agrees), 0.05)
+
+
+def study(weighted: list[float]) -> StartTimeStudy:
+    """Return a study of three starts before an event and one after it; the second output is best at the first start."""
+    sigma = np.stack([np.array([*weighted, 0.0]), np.array([1.0, 2.0, 3.0, 4.0])], axis=1)
+    times, none = 60.0 * np.array([-30.0, -20.0, -10.0, 10.0]), np.zeros((4, 2, 1))
+    clock = StartClock("min from reentry", "reentry")
+    return StartTimeStudy("start", times, none, none, sigma, np.array([1.0, 0.0]), clock)
+
+
+def test_when() -> None:
+    middle = start_answer(study([4.0, 1.0, 2.0]), {}, OUTPUTS)
+    assert middle.startswith("Start at −20.0 min from reentry: of the starts compared, the weighted dispersion of all")
+    assert "0.25 times that of a start at the first point." in middle
+    assert middle.endswith("Single outputs have their best starts from −30.0 (altitude) to −20.0 (range).")
+    first, last = (start_answer(study(weighted), {}, OUTPUTS) for weighted in ([1.0, 2.0, 3.0], [3.0, 2.0, 1.0]))
+    assert first.startswith("Start at the first point, −30.0 min from reentry")
+    assert "an earlier start is not looked at" in first
+    assert "It is the latest start compared; a later one is not looked at." in last
