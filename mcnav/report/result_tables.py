@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from mcnav.report import export
-from mcnav.report.requirements import shown_units, stated
+from mcnav.report.model import shown_units
+from mcnav.report.requirements import stated
 from mcnav.report.result_table import ResultTable, Row, Units, in_units
 from mcnav.scenarios.failure import message_of
 

@@ -34,7 +34,7 @@ from mcnav.store.histories import STORED
 from mcnav.store.manifest import FilterRecord, Manifest, ModelRecord, PartialsRecord
 from mcnav.store.run_folder import MANIFEST, REPORT, RunFolder
 from mcnav.store.run_folder import SUMMARY as SUMMARY_FILE
-from mcnav.store.summaries import SUMMARY, collect_summary
+from mcnav.store.summaries import STORED_ROWS, SUMMARY, collect_summary
 from mcnav.store.totals import read_totals
 
 if TYPE_CHECKING:
@@ -126,10 +126,12 @@ def analyse(folder: RunFolder, unfinished: Manifest | None = None) -> RunAnalysi
     over_time = any(requirement.epochs for requirement in requirements)
     histories = error_histories(folder, manifest, design) if over_time and unfinished is None else None
 
+    most = STORED_ROWS if frame is not None else None
+
     def judged(requirement: Requirement) -> RequirementResult:
         if requirement.epochs:
             return judge_over_time(requirement, histories, criterion.confidence)
-        return judge_requirement(requirement, model, samples.outputs, blocks, comparison, criterion.confidence)
+        return judge_requirement(requirement, model, samples.outputs, blocks, comparison, criterion.confidence, most)
 
     return RunAnalysis(
         folder=folder,
