@@ -323,9 +323,9 @@ def _filter_sensors(results: Results) -> list[Row]:
 def _neglected(results: Results) -> list[Row]:
     """List the errors that make a filter optimistic: their variances over the sum of all differences."""
     found = results.summary.get("filter") or {"neglected": ()}
-    rows = []
+    rows, outputs = [], {output.name: output for output in results.quantities("outputs")}
     for entry in found["neglected"]:
-        output = next(each for each in results.quantities("outputs") if each.name == found["output"])
+        output = outputs[found["output"]]
         sigmas = {f"sigma_{key}": math.sqrt(max(entry[key], 0.0)) * output.scale for key in ("true", "believed")}
         row: Row = {"cause": entry["name"], "output": output.name, "unit": output.unit, **sigmas}
         rows.append(row | {"share": entry["share"]})
