@@ -40,6 +40,11 @@ class SampleMoments:
         """Number of samples."""
         return len(self.y)
 
+    @property
+    def unbiased(self) -> float:
+        """Factor n / (n - 1) from mean squares about the mean to the unbiased variance."""
+        return self.samples / (self.samples - 1.0)
+
     @cached_property
     def counts(self) -> Array:
         """Samples in each block, shape (b,)."""
@@ -81,6 +86,16 @@ class SampleMoments:
         )
         return self._sums(simulated), self._sums(simulated - linear)
 
+    def combined(self, weights: Array) -> tuple[Array, Array]:
+        """Add up ``u^2``, and ``u^2 - v^2``, of the combinations ``u = w y`` and ``v = w z`` about their means."""
+        u, v = ((values - mean) @ weights for values, mean in ((self.y, self.mean), (self.z, self.linear_mean)))
+        return self._sums(u * u), self._sums(u * u - v * v)
+
+    @property
+    def rounding(self) -> float:
+        """Share of its terms' sigmas below which the sigma of a combination is rounding of the sums."""
+        return 0.0
+
     def powers(self, i: int) -> Array:
         """Add up the first four powers of y_i in some origin and unit, shape (4, b)."""
         return power_sums(self.y[:, i], self.begins)
@@ -89,6 +104,11 @@ class SampleMoments:
         """Add up the NEES of y, and that less the NEES of z, each of shape (b,)."""
         differences = self.distances - squared_distances(self.z, self.centre, self.given)
         return self._sums(self.distances), self._sums(differences)
+
+    def nees_about_means(self) -> Array:
+        """Add up the NEES of y less that of z, each about its mean, shape (b,)."""
+        y, z = squared_distances(self.y, self.mean, self.given), squared_distances(self.z, self.linear_mean, self.given)
+        return self._sums(y - z)
 
     def whitened(self) -> Iterator[tuple[Array, Array]]:
         """Add up in whitened coordinates of dimension r, some blocks at a time.
@@ -165,6 +185,10 @@ class SummaryMoments:
     def samples(self) -> int:
         return int(self.counts.sum())
 
+    @property
+    def unbiased(self) -> float:
+        return self.samples / (self.samples - 1.0)
+
     @cached_property
     def mean(self) -> Array:
         return np.asarray(self.centre + self.y.sum(axis=0) / self.samples)
@@ -192,6 +216,15 @@ class SummaryMoments:
         yy, zz = (each[:, i, j] for each in self.centred)
         return yy, yy - zz
 
+    def combined(self, weights: Array) -> tuple[Array, Array]:
+        yy, zz = (np.einsum("bij,i,j->b", each, weights, weights) for each in self.centred)
+        return yy, yy - zz
+
+    @property
+    def rounding(self) -> float:
+        """Root of the largest relative error of a block's sums of n products, n eps."""
+        return float(np.sqrt(np.finfo(float).eps * self.counts.max(initial=1.0)))
+
     def powers(self, i: int) -> Array:
         scale = self.scale[i]
         return np.stack([self.y[:, i] / scale, self.yy[:, i, i] / scale**2, self.thirds[:, i], self.fourths[:, i]])
@@ -200,6 +233,11 @@ class SummaryMoments:
         weights = self.given.matrix @ self.given.matrix.T
         simulated, linear = (np.einsum("bij,ij->b", products, weights) for products in (self.yy, self.zz))
         return simulated, simulated - linear
+
+    def nees_about_means(self) -> Array:
+        weights = self.given.matrix @ self.given.matrix.T
+        simulated, linear = (np.einsum("bij,ij->b", products, weights) for products in self.centred)
+        return np.asarray(simulated - linear)
 
     def whitened(self) -> Iterator[tuple[Array, Array]]:
         matrix = self.given.matrix

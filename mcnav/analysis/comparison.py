@@ -7,7 +7,6 @@ y and z share cancels (z is a control variate whose covariance is known). Its er
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
@@ -23,25 +22,24 @@ from mcnav.analysis.block_moments import (
     SampleMoments,
     SummaryMoments,
 )
+from mcnav.analysis.combinations import Combination, FixedCombination, compare_fixed, fixed_combinations
+from mcnav.analysis.decision_rule import DecisionRule
+from mcnav.analysis.ellipsoid import Ellipsoid, compare_ellipsoid, name_combinations
 from mcnav.analysis.multivariate import MultivariateTests, compare_jointly
-from mcnav.analysis.verdict import Judgement, Verdict, combine_verdicts, judge
+from mcnav.analysis.verdict import Judgement, Verdict, combine_verdicts
 from mcnav.lincov.block_sums import BlockSums, Normalization
 from mcnav.lincov.covariance import propagated_covariance
 from mcnav.sampling.designs import SamplingDesign
 from mcnav.statistics.chunked import STRETCH
-from mcnav.statistics.estimates import Estimate, block_begins, summed_mean
+from mcnav.statistics.estimates import Estimate, block_begins
 from mcnav.statistics.interim_sizes import confidence_of_each
-from mcnav.statistics.power import detectable_ratio, samples_to_detect
-from mcnav.statistics.whitening import Whitening, whitening
+from mcnav.statistics.whitening import whitening
 
 LARGEST_FAILED_SHARE: Final = 1e-3
 """Largest share of failed samples with which agreement is claimed."""
 
 ROUNDING: Final = 1e-10
 """A sigma below this share of the terms that form it is rounding, and counts as zero."""
-
-LARGEST_EXPONENT: Final = 700.0
-"""Largest argument whose exponential is finite in double precision."""
 
 
 @dataclass(frozen=True)
@@ -101,40 +99,6 @@ class Criterion:
 
 
 @dataclass(frozen=True)
-class DecisionRule:
-    """Rule by which the estimates of one comparison are formed and judged."""
-
-    samples: int
-    tolerance: float
-    confidence: float
-    fewest_blocks: float
-
-    def mean(self, sums: Array, counts: Array) -> Estimate:
-        """Estimate a mean from block sums."""
-        return summed_mean(sums, counts, self.fewest_blocks)
-
-    def judge(self, estimate: Estimate, expected: float, floor: float = 0.0) -> Judgement:
-        """Judge the square root of an estimated variance over the expected one."""
-        if expected <= 0.0:
-            agrees = estimate.value <= floor
-            return Judgement(Verdict.AGREES if agrees else Verdict.DIFFERS, None, None, certain=not agrees)
-        ratio, interval = ratio_interval(estimate, expected, self.confidence)
-        return judge(ratio, interval, self.tolerance, self.samples)
-
-    def power(self, estimate: Estimate, expected: float) -> tuple[float, float]:
-        """Return the smallest departure of the sigma ratio from one that would have been found.
-
-        With it come the samples with which a departure as large as the tolerance would be found.
-        """
-        if expected <= 0.0 or estimate.value <= 0.0:
-            return math.nan, math.nan
-        error = 0.5 * estimate.standard_error / estimate.value
-        smallest = detectable_ratio(error, estimate.degrees_of_freedom, self.confidence)
-        needed = samples_to_detect(self.tolerance, error, self.samples, self.confidence)
-        return smallest, float(np.ceil(needed)) if math.isfinite(error) else math.nan
-
-
-@dataclass(frozen=True)
 class OutputComparison:
     """Comparison of one output's linear and Monte Carlo sigma, SI.
 
@@ -163,43 +127,6 @@ class OutputComparison:
     detectable_plain: float
     detectable_paired: float
     samples_to_see: float
-
-
-@dataclass(frozen=True)
-class Ellipsoid:
-    """Comparison of the whole matrix: the simulated errors normalised by the linear covariance.
-
-    Attributes
-    ----------
-    dimension : int
-        Rank of the linear covariance: the expected NEES.
-    values : ndarray, shape (n,)
-        NEES of each stored sample against the linear mean and covariance.
-    nees : Estimate
-        Mean normalised estimation error squared of the simulated errors.
-    nees_paired : Estimate
-        The same mean with the linear errors' NEES, whose mean is the dimension exactly, as control variate.
-    judgement : Judgement
-        Judgement of ``sqrt(mean NEES / dimension)``, the sigma ratio averaged over all directions.
-    directions : ndarray, shape (dimension, outputs)
-        Weights, on outputs in units of their linear sigmas, of the combinations in which the paired covariance differs
-        least to most from the linear one; each of unit length.
-    direction_ratios : ndarray, shape (dimension,)
-        Sigma ratio of each combination, rising; NaN where the paired variance is negative.
-    """
-
-    dimension: int
-    values: Array
-    nees: Estimate
-    nees_paired: Estimate
-    judgement: Judgement
-    directions: Array
-    direction_ratios: Array
-
-    @property
-    def farthest(self) -> int:
-        """Combination whose sigma ratio is farthest from one."""
-        return int(np.argmax(np.abs(np.nan_to_num(self.direction_ratios, nan=0.0) - 1.0)))
 
 
 @dataclass(frozen=True)
@@ -293,7 +220,9 @@ def compare_reduced(model: Model, samples: ReducedSamples, criterion: Criterion,
     """Compare a campaign with the linear model; the criterion's confidence is that of all verdicts (Bonferroni)."""
     moments, linear = samples.moments, model.outcome_covariance
     count, failed = moments.samples, samples.failed
-    each = 1.0 - (1.0 - confidence_of_each(criterion.confidence, criterion.looks)) / (len(linear) + 1)
+    given, fixed = whitening(linear), _fixed_combinations(model, moments)
+    statements = len(linear) + 1 + sum(each.dispersed for each in fixed)
+    each = 1.0 - (1.0 - confidence_of_each(criterion.confidence, criterion.looks)) / statements
     if min(count, samples.stored.samples) < 2:
         unknown = np.full_like(linear, np.nan)
         return Comparison(
@@ -310,12 +239,51 @@ def compare_reduced(model: Model, samples: ReducedSamples, criterion: Criterion,
             for i, floor in enumerate(model.rounding**2)
         ]
         if np.any(linear):
-            whole = executor.submit(_compare_ellipsoid, whitening(linear), samples, paired, rule)
+            whole = executor.submit(compare_ellipsoid, given, samples, paired, rule)
             joint = compare_jointly(samples, linear, each, design)
             ellipsoid = whole.result()
     outputs = tuple(output.result() for output in judged)
+    if ellipsoid is not None:
+        bias = np.array([output.bias.value for output in outputs])
+        unpredicted = _unpredicted(fixed, np.sqrt(np.diag(linear)), moments, outputs, bias, rule)
+        ellipsoid = name_combinations(ellipsoid, given, linear, paired, bias, unpredicted)
     verdict = _overall_verdict(outputs, failed, count + failed)
     return Comparison(count, failed, each, moments.mean, linear, sample, paired, outputs, ellipsoid, joint, verdict)
+
+
+def _fixed_combinations(model: Model, moments: BlockMoments) -> tuple[FixedCombination, ...]:
+    """List the combinations of outputs that the linear model holds fixed."""
+    linear = model.outcome_covariance
+    sigma = np.sqrt(np.diag(linear))
+    shares = np.divide(model.rounding, sigma, out=np.zeros_like(sigma), where=sigma > 0.0)
+    return fixed_combinations(
+        model.partials, model.covariance, list(model.processes.values()), sigma, whitening(linear).rank,
+        np.maximum(shares, moments.rounding),
+    )  # fmt: skip
+
+
+def _unpredicted(
+    fixed: Sequence[FixedCombination],
+    sigma: Array,
+    moments: BlockMoments,
+    outputs: Sequence[OutputComparison],
+    bias: Array,
+    rule: DecisionRule,
+) -> tuple[Combination, ...]:
+    """List outputs, and combinations of outputs, that linear analysis holds fixed and that are dispersed otherwise."""
+    own = np.eye(len(sigma))
+    alone = [
+        Combination(i, own[i], own[i], 0.0, output.sigma_sample, float(bias[i]), output.paired)
+        for i, output in enumerate(outputs)
+        if sigma[i] == 0.0 and output.paired.verdict == Verdict.DIFFERS
+    ]
+    together = [compare_fixed(each, sigma, moments, bias, rule) for each in fixed]
+    judged = [(each.judgement.verdict, each) for each in together if each.judgement]
+    certain, open_ = (
+        sorted((each for own, each in judged if own == verdict), key=lambda each: -each.sigma_paired / sigma[each.lead])
+        for verdict in (Verdict.DIFFERS, Verdict.UNDECIDED)
+    )
+    return (*alone, *certain, *open_)
 
 
 def _overall_verdict(outputs: Sequence[OutputComparison], failed: int, samples: int) -> Verdict:
@@ -325,25 +293,6 @@ def _overall_verdict(outputs: Sequence[OutputComparison], failed: int, samples: 
     if nothing_to_compare or (verdict == Verdict.AGREES and failed > LARGEST_FAILED_SHARE * samples):
         return Verdict.UNDECIDED
     return verdict
-
-
-def ratio_interval(estimate: Estimate, expected: float, confidence: float) -> tuple[float, tuple[float, float]]:
-    """Return the square root of an estimated variance over the expected one, and its interval.
-
-    The interval is formed on the scale of the logarithm, where a variance's error is nearly symmetric, and reaches
-    further where the skewness of the blocks requires it (`mcnav.statistics.estimates`).
-    """
-    share = estimate.value / expected
-    half = estimate.half_width(confidence) / expected
-    ratio = float(np.sqrt(max(share, 0.0)))
-    if not np.isfinite(half):
-        return ratio, (0.0, float("inf"))
-    down, up = (reach / expected for reach in estimate.reach_of_skewness(confidence))
-    low, high = (float(np.sqrt(max(each, 0.0))) for each in (share - down, share + up))
-    if share > 0.0:
-        spread = float(np.exp(min(0.5 * half / share, LARGEST_EXPONENT)))
-        return ratio, (min(ratio / spread, low), max(ratio * spread, high))
-    return ratio, (0.0, max(float(np.sqrt(max(share + half, 0.0))), high))
 
 
 def _compare_output(
@@ -365,23 +314,4 @@ def _compare_output(
         detectable_plain=rule.power(plain, variance)[0],
         detectable_paired=detectable,
         samples_to_see=samples_to_see,
-    )
-
-
-def _compare_ellipsoid(given: Whitening, samples: ReducedSamples, paired: Array, rule: DecisionRule) -> Ellipsoid:
-    """Compare the NEES, and the paired covariance, with the linear covariance in its range."""
-    moments, dimension = samples.moments, given.rank
-    nees, difference = (rule.mean(sums, moments.counts) for sums in moments.nees())
-    controlled = replace(difference, value=dimension + difference.value)
-    ratios, rotations = np.linalg.eigh(given.matrix.T @ paired @ given.matrix)
-    directions = given.directions @ rotations
-    directions = directions / np.linalg.norm(directions, axis=0)
-    return Ellipsoid(
-        dimension,
-        samples.stored.distances,
-        nees,
-        controlled,
-        rule.judge(controlled, float(dimension)),
-        directions.T,
-        np.sqrt(np.where(ratios >= 0.0, ratios, np.nan)),
     )

@@ -25,6 +25,7 @@ from mcnav._types import Array, IndexArray
 from mcnav.analysis.budget import largest_sigmas
 from mcnav.analysis.causes import Cause
 from mcnav.analysis.comparison import LARGEST_FAILED_SHARE, Comparison, Model
+from mcnav.analysis.samples_needed import Counting, samples_needed
 from mcnav.analysis.verdict import Verdict, judge
 from mcnav.statistics import proportions
 from mcnav.statistics.bisection import smallest_reaching
@@ -33,7 +34,7 @@ from mcnav.statistics.circular_error import (
     normal_probability_within,
     normal_probability_within_sphere,
 )
-from mcnav.statistics.order_statistics import RankedSizes, samples_for_upper_bound
+from mcnav.statistics.order_statistics import RankedSizes
 
 
 class Finding(StrEnum):
@@ -92,11 +93,11 @@ class RequirementResult:
     linear : float
         Value by linear analysis, assuming normal errors; one for a sigma ratio.
     samples_needed : int or None
-        Approximate number of samples that would decide an undecided case.
+        Samples that would decide an undecided case with a probability of 90 % if the truth is as estimated.
     largest_sigmas : ndarray, shape (sources,), or None
         For a quantile, the largest sigma of each source by linear analysis, the others unchanged.
     remark : str
-        Reason why nothing could be decided, other than too few samples.
+        Reason why nothing could be decided, other than too few samples; or why their number is rough.
     time : float or None
         Of several epochs, that of the largest estimate, in the unit of the run's histories.
     samples : int or None
@@ -121,20 +122,22 @@ class RequirementResult:
 
 def judge_requirement(
     requirement: Requirement, model: Model, outcomes: Array, blocks: IndexArray, comparison: Comparison,
-    confidence: float,
+    confidence: float, most: int | None = None,
 ) -> RequirementResult:  # fmt: skip
     """Judge one requirement by the outcomes of all samples, shape (n, outputs), and their blocks, shape (n,).
 
-    The outcomes of a sample that failed are NaN.
+    The outcomes of a sample that failed are NaN. ``most`` is the number of samples whose outcomes are stored at most.
     """
     if requirement.kind == "sigma_ratio":
         return _judge_ratios(requirement, comparison)
     independent, remark = independent_samples(blocks)
     outcomes = outcomes[independent]
+    reason = f"a run that stores a summary has {most:,} samples to count, however many it simulates" if most else ""
+    counting = Counting(len(blocks), len(outcomes), most, reason)
     if not np.isfinite(outcomes).any():
         remark = "every sample failed"
     judged = _judge_box if requirement.kind == "box" else _judge_size
-    return judged(requirement, model, outcomes, confidence, remark)
+    return judged(requirement, model, outcomes, confidence, remark, counting)
 
 
 def independent_samples(blocks: IndexArray) -> tuple[NDArray[np.bool_], str]:
@@ -189,7 +192,7 @@ def _linear_moments(model: Model, outputs: tuple[int, ...]) -> tuple[Array, Arra
 def _judge_ratios(requirement: Requirement, comparison: Comparison) -> RequirementResult:
     paired = [output.paired for output in comparison.outputs]
     found = [
-        judge(each.ratio, each.interval, requirement.limits[0], comparison.samples)
+        judge(each.ratio, each.interval, requirement.limits[0], comparison.samples, comparison.confidence_each)
         for each in paired
         if each.ratio is not None and each.interval is not None
     ]
@@ -213,7 +216,7 @@ def _judge_ratios(requirement: Requirement, comparison: Comparison) -> Requireme
 
 
 def _judge_size(
-    requirement: Requirement, model: Model, outcomes: Array, confidence: float, remark: str
+    requirement: Requirement, model: Model, outcomes: Array, confidence: float, remark: str, counting: Counting
 ) -> RequirementResult:
     """Judge a quantile of an output's absolute value, or of the distance from zero in two or three outputs."""
     outputs, limit, probability = requirement.outputs, requirement.limits[0], size_probability(requirement)
@@ -224,7 +227,8 @@ def _judge_size(
     linear = linear_quantile(model, outputs, probability)
     needed = None
     if finding == Finding.UNDECIDED and not remark and len(sizes):
-        needed = samples_needed(float(np.mean(~(sizes <= limit))), 1.0 - probability, confidence, len(sizes))
+        shares = [float(np.mean(~(sizes <= limit)))], [float(np.mean(sizes > limit))]
+        needed, remark = samples_needed(*shares, 1.0 - probability, (confidence, confidence), counting)
     largest = None
     if requirement.kind == "quantile":
         sigma = _largest_sigma(float(model.outcome_mean[outputs[0]]), limit, probability)
@@ -235,7 +239,7 @@ def _judge_size(
 
 
 def _judge_box(
-    requirement: Requirement, model: Model, outcomes: Array, confidence: float, remark: str
+    requirement: Requirement, model: Model, outcomes: Array, confidence: float, remark: str, counting: Counting
 ) -> RequirementResult:
     """Judge the probability that several outputs lie within their limits together."""
     limits, probability = np.array(requirement.limits), requirement.probability or 0.5
@@ -250,20 +254,11 @@ def _judge_box(
     linear = normal_box_probability(*_linear_moments(model, requirement.outputs), limits)
     needed = None
     if finding == Finding.UNDECIDED and not remark and count:
-        needed = samples_needed(1.0 - inside / count, 1.0 - probability, confidence, count)
+        shares = [1.0 - inside / count], [1.0 - (inside + lost) / count]
+        needed, remark = samples_needed(*shares, 1.0 - probability, (confidence, confidence), counting)
     estimate = inside / (count - lost) if count > lost else math.nan
     meets = linear >= probability
     return RequirementResult(requirement, finding, estimate, (low, high), linear, meets, needed, remark=remark)
-
-
-def samples_needed(share: float, allowed: float, confidence: float, count: int) -> int | None:
-    """Estimate the samples that would decide, if the share of samples beyond the limit stays the same."""
-    if share == 0.0:
-        return max(count + 1, samples_for_upper_bound(1.0 - allowed, confidence))
-    if share == allowed:
-        return None
-    reach = float(special.ndtri(confidence)) * math.sqrt(allowed * (1.0 - allowed)) / abs(allowed - share)
-    return max(count + 1, math.ceil(reach**2)) if reach < 1e5 else None
 
 
 def absolute_normal_quantile(mean: float, sigma: float, probability: float) -> float:

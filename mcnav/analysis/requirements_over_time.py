@@ -26,9 +26,9 @@ from mcnav.analysis.requirements import (
     independent_samples,
     normal_quantile,
     normal_share,
-    samples_needed,
     size_probability,
 )
+from mcnav.analysis.samples_needed import Counting, samples_needed
 from mcnav.statistics.interim_sizes import confidence_of_each
 from mcnav.statistics.order_statistics import RankedSizes
 
@@ -80,10 +80,11 @@ def judge_over_time(requirement: Requirement, histories: ErrorHistories | None, 
     finding = Finding.MET if interval[1] <= limit else Finding.NOT_MET if interval[0] > limit else Finding.UNDECIDED
     needed = None
     if finding == Finding.UNDECIDED and not remark and len(errors):
-        sizes = error_sizes(errors[:, epochs[worst]], requirement.outputs)
-        needed = samples_needed(float(np.mean(~(sizes <= limit))), 1.0 - probability, confidence, len(sizes))
-        if needed is not None and needed > histories.most:
-            needed, remark = None, f"errors over time are stored of the first {histories.most:,} samples alone"
+        sizes = [error_sizes(errors[:, epoch], requirement.outputs) for epoch in epochs]
+        shares = [float(np.mean(~(each <= limit))) for each in sizes], [float(np.mean(each > limit)) for each in sizes]
+        reason = f"errors over time are stored of the first {histories.most:,} samples alone"
+        counting = Counting(len(histories.errors), len(errors), histories.most, reason)
+        needed, remark = samples_needed(*shares, 1.0 - probability, (confidence, shared), counting)
     linear = largest_linear_quantile(histories, requirement.outputs, epochs, probability)
     return RequirementResult(
         requirement,

@@ -14,7 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mcnav._types import Array, IndexArray
-from mcnav.analysis.comparison import LARGEST_EXPONENT, Model
+from mcnav.analysis.comparison import Model
+from mcnav.analysis.decision_rule import LARGEST_EXPONENT
 from mcnav.sampling.designs import SamplingDesign
 from mcnav.statistics.estimates import Estimate, blocked_mean, paired_squares
 

@@ -10,7 +10,8 @@ import numpy as np
 
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.block_moments import BlockMoments
-from mcnav.analysis.comparison import Comparison, ratio_interval
+from mcnav.analysis.comparison import Comparison
+from mcnav.analysis.decision_rule import ratio_interval
 from mcnav.sampling.designs import SamplingDesign
 from mcnav.statistics.estimates import Estimate
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
+
+from mcnav.statistics.samples_to_decide import samples_for_ratio
 
 
 class Verdict(StrEnum):
@@ -28,7 +29,8 @@ class Judgement:
     """Verdict and its basis: Monte Carlo sigma over linear sigma, none when the linear one is zero, and its interval.
 
     It is ``certain`` when the interval excludes 1: a difference can be certain and still lie within the tolerance.
-    ``samples_needed`` is the approximate number of samples that would decide an undecided case.
+    ``samples_needed`` would decide an undecided case with a probability of 90 % if the true ratio were the estimated
+    one; none where that is too close to a limit of the tolerance, or has no interval.
     """
 
     verdict: Verdict
@@ -38,11 +40,12 @@ class Judgement:
     samples_needed: int | None = None
 
 
-def judge(ratio: float, interval: tuple[float, float], tolerance: float, samples: int) -> Judgement:
-    """Judge an interval of a sigma ratio against ``1 +- tolerance``.
+def judge(
+    ratio: float, interval: tuple[float, float], tolerance: float, samples: int, confidence: float = 0.95
+) -> Judgement:
+    """Judge an interval of a sigma ratio, of a confidence, against ``1 +- tolerance``.
 
-    An undecided case needs about ``n (half width / distance)^2`` samples, with the distance from the estimate to the
-    nearer edge of the tolerance.
+    The samples that decide an undecided case are those of `samples_for_ratio`.
 
     >>> judge(1.001, (0.999, 1.003), 0.05, 1000).verdict.value
     'agrees'
@@ -53,11 +56,7 @@ def judge(ratio: float, interval: tuple[float, float], tolerance: float, samples
         return Judgement(Verdict.AGREES, ratio, interval, certain)
     if low > 1.0 + tolerance or high < 1.0 - tolerance:
         return Judgement(Verdict.DIFFERS, ratio, interval, certain)
-    half = 0.5 * (high - low)
-    distance = min(abs(ratio - (1.0 - tolerance)), abs(ratio - (1.0 + tolerance)))
-    needed = None
-    if distance > 0.0 and half / distance < HOPELESS:
-        needed = max(samples + 1, math.ceil(samples * (half / distance) ** 2))
+    needed = samples_for_ratio(ratio, interval, tolerance, samples, confidence)
     return Judgement(Verdict.UNDECIDED, ratio, interval, certain, needed)
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.report import filter_verdict, sentences
-from mcnav.report.requirements import shown_units
+from mcnav.report.model import shown_units
 from mcnav.report.result_table import Row, Units
 from mcnav.scenarios.protocol import Output, Source
 from mcnav.units import conversion

@@ -185,6 +185,13 @@ def labels_in(summary: Mapping[str, Any]) -> list[str]:
     return source_labels(*([entry["name"] for entry in summary[key]] for key in ("sources", "outputs")))
 
 
+def shown_units(summary: Mapping[str, Any]) -> dict[str, tuple[float, str]]:
+    """Return for each output of a summary the factor from SI and the unit shown."""
+    outputs = summary["outputs"]
+    shown = summary["shown_in"]["outputs"] if "shown_in" in summary else [entry["unit"] for entry in outputs]
+    return {entry["name"]: (conversion(entry["unit"], unit), unit) for entry, unit in zip(outputs, shown, strict=True)}
+
+
 def humanize(name: str) -> str:
     """Replace the underscores of a key by spaces.
 

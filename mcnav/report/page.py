@@ -13,6 +13,7 @@ from mcnav.analysis.heading import heading_remark
 from mcnav.report import filter_tables, filter_verdict, sentences, tables
 from mcnav.report.failures import failure_rows
 from mcnav.report.figures import agreement, consistency, dispersion, matrices, sources
+from mcnav.report.figures.combination import combination
 from mcnav.report.figures.envelopes import envelopes
 from mcnav.report.figures.estimation import estimation
 from mcnav.report.figures.figure import Figure
@@ -30,6 +31,7 @@ FIGURES: Final[dict[str, Callable[[RunAnalysis], Figure | None]]] = {
     "convergence": agreement.running_ratios, "nees_history": consistency.nees_over_time,
     "nis_history": consistency.nis_over_time, "sigma_history": consistency.sigma_ratios_over_time,
     "within_history": consistency.shares_within, "estimation": estimation,
+    "combination": combination,
 }  # fmt: skip
 """Figures of the report besides the nominal flight: none where a run has nothing to show."""
 
@@ -56,7 +58,9 @@ def render(content: RunAnalysis) -> str:
     simulated, seconds = (manifest.execution.samples, manifest.execution.seconds) if manifest.execution else (0, 0.0)
     requirements = detailed_rows(content)
     outputs = tables.outputs(content) if content.dispersed else []
-    remarks = (sentences.joint_explanation, sentences.certain_but_small, sentences.stopping)
+    remarks = (sentences.certain_but_small, sentences.stopping)
+    told = sentences.findings(summary)
+    failing = summary["verdict_matrix"] not in ("agrees", None)
     return filled(
         "campaign.html",
         content=content,
@@ -64,8 +68,8 @@ def render(content: RunAnalysis) -> str:
         manifest=manifest,
         headline=sentences.headline(summary),
         tone=sentences.standing(summary),
-        explanation=sentences.explanation(summary),
-        remarks=[remark(summary) for remark in remarks],
+        explanations=told if failing else told[:1],
+        remarks=[*([] if failing else told[1:]), *(remark(summary) for remark in remarks)],
         warnings=[*(each(summary) for each in (sentences.caveat, sentences.failures)), heading_remark(content.history)],
         not_modelled=not_modelled(str(manifest.identity.campaign.get("scenario", {}).get("type", ""))),
         figures={key: drawn.get(key) for key in ("flight", *FIGURES)},

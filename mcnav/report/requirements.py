@@ -10,8 +10,7 @@ from typing import Any, Final
 from mcnav.analysis.filter_causes import MEAN
 from mcnav.report import sentences
 from mcnav.report.format import number
-from mcnav.report.model import RunAnalysis, humanize, labels_in
-from mcnav.units import conversion
+from mcnav.report.model import RunAnalysis, humanize, labels_in, shown_units
 
 RADII: Final = {
     "cep": "circular error probable",
@@ -46,13 +45,6 @@ def stated(entry: Mapping[str, Any], shown_in: Mapping[str, tuple[float, str]]) 
         scale, unit = shown_in[name]
         sides.append(f"|{humanize(name)}| below {limit * scale:g} {unit}")
     return f"{' and '.join(sides)} in {100.0 * entry['probability']:g} % of samples{when}"
-
-
-def shown_units(summary: Mapping[str, Any]) -> dict[str, tuple[float, str]]:
-    """Return for each output of a summary the factor from SI and the unit shown."""
-    outputs = summary["outputs"]
-    shown = summary["shown_in"]["outputs"] if "shown_in" in summary else [entry["unit"] for entry in outputs]
-    return {entry["name"]: (conversion(entry["unit"], unit), unit) for entry, unit in zip(outputs, shown, strict=True)}
 
 
 def requirement_causes(summary: Mapping[str, Any], entry: Mapping[str, Any]) -> list[tuple[str, float]]:

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from mcnav.report import export
-from mcnav.report.requirements import shown_units, stated
+from mcnav.report.model import shown_units
+from mcnav.report.requirements import stated
 from mcnav.report.result_table import ResultTable, Row, Units, in_units
 from mcnav.scenarios.failure import message_of
 
@@ -322,8 +323,7 @@ def _filter_sensors(results: Results) -> list[Row]:
 def _neglected(results: Results) -> list[Row]:
     """List the errors that make a filter optimistic: their variances over the sum of all differences."""
     found = results.summary.get("filter") or {"neglected": ()}
-    rows = []
-    outputs = {output.name: output for output in results.quantities("outputs")}
+    rows, outputs = [], {output.name: output for output in results.quantities("outputs")}
     for entry in found["neglected"]:
         output = outputs[found.get("neglected_output") or found["output"]]
         sigmas = {f"sigma_{key}": math.sqrt(max(entry[key], 0.0)) * output.scale for key in ("true", "believed")}

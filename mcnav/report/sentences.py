@@ -9,14 +9,12 @@ from typing import Any, Final
 from mcnav.analysis.comparison import LARGEST_FAILED_SHARE
 from mcnav.analysis.filter_remarks import instant
 from mcnav.analysis.verdict import ROUNDING
+from mcnav.report import joint_words
 from mcnav.report.format import percent
 from mcnav.report.model import humanize, labels_in
 from mcnav.report.summary import tally
 from mcnav.scenarios.failure import message_of
 from mcnav.statistics.power import sensible_step
-
-LARGE_RATIO: Final = 3.0
-"""Sigma ratio above which a difference is given as a multiple, not in per cent."""
 
 NEGLIGIBLE: Final = 1e-3
 """Share of a sigma that failed samples may hide without a warning."""
@@ -105,8 +103,8 @@ def _on_linear(summary: Mapping[str, Any]) -> str:
     if summary.get("beyond_range"):
         return beyond_range(summary)
     if tone(summary) == "partly":
-        rest = {"differs": "no for their joint distribution", "undecided": "their joint distribution is undecided"}
-        return f"Yes for the dispersion of each output; {rest[summary['verdict_matrix']]}."
+        answer = "No" if summary["verdict_matrix"] == "differs" else "Undecided"
+        return f"{answer} for {joint_words.subject(summary)}; yes for the dispersion of each output."
     if not any(summary["sigma_linear"]) and summary["verdict"] != "differs":
         return f"Nothing to compare: {_no_dispersion(summary)}."
     return {
@@ -166,7 +164,7 @@ def _no_dispersion(summary: Mapping[str, Any]) -> str:
 
 
 def _join(names: Sequence[str]) -> str:
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+    return joint_words.joined(names)
 
 
 def explanation(summary: Mapping[str, Any]) -> str:
@@ -191,10 +189,8 @@ def explanation(summary: Mapping[str, Any]) -> str:
     if only_nonlinear:
         others = [name for name in wrong if name in ratios]
         more = f" The sigma of {_join(others)} differs by more than {limit}." if others else ""
-        return (
-            f"Linear analysis predicts no dispersion of {_join(only_nonlinear)}, but the {samples:,} simulated samples "
-            f"are dispersed.{more}{rest}"
-        )
+        keys = [output["name"] for output in summary["outputs"] if humanize(output["name"]) in only_nonlinear]
+        return f"{joint_words.explain_unpredicted(summary, keys)}{more}{rest}"
     if not ratios:
         return f"All samples have the same outputs: {_no_dispersion(summary)}."
     farthest = max(wrong or ratios, key=lambda name: abs(ratios.get(name, 1.0) - 1.0))
@@ -227,6 +223,8 @@ def _undecided(summary: Mapping[str, Any], names: Sequence[str]) -> str:
     needed = [count for count in summary["samples_needed"] if count]
     if needed:
         reason = f"{more_samples(max(needed), summary['samples'])} would decide"
+    elif any(ends and None not in ends and math.isfinite(ends[1]) for ends in summary["sigma_ratio_paired_interval"]):
+        reason = "too close to a limit of the tolerance for any number of samples"
     elif summary["heavy_tailed"]:
         reason = "tails too heavy for an interval"
     else:
@@ -235,28 +233,15 @@ def _undecided(summary: Mapping[str, Any], names: Sequence[str]) -> str:
 
 
 def joint_explanation(summary: Mapping[str, Any]) -> str:
-    """Explain the verdict on the covariance matrix, with numbers; empty where there is none."""
-    verdict, dimension = summary["verdict_matrix"], summary["nees_dimension"]
-    if verdict is None or summary.get("beyond_range"):
-        return ""
-    mean = summary["nees_mean_paired"]
-    if mean is None or mean <= 0.0:
-        mean = summary["nees_mean"]
-    nees = f"the mean NEES is {mean:.4g}, and linear analysis predicts {dimension}"
-    if verdict == "agrees":
-        return f"The joint distribution of the outputs agrees as well: {nees}."
-    ratio = summary["direction_ratio"]
-    if ratio is None or not math.isfinite(ratio):  # no variance is left in the paired estimate
-        return f"The joint distribution of the outputs differs from P·S·Pᵀ: {nees}."
-    size = f"{100 * abs(ratio - 1.0):.3g} % {'larger' if ratio > 1.0 else 'smaller'} than"
-    if abs(ratio) > LARGE_RATIO:
-        size = f"{ratio:,.3g} times"
-    direction = f"In one combination of the outputs the Monte Carlo sigma is {size} the linear one"
-    if verdict == "differs":
-        found, rest = "differs", ": the linear covariance ellipsoid is not reliable"
-    else:
-        found, rest = "is undecided", ""
-    return f"The joint distribution of the outputs {found}: {nees}. {direction}{rest}."
+    """Explain the verdict on all outputs together, with numbers; empty where there is none."""
+    return "" if summary.get("beyond_range") else joint_words.explain(summary)
+
+
+def findings(summary: Mapping[str, Any]) -> list[str]:
+    """Explain the verdicts on single outputs and on all together; what fails, or is undecided, comes first."""
+    alone, together = explanation(summary), joint_explanation(summary)
+    ordered = [together, alone] if tone(summary) == "partly" else [alone, together]
+    return [sentence for sentence in ordered if sentence]
 
 
 def certain_but_small(summary: Mapping[str, Any]) -> str:

@@ -9,7 +9,9 @@ from typing import Any, Final
 import numpy as np
 
 from mcnav.analysis.budget import ErrorBudget
+from mcnav.analysis.combinations import Combination
 from mcnav.analysis.comparison import Comparison, Criterion, Model
+from mcnav.analysis.ellipsoid import Ellipsoid
 from mcnav.analysis.failed_samples import FailureBias
 from mcnav.analysis.filter_consistency import FilterConsistency
 from mcnav.analysis.linear_range import BeyondRange
@@ -106,7 +108,7 @@ def summarise(
         "nees_paired_standard_error": ellipsoid.nees_paired.standard_error if ellipsoid else None,
         "direction_ratio": float(ellipsoid.direction_ratios[ellipsoid.farthest]) if ellipsoid else None,
         "direction_weights": ellipsoid.directions[ellipsoid.farthest] if ellipsoid else None,
-        "verdict_matrix": ellipsoid.judgement.verdict.value if ellipsoid else None,
+        "verdict_matrix": ellipsoid.verdict.value if ellipsoid else None,
         "unscented": record.unscented,
         "detectable_ratio": [output.detectable_plain for output in outputs],
         "samples_to_see_tolerance": [output.samples_to_see for output in outputs],
@@ -114,6 +116,7 @@ def summarise(
         "detectable_ratio_paired": [output.detectable_paired for output in outputs],
         "principal_ratios": ellipsoid.direction_ratios if ellipsoid else [],
         "principal_directions": ellipsoid.directions if ellipsoid else [],
+        "joint": _combinations(ellipsoid, named["outputs"]) if ellipsoid else None,
         **_joint(comparison.joint, len(model.partials)),
         "second_order": record.second_order,
         "higher_order": record.higher_order,
@@ -133,6 +136,38 @@ def _beyond(beyond: BeyondRange, record: ModelRecord) -> dict[str, Any]:
     """Name the outputs that leave the range of linear analysis, and when; in the unit of the run's histories."""
     names = [record.outputs[output].name for output in beyond.outputs]
     return {"outputs": names, "begin": beyond.time, "time": record.development and record.development.label}
+
+
+def _combinations(ellipsoid: Ellipsoid, outputs: Sequence[Mapping[str, str]]) -> dict[str, Any]:
+    """Describe mean and dispersion of all outputs together, and the combinations of outputs that differ."""
+    dispersion = ellipsoid.dispersion
+    differing, shifted = (each and _combination(each, outputs) for each in (ellipsoid.differing, ellipsoid.shifted))
+    return {
+        "cause": ellipsoid.cause.value if ellipsoid.cause else None,
+        "nees_verdict": ellipsoid.judgement.verdict.value,
+        "nees_about_mean": ellipsoid.nees_about_mean,
+        "dispersion_verdict": dispersion.verdict.value if dispersion else None,
+        "dispersion_ratio": dispersion.ratio if dispersion else None,
+        "dispersion_ratio_interval": dispersion.interval if dispersion else None,
+        "samples_needed": ellipsoid.judgement.samples_needed,
+        "mean_error": ellipsoid.mean_error,
+        "differing": differing,
+        "shifted": shifted,
+        "unpredicted": [_combination(each, outputs) for each in ellipsoid.unpredicted],
+    }
+
+
+def _combination(found: Combination, outputs: Sequence[Mapping[str, str]]) -> dict[str, Any]:
+    """Describe a combination of outputs, in the unit of its lead output."""
+    return {
+        "lead": outputs[found.lead]["name"],
+        "weights": found.weights,
+        "shares": found.shares,
+        "sigma_linear": found.sigma_linear,
+        "sigma_paired": found.sigma_paired,
+        "mean_error": found.offset,
+        "verdict": found.judgement.verdict.value if found.judgement else None,
+    }
 
 
 def _named(entry: dict[str, Any], outputs: Sequence[Mapping[str, str]]) -> dict[str, Any]:

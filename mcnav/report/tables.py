@@ -10,7 +10,7 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.analysis.variance_breakdown import TERMS, VarianceBreakdown
-from mcnav.report import export, sentences
+from mcnav.report import export, joint_words, sentences
 from mcnav.report.figures.sources import SHOWN, contributors, flown_shares
 from mcnav.report.format import number, share, signed, with_error
 from mcnav.report.model import RunAnalysis
@@ -129,18 +129,19 @@ def ellipsoid(content: RunAnalysis) -> dict[str, str] | None:
     found, confidence = content.comparison.ellipsoid, content.comparison.confidence_each
     if found is None:
         return None
-    weights = zip(found.directions[found.farthest], content.output_names, strict=True)
+    joint = content.summary["joint"]
     plain, paired = (with_error(each.value, each.reach(confidence)) for each in (found.nees, found.nees_paired))
     return {
         "dimension": f"{found.dimension}",
         "mean": number(found.nees_paired.value),
         "plain": plain,
         "paired": paired,
-        "verdict": found.judgement.verdict.value,
+        "about_mean": number(found.nees_about_mean),
+        "nees_verdict": found.judgement.verdict.value,
+        "verdict": found.verdict.value,
+        "remark": joint_words.shortly(content.summary),
         "ratio": number(float(found.direction_ratios[found.farthest]), 5),
-        "combination": " ".join(f"{'−' if w < 0.0 else '+'} {abs(w):.3f} {name}" for w, name in weights).removeprefix(
-            "+ "
-        ),
+        "combination": joint_words.combination_words(joint["differing"], content.summary),
     }
 
 

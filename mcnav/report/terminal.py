@@ -38,11 +38,9 @@ ELSEWHERE = "report.html or --format csv"
 def verdict(summary: Mapping[str, Any]) -> RenderableType:
     """State the verdict in sentences, that on a filter as well."""
     lines = [Text(sentences.headline(summary), style=f"bold {COLOURS[sentences.standing(summary)]}")]
-    remarks = (
-        sentences.explanation, sentences.joint_explanation, sentences.certain_but_small, sentences.stopping,
-        sentences.caveat, sentences.failures,
-    )  # fmt: skip
-    lines += [Text(sentence) for sentence in (remark(summary) for remark in remarks) if sentence]
+    remarks = (sentences.certain_but_small, sentences.stopping, sentences.caveat, sentences.failures)
+    found = [*sentences.findings(summary), *(remark(summary) for remark in remarks)]
+    lines += [Text(sentence) for sentence in found if sentence]
     return Group(*lines, *filter_lines(summary))
 
 
@@ -124,9 +122,10 @@ def requirements(summary: Mapping[str, Any]) -> RenderableType:
     table = FittedTable("Requirements", columns, keys=2)
     for row in rows:
         needed, colour = row["samples_needed"], COLOURS[TONES[row["finding"]]]
-        decides = sentences.more_samples(needed, summary["samples"]) if needed else row["remark"]
+        decides = [sentences.more_samples(needed, summary["samples"])] if needed else []
+        words = "; ".join([*decides, *([row["remark"]] if row["remark"] else [])])
         causes = [listed(row["causes"])] if explained else []
-        table.add(Text(row["finding"], style=colour), row["requirement"], decides, *causes)
+        table.add(Text(row["finding"], style=colour), row["requirement"], words, *causes)
     return table
 
 

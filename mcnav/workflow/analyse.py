@@ -34,7 +34,7 @@ from mcnav.store.histories import STORED
 from mcnav.store.manifest import FilterRecord, Manifest, ModelRecord
 from mcnav.store.run_folder import MANIFEST, REPORT, RunFolder
 from mcnav.store.run_folder import SUMMARY as SUMMARY_FILE
-from mcnav.store.summaries import SUMMARY, collect_summary
+from mcnav.store.summaries import STORED_ROWS, SUMMARY, collect_summary
 from mcnav.store.totals import read_totals
 from mcnav.workflow.linear_extremes import beyond_range, explain, linear_moments
 
@@ -128,12 +128,15 @@ def analyse(folder: RunFolder, unfinished: Manifest | None = None) -> RunAnalysi
     histories = error_histories(folder, manifest, design) if over_time and unfinished is None else None
 
     beyond = beyond_range(manifest.model, model)
+    most = STORED_ROWS if frame is not None else None
 
     def judged(requirement: Requirement) -> RequirementResult:
         if requirement.epochs:
             result = judge_over_time(requirement, histories, criterion.confidence)
         else:
-            result = judge_requirement(requirement, model, samples.outputs, blocks, comparison, criterion.confidence)
+            result = judge_requirement(
+                requirement, model, samples.outputs, blocks, comparison, criterion.confidence, most
+            )
         return explain(result, manifest.model, model, beyond)
 
     return RunAnalysis(

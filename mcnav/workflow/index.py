@@ -12,8 +12,8 @@ from mcnav.files import write_whole
 from mcnav.report import filter_verdict, sentences
 from mcnav.report.format import number
 from mcnav.report.html import filled
-from mcnav.report.model import humanize
-from mcnav.report.requirements import shown_units, tone_of
+from mcnav.report.model import humanize, shown_units
+from mcnav.report.requirements import tone_of
 from mcnav.store.run_folder import MANIFEST, REPORT, SUMMARY, RunFolder
 
 DEEPEST: Final = 3

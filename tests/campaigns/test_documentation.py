@@ -178,7 +178,7 @@ def test_the_twenty_lines(place: Path) -> None:
     assert sum(bool(line) for line in text.splitlines()) <= 20
     finished = _run([sys.executable, "-W", "error", "-c", text + further], place)
     assert finished.returncode == 0, finished.stderr
-    assert "Yes for the dispersion of each output" in finished.stdout
+    assert "yes for the dispersion of each output" in finished.stdout
     assert "no change seen" in finished.stdout
     assert (place / "scatter.png").stat().st_size > 10_000
     written = {place / "scatter.pdf", place / "altitude.svg", place / "reports/first_export/matrices.mat"}

@@ -228,8 +228,8 @@ def test_more_samples_are_a_sensible_step_more(count: int) -> None:
         assert advised <= 1.1 * max(needed, SMALLEST_STEP * count) + 1
         assert len(str(advised).rstrip("0")) <= 2
     narrow = judge(1.0401, (1.030, 1.0501), 0.05, 1000)
-    assert (narrow.verdict, narrow.samples_needed) == (Verdict.UNDECIDED, 1031)
-    assert sentences.more_samples(narrow.samples_needed or 0, 1000) == "about 1,300 samples"
+    assert (narrow.verdict, narrow.samples_needed) == (Verdict.UNDECIDED, 2813)
+    assert sentences.more_samples(narrow.samples_needed or 0, 1000) == "about 2,900 samples"
 
 
 RUNS, SAMPLES, FALSE_ALARMS = 200, 1_000, 1e-6

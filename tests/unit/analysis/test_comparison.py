@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from mcnav.analysis.budget import error_budget
 from mcnav.analysis.comparison import Comparison, Criterion, Model, compare, correlations
@@ -151,8 +152,10 @@ def test_verdicts(interval: tuple[float, float], verdict: Verdict) -> None:
 
 
 def test_samples_needed_by_the_root_law() -> None:
-    """Half width 0.2 at a distance of 0.05 to the edge: sixteen times the samples."""
-    assert judge(1.0, (0.8, 1.2), 0.05, 1000).samples_needed == 16_000
+    """Half width 0.2, 1.96 errors, at 0.05 from both edges: 90 % clear both if half width and 1.64 errors fit."""
+    error = 0.2 / stats.norm.ppf(0.975)
+    expected = 1000 * ((0.2 + stats.norm.ppf(0.95) * error) / 0.05) ** 2
+    assert judge(1.0, (0.8, 1.2), 0.05, 1000, 0.95).samples_needed == pytest.approx(expected, rel=1e-3)
 
 
 def test_budget_shares_and_cross_terms_sum_to_one() -> None:

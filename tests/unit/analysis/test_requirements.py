@@ -57,6 +57,76 @@ def test_samples_needed_without_any_exceedance_are_wilks() -> None:
     assert found.interval[1] == np.inf
 
 
+@pytest.mark.parametrize(("factor", "pairs"), [(1.05, 1), (0.95, 1), (1.05, 2)])
+def test_the_samples_needed_decide_nine_times_in_ten(factor: float, pairs: int) -> None:
+    """Of 400 campaigns of the stated size, 90 % are decided if the true share is the estimated one.
+
+    It is estimated from a campaign of 1,000 whose share is the true one; the bound is four binomial errors.
+    """
+    limit, count, sets = factor * stats.norm.ppf(0.975), 1_000, 400
+    true = 2.0 * stats.norm.sf(limit)
+    sizes = np.abs(stats.norm.ppf((np.arange(count) + 0.5) / count))
+    requirement, model = (
+        Requirement("quantile", (0,), (limit,), 0.95),
+        Model(*(np.eye(1), *2 * [np.zeros(1)], np.eye(1))),
+    )
+    assert np.mean(sizes > limit) == pytest.approx(true, abs=1.0 / count)
+    blocks, shown = np.arange(pairs * count) // pairs, np.repeat(sizes, pairs)[:, None]
+    comparison = compare(model, shown, shown, Criterion())
+    first = judge_requirement(requirement, model, shown, blocks, comparison, 0.95)
+    assert first.finding == Finding.UNDECIDED
+    assert first.samples_needed is not None
+    independent = first.samples_needed // pairs
+    draws = np.random.default_rng(12).standard_normal((sets, independent))
+    at = np.arange(independent)
+    findings = [judge_requirement(requirement, model, each[:, None], at, comparison, 0.95).finding for each in draws]
+    decided = sum(finding != Finding.UNDECIDED for finding in findings) / sets
+    assert abs(decided - 0.9) <= 4.0 * np.sqrt(0.9 * 0.1 / sets)
+    assert independent > 2 * count
+
+
+def test_at_the_limit_the_number_is_called_rough_or_none() -> None:
+    """A share within its standard error of the allowed one promises little; one that equals it nothing."""
+    sizes = np.repeat([0.0, 2.0], [9_500, 500])[:, None]
+    model = Model(np.eye(1), np.zeros(1), np.zeros(1), np.eye(1))
+    comparison = compare(model, sizes, sizes, Criterion())
+
+    def judged(beyond: int) -> RequirementResult:
+        outcomes = np.repeat([0.0, 2.0], [10_000 - beyond, beyond])[:, None]
+        requirement = Requirement("quantile", (0,), (1.0,), 0.95)
+        return judge_requirement(requirement, model, outcomes, np.arange(10_000), comparison, 0.95)
+
+    assert judged(500).samples_needed is None
+    assert "5 % of the samples lie beyond the limit and 5 % may: so close" in judged(500).remark
+    rough = judged(490)
+    assert rough.samples_needed is not None
+    assert rough.samples_needed > 100_000
+    assert rough.remark.startswith("a rough number: 4.9 % of the samples lie beyond the limit and 5 % may")
+    assert judged(470).remark == ""
+
+
+def test_a_summary_says_that_more_samples_do_not_help() -> None:
+    """Of a run that stores a summary, the first 1,000 samples alone are counted."""
+    requirement = Requirement("quantile", (0,), (3.0,), 0.9973)
+    errors = np.random.default_rng(3).standard_normal((1_000, 2))
+    outcomes = errors @ MODEL.partials.T
+    comparison = compare(MODEL, errors, outcomes, Criterion())
+    found = judge_requirement(requirement, MODEL, outcomes, np.arange(1_000), comparison, 0.95, most=1_000)
+    assert (found.finding, found.samples_needed) == (Finding.UNDECIDED, None)
+    assert found.remark.startswith("a run that stores a summary has 1,000 samples to count, however many it simulates")
+
+
+def test_failed_samples_that_decide_are_named() -> None:
+    """4.9 % lie beyond the limit and 5 % may; with the failed ones it is more: no number of samples changes that."""
+    outcomes = np.repeat([0.0, 2.0, np.nan], [9_460, 490, 50])[:, None]
+    model = Model(np.eye(1), np.zeros(1), np.zeros(1), np.eye(1))
+    comparison = compare(model, outcomes, outcomes, Criterion())
+    for requirement in (Requirement("quantile", (0,), (1.0,), 0.95), Requirement("box", (0,), (1.0,), 0.95)):
+        found = judge_requirement(requirement, model, outcomes, np.arange(10_000), comparison, 0.95)
+        assert (found.finding, found.samples_needed) == (Finding.UNDECIDED, None)
+        assert found.remark.startswith("failed samples decide it")
+
+
 @pytest.mark.parametrize(("limit", "finding"), [(2.0, Finding.MET), (1.0, Finding.NOT_MET)])
 def test_circular_error_probable(limit: float, finding: Finding) -> None:
     found = _judged(Requirement("cep", (0, 1), (limit,), 0.5))

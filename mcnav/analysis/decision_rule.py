@@ -1,0 +1,70 @@
+"""Rule by which the sigma ratios of one comparison are estimated and judged."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.analysis.verdict import Judgement, Verdict, judge
+from mcnav.statistics.estimates import Estimate, summed_mean
+from mcnav.statistics.power import detectable_ratio, samples_to_detect
+
+LARGEST_EXPONENT: Final = 700.0
+"""Largest argument whose exponential is finite in double precision."""
+
+
+@dataclass(frozen=True)
+class DecisionRule:
+    """Rule by which the estimates of one comparison are formed and judged."""
+
+    samples: int
+    tolerance: float
+    confidence: float
+    fewest_blocks: float
+
+    def mean(self, sums: Array, counts: Array) -> Estimate:
+        """Estimate a mean from block sums."""
+        return summed_mean(sums, counts, self.fewest_blocks)
+
+    def judge(self, estimate: Estimate, expected: float, floor: float = 0.0) -> Judgement:
+        """Judge the square root of an estimated variance over the expected one."""
+        if expected <= 0.0:
+            agrees = estimate.value <= floor
+            return Judgement(Verdict.AGREES if agrees else Verdict.DIFFERS, None, None, certain=not agrees)
+        ratio, interval = ratio_interval(estimate, expected, self.confidence)
+        return judge(ratio, interval, self.tolerance, self.samples, self.confidence)
+
+    def power(self, estimate: Estimate, expected: float) -> tuple[float, float]:
+        """Return the smallest departure of the sigma ratio from one that would have been found.
+
+        With it come the samples with which a departure as large as the tolerance would be found.
+        """
+        if expected <= 0.0 or estimate.value <= 0.0:
+            return math.nan, math.nan
+        error = 0.5 * estimate.standard_error / estimate.value
+        smallest = detectable_ratio(error, estimate.degrees_of_freedom, self.confidence)
+        needed = samples_to_detect(self.tolerance, error, self.samples, self.confidence)
+        return smallest, float(np.ceil(needed)) if math.isfinite(error) else math.nan
+
+
+def ratio_interval(estimate: Estimate, expected: float, confidence: float) -> tuple[float, tuple[float, float]]:
+    """Return the square root of an estimated variance over the expected one, and its interval.
+
+    The interval is formed on the scale of the logarithm, where a variance's error is nearly symmetric, and reaches
+    further where the skewness of the blocks requires it (`mcnav.statistics.estimates`).
+    """
+    share = estimate.value / expected
+    half = estimate.half_width(confidence) / expected
+    ratio = float(np.sqrt(max(share, 0.0)))
+    if not np.isfinite(half):
+        return ratio, (0.0, float("inf"))
+    down, up = (reach / expected for reach in estimate.reach_of_skewness(confidence))
+    low, high = (float(np.sqrt(max(each, 0.0))) for each in (share - down, share + up))
+    if share > 0.0:
+        spread = float(np.exp(min(0.5 * half / share, LARGEST_EXPONENT)))
+        return ratio, (min(ratio / spread, low), max(ratio * spread, high))
+    return ratio, (0.0, max(float(np.sqrt(max(share + half, 0.0))), high))

@@ -1,0 +1,280 @@
+"""All outputs together in sentences, from a run's summary: combinations of outputs, their dispersion and mean."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+from scipy import special
+
+from mcnav.report.format import number, percent
+from mcnav.report.model import humanize, shown_units
+from mcnav.statistics.power import sensible_step
+
+LEAST: Final = 0.01
+"""Share of a combination's largest term, in linear sigmas, below which a term is not named."""
+
+ROUNDING: Final = 1e-9
+"""Share below which a term is rounding."""
+
+LARGE_RATIO: Final = 3.0
+"""Sigma ratio above which a difference is given as a multiple, not in per cent."""
+
+CANCELLING: Final = 0.1
+"""Linear sigma of a combination over that of its lead output below which the outputs' errors nearly cancel."""
+
+MATCHING: Final = 0.1
+"""Relative difference of the sigma of second-order terms from the simulated one that calls an output quadratic."""
+
+NOTABLE: Final = 0.1
+"""Share of the mean error in the excess of the mean NEES from which it is named beside the dispersion."""
+
+NAMED: Final = 3
+"""Combinations named in one sentence."""
+
+
+def joined(names: Sequence[str]) -> str:
+    """Join names by commas and a last *and*."""
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def combination_words(found: Mapping[str, Any], summary: Mapping[str, Any]) -> str:
+    """Name a combination of a summary's ``joint``, in the units shown, without terms below `LEAST`.
+
+    >>> outputs = [{"name": "y", "unit": "m"}, {"name": "y2", "unit": "m"}]
+    >>> combination_words({"lead": "y2", "weights": [-2.0, 1.0], "shares": [-1.0, 1.0]}, {"outputs": outputs})
+    'y2 − 2 y'
+    """
+    units, names = shown_units(summary), [entry["name"] for entry in summary["outputs"]]
+    scale = units[found["lead"]][0]
+    shares = dict(zip(names, found["shares"], strict=True))
+    weights = dict(zip(names, found["weights"], strict=True))
+    others = [name for name in sorted(names, key=lambda name: -abs(shares[name])) if name != found["lead"]]
+    named = [name for name in others if abs(shares[name]) >= LEAST]
+    words = humanize(found["lead"])
+    for name in named:
+        size = abs(weights[name]) * scale / units[name][0]
+        factor = "" if math.isclose(size, 1.0, rel_tol=5e-5) else f"{_plain(size)} "
+        words += f" {'−' if weights[name] < 0.0 else '+'} {factor}{humanize(name)}"
+    if any(ROUNDING < abs(shares[name]) < LEAST for name in others):
+        words += " and smaller terms"
+    own = list(dict.fromkeys(units[name][1] for name in (found["lead"], *named)))
+    return f"{words} ({', '.join(own)})" if len(own) > 1 else words
+
+
+def _plain(size: float) -> str:
+    """Format a factor to four digits, without trailing zeros."""
+    shown = number(size, 4)
+    return shown.rstrip("0").rstrip(".") if "." in shown and "·" not in shown else shown
+
+
+def subject(summary: Mapping[str, Any]) -> str:
+    """Name what of all outputs together is not that of linear analysis."""
+    joint = summary.get("joint") or {}
+    if joint.get("cause") != "mean" or joint["dispersion_verdict"] != "agrees":
+        return "the joint distribution of the outputs"
+    named = [share for share in joint["shifted"]["shares"] if abs(share) >= LEAST]
+    return f"the mean of {humanize(joint['shifted']['lead']) if len(named) == 1 else 'the outputs'}"
+
+
+def foremost(summary: Mapping[str, Any]) -> Mapping[str, Any] | None:
+    """Return the combination of a summary's ``joint`` that shows why the joint distribution is not the linear one."""
+    joint = summary.get("joint") or {"cause": None}
+    match joint["cause"]:
+        case None:
+            return None
+        case "unpredicted":
+            return dict(joint["unpredicted"][0])
+        case "mean":
+            return dict(joint["shifted"])
+        case _:
+            return dict(joint["differing"])
+
+
+def shortly(summary: Mapping[str, Any]) -> str:
+    """Describe in a few words what differs most in all outputs together."""
+    joint, ratio = summary["joint"], summary["direction_ratio"]
+    if joint["cause"] == "unpredicted":
+        found = joint["unpredicted"][0]
+        linear, simulated, _ = _sigmas(found, summary)
+        return f"σ {simulated} in place of {linear} in {combination_words(found, summary)}"
+    if joint["cause"] == "mean":
+        return f"mean {_shift(summary)}"
+    return f"σ ratio {number(ratio, 5)} in {combination_words(joint['differing'], summary)}"
+
+
+def explain(summary: Mapping[str, Any]) -> str:
+    """Explain the verdict on all outputs together; empty where there is none."""
+    verdict, joint = summary["verdict_matrix"], summary.get("joint")
+    if verdict is None:
+        return ""
+    if verdict == "agrees":
+        return _agreement(summary)
+    start = f"The joint distribution of the outputs {'differs' if verdict == 'differs' else 'is undecided'}"
+    if joint is None:  # a summary of an earlier version
+        return f"{start}: {_nees(summary)}."
+    parts = {"unpredicted": _of_unpredicted, "mean": _of_mean, "dispersion": _of_dispersion}
+    told = parts[joint["cause"]](summary, start)
+    needed = joint["samples_needed"]
+    if verdict == "undecided" and needed:
+        told += f" About {sensible_step(needed, summary['samples']):,} samples would decide."
+    return told
+
+
+def _nees(summary: Mapping[str, Any]) -> str:
+    return f"the mean NEES is {_mean_nees(summary):.4g}, and linear analysis predicts {summary['nees_dimension']}"
+
+
+def _mean_nees(summary: Mapping[str, Any]) -> float:
+    mean = summary["nees_mean_paired"]
+    return float(summary["nees_mean"] if mean is None or mean <= 0.0 else mean)
+
+
+def _agreement(summary: Mapping[str, Any]) -> str:
+    """State that the mean NEES agrees, and what is off in spite of it."""
+    also = " as well" if summary["verdict"] == "agrees" else ""
+    told = f"The mean NEES of all outputs together agrees{also}: it is {_mean_nees(summary):.4g}, and linear analysis "
+    told += f"predicts {summary['nees_dimension']}."
+    joint, ratio = summary.get("joint"), summary["direction_ratio"]
+    if joint is None:
+        return told
+    if joint["differing"] and ratio is not None and abs(ratio - 1.0) > summary["tolerance"]:
+        words = combination_words(joint["differing"], summary)
+        told += f" It is a mean over all combinations; farthest off is {words}, with a sigma ratio of {number(ratio)}."
+    shifted = [
+        f"{humanize(output['name'])} ({abs(bias) / sigma:.2g})"
+        for output, bias, error, sigma in zip(
+            *(summary[key] for key in ("outputs", "bias", "bias_standard_error", "sigma_linear")), strict=False
+        )
+        if sigma and _is_certain(bias, error, summary["confidence_each"]) and abs(bias) > summary["tolerance"] * sigma
+    ]
+    return f"{told} The mean is off, in sigmas: {joined(shifted)}." if shifted else told
+
+
+def _is_certain(bias: float, error: float | None, confidence: float) -> bool:
+    """Return whether a bias is not zero; a normal interval, for errors of many samples."""
+    return error is not None and abs(bias) > float(special.ndtri(0.5 + 0.5 * confidence)) * error
+
+
+def _sigmas(found: Mapping[str, Any], summary: Mapping[str, Any]) -> tuple[str, str, str]:
+    """Return linear and simulated sigma of a combination, and the linear one of its lead output, with units."""
+    scale, unit = shown_units(summary)[found["lead"]]
+    names = [entry["name"] for entry in summary["outputs"]]
+    own = summary["sigma_linear"][names.index(found["lead"])]
+    sizes = (found["sigma_linear"], found["sigma_paired"], own)
+    linear, simulated, own = (f"{number(None if each is None else each * scale, 3)} {unit}".strip() for each in sizes)
+    return linear, simulated, own
+
+
+def _of_unpredicted(summary: Mapping[str, Any], start: str) -> str:
+    """Name combinations that linear analysis holds fixed; single outputs have a sentence of their own."""
+    entries = [each for each in summary["joint"]["unpredicted"] if np.count_nonzero(each["weights"]) > 1]
+    verdict = summary["joint"]["nees_verdict"]
+    rest = {"agrees": "", "differs": ", which differs too", "undecided": ", which is undecided"}[verdict]
+    rest = f"In all other directions {_nees(summary)}{rest}."
+    if not entries:
+        return f"{start} with it. {rest}"
+    told = []
+    for found in entries[:NAMED]:
+        linear, simulated, own = _sigmas(found, summary)
+        words = f"{combination_words(found, summary)}: linear sigma {linear}, simulated {simulated}"
+        told.append(f"{words} (that of {humanize(found['lead'])} is {own})")
+    more = f", and {len(entries) - NAMED} more" if len(entries) > NAMED else ""
+    nearly = "nearly " if all(each["sigma_linear"] for each in entries) else ""
+    return (
+        f"{start}: what linear analysis holds {nearly}fixed is dispersed{' otherwise' if nearly else ''}. "
+        f"{'; '.join(told)}{more}. What depends on this, such as a difference of outputs or an inverse of P·S·Pᵀ, is "
+        f"not what linear analysis says. {rest}"
+    )
+
+
+def _shift(summary: Mapping[str, Any], named: str = "") -> str:
+    """State by how many sigmas the mean is off, and in what combination, unless it is ``named``."""
+    joint = summary["joint"]
+    found = joint["shifted"]
+    scale, unit = shown_units(summary)[found["lead"]]
+    size = f"{number(found['mean_error'] * scale, 3)} {unit}".strip()
+    return f"off by {joint['mean_error']:.3g} sigma in {named or combination_words(found, summary)} (by {size})"
+
+
+def _of_mean(summary: Mapping[str, Any], start: str) -> str:
+    """Tell the mean error from the dispersion, which may agree."""
+    joint, dimension = summary["joint"], summary["nees_dimension"]
+    words = {"agrees": "agrees", "differs": "differs too", "undecided": "is undecided"}
+    nees = (
+        f"the mean NEES is {_mean_nees(summary):.4g} about the linear mean and {joint['nees_about_mean']:.4g} about "
+        f"the sample mean, and linear analysis predicts {dimension}"
+    )
+    told = f"The mean is {_shift(summary)}; the dispersion {words[joint['dispersion_verdict']]}: {nees}."
+    if joint["dispersion_verdict"] != "agrees":
+        return f"{start}. {told}"
+    return f"{told} Linear sigmas hold about the sample mean, not about the linear one."
+
+
+def _of_dispersion(summary: Mapping[str, Any], start: str) -> str:
+    """Describe the combination of outputs whose dispersion differs most, and what that means."""
+    joint, ratio = summary["joint"], summary["direction_ratio"]
+    found, told = joint["differing"], f"{start}: {_nees(summary)}."
+    if ratio is None or not math.isfinite(ratio):  # no variance is left in the paired estimate
+        return told
+    linear, simulated, own = _sigmas(found, summary)
+    size = f"{number(ratio, 3)} times as large" if ratio > LARGE_RATIO else f"a difference of {percent(ratio - 1.0)}"
+    told += f" It differs most in {combination_words(found, summary)}: linear sigma {linear}, simulated {simulated}, "
+    told += size
+    alone = sum(abs(share) > ROUNDING for share in found["shares"]) == 1
+    told += "." if alone else f"; the linear sigma of {humanize(found['lead'])} alone is {own}."
+    if joint["mean_error"] ** 2 > NOTABLE * abs(_mean_nees(summary) - summary["nees_dimension"]):
+        same = combination_words(joint["shifted"], summary) == combination_words(found, summary)
+        told += f" The mean is {_shift(summary, 'it' if same else '')}."
+    if summary["verdict_matrix"] != "differs" or summary["verdict"] != "agrees" or alone:
+        return told
+    names = [entry["name"] for entry in summary["outputs"]]
+    cancels = ratio > 1.0 and found["sigma_linear"] < CANCELLING * summary["sigma_linear"][names.index(found["lead"])]
+    why = "By linear analysis these errors nearly cancel, in the simulation less so: the" if cancels else "The"
+    return f"{told} {why} sigmas of single outputs hold, but an error ellipsoid or an inverse of P·S·Pᵀ does not."
+
+
+def explain_unpredicted(summary: Mapping[str, Any], names: Sequence[str]) -> str:
+    """Explain outputs, by their keys, that linear analysis holds fixed and that are dispersed."""
+    units, keys = shown_units(summary), [entry["name"] for entry in summary["outputs"]]
+    simulated = {name: float(summary["sigma_sample"][keys.index(name)]) for name in names}
+    shown = [f"{number(simulated[name] * units[name][0], 3)} {units[name][1]}".strip() for name in names]
+    one = len(names) == 1
+    told = (
+        f"Linear analysis predicts no dispersion of {joined([humanize(name) for name in names])}: "
+        f"{_reason(summary, [keys.index(name) for name in names])}. The simulated sigma{'' if one else 's'} of "
+        f"{summary['samples'] - summary['failed']:,} samples {'is' if one else 'are'} {joined(shown)}."
+    )
+    quadratic, others = _quadratic(summary, simulated)
+    parts = []
+    if quadratic:
+        subject = f"that of {joined([humanize(name) for name in quadratic])}"
+        parts.append(f"Second-order terms explain {subject if others else 'this'}: quadratic there.")
+    if others:
+        subject = joined([humanize(name) for name in others]) if quadratic else "The output" if one else "The outputs"
+        verb = "has" if len(others) == 1 else "have"
+        parts.append(f"{subject} {verb} a kink, a flat place or terms of higher order there.")
+    return " ".join([
+        told, *parts,
+        "No linear analysis about this point sees it: take the simulated sigma, or outputs that are linear here.",
+    ])  # fmt: skip
+
+
+def _reason(summary: Mapping[str, Any], rows: Sequence[int]) -> str:
+    """Tell partial derivatives of zero from contributions that cancel."""
+    spread = np.sqrt(np.maximum(np.diag(np.array(summary["start_covariance"], dtype=float)), 0.0))
+    terms = np.abs(np.array(summary["partials"], dtype=float)) * spread
+    if np.all(terms[list(rows)] <= ROUNDING * max(float(terms.max(initial=0.0)), 0.0)):
+        return "the partial derivatives at the nominal are zero"
+    return "at the nominal the partial derivatives are zero, or their contributions cancel"
+
+
+def _quadratic(summary: Mapping[str, Any], simulated: Mapping[str, float]) -> tuple[list[str], list[str]]:
+    """Split outputs into those whose dispersion second-order terms predict, and others."""
+    record, keys = summary.get("second_order") or {}, [entry["name"] for entry in summary["outputs"]]
+    predicted = np.array(record.get("quadratic") or np.zeros((len(keys), len(keys))), dtype=float).diagonal()
+    sigma = {name: math.sqrt(max(float(predicted[keys.index(name)]), 0.0)) for name in simulated}
+    matching = [name for name, found in simulated.items() if abs(sigma[name] - found) <= MATCHING * found]
+    return matching, [name for name in simulated if name not in matching]

@@ -1,0 +1,130 @@
+"""Samples with which an undecided comparison is decided with a probability of 90 %, if the truth is as estimated.
+
+A share p of samples lies beyond a limit, beyond which a share a is allowed. With n samples the number X beyond it is
+binomial (n, p). One-sided exact bounds of a confidence c decide
+
+    met if  X <= x,  the largest one with  P(Bin(n, a) <= x) <= 1 - c;
+    not met if  X >= x,  the smallest one with  P(Bin(n, a) <= x - 1) >= c
+
+(Clopper and Pearson, 1934; the bounds of quantiles by order statistics are the same statement). The critical x rises
+by steps, and between two steps the probability of a decision falls, or rises, with n. The sizes here hold at the least
+probability between two steps; from them on it is 90 % or more, to within 1 % where steps are uneven.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left
+from collections.abc import Callable, Sequence
+from typing import Final
+
+import numpy as np
+from scipy import special
+
+from mcnav.statistics.power import USUAL_POWER
+
+MOST: Final = 10**9
+"""Largest number of samples that is given: four minutes of the fastest engine, days of most."""
+
+HALVINGS: Final = 60
+"""Bisections of the number of samples by a factor, to far less than one in a million."""
+
+
+def samples_to_meet(shares: Sequence[float], allowed: float, confidence: float) -> int | None:
+    """Return the samples with which all of several shares are found to lie below the allowed one.
+
+    The shares may depend on one another: their probabilities of not being found so are added (Boole's inequality). None
+    when more than `MOST` are needed, or a share does not lie below.
+
+    >>> samples_to_meet([0.0], 0.05, 0.95), samples_to_meet([0.025], 0.05, 0.95), samples_to_meet([0.06], 0.05, 0.95)
+    (59, 554, None)
+    """
+    if max(shares) >= allowed:
+        return None
+
+    def first(critical: int) -> int:
+        """Return the smallest number of samples of which so many may lie beyond the limit."""
+        return bisect_left(
+            range(MOST), True, lo=critical + 1, key=lambda n: bool(_at_most(critical, n, allowed) <= 1.0 - confidence)
+        )
+
+    def decides(critical: int) -> bool:
+        last = first(critical + 1) - 1
+        return sum(1.0 - _at_most(critical, last, share) for share in shares) <= 1.0 - USUAL_POWER
+
+    found = first(_smallest(decides, allowed))
+    return found if found < MOST else None
+
+
+def samples_to_reject(shares: Sequence[float], allowed: float, confidence: float) -> int | None:
+    """Return the samples with which at least one of several shares is found to exceed the allowed one.
+
+    None when more than `MOST` are needed, or no share exceeds it.
+
+    >>> samples_to_reject([0.1], 0.05, 0.95), samples_to_reject([1.0], 0.05, 0.95)
+    (269, 1)
+    """
+    share = max(shares)
+    if share <= allowed:
+        return None
+
+    def first(critical: int) -> int:
+        """Return the smallest number of samples of which so many must lie beyond the limit, and not one less."""
+        if critical < 2:
+            return 1
+        return bisect_left(range(MOST), True, lo=1, key=lambda n: bool(_at_most(critical - 2, n, allowed) < confidence))
+
+    def decides(critical: int) -> bool:
+        return 1.0 - _at_most(critical - 1, first(critical), share) >= USUAL_POWER
+
+    found = first(_smallest(decides, allowed))
+    return found if found < MOST else None
+
+
+def samples_for_ratio(
+    ratio: float, interval: tuple[float, float], tolerance: float, count: int, confidence: float
+) -> int | None:
+    """Return the samples with which the interval of a ratio lies on one side of each limit ``1 +- tolerance``.
+
+    The standard error is half the width of the two-sided interval of ``count`` samples over the normal quantile; it and
+    the interval's ends shrink with the root of the number n. With f the root of count over n, s the error, and u and d
+    the distances to the upper and the lower end, the probability of a decision within the tolerance is
+
+        Phi((1 + tolerance - ratio - u f) / (s f)) + Phi((ratio - 1 + tolerance - d f) / (s f)) - 1,
+
+    and beyond it that of one side. None when more than `MOST` are needed.
+
+    >>> samples_for_ratio(1.0, (0.8, 1.2), 0.05, 1000, 0.95)
+    54125
+    """
+    down, up = ratio - interval[0], interval[1] - ratio
+    error = max(down, up) / float(special.ndtri(0.5 + 0.5 * confidence))
+    upper, lower = 1.0 + tolerance - ratio, ratio - 1.0 + tolerance
+    if not 0.0 < error < math.inf or upper == 0.0 or lower == 0.0:
+        return None
+
+    def power(number: float) -> float:
+        shrunk = math.sqrt(count / number)
+        if upper > 0.0 and lower > 0.0:
+            clear = special.ndtr(np.array([upper - up * shrunk, lower - down * shrunk]) / (error * shrunk))
+            return float(clear.sum() - 1.0)
+        beyond = -upper - down * shrunk if upper < 0.0 else -lower - up * shrunk
+        return float(special.ndtr(beyond / (error * shrunk)))
+
+    if power(float(MOST)) < USUAL_POWER:
+        return None
+    low, high = math.log(max(count, 1)), math.log(MOST)
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if power(math.exp(middle)) >= USUAL_POWER else (middle, high)
+    return max(count + 1, math.ceil(math.exp(high) * (1.0 - 1e-12)))
+
+
+def _at_most(number: int, samples: int, share: float) -> float:
+    """Compute ``P(Bin(samples, share) <= number)``."""
+    return 1.0 if number >= samples else float(special.betaincc(number + 1.0, samples - number, share))
+
+
+def _smallest(decides: Callable[[int], bool], allowed: float) -> int:
+    """Return the smallest critical number that decides, or one that takes more than `MOST` samples."""
+    return bisect_left(range(math.ceil(2.0 * allowed * MOST) + 2), True, key=decides)
