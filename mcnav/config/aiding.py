@@ -18,6 +18,7 @@ from mcnav.errors import suggestion
 from mcnav.physics.ins.aiding import Component, Sensor
 from mcnav.physics.ins.error_filter import estimated_kinds
 from mcnav.physics.ins.instruments import AXES, CONSTANTS, PROCESSES
+from mcnav.physics.ins.known_quantities import lacks_equations
 from mcnav.scenarios.aiding_sources import RANDOM
 from mcnav.scenarios.ins import Navigation
 
@@ -72,6 +73,8 @@ def read_aiding(entries: object, navigation: Navigation, context: FileContext) -
             _check_at_rest(sensor, navigation, key, context)
         if len(context.problems) == problems and sensor.kind == "heading":
             _check_level(sensor, navigation, key, context)
+        if len(context.problems) == problems and (lacking := lacks_equations(sensor)):
+            context.problem(f"{key}.type", f"got {sensor.kind!r}; {lacking}")
         sensors.append(sensor)
         sigmas |= found
     check_count(sum(len(sensor.times) for sensor in sensors), context)

@@ -75,7 +75,10 @@ def read_instants(
 
 
 def _of_interval(entry: Mapping[str, Any], navigation: Navigation, key: str, context: FileContext) -> Array:
-    """Read the instants of an interval: the first one is an interval after the start of navigation."""
+    """Read the instants of an interval: from begin on, or from an interval after the start of navigation on.
+
+    Those at the start of navigation and before it are left out, as in a list.
+    """
     interval = context.quantity(entry["interval"], "s", f"{key}.interval")
     begin = context.quantity(entry["begin"], "s", f"{key}.begin") if "begin" in entry else navigation.start
     end = context.quantity(entry["end"], "s", f"{key}.end") if "end" in entry else navigation.end
@@ -95,9 +98,9 @@ def _of_interval(entry: Mapping[str, Any], navigation: Navigation, key: str, con
         context.problem(f"{key}.interval", f"got {came!r}; {_too_many(count)}")
     elif count >= 0.0:
         slack = same_times(navigation) / interval
-        first = max(1.0, np.ceil((begin - start) / interval - slack))
-        last = np.floor((until - start) / interval + slack)
-        times = np.round(start + interval * np.arange(first, last + 1.0), DECIMALS)
+        first = max(0.0, np.floor((start - begin) / interval + slack) + 1.0)
+        last = np.floor((until - begin) / interval + slack)
+        times = np.round(begin + interval * np.arange(first, last + 1.0), DECIMALS)
         return np.asarray(np.minimum(times, navigation.end))
     return np.zeros(0)
 

@@ -341,11 +341,15 @@ class AidedReferenceEngine:
             navigation.truth, navigation.platform, self.mechanization.step_times, tables.loop.times, noise.gyro,
             noise.accelerometer,
         )  # fmt: skip
-        measured = np.zeros((1, *tables.white.shape))
+        measured, swings = np.zeros((1, *tables.white.shape)), tables.loop.measurements.swings
         for number, sensor in enumerate(navigation.sensors):
             rows = np.flatnonzero(tables.loop.measurements.sensors == number)
             if sensor.name in noise.measurements:
                 measured[0, rows, : len(sensor.components)] = noise.measurements[sensor.name]
+            if swings.size and noise.drifts is not None:
+                # what a drift of the gyros adds to the antenna's velocity acts as an error of the measurement
+                drifts = noise.drifts[self.mechanization.updated(number)]
+                measured[0, rows] -= np.einsum("umj,uj->um", swings[rows, :, :3], drifts)
         return GivenNoise(added, measured)
 
     def propagate(self, errors: Array) -> SimulationResult:

@@ -124,10 +124,11 @@ NOISE: Final = tuple(Output(name, *PROCESS_UNITS[name.rpartition("_")[0]]) for n
 BEFORE_OUTAGES_END: Final = 1.0
 """Time before the end of an outage at which errors are read out, s; less in a short outage."""
 
-REVISION: Final = 5
+REVISION: Final = 6
 """Counts the changes of the samples' digits: 1 drew normal variates one at a time, 2 two of a block of random bits.
 
-4 computes them in single precision, 5 linear errors as sums.
+4 computes them in single precision, 5 linear errors as sums. 6 computes the velocity of an antenna on a lever arm with
+measured rates.
 """
 
 EPOCHS: Final = 60

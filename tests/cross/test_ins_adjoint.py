@@ -22,10 +22,14 @@ def without_noise(sensors: tuple[str, ...]) -> GivenNoise:
     return GivenNoise(np.zeros((1, *tables.ensemble.factors.shape[:2])), np.zeros((1, *tables.white.shape)))
 
 
-def partials(adjoint: Adjoint, inputs: Array, start_map: Array, constants: Array) -> Array:
-    """Add up the responses to constant errors: of the start, the instruments and the sensors, shape (9, sources)."""
+def partials(adjoint: Adjoint, inputs: Array, start_map: Array, constants: Array, swings: Array) -> Array:
+    """Add up the responses to constant errors: of the start, the instruments and the sensors, shape (9, sources).
+
+    Errors of the gyros add to the innovations of an antenna's velocity as well.
+    """
     of_start = adjoint.start[:, :9] @ start_map
     of_instruments = np.einsum("koi,kqi->oq", adjoint.steps, inputs)
+    of_instruments[:, : swings.shape[2]] += np.einsum("uoc,ucq->oq", adjoint.updates, swings)
     return np.hstack([of_start, of_instruments, np.einsum("uoc,ucq->oq", adjoint.updates, constants)])
 
 
@@ -35,7 +39,7 @@ def test_partials_of_a_closed_loop(sensors: tuple[str, ...]) -> None:
     tables, of = engine(sensors=sensors).tables, scenario(sensors)
     shared, measured = tables.ensemble, tables.loop.measurements
     # a constant error of a sensor adds to the innovation what a measurement's error takes from it
-    found = partials(tables.adjoint, shared.inputs, shared.start_map, -measured.constants)
+    found = partials(tables.adjoint, shared.inputs, shared.start_map, -measured.constants, -measured.swings)
     expected = of.partials_history(2).partials[-1]
     assert found.shape == expected.shape
     sizes = draw(1, {**SIGMAS, **NEGLECTED}, 1, of)[0] != 0.0
@@ -49,7 +53,7 @@ def test_partials_of_a_free_navigator() -> None:
     """As the covariance propagates them forwards: with the gyros' errors alone, which reach all outputs."""
     tables = engine().tables
     shared = tables.ensemble
-    found = partials(shared.adjoint, shared.inputs, shared.start_map, np.zeros((0, 0, 0)))
+    found = partials(shared.adjoint, shared.inputs, shared.start_map, np.zeros((0, 0, 0)), np.zeros((0, 0, 0)))
     y = np.zeros((9, len(CONSTANTS)))
     y[:, :9] = shared.start_map
     for k in range(len(shared.durations)):

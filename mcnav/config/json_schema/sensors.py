@@ -66,8 +66,10 @@ def _sensor(name: str, kind: SensorType) -> Node:
         "name": {
             "type": "string", "pattern": f"^{NAME.pattern}$", "description": "Name of its own; its type unless given."
         },
-        "interval": quantity("s", "Time between measurements, the first one interval after the start.", example="1 s"),
-        "begin": quantity("s", f"First instant of measurements at an interval, {times}", example="600 s"),
+        "interval": quantity(
+            "s", "Time between measurements; without begin, the first is one interval after the start.", example="1 s"
+        ),
+        "begin": quantity("s", f"First measurement at an interval, {times}", example="600 s"),
         "end": quantity("s", f"Last instant of measurements at an interval, {times}", example="1200 s"),
         "instants": {
             "type": "array",

@@ -41,6 +41,7 @@ from mcnav.physics.ins.filter_lanes import (
     update_covariances,
 )
 from mcnav.physics.ins.instruments import CONSTANTS
+from mcnav.physics.ins.measurements import check_kinds, rate_error
 from mcnav.physics.ins.noise import IMU_STREAM, draw_normals
 from mcnav.physics.ins.normalization_lanes import share_covariances
 from mcnav.physics.ins.propagation_lanes import propagate_covariances
@@ -68,9 +69,12 @@ from mcnav.physics.ins.step_lanes import (
     start,
 )
 from mcnav.physics.ins.update_lanes import (
+    INNOVATED,
     Estimates,
+    RateTables,
     UpdateTables,
     add_constant_errors,
+    add_rate_errors,
     along_truth,
     disturb,
     estimates_of,
@@ -149,6 +153,8 @@ class AidedTables:
         Largest normalized innovation squared that is accepted.
     covariances : ndarray, shape (m, 9 + q, 9 + q)
         Of the filter along the truth, at the epochs.
+    rate_errors : ndarray of int, shape (b,)
+        Number of the gyros' constant error as which a bias of a process enters a navigator's rate, -1 for none.
     """
 
     loop: ClosedLoop
@@ -163,6 +169,7 @@ class AidedTables:
     white: Array
     limits: Array
     covariances: Array
+    rate_errors: IndexArray
 
     @cached_property
     def estimate_steps(self) -> EstimateSteps:
@@ -247,18 +254,32 @@ class AidedTables:
             return steps._replace(factors=np.delete(steps.factors, np.s_[NAVIGATION - 3 : NAVIGATION], axis=2))
         return steps
 
-    def updates(self, active: IndexArray) -> UpdateTables:
+    def updates(self, active: IndexArray, instruments: IndexArray) -> UpdateTables:
         """Return what compiled code takes of the updates.
 
         Parameters
         ----------
-        active : ndarray of int
-            Numbers of the constant errors of the sensors that are not zero.
+        active, instruments : ndarray of int
+            Numbers of the constant errors of the sensors, and of the instruments, that are not zero.
         """
-        return self._once("updates", active, self._updates)
+        swings = self._once("swings", instruments, self._swings)
+        return self._once("updates", active, self._updates)._replace(swings=swings)
+
+    def _swings(self, active: IndexArray) -> RateTables:
+        measured, of_states = self.loop.measurements, self.loop.filter.rate_errors
+        rates, gyros = measured.rates, measured.rates.shape[2]
+        none = np.zeros(0, dtype=np.int64)
+        drifting, estimated = (np.flatnonzero(each >= 0) if gyros else none for each in (self.rate_errors, of_states))
+        errors, biases, states = (
+            np.ascontiguousarray(rates[:, :, each])
+            for each in (active[active < gyros], self.rate_errors[drifting], of_states[estimated])
+        )
+        return RateTables(measured.swinging, measured.levers, errors, biases, states, drifting, estimated)
 
     def _updates(self, active: IndexArray) -> UpdateTables:
         measured, model, roots = self.loop.measurements, self.loop.filter, self.loop.roots
+        check_kinds(measured.kinds, measured.sizes, INNOVATED, "mcnav.physics.ins.update_lanes.innovate")
+        of_sensors = np.where(model.rate_errors >= 0, 0.0, model.rows)
         with np.errstate(divide="ignore", invalid="ignore"):
             known = np.diagonal(roots, axis1=1, axis2=2) ** 2 / model.variances
         careful = np.any(np.nan_to_num(known, nan=0.0) > CAREFUL, axis=1)
@@ -268,11 +289,12 @@ class AidedTables:
         return UpdateTables(
             measured.sensors, measured.sizes, measured.components, measured.kinds, measured.directions, measured.arms,
             np.ascontiguousarray(measured.constants[:, :, active]), measured.rows, measured.forward, measured.places,
-            self.bounds, self.correlated, self.memory, self.white, self.limits, model.rows, self.loop.gains, roots,
-            self.adjoint.updates, lags, np.flatnonzero(np.any(model.rows, axis=(0, 1))),
+            self.bounds, self.correlated, self.memory, self.white, self.limits, of_sensors, self.loop.gains, roots,
+            self.adjoint.updates, lags, np.flatnonzero(np.any(of_sensors, axis=(0, 1))),
             filter_updates(
                 measured.rows, model.rows, self.bounds, model.variances, along_truth(measured), careful
             ),
+            self._swings(np.zeros(0, dtype=np.int64)),
         )  # fmt: skip
 
     @cached_property
@@ -340,6 +362,7 @@ def tabulate_aided(loop: ClosedLoop, ensemble: EnsembleTables, biases: tuple[str
         np.array([each.noise for each in components])[which],
         limits[measurements.sensors],
         own_covariances(loop, ensemble.epochs, np.ones(len(ensemble.epochs))),
+        np.array([rate_error(name) for name in biases], dtype=np.int64),
     )
 
 
@@ -478,12 +501,14 @@ def simulate_aided(
     disturbed_together = int(np.diff(blocks).max())
     keep = Store()
     deviations = deviations_of(len(active), len(shared.sizes), keep)
-    filtered = estimates_of(states, len(active_aiding), components, len(loop.sensors), keep, keep if drifting else room)
+    filtered = estimates_of(
+        states, len(active_aiding), components, len(loop.sensors), keep, keep if drifting else room, most
+    )
     covariances = room(9 + states, 9 + states)
     rooms = _LaneRooms(
         deviations,
         filtered,
-        covariances_of(states, own, keep if own else room),
+        covariances_of(states, own, keep if own else room, most),
         room(max(STEPS_OF_BLOCK * width, len(shared.sizes))),
         room(disturbed_together * most),
         room(disturbed_together * most if drifting else 0),
@@ -503,7 +528,7 @@ def simulate_aided(
         steps,
         tables.estimate_steps,
         tables.filter_steps,
-        tables.updates(active_aiding),
+        tables.updates(active_aiding, active),
         tables.epochs,
         _Given(
             samples.astype(np.uint64), np.ascontiguousarray(instruments[:, active]),
@@ -585,6 +610,8 @@ def _disturb(
                 own.disturbance[c, i] = noise.disturbances[begin + min(i, size - 1), u * most + c]
     if len(own.aiding) > 0:
         add_constant_errors(u, m, updates, own)
+    if updates.swings.swinging[u]:
+        add_rate_errors(u, m, updates, lanes.samples, own)
     add_linear(updates.adjoint, u, m, own.disturbance, lanes.samples.linear)
 
 

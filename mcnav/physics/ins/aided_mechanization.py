@@ -8,6 +8,11 @@ navigator is corrected::
     q <- exp(-psi / 2) o q        v <- v - dv        r <- r - dr        estimates <- estimates + their corrections
 
 so that the filter's own state is always zero. Considered states keep their covariance and are not corrected (Schmidt).
+
+The rate for an antenna's velocity is that of the readings of the step before, compensated and extrapolated to the
+instant of the measurement by the polynomial through the step's Gauss points. In place of the means of their noise over
+the step, these readings have the gyros' bias instability and rate random walk at that instant; what white noise a
+navigator's mean of readings has depends on how long it averages, and is part of the noise of the measurement.
 """
 
 from __future__ import annotations
@@ -22,7 +27,7 @@ from numpy.linalg import LinAlgError
 
 from mcnav._types import Array, IndexArray
 from mcnav.physics.ins.aiding import Sensor, aiding_constants
-from mcnav.physics.ins.collocation import NODES, REASONS, STATE, WEIGHTS, WENT_ON, advance
+from mcnav.physics.ins.collocation import AT_END, NODES, REASONS, STATE, WEIGHTS, WENT_ON, advance
 from mcnav.physics.ins.compensation import Compensation, measure
 from mcnav.physics.ins.covariance import map_covariances
 from mcnav.physics.ins.earth_fixed_errors import (
@@ -148,8 +153,12 @@ class AidedMechanization:
         found = []
         for sensor, believed in zip(self.sensors, self.model.beliefs.sensors, strict=True):
             times = self.step_times[self._boundaries(self._measured(sensor))]
-            surroundings = Surroundings.at(self.truth, self.navigator.earth_fixed(times), times)
-            found.append(SensorModel(sensor, believed, surroundings, self.errors.states))
+            rate = None
+            if self.platform != "strapdown":
+                rate = self.truth.states(times, self.platform, self.start).rate
+            surroundings = Surroundings.at(self.truth, self.navigator.earth_fixed(times), times, rate)
+            spin = self.truth.earth.rotation_rate
+            found.append(SensorModel(sensor, believed, surroundings, self.errors.states, spin))
         return tuple(found)
 
     @cached_property
@@ -180,6 +189,10 @@ class AidedMechanization:
     def draw(self, imu: Imu, seed: int, index: int) -> SampleNoise:
         """Draw the noise of one sample."""
         return draw_sample_noise(imu, self.sensors, self.step_times, self.epoch_steps, seed, index)
+
+    def updated(self, sensor: int) -> IndexArray:
+        """Return the steps at whose ends a sensor has its measurements, by its number."""
+        return self._boundaries(self._measured(self.sensors[sensor])) - 1
 
     def quiet(self) -> SampleNoise:
         """Return the noise of a sample without any."""
@@ -235,12 +248,15 @@ class _Flight:
         self.earth, self.model = engine.truth.earth, engine.errors
         navigator = engine.navigator
         steps = len(engine.step_times) - 1
-        for each in (noise.gyro, noise.accelerometer):
+        self.drifts = np.zeros((steps, 3)) if noise.drifts is None else noise.drifts
+        for each in (noise.gyro, noise.accelerometer, self.drifts):
             if each.shape != (steps, 3):
                 raise ValueError(f"noise must have shape ({steps}, 3), one row for each step; got {each.shape}")
-        gyro = errors[len(OUTPUTS) : FIRST_OF_ACCELEROMETERS]
-        accelerometer = errors[FIRST_OF_ACCELEROMETERS : FIRST_OF_ACCELEROMETERS + len(ACCELEROMETER)]
-        self.measured = measure(navigator.readings.values[:steps], gyro, accelerometer, noise.gyro, noise.accelerometer)
+        self.gyro = errors[len(OUTPUTS) : FIRST_OF_ACCELEROMETERS]
+        self.accelerometer = errors[FIRST_OF_ACCELEROMETERS : FIRST_OF_ACCELEROMETERS + len(ACCELEROMETER)]
+        self.measured = measure(
+            navigator.readings.values[:steps], self.gyro, self.accelerometer, noise.gyro, noise.accelerometer
+        )
         self.durations = np.diff(engine.step_times)
         self.compensation = Compensation(self.model)
         self.estimates, self.estimated_at = np.zeros(len(self.model.states)), engine.start
@@ -313,7 +329,8 @@ class _Flight:
         """Update the filter by a measurement and correct the navigator."""
         model = self.engine.sensor_models[sensor]
         frame = self._frame()
-        indicated = Indicated(self.state[7:], self.state[4:7], matrices(self.state[None, :4])[0], frame)
+        axes = matrices(self.state[None, :4])[0]
+        indicated = Indicated(self.state[7:], self.state[4:7], axes, frame, self._reading(stop.last - 1))
         offsets, factors, arm = self.offsets[sensor]
         innovation, response = model.innovation(row, indicated, self.estimates, offsets[row], factors, arm)
         if not np.all(np.isfinite(innovation)):
@@ -333,6 +350,13 @@ class _Flight:
         self.state[4:7] -= change[VELOCITY]
         self.state[7:] -= change[POSITION]
         self.estimates = self.estimates + change[NAVIGATION:]
+
+    def _reading(self, step: int) -> Array:
+        """Compute what instruments read at the end of a step, compensated and without the noise of readings: (6,)."""
+        here, nothing = slice(step, step + 1), np.zeros((1, 3))
+        values = self.engine.navigator.readings.values[here]
+        measured = measure(values, self.gyro, self.accelerometer, self.drifts[here], nothing)
+        return np.asarray(AT_END @ self.compensation.compensate(measured, self.estimates, np.zeros((1, 3)))[0])
 
     def _read(self, epoch: int) -> tuple[Array, Array]:
         """Compute the navigation errors and the record at an epoch."""

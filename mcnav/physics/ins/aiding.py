@@ -10,7 +10,7 @@ predicts for it less what is measured is the innovation.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from typing import Final, Literal
 
@@ -138,6 +138,13 @@ class Sensor:
         sizes = {each.error_name("noise"): each.noise for each in self.components}
         sizes |= {each.error_name("correlated"): each.correlated for each in self.components}
         return {name: size for name, size in sizes.items() if size > 0.0}
+
+
+def check_quantities(sensor: Sensor, known: Collection[str], where: str) -> None:
+    """Raise ValueError unless all that a sensor measures is among the quantities that a module has equations for."""
+    for component in sensor.components:
+        if component.quantity not in known:
+            raise ValueError(f"{where} has no equations for {component.quantity}, which {sensor.name} measures")
 
 
 def aiding_constants(sensors: tuple[Sensor, ...]) -> tuple[str, ...]:

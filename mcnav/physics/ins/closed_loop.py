@@ -24,7 +24,7 @@ from mcnav.physics.ins.covariance import constant_inputs, map_covariances, outpu
 from mcnav.physics.ins.error_filter import NAVIGATION, FilterModel
 from mcnav.physics.ins.filter_tables import FilterTables, same_memory, tabulate_filter
 from mcnav.physics.ins.instruments import CONSTANTS, OUTPUTS, Imu
-from mcnav.physics.ins.measurements import Measurements, measure
+from mcnav.physics.ins.measurements import Measurements, measure, rate_error
 from mcnav.physics.ins.response import StepResponses, respond
 from mcnav.physics.ins.same_content import same_content
 from mcnav.physics.ins.truth import Platform, Truth
@@ -236,7 +236,7 @@ def _propagate_constants(loop: ClosedLoop, readings: IndexArray, after: Array) -
     seen = np.empty((len(readings), NAVIGATION + count, sources))
     _carry_constants(
         loop.transition, tables.coupling, tables.decay, inputs, measurements.rows, tables.rows, measurements.constants,
-        measurements.sizes, gains, loop.first_updates, readings, after.astype(np.bool_), y, seen,
+        measurements.swings, measurements.sizes, gains, loop.first_updates, readings, after.astype(np.bool_), y, seen,
     )  # fmt: skip
     return seen[:, :NAVIGATION], seen[:, NAVIGATION:]
 
@@ -254,9 +254,10 @@ def _propagate_processes(loop: ClosedLoop, readings: IndexArray, after: Array) -
     response, decay = np.zeros((steps, NAVIGATION, lanes)), np.ones((steps, lanes))
     noise, bias_noise = np.zeros((steps, 10, NAVIGATION, lanes)), np.zeros((steps, lanes))
     variance, of_component, measured = np.zeros(lanes), np.full(lanes, -1), np.full(lanes, -1)
-    sigmas = np.zeros(lanes)
+    sigmas, rate_errors = np.zeros(lanes), np.full(lanes, -1)
     for number, name in enumerate(names):
         if name in systems:
+            rate_errors[number] = rate_error(name) if loop.measurements.swings.size else -1
             over, added, variance[number] = systems[name]
             response[:, :, number], decay[:, number] = over[:, :NAVIGATION], over[:, NAVIGATION]
             noise[:, :NAVIGATION, :, number] = added[:, :NAVIGATION, :NAVIGATION]
@@ -274,8 +275,8 @@ def _propagate_processes(loop: ClosedLoop, readings: IndexArray, after: Array) -
     tables, measurements = loop.filter, loop.measurements
     _add_up(
         loop.transition, tables.coupling, tables.decay, response, decay, noise, bias_noise, variance, of_component,
-        measured, sigmas, measurements.rows, tables.rows, measurements.components, measurements.sizes, loop.gains,
-        loop.first_updates, readings, after.astype(np.bool_), found,
+        measured, sigmas, rate_errors, measurements.swings, measurements.rows, tables.rows, measurements.components,
+        measurements.sizes, loop.gains, loop.first_updates, readings, after.astype(np.bool_), found,
     )  # fmt: skip
     return names, found[..., : len(names)]
 
@@ -283,7 +284,8 @@ def _propagate_processes(loop: ClosedLoop, readings: IndexArray, after: Array) -
 @compiled
 def _carry_constants(
     transition: Array, coupling: Array, decay: Array, inputs: Array, rows: Array, state_rows: Array, constants: Array,
-    sizes: IndexArray, gains: Array, first: IndexArray, readings: IndexArray, after: Array, start: Array, seen: Array,
+    swings: Array, sizes: IndexArray, gains: Array, first: IndexArray, readings: IndexArray, after: Array,
+    start: Array, seen: Array,
 ) -> None:  # fmt: skip
     """Run the sensitivities of y and of the estimates, to all constant errors, through the closed loop."""
     sources, states, most = start.shape[1], decay.shape[1], rows.shape[1]
@@ -304,6 +306,8 @@ def _carry_constants(
                     _add_row(innovation[c], -state_rows[u, c, i], estimates[i])
                 for j in range(fixed, sources):
                     innovation[c, j] += constants[u, c, j - fixed]
+                for j in range(swings.shape[2]):
+                    innovation[c, 9 + j] += swings[u, c, j]
             for c in range(sizes[u]):
                 for i in range(9):
                     _add_row(y[i], -gains[u, i, c], innovation[c])
@@ -466,9 +470,9 @@ def _design(
 @compiled
 def _add_up(
     transition: Array, coupling: Array, decay: Array, response: Array, own_decay: Array, noise: Array,
-    bias_noise: Array, variance: Array, of_component: IndexArray, measured: IndexArray, sigmas: Array, rows: Array,
-    state_rows: Array, components: IndexArray, sizes: IndexArray, gains: Array, first: IndexArray,
-    readings: IndexArray, after: Array, found: Array,
+    bias_noise: Array, variance: Array, of_component: IndexArray, measured: IndexArray, sigmas: Array,
+    rate_errors: IndexArray, swings: Array, rows: Array, state_rows: Array, components: IndexArray, sizes: IndexArray,
+    gains: Array, first: IndexArray, readings: IndexArray, after: Array, found: Array,
 ) -> None:  # fmt: skip
     """Run the covariances of all processes through the closed loop; processes are the last axis."""
     lanes, size = found.shape[3], found.shape[1]
@@ -493,6 +497,8 @@ def _add_up(
                     full[e, 9 + i] = -state_rows[u, e, i]
                 for n in range(lanes):
                     own[e, n] = -1.0 if of_component[n] == components[u, e] else 0.0
+                    if rate_errors[n] >= 0:
+                        own[e, n] = swings[u, e, rate_errors[n]]
                 for i in range(size - 1):
                     gain[i, e] = gains[u, i, e] if i < 9 else -gains[u, i, e]
             _project(c, full, own, m, cross)

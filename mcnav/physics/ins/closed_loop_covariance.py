@@ -20,6 +20,7 @@ from mcnav.physics.ins.closed_loop import ClosedLoop
 from mcnav.physics.ins.covariance import constant_inputs, map_covariances, output_map, process_systems
 from mcnav.physics.ins.error_filter import NAVIGATION
 from mcnav.physics.ins.instruments import CONSTANTS, OUTPUTS, Imu
+from mcnav.physics.ins.measurements import rate_error
 from mcnav.physics.jit import compiled
 
 
@@ -119,7 +120,8 @@ def _biases(loop: ClosedLoop, mean: Array, sources: Array) -> _Biases:
     imu, responses = loop.imu, loop.responses
     quiet = Imu(*(replace(each, random_walk=np.zeros(3)) for each in (imu.gyro, imu.accelerometer)))
     systems = process_systems(responses, quiet)
-    driving = [system for system in systems.values() if system[0].any()]
+    driving = {name: system for name, system in systems.items() if system[0].any()}
+    swings = loop.measurements.swings
     components = [component for sensor in loop.sensors for component in sensor.components]
     correlated = [number for number, component in enumerate(components) if component.correlated > 0.0]
     count, first = len(constants) + len(driving) + len(correlated), len(constants)
@@ -131,9 +133,13 @@ def _biases(loop: ClosedLoop, mean: Array, sources: Array) -> _Biases:
     for place, number in enumerate(constants):
         if number < fixed:
             response[:, :, place] = inputs[:, :, number - len(OUTPUTS)]
+            if number - len(OUTPUTS) < swings.shape[2]:
+                rows[:, :, place] = swings[:, :, number - len(OUTPUTS)]
         else:
             rows[:, :, place] = loop.measurements.constants[:, :, number - fixed]
-    for place, (over, added, variance) in enumerate(driving, first):
+    for place, (name, (over, added, variance)) in enumerate(driving.items(), first):
+        if swings.size and rate_error(name) >= 0:
+            rows[:, :, place] = swings[:, :, rate_error(name)]
         response[:, :, place], decay[:, place] = over[:, :NAVIGATION], over[:, NAVIGATION]
         cross[:, :, place], noise[:, place] = added[:, NAVIGATION, :NAVIGATION], added[:, NAVIGATION, NAVIGATION]
         initial[NAVIGATION + place, NAVIGATION + place] = variance

@@ -28,6 +28,8 @@ _ROOT: Final = np.sqrt(15.0)
 NODES: Final = np.array([0.5 - _ROOT / 10.0, 0.5, 0.5 + _ROOT / 10.0])
 """Gauss points of a step of unit length."""
 WEIGHTS: Final = np.array([5.0 / 18.0, 4.0 / 9.0, 5.0 / 18.0])
+AT_END: Final = np.array([(5.0 - _ROOT) / 6.0, -2.0 / 3.0, (5.0 + _ROOT) / 6.0])
+"""Weights of values at the Gauss points in the value of their interpolating polynomial at the end of a step."""
 COUPLING: Final = np.array(
     [
         [5.0 / 36.0, 2.0 / 9.0 - _ROOT / 15.0, 5.0 / 36.0 - _ROOT / 30.0],

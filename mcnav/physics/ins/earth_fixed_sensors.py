@@ -1,19 +1,21 @@
 """Measurements as the reference engine has them, in earth-fixed axes: what is measured, predicted, and how they differ.
 
 Of a navigator with the errors psi, dv, dr (see `mcnav.physics.ins.earth_fixed_errors`), with C from the body's axes to
-earth-fixed ones, the lever arm l, the body's rate w over the earth, and N, E, D the local directions, an innovation,
-predicted less measured, is to first order ::
+earth-fixed ones, the lever arm l, the body's inertial rate w, the earth's rate W, and N, E, D the local directions, an
+innovation, predicted less measured, is to first order ::
 
     position        n . (dr + psi x C l)                  n a local direction
-    velocity        n . (dv + psi x C (w x l))
+    velocity        n . (dv + psi x C (w x l) - W x (psi x C l) + C (g x l))
     altitude        -D . dr
     attitude        p . psi                               p an axis of the instruments
     body velocity   b . (dv + v x psi)                    b an axis of the body
     heading         (f_n df_e - f_e df_n) / (f_n^2 + f_e^2)
 
-less the errors of the measurement; df is the change of the forward axis f and of the local directions. The rate w is
-taken as known: its own error, of a lever arm's length, is neglected. So is the product of the star tracker's and the
-navigator's errors, two small angles.
+less the errors of the measurement; df is the change of the forward axis f and of the local directions. The navigator
+predicts the antenna's velocity ``v + (C w - W) x C l`` with the rate that its gyros measured in the step before, as
+compensated, and g is what is left of their errors (`mcnav.physics.ins.aided_mechanization`). On a stabilised platform
+the body's rate about the platform is known. The product of the star tracker's and the navigator's errors, two small
+angles, is neglected.
 """
 
 from __future__ import annotations
@@ -21,17 +23,31 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 
 from mcnav._types import Array, IndexArray
-from mcnav.physics.ins.aiding import COMPONENTS, SCALED, Quantity, Sensor
+from mcnav.physics.ins.aiding import COMPONENTS, SCALED, Quantity, Sensor, check_quantities
 from mcnav.physics.ins.earth import local_axes
-from mcnav.physics.ins.earth_fixed_errors import ATTITUDE, POSITION, VELOCITY, LocalFrame, cross_matrix
+from mcnav.physics.ins.earth_fixed_errors import (
+    ATTITUDE,
+    POSITION,
+    VELOCITY,
+    InstrumentState,
+    LocalFrame,
+    cross_matrix,
+    instrument_states,
+)
 from mcnav.physics.ins.error_filter import NAVIGATION, FilterState
 from mcnav.physics.ins.instruments import AXES
 from mcnav.physics.ins.navigation_errors import EarthFixedStates
 from mcnav.physics.ins.truth import Truth
+
+PREDICTED: Final[tuple[Quantity, ...]] = (
+    "position", "velocity", "altitude", "attitude", "body_velocity", "heading",
+)  # fmt: skip
+"""Quantities that `SensorModel` predicts, each by a method of its name."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +62,8 @@ class Surroundings:
         From the body's to the instruments' axes.
     turning : ndarray, shape (u, 3)
         Rate of the body over the earth, in the body's axes, rad/s.
+    gimbals : ndarray, shape (u, 3)
+        Rate of the body about the instruments' platform, in the instruments' axes, rad/s; zero where there is none.
     level : ndarray, shape (u, 3, 3)
         From local to earth-fixed axes.
     altitude : ndarray, shape (u,)
@@ -54,21 +72,27 @@ class Surroundings:
     states: EarthFixedStates
     mounting: Array
     turning: Array
+    gimbals: Array
     level: Array
     altitude: Array
 
     @classmethod
-    def at(cls, truth: Truth, states: EarthFixedStates, times: Array) -> Surroundings:
-        """Compute them from the true states at the instants, s."""
+    def at(cls, truth: Truth, states: EarthFixedStates, times: Array, rate: Array | None = None) -> Surroundings:
+        """Compute them from the true states at the instants, s.
+
+        Parameters
+        ----------
+        rate : ndarray, shape (u, 3), optional
+            Inertial rate of the instruments' platform in its axes; none if they are on the body.
+        """
         latitude, longitude, altitude = truth.earth.to_geodetic(states.position).T
-        body = truth.attitude(times).as_matrix()
-        return cls(
-            states,
-            np.swapaxes(states.axes, -1, -2) @ body,
-            np.asarray(truth.attitude(times, 1)),
-            local_axes(latitude, longitude),
-            altitude,
-        )
+        mounting = np.swapaxes(states.axes, -1, -2) @ truth.attitude(times).as_matrix()
+        turning = np.asarray(truth.attitude(times, 1))
+        gimbals = np.zeros_like(turning)
+        if rate is not None:
+            of_earth = states.axes[:, 2] * truth.earth.rotation_rate
+            gimbals = np.einsum("nij,nj->ni", mounting, turning) + of_earth - rate
+        return cls(states, mounting, turning, gimbals, local_axes(latitude, longitude), altitude)
 
 
 @dataclass(frozen=True)
@@ -83,12 +107,15 @@ class Indicated:
         From the instruments' axes to earth-fixed ones.
     frame : LocalFrame
         At the position.
+    reading : ndarray, shape (6,)
+        Inertial rate and specific force as measured and compensated, in the instruments' axes.
     """
 
     position: Array
     velocity: Array
     axes: Array
     frame: LocalFrame
+    reading: Array
 
 
 @dataclass(frozen=True)
@@ -102,12 +129,23 @@ class SensorModel:
         At its instants.
     states : sequence of FilterState
         Of the filter, besides those of navigation.
+    rotation_rate : float
+        Of the earth, rad/s.
+
+    Raises
+    ------
+    ValueError
+        When the sensor measures a quantity without equations.
     """
 
     sensor: Sensor
     believed: Sensor
     surroundings: Surroundings
     states: Sequence[FilterState]
+    rotation_rate: float
+
+    def __post_init__(self) -> None:
+        check_quantities(self.sensor, PREDICTED, "mcnav.physics.ins.earth_fixed_sensors")
 
     @property
     def size(self) -> int:
@@ -165,6 +203,11 @@ class SensorModel:
         found = [[float(self.sensor.has_lever_arm and state.name == name) for state in self.states] for name in names]
         return np.array(found).reshape(3, len(self.states))
 
+    @cached_property
+    def _gyro_states(self) -> tuple[InstrumentState, ...]:
+        """The filter's states that are errors of the gyros."""
+        return tuple(each for each in instrument_states(self.states) if each.gyro)
+
     def measurement_errors(self, constants: Array, noise: Array) -> tuple[Array, Array, Array]:
         """Split a sample's constant errors, in the order of `Sensor.constants`, and add the noise.
 
@@ -207,10 +250,10 @@ class SensorModel:
         added, scaled = self._added @ estimates, self._scaled @ estimates
         response[:, NAVIGATION:] = -self._added
         for quantity, (places, axes) in self._quantities.items():
-            difference, navigation, arms = getattr(self, f"_{quantity}")(row, indicated, used)
+            difference, navigation, others = getattr(self, f"_{quantity}")(row, indicated, used)
             found[places] = difference[axes] + added[places] - offset[places]
             response[places, :NAVIGATION] = navigation[axes]
-            response[places, NAVIGATION:] += arms[axes] @ self._arms
+            response[places, NAVIGATION:] += others[axes]
             if quantity in SCALED:
                 true = getattr(self, f"_true_{quantity}")(row)[axes]
                 predicted = true + difference[axes]
@@ -220,36 +263,44 @@ class SensorModel:
         return found, response
 
     def _position(self, row: int, indicated: Indicated, arm: Array) -> tuple[Array, Array, Array]:
-        """Return the difference, and its responses to psi, dv, dr and to the lever arm, along all axes."""
+        """Return the difference, and its responses to psi, dv, dr and to the other states, along all axes."""
         true = self.surroundings
         body = indicated.axes @ true.mounting[row]
         antenna = body @ arm
         true_antenna = true.states.axes[row] @ true.mounting[row] @ self.sensor.lever_arm
         difference = (indicated.position - true.states.position[row]) + (antenna - true_antenna)
-        return self._level_difference(indicated, difference, antenna, POSITION, body)
+        to_level, response = indicated.frame.axes.T, np.zeros((3, NAVIGATION))
+        response[:, POSITION], response[:, ATTITUDE] = to_level, -to_level @ cross_matrix(antenna)
+        return to_level @ difference, response, to_level @ body @ self._arms
 
     def _velocity(self, row: int, indicated: Indicated, arm: Array) -> tuple[Array, Array, Array]:
+        """Return the same; the rate is the navigator's own."""
         true = self.surroundings
-        turning = cross_matrix(true.turning[row])
         body = indicated.axes @ true.mounting[row]
-        antenna = body @ turning @ arm
-        true_antenna = true.states.axes[row] @ true.mounting[row] @ turning @ self.sensor.lever_arm
-        difference = (indicated.velocity - true.states.velocity[row]) + (antenna - true_antenna)
-        return self._level_difference(indicated, difference, antenna, VELOCITY, body @ turning)
+        antenna, rate = body @ arm, indicated.axes @ (indicated.reading[:3] + true.gimbals[row])
+        of_earth = cross_matrix(np.array([0.0, 0.0, self.rotation_rate]))
+        turning = cross_matrix(rate) - of_earth
+        true_turning = cross_matrix(true.turning[row]) @ self.sensor.lever_arm
+        true_antenna = true.states.axes[row] @ true.mounting[row] @ true_turning
+        difference = (indicated.velocity - true.states.velocity[row]) + (turning @ antenna - true_antenna)
+        to_level, response = indicated.frame.axes.T, np.zeros((3, NAVIGATION))
+        of_attitude = of_earth @ cross_matrix(antenna) - cross_matrix(cross_matrix(rate) @ antenna)
+        response[:, VELOCITY], response[:, ATTITUDE] = to_level, to_level @ of_attitude
+        to_gyros = -cross_matrix(antenna) @ indicated.axes @ self._gyros(indicated.reading)
+        return to_level @ difference, response, to_level @ (turning @ body @ self._arms + to_gyros)
 
-    def _level_difference(
-        self, indicated: Indicated, difference: Array, antenna: Array, place: slice, arms: Array
-    ) -> tuple[Array, Array, Array]:
-        to_level = indicated.frame.axes.T
-        response = np.zeros((3, NAVIGATION))
-        response[:, place] = to_level
-        response[:, ATTITUDE] = -to_level @ cross_matrix(antenna)
-        return to_level @ difference, response, to_level @ arms
+    def _gyros(self, reading: Array) -> Array:
+        """Return the responses of a rate to the filter's states that are errors of the gyros, shape (3, q)."""
+        found = np.zeros((3, len(self.states)))
+        inputs = np.concatenate([[1.0], reading])
+        for each in self._gyro_states:
+            found[each.axis, each.place] = inputs[each.input]
+        return found
 
     def _altitude(self, row: int, indicated: Indicated, arm: Array) -> tuple[Array, Array, Array]:
         response = np.zeros((1, NAVIGATION))
         response[0, POSITION] = -indicated.frame.axes[:, 2]
-        return indicated.frame.altitude - self._true_altitude(row), response, np.zeros((1, 3))
+        return indicated.frame.altitude - self._true_altitude(row), response, np.zeros((1, len(self.states)))
 
     def _true_altitude(self, row: int) -> Array:
         return self.surroundings.altitude[row : row + 1]
@@ -260,14 +311,14 @@ class SensorModel:
         turned = self.surroundings.states.axes[row].T @ indicated.axes
         response = np.zeros((3, NAVIGATION))
         response[:, ATTITUDE] = indicated.axes.T
-        return Rotation.from_matrix(turned).as_rotvec(), response, np.zeros((3, 3))
+        return Rotation.from_matrix(turned).as_rotvec(), response, np.zeros((3, len(self.states)))
 
     def _body_velocity(self, row: int, indicated: Indicated, arm: Array) -> tuple[Array, Array, Array]:
         to_body = (indicated.axes @ self.surroundings.mounting[row]).T
         response = np.zeros((3, NAVIGATION))
         response[:, VELOCITY] = to_body
         response[:, ATTITUDE] = to_body @ cross_matrix(indicated.velocity)
-        return to_body @ indicated.velocity - self._true_body_velocity(row), response, np.zeros((3, 3))
+        return to_body @ indicated.velocity - self._true_body_velocity(row), response, np.zeros((3, len(self.states)))
 
     def _true_body_velocity(self, row: int) -> Array:
         true = self.surroundings
@@ -286,4 +337,4 @@ class SensorModel:
         response = np.zeros((1, NAVIGATION))
         response[0, ATTITUDE] = to_turn @ indicated.frame.axes.T
         response[0, POSITION] = -to_turn @ indicated.frame.turn @ indicated.frame.axes.T
-        return np.array([difference]), response, np.zeros((1, 3))
+        return np.array([difference]), response, np.zeros((1, len(self.states)))

@@ -50,7 +50,7 @@ from mcnav.physics.vectors import (
 )
 
 SIX: Final = 6
-"""Components of the largest measurement."""
+"""Components of a measurement for which there is room at least."""
 
 EVEN: Final = 1e-6
 """Position that other states may add to short steps besides that of an even growth of the velocity, in sigma."""
@@ -205,18 +205,18 @@ class Covariances(NamedTuple):
     Attributes
     ----------
     p : ndarray, shape (PARTS, n, n, 9, PART)
-    cross : ndarray, shape (PARTS, n, 2, 9, PART)
-        ``P H^T``.
+    cross : ndarray, shape (PARTS, n, C, 9, PART)
+        ``P H^T``, with C blocks of components.
     transition, coupled : ndarray, shapes (2, 9, PART), (3, n - 3, 9, PART)
         The step's tables as turned: responses of v, x to psi; of psi, v, x to the other states.
     force : ndarray, shape (2, 3, PART)
         Integral of the force as samples indicate it, and what that integral's has beyond half a step of it.
     product, left : ndarray, shapes (3, n, 9, PART), (n, n, 9, PART)
-    white, gain : ndarray, shape (n, 2, 9, PART)
+    white, gain : ndarray, shape (n, C, 9, PART)
         ``P H^T`` with the innovations whitened, ``P H^T L^-T``; gains.
-    rows : ndarray, shape (SIX, 9, LANES)
+    rows : ndarray, shape (3 C, 9, LANES)
         Responses of the innovations to psi, v, x, of each sample.
-    root, inverse : ndarray, shapes (SIX, SIX, LANES), (SIX, LANES)
+    root, inverse : ndarray, shapes (3 C, 3 C, LANES), (3 C, LANES)
         Cholesky factor L of the innovations' covariance, and its diagonal inverted.
     correction : ndarray, shape (9 + q, LANES)
         What an update adds to the estimates of all states, or more rows.
@@ -243,7 +243,16 @@ class Covariances(NamedTuple):
     correction_parts: Array
 
 
-def covariances_of(states: int, own: bool = True, keep: Rooms = room) -> Covariances:
+def room_for(most: int) -> int:
+    """Return for how many components there is room where the largest measurement has so many: whole threes.
+
+    >>> room_for(1), room_for(7)
+    (6, 9)
+    """
+    return max(SIX, THREE * count_threes(most))
+
+
+def covariances_of(states: int, own: bool = True, keep: Rooms = room, most: int = SIX) -> Covariances:
     """Return room for filters with a number of states besides those of navigation.
 
     Parameters
@@ -252,15 +261,22 @@ def covariances_of(states: int, own: bool = True, keep: Rooms = room) -> Covaria
         Whether each filter has gains of its own; otherwise there are no rows.
     keep : callable
         Makes the rooms that outlast a step.
+    most : int
+        Components of the largest measurement.
     """
-    others = count_threes(states)
-    n = THREE + others
-    rows, root, inverse, correction = room(SIX if own else 0, NAVIGATION), room(SIX, SIX), room(SIX), room(THREE * n)
+    others, size = count_threes(states), room_for(most)
+    n, blocks = THREE + others, size // THREE
+    rows, root, inverse, correction = (
+        room(size if own else 0, NAVIGATION),
+        room(size, size),
+        room(size),
+        room(THREE * n),
+    )
     return Covariances(
-        parts_first(keep(n * n * ENTRIES), n, n, ENTRIES), room_of_parts(PARTS, n, 2, ENTRIES),
+        parts_first(keep(n * n * ENTRIES), n, n, ENTRIES), room_of_parts(PARTS, n, blocks, ENTRIES),
         room_of_parts(2, ENTRIES), room_of_parts(THREE, others, ENTRIES), room_of_parts(2, THREE),
-        room_of_parts(THREE, n, ENTRIES), room_of_parts(n, n, ENTRIES), room_of_parts(n, 2, ENTRIES),
-        room_of_parts(n, 2, ENTRIES), rows, root, inverse, correction, parts_of(rows), parts_of(root),
+        room_of_parts(THREE, n, ENTRIES), room_of_parts(n, n, ENTRIES), room_of_parts(n, blocks, ENTRIES),
+        room_of_parts(n, blocks, ENTRIES), rows, root, inverse, correction, parts_of(rows), parts_of(root),
         parts_of(inverse), parts_of(correction),
     )  # fmt: skip
 
@@ -439,8 +455,8 @@ def _reduce(m: int, t: int, tables: FilterSteps, filters: Covariances) -> None:
         for j in range(r + 1):
             x = load_block(p, (t, r, j))
             x = subtract_product(x, load_block(white, (r, 0)), transpose(load_block(white, (j, 0))))
-            if m > THREE:
-                x = subtract_product(x, load_block(white, (r, 1)), transpose(load_block(white, (j, 1))))
+            for c in range(1, (m + 2) // THREE):
+                x = subtract_product(x, load_block(white, (r, c)), transpose(load_block(white, (j, c))))
             if tables.all_change[r, j]:
                 store_symmetric(p, t, r, j, x)
             else:
@@ -507,7 +523,7 @@ def update_covariances(
 
     Parameters
     ----------
-    accepted, whitened : ndarray, shapes (1, PARTS, PART), (SIX, PARTS, PART)
+    accepted, whitened : ndarray, shapes (1, PARTS, PART), (3 C, PARTS, PART)
         Whether measurements are accepted, and the whitened innovations.
     """
     for t in range(PARTS):

@@ -11,7 +11,7 @@ from mcnav.physics.ins.aiding import aiding_constants
 from mcnav.physics.ins.covariance import output_map, process_systems
 from mcnav.physics.ins.error_filter import NAVIGATION, FilterModel
 from mcnav.physics.ins.instruments import ACCELEROMETER, CONSTANTS, GYRO, OUTPUTS, Imu
-from mcnav.physics.ins.measurements import Measurements
+from mcnav.physics.ins.measurements import Measurements, rate_error
 from mcnav.physics.ins.response import StepResponses, respond
 from mcnav.physics.ins.truth import Platform, Truth
 
@@ -39,6 +39,8 @@ class FilterTables:
         Number of the constant source that a state models, -1 for none.
     processes : tuple of tuple of str
         Processes that each state models.
+    rate_errors : ndarray of int, shape (q,)
+        Number of the gyros' constant error as which a state enters the rate that a lever arm needs, -1 for none.
     """
 
     coupling: Array
@@ -50,6 +52,7 @@ class FilterTables:
     corrected: Array
     constants: IndexArray
     processes: tuple[tuple[str, ...], ...]
+    rate_errors: IndexArray
 
 
 def tabulate_filter(
@@ -88,6 +91,7 @@ def tabulate_filter(
     of_state: dict[str, int] = {}
     linked: list[tuple[str, ...]] = []
     numbers = np.full(count, -1, dtype=np.int64)
+    rate_errors = np.array([rate_error(state.name) for state in states], dtype=np.int64)
     for place, state in enumerate(states):
         at = NAVIGATION + place
         initial[at, at] = state.sigma**2
@@ -108,6 +112,8 @@ def tabulate_filter(
             rows[:, :, place] = -1.0 * (measurements.components == correlated[name])
             noise[:, at, at] = state.sigma**2 * -np.expm1(-2.0 * durations / state.correlation_time)
         linked.append(modelled)
+        if rate_errors[place] >= 0 and measurements.swings.size:
+            rows[:, :, place] = measurements.swings[:, :, rate_errors[place]]
     for name, (response, added, _) in systems.items():
         if name not in of_state and response.any():
             continue  # a bias without a state is neglected
@@ -120,8 +126,9 @@ def tabulate_filter(
     sigmas = np.array([component.noise for component in components])
     corrected = np.array([1.0] * NAVIGATION + [0.0 if state.considered else 1.0 for state in states])
     return FilterTables(
-        coupling, decay, noise, initial, rows, sigmas[measurements.components] ** 2, corrected, numbers, tuple(linked)
-    )
+        coupling, decay, noise, initial, rows, sigmas[measurements.components] ** 2, corrected, numbers, tuple(linked),
+        rate_errors,
+    )  # fmt: skip
 
 
 def same_memory(one: Imu, other: Imu) -> bool:

@@ -74,6 +74,14 @@ def process_values(imu: Imu, step_times: Array, at: IndexArray, seed: int, index
     return found
 
 
+def gyro_drifts(imu: Imu, step_times: Array, seed: int, index: int) -> Array:
+    """Add up the biases of the gyros that processes drive, at the ends of the steps, shape (S, 3)."""
+    found, ends = np.zeros((len(step_times) - 1, 3)), np.arange(1, len(step_times))
+    for name, values in process_values(Imu(gyro=imu.gyro), step_times, ends, seed, index).items():
+        found[:, AXES.index(name[-1])] += values
+    return found
+
+
 def _drawn(noise: Noise, step_times: Array, key: tuple[int, int], instrument: int) -> Array:
     """Add up the processes of three instruments, shape (S, 3)."""
     durations = np.diff(step_times)

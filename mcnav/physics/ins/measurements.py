@@ -4,14 +4,20 @@ The innovation of a component is what the navigator predicts less what is measur
 component, R the rotation from true to indicated axes, v and x the deviations of velocity and position, W the earth's
 rate, all in inertial axes, it is without the measurement's own errors::
 
-    position        d . [x + (R - I) L]                   L the lever arm
-    velocity        d . [v - W x x + (R - I) (w x L)]     w the body's rate over the earth
+    position        d . [x + (R - I) L]                          L the lever arm
+    velocity        d . [v - W x x + R ((w + e) x L) - w x L]    w the body's rate over the earth
     altitude        h(r + x) - h(r)
-    attitude        d . psi                               psi the rotation vector of R
-    body velocity   R d . (u + v - W x x) - d . u         u the velocity over the earth
+    attitude        d . psi                                      psi the rotation vector of R
+    body velocity   R d . (u + v - W x x) - d . u                u the velocity over the earth
     heading         of R C less that of C
 
 and its response to errors is the derivative of these.
+
+The navigator computes the antenna's velocity with the rate that its gyros measure, whose error is in true axes
+``e = C g - (R^T - I) W``. C are the instruments' axes, and g is what is left of the gyros' constant errors, bias
+instability and rate random walk after the filter's estimates are subtracted. The noise of the readings (angle random
+walk, quantization) is not in it, as it depends on how long a navigator averages them: it is part of the measurement's.
+On a stabilised platform the gyros measure the platform's rate, and the body's rate about the platform is known.
 """
 
 from __future__ import annotations
@@ -21,10 +27,12 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mcnav._types import Array, IndexArray
-from mcnav.physics.ins.aiding import SCALED, Quantity, Sensor, aiding_constants
+from mcnav.physics.ins.aiding import SCALED, Quantity, Sensor, aiding_constants, check_quantities
 from mcnav.physics.ins.earth import local_axes
+from mcnav.physics.ins.instruments import AXES, CROSS_AXES, GYRO
 from mcnav.physics.ins.truth import Platform, Truth
 from mcnav.physics.jit import compiled, uncontracted
 
@@ -38,6 +46,39 @@ KINDS: Final[dict[Quantity, int]] = {
     "body_velocity": BODY_VELOCITY,
     "heading": HEADING,
 }
+"""Kinds by quantity."""
+
+ROWS: Final = (POSITION, VELOCITY, ALTITUDE, ATTITUDE, BODY_VELOCITY, HEADING)
+"""Kinds that `fill_row` has the responses of."""
+
+
+def check_kinds(kinds: IndexArray, sizes: IndexArray, known: tuple[int, ...], where: str) -> None:
+    """Raise ValueError unless all measured components are of kinds that a function computes.
+
+    Parameters
+    ----------
+    kinds, sizes : ndarray of int, shapes (U, M), (U,)
+        As `Measurements` has them.
+    where : str
+        Name of the function.
+    """
+    used = np.arange(kinds.shape[1]) < sizes[:, None]
+    unknown = set(kinds[used].tolist()) - set(known)
+    if unknown:
+        names = {number: quantity for quantity, number in KINDS.items()}
+        quantities = ", ".join(str(names.get(number, f"kind {number}")) for number in sorted(unknown))
+        raise ValueError(f"{where} has no equations for measurements of {quantities}; add them there")
+
+
+def rate_error(name: str) -> int:
+    """Return the number in `GYRO` of the constant error as which an error enters a navigator's rate, -1 for none.
+
+    >>> rate_error("gyro_rate_random_walk_y"), rate_error("gyro_angle_random_walk_y")
+    (1, -1)
+    """
+    for process in ("_bias_instability_", "_rate_random_walk_"):
+        name = name.replace(process, "_bias_")
+    return GYRO.index(name) if name in GYRO else -1
 
 
 @dataclass(frozen=True)
@@ -65,6 +106,13 @@ class Measurements:
         Responses of the innovations to psi, v, x along the truth.
     forward : ndarray, shape (U, 3, 3)
         North, east and the body's forward axis.
+    levers : ndarray, shape (U, 3)
+        The lever arm L of updates that measure an antenna's velocity, zero for others.
+    rates : ndarray, shape (U, 3, G)
+        Responses of the navigator's rate there to the constant errors of the gyros, in the order of `GYRO`. G is 0
+        where no update measures an antenna's velocity.
+    swings : ndarray, shape (U, M, G)
+        Responses of the innovations to them.
     """
 
     times: Array
@@ -78,10 +126,26 @@ class Measurements:
     places: Array
     rows: Array
     forward: Array
+    levers: Array
+    rates: Array
+    swings: Array
+
+    @property
+    def swinging(self) -> NDArray[np.bool_]:
+        """Which updates measure an antenna's velocity on a lever arm, shape (U,)."""
+        return np.asarray(self.levers.any(axis=1), dtype=np.bool_)
 
 
 def measure(truth: Truth, platform: Platform, start: float, sensors: Sequence[Sensor]) -> Measurements:
-    """Tabulate the measurements of sensors: in order of time, and of the sensors at one instant."""
+    """Tabulate the measurements of sensors: in order of time, and of the sensors at one instant.
+
+    Raises
+    ------
+    ValueError
+        When a sensor measures a quantity without equations.
+    """
+    for sensor in sensors:
+        check_quantities(sensor, tuple(KINDS), "mcnav.physics.ins.measurements")
     names = {name: number for number, name in enumerate(aiding_constants(tuple(sensors)))}
     most = max((len(sensor.components) for sensor in sensors), default=0)
     counts = [len(sensor.times) for sensor in sensors]
@@ -92,6 +156,8 @@ def measure(truth: Truth, platform: Platform, start: float, sensors: Sequence[Se
     kinds = np.zeros((total, most), dtype=np.int64)
     directions, arms, forward = np.zeros((total, most, 3)), np.zeros((total, most, 3)), np.zeros((total, 3, 3))
     constants, places = np.zeros((total, most, len(names))), np.zeros((total, 3))
+    levers, gyros = np.zeros((total, 3)), len(GYRO) if any(swings(sensor) for sensor in sensors) else 0
+    rates, swung = np.zeros((total, 3, gyros)), np.zeros((total, most, gyros))
     offset = 0
     for number, sensor in enumerate(sensors):
         rows = np.flatnonzero(numbers == number)
@@ -99,6 +165,8 @@ def measure(truth: Truth, platform: Platform, start: float, sensors: Sequence[Se
         if len(rows):
             around = _Surroundings.at(truth, platform, start, sensor)
             places[rows], forward[rows] = around.position, around.forward
+            if swings(sensor):
+                levers[rows], rates[rows] = around.body @ sensor.lever_arm, around.rate_responses()
             for column, component in enumerate(sensor.components):
                 kinds[rows, column] = KINDS[component.quantity]
                 components[rows, column] = offset + column
@@ -110,15 +178,24 @@ def measure(truth: Truth, platform: Platform, start: float, sensors: Sequence[Se
                 if sensor.has_lever_arm:
                     first = names[f"{sensor.name}_lever_arm_x"]
                     constants[rows, column, first : first + 3] = around.of_lever_arm(component.quantity, direction)
+                if swings(sensor) and component.quantity == "velocity":
+                    # d . (e x L) = (L x d) . e
+                    swung[rows, column] = np.einsum("ni,nij->nj", np.cross(levers[rows], direction), rates[rows])
         offset += len(sensor.components)
     order = np.lexsort((numbers, times))
     rows_of = np.zeros((total, most, 9))
     spin = np.array([0.0, 0.0, truth.earth.rotation_rate])
-    _fill_rows(kinds[order], directions[order], arms[order], spin, sizes[order], rows_of)
+    check_kinds(kinds, sizes, ROWS, "mcnav.physics.ins.measurements.fill_row")
+    _fill_rows(kinds[order], directions[order], arms[order], levers[order], spin, sizes[order], rows_of)
     return Measurements(
         times[order], numbers[order], sizes[order], components[order], kinds[order], directions[order], arms[order],
-        constants[order], places[order], rows_of, forward[order],
+        constants[order], places[order], rows_of, forward[order], levers[order], rates[order], swung[order],
     )  # fmt: skip
+
+
+def swings(sensor: Sensor) -> bool:
+    """Return whether a sensor measures the velocity of an antenna on a lever arm, which needs the body's rate."""
+    return any(component.quantity == "velocity" for component in sensor.components) and bool(sensor.lever_arm.any())
 
 
 @dataclass(frozen=True)
@@ -133,6 +210,8 @@ class _Surroundings:
         Axes, by columns.
     turning : ndarray, shape (u, 3)
         Rate of the body over the earth, in the body's axes.
+    rate, force : ndarray, shape (u, 3)
+        Inertial rate and specific force in the instruments' axes.
     """
 
     sensor: Sensor
@@ -145,19 +224,24 @@ class _Surroundings:
     body: Array
     instruments: Array
     turning: Array
+    rate: Array
+    force: Array
 
     @classmethod
     def at(cls, truth: Truth, platform: Platform, start: float, sensor: Sensor) -> _Surroundings:
         earth, times = truth.earth, sensor.times
         spin = np.array([0.0, 0.0, earth.rotation_rate])
         body = truth.states(times, "strapdown", start)
-        instruments = body.axes if platform == "strapdown" else truth.states(times, platform, start).axes
+        instruments = body if platform == "strapdown" else truth.states(times, platform, start)
         latitude, longitude, altitude = truth.geodetic(times).T
         level = earth.turned(times - truth.times[0]) @ local_axes(latitude, longitude)
         turning = body.rate - np.einsum("nji,j->ni", body.axes, spin)
         velocity = body.velocity - np.cross(spin, body.position)
         radii = np.stack(earth.curvature_radii(latitude)) + altitude
-        return cls(sensor, body.position, velocity, altitude, radii, latitude, level, body.axes, instruments, turning)
+        return cls(
+            sensor, body.position, velocity, altitude, radii, latitude, level, body.axes, instruments.axes, turning,
+            instruments.rate, instruments.force,
+        )  # fmt: skip
 
     @property
     def forward(self) -> Array:
@@ -180,7 +264,9 @@ class _Surroundings:
         if quantity == "body_velocity":
             direction = self.body[:, :, axis]
             return direction, self.velocity, np.einsum("ni,ni->n", direction, self.velocity)
-        return (*self._heading(), none)
+        if quantity == "heading":
+            return (*self._heading(), none)
+        raise ValueError(f"mcnav.physics.ins.measurements has no geometry of {quantity}; add it there")
 
     def _heading(self) -> tuple[Array, Array]:
         """Return the responses of the heading to psi and to x.
@@ -203,13 +289,27 @@ class _Surroundings:
 
     def of_lever_arm(self, quantity: Quantity, direction: Array) -> Array:
         """Return the responses of a component's innovation to errors of the lever arm, shape (u, 3)."""
-        along = np.einsum("nj,nji->ni", direction, self.body)
-        return along if quantity == "position" else np.cross(along, self.turning)
+        along = np.asarray(np.einsum("nj,nji->ni", direction, self.body))
+        if quantity == "position":
+            return along
+        return np.asarray(np.cross(along, self.turning) if quantity == "velocity" else np.zeros_like(along))
+
+    def rate_responses(self) -> Array:
+        """Return the responses of the inertial rate to the constant errors of the gyros, shape (u, 3, 15)."""
+        axes, inputs = self.instruments, [np.ones_like(self.rate), self.rate]
+        found = [axes * each[:, None, :] for each in inputs]
+        reads = [AXES.index(pair[0]) for pair in CROSS_AXES]
+        along = [AXES.index(pair[1]) for pair in CROSS_AXES]
+        found += [axes[:, :, reads] * self.rate[:, None, along], axes * self.force[:, None, :]]
+        return np.concatenate(found, axis=2)
 
 
 @uncontracted
-def fill_row(kind: int, direction: Array, arm: Array, spin: float, out: Array) -> None:
-    """Compute the response of an innovation to psi, v, x of a navigator whose attitude is the truth."""
+def fill_row(kind: int, direction: Array, arm: Array, lever: Array, spin: float, out: Array) -> None:
+    """Compute the response of an innovation to psi, v, x of a navigator whose attitude is the truth.
+
+    That of an antenna's velocity to psi is ``(w x L) x d + W x (L x d)``.
+    """
     out[:] = 0.0
     dx, dy, dz = direction[0], direction[1], direction[2]
     ax, ay, az = arm[0], arm[1], arm[2]
@@ -218,6 +318,8 @@ def fill_row(kind: int, direction: Array, arm: Array, spin: float, out: Array) -
     if kind == POSITION:
         out[6], out[7], out[8] = dx, dy, dz
     elif kind == VELOCITY:
+        out[0] -= spin * (lever[2] * dx - lever[0] * dz)
+        out[1] += spin * (lever[1] * dz - lever[2] * dy)
         out[3], out[4], out[5] = dx, dy, dz
         out[6], out[7] = -spin * dy, spin * dx
     elif kind == ALTITUDE:
@@ -228,13 +330,15 @@ def fill_row(kind: int, direction: Array, arm: Array, spin: float, out: Array) -
         out[0], out[1], out[2] = dy * az - dz * ay, dz * ax - dx * az, dx * ay - dy * ax
         out[3], out[4], out[5] = dx, dy, dz
         out[6], out[7] = -spin * dy, spin * dx
-    else:
+    elif kind == HEADING:
         out[0], out[1], out[2] = dx, dy, dz
         out[6], out[7], out[8] = ax, ay, az
 
 
 @compiled
-def _fill_rows(kinds: IndexArray, directions: Array, arms: Array, spin: Array, sizes: IndexArray, rows: Array) -> None:
+def _fill_rows(
+    kinds: IndexArray, directions: Array, arms: Array, levers: Array, spin: Array, sizes: IndexArray, rows: Array
+) -> None:
     for u in range(len(sizes)):
         for c in range(sizes[u]):
-            fill_row(kinds[u, c], directions[u, c], arms[u, c], spin[2], rows[u, c])
+            fill_row(kinds[u, c], directions[u, c], arms[u, c], levers[u], spin[2], rows[u, c])

@@ -14,8 +14,9 @@ import numpy as np
 
 from mcnav._types import Array, IndexArray
 from mcnav.physics.ins.aiding import COMPONENTS, Component, Sensor
-from mcnav.physics.ins.fine_noise import boundary_values, draw_noise, process_values
+from mcnav.physics.ins.fine_noise import boundary_values, draw_noise, gyro_drifts, process_values
 from mcnav.physics.ins.instruments import Imu
+from mcnav.physics.ins.measurements import swings
 
 QUANTITIES: Final = tuple(COMPONENTS)
 
@@ -37,12 +38,16 @@ class SampleNoise:
     processes : mapping of str to ndarray, shape (m,)
         Values at the epochs of the processes that a filter may estimate: bias instability and rate random walk of the
         instruments, correlated errors of the sensors. Those that are missing are zero.
+    drifts : ndarray, shape (S, 3), optional
+        Bias instability and rate random walk of the gyros at the ends of the steps, rad/s, for sensors that measure an
+        antenna's velocity on a lever arm; none for zero.
     """
 
     gyro: Array
     accelerometer: Array
     measurements: Mapping[str, Array] = field(default_factory=dict)
     processes: Mapping[str, Array] = field(default_factory=dict)
+    drifts: Array | None = None
 
 
 def draw_sample_noise(
@@ -62,7 +67,8 @@ def draw_sample_noise(
     gyro, accelerometer = draw_noise(imu, step_times, seed, index)
     measurements, correlated = draw_measurement_errors(sensors, step_times[epochs], seed, index)
     processes = process_values(imu, step_times, epochs, seed, index)
-    return SampleNoise(gyro, accelerometer, measurements, processes | correlated)
+    drifts = gyro_drifts(imu, step_times, seed, index) if any(swings(sensor) for sensor in sensors) else None
+    return SampleNoise(gyro, accelerometer, measurements, processes | correlated, drifts)
 
 
 def draw_measurement_errors(

@@ -11,7 +11,7 @@ from mcnav._types import Array, IndexArray
 from mcnav.physics.blocks import THREE
 from mcnav.physics.ins.earth import geodetic_altitude
 from mcnav.physics.ins.filter_consistency import COUNTS
-from mcnav.physics.ins.filter_lanes import SIX, FilterUpdates
+from mcnav.physics.ins.filter_lanes import SIX, FilterUpdates, room_for
 from mcnav.physics.ins.measurements import (
     ALTITUDE,
     ATTITUDE,
@@ -25,6 +25,9 @@ from mcnav.physics.ins.step_lanes import Deviations, turn_less_one
 from mcnav.physics.jit import allocation_free_part, allocation_free_uncontracted, inlined
 from mcnav.physics.lanes import angle_of_half, half_turn_of_square
 from mcnav.physics.vectors import Rooms, Vector, load, room, store, where
+
+INNOVATED: Final = (POSITION, VELOCITY, ALTITUDE, ATTITUDE, BODY_VELOCITY, HEADING)
+"""Kinds of measurements whose innovations `innovate` computes."""
 
 LARGEST_CORRECTION: Final = 3.0
 """Largest rotation by a correction, rad: beyond it a sample leaves the engine's validity."""
@@ -41,8 +44,11 @@ class UpdateTables(NamedTuple):
         As `mcnav.physics.ins.adjoint.Adjoint` has it.
     lags : ndarray of bool, shape (U,)
         Whether an update's sensor has had one before.
+    state_rows : ndarray, shape (U, M, q)
+        Responses to those of the filter's states that are errors of sensors.
     linked : ndarray of int
-        Other states of the filter that any innovation responds to.
+        Those of them that any innovation responds to.
+    swings : RateTables
     """
 
     sensors: IndexArray
@@ -67,6 +73,33 @@ class UpdateTables(NamedTuple):
     lags: NDArray[np.bool_]
     linked: IndexArray
     of_filter: FilterUpdates
+    swings: RateTables
+
+
+class RateTables(NamedTuple):
+    """Tables of the rate with which navigators compute an antenna's velocity, in U updates.
+
+    Attributes
+    ----------
+    swinging : ndarray of bool, shape (U,)
+        Whether an update measures the velocity of an antenna on a lever arm.
+    levers : ndarray, shape (U, 3)
+        The lever arms.
+    errors : ndarray, shape (U, 3, p)
+        Responses of the rate to the constant errors of the gyros that are not zero.
+    biases, states : ndarray, shapes (U, 3, n), (U, 3, s)
+        Responses to biases of processes, and to the errors that states of the filter are.
+    drifting, estimated : ndarray of int, shapes (n,), (s,)
+        Numbers of these biases and states.
+    """
+
+    swinging: NDArray[np.bool_]
+    levers: Array
+    errors: Array
+    biases: Array
+    states: Array
+    drifting: IndexArray
+    estimated: IndexArray
 
 
 def along_truth(measured: Measurements) -> NDArray[np.bool_]:
@@ -75,7 +108,7 @@ def along_truth(measured: Measurements) -> NDArray[np.bool_]:
     Those of position and velocity without a lever arm.
     """
     used = np.arange(measured.kinds.shape[1]) < measured.sizes[:, None]
-    plain = np.isin(measured.kinds, (POSITION, VELOCITY)) & ~measured.arms.any(axis=2)
+    plain = np.isin(measured.kinds, (POSITION, VELOCITY)) & ~measured.arms.any(axis=2) & ~measured.swinging[:, None]
     return np.asarray((plain | ~used).all(axis=1))
 
 
@@ -90,11 +123,16 @@ class Estimates(NamedTuple):
         Constant errors of the sensors.
     drifts, shown : ndarray, shape (G, LANES)
         Correlated errors of all components, and those that the epochs show.
-    disturbance, innovation, whitened : ndarray, shape (SIX, LANES)
+    disturbance, innovation, whitened : ndarray, shape (3 C, LANES)
+        Of an update's components; C blocks of three hold them.
     rotation : ndarray, shape (3, LANES)
         Rotation vector from true to indicated axes.
+    rate : ndarray, shape (3, LANES)
+        What errors of the gyros make of a navigator's rate, in inertial axes, before the filter's estimates.
+    swing, corrected : ndarray, shape (3, LANES)
+        Velocity of the antenna by the error of that rate, and what of it is not the gyros' own errors.
     accepted : ndarray, shape (1, LANES)
-    before : ndarray, shape (sensors, SIX, LANES)
+    before : ndarray, shape (sensors, 3 C, LANES)
         Whitened innovation of each sensor's update before.
     tally : ndarray, shape (sensors, 5, LANES)
         As `mcnav.scenarios.filter_record.BY_SENSOR` has them.
@@ -108,14 +146,18 @@ class Estimates(NamedTuple):
     innovation: Array
     whitened: Array
     rotation: Array
+    rate: Array
+    swing: Array
+    corrected: Array
     accepted: Array
     before: Array
     tally: Array
 
 
 def estimates_of(
-    states: int, aiding: int, components: int, sensors: int, keep: Rooms = room, drifting: Rooms = room
-) -> Estimates:
+    states: int, aiding: int, components: int, sensors: int, keep: Rooms = room, drifting: Rooms = room,
+    most: int = SIX,
+) -> Estimates:  # fmt: skip
     """Return room for estimates.
 
     Parameters
@@ -124,10 +166,13 @@ def estimates_of(
         Makes the rooms that outlast an update.
     drifting : callable
         Makes those of correlated errors: the same, unless there are none.
+    most : int
+        Components of the largest measurement.
     """
+    size = room_for(most)
     return Estimates(
-        keep(states), keep(aiding), drifting(components), drifting(components), room(SIX), room(SIX), room(SIX),
-        room(3), room(1), keep(sensors, SIX), keep(sensors, COUNTS),
+        keep(states), keep(aiding), drifting(components), drifting(components), room(size), room(size), room(size),
+        room(3), room(3), room(3), room(3), room(1), keep(sensors, size), keep(sensors, COUNTS),
     )  # fmt: skip
 
 
@@ -174,6 +219,54 @@ def add_constant_errors(u: int, m: int, tables: UpdateTables, own: Estimates) ->
         for a in range(len(own.aiding)):
             value -= tables.constant_rows[u, c, a] * load(own.aiding, a)
         store(own.disturbance, c, value)
+
+
+@allocation_free_part
+def add_rate_errors(u: int, m: int, tables: UpdateTables, samples: Deviations, own: Estimates) -> None:
+    """Add what errors of the gyros contribute to an update of an antenna's velocity: ``d . (e x L)``."""
+    rates = tables.swings
+    x = y = z = 0.0 * load(own.disturbance, 0)
+    for q in range(rates.errors.shape[2]):
+        error = load(samples.errors, q)
+        x += rates.errors[u, 0, q] * error
+        y += rates.errors[u, 1, q] * error
+        z += rates.errors[u, 2, q] * error
+    for n in range(len(rates.drifting)):
+        error = load(samples.bias, rates.drifting[n])
+        x += rates.biases[u, 0, n] * error
+        y += rates.biases[u, 1, n] * error
+        z += rates.biases[u, 2, n] * error
+    store(own.rate, 0, x)
+    store(own.rate, 1, y)
+    store(own.rate, 2, z)
+    a, b, c = rates.levers[u, 0], rates.levers[u, 1], rates.levers[u, 2]
+    sx, sy, sz = y * c - z * b, z * a - x * c, x * b - y * a
+    for e in range(m):
+        if tables.kinds[u, e] == VELOCITY:
+            dx, dy, dz = tables.directions[u, e, 0], tables.directions[u, e, 1], tables.directions[u, e, 2]
+            store(own.disturbance, e, load(own.disturbance, e) - (dx * sx + dy * sy + dz * sz))
+
+
+@allocation_free_part
+def _swing(u: int, spin: float, rates: RateTables, turned: Array, own: Estimates) -> None:
+    """Compute what the error of a navigator's rate makes of the antenna's velocity, before it is turned.
+
+    The rate over the earth has the earth's rate W along indicated axes, ``-(R^T - I) W``.
+    """
+    x, y, z = -spin * load(turned, 6), -spin * load(turned, 7), -spin * load(turned, 8)
+    for n in range(len(rates.estimated)):
+        estimate = load(own.estimate, rates.estimated[n])
+        x -= rates.states[u, 0, n] * estimate
+        y -= rates.states[u, 1, n] * estimate
+        z -= rates.states[u, 2, n] * estimate
+    a, b, c = rates.levers[u, 0], rates.levers[u, 1], rates.levers[u, 2]
+    store(own.corrected, 0, y * c - z * b)
+    store(own.corrected, 1, z * a - x * c)
+    store(own.corrected, 2, x * b - y * a)
+    x, y, z = x + load(own.rate, 0), y + load(own.rate, 1), z + load(own.rate, 2)
+    store(own.swing, 0, y * c - z * b)
+    store(own.swing, 1, z * a - x * c)
+    store(own.swing, 2, x * b - y * a)
 
 
 @inlined
@@ -224,14 +317,17 @@ def innovate(
 
     Parameters
     ----------
-    rows : ndarray, shape (SIX, 9, LANES)
+    rows : ndarray, shape (3 C, 9, LANES)
         Or none, if the responses are not needed; those along the truth are computed for Joseph's form alone.
     """
     turn, turned, moved = samples.turn, samples.turned, samples.moved
     plain = tables.of_filter.along_truth[u]
     spin, wanted = constants[3], len(rows) > 0 and (tables.of_filter.careful[u] or not plain)
+    swinging = tables.swings.swinging[u]
     if not plain:
         turn_less_one(turn, turned)
+    if swinging:
+        _swing(u, spin, tables.swings, turned, own)
     x, y, z = load(moved, 3), load(moved, 4), load(moved, 5)
     vx, vy, vz = load(moved, 0) + spin * y, load(moved, 1) - spin * x, load(moved, 2)  # over the earth
     zero = 0.0 * x
@@ -254,7 +350,20 @@ def innovate(
             elif wanted:
                 _store_three(rows, c, 3, zero + dx, zero + dy, zero + dz)
                 _store_three(rows, c, 6, zero - spin * dy, zero + spin * dx, zero)
-            if ax != 0.0 or ay != 0.0 or az != 0.0:
+            if kind == VELOCITY and swinging:
+                sx, sy, sz = ax + load(own.swing, 0), ay + load(own.swing, 1), az + load(own.swing, 2)
+                lx, ly, lz = _turned(turned, sx, sy, sz)
+                ex, ey, ez = load(own.corrected, 0), load(own.corrected, 1), load(own.corrected, 2)
+                value += dx * (lx + ex) + dy * (ly + ey) + dz * (lz + ez)
+                if wanted:
+                    lx, ly, lz = sx + lx, sy + ly, sz + lz
+                    # W x (R L x d)
+                    fx, fy, fz = tables.swings.levers[u, 0], tables.swings.levers[u, 1], tables.swings.levers[u, 2]
+                    ex, ey, ez = _turned(turned, fx, fy, fz)
+                    ex, ey, ez = fx + ex, fy + ey, fz + ez
+                    ex, ey = -spin * (ez * dx - ex * dz), spin * (ey * dz - ez * dy)
+                    _store_three(rows, c, 0, ly * dz - lz * dy + ex, lz * dx - lx * dz + ey, lx * dy - ly * dx)
+            elif ax != 0.0 or ay != 0.0 or az != 0.0:
                 lx, ly, lz = _turned(turned, ax, ay, az)
                 value += dx * lx + dy * ly + dz * lz
                 if wanted:
@@ -296,7 +405,7 @@ def whiten_by_own(m: int, root: Array, inverse: Array, own: Estimates) -> None:
 
     Parameters
     ----------
-    root, inverse : ndarray, shapes (SIX, SIX, LANES), (SIX, LANES)
+    root, inverse : ndarray, shapes (3 C, 3 C, LANES), (3 C, LANES)
         Cholesky factor of the innovations' covariance, and its diagonal inverted.
     """
     for c in range(m):

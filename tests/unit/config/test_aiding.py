@@ -121,16 +121,36 @@ def test_each_type_is_tested() -> None:
 
 
 def test_instants_of_an_interval() -> None:
-    """The first one is an interval after the start, and the end is one; limits are included, ends of outages not."""
+    """The first one is at begin, or else an interval after the start; limits are included, ends of outages not."""
     (every,) = sensors({**GNSS, "interval": "60 s"}, scenario={"start": "30 s", "end": "270 s"})
     assert every.times.tolist() == [90.0, 150.0, 210.0, 270.0]
     (some,) = sensors({**GNSS, "begin": "100 s", "end": "104 s"})
     assert some.times.tolist() == [100.0, 101.0, 102.0, 103.0, 104.0]
     (without,) = sensors({**GNSS, "interval": "10 s", "begin": "195 s", "outages": [["210 s", "1 h"], ["5 s", "9 s"]]})
-    assert without.times.tolist() == [200.0]
+    assert without.times.tolist() == [195.0, 205.0]
     assert without.outages == ((5.0, 9.0), (210.0, 3600.0))
     (twice,) = sensors({**GNSS, "interval": "20 s", "outages": [["20 s", "80 s"], ["100 s", "280 s"]]})
     assert twice.times.tolist() == [80.0, 280.0, 300.0]
+
+
+@pytest.mark.parametrize(
+    ("begin", "expected"),
+    [
+        (31.0, [31.0, 38.0, 45.0, 52.0, 59.0]),
+        (37.5, [37.5, 44.5, 51.5, 58.5]),
+        (58.0, [58.0]),
+        (30.0, [37.0, 44.0, 51.0, 58.0]),
+        (8.0, [36.0, 43.0, 50.0, 57.0]),
+        (9.0, [37.0, 44.0, 51.0, 58.0]),
+        (61.0, []),
+        (None, [37.0, 44.0, 51.0, 58.0]),
+    ],
+)
+def test_begin_is_the_first_measurement(begin: float | None, expected: list[float]) -> None:
+    """From there on an interval apart, whatever the start of navigation; those at the start and before are left out."""
+    entry = {**GNSS, "interval": "7 s"} | ({} if begin is None else {"begin": f"{begin} s"})
+    (found,) = sensors(entry, scenario={"start": "30 s", "end": "60 s"})
+    assert found.times.tolist() == expected
 
 
 def test_instants_that_are_not_whole_in_binary() -> None:

@@ -16,7 +16,7 @@ from mcnav.physics.ins.aiding import aiding_constants
 from mcnav.physics.ins.compensation import Compensation, measure
 from mcnav.physics.ins.earth import WGS84
 from mcnav.physics.ins.earth_fixed_errors import ErrorModel, FilterSteps, LocalFrame, gravitation_gradients
-from mcnav.physics.ins.earth_fixed_sensors import Indicated
+from mcnav.physics.ins.earth_fixed_sensors import Indicated, SensorModel
 from mcnav.physics.ins.error_filter import FilterModel
 from mcnav.physics.ins.instruments import ACCELEROMETER, CONSTANTS, GYRO
 from mcnav.physics.ins.navigation_errors import EarthFixedStates, navigation_errors
@@ -40,11 +40,17 @@ def engine(model: FilterModel, platform: Platform, begin: float = 600.0, duratio
     return AidedMechanization(flight(), platform, begin, begin + duration, np.array([begin + duration]), sensors, moved)
 
 
-def deviated(state: EarthFixedStates, deviation: Array) -> Indicated:
-    """Return an indicated state with psi, dv, dr from a true one."""
+def deviated(state: EarthFixedStates, deviation: Array, reading: Array | None = None) -> Indicated:
+    """Return an indicated state with psi, dv, dr from a true one, and what its instruments read."""
     position = state.position[0] + deviation[6:9]
     axes = Rotation.from_rotvec(deviation[:3]).as_matrix() @ state.axes[0]
-    return Indicated(position, state.velocity[0] + deviation[3:6], axes, LocalFrame.at(WGS84, position))
+    return Indicated(
+        position,
+        state.velocity[0] + deviation[3:6],
+        axes,
+        LocalFrame.at(WGS84, position),
+        np.zeros(6) if reading is None else reading,
+    )
 
 
 @pytest.mark.parametrize("platform", PLATFORMS)
@@ -57,25 +63,33 @@ def test_responses_are_derivatives_of_the_innovation(name: str, platform: Platfo
     position, times the innovation. An error acts as the estimate with the other sign.
     """
     model = matched(every_sensor(20.0), SENSORS, imu=UNIT)
-    sensor = next(each for each in engine(model, platform).sensor_models if each.sensor.name == name)
+    aided = engine(model, platform)
+    sensor = next(each for each in aided.sensor_models if each.sensor.name == name)
     row = len(sensor.surroundings.altitude) - 1
     truth = sensor.surroundings.states
     true = EarthFixedStates(truth.position[row][None], truth.velocity[row][None], truth.axes[row][None])
     sizes = np.array([size_of(state.name) for state in model.states])
     estimates = np.random.default_rng(2).standard_normal(len(sizes)) * sizes
     none = (np.zeros(sensor.size), np.zeros(sensor.size), np.zeros(3))
-    innovation, response = sensor.innovation(row, deviated(true, np.zeros(9)), estimates, *none)
+    reading = true_reading(aided, sensor, row)
+    innovation, response = sensor.innovation(row, deviated(true, np.zeros(9), reading), estimates, *none)
     for column, size in enumerate(np.concatenate([DEVIATIONS, sizes])):
         step = np.zeros(9 + len(sizes))
         step[column] = size
         found = [
-            sensor.innovation(row, deviated(true, sign * step[:9]), estimates - sign * step[9:], *none)[0]
+            sensor.innovation(row, deviated(true, sign * step[:9], reading), estimates - sign * step[9:], *none)[0]
             for sign in (1.0, -1.0)
         ]
         expected = response @ step
         left_out = np.max(np.abs(innovation)) * np.linalg.norm(step[6:9]) * 1.1 / WGS84.radius
         allowed = 1e-7 * np.max(np.abs(expected)) + left_out + 2e-9
         assert np.all(np.abs((found[0] - found[1]) / 2.0 - expected) <= allowed)
+
+
+def true_reading(aided: AidedMechanization, sensor: SensorModel, row: int) -> Array:
+    """Return what perfect instruments read at a measurement."""
+    states = aided.truth.states(sensor.sensor.times[row : row + 1], aided.platform, aided.start)
+    return np.concatenate([states.rate[0], states.force[0]])
 
 
 def size_of(name: str) -> float:
@@ -93,7 +107,7 @@ def test_errors_of_a_measurement_are_those_of_its_states(name: str) -> None:
     truth = sensor.surroundings.states
     true = EarthFixedStates(truth.position[:1], truth.velocity[:1], truth.axes[:1])
     zero, noise = np.zeros(len(model.states)), np.zeros((len(sensor.surroundings.altitude), sensor.size))
-    indicated = deviated(true, np.zeros(9))
+    indicated = deviated(true, np.zeros(9), true_reading(aided, sensor, 0))
     names = list(sensor.sensor.constants())
     for number, state in enumerate(model.states):
         if state.name not in names:

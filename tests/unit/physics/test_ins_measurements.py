@@ -11,7 +11,7 @@ from mcnav.physics.ins.aiding import Sensor, aiding_constants
 from mcnav.physics.ins.filter_lanes import SIX, filter_updates
 from mcnav.physics.ins.measurements import ATTITUDE, HEADING, Measurements, measure
 from mcnav.physics.ins.step_lanes import deviations_of
-from mcnav.physics.ins.update_lanes import UpdateTables, along_truth, estimates_of, innovate
+from mcnav.physics.ins.update_lanes import RateTables, UpdateTables, along_truth, estimates_of, innovate
 from mcnav.physics.vectors import room
 from tests.aided import make_sensor
 from tests.flights import flight
@@ -33,6 +33,7 @@ def update_tables(found: Measurements) -> UpdateTables:
     """Return the tables of updates whose measurements have no errors, of a filter without other states."""
     updates, most = found.components.shape
     none, whole = np.zeros((updates, most)), np.full((updates, most, 2), [0, 9])
+    no_rates, no_numbers = np.zeros((updates, 3, 0)), np.zeros(0, dtype=np.int64)
     never = np.zeros(updates, dtype=np.bool_)
     return UpdateTables(
         found.sensors, found.sizes, found.components, found.kinds, found.directions, found.arms,
@@ -41,6 +42,7 @@ def update_tables(found: Measurements) -> UpdateTables:
         np.zeros((updates, 9, most)), never,
         np.zeros(0, dtype=np.int64),
         filter_updates(found.rows, np.zeros((updates, most, 0)), whole, none, never, never),
+        RateTables(found.swinging, found.levers, no_rates, no_rates, no_rates, no_numbers, no_numbers),
     )  # fmt: skip
 
 
