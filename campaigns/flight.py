@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from mcnav.physics.ins.earth import WGS84
-from mcnav.physics.ins.segments import Climb, Hold, SpeedChange, Start, Straight, Turn, fly_segments
+from mcnav.systems.ins.earth import WGS84
+from mcnav.systems.ins.truth.segments import Climb, Hold, SpeedChange, Start, Straight, Turn, fly_segments
 
 DEGREE = np.pi / 180.0
 

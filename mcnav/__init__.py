@@ -1,6 +1,6 @@
 """Monte Carlo covariance analysis for inertial navigation: where is linear covariance analysis valid?
 
-Frames and signs of the reentry (for cruise and hover see `mcnav.physics.steady.truth`)
+Frames and signs of the reentry (for cruise and hover see `mcnav.systems.steady.truth`)
     Motion is planar, eastward in the equatorial plane of a spherical, rotating earth, with the geocentric polar state
     ``(r, theta, r_dot, theta_dot)``. Specific forces are ``f_x``, horizontal and positive east, and ``f_z``, vertical
     and positive **down**. The reference axes of the instruments are horizontal and vertical at the start of
@@ -26,12 +26,14 @@ if TYPE_CHECKING:
     from mcnav.analysis.allocation import Allocation
     from mcnav.analysis.linear_answer import LinearAnswer
     from mcnav.config.read import Campaign, read_campaign
+    from mcnav.contract.history import Epochs, History, Panel
+    from mcnav.contract.quantities import Output, Source
+    from mcnav.contract.samples import SimulationResult
     from mcnav.errors import CampaignError, RunFolderError
     from mcnav.notebook import FlownRun, check_scenario, fly, open_run, run_campaign, sweep
-    from mcnav.scenarios.flown import Flown, Innovations
-    from mcnav.scenarios.protocol import Epochs, History, Output, Panel, SimulationResult, Source
     from mcnav.studies.allocate import allocate
     from mcnav.studies.lincov import linear_covariance
+    from mcnav.systems.user.flown import Flown, Innovations
     from mcnav.workflow.analyse import report_run, samples_of, summary_of
     from mcnav.workflow.compare import RunComparison, compare_runs
     from mcnav.workflow.export import export_run
@@ -41,17 +43,17 @@ _HOMES = {
     "RunComparison": "mcnav.workflow.compare",
     "Campaign": "mcnav.config.read",
     "CampaignError": "mcnav.errors",
-    "Epochs": "mcnav.scenarios.protocol",
-    "Flown": "mcnav.scenarios.flown",
+    "Epochs": "mcnav.contract.protocol",
+    "Flown": "mcnav.systems.user.flown",
     "FlownRun": "mcnav.notebook",
-    "History": "mcnav.scenarios.protocol",
-    "Innovations": "mcnav.scenarios.flown",
-    "SimulationResult": "mcnav.scenarios.protocol",
+    "History": "mcnav.contract.protocol",
+    "Innovations": "mcnav.systems.user.flown",
+    "SimulationResult": "mcnav.contract.protocol",
     "LinearAnswer": "mcnav.analysis.linear_answer",
-    "Output": "mcnav.scenarios.protocol",
-    "Panel": "mcnav.scenarios.protocol",
+    "Output": "mcnav.contract.protocol",
+    "Panel": "mcnav.contract.protocol",
     "RunFolderError": "mcnav.errors",
-    "Source": "mcnav.scenarios.protocol",
+    "Source": "mcnav.contract.protocol",
     "allocate": "mcnav.studies.allocate",
     "check_scenario": "mcnav.notebook",
     "compare_runs": "mcnav.workflow.compare",

@@ -77,9 +77,9 @@ def _reported_errors(file: Path | None, given: Path | None) -> Iterator[None]:
 
     Those of scenarios name the campaign file, and where memory is short what was given.
     """
+    from mcnav.contract.scenario import ScenarioError
     from mcnav.errors import CampaignError, ClusterError, Problem, RunFolderBusy, RunFolderError, TooManyFailures
     from mcnav.lincov.partials import SimulationFailed
-    from mcnav.scenarios.protocol import ScenarioError
 
     try:
         yield
@@ -821,9 +821,9 @@ def imu(
 
     Example: mcnav imu navigation
     """
-    from mcnav.config.imu_catalogue import catalogue_units
     from mcnav.errors import suggestion
     from mcnav.report import instruments
+    from mcnav.systems.ins.tables.imu_catalogue import catalogue_units
 
     units = {unit.name: unit for unit in catalogue_units()}
     if name is not None and name not in units:
@@ -978,9 +978,9 @@ def reproduce(
     """
     from collections import Counter
 
-    from mcnav.reproduce.story_of_84_minutes import page as story_page
-    from mcnav.reproduce.textbook import page as textbook_page
-    from mcnav.reproduce.tn_d1772 import page
+    from mcnav.validation.reproduce.story_of_84_minutes import page as story_page
+    from mcnav.validation.reproduce.textbook import page as textbook_page
+    from mcnav.validation.reproduce.tn_d1772 import page
 
     target = folder or Path("reports") / document
     if document == "story-of-84-minutes":
@@ -1012,7 +1012,7 @@ def calibrate(
 
     Example: mcnav calibrate --trials 100
     """
-    from mcnav.calibration import page
+    from mcnav.validation.calibration import page
 
     table, files = page.write_calibration(folder, trials, jobs)
     for finding, count in table[table["finding"] != ""]["finding"].value_counts().items():

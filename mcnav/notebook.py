@@ -35,10 +35,10 @@ from mcnav.report.page import figures
 from mcnav.report.result_table import Units
 from mcnav.report.sweep import frame
 from mcnav.report.tables_over_time import epochs
-from mcnav.scenarios.conformance import Check
 from mcnav.store.run_folder import RunFolder
 from mcnav.studies.lincov import read_times
 from mcnav.studies.sweep import JOBS, SweepPlan, run_sweep
+from mcnav.systems.user.conformance import Check
 from mcnav.workflow import run as workflow
 from mcnav.workflow.analyse import analyse, samples_of
 from mcnav.workflow.export import result_tables, write_export
@@ -312,7 +312,7 @@ def run_campaign(
 
 
 def check_scenario(campaign: str | Path | Campaign | Mapping[str, Any]) -> list[Check]:
-    """Check the scenario of a campaign in any of the forms that `fly` takes; see `mcnav.scenarios.conformance`.
+    """Check the scenario of a campaign in any of the forms that `fly` takes; see `mcnav.systems.user.conformance`.
 
     Raises `CampaignError` when the campaign cannot be read.
     """

@@ -13,9 +13,9 @@ Page = Literal[
 ]  # fmt: skip
 
 _ELSEWHERE: Final[dict[Page, str]] = {
-    "tn-d1772": "reproduce/tn_d1772/TN_D1772.md",
-    "story": "reproduce/story_of_84_minutes/STORY_OF_84_MINUTES.md",
-    "textbook": "reproduce/textbook/TEXTBOOK.md",
+    "tn-d1772": "validation/reproduce/tn_d1772/TN_D1772.md",
+    "story": "validation/reproduce/story_of_84_minutes/STORY_OF_84_MINUTES.md",
+    "textbook": "validation/reproduce/textbook/TEXTBOOK.md",
 }
 
 

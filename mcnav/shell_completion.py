@@ -189,7 +189,7 @@ def _campaign(words: Words) -> dict[str, Any]:
 
 
 def _catalogue() -> list[dict[str, Any]]:
-    text = files("mcnav").joinpath("config/imu_catalogue.toml").read_text(encoding="utf-8")
+    text = files("mcnav").joinpath("systems/ins/tables/imu_catalogue.toml").read_text(encoding="utf-8")
     found: list[dict[str, Any]] = tomllib.loads(text)["unit"]
     return found
 

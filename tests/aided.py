@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.physics.ins.aiding import COMPONENTS, Component, Quantity, Sensor, aiding_constants
-from mcnav.physics.ins.earth import Earth
-from mcnav.physics.ins.error_filter import Beliefs, FilterModel
-from mcnav.physics.ins.instruments import CONSTANTS, Imu
+from mcnav.systems.ins.earth import Earth
+from mcnav.systems.ins.filter.model import Beliefs, FilterModel
+from mcnav.systems.ins.imu.instruments import CONSTANTS, Imu
+from mcnav.systems.ins.sensors.aiding import COMPONENTS, Component, Quantity, Sensor, aiding_constants
 
 EMPTY_SPACE = Earth(6.4e6, 0.0, 1.0, 0.0)
 """A sphere at rest without gravity to speak of: 2e-14 m/s^2."""

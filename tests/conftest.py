@@ -19,11 +19,11 @@ from hypothesis import settings
 
 from mcnav._threads import one_thread
 from mcnav.config.read import Campaign, parse_campaign
-from mcnav.physics.reentry.ensemble.transition import Response, linear_response
-from mcnav.physics.reentry.vehicle import Vehicle
 from mcnav.progress import Phase
-from mcnav.scenarios.reentry import SOURCES, Flight, Reentry
-from mcnav.scenarios.table_i import COLUMNS, ERROR_SIZES, ERRORS, TABLE_I, among_all, start_state
+from mcnav.systems.reentry.ensemble.transition import Response, linear_response
+from mcnav.systems.reentry.scenario import SOURCES, Flight, Reentry
+from mcnav.systems.reentry.table_i import COLUMNS, ERROR_SIZES, ERRORS, TABLE_I, among_all, start_state
+from mcnav.systems.reentry.vehicle import Vehicle
 from tests import worker_server
 from tests.processes import run_to_end
 from tests.reproduction import Reproduction, reproduce, reproduced

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.physics.ins.aiding import COMPONENTS, Component, Quantity, Sensor, aiding_constants
-from mcnav.physics.ins.error_filter import Beliefs, FilterModel
-from mcnav.physics.ins.instruments import CONSTANTS, Imu, Noise
+from mcnav.systems.ins.filter.model import Beliefs, FilterModel
+from mcnav.systems.ins.imu.instruments import CONSTANTS, Imu, Noise
+from mcnav.systems.ins.sensors.aiding import COMPONENTS, Component, Quantity, Sensor, aiding_constants
 
 DEG_PER_HOUR = np.radians(1.0) / 3600.0
 MICRO_G = 9.80665e-6

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from mcnav._types import Array
-from mcnav.physics.ins.earth import WGS84, Earth
-from mcnav.physics.ins.truth import Truth
+from mcnav.systems.ins.earth import WGS84, Earth
+from mcnav.systems.ins.truth.trajectory import Truth
 
 
 def _step(time: Array, begin: float, duration: float) -> Array:

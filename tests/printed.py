@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from mcnav.physics.reentry.adjoint import TOLERANCES
+from mcnav.systems.reentry.adjoint import TOLERANCES
 from tests.commands import invoke
 
 INTEGRATED = TOLERANCES[0]

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from unittest.mock import patch
 
-from mcnav.reproduce.tn_d1772 import page
-from mcnav.reproduce.tn_d1772.tables import Cell
+from mcnav.validation.reproduce.tn_d1772 import page
+from mcnav.validation.reproduce.tn_d1772.tables import Cell
 from tests.commands import invoke
 
 

@@ -17,21 +17,15 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.config.campaign import Campaign
 from mcnav.config.read import parse_campaign
+from mcnav.contract.engine import Engine
+from mcnav.contract.failure import Failure, Reason
+from mcnav.contract.filter_record import FilterPrediction, FilterSchema
+from mcnav.contract.history import Epochs, History
+from mcnav.contract.linear import LinearModel, PartialsHistory
+from mcnav.contract.quantities import Output, Source
+from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.sampling.distributions import Normal
 from mcnav.sampling.error_model import ErrorModel
-from mcnav.scenarios.failure import Failure, Reason
-from mcnav.scenarios.filter_record import FilterPrediction, FilterSchema
-from mcnav.scenarios.protocol import (
-    Batch,
-    Engine,
-    Epochs,
-    History,
-    LinearModel,
-    Output,
-    PartialsHistory,
-    SimulationResult,
-    Source,
-)
 
 WALK, FIX = 1.0, 4.0
 """Variances that the truth gains in a second, and of a fix's noise."""

@@ -25,7 +25,7 @@ import numpy as np
 from joblib.externals.loky.backend import context
 
 from mcnav import _subprocess
-from mcnav.physics.power_sums import PowerSums
+from mcnav.numerics.power_sums import sum_powers_about_zero
 
 SERVING: Final = "MCNAV_WORKER_SERVER"
 """Variable of the environment that only the server has."""
@@ -75,7 +75,7 @@ def used_by_dask() -> Iterator[None]:
 
 def load_kernels() -> None:
     """Call a kernel that every run with samples calls; with its first kernel, numba loads what all kernels need."""
-    PowerSums.about_zero(np.zeros((1, 1, 1)))
+    sum_powers_about_zero(np.zeros((1, 1, 1)))
 
 
 if SERVING in os.environ:

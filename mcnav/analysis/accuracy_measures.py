@@ -21,8 +21,9 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.analysis.requirements import Requirement, normal_box_probability, normal_quantile, size_probability
 from mcnav.analysis.requirements_over_time import largest_normal_quantile
+from mcnav.contract.linear import CovarianceReadings
+from mcnav.contract.quantities import Output
 from mcnav.errors import suggestion
-from mcnav.scenarios.protocol import CovarianceReadings, Output
 from mcnav.units import UnitError, quantity
 
 SIGMA, DRMS, BOX = "sigma", "drms", "box"

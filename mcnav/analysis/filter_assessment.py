@@ -42,7 +42,7 @@ from mcnav.analysis.filter_judgement import (
     undecidable,
 )
 from mcnav.analysis.filter_remarks import remarks_on
-from mcnav.scenarios.filter_sums import FilterMeans, Means
+from mcnav.statistics.filter_sums import FilterMeans, Means
 from mcnav.statistics.mean_square import mean_square_bounds, share_bounds, share_intervals
 
 WITHIN: Final = {"within_1": float(special.erf(np.sqrt(0.5))), "within_3": float(special.erf(3.0 * np.sqrt(0.5)))}

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.physics.power_sums import PowerSums
+from mcnav.contract.power_sums import PowerSums
+from mcnav.contract.quantities import Output
 from mcnav.sampling.designs import SamplingDesign
-from mcnav.scenarios.filter_sums import FilterMeans
-from mcnav.scenarios.protocol import Output
+from mcnav.statistics.filter_sums import FilterMeans
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from mcnav.analysis.filter_consistency import (
     SigmaConsistency,
 )
 from mcnav.analysis.filter_decision import Decision
-from mcnav.scenarios.filter_sums import FilterMeans
+from mcnav.statistics.filter_sums import FilterMeans
 from mcnav.statistics.power import sensible_step
 
 GROUPS: Final[Mapping[str, str]] = {"all": "all states", "sensors": "errors of instruments and sensors"}

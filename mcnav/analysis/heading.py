@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.scenarios.protocol import History
+from mcnav.contract.history import History
 
 APART: Final = 45.0
 """Angle between heading and track, deg, beyond any that wind or current explains."""

@@ -26,7 +26,7 @@ from mcnav.analysis.requirements import (
     size_probability,
 )
 from mcnav.analysis.requirements_over_time import largest_normal_quantile
-from mcnav.scenarios.protocol import Output, Source
+from mcnav.contract.quantities import Output, Source
 from mcnav.statistics.bisection import smallest_reaching
 
 NOMINAL: Final = "nominal_errors"

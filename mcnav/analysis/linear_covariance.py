@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mcnav._types import Array, IndexArray
+from mcnav.contract.linear import LinearReadings
 from mcnav.lincov.covariance import propagated_variances
-from mcnav.scenarios.protocol import LinearReadings
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.analysis.linear_covariance import LinearCovariance
-from mcnav.scenarios.protocol import LinearReadings
+from mcnav.contract.linear import LinearReadings
 
 
 @dataclass(frozen=True)

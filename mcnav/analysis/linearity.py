@@ -16,9 +16,9 @@ import numpy as np
 
 from mcnav._types import Array, IndexArray
 from mcnav.analysis.comparison import LARGEST_FAILED_SHARE, Criterion, Model, compare
+from mcnav.contract.linear import LinearModel
 from mcnav.lincov.partials import Propagate
 from mcnav.sampling.designs import SamplingDesign
-from mcnav.scenarios.protocol import LinearModel
 
 Simulator = Callable[[float], Propagate]
 """Function from the largest multiple to a simulation of errors that is accurate for errors of about that size."""

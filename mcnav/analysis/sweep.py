@@ -10,7 +10,7 @@ from typing import Any
 
 from mcnav._types import Array
 from mcnav.analysis.accuracy_measures import Measure
-from mcnav.scenarios.protocol import Output
+from mcnav.contract.quantities import Output
 
 Point = tuple[float, ...]
 """Values of the variables, in their units."""

@@ -9,19 +9,19 @@ from typing import Any, Final
 
 import tomli_w
 
-from mcnav.config.context import FileContext
 from mcnav.config.schema import CampaignTable
 from mcnav.config.start_times import StartTimesPlan
 from mcnav.config.stopping import StoppingRule
-from mcnav.config.validation import validate
+from mcnav.contract.scenario import Scenario, ScenarioError
+from mcnav.entries.context import FileContext
+from mcnav.entries.inputs import InputFile
+from mcnav.entries.validation import validate
 from mcnav.errors import CampaignError, Problem
 from mcnav.sampling.error_model import ErrorModel
-from mcnav.scenarios.inputs import InputFile
-from mcnav.scenarios.protocol import Scenario, ScenarioError
-from mcnav.scenarios.user import UserScenario
-from mcnav.scenarios.user_code import SourceFile
 from mcnav.store.manifest import RequirementRecord
 from mcnav.store.run_folder import CAMPAIGN
+from mcnav.systems.user.code import SourceFile
+from mcnav.systems.user.scenario import UserScenario
 
 MOST_STORED: Final = 1_000_000_000
 """Samples that can be stored one by one."""

@@ -10,11 +10,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from mcnav.config.imu import ALLAN_MINIMUM
-from mcnav.config.imu_catalogue import INSTABILITY, KINDS, CatalogueUnit, catalogue, catalogue_units
 from mcnav.config.overrides import ALL_AXES, SIZES, Value
-from mcnav.config.sensors import SENSOR_TYPES
-from mcnav.scenarios.protocol import Source
+from mcnav.contract.quantities import Source
+from mcnav.systems.ins.tables.imu import ALLAN_MINIMUM
+from mcnav.systems.ins.tables.imu_catalogue import INSTABILITY, KINDS, CatalogueUnit, catalogue, catalogue_units
+from mcnav.systems.ins.tables.sensors import SENSOR_TYPES
 from mcnav.units import UnitError, multiplied, quantity
 
 SCALED: Final = (*SIZES, "limit", "loc", "mean")

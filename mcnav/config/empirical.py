@@ -10,8 +10,9 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav.config.context import FileContext
-from mcnav.config.files import OUTSIDE
+from mcnav.contract.quantities import Source
+from mcnav.entries.context import FileContext
+from mcnav.entries.files import OUTSIDE
 from mcnav.errors import suggestion
 from mcnav.files import read_whole
 from mcnav.sampling.scipy_and_tables import (
@@ -20,7 +21,6 @@ from mcnav.sampling.scipy_and_tables import (
     continuous_distributions,
     shape_names,
 )
-from mcnav.scenarios.protocol import Source
 from mcnav.store.chunk_files import table_from
 from mcnav.store.run_folder import TABLES
 from mcnav.units import UnitError, quantity

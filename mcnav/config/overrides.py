@@ -20,13 +20,13 @@ from typing import Any, Final
 
 from mcnav.config.campaign import Campaign
 from mcnav.config.empirical import SCIPY, TABLE
-from mcnav.config.imu_catalogue import KINDS, catalogue
-from mcnav.config.quantization import QUANTIZATION
 from mcnav.config.read import UNNAMED, parse_campaign
 from mcnav.config.toml import load_file, load_mapping
 from mcnav.errors import CampaignError, Problem, suggestion
-from mcnav.physics.ins.aiding import LEVEL_AXES
-from mcnav.physics.ins.instruments import AXES, CROSS_AXES
+from mcnav.systems.ins.imu.instruments import AXES, CROSS_AXES
+from mcnav.systems.ins.sensors.aiding import LEVEL_AXES
+from mcnav.systems.ins.tables.imu_catalogue import KINDS, catalogue
+from mcnav.systems.ins.tables.quantization import QUANTIZATION
 
 Value = str | int | float | bool | list[Any] | dict[str, Any]
 """A value as a campaign file has it: a quantity is text with its unit."""

@@ -9,28 +9,29 @@ from pathlib import Path
 from typing import Any, Final
 
 from mcnav.config.campaign import Campaign, check_stored_samples
-from mcnav.config.context import EarlierFile, FileContext
 from mcnav.config.empirical import stored_table
 from mcnav.config.requirement_times import with_epochs
 from mcnav.config.requirements import read_requirements
-from mcnav.config.scenarios import SCENARIO_TYPES, USER, ScenarioSpec, scenario_type
 from mcnav.config.schema import CampaignTable, UntilTable
 from mcnav.config.sources import expand_groups, read_correlations, read_errors, read_joint
 from mcnav.config.start_times import read_start_times
 from mcnav.config.stopping import read_stopping_rule
 from mcnav.config.toml import load_file, load_mapping
-from mcnav.config.validation import validate
+from mcnav.contract.quantities import Source
+from mcnav.contract.scenario import Scenario, ScenarioError, VariableStart
+from mcnav.entries.context import EarlierFile, FileContext
+from mcnav.entries.validation import validate
 from mcnav.errors import CampaignError, Problem
-from mcnav.physics.ins.instruments import CONSTANTS
 from mcnav.sampling.distributions import Distribution, Normal
 from mcnav.sampling.error_model import CorrelationError, ErrorModel, JointError
 from mcnav.sampling.scipy_and_tables import EmpiricalDistribution
-from mcnav.scenarios.ins import Ins
-from mcnav.scenarios.protocol import Scenario, ScenarioError, Source, VariableStart
-from mcnav.scenarios.stochastic_user import StochasticUserScenario
-from mcnav.scenarios.user import UserScenario
 from mcnav.store.manifest import RequirementRecord
 from mcnav.store.summaries import SUMMARY
+from mcnav.systems.ins.imu.instruments import CONSTANTS
+from mcnav.systems.ins.scenario import Ins
+from mcnav.systems.registry import SCENARIO_TYPES, USER, ScenarioSpec, scenario_type
+from mcnav.systems.user.scenario import UserScenario
+from mcnav.systems.user.stochastic_scenario import StochasticUserScenario
 
 UNNAMED: Final = "campaign"
 """Name of a campaign without a file, and of its file in messages."""

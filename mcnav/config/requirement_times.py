@@ -12,11 +12,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav.config.context import FileContext
-from mcnav.config.instants import DECIMALS, same_times, seconds, within
 from mcnav.config.schema import AcceptTable, CircularTable, QuantileTable
-from mcnav.scenarios.ins import Ins, Navigation
-from mcnav.scenarios.protocol import Scenario
+from mcnav.contract.scenario import Scenario
+from mcnav.entries.context import FileContext
+from mcnav.systems.ins.scenario import Ins, Navigation
+from mcnav.systems.ins.tables.instants import DECIMALS, same_times, seconds, within
 
 KEYS: Final = ("after", "during", "at")
 OUTAGES: Final = "outages"

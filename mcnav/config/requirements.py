@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from mcnav.config.context import FileContext
 from mcnav.config.requirement_times import RequirementEpochs, read_epochs
 from mcnav.config.schema import AcceptTable
-from mcnav.scenarios.protocol import Scenario
+from mcnav.contract.scenario import Scenario
+from mcnav.entries.context import FileContext
 from mcnav.store.manifest import RequirementRecord
 
 RADII: Final = {"cep": 0.5, "r95": 0.95, "sep": 0.5}

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
-from mcnav.config.context import FileContext
 from mcnav.config.empirical import SCIPY, TABLE, read_scipy, read_table
 from mcnav.config.schema import CorrelationTable, JointTable
+from mcnav.contract.quantities import Source
+from mcnav.entries.context import FileContext
 from mcnav.errors import MOST_PROBLEMS, suggestion
 from mcnav.sampling.distributions import Distribution, Fixed, Normal, StudentT, Triangular, TruncatedNormal, Uniform
 from mcnav.sampling.error_model import Correlation
 from mcnav.sampling.multivariate_t import MultivariateT
-from mcnav.scenarios.protocol import Source
 
 LARGEST_MULTIPLE: Final = 1e9
 """Multiple of a source's usual size above which an error is refused: a slip of the pen, and a risk of overflow."""

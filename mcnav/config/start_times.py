@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.config.context import FileContext
 from mcnav.config.schema import StartTimesTable
+from mcnav.contract.quantities import Output, Source
+from mcnav.entries.context import FileContext
 from mcnav.errors import suggestion
 from mcnav.lincov.start_times import ErrorSchedule
 from mcnav.sampling.distributions import Distribution
-from mcnav.scenarios.protocol import Output, Source
 
 
 @dataclass(frozen=True)

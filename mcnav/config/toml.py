@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import tomli_w
 
-from mcnav.config.near_files import near_file
+from mcnav.entries.near_files import near_file
 from mcnav.errors import CampaignError, Problem
 
 DOTTED: Final = re.compile(rb"(?:[\w-]{1,100}[ \t]?\.[ \t]?){200}")

@@ -12,30 +12,25 @@ import numpy as np
 
 from mcnav._threads import one_thread
 from mcnav._types import Array
+from mcnav.contract.engine import Engine, FilterEngine, StochasticEngine, TimeHistoryEngine
+from mcnav.contract.failure import Failure, Reason
+from mcnav.contract.filter_record import FilterSchema
+from mcnav.contract.power_sums import PowerSums
+from mcnav.contract.samples import Batch, SimulationResult
+from mcnav.entries.inputs import InputFile
 from mcnav.lincov.block_sums import Normalization
 from mcnav.lincov.sample_reduction import reduce_samples
-from mcnav.physics.power_sums import PowerSums
+from mcnav.numerics.power_sums import sum_powers_about_zero
 from mcnav.sampling.error_model import ErrorModel
-from mcnav.scenarios.failure import Failure, Reason
-from mcnav.scenarios.filter_record import FilterSchema
-from mcnav.scenarios.filter_sums import FilterSums
-from mcnav.scenarios.inputs import InputFile
-from mcnav.scenarios.protocol import (
-    Batch,
-    Engine,
-    FilterEngine,
-    SimulationResult,
-    StochasticEngine,
-    TimeHistoryEngine,
-)
-from mcnav.scenarios.sample_loop import simulate_alone
-from mcnav.scenarios.timeouts import SampleTimeout, time_limit
+from mcnav.statistics.filter_sums import FilterSums
 from mcnav.store.chunk_files import ChunkFile, ChunkTotals, SampleSchema, verify_chunk, write_chunk
 from mcnav.store.filters import filter_marks
 from mcnav.store.histories import STORED, first_marks, history_marks
 from mcnav.store.inputs import check_unchanged
 from mcnav.store.run_folder import RunFolder
 from mcnav.store.summaries import MOST_REASONS, STORED_ROWS, Summary, summary_chunk
+from mcnav.systems.sample_loop import simulate_alone
+from mcnav.systems.timeouts import SampleTimeout, time_limit
 
 PROBES: Final = 64
 """Samples on which an engine's accuracy is determined: the first of the campaign itself."""
@@ -183,7 +178,7 @@ def store(work: ChunkJob, place: SampleRange, results: Iterable[tuple[Array, Sim
             block_sums = reduce_samples(work.frame, begin, errors, result.values, result.linear_values)
             piece = Summary.of(block_sums, len(errors), status)
             summary = piece if summary is None else summary + piece
-        sums = None if result.history is None else PowerSums.about_zero(result.history)
+        sums = None if result.history is None else sum_powers_about_zero(result.history)
         if isinstance(work.engine, TimeHistoryEngine):
             sums = work.engine.history_sums(errors)
         if sums is not None:

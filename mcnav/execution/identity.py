@@ -11,18 +11,18 @@ from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from typing import Any, Final
 
+from mcnav.contract.scenario import Scenario
+from mcnav.entries.inputs import InputFile
 from mcnav.errors import RunFolderError, shortened
 from mcnav.execution.chunks import PROBES
 from mcnav.files import to_json
 from mcnav.lincov.block_sums import block_size
 from mcnav.sampling.designs import REPLICATES, block_length
-from mcnav.scenarios.inputs import InputFile
-from mcnav.scenarios.protocol import Scenario
-from mcnav.scenarios.user_code import SourceFile
 from mcnav.store.chunk_files import identities_in
 from mcnav.store.manifest import CodeRecord, Identity, json_digest
 from mcnav.store.run_folder import MANIFEST, RunFolder
 from mcnav.store.summaries import SLOW, SUMMARY, summary_chunk
+from mcnav.systems.user.code import SourceFile
 
 LIBRARIES: Final = ("numpy", "scipy", "numba", "pyarrow")
 CHUNKS: Final = 2

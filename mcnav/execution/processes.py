@@ -22,6 +22,9 @@ from joblib.externals.loky.process_executor import BrokenProcessPool, ProcessPoo
 
 from mcnav._subprocess import end_with_parent, interrupts_blocked
 from mcnav._types import Array
+from mcnav.contract.engine import Engine, StochasticEngine
+from mcnav.contract.failure import Failure, Reason
+from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.execution.chunks import (
     ChunkJob,
     SampleRange,
@@ -32,11 +35,9 @@ from mcnav.execution.chunks import (
     simulate_chunk,
     store,
 )
-from mcnav.scenarios.failure import Failure, Reason
-from mcnav.scenarios.protocol import Batch, Engine, SimulationResult, StochasticEngine
-from mcnav.scenarios.sample_loop import join_results
-from mcnav.scenarios.timeouts import timeout_message
 from mcnav.store.chunk_files import ChunkFile
+from mcnav.systems.sample_loop import join_results
+from mcnav.systems.timeouts import timeout_message
 
 TRIED_WHOLE: Final = 2
 """Pools that may die before chunks are simulated one at a time."""

@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.contract.engine import Engine
+from mcnav.contract.scenario import Scenario
 from mcnav.execution.chunks import DrawPlan
-from mcnav.scenarios.noise_soundness import find_unsettled_noise
-from mcnav.scenarios.protocol import Engine, Scenario
-from mcnav.scenarios.soundness import Unsettled, find_unsettled
-from mcnav.scenarios.stochastic_user import StochasticUserScenario
-from mcnav.scenarios.user import UserScenario
+from mcnav.systems.user.noise_soundness import find_unsettled_noise
+from mcnav.systems.user.scenario import UserScenario
+from mcnav.systems.user.soundness import Unsettled, find_unsettled
+from mcnav.systems.user.stochastic_scenario import StochasticUserScenario
 
 
 def exact_engine(scenario: Scenario, probes: Array, timeout: float | None) -> Engine:

@@ -9,6 +9,8 @@ from typing import Any, Final
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.contract.engine import Engine
+from mcnav.contract.scenario import Scenario
 from mcnav.lincov import higher_order
 from mcnav.lincov.partials import SimulationFailed, computed_or_reason, partials_by_differences, require_fast
 from mcnav.lincov.polynomial import fit
@@ -16,7 +18,6 @@ from mcnav.lincov.polynomial_engine import PolynomialEngine
 from mcnav.lincov.polynomial_moments import moments
 from mcnav.lincov.unscented import unscented_covariance
 from mcnav.sampling.error_model import ErrorModel
-from mcnav.scenarios.protocol import Engine, Scenario
 
 HIGHER_ORDER: Final = 3
 """Order of the polynomial whose moments are compared with the linear ones."""

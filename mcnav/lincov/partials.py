@@ -12,8 +12,10 @@ from typing import Any, Final
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.scenarios.protocol import Engine, Scenario, SimulationResult, TimeHistoryEngine
-from mcnav.scenarios.timeouts import check_stopped
+from mcnav.contract.engine import Engine, TimeHistoryEngine
+from mcnav.contract.samples import SimulationResult
+from mcnav.contract.scenario import Scenario
+from mcnav.systems.timeouts import check_stopped
 
 Propagate = Callable[[Array], SimulationResult]
 """Simulation of errors, shape (n, sources), SI."""

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from scipy.linalg import qr, solve_triangular
 
 from mcnav._types import Array, IndexArray
+from mcnav.compiled.jit import compiled
 from mcnav.lincov.partials import Propagate, simulate_or_raise
-from mcnav.physics.jit import compiled
 
 LANES: Final = 16
 """Samples evaluated side by side."""

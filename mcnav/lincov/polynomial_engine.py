@@ -8,8 +8,10 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.contract.engine import Engine
+from mcnav.contract.samples import SimulationResult
+from mcnav.contract.scenario import Scenario, StochasticScenario
 from mcnav.lincov.polynomial import PolynomialMap, fitted_map
-from mcnav.scenarios.protocol import Engine, Scenario, SimulationResult, StochasticScenario
 
 TOLERANCE: Final = 1e-4
 """Largest error of the polynomial on samples that were not fitted, as a share of each output's dispersion."""
@@ -65,7 +67,7 @@ def engine_names(scenario: Scenario) -> tuple[str, ...]:
 def prepare_engine(scenario: Scenario, engine: str, probes: Array, mean: Array, standard_deviations: Array) -> Engine:
     """Prepare one of `engine_names` for errors of given means and standard deviations, shape (sources,), SI.
 
-    For the probes see `mcnav.scenarios.protocol.Scenario.engine`, for what is raised `fit_polynomial_engine`.
+    For the probes see `mcnav.contract.scenario.Scenario.engine`, for what is raised `fit_polynomial_engine`.
     """
     if engine != MAP:
         return scenario.engine(engine, probes)

@@ -13,8 +13,8 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array, IndexArray
+from mcnav.compiled.jit import compiled
 from mcnav.lincov.polynomial import PolynomialMap, least_squares, monomials, products
-from mcnav.physics.jit import compiled
 
 HIGHEST_POWER: Final = 16
 """Four times the highest order of a polynomial map."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from mcnav._types import Array, IndexArray
+from mcnav.compiled.jit import compiled
 from mcnav.lincov.block_sums import BlockSums, Normalization, column_count
-from mcnav.physics.jit import compiled
 
 
 def reduce_samples(

@@ -13,12 +13,12 @@ from typing import Any, Final
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.contract.engine import Engine
 from mcnav.lincov.covariance import propagated_covariance
 from mcnav.lincov.partials import Propagate, computed_or_reason, require_fast, simulate_or_raise
 from mcnav.lincov.sobol import estimate_sobol_indices
 from mcnav.sampling.designs import SamplingDesign
 from mcnav.sampling.error_model import ErrorModel
-from mcnav.scenarios.protocol import Engine
 from mcnav.statistics.estimates import blocked_mean, paired_squares
 
 DRAWS: Final = 2_000

@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.contract.history import StartClock
+from mcnav.contract.scenario import NoisyStart, VariableStart
 from mcnav.lincov.covariance import propagated_covariance
-from mcnav.scenarios.protocol import NoisyStart, StartClock, VariableStart
 
 
 @dataclass(frozen=True)

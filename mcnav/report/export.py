@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.contract.quantities import Output, Source
 from mcnav.report import filter_verdict, sentences
 from mcnav.report.model import shown_units
 from mcnav.report.result_table import Row, Units
-from mcnav.scenarios.protocol import Output, Source
 from mcnav.units import conversion
 
 if TYPE_CHECKING:

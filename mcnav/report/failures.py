@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
+from mcnav.contract.failure import OK, message_of, without_numbers
 from mcnav.report.model import RunAnalysis
-from mcnav.scenarios.failure import OK, message_of, without_numbers
 
 MOST_REASONS: Final = 20
 """Reasons beyond which those that differ in their numbers alone are told as one."""

@@ -13,6 +13,7 @@ from rich.text import Text
 from mcnav._types import Array
 from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement, causes_at
 from mcnav.analysis.linear_covariance import LinearCovariance
+from mcnav.contract.quantities import Output
 from mcnav.report.figures.axis_groups import stem
 from mcnav.report.figures.lincov import cause_labels
 from mcnav.report.fitted_table import FittedTable, numbers, texts
@@ -28,7 +29,6 @@ from mcnav.report.lincov_words import (
 from mcnav.report.model import humanize, scale_of
 from mcnav.report.requirements import TONES, listed, stated
 from mcnav.report.sentences import BEYOND
-from mcnav.scenarios.protocol import Output
 from mcnav.units import conversion
 
 CAUSES: Final = "largest causes, share of the variance"

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.analysis.linearity import AloneRange, DispersionRange
+from mcnav.contract.quantities import Output, Source
 from mcnav.report.figures import linearity as drawn
 from mcnav.report.html import filled
 from mcnav.report.linearity_words import WITHOUT_NOISE, answer, linearity_rows, multiple_words
 from mcnav.report.model import humanize, labels_of
 from mcnav.report.sentences import JOINT
-from mcnav.scenarios.protocol import Output, Source
 
 ALL_AT_ONCE: Final = "all at once"
 

@@ -20,8 +20,10 @@ from mcnav.analysis.requirements import RequirementResult
 from mcnav.analysis.running_ratios import Convergence
 from mcnav.analysis.tails import Quantile
 from mcnav.analysis.variance_breakdown import VarianceBreakdown
+from mcnav.contract.history import History
+from mcnav.contract.linear import PartialsHistory
+from mcnav.contract.quantities import Output, Source, source_labels
 from mcnav.report.summary import summarise
-from mcnav.scenarios.protocol import History, Output, PartialsHistory, Source, source_labels
 from mcnav.store.chunk_files import Samples
 from mcnav.store.manifest import Manifest, Variable
 from mcnav.store.run_folder import RunFolder

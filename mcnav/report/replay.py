@@ -11,12 +11,13 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from mcnav._types import Array
+from mcnav.contract.history import History
+from mcnav.contract.quantities import Output, Source
 from mcnav.report.figures.flight import flight
 from mcnav.report.fitted_table import FittedTable, numbers, texts
 from mcnav.report.format import number
 from mcnav.report.html import filled
 from mcnav.report.model import humanize, labels_of
-from mcnav.scenarios.protocol import History, Output, Source
 from mcnav.units import conversion
 
 

@@ -7,11 +7,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
+from mcnav.contract.failure import message_of
 from mcnav.report import export
 from mcnav.report.model import shown_units
 from mcnav.report.requirements import stated
 from mcnav.report.result_table import ResultTable, Row, Units, in_units
-from mcnav.scenarios.failure import message_of
 
 CORRELATIONS: Final = "correlations"
 """Name of the row of a budget that correlations between sources contribute."""

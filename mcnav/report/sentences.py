@@ -9,11 +9,11 @@ from typing import Any, Final
 from mcnav.analysis.comparison import LARGEST_FAILED_SHARE
 from mcnav.analysis.filter_remarks import instant
 from mcnav.analysis.verdict import ROUNDING
+from mcnav.contract.failure import message_of
 from mcnav.report import joint_words
 from mcnav.report.format import percent
 from mcnav.report.model import humanize, labels_in
 from mcnav.report.summary import tally
-from mcnav.scenarios.failure import message_of
 from mcnav.statistics.power import sensible_step
 
 NEGLIGIBLE: Final = 1e-3

@@ -8,9 +8,9 @@ import numpy as np
 
 from mcnav.analysis.comparison import Comparison
 from mcnav.analysis.verdict import combine_verdicts
+from mcnav.contract.quantities import Output
 from mcnav.lincov.start_times import StartTimeStudy
 from mcnav.report.model import humanize
-from mcnav.scenarios.protocol import Output
 
 
 def minutes(seconds: float) -> str:

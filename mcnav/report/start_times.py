@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from mcnav.analysis.comparison import Comparison
+from mcnav.contract.quantities import Output, Source
 from mcnav.lincov.start_times import StartTimeStudy
 from mcnav.report.figures import start_times as drawn
 from mcnav.report.format import interval
@@ -17,7 +18,6 @@ from mcnav.report.html import filled
 from mcnav.report.model import humanize, labels_of, scale_of
 from mcnav.report.sentences import NOT_DISTURBED, output_words
 from mcnav.report.start_time_words import answer, minutes
-from mcnav.scenarios.protocol import Output, Source
 
 CONVENTIONS: Final = {
     "start": "The reference axes are aligned at each start.",

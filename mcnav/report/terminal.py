@@ -14,6 +14,7 @@ from mcnav._types import Array
 from mcnav.analysis.comparison import Comparison
 from mcnav.analysis.linearity import DispersionRange
 from mcnav.analysis.verdict import combine_verdicts
+from mcnav.contract.quantities import Output, Source
 from mcnav.errors import shortened
 from mcnav.lincov.start_times import StartTimeStudy
 from mcnav.report import filter_verdict, linearity_words, sentences, start_time_words
@@ -22,7 +23,6 @@ from mcnav.report.fitted_table import FittedTable, numbers, texts
 from mcnav.report.format import interval
 from mcnav.report.model import humanize, labels_of, scale_of
 from mcnav.report.requirements import TONES, listed, requirement_rows
-from mcnav.scenarios.protocol import Output, Source
 
 if TYPE_CHECKING:
     import pandas as pd

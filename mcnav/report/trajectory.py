@@ -13,11 +13,11 @@ from rich.text import Text
 from mcnav._types import Array
 from mcnav.analysis.heading import APART, compare_with_track, heading_remark
 from mcnav.constants import STANDARD_GRAVITY
+from mcnav.contract.history import History
 from mcnav.report.figures.flight import flight
 from mcnav.report.fitted_table import FittedTable, numbers, texts
 from mcnav.report.format import number
 from mcnav.report.html import filled
-from mcnav.scenarios.protocol import History
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,8 @@ import pyarrow.parquet as pq
 from pydantic import Field
 
 from mcnav._types import Array, IndexArray
+from mcnav.contract.failure import OK, Failure
 from mcnav.files import arrow_array, arrow_texts, numbers_in, parquet_bytes, read_whole, repeated_text, write_whole
-from mcnav.scenarios.failure import OK, Failure
 from mcnav.units import printable
 
 _TEXT: Final = ("status",)

@@ -10,10 +10,11 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.contract.filter_record import FilterPrediction, FilterSchema
+from mcnav.contract.history import Epochs
+from mcnav.contract.quantities import Output
 from mcnav.files import arrow_table, parquet_bytes
-from mcnav.scenarios.filter_record import FilterPrediction, FilterSchema
-from mcnav.scenarios.filter_sums import FilterMeans, FilterSums
-from mcnav.scenarios.protocol import Epochs, Output
+from mcnav.statistics.filter_sums import FilterMeans, FilterSums
 
 MARK: Final = "mcnav.filter"
 

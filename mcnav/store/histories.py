@@ -18,9 +18,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from mcnav._types import Array
+from mcnav.contract.history import Epochs
+from mcnav.contract.power_sums import PowerSums
+from mcnav.contract.quantities import Output
 from mcnav.files import arrow_table, check_regular, numbers_in, parquet_bytes
-from mcnav.physics.power_sums import PowerSums
-from mcnav.scenarios.protocol import Epochs, Output
 from mcnav.store.chunk_files import ChunkFile, check_room
 
 MARK: Final = "mcnav.histories"

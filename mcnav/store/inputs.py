@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
+from mcnav.entries.inputs import InputFile
 from mcnav.errors import RunFolderError
-from mcnav.scenarios.inputs import InputFile
 from mcnav.store.manifest import FileRecord
 
 INPUTS: Final = "inputs"

@@ -27,12 +27,12 @@ from pydantic import (
 from pydantic_core import CoreSchema, core_schema
 
 from mcnav._types import Array
+from mcnav.contract.filter_record import FilterSchema
+from mcnav.contract.scenario import ScenarioError
 from mcnav.files import to_json
 from mcnav.sampling.designs import DESIGNS, SamplingDesign
-from mcnav.scenarios.filter_record import FilterSchema
-from mcnav.scenarios.protocol import ScenarioError
-from mcnav.scenarios.settings import check_unit
 from mcnav.store.chunk_files import MOST_SAMPLES, ChunkFile, Count, Digest, SampleSchema, Words
+from mcnav.systems.user.settings import check_unit
 
 FORMAT: Final = 1
 """Counts the changes after which an earlier program cannot read a manifest."""
@@ -90,7 +90,7 @@ class Record(BaseModel):
 class Variable(Record):
     """An error source or an output: its name, SI unit, and the unit in which it is shown.
 
-    ``limit`` is that of `mcnav.scenarios.protocol.Output`.
+    ``limit`` is that of `mcnav.contract.quantities.Output`.
     """
 
     name: Name
@@ -108,7 +108,7 @@ class Variable(Record):
 
 
 class PartialsRecord(Record):
-    """Partial derivatives at many times; see `mcnav.scenarios.protocol.PartialsHistory`.
+    """Partial derivatives at many times; see `mcnav.contract.linear.PartialsHistory`.
 
     ``processes`` are the variances that each process of noise has added, shape (n, outputs). ``covariance`` is the
     whole linear covariance, where it is not that of the sources alone, shape (n, outputs, outputs).
@@ -122,7 +122,7 @@ class PartialsRecord(Record):
 
 
 class FilterPredictionRecord(Record):
-    """Linear analysis of a filter; see `mcnav.scenarios.filter_record.FilterPrediction`.
+    """Linear analysis of a filter; see `mcnav.contract.filter_record.FilterPrediction`.
 
     ``state_true`` are the true mean squares of the errors of the filter's other states, shape (m, q).
     """
@@ -134,7 +134,7 @@ class FilterPredictionRecord(Record):
 
 
 class FilterRecord(Record):
-    """The filter of a scenario; see `mcnav.scenarios.filter_record.FilterSchema`.
+    """The filter of a scenario; see `mcnav.contract.filter_record.FilterSchema`.
 
     ``times`` are the epochs of its records, and ``label`` is what they are, as ``name [unit]``.
     """
@@ -309,7 +309,7 @@ class StoppingRecord(Record):
 
 
 class UnsettledRecord(Record):
-    """See `mcnav.scenarios.soundness.Unsettled`."""
+    """See `mcnav.systems.user.soundness.Unsettled`."""
 
     source: Words
     output: Words

@@ -27,6 +27,8 @@ import pyarrow as pa
 
 from mcnav._recent import Recent
 from mcnav._types import Array
+from mcnav.contract.history import NOMINAL_FLIGHT, History, Panel
+from mcnav.entries.inputs import InputFile
 from mcnav.errors import RunFolderBusy, RunFolderError
 from mcnav.files import (
     arrow_table,
@@ -38,9 +40,6 @@ from mcnav.files import (
     to_json,
     write_whole,
 )
-from mcnav.scenarios.histories import check_history
-from mcnav.scenarios.inputs import InputFile
-from mcnav.scenarios.protocol import NOMINAL_FLIGHT, History, Panel
 from mcnav.store.chunk_files import (
     LARGEST_CHUNK,
     MOST_EXPANSION,
@@ -55,6 +54,7 @@ from mcnav.store.chunk_files import (
 from mcnav.store.histories import first_histories
 from mcnav.store.inputs import INPUTS, LARGEST_COPY
 from mcnav.store.manifest import FileRecord, Manifest, ManifestError, json_digest
+from mcnav.systems.histories import check_history
 
 CAMPAIGN, MANIFEST, SUMMARY, REPORT = "campaign.toml", "manifest.json", "summary.json", "report.html"
 HISTORY, SAMPLES, LOCK = "history.parquet", "samples", ".lock"

@@ -17,8 +17,8 @@ from typing import Any, Final
 import numpy as np
 import pyarrow.parquet as pq
 
+from mcnav.contract.failure import Failure, Reason, without_numbers
 from mcnav.lincov.block_sums import BlockSums
-from mcnav.scenarios.failure import Failure, Reason, without_numbers
 from mcnav.store.chunk_files import ChunkFile
 
 SUMMARY: Final = "summary"

@@ -10,9 +10,9 @@ import numpy as np
 import pyarrow.parquet as pq
 
 from mcnav._types import Array
-from mcnav.physics.power_sums import PowerSums
-from mcnav.scenarios.filter_record import FilterSchema
-from mcnav.scenarios.filter_sums import FilterSums
+from mcnav.contract.filter_record import FilterSchema
+from mcnav.contract.power_sums import PowerSums
+from mcnav.statistics.filter_sums import FilterSums
 from mcnav.store.chunk_files import ChunkFile
 from mcnav.store.filters import filter_sums_in
 from mcnav.store.histories import first_histories_in, power_sums_in

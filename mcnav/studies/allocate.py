@@ -45,16 +45,17 @@ from mcnav.config.data_sheet import (
     round_up,
     shown,
 )
-from mcnav.config.imu_catalogue import INSTABILITY, KINDS
 from mcnav.config.overrides import Value, document_of, override
 from mcnav.config.read import Campaign, parse_campaign
+from mcnav.contract.linear import SharedTables
+from mcnav.contract.scenario import HasCovarianceReadings
 from mcnav.errors import CampaignError, Problem
 from mcnav.files import indented_json, to_json, write_texts
 from mcnav.progress import SILENT, Phase, Progress
 from mcnav.report import allocate as tables
-from mcnav.scenarios.ins import Ins
-from mcnav.scenarios.protocol import HasCovarianceReadings, SharedTables
 from mcnav.studies.lincov import linear_covariance
+from mcnav.systems.ins.scenario import Ins
+from mcnav.systems.ins.tables.imu_catalogue import INSTABILITY, KINDS
 
 FILE: Final = "allocate.json"
 PAGE: Final = "allocate.html"

@@ -20,23 +20,22 @@ from mcnav.analysis.linear_filter import LinearVerdict, judge_filter
 from mcnav.analysis.linear_range import picked
 from mcnav.analysis.requirements import requirements_from
 from mcnav.config.read import Campaign, campaign_from
+from mcnav.contract.linear import LinearModel, LinearReadings
+from mcnav.contract.scenario import (
+    FilterScenario,
+    HasCovarianceReadings,
+    HasLinearReadings,
+    HasPartialsHistory,
+    Scenario,
+    ScenarioError,
+)
 from mcnav.errors import CampaignError, Problem
 from mcnav.execution.chunks import DrawPlan
 from mcnav.execution.soundness import find_doubt
 from mcnav.files import indented_json, to_json, write_texts
 from mcnav.lincov.partials import SimulationFailed
 from mcnav.report.lincov_page import render
-from mcnav.scenarios.ins import Ins
-from mcnav.scenarios.protocol import (
-    FilterScenario,
-    HasCovarianceReadings,
-    HasLinearReadings,
-    HasPartialsHistory,
-    LinearModel,
-    LinearReadings,
-    Scenario,
-    ScenarioError,
-)
+from mcnav.systems.ins.scenario import Ins
 from mcnav.units import UnitError, quantity
 
 FILE: Final = "lincov.json"

@@ -13,6 +13,7 @@ from mcnav._types import Array
 from mcnav.analysis.comparison import Criterion, Model
 from mcnav.analysis.linearity import AloneRange, DispersionRange, alone, together
 from mcnav.config.read import Campaign
+from mcnav.contract.samples import SimulationResult
 from mcnav.errors import CampaignError, Problem
 from mcnav.execution.chunks import PROBES
 from mcnav.files import write_texts
@@ -20,7 +21,6 @@ from mcnav.lincov.partials import Propagate
 from mcnav.progress import SILENT, Phase, Progress
 from mcnav.report import linearity as tables
 from mcnav.sampling.designs import SamplingDesign
-from mcnav.scenarios.protocol import SimulationResult
 
 SAMPLES: Final = 2_000
 LARGEST_ALONE: Final = 100.0

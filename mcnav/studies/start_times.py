@@ -13,6 +13,9 @@ from mcnav._threads import one_thread
 from mcnav._types import Array
 from mcnav.analysis.comparison import Comparison, Criterion, Model, compare
 from mcnav.config.read import Campaign
+from mcnav.contract.engine import Engine, StochasticEngine
+from mcnav.contract.samples import Batch
+from mcnav.contract.scenario import ScenarioError, VariableStart
 from mcnav.errors import CampaignError, Problem
 from mcnav.execution.chunks import PROBES
 from mcnav.files import write_texts
@@ -21,7 +24,6 @@ from mcnav.lincov.start_times import StartTimeStudy, study_start_times
 from mcnav.progress import SILENT, Phase, Progress
 from mcnav.report import start_times as tables
 from mcnav.sampling.designs import SamplingDesign
-from mcnav.scenarios.protocol import Batch, Engine, ScenarioError, StochasticEngine, VariableStart
 
 EVENLY: Final = 6
 """Evenly spaced start times checked by default, besides the best ones."""

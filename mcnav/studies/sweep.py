@@ -27,15 +27,15 @@ from mcnav.analysis.sweep import JustMet, Point, Sweep, Variable
 from mcnav.config.overrides import VariedCampaign
 from mcnav.config.read import Campaign
 from mcnav.config.sweep_values import POINTS, read_variables
+from mcnav.contract.quantities import Output
 from mcnav.errors import CampaignError, Problem
 from mcnav.files import indented_json, write_texts
 from mcnav.progress import SILENT, Phase, Progress
 from mcnav.report import sweep as report
-from mcnav.scenarios.protocol import Output
-from mcnav.scenarios.user import UserScenario
 from mcnav.studies.confirmation import check_count, choose_points, confirm
 from mcnav.studies.lincov import linear_covariance
 from mcnav.studies.sweep_points import LinearPoints, campaign_requirements, in_threads
+from mcnav.systems.user.scenario import UserScenario
 
 JOBS: Final = 2
 

@@ -19,17 +19,11 @@ from mcnav.analysis.requirements import Requirement, requirements_from
 from mcnav.analysis.sweep import Point, Variable
 from mcnav.config.overrides import Value, VariedCampaign
 from mcnav.config.read import Campaign
+from mcnav.contract.linear import CovarianceReadings, LinearModel, SharedTables
+from mcnav.contract.scenario import FilterScenario, HasCovarianceReadings, ScenarioError
 from mcnav.errors import CampaignError, Problem
 from mcnav.lincov.partials import SimulationFailed
-from mcnav.scenarios.protocol import (
-    CovarianceReadings,
-    FilterScenario,
-    HasCovarianceReadings,
-    LinearModel,
-    ScenarioError,
-    SharedTables,
-)
-from mcnav.scenarios.user import UserScenario
+from mcnav.systems.user.scenario import UserScenario
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")

@@ -22,14 +22,14 @@ from mcnav.analysis.requirements_over_time import ErrorHistories, judge_over_tim
 from mcnav.analysis.running_ratios import convergence
 from mcnav.analysis.tails import tails
 from mcnav.analysis.variance_breakdown import predicted_from, split_difference
+from mcnav.contract.quantities import Output
 from mcnav.errors import RunFolderError, reading_file
 from mcnav.files import to_json
 from mcnav.lincov.block_sums import Normalization
 from mcnav.report.failures import failures_in, grouped
 from mcnav.report.model import RunAnalysis
 from mcnav.sampling.designs import SamplingDesign
-from mcnav.scenarios.filter_sums import FilterMeans
-from mcnav.scenarios.protocol import Output
+from mcnav.statistics.filter_sums import FilterMeans
 from mcnav.store.histories import STORED
 from mcnav.store.manifest import FilterRecord, Manifest, ModelRecord
 from mcnav.store.run_folder import MANIFEST, REPORT, RunFolder

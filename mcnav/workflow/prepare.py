@@ -13,6 +13,12 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.analysis.comparison import Model
 from mcnav.analysis.linear_samples import doubt_noise
+from mcnav.contract.engine import Engine, FilterEngine, StochasticEngine, TimeHistoryEngine
+from mcnav.contract.filter_record import FilterPrediction, FilterSchema
+from mcnav.contract.history import Epochs, History
+from mcnav.contract.linear import PartialsHistory
+from mcnav.contract.quantities import Output, Source
+from mcnav.contract.scenario import FilterScenario, HasPartialsHistory, Scenario, ScenarioError, StochasticScenario
 from mcnav.errors import CampaignError, Problem
 from mcnav.execution.chunks import DrawPlan, filter_schema_of
 from mcnav.execution.processes import IsolatedEngine
@@ -23,27 +29,7 @@ from mcnav.lincov.polynomial import PolynomialFitError
 from mcnav.lincov.polynomial_engine import MAP, PolynomialEngine, prepare_engine
 from mcnav.lincov.simulated_budget import simulated_budgets
 from mcnav.sampling.error_model import ErrorModel
-from mcnav.scenarios.filter_record import FilterPrediction, FilterSchema
-from mcnav.scenarios.filter_sums import FilterMeans
-from mcnav.scenarios.protocol import (
-    Engine,
-    Epochs,
-    FilterEngine,
-    FilterScenario,
-    HasPartialsHistory,
-    History,
-    Output,
-    PartialsHistory,
-    Scenario,
-    ScenarioError,
-    Source,
-    StochasticEngine,
-    StochasticScenario,
-    TimeHistoryEngine,
-)
-from mcnav.scenarios.soundness import LARGEST, SHARE, Unsettled
-from mcnav.scenarios.stochastic_user import NOISE, StochasticUserScenario
-from mcnav.scenarios.stochastic_user_engine import StochasticUserEngine
+from mcnav.statistics.filter_sums import FilterMeans
 from mcnav.store.chunk_files import ChunkFile, Samples
 from mcnav.store.filters import filter_columns, filter_table
 from mcnav.store.histories import (
@@ -61,6 +47,9 @@ from mcnav.store.manifest import (
 )
 from mcnav.store.run_folder import EPOCHS, FILTER, HISTORIES
 from mcnav.store.totals import read_totals
+from mcnav.systems.user.soundness import LARGEST, SHARE, Unsettled
+from mcnav.systems.user.stochastic_engine import StochasticUserEngine
+from mcnav.systems.user.stochastic_scenario import NOISE, StochasticUserScenario
 
 DEVELOPMENT_POINTS: Final = 61
 """Times of the error budget's history, where the scenario has partial derivatives throughout the flight."""

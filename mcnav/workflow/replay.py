@@ -9,8 +9,14 @@ from typing import Final
 import numpy as np
 
 from mcnav._threads import one_thread
-from mcnav.config.context import EarlierFile
 from mcnav.config.read import Campaign, read_campaign
+from mcnav.contract.engine import StochasticEngine
+from mcnav.contract.failure import OK
+from mcnav.contract.history import History
+from mcnav.contract.quantities import Output
+from mcnav.contract.samples import SimulationResult
+from mcnav.contract.scenario import Replayable, ScenarioError, StochasticScenario
+from mcnav.entries.context import EarlierFile
 from mcnav.errors import CampaignError, Problem, RunFolderError, reading_file, shortened
 from mcnav.execution.chunks import DrawPlan
 from mcnav.execution.identity import chunk_digest, identity_of
@@ -19,17 +25,6 @@ from mcnav.files import read_whole, write_whole
 from mcnav.lincov.polynomial import PolynomialFitError
 from mcnav.lincov.polynomial_engine import prepare_engine
 from mcnav.report.replay import Outcome, Replay, files
-from mcnav.scenarios.failure import OK
-from mcnav.scenarios.histories import with_errors
-from mcnav.scenarios.protocol import (
-    History,
-    Output,
-    Replayable,
-    ScenarioError,
-    SimulationResult,
-    StochasticEngine,
-    StochasticScenario,
-)
 from mcnav.store.chunk_files import (
     LARGEST_CHUNK,
     STATUS,
@@ -43,6 +38,7 @@ from mcnav.store.inputs import INPUTS
 from mcnav.store.manifest import Manifest
 from mcnav.store.run_folder import CAMPAIGN, MANIFEST, RunFolder
 from mcnav.store.summaries import STORED_ROWS, SUMMARY, summary_chunk
+from mcnav.systems.histories import with_errors
 
 STORED: Final = "stored"
 

@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 from mcnav._subprocess import side_threads
 from mcnav._threads import one_thread
 from mcnav.config.read import Campaign
+from mcnav.entries.inputs import InputFile
 from mcnav.errors import CampaignError, Problem, RunFolderError, did_you_mean, near_names
 from mcnav.execution.chunks import ChunkJob, DrawPlan
 from mcnav.execution.identity import check_no_foreign_files, check_resumable, chunk_digest, identity_of
@@ -21,14 +22,13 @@ from mcnav.execution.processes import end_workers_apart
 from mcnav.execution.runner import ChunkExecutor
 from mcnav.lincov.polynomial_engine import engine_names
 from mcnav.progress import SILENT, Phase, Progress
-from mcnav.scenarios.conformance import Check, check_conformance
-from mcnav.scenarios.inputs import InputFile
-from mcnav.scenarios.timeouts import stopped_by
 from mcnav.store.inputs import check_as_read, check_unchanged, file_records
 from mcnav.store.manifest import FORMAT, CriterionRecord, ExecutionRecord, Identity, Manifest
 from mcnav.store.provenance import commit
 from mcnav.store.run_folder import CAMPAIGN, RunFolder
 from mcnav.store.summaries import STORED_ROWS, SUMMARY
+from mcnav.systems.timeouts import stopped_by
+from mcnav.systems.user.conformance import Check, check_conformance
 from mcnav.workflow.analyse import analyse, summary_frame, write_results
 from mcnav.workflow.prepare import PreparedSystem, prepare_system
 from mcnav.workflow.stopping import Execution
@@ -221,6 +221,6 @@ def engine_of(path: Path, campaign: Path) -> str | None:
 
 
 def check_scenario(campaign: Campaign) -> list[Check]:
-    """Check the scenario of a campaign with its errors; see `mcnav.scenarios.conformance`."""
+    """Check the scenario of a campaign with its errors; see `mcnav.systems.user.conformance`."""
     with one_thread():
         return check_conformance(campaign.scenario, campaign.errors.standard_deviations)

@@ -11,15 +11,15 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.config.read import read_campaign
 from mcnav.config.toml import load_file
-from mcnav.config.trajectory_file import read_trajectory_file
 from mcnav.constants import STANDARD_GRAVITY
+from mcnav.contract.history import History, Panel
 from mcnav.errors import CampaignError, Problem
-from mcnav.physics.ins.earth import WGS84
-from mcnav.physics.ins.rows import TrajectoryError, TrajectoryRows, rows_from
-from mcnav.physics.ins.truth import Truth
 from mcnav.report.trajectory import Extreme, TrajectoryReport
-from mcnav.scenarios.ins import Ins
-from mcnav.scenarios.protocol import History, Panel
+from mcnav.systems.ins.earth import WGS84
+from mcnav.systems.ins.scenario import Ins
+from mcnav.systems.ins.tables.trajectory_file import read_trajectory_file
+from mcnav.systems.ins.truth.rows import TrajectoryError, TrajectoryRows, rows_from
+from mcnav.systems.ins.truth.trajectory import Truth
 
 DRAWN: Final = 2_000
 """Instants of the figures."""

@@ -7,13 +7,13 @@ from typing import Final
 import numpy as np
 
 from mcnav.lincov.covariance import propagated_covariance
-from mcnav.physics.reentry.ensemble.grid import shared_grid
-from mcnav.physics.reentry.ensemble.kernel import simulate_ensemble
-from mcnav.physics.reentry.ensemble.refinement import FINEST
-from mcnav.physics.reentry.ensemble.transition import linear_response
-from mcnav.physics.reentry.vehicle import Vehicle
-from mcnav.scenarios.reentry import Flight, Reentry
-from mcnav.scenarios.table_i import ALL_ERRORS, ERRORS, TABLE_I, among_all, start_state
+from mcnav.systems.reentry.ensemble.grid import shared_grid
+from mcnav.systems.reentry.ensemble.kernel import simulate_ensemble
+from mcnav.systems.reentry.ensemble.refinement import FINEST
+from mcnav.systems.reentry.ensemble.transition import linear_response
+from mcnav.systems.reentry.scenario import Flight, Reentry
+from mcnav.systems.reentry.table_i import ALL_ERRORS, ERRORS, TABLE_I, among_all, start_state
+from mcnav.systems.reentry.vehicle import Vehicle
 from tests.benchmarks.case import LENGTH, SPEED, TIME, Case
 from tests.benchmarks.equations import stretch_constants
 

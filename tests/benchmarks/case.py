@@ -22,7 +22,7 @@ TIME: Final = float(np.sqrt(LENGTH**3 / 3.986135e14))
 SPEED, ACCELERATION = LENGTH / TIME, LENGTH / TIME**2
 
 ERROR_UNITS: Final = np.array([LENGTH, LENGTH, SPEED, SPEED, 1.0, 1.0 / TIME, ACCELERATION, ACCELERATION, 1.0, 1.0])
-"""Of a draw, in the order of `mcnav.scenarios.table_i.ERROR_SIZES`."""
+"""Of a draw, in the order of `mcnav.systems.reentry.table_i.ERROR_SIZES`."""
 
 OUTPUT_UNITS: Final = np.array([LENGTH, LENGTH, SPEED, SPEED])
 """Of a polar state: the angle is range at the earth's radius."""

@@ -23,7 +23,7 @@ HYDROSTATIC_GRADIENT: Final = 9.80665 * 28.966 / 8314.39
 
 
 def stretch_constants(coefficients: Any, accelerometers_on: bool) -> np.ndarray:
-    """The constants of a stretch, shape (8,), from those of a `mcnav.physics.reentry.truth.Phase`."""
+    """The constants of a stretch, shape (8,), from those of a `mcnav.systems.reentry.truth.Phase`."""
     base, temperature, lapse, density, ballistic, lift, lift_per_rate = coefficients
     if lapse == 0.0:
         law = (HYDROSTATIC_GRADIENT / temperature * LENGTH, 0.0, 0.0)

@@ -16,13 +16,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from mcnav.physics.reentry.ensemble.grid import Grid, shared_grid
-from mcnav.physics.reentry.ensemble.history_kernel import history_grid, history_sums
-from mcnav.physics.reentry.ensemble.kernel import simulate_ensemble
-from mcnav.physics.reentry.ensemble.refinement import FINEST, refined_grid
-from mcnav.physics.reentry.ensemble.transition import Response, linear_response
-from mcnav.scenarios.reentry import HISTORY_NODES, OUTPUTS, SOURCES
-from mcnav.scenarios.table_i import TABLE_I, among_all
+from mcnav.systems.reentry.ensemble.grid import Grid, shared_grid
+from mcnav.systems.reentry.ensemble.history_kernel import history_grid, history_sums
+from mcnav.systems.reentry.ensemble.kernel import simulate_ensemble
+from mcnav.systems.reentry.ensemble.refinement import FINEST, refined_grid
+from mcnav.systems.reentry.ensemble.transition import Response, linear_response
+from mcnav.systems.reentry.scenario import HISTORY_NODES, OUTPUTS, SOURCES
+from mcnav.systems.reentry.table_i import TABLE_I, among_all
 from tests.benchmarks.build import case_of, scenario_of
 from tests.benchmarks.case import Case
 from tests.benchmarks.operations import KINDS, of_sample, rates, shortest

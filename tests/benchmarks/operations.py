@@ -14,10 +14,10 @@ from unittest.mock import patch
 
 import numpy as np
 
-from mcnav.physics import lanes
-from mcnav.physics.jit import compiled
-from mcnav.physics.reentry.ensemble import kernel
-from mcnav.physics.reentry.ensemble.grid import Grid
+from mcnav.compiled import lanes
+from mcnav.compiled.jit import compiled
+from mcnav.systems.reentry.ensemble import kernel
+from mcnav.systems.reentry.ensemble.grid import Grid
 from tests.benchmarks.timing import fastest
 
 KINDS: Final = ("simple", "division", "root")

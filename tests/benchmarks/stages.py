@@ -24,7 +24,7 @@ STAGES: Final = {
     "prepare: partials, grid, first draws": ("mcnav.workflow.run:prepare_system",),
     "draw": ("mcnav.sampling.error_model:ErrorModel.draw",),
     "fly": ("mcnav.execution.chunks:simulate_batch",),
-    "errors at 60 epochs": ("mcnav.scenarios.reentry:EnsembleEngine.history_sums",),
+    "errors at 60 epochs": ("mcnav.systems.reentry.scenario:EnsembleEngine.history_sums",),
     "store": (
         "mcnav.execution.chunks:write_chunk",
         "mcnav.execution.chunks:reduce_samples",

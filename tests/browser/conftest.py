@@ -14,24 +14,24 @@ import pandas as pd
 import pytest
 
 import mcnav
-from mcnav.calibration import page as calibration_page
 from mcnav.config.read import read_campaign
 from mcnav.files import write_texts
-from mcnav.physics.ins.earth import WGS84
-from mcnav.physics.ins.segments import Climb, Hold, SpeedChange, Start, Turn, fly_segments
 from mcnav.report.trajectory import page as trajectory_page
-from mcnav.reproduce.story_of_84_minutes import page as story_page
-from mcnav.reproduce.textbook import page as textbook_page
-from mcnav.reproduce.textbook.filters import tutorial_numbers
-from mcnav.reproduce.tn_d1772 import page as tn_page
-from mcnav.reproduce.tn_d1772.claims import Finding
-from mcnav.reproduce.tn_d1772.in_three_dimensions import Comparison
-from mcnav.reproduce.tn_d1772.tables import Cell
 from mcnav.studies.allocate import write_allocation
 from mcnav.studies.lincov import write_lincov
 from mcnav.studies.linearity import write_linearity
 from mcnav.studies.start_times import write_start_times
 from mcnav.studies.sweep import SweepPlan, write_sweep
+from mcnav.systems.ins.earth import WGS84
+from mcnav.systems.ins.truth.segments import Climb, Hold, SpeedChange, Start, Turn, fly_segments
+from mcnav.validation.calibration import page as calibration_page
+from mcnav.validation.reproduce.story_of_84_minutes import page as story_page
+from mcnav.validation.reproduce.textbook import page as textbook_page
+from mcnav.validation.reproduce.textbook.filters import tutorial_numbers
+from mcnav.validation.reproduce.tn_d1772 import page as tn_page
+from mcnav.validation.reproduce.tn_d1772.claims import Finding
+from mcnav.validation.reproduce.tn_d1772.in_three_dimensions import Comparison
+from mcnav.validation.reproduce.tn_d1772.tables import Cell
 from mcnav.workflow import compare, index
 from mcnav.workflow.replay import replay, write_replay
 from mcnav.workflow.run import run_campaign

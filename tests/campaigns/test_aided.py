@@ -16,11 +16,11 @@ from scipy import stats
 from mcnav._types import Array
 from mcnav.analysis.linear_covariance import LinearCovariance
 from mcnav.config.read import Campaign, parse_campaign
-from mcnav.physics.ins.instruments import OUTPUTS
-from mcnav.scenarios.aided import TOLERANCE
-from mcnav.scenarios.ins import Ins
 from mcnav.store.run_folder import RunFolder
 from mcnav.studies.lincov import linear_covariance
+from mcnav.systems.ins.aided import TOLERANCE
+from mcnav.systems.ins.imu.instruments import OUTPUTS
+from mcnav.systems.ins.scenario import Ins
 from mcnav.workflow.analyse import samples_of
 from tests.runs import simulate
 

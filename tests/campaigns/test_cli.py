@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from mcnav.scenarios.reentry import SOURCES
+from mcnav.systems.reentry.scenario import SOURCES
 from tests.commands import in_process, invoke
 from tests.conftest import ROOT
 from tests.processes import run_to_end

@@ -22,8 +22,8 @@ import pytest
 import mcnav
 from mcnav.config.read import parse_campaign, read_campaign
 from mcnav.config.templates import new_scenario
-from mcnav.scenarios.ins import NAVIGATION_ERRORS
 from mcnav.studies.lincov import linear_covariance
+from mcnav.systems.ins.scenario import NAVIGATION_ERRORS
 from mcnav.workflow.analyse import report_run
 from mcnav.workflow.index import write_index
 from mcnav.workflow.run import run_campaign

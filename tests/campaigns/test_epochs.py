@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from mcnav.scenarios.protocol import TimeHistoryEngine
+from mcnav.contract.engine import TimeHistoryEngine
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.run import run_campaign
 from tests.conftest import SIZES, campaign, reentry

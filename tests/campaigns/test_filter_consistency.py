@@ -13,11 +13,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.errors import RunFolderError
 from mcnav.execution.chunks import DrawPlan
 from mcnav.report import sentences
-from mcnav.scenarios.filter_sums import FilterMeans, FilterSums
-from mcnav.scenarios.protocol import Batch, SimulationResult
+from mcnav.statistics.filter_sums import FilterMeans, FilterSums
 from mcnav.store.filters import MARK
 from mcnav.store.run_folder import RunFolder
 from mcnav.store.totals import read_totals

@@ -15,9 +15,7 @@ import pytest
 
 import mcnav
 from mcnav.config.read import read_campaign
-from mcnav.errors import CampaignError, RunFolderError
-from mcnav.progress import Silent
-from mcnav.scenarios.inputs import (
+from mcnav.entries.inputs import (
     InputFile,
     content_of,
     find_inputs,
@@ -26,6 +24,8 @@ from mcnav.scenarios.inputs import (
     safe_name,
     with_unique_names,
 )
+from mcnav.errors import CampaignError, RunFolderError
+from mcnav.progress import Silent
 from mcnav.store import inputs as campaign_inputs
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.compare import compare_runs

@@ -14,10 +14,10 @@ import tomli_w
 from mcnav._types import Array
 from mcnav.config.campaign import Campaign
 from mcnav.config.read import parse_campaign
+from mcnav.contract.scenario import NoisyStart
 from mcnav.errors import CampaignError
-from mcnav.scenarios.ins import SHORTEST, Ins
-from mcnav.scenarios.protocol import NoisyStart
 from mcnav.studies.start_times import check_start_time, start_time_study
+from mcnav.systems.ins.scenario import SHORTEST, Ins
 from tests.commands import in_process
 
 END = 300.0

@@ -12,15 +12,15 @@ import numpy as np
 import pytest
 from jsonschema import Draft7Validator
 
-from mcnav.config.imu_catalogue import catalogue_units
 from mcnav.config.json_schema.campaign import campaign_schema
 from mcnav.config.json_schema.files import SCHEMA_FILE, schema_text, write_schema
 from mcnav.config.read import parse_campaign, read_campaign
-from mcnav.config.sensors import SENSOR_TYPES
 from mcnav.config.templates import new_campaign
 from mcnav.config.templates.ins import NewIns, Platform, new_ins
 from mcnav.errors import CampaignError
-from mcnav.scenarios.ins import Ins
+from mcnav.systems.ins.scenario import Ins
+from mcnav.systems.ins.tables.imu_catalogue import catalogue_units
+from mcnav.systems.ins.tables.sensors import SENSOR_TYPES
 from mcnav.workflow.run import run_campaign
 from tests.commands import invoke
 from tests.conftest import ROOT

@@ -9,8 +9,10 @@ import pytest
 
 import mcnav
 from mcnav.config.read import read_campaign
+from mcnav.contract.engine import FilterEngine
+from mcnav.contract.samples import Batch
+from mcnav.contract.scenario import FilterScenario
 from mcnav.errors import CampaignError
-from mcnav.scenarios.protocol import Batch, FilterEngine, FilterScenario
 from tests.runs import simulate
 
 SAMPLES = 2_000

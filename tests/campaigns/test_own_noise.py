@@ -18,10 +18,11 @@ import pytest
 import mcnav
 from mcnav.config.read import read_campaign
 from mcnav.config.templates import new_scenario
+from mcnav.contract.engine import StochasticEngine
+from mcnav.contract.scenario import StochasticScenario
 from mcnav.errors import CampaignError
 from mcnav.report.linearity_words import WITHOUT_NOISE
-from mcnav.scenarios.protocol import StochasticEngine, StochasticScenario
-from mcnav.scenarios.stochastic_user import MEASURED_FROM
+from mcnav.systems.user.stochastic_scenario import MEASURED_FROM
 from mcnav.workflow.replay import as_stored, replay
 from mcnav.workflow.run import run_campaign
 from tests.commands import in_process

@@ -16,11 +16,11 @@ import mcnav
 from mcnav.analysis.comparison import Criterion, Model, compare
 from mcnav.analysis.tails import tails
 from mcnav.analysis.verdict import Verdict, judge
+from mcnav.contract.quantities import Output, Source
 from mcnav.report import sentences, terminal
 from mcnav.report.export import output_rows, partial_rows
 from mcnav.report.figures.matrices import certain_differences
 from mcnav.report.fitted_table import Column, FittedTable, OpenConsole
-from mcnav.scenarios.protocol import Output, Source
 from mcnav.statistics.power import SMALLEST_STEP, sensible_step
 from tests.commands import in_process
 

@@ -19,10 +19,10 @@ from mcnav.config.read import Campaign, parse_campaign, read_campaign
 from mcnav.errors import RunFolderBusy, RunFolderError
 from mcnav.execution.runner import run_chunks
 from mcnav.progress import SILENT, Phase
-from mcnav.scenarios import reentry
-from mcnav.scenarios.steady import Cruise
 from mcnav.store.provenance import commit
 from mcnav.store.run_folder import RunFolder
+from mcnav.systems.reentry import scenario as reentry
+from mcnav.systems.steady.scenario import Cruise
 from mcnav.workflow.analyse import report_run, summary_of
 from mcnav.workflow.replay import replay
 from mcnav.workflow.run import run_campaign

@@ -10,13 +10,13 @@ from pathlib import Path
 
 import pytest
 
-from mcnav.config.imu_catalogue import catalogue
 from mcnav.config.read import read_campaign
-from mcnav.config.sensors import SENSOR_TYPES
-from mcnav.scenarios.ins import NAVIGATION_ERRORS
-from mcnav.scenarios.reentry import OUTPUTS as REENTRY_OUTPUTS
-from mcnav.scenarios.steady import OUTPUTS as STEADY_OUTPUTS
 from mcnav.shell_completion import AIDS, ENGINES, OUTPUTS, aids, campaigns, keys, outputs, runs, sources, trajectories
+from mcnav.systems.ins.scenario import NAVIGATION_ERRORS
+from mcnav.systems.ins.tables.imu_catalogue import catalogue
+from mcnav.systems.ins.tables.sensors import SENSOR_TYPES
+from mcnav.systems.reentry.scenario import OUTPUTS as REENTRY_OUTPUTS
+from mcnav.systems.steady.scenario import OUTPUTS as STEADY_OUTPUTS
 from tests.conftest import ROOT
 from tests.processes import run_to_end
 

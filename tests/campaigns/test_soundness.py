@@ -11,10 +11,10 @@ import pytest
 
 import mcnav
 from mcnav.config.read import read_campaign
+from mcnav.contract.samples import SimulationResult
 from mcnav.errors import CampaignError
-from mcnav.scenarios.finite_differences import differentiate
-from mcnav.scenarios.protocol import SimulationResult
-from mcnav.scenarios.soundness import LARGEST
+from mcnav.systems.finite_differences import differentiate
+from mcnav.systems.user.soundness import LARGEST
 from mcnav.workflow.analyse import report_run
 from tests.commands import in_process
 from tests.conftest import ROOT

@@ -9,10 +9,11 @@ import pytest
 
 from mcnav.analysis.comparison import Criterion, Model
 from mcnav.analysis.linearity import alone, together
+from mcnav.contract.linear import LinearModel
+from mcnav.contract.samples import SimulationResult
 from mcnav.errors import CampaignError
 from mcnav.lincov.partials import Propagate
 from mcnav.sampling.designs import SamplingDesign
-from mcnav.scenarios.protocol import LinearModel, SimulationResult
 from mcnav.studies.linearity import linearity_study
 from mcnav.studies.start_times import check_start_time, checked_times, start_time_study
 from tests.conftest import campaign

@@ -86,8 +86,8 @@ def test_compiled_and_loaded_code_give_the_same_bits() -> None:
 
 
 INERTIAL = """
-from mcnav.scenarios.ins import Ins, Navigation
-from mcnav.scenarios.protocol import Batch
+from mcnav.systems.ins.scenario import Ins, Navigation
+from mcnav.contract.samples import Batch
 from tests.cross.test_ins_aided import END, SIGMAS, START, WALK, draw, scenario
 from tests.flights import flight
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from mcnav.lincov.covariance import propagated_covariance
-from mcnav.physics.reentry.ensemble.kernel import simulate_ensemble
-from mcnav.physics.reentry.ensemble.refinement import refined_grid
-from mcnav.physics.reentry.instruments import Error, measured_force
-from mcnav.scenarios.reentry import Reentry
+from mcnav.systems.reentry.ensemble.kernel import simulate_ensemble
+from mcnav.systems.reentry.ensemble.refinement import refined_grid
+from mcnav.systems.reentry.instruments import Error, measured_force
+from mcnav.systems.reentry.scenario import Reentry
 from tests.conftest import SIZES, reentry
 
 Draw = Callable[[int, float], np.ndarray]

@@ -11,16 +11,17 @@ import pytest
 from scipy import stats
 
 from mcnav._types import Array
-from mcnav.physics.ins import aided_ensemble
-from mcnav.physics.ins.aided_ensemble import simulate_aided
-from mcnav.physics.ins.aiding import Sensor
-from mcnav.physics.ins.filter_lanes import BEYOND, INDEFINITE
-from mcnav.physics.ins.instruments import Imu, Noise
-from mcnav.physics.vectors import room
-from mcnav.scenarios import aided
-from mcnav.scenarios.aided import WORDS, AidedEngine, AidedReferenceEngine
-from mcnav.scenarios.ins import Ins, Navigation
-from mcnav.scenarios.protocol import Batch, SimulationResult, StochasticEngine
+from mcnav.compiled.vectors import room
+from mcnav.contract.engine import StochasticEngine
+from mcnav.contract.samples import Batch, SimulationResult
+from mcnav.systems.ins import aided
+from mcnav.systems.ins.aided import WORDS, AidedEngine, AidedReferenceEngine
+from mcnav.systems.ins.ensemble import aided as aided_ensemble
+from mcnav.systems.ins.ensemble.aided import simulate_aided
+from mcnav.systems.ins.ensemble.filters import BEYOND, INDEFINITE
+from mcnav.systems.ins.imu.instruments import Imu, Noise
+from mcnav.systems.ins.scenario import Ins, Navigation
+from mcnav.systems.ins.sensors.aiding import Sensor
 from tests.aided import make_filter, make_sensor, sized
 from tests.flights import flight
 

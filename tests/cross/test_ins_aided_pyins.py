@@ -21,12 +21,12 @@ from scipy.spatial.transform import Rotation
 
 import tests.stored_pyins  # noqa: F401
 from mcnav._types import Array
-from mcnav.physics.ins.aided_mechanization import AidedMechanization
-from mcnav.physics.ins.earth import WGS84, local_axes
-from mcnav.physics.ins.error_filter import Beliefs, FilterModel
-from mcnav.physics.ins.instruments import CONSTANTS, OUTPUTS, Imu, Noise
-from mcnav.physics.ins.navigation_errors import EarthFixedStates, indicated_state, navigation_errors
-from mcnav.physics.ins.sample_noise import SampleNoise
+from mcnav.systems.ins.earth import WGS84, local_axes
+from mcnav.systems.ins.filter.model import Beliefs, FilterModel
+from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, Imu, Noise
+from mcnav.systems.ins.imu.sample_noise import SampleNoise
+from mcnav.systems.ins.reference.aided import AidedMechanization
+from mcnav.systems.ins.reference.navigation_errors import EarthFixedStates, indicated_state, navigation_errors
 from tests.every_sensor import DEG_PER_HOUR, MICRO_G, gnss
 from tests.flights import flight
 

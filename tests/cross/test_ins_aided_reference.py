@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 
 from mcnav._types import Array
-from mcnav.physics.ins.aided_ensemble import GivenNoise, simulate_aided
-from mcnav.physics.ins.aided_mechanization import AidedMechanization
-from mcnav.physics.ins.aiding import Sensor, aiding_constants
-from mcnav.physics.ins.closed_loop import close_loop, propagate_closed_loop
-from mcnav.physics.ins.error_filter import FilterModel
-from mcnav.physics.ins.instruments import CONSTANTS, Imu, Noise
-from mcnav.physics.ins.truth import Platform
-from mcnav.scenarios.aided import AidedReferenceEngine, filter_schema
-from mcnav.scenarios.filter_record import FilterSchema
-from mcnav.scenarios.ins import Ins, Navigation
+from mcnav.contract.filter_record import FilterSchema
+from mcnav.systems.ins.aided import AidedReferenceEngine, filter_schema
+from mcnav.systems.ins.ensemble.aided import GivenNoise, simulate_aided
+from mcnav.systems.ins.filter.model import FilterModel
+from mcnav.systems.ins.imu.instruments import CONSTANTS, Imu, Noise
+from mcnav.systems.ins.linear.closed_loop import close_loop, propagate_closed_loop
+from mcnav.systems.ins.reference.aided import AidedMechanization
+from mcnav.systems.ins.scenario import Ins, Navigation
+from mcnav.systems.ins.sensors.aiding import Sensor, aiding_constants
+from mcnav.systems.ins.truth.trajectory import Platform
 from tests.every_sensor import SIZES, UNIT, components, drawn, every_sensor, matched
 from tests.flights import flight
 

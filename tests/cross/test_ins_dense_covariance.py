@@ -16,15 +16,15 @@ import pytest
 
 from mcnav._types import Array
 from mcnav.config.read import parse_campaign
-from mcnav.physics.ins.aided_ensemble import GivenNoise, simulate_aided
-from mcnav.physics.ins.aided_mechanization import AidedMechanization
-from mcnav.physics.ins.covariance import biased_processes, output_map
-from mcnav.physics.ins.earth import WGS84, local_axes
-from mcnav.physics.ins.instruments import AXES, CONSTANTS, CROSS_AXES, GYRO, Imu, Noise
-from mcnav.physics.ins.sample_noise import SampleNoise
-from mcnav.physics.ins.truth import Platform, Truth
-from mcnav.scenarios.aided import AidedReferenceEngine
-from mcnav.scenarios.ins import Ins, Navigation
+from mcnav.systems.ins.aided import AidedReferenceEngine
+from mcnav.systems.ins.earth import WGS84, local_axes
+from mcnav.systems.ins.ensemble.aided import GivenNoise, simulate_aided
+from mcnav.systems.ins.imu.instruments import AXES, CONSTANTS, CROSS_AXES, GYRO, Imu, Noise
+from mcnav.systems.ins.imu.sample_noise import SampleNoise
+from mcnav.systems.ins.linear.covariance import biased_processes, output_map
+from mcnav.systems.ins.reference.aided import AidedMechanization
+from mcnav.systems.ins.scenario import Ins, Navigation
+from mcnav.systems.ins.truth.trajectory import Platform, Truth
 from tests.aided import make_filter, make_sensor, sized
 
 END = 24.0
@@ -191,7 +191,7 @@ ROUNDING = np.repeat([4e-9, 1e-12, 1e-15], 3)
 """Of outputs of the reference engine, whose positions are earth-fixed ones of 6.4e6 m: m, m/s, rad."""
 
 ENSEMBLE = 3e-5
-"""Share of the largest response to which the ensemble's steps are settled, `mcnav.scenarios.aided.TOLERANCE`."""
+"""Share of the largest response to which the ensemble's steps are settled, `mcnav.systems.ins.aided.TOLERANCE`."""
 
 
 def of_kind(values: Array) -> Array:

@@ -15,16 +15,17 @@ from scipy import stats
 
 from mcnav._types import Array
 from mcnav.config.read import parse_campaign
+from mcnav.contract.engine import StochasticEngine
+from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.execution.chunks import simulate_batch
-from mcnav.physics.ins.ensemble import simulate_given, tabulate
-from mcnav.physics.ins.fine_noise import draw_noise
-from mcnav.physics.ins.instruments import CONSTANTS, Imu, Noise
-from mcnav.physics.ins.linear_noise import respond_from_rest
-from mcnav.physics.ins.mechanization import Mechanization, longest_step
-from mcnav.physics.ins.response import respond
-from mcnav.physics.ins.truth import Platform
-from mcnav.scenarios.ins import Ins, Navigation
-from mcnav.scenarios.protocol import Batch, SimulationResult, StochasticEngine
+from mcnav.systems.ins.ensemble.free import simulate_given, tabulate
+from mcnav.systems.ins.imu.fine_noise import draw_noise
+from mcnav.systems.ins.imu.instruments import CONSTANTS, Imu, Noise
+from mcnav.systems.ins.imu.linear_noise import respond_from_rest
+from mcnav.systems.ins.linear.response import respond
+from mcnav.systems.ins.reference.mechanization import Mechanization, longest_step
+from mcnav.systems.ins.scenario import Ins, Navigation
+from mcnav.systems.ins.truth.trajectory import Platform
 from tests.flights import flight
 
 DEG_PER_HOUR = np.radians(1.0) / 3600.0

@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 
 from mcnav._types import Array
-from mcnav.config.aiding import SENSOR_TYPES
 from mcnav.config.read import parse_campaign
-from mcnav.config.sensors import SensorType
 from mcnav.errors import CampaignError
-from mcnav.physics.ins import measurements
-from mcnav.physics.ins.aided_mechanization import AidedMechanization
-from mcnav.physics.ins.aiding import COMPONENTS, Component, Quantity, Sensor
-from mcnav.physics.ins.instruments import CONSTANTS, Imu, Noise
-from mcnav.physics.ins.measurements import KINDS, check_kinds, measure
-from mcnav.physics.ins.update_lanes import INNOVATED
-from mcnav.scenarios.aided import AidedNavigation
-from mcnav.scenarios.aiding_sources import UNITS
-from mcnav.scenarios.ins import Navigation
+from mcnav.systems.ins.aided import AidedNavigation
+from mcnav.systems.ins.ensemble.updates import INNOVATED
+from mcnav.systems.ins.imu.instruments import CONSTANTS, Imu, Noise
+from mcnav.systems.ins.reference.aided import AidedMechanization
+from mcnav.systems.ins.scenario import Navigation
+from mcnav.systems.ins.sensors import measurements
+from mcnav.systems.ins.sensors.aiding import COMPONENTS, Component, Quantity, Sensor
+from mcnav.systems.ins.sensors.measurements import KINDS, check_kinds, measure
+from mcnav.systems.ins.sensors.sources import UNITS
+from mcnav.systems.ins.tables.aiding import SENSOR_TYPES
+from mcnav.systems.ins.tables.sensors import SensorType
 from tests.aided import make_filter, make_sensor, sized
 from tests.flights import flight
 from tests.unit.config.test_aiding import described
@@ -95,7 +95,7 @@ def test_a_campaign_with_such_a_sensor_is_one_line(magnetometer: Sensor, monkeyp
     with pytest.raises(CampaignError) as wrong:
         parse_campaign(described(entry), "mine.toml", "mine")
     assert str(wrong.value) == (
-        "mine.toml: aiding #1.type: got 'magnetometer'; mcnav.physics.ins.measurements has no equations for "
+        "mine.toml: aiding #1.type: got 'magnetometer'; mcnav.systems.ins.sensors.measurements has no equations for "
         "magnetic_field"
     )
 

@@ -17,10 +17,10 @@ from scipy.spatial.transform import Rotation
 
 import tests.stored_pyins  # noqa: F401
 from mcnav._types import Array
-from mcnav.physics.ins.earth import WGS84, local_axes
-from mcnav.physics.ins.instruments import ACCELEROMETER, CONSTANTS, GYRO, OUTPUTS
-from mcnav.physics.ins.mechanization import Mechanization
-from mcnav.physics.ins.navigation_errors import EarthFixedStates, indicated_state, navigation_errors
+from mcnav.systems.ins.earth import WGS84, local_axes
+from mcnav.systems.ins.imu.instruments import ACCELEROMETER, CONSTANTS, GYRO, OUTPUTS
+from mcnav.systems.ins.reference.mechanization import Mechanization
+from mcnav.systems.ins.reference.navigation_errors import EarthFixedStates, indicated_state, navigation_errors
 from tests.flights import flight
 
 START, END, INTERVAL = 400.0, 1000.0, 20.0

@@ -12,10 +12,10 @@ from scipy import stats
 from scipy.linalg import expm
 
 from mcnav._types import Array
-from mcnav.physics.ins.earth import WGS84, local_axes
-from mcnav.physics.ins.fine_noise import draw_noise
-from mcnav.physics.ins.instruments import CONSTANTS, OUTPUTS, Imu, Noise
-from mcnav.physics.ins.mechanization import Mechanization
+from mcnav.systems.ins.earth import WGS84, local_axes
+from mcnav.systems.ins.imu.fine_noise import draw_noise
+from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, Imu, Noise
+from mcnav.systems.ins.reference.mechanization import Mechanization
 from tests.flights import rest
 
 DEG_PER_HOUR = np.radians(1.0) / 3600.0

@@ -10,13 +10,13 @@ from filterpy.stats import NEES
 from scipy import optimize, stats
 
 from mcnav.analysis.comparison import Criterion, Model, compare
+from mcnav.contract.samples import SimulationResult
 from mcnav.lincov.covariance import propagated_covariance
 from mcnav.lincov.sobol import POINTS, REPLICATES, estimate_sobol_indices
 from mcnav.lincov.unscented import unscented_covariance
 from mcnav.sampling.distributions import Distribution, Normal, StudentT, Triangular, TruncatedNormal, Uniform
 from mcnav.sampling.error_model import ErrorModel
 from mcnav.sampling.sobol_net import scrambled_net
-from mcnav.scenarios.protocol import SimulationResult
 from mcnav.statistics.estimates import blocked_mean
 from tests.conftest import campaign, reentry
 

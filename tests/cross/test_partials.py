@@ -14,11 +14,11 @@ from mcnav.lincov.partials import (
     partials_by_independent_sets,
     partials_from_runs,
 )
-from mcnav.physics.reentry.adjoint import sweep
-from mcnav.physics.reentry.instruments import Error
-from mcnav.physics.reentry.linearized import linearize
-from mcnav.scenarios.reentry import Reentry
-from mcnav.scenarios.table_i import COLUMNS, ERRORS, among_all
+from mcnav.systems.reentry.adjoint import sweep
+from mcnav.systems.reentry.instruments import Error
+from mcnav.systems.reentry.linearized import linearize
+from mcnav.systems.reentry.scenario import Reentry
+from mcnav.systems.reentry.table_i import COLUMNS, ERRORS, among_all
 from tests.conftest import SIZES, reentry
 
 AGREEMENT = 1e-5

@@ -10,25 +10,25 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mcnav.contract.engine import TimeHistoryEngine
 from mcnav.lincov.partials import partials_throughout
-from mcnav.physics.integration import Diverged, integrate
-from mcnav.physics.reentry.instruments import Error as PlanarError
-from mcnav.physics.reentry.instruments import indicated_force, measured_force
-from mcnav.physics.reentry.truth import motion
-from mcnav.physics.steady.ensemble import ORDER, simulate_ensemble, simulate_histories
-from mcnav.physics.steady.linearized import linearize
-from mcnav.physics.steady.navigator import (
+from mcnav.numerics.integration import Diverged, integrate
+from mcnav.systems.reentry.instruments import Error as PlanarError
+from mcnav.systems.reentry.instruments import indicated_force, measured_force
+from mcnav.systems.reentry.truth import motion
+from mcnav.systems.steady.ensemble import ORDER, simulate_ensemble, simulate_histories
+from mcnav.systems.steady.linearized import linearize
+from mcnav.systems.steady.navigator import (
     STEEPEST,
     TOLERANCES,
     indicated_rates,
     indicated_start,
     simulate_indicated,
 )
-from mcnav.physics.steady.truth import Earth, Error, SteadyFlight
-from mcnav.reproduce.story_of_84_minutes.numbers import CROSS, RANGE, measured_period
-from mcnav.reproduce.story_of_84_minutes.schuler import schuler_period
-from mcnav.scenarios.protocol import TimeHistoryEngine
-from mcnav.scenarios.steady import SOURCES, TOLERANCE, Cruise, EnsembleEngine
+from mcnav.systems.steady.scenario import SOURCES, TOLERANCE, Cruise, EnsembleEngine
+from mcnav.systems.steady.truth import Earth, Error, SteadyFlight
+from mcnav.validation.reproduce.story_of_84_minutes.numbers import CROSS, RANGE, measured_period
+from mcnav.validation.reproduce.story_of_84_minutes.schuler import schuler_period
 
 SIZES = np.array([source.nominal for source in SOURCES])
 SPEED = 804.672
@@ -55,7 +55,7 @@ def _draws(count: int, multiple: float) -> np.ndarray:
 @settings(max_examples=50)
 @given(st.integers(0, 10_000), st.floats(0.0, 10_000.0))
 def test_in_the_plane_it_is_the_navigator_of_the_report(seed: int, time: float) -> None:
-    """NASA TN D-1772, eqs. (5)-(9), as `mcnav.physics.reentry.instruments` and `mcnav.physics.reentry.truth` have them,
+    """NASA TN D-1772, eqs. (5)-(9), as `mcnav.systems.reentry.instruments` and `mcnav.systems.reentry.truth` have them,
     to rounding."""
     random = np.random.default_rng(seed)
     flight = SteadyFlight(10e3, SPEED, 1.0, slaved=False)

@@ -20,7 +20,7 @@ if "--atheris" in sys.argv:  # what reads files is watched; compiled code must b
     import atheris  # type: ignore[import-not-found]
 
     package = Path(__file__).parents[2] / "mcnav"
-    compiled = [path for path in package.rglob("*.py") if "mcnav.physics.jit import" in path.read_text("utf-8")]
+    compiled = [path for path in package.rglob("*.py") if "mcnav.compiled.jit import" in path.read_text("utf-8")]
     left_out = [*compiled, package / "physics" / "jit.py"]
     names = [".".join(path.relative_to(package.parent).with_suffix("").parts) for path in left_out]
     with atheris.instrument_imports(include=["mcnav", "tomllib", "pint"], exclude=names):

@@ -57,10 +57,10 @@ class Case:
 
 CASES: Final = {
     "importing": Case(RUN, "free, reference", "mcnav.cli._prepare_process"),
-    "reading": Case(RUN, "aided", "mcnav.config.trajectory_file.read_whole"),
+    "reading": Case(RUN, "aided", "mcnav.systems.ins.tables.trajectory_file.read_whole"),
     "compiling": Case(RUN, "aided", "numba.core.typed_passes.type_inference_stage"),
-    "tabulating": Case(RUN, "aided", "mcnav.scenarios.aided.tabulate_aided"),
-    "in a finalizer": Case(RUN, "aided", "mcnav.scenarios.aided.tabulate_aided"),
+    "tabulating": Case(RUN, "aided", "mcnav.systems.ins.aided.tabulate_aided"),
+    "in a finalizer": Case(RUN, "aided", "mcnav.systems.ins.aided.tabulate_aided"),
     "first chunk": Case(RUN, "aided, summary", "mcnav.execution.chunks.simulate_batch"),
     "amid chunks": Case(RUN, "free", "mcnav.execution.chunks.simulate_batch", 2),
     "terminated": Case(RUN, "aided", "mcnav.execution.chunks.write_chunk", 2, signal.SIGTERM),
@@ -69,8 +69,8 @@ CASES: Final = {
     "lincov": Case(("lincov", "navigation.toml", "--out", "linear"), "aided", "mcnav.studies.lincov._linearize"),
     "sweep": Case(SWEEP, "free", "mcnav.studies.sweep_points.LinearPoints._answer", 2),
     "confirming": Case((*SWEEP, "--confirm", "2"), "free", "mcnav.execution.chunks.simulate_batch"),
-    "calibrate": Case(CALIBRATE, "free", "mcnav.calibration.trials._count"),
-    "calibrate, killed": Case(CALIBRATE, "free", "mcnav.calibration.trials._count", number=signal.SIGKILL),
+    "calibrate": Case(CALIBRATE, "free", "mcnav.validation.calibration.trials._count"),
+    "calibrate, killed": Case(CALIBRATE, "free", "mcnav.validation.calibration.trials._count", number=signal.SIGKILL),
 }
 
 

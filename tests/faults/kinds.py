@@ -15,8 +15,8 @@ from mcnav.config.templates import new_scenario
 from mcnav.execution.dask_cluster import connect
 from mcnav.execution.runner import ChunkExecutor
 from mcnav.progress import SILENT, Progress
-from mcnav.scenarios.aided import AidedReferenceEngine
 from mcnav.store import summaries
+from mcnav.systems.ins.aided import AidedReferenceEngine
 from mcnav.workflow.run import run_campaign
 from tests.conftest import TWO_ERRORS, content
 
@@ -154,5 +154,5 @@ def small_summaries(chunk: int) -> Iterator[None]:
 def _small_chunks() -> Iterator[None]:
     """Let chunks of the aided reference engine have two samples: a fifth of a second each."""
     small = partial(AidedReferenceEngine, chunk=KINDS["aided, reference"].chunk)
-    with patch("mcnav.scenarios.ins.AidedReferenceEngine", small):
+    with patch("mcnav.systems.ins.scenario.AidedReferenceEngine", small):
         yield

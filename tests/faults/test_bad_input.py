@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from mcnav.errors import MOST_NAMES, suggestion
-from mcnav.scenarios.reentry import SOURCES
+from mcnav.systems.reentry.scenario import SOURCES
 from tests.commands import in_process
 from tests.conftest import ROOT
 

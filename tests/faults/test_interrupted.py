@@ -17,9 +17,9 @@ import pytest
 from joblib import Parallel, delayed
 
 from mcnav._subprocess import side_threads
+from mcnav.contract.samples import SimulationResult
 from mcnav.execution.processes import IsolatedEngine, end_workers
-from mcnav.scenarios.protocol import SimulationResult
-from mcnav.scenarios.timeouts import Stopped, within_limit
+from mcnav.systems.timeouts import Stopped, within_limit
 from tests.conftest import ROOT, campaign
 from tests.faults.scenarios import OnAdvance, command, environment
 from tests.processes import LONG, run_to_end, wait_for

@@ -14,10 +14,10 @@ from unittest.mock import patch
 import pytest
 
 from mcnav.config.read import read_campaign
+from mcnav.entries import inputs
+from mcnav.entries.inputs import content_of
 from mcnav.errors import CampaignError, RunFolderError
 from mcnav.files import read_whole
-from mcnav.scenarios import inputs
-from mcnav.scenarios.inputs import content_of
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.prepare import prepare_system
 from mcnav.workflow.trajectory import describe_campaign
@@ -101,7 +101,7 @@ def test_a_trajectory_that_changes_while_it_is_read(tmp_path: Path) -> None:
     campaign, file = write_navigation(tmp_path, KIND), tmp_path / "flight.csv"
     write_csv(file, flight(SECONDS, rate=2.5))  # not among the trajectories read last
     with (
-        patch("mcnav.config.trajectory_file.read_whole", changing(file, read_whole)),
+        patch("mcnav.systems.ins.tables.trajectory_file.read_whole", changing(file, read_whole)),
         pytest.raises(CampaignError, match=r"flight\.csv: has changed while it was read; run the command again"),
     ):
         read_campaign(campaign)
@@ -109,7 +109,7 @@ def test_a_trajectory_that_changes_while_it_is_read(tmp_path: Path) -> None:
     (record,) = RunFolder(tmp_path / "run").existing_manifest().files
     assert record.sha256 == hashlib.sha256(file.read_bytes()).hexdigest()
     with (
-        patch("mcnav.config.trajectory_file.read_whole", changing(file, read_whole)),
+        patch("mcnav.systems.ins.tables.trajectory_file.read_whole", changing(file, read_whole)),
         pytest.raises(CampaignError, match=r"scenario\.trajectory: .*flight\.csv: has changed while it was read"),
     ):
         describe_campaign(campaign)

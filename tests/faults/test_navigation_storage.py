@@ -13,10 +13,10 @@ from unittest.mock import patch
 
 import pytest
 
+from mcnav.contract.samples import SimulationResult
 from mcnav.errors import RunFolderBusy, RunFolderError
-from mcnav.scenarios.aided import AidedEngine
-from mcnav.scenarios.ins import ReferenceEngine
-from mcnav.scenarios.protocol import SimulationResult
+from mcnav.systems.ins.aided import AidedEngine
+from mcnav.systems.ins.scenario import ReferenceEngine
 from mcnav.workflow.analyse import report_run, samples_of, summary_of
 from tests.commands import invoke
 from tests.faults.kinds import small_summaries

@@ -15,7 +15,7 @@ COMPILERS: Final = (
     "compiled", "allocation_free", "allocation_free_part", "allocation_free_uncontracted", "uncontracted",
     "reduced_math", "inlined",
 )  # fmt: skip
-"""Decorators of `mcnav.physics.jit`."""
+"""Decorators of `mcnav.compiled.jit`."""
 
 
 @dataclass

@@ -12,7 +12,7 @@ from tests.mutation import ROOT
 from tests.mutation.references import Node
 
 STAMPED: Final = "stored._source_stamp = (*stored._source_stamp, sources_digest())"
-"""Line of `mcnav.physics.jit` by which a change of any file makes all compiled code invalid."""
+"""Line of `mcnav.compiled.jit` by which a change of any file makes all compiled code invalid."""
 
 
 def copy_tree(to: Path) -> None:

@@ -7,12 +7,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mcnav.lincov.covariance import propagated_covariance
-from mcnav.physics.reentry.ensemble.grid import shared_grid
-from mcnav.physics.reentry.ensemble.kernel import simulate_ensemble
-from mcnav.physics.reentry.instruments import Error
-from mcnav.physics.reentry.navigator import simulate_indicated
 from mcnav.sampling.error_model import ErrorModel
-from mcnav.scenarios.reentry import OUTPUTS, SOURCES
+from mcnav.systems.reentry.ensemble.grid import shared_grid
+from mcnav.systems.reentry.ensemble.kernel import simulate_ensemble
+from mcnav.systems.reentry.instruments import Error
+from mcnav.systems.reentry.navigator import simulate_indicated
+from mcnav.systems.reentry.scenario import OUTPUTS, SOURCES
 from mcnav.units import quantity
 from tests.conftest import SIZES, reentry, response
 

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mcnav.reproduce.tn_d1772.printed import NAMES, TO_PRINTED
-from mcnav.reproduce.tn_d1772.printed import final_errors as printed_errors
-from mcnav.reproduce.tn_d1772.tables import propagator
-from mcnav.scenarios.table_i import ERRORS
+from mcnav.systems.reentry.table_i import ERRORS
+from mcnav.validation.reproduce.tn_d1772.printed import NAMES, TO_PRINTED
+from mcnav.validation.reproduce.tn_d1772.printed import final_errors as printed_errors
+from mcnav.validation.reproduce.tn_d1772.tables import propagator
 from tests.conftest import TRAJECTORIES, reentry
 
 ENGINES = ("ensemble", "reference")

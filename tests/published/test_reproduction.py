@@ -10,9 +10,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from mcnav.reproduce.tn_d1772 import page
-from mcnav.reproduce.tn_d1772.printed import SUMS, final_errors, sums
-from mcnav.reproduce.tn_d1772.tables import CASES, CONTRADICTIONS, SUM_NAMES, Cell, Mark, table_i_scenario
+from mcnav.validation.reproduce.tn_d1772 import page
+from mcnav.validation.reproduce.tn_d1772.printed import SUMS, final_errors, sums
+from mcnav.validation.reproduce.tn_d1772.tables import CASES, CONTRADICTIONS, SUM_NAMES, Cell, Mark, table_i_scenario
 from tests.conftest import ROOT
 from tests.reproduction import Reproduction
 from tests.tables import assert_same_tables

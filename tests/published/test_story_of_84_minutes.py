@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from mcnav.physics.steady.truth import Error
-from mcnav.reproduce.story_of_84_minutes import page as story_page
-from mcnav.reproduce.story_of_84_minutes.numbers import (
+from mcnav.systems.steady.truth import Error
+from mcnav.validation.reproduce.story_of_84_minutes import page as story_page
+from mcnav.validation.reproduce.story_of_84_minutes.numbers import (
     HEIGHT,
     PERIOD,
     RADIUS,
@@ -21,7 +21,7 @@ from mcnav.reproduce.story_of_84_minutes.numbers import (
     hovering,
     simulated,
 )
-from mcnav.reproduce.story_of_84_minutes.schuler import hover
+from mcnav.validation.reproduce.story_of_84_minutes.schuler import hover
 from tests.conftest import ROOT
 
 PRINTED = {

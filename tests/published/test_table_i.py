@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 
 from mcnav.constants import EARTH_RADIUS, EARTH_RATE
-from mcnav.physics.reentry.truth import airspeed_and_angle, fly_truth
-from mcnav.physics.reentry.vehicle import Vehicle
-from mcnav.reproduce.tn_d1772.printed import trajectories
-from mcnav.scenarios.table_i import (
+from mcnav.systems.reentry.table_i import (
     ANGLE_TOLERANCE,
     START_AIRSPEED,
     START_ANGLES,
@@ -20,6 +17,9 @@ from mcnav.scenarios.table_i import (
     start_at_angle,
     start_state,
 )
+from mcnav.systems.reentry.truth import airspeed_and_angle, fly_truth
+from mcnav.systems.reentry.vehicle import Vehicle
+from mcnav.validation.reproduce.tn_d1772.printed import trajectories
 from tests.conftest import TRAJECTORIES, reentry
 
 SOLVED_FOR_RANGE = (4, 6)

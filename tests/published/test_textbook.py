@@ -10,9 +10,9 @@ import pandas as pd
 import pytest
 from scipy.linalg import solve_discrete_are
 
-from mcnav.reproduce.textbook import closed_forms, page
-from mcnav.reproduce.textbook.free import SHORT
-from mcnav.reproduce.textbook.numbers import SOURCES, Agreement, Number
+from mcnav.validation.reproduce.textbook import closed_forms, page
+from mcnav.validation.reproduce.textbook.free import SHORT
+from mcnav.validation.reproduce.textbook.numbers import SOURCES, Agreement, Number
 from tests.commands import invoke
 from tests.conftest import ROOT
 from tests.scalar_filter import steady_variance, true_variance

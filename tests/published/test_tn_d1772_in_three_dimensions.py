@@ -14,9 +14,9 @@ import pytest
 from mcnav._types import Array
 from mcnav.config.read import parse_campaign
 from mcnav.constants import EARTH_RADIUS, GRAVITATIONAL_PARAMETER
-from mcnav.physics.ins.instruments import CONSTANTS, OUTPUTS
-from mcnav.scenarios.ins import Ins
-from mcnav.scenarios.protocol import Scenario
+from mcnav.contract.scenario import Scenario
+from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS
+from mcnav.systems.ins.scenario import Ins
 
 SPHERE = {
     "radius": f"{EARTH_RADIUS} m",

@@ -8,12 +8,12 @@ import pytest
 from mcnav._types import Array
 from mcnav.config.read import parse_campaign
 from mcnav.constants import EARTH_RADIUS, GRAVITATIONAL_PARAMETER
-from mcnav.physics.ins.instruments import CONSTANTS, OUTPUTS
-from mcnav.reproduce.tn_d1772.globe import ACROSS, ALTITUDE, RESULTS, STARS, TRACKING, draw, simulate
-from mcnav.reproduce.tn_d1772.in_three_dimensions import ACCELEROMETERS, _joined, _until, example, spread
-from mcnav.reproduce.tn_d1772.tables import table_i_scenario
-from mcnav.scenarios.ins import Ins
-from mcnav.scenarios.table_i import ALL_ERRORS
+from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS
+from mcnav.systems.ins.scenario import Ins
+from mcnav.systems.reentry.table_i import ALL_ERRORS
+from mcnav.validation.reproduce.tn_d1772.globe import ACROSS, ALTITUDE, RESULTS, STARS, TRACKING, draw, simulate
+from mcnav.validation.reproduce.tn_d1772.in_three_dimensions import ACCELEROMETERS, _joined, _until, example, spread
+from mcnav.validation.reproduce.tn_d1772.tables import table_i_scenario
 
 
 @pytest.mark.parametrize("minutes", [-np.inf, -25.0, 0.0])

@@ -12,9 +12,12 @@ import pytest
 from mcnav.analysis.comparison import Criterion
 from mcnav.analysis.filter_assessment import assess_filter
 from mcnav.analysis.requirements import error_sizes
-from mcnav.calibration import page
-from mcnav.calibration.cells import Cell, Tally
-from mcnav.calibration.filter_trials import (
+from mcnav.config.read import parse_campaign
+from mcnav.contract.engine import StochasticEngine
+from mcnav.store.run_folder import RunFolder
+from mcnav.validation.calibration import page
+from mcnav.validation.calibration.cells import Cell, Tally
+from mcnav.validation.calibration.filter_trials import (
     CANCELLING,
     MATCHED,
     ONE,
@@ -23,25 +26,22 @@ from mcnav.calibration.filter_trials import (
     TOLERATED,
     run_filter_trials,
 )
-from mcnav.calibration.kalman_trials import CAUSES, run_kalman_trials
-from mcnav.calibration.kalman_trials import SYSTEMS as KALMAN_SYSTEMS
-from mcnav.calibration.navigation_trials import (
+from mcnav.validation.calibration.kalman_trials import CAUSES, run_kalman_trials
+from mcnav.validation.calibration.kalman_trials import SYSTEMS as KALMAN_SYSTEMS
+from mcnav.validation.calibration.navigation_trials import (
     NEGLECTING,
     description,
     evidence,
     prepared,
     run_navigation_trials,
 )
-from mcnav.calibration.noise_systems import NOISY_SYSTEMS
-from mcnav.calibration.noise_trials import DETECTABLE, run_noise_trials
-from mcnav.calibration.systems import CORRUPTION, SYSTEMS
-from mcnav.calibration.table import rates
-from mcnav.calibration.tail_trials import REQUIREMENTS, run_tail_trials, true_quantile
-from mcnav.calibration.tail_trials import SYSTEMS as GROWING
-from mcnav.calibration.trials import SOURCES, run_trials
-from mcnav.config.read import parse_campaign
-from mcnav.scenarios.protocol import StochasticEngine
-from mcnav.store.run_folder import RunFolder
+from mcnav.validation.calibration.noise_systems import NOISY_SYSTEMS
+from mcnav.validation.calibration.noise_trials import DETECTABLE, run_noise_trials
+from mcnav.validation.calibration.systems import CORRUPTION, SYSTEMS
+from mcnav.validation.calibration.table import rates
+from mcnav.validation.calibration.tail_trials import REQUIREMENTS, run_tail_trials, true_quantile
+from mcnav.validation.calibration.tail_trials import SYSTEMS as GROWING
+from mcnav.validation.calibration.trials import SOURCES, run_trials
 from mcnav.workflow.analyse import filter_evidence
 from mcnav.workflow.run import run_campaign
 from tests.conftest import ROOT

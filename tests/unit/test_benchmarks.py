@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mcnav.physics.reentry.ensemble.grid import shared_grid
-from mcnav.physics.reentry.instruments import Error
-from mcnav.physics.reentry.navigator import joint_rates as rates_of_mcnav
+from mcnav.systems.reentry.ensemble.grid import shared_grid
+from mcnav.systems.reentry.instruments import Error
+from mcnav.systems.reentry.navigator import joint_rates as rates_of_mcnav
 from tests.benchmarks import growth, install, machine, readme, stages
 from tests.benchmarks.build import case_of, disagreement, scenario_of
 from tests.benchmarks.case import ERROR_UNITS, LENGTH, SPEED, TIME, Case, load

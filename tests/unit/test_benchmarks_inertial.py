@@ -17,7 +17,7 @@ import pytest
 
 import tests.stored_pyins  # noqa: F401
 from mcnav._types import Array
-from mcnav.scenarios.ins import Ins
+from mcnav.systems.ins.scenario import Ins
 from tests.benchmarks import machine, readme
 from tests.benchmarks.inertial import bounds, compare, engines, growth
 from tests.benchmarks.inertial.build import case_of, own_sigma, reference_of

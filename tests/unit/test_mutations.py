@@ -71,8 +71,8 @@ def test_a_seed_chooses_the_same_mutants() -> None:
 def test_compiled_code_that_holds_a_definition_is_found_through_its_callers() -> None:
     """Gravitation is part of the steps of both ensembles; a check of rows is part of nothing compiled."""
     references = read_references(ROOT, ("mcnav/physics/ins",))
-    after = references.compiled_after(("mcnav/physics/ins/earth.py", "gravitation"))
-    assert ("mcnav/physics/ins/ensemble.py", "_run") in after
-    assert ("mcnav/physics/ins/aided_ensemble.py", "_run") in after
-    assert ("mcnav/physics/ins/filter_lanes.py", "factor_innovations") not in after
-    assert references.compiled_after(("mcnav/physics/ins/rows.py", "LARGEST_GAP")) == set()
+    after = references.compiled_after(("mcnav/systems/ins/earth.py", "gravitation"))
+    assert ("mcnav/systems/ins/ensemble/free.py", "_run") in after
+    assert ("mcnav/systems/ins/ensemble/aided.py", "_run") in after
+    assert ("mcnav/systems/ins/ensemble/filters.py", "factor_innovations") not in after
+    assert references.compiled_after(("mcnav/systems/ins/truth/rows.py", "LARGEST_GAP")) == set()

@@ -10,10 +10,10 @@ import pytest
 
 from mcnav._recent import Recent
 from mcnav.config.read import read_campaign
-from mcnav.physics.ins.instruments import Imu, Noise
-from mcnav.physics.ins.recent_responses import recent_responses
-from mcnav.physics.ins.response import respond
-from mcnav.scenarios.ins import Ins, Navigation
+from mcnav.systems.ins.imu.instruments import Imu, Noise
+from mcnav.systems.ins.linear.recent_responses import recent_responses
+from mcnav.systems.ins.linear.response import respond
+from mcnav.systems.ins.scenario import Ins, Navigation
 
 FLIGHT = Path(__file__).parents[2] / "campaigns" / "15_flight_navigation_grade.toml"
 

@@ -13,13 +13,13 @@ from mcnav.config.json_schema.models import of_model
 from mcnav.config.json_schema.nodes import Node, by_type, choice, first_of, narrowed, suggested
 from mcnav.config.json_schema.sensors import aiding_schema, error_pattern
 from mcnav.config.json_schema.trajectories import columns_schema, trajectory_schema
-from mcnav.config.scenarios import SCENARIO_TYPES, USER
 from mcnav.config.schema import CampaignTable, UntilTable
 from mcnav.config.stopping import QUANTITIES
-from mcnav.scenarios.ins import NAVIGATION_ERRORS
-from mcnav.scenarios.protocol import Output, Source
-from mcnav.scenarios.reentry import OUTPUTS as REENTRY_OUTPUTS
-from mcnav.scenarios.steady import OUTPUTS as STEADY_OUTPUTS
+from mcnav.contract.quantities import Output, Source
+from mcnav.systems.ins.scenario import NAVIGATION_ERRORS
+from mcnav.systems.reentry.scenario import OUTPUTS as REENTRY_OUTPUTS
+from mcnav.systems.registry import SCENARIO_TYPES, USER
+from mcnav.systems.steady.scenario import OUTPUTS as STEADY_OUTPUTS
 
 DRAFT: Final = "http://json-schema.org/draft-07/schema#"
 """Version of JSON schema that TOML language servers know."""

@@ -10,7 +10,7 @@ from mcnav.config.empirical import SCIPY, TABLE
 from mcnav.config.json_schema.nodes import Node, by_type, choice, quantity, reference, table
 from mcnav.config.json_schema.sensors import error_patterns
 from mcnav.config.sources import DISTRIBUTIONS, OWN_UNIT
-from mcnav.scenarios.protocol import Source
+from mcnav.contract.quantities import Source
 from mcnav.units import conversion, dimension_of
 
 KEYS: Final = {

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from mcnav.config.filter import ALWAYS, FilterTable
 from mcnav.config.json_schema.instruments import imu_schema
 from mcnav.config.json_schema.models import of_model
 from mcnav.config.json_schema.nodes import Node, every, quantity, suggested, table
 from mcnav.config.json_schema.sensors import believed_sensors, error_pattern, error_patterns
-from mcnav.physics.ins.error_filter import estimated_kinds
-from mcnav.physics.ins.instruments import ACCELEROMETER, GYRO
-from mcnav.scenarios.ins import SOURCES
+from mcnav.systems.ins.filter.model import estimated_kinds
+from mcnav.systems.ins.imu.instruments import ACCELEROMETER, GYRO
+from mcnav.systems.ins.scenario import SOURCES
+from mcnav.systems.ins.tables.filter import ALWAYS, FilterTable
 
 
 def filter_schema() -> Node:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from mcnav.config.imu_catalogue import INSTABILITY, KINDS, catalogue_units
 from mcnav.config.json_schema.axes import by_axes
 from mcnav.config.json_schema.nodes import Node, choice, table
-from mcnav.config.quantization import QUANTIZATION
-from mcnav.physics.ins.instruments import AXES, CROSS_AXES
+from mcnav.systems.ins.imu.instruments import AXES, CROSS_AXES
+from mcnav.systems.ins.tables.imu_catalogue import INSTABILITY, KINDS, catalogue_units
+from mcnav.systems.ins.tables.quantization import QUANTIZATION
 
 MEANINGS: Final[Mapping[str, str]] = {
     "bias": "Sigma of the constant bias.",

@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from mcnav.config.json_schema.nodes import BOUNDS, Node, by_type, choice, quantity
-from mcnav.config.schema import UNIT
+from mcnav.entries.quantities import UNIT
 
 
 def of_model(model: type[BaseModel]) -> Node:

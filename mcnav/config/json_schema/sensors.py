@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Final
 
-from mcnav.config.aiding import MOST_SENSORS, NAME
-from mcnav.config.filter import GATE
-from mcnav.config.instants import MOST_OUTAGES
 from mcnav.config.json_schema.axes import by_axes
 from mcnav.config.json_schema.nodes import Node, by_type, choice, quantity, table
-from mcnav.config.sensors import SENSOR_TYPES, SensorType
-from mcnav.physics.ins.aiding import COMPONENTS, SCALED
-from mcnav.physics.ins.instruments import AXES
-from mcnav.scenarios.aiding_sources import LEVER_ARM, SCALE_FACTOR, UNITS
+from mcnav.systems.ins.imu.instruments import AXES
+from mcnav.systems.ins.sensors.aiding import COMPONENTS, SCALED
+from mcnav.systems.ins.sensors.sources import LEVER_ARM, SCALE_FACTOR, UNITS
+from mcnav.systems.ins.tables.aiding import MOST_SENSORS, NAME
+from mcnav.systems.ins.tables.filter import GATE
+from mcnav.systems.ins.tables.instants import MOST_OUTAGES
+from mcnav.systems.ins.tables.sensors import SENSOR_TYPES, SensorType
 
 MEASURED: Final[Mapping[str, str]] = {
     "gnss": "Receiver of a satellite navigation system: position and velocity of its antenna, or one of them.",

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from mcnav.config.json_schema.models import of_model
 from mcnav.config.json_schema.nodes import Node, by_key
-from mcnav.config.segments import SEGMENTS
-from mcnav.config.trajectory_tables import TRAJECTORIES
-from mcnav.physics.ins.rows import COLUMNS
+from mcnav.systems.ins.tables.segments import SEGMENTS
+from mcnav.systems.ins.tables.trajectory_tables import TRAJECTORIES
+from mcnav.systems.ins.truth.rows import COLUMNS
 
 
 def trajectory_schema(description: str) -> Node:

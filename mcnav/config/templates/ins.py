@@ -12,21 +12,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcnav._types import Array
-from mcnav.config.aiding import MOST_SPEED
-from mcnav.config.context import FileContext
-from mcnav.config.files import is_inside
-from mcnav.config.imu import ALLAN_MINIMUM
-from mcnav.config.imu_catalogue import INSTABILITY, CatalogueUnit, catalogue_units
 from mcnav.config.json_schema.instruments import MEANINGS
 from mcnav.config.read import parse_campaign
-from mcnav.config.sensors import SENSOR_TYPES
 from mcnav.config.templates import fill_in, place_of, write_new
-from mcnav.config.trajectories import read_trajectory
-from mcnav.config.trajectory_file import read_trajectory_file
 from mcnav.constants import STANDARD_GRAVITY
+from mcnav.entries.context import FileContext
+from mcnav.entries.files import is_inside
 from mcnav.errors import CampaignError, Problem, suggestion
-from mcnav.physics.ins.earth import WGS84
-from mcnav.physics.ins.rows import TrajectoryError, TrajectoryRows
+from mcnav.systems.ins.earth import WGS84
+from mcnav.systems.ins.tables.aiding import MOST_SPEED
+from mcnav.systems.ins.tables.imu import ALLAN_MINIMUM
+from mcnav.systems.ins.tables.imu_catalogue import INSTABILITY, CatalogueUnit, catalogue_units
+from mcnav.systems.ins.tables.sensors import SENSOR_TYPES
+from mcnav.systems.ins.tables.trajectories import read_trajectory
+from mcnav.systems.ins.tables.trajectory_file import read_trajectory_file
+from mcnav.systems.ins.truth.rows import TrajectoryError, TrajectoryRows
 from mcnav.units import quantity
 
 Platform = Literal["strapdown", "inertial", "level"]

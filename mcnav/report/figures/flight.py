@@ -6,11 +6,11 @@ from typing import Final
 
 import numpy as np
 
+from mcnav.contract.history import History, Panel
 from mcnav.report.figures.figure import Figure
 from mcnav.report.figures.marks import Axis, Line, Rule, Series, axis, numbered
 from mcnav.report.figures.marks import Panel as Diagram
 from mcnav.report.figures.palette import LINEAR
-from mcnav.scenarios.protocol import History, Panel
 
 ONLY: Final = Series("flown", "flown", LINEAR)
 

@@ -10,12 +10,13 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.analysis.comparison import Comparison
+from mcnav.contract.history import StartClock
+from mcnav.contract.quantities import Output
 from mcnav.lincov.start_times import StartTimeStudy
 from mcnav.report.figures.figure import HALF, Figure
 from mcnav.report.figures.marks import Axis, Line, Mark, Panel, Points, Rule, Series, numbered
 from mcnav.report.figures.palette import FLOWN, INK, LINEAR
 from mcnav.report.model import humanize
-from mcnav.scenarios.protocol import Output, StartClock
 
 
 def start_axis(label: str) -> Axis:

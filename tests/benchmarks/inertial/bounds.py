@@ -16,13 +16,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from mcnav.physics.ins.ensemble import EnsembleTables
-from mcnav.physics.ins.instruments import process_sizes
-from mcnav.physics.ins.noise import IMU_STREAM, draw_normals
-from mcnav.physics.vectors import LANES, room
-from mcnav.scenarios.aided import AidedEngine
-from mcnav.scenarios.ins import EnsembleEngine
-from mcnav.scenarios.protocol import Batch
+from mcnav.compiled.vectors import LANES, room
+from mcnav.contract.samples import Batch
+from mcnav.systems.ins.aided import AidedEngine
+from mcnav.systems.ins.ensemble.free import EnsembleTables
+from mcnav.systems.ins.imu.instruments import process_sizes
+from mcnav.systems.ins.imu.variates import IMU_STREAM, draw_normals
+from mcnav.systems.ins.scenario import EnsembleEngine
 from tests.benchmarks.inertial.engines import PROBES, SEED
 from tests.benchmarks.inertial.flight import FREE, Setup, draws, read
 from tests.benchmarks.operations import rates

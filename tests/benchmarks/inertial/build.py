@@ -10,11 +10,11 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.config.read import read_campaign
-from mcnav.physics.ins.aided_mechanization import AidedMechanization
-from mcnav.physics.ins.collocation import WEIGHTS
-from mcnav.physics.ins.instruments import CONSTANTS
-from mcnav.physics.ins.sample_noise import SampleNoise
-from mcnav.scenarios.ins import Navigation
+from mcnav.systems.ins.imu.instruments import CONSTANTS
+from mcnav.systems.ins.imu.sample_noise import SampleNoise
+from mcnav.systems.ins.reference.aided import AidedMechanization
+from mcnav.systems.ins.reference.collocation import WEIGHTS
+from mcnav.systems.ins.scenario import Navigation
 from tests.benchmarks.inertial.case import READING, SEED, Case, pack
 from tests.benchmarks.inertial.flight import PEERS, Setup, draws, navigation_of, write_campaign
 

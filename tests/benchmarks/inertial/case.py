@@ -16,8 +16,8 @@ from typing import Any, Final
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.physics.ins.earth import WGS84
-from mcnav.physics.ins.navigation_errors import EarthFixedStates, indicated_state, navigation_errors
+from mcnav.systems.ins.earth import WGS84
+from mcnav.systems.ins.reference.navigation_errors import EarthFixedStates, indicated_state, navigation_errors
 
 READING: Final = 0.01
 """Interval between readings, s."""

@@ -17,14 +17,14 @@ from typing import Any, Final
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.contract.samples import Batch
 from mcnav.execution.memory import keep_freed_memory
-from mcnav.physics.ins.aided_ensemble import simulate_aided
-from mcnav.physics.ins.ensemble import simulate_given
-from mcnav.physics.ins.fine_noise import draw_noise
-from mcnav.physics.ins.linear_noise import respond_from_rest
-from mcnav.scenarios.aided import AidedEngine, AidedReferenceEngine
-from mcnav.scenarios.ins import EPOCHS, EnsembleEngine, ReferenceEngine
-from mcnav.scenarios.protocol import Batch
+from mcnav.systems.ins.aided import AidedEngine, AidedReferenceEngine
+from mcnav.systems.ins.ensemble.aided import simulate_aided
+from mcnav.systems.ins.ensemble.free import simulate_given
+from mcnav.systems.ins.imu.fine_noise import draw_noise
+from mcnav.systems.ins.imu.linear_noise import respond_from_rest
+from mcnav.systems.ins.scenario import EPOCHS, EnsembleEngine, ReferenceEngine
 from tests.benchmarks.inertial.compare import spread
 from tests.benchmarks.inertial.flight import FREE, Setup, draws, read
 from tests.benchmarks.timing import enough

@@ -17,7 +17,7 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.config.campaign import Campaign
 from mcnav.config.read import read_campaign
-from mcnav.scenarios.ins import Ins, Navigation
+from mcnav.systems.ins.scenario import Ins, Navigation
 from tests.flights import flight
 
 ROWS_PER_SECOND: Final = 1.0

@@ -9,7 +9,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final, TypeVar
 
-from mcnav.scenarios.ins import EPOCHS, EnsembleEngine
+from mcnav.systems.ins.scenario import EPOCHS, EnsembleEngine
 from tests.benchmarks.inertial.compare import spread
 from tests.benchmarks.inertial.engines import PROBES
 from tests.benchmarks.inertial.flight import (

@@ -10,11 +10,11 @@ import numpy as np
 
 from mcnav.lincov.polynomial import fit
 from mcnav.lincov.polynomial_engine import PolynomialEngine
-from mcnav.physics.reentry.ensemble.grid import shared_grid
-from mcnav.physics.reentry.ensemble.transition import linear_response
-from mcnav.physics.reentry.vehicle import Vehicle
-from mcnav.scenarios.reentry import ENSEMBLE_CHUNK, EnsembleEngine, Flight, Navigation, Reentry
-from mcnav.scenarios.table_i import ALL_ERRORS, TABLE_I, among_all
+from mcnav.systems.reentry.ensemble.grid import shared_grid
+from mcnav.systems.reentry.ensemble.transition import linear_response
+from mcnav.systems.reentry.scenario import ENSEMBLE_CHUNK, EnsembleEngine, Flight, Navigation, Reentry
+from mcnav.systems.reentry.table_i import ALL_ERRORS, TABLE_I, among_all
+from mcnav.systems.reentry.vehicle import Vehicle
 from tests.benchmarks.case import Case
 from tests.benchmarks.peer import Fly, Peer
 

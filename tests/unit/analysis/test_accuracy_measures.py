@@ -7,8 +7,9 @@ import pytest
 
 from mcnav.analysis.accuracy_measures import MeasureError, read_measure, requirement_measures, usual_measures
 from mcnav.analysis.requirements import Requirement
-from mcnav.scenarios.ins import NAVIGATION_ERRORS
-from mcnav.scenarios.protocol import CovarianceReadings, Output
+from mcnav.contract.linear import CovarianceReadings
+from mcnav.contract.quantities import Output
+from mcnav.systems.ins.scenario import NAVIGATION_ERRORS
 
 PLANE = (Output("range", "m", "km"), Output("cross_range", "m", "km"), Output("range_rate", "m/s", "m/s"))
 ROUND = CovarianceReadings(

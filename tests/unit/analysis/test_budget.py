@@ -11,14 +11,14 @@ import openturns as ot
 import pytest
 
 from mcnav.analysis.budget import error_budget, largest_sigmas
+from mcnav.contract.failure import Failure
+from mcnav.contract.samples import SimulationResult
 from mcnav.execution.chunks import PROBES
 from mcnav.lincov.partials import QUICK, SimulationFailed
 from mcnav.lincov.simulated_budget import simulate_each_source_alone, simulated_budgets
 from mcnav.lincov.sobol import estimate_sobol_indices
 from mcnav.sampling.distributions import Fixed, Normal, Uniform
 from mcnav.sampling.error_model import Correlation, ErrorModel
-from mcnav.scenarios.failure import Failure
-from mcnav.scenarios.protocol import SimulationResult
 
 NAMES = ["a", "b", "c", "d"]
 PARTIALS = np.array([[1.0, 2.0, 0.0, 3.0], [0.5, -1.0, 3.0, 0.0]])

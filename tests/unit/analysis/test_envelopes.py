@@ -12,9 +12,10 @@ from scipy import stats
 from mcnav._types import Array
 from mcnav.analysis.envelopes import Envelopes, envelopes_from
 from mcnav.analysis.filter_evidence import independent_share
-from mcnav.physics.power_sums import PowerSums
+from mcnav.contract.history import Epochs
+from mcnav.contract.quantities import Output
+from mcnav.numerics.power_sums import sum_powers_about_zero
 from mcnav.sampling.designs import SamplingDesign
-from mcnav.scenarios.protocol import Epochs, Output
 from mcnav.store.histories import epochs_table
 
 OUTPUTS = (Output("x", "m", "km"), Output("y", "rad", "mrad"))
@@ -26,7 +27,9 @@ def envelopes(histories: Array) -> Envelopes:
     count, instants, outputs = histories.shape
     epochs = Epochs("time [s]", np.arange(float(instants)), {})
     linear = np.zeros((instants, outputs)), np.tile(np.eye(outputs), (instants, 1, 1))
-    table = pq.read_table(io.BytesIO(epochs_table(epochs, OUTPUTS, PowerSums.about_zero(histories), linear, histories)))
+    table = pq.read_table(
+        io.BytesIO(epochs_table(epochs, OUTPUTS, sum_powers_about_zero(histories), linear, histories))
+    )
     described = {"events": {}, "samples": count, "stored": count}
     columns = {name: table.column(name).to_numpy() for name in table.column_names}
     return envelopes_from(columns, described, [{"name": each.name, "unit": each.unit} for each in OUTPUTS])

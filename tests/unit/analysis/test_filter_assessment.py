@@ -16,13 +16,13 @@ from mcnav.analysis.filter_decision import combine, decide, outputs_of
 from mcnav.analysis.filter_evidence import FilterEvidence, LinearFilter, MeanSquares
 from mcnav.analysis.filter_judgement import Rates, find
 from mcnav.analysis.filter_remarks import sentence
-from mcnav.calibration.filter_trials import OUTPUTS, SCHEMA, evidence
-from mcnav.physics.power_sums import PowerSums
+from mcnav.contract.filter_record import FilterSchema
+from mcnav.contract.quantities import Output
+from mcnav.numerics.power_sums import sum_powers_about_zero
 from mcnav.sampling.designs import SamplingDesign
-from mcnav.scenarios.filter_record import FilterSchema
-from mcnav.scenarios.filter_sums import FilterMeans, FilterSums
-from mcnav.scenarios.protocol import Output
+from mcnav.statistics.filter_sums import FilterMeans, FilterSums
 from mcnav.statistics.mean_square import mean_square_intervals
+from mcnav.validation.calibration.filter_trials import OUTPUTS, SCHEMA, evidence
 
 CRITERION = Criterion(tolerance=0.05, confidence=0.95)
 
@@ -50,7 +50,7 @@ def scalar(errors: Array, variances: Array, **columns: Array) -> FilterEvidence:
         np.arange(float(errors.shape[1])),
         (Output("position", "m", "m"),),
         FilterMeans.of(schema, FilterSums.of(schema, records)),
-        MeanSquares.of(PowerSums.about_zero(errors[:, :, None])),
+        MeanSquares.of(sum_powers_about_zero(errors[:, :, None])),
         failed=0,
     )
 

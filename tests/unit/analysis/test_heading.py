@@ -7,7 +7,7 @@ import pytest
 
 from mcnav._types import Array
 from mcnav.analysis.heading import compare_with_track, heading_remark
-from mcnav.scenarios.protocol import History
+from mcnav.contract.history import History
 
 TIMES = np.linspace(0.0, 600.0, 401)
 CIRCLE = 2.0 * np.pi * TIMES / 120.0

@@ -10,7 +10,7 @@ from mcnav.analysis.comparison import Model
 from mcnav.analysis.linear_answer import LinearRequirement, judge_linearly
 from mcnav.analysis.linear_covariance import Moments, covariance_over_time
 from mcnav.analysis.requirements import Requirement
-from mcnav.scenarios.protocol import LinearReadings
+from mcnav.contract.linear import LinearReadings
 
 ROOT = 1e-9
 """Relative error of a radius by quadrature, and of roots."""

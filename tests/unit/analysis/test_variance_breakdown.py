@@ -7,10 +7,10 @@ import pytest
 
 from mcnav.analysis.comparison import Criterion, Model, compare
 from mcnav.analysis.variance_breakdown import Predicted, predicted_from, split_difference
+from mcnav.contract.failure import Failure
+from mcnav.contract.samples import SimulationResult
 from mcnav.lincov.higher_order import principal_directions, second_order
 from mcnav.lincov.partials import SimulationFailed
-from mcnav.scenarios.failure import Failure
-from mcnav.scenarios.protocol import SimulationResult
 from tests.conftest import campaign
 
 SIGMA = np.array([2.0, 0.5, 0.0])

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from mcnav.config.campaign import Campaign
-from mcnav.config.instants import MOST_MEASUREMENTS
 from mcnav.config.read import parse_campaign
-from mcnav.config.sensors import SENSOR_TYPES
 from mcnav.errors import CampaignError
-from mcnav.physics.ins.aiding import Sensor
-from mcnav.scenarios.ins import Ins
+from mcnav.systems.ins.scenario import Ins
+from mcnav.systems.ins.sensors.aiding import Sensor
+from mcnav.systems.ins.tables.instants import MOST_MEASUREMENTS
+from mcnav.systems.ins.tables.sensors import SENSOR_TYPES
 
 STATES = ["position", "velocity", "attitude"]
 GNSS = {"type": "gnss", "interval": "1 s", "position": "3 m"}

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from mcnav.config.data_sheet import DataSheetNumber, data_sheet_numbers, next_grade, round_down, shown
-from mcnav.scenarios.ins import SOURCES
+from mcnav.systems.ins.scenario import SOURCES
 
 IMU: dict[str, Any] = {
     "grade": "tactical",

@@ -10,12 +10,12 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from mcnav.config.read import parse_campaign
-from mcnav.config.sensors import SENSOR_TYPES
 from mcnav.errors import CampaignError
 from mcnav.execution.identity import identity_of
-from mcnav.physics.ins.error_filter import FilterModel
-from mcnav.physics.ins.instruments import CONSTANTS, OUTPUTS, process_sizes
-from mcnav.scenarios.ins import Ins
+from mcnav.systems.ins.filter.model import FilterModel
+from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, process_sizes
+from mcnav.systems.ins.scenario import Ins
+from mcnav.systems.ins.tables.sensors import SENSOR_TYPES
 from tests.unit.config.test_aiding import ALTIMETER, GNSS, STATES, described, mistakes, read
 
 DEG_PER_HOUR = np.radians(1.0) / 3600.0

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mcnav.config.context import FileContext
-from mcnav.config.imu import ALLAN_MINIMUM, ImuSizes, read_imu
-from mcnav.config.imu_catalogue import catalogue
-from mcnav.physics.ins.instruments import process_sizes
+from mcnav.entries.context import FileContext
+from mcnav.systems.ins.imu.instruments import process_sizes
+from mcnav.systems.ins.tables.imu import ALLAN_MINIMUM, ImuSizes, read_imu
+from mcnav.systems.ins.tables.imu_catalogue import catalogue
 
 DEG_PER_HOUR = np.radians(1.0) / 3600.0
 

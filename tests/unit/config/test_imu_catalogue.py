@@ -6,9 +6,9 @@ import json
 
 import pytest
 
-from mcnav.config.imu import ALLAN_MINIMUM
-from mcnav.config.imu_catalogue import catalogue, catalogue_units
 from mcnav.constants import STANDARD_GRAVITY
+from mcnav.systems.ins.tables.imu import ALLAN_MINIMUM
+from mcnav.systems.ins.tables.imu_catalogue import catalogue, catalogue_units
 from mcnav.units import quantity
 from tests.commands import in_process
 

@@ -12,11 +12,11 @@ from typing import Any
 import pytest
 from jsonschema import Draft7Validator
 
-from mcnav.config.imu_catalogue import KINDS
 from mcnav.config.json_schema.campaign import campaign_schema
 from mcnav.config.json_schema.instruments import MEANINGS
 from mcnav.config.read import parse_campaign, read_campaign
 from mcnav.errors import CampaignError
+from mcnav.systems.ins.tables.imu_catalogue import KINDS
 from tests.conftest import ROOT
 
 Content = dict[str, Any]

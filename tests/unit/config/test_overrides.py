@@ -11,7 +11,7 @@ import pytest
 from mcnav.config.overrides import override, vary
 from mcnav.config.read import campaign_from, read_campaign
 from mcnav.errors import CampaignError
-from mcnav.scenarios.ins import Ins
+from mcnav.systems.ins.scenario import Ins
 
 CAMPAIGNS = Path(__file__).parents[3] / "campaigns"
 AIDED = CAMPAIGNS / "19_flight_with_gnss.toml"

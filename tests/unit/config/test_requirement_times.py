@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mcnav.config.context import FileContext
 from mcnav.config.requirement_times import with_epochs
 from mcnav.config.requirements import read_requirements
 from mcnav.config.schema import AcceptTable
-from mcnav.config.validation import validate
-from mcnav.physics.ins.aiding import Component, Sensor
-from mcnav.physics.ins.instruments import Imu
-from mcnav.scenarios.ins import Ins, Navigation
-from mcnav.scenarios.protocol import Scenario
+from mcnav.contract.scenario import Scenario
+from mcnav.entries.context import FileContext
+from mcnav.entries.validation import validate
 from mcnav.store.manifest import RequirementRecord
+from mcnav.systems.ins.imu.instruments import Imu
+from mcnav.systems.ins.scenario import Ins, Navigation
+from mcnav.systems.ins.sensors.aiding import Component, Sensor
 from tests.conftest import reentry
 from tests.flights import rest
 

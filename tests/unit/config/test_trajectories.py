@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mcnav.config.context import EarlierFile, FileContext
-from mcnav.config.trajectories import TrajectorySpec, read_trajectory
-from mcnav.config.trajectory_file import LARGEST_FILE
-from mcnav.physics.ins.earth import WGS84
-from mcnav.scenarios.inputs import content_of
+from mcnav.entries.context import EarlierFile, FileContext
+from mcnav.entries.inputs import content_of
+from mcnav.systems.ins.earth import WGS84
+from mcnav.systems.ins.tables.trajectories import TrajectorySpec, read_trajectory
+from mcnav.systems.ins.tables.trajectory_file import LARGEST_FILE
 from tests.unit.config.test_trajectory_file import flight, write_csv
 
 START = {"latitude": "47 deg", "longitude": "9 deg", "altitude": "500 m", "course": "80 deg"}

@@ -12,10 +12,10 @@ import pyarrow.parquet as pq
 import pytest
 
 from mcnav._types import Array
-from mcnav.config import trajectory_file
-from mcnav.config.trajectory_file import read_trajectory_file
-from mcnav.physics.ins.earth import WGS84
-from mcnav.physics.ins.rows import COLUMNS, TrajectoryError, TrajectoryRows
+from mcnav.systems.ins.earth import WGS84
+from mcnav.systems.ins.tables import trajectory_file
+from mcnav.systems.ins.tables.trajectory_file import read_trajectory_file
+from mcnav.systems.ins.truth.rows import COLUMNS, TrajectoryError, TrajectoryRows
 
 RATE = 10.0
 """Rows per second."""

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from mcnav._types import Array
+from mcnav.contract.samples import SimulationResult
 from mcnav.lincov import nonlinear_corrections as corrections
 from mcnav.lincov.partials import QUICK, SimulationFailed
 from mcnav.sampling.distributions import Normal
 from mcnav.sampling.error_model import ErrorModel
-from mcnav.scenarios.protocol import SimulationResult
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_limits
 
+from mcnav.contract.samples import SimulationResult
 from mcnav.lincov.polynomial import PolynomialFitError, fit
 from mcnav.lincov.polynomial_engine import TOLERANCE, PolynomialEngine, fit_polynomial_engine
-from mcnav.scenarios.protocol import SimulationResult
-from mcnav.scenarios.table_i import ALL_ERRORS, COLUMNS, ERRORS, among_all
+from mcnav.systems.reentry.table_i import ALL_ERRORS, COLUMNS, ERRORS, among_all
 from tests.conftest import reentry
 
 Draw = Callable[[int, float], np.ndarray]

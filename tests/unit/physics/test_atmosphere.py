@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from mcnav.physics.reentry.atmosphere import (
+from mcnav.systems.reentry.atmosphere import (
     BREAKPOINTS,
     GAS_CONSTANT,
     GEOPOTENTIAL_RADIUS,

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from mcnav.constants import STANDARD_GRAVITY
-from mcnav.physics.ins.boost import RAMP, Boost, BoostError, Launch, Stage, boost_truth
-from mcnav.physics.ins.earth import WGS84, Earth, local_axes
-from mcnav.physics.ins.rows import rows_from
+from mcnav.systems.ins.earth import WGS84, Earth, local_axes
+from mcnav.systems.ins.truth.boost import RAMP, Boost, BoostError, Launch, Stage, boost_truth
+from mcnav.systems.ins.truth.rows import rows_from
 
 DEG = np.pi / 180.0
 SPHERE = Earth(6_371_000.0, 0.0, 3.986e14, 0.0)

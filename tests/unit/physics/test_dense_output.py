@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import DOP853, solve_ivp
 
 from mcnav._types import Array
-from mcnav.physics.dense_output import DenseOutput
+from mcnav.numerics.dense_output import DenseOutput
 
 
 def rates(time: float, state: Array) -> Array:

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from mcnav._types import Array
-from mcnav.physics.dop853 import LEFT, REACHED, ROOM, TOO_SMALL, advance, integrate_compiled
-from mcnav.physics.integration import integrate
-from mcnav.physics.jit import uncontracted
+from mcnav.compiled.jit import uncontracted
+from mcnav.numerics.dop853 import LEFT, REACHED, ROOM, TOO_SMALL, advance, integrate_compiled
+from mcnav.numerics.integration import integrate
 
 ECCENTRICITY = 0.9
 START = np.array([1.0 - ECCENTRICITY, 0.0, 0.0, np.sqrt((1.0 + ECCENTRICITY) / (1.0 - ECCENTRICITY))])

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from numba.core.runtime import _nrt_python, rtsys
 
-from mcnav.physics.lanes import angle_of_half, gravity_remainder, half_turn
-from mcnav.physics.reentry.ensemble.grid import shared_grid
-from mcnav.physics.reentry.ensemble.kernel import LANES, simulate_ensemble
-from mcnav.physics.reentry.ensemble.refinement import TOLERANCE, refined_grid
-from mcnav.physics.reentry.instruments import Error
-from mcnav.scenarios.reentry import Reentry
+from mcnav.compiled.lanes import angle_of_half, gravity_remainder, half_turn
+from mcnav.systems.reentry.ensemble.grid import shared_grid
+from mcnav.systems.reentry.ensemble.kernel import LANES, simulate_ensemble
+from mcnav.systems.reentry.ensemble.refinement import TOLERANCE, refined_grid
+from mcnav.systems.reentry.instruments import Error
+from mcnav.systems.reentry.scenario import Reentry
 from tests.conftest import SIZES, reentry, response
 
 Draw = Callable[[int, float], np.ndarray]

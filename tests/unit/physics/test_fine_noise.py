@@ -7,8 +7,8 @@ import pytest
 from scipy import stats
 
 from mcnav._types import Array
-from mcnav.physics.ins.fine_noise import SERIES_BELOW, _gauss_markov, _random_walk, draw_noise
-from mcnav.physics.ins.instruments import Imu, Noise
+from mcnav.systems.ins.imu.fine_noise import SERIES_BELOW, _gauss_markov, _random_walk, draw_noise
+from mcnav.systems.ins.imu.instruments import Imu, Noise
 
 STEPS = np.concatenate([np.linspace(0.0, 50.0, 201), np.linspace(50.5, 600.0, 1100)])
 """Boundaries of steps of two lengths, s."""

@@ -7,12 +7,12 @@ import pytest
 
 from mcnav._types import Array
 from mcnav.constants import EARTH_RADIUS, EARTH_RATE, GRAVITATIONAL_PARAMETER, STANDARD_GRAVITY
-from mcnav.physics.ins.earth import WGS84, Earth
-from mcnav.physics.ins.reentry import Plane, reentry_truth
-from mcnav.physics.ins.rows import check_rows, rows_from
-from mcnav.physics.reentry.truth import Trajectory, fly_truth
-from mcnav.physics.reentry.vehicle import Vehicle
-from mcnav.scenarios.table_i import TABLE_I, start_state
+from mcnav.systems.ins.earth import WGS84, Earth
+from mcnav.systems.ins.truth.reentry import Plane, reentry_truth
+from mcnav.systems.ins.truth.rows import check_rows, rows_from
+from mcnav.systems.reentry.table_i import TABLE_I, start_state
+from mcnav.systems.reentry.truth import Trajectory, fly_truth
+from mcnav.systems.reentry.vehicle import Vehicle
 
 SPHERE = Earth(EARTH_RADIUS, 0.0, GRAVITATIONAL_PARAMETER, 0.0)
 EAST = Plane.at(0.0, 0.0, np.pi / 2.0)

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from mcnav.constants import EARTH_RADIUS
-from mcnav.physics.reentry.ensemble.grid import shared_grid
-from mcnav.physics.reentry.ensemble.history_kernel import history_grid, history_sums, simulate_histories
-from mcnav.physics.reentry.ensemble.kernel import LANES, simulate_ensemble
-from mcnav.physics.reentry.navigator import simulate_indicated
-from mcnav.physics.reentry.truth import Trajectory
-from mcnav.scenarios.reentry import Reentry
+from mcnav.systems.reentry.ensemble.grid import shared_grid
+from mcnav.systems.reentry.ensemble.history_kernel import history_grid, history_sums, simulate_histories
+from mcnav.systems.reentry.ensemble.kernel import LANES, simulate_ensemble
+from mcnav.systems.reentry.navigator import simulate_indicated
+from mcnav.systems.reentry.scenario import Reentry
+from mcnav.systems.reentry.truth import Trajectory
 from tests.conftest import SIZES, reentry, response
 
 Draw = Callable[[int, float], np.ndarray]

@@ -15,15 +15,15 @@ import pytest
 from scipy import stats
 
 from mcnav._types import Array
-from mcnav.physics.ins.aided_mechanization import AidedMechanization
-from mcnav.physics.ins.aiding import Sensor, aiding_constants
-from mcnav.physics.ins.earth import Earth
-from mcnav.physics.ins.error_filter import FilterModel
-from mcnav.physics.ins.instruments import CONSTANTS, OUTPUTS, Imu, Noise
-from mcnav.physics.ins.mechanization import Diverged, Mechanization
-from mcnav.physics.ins.sample_noise import SampleNoise
-from mcnav.physics.ins.truth import Platform, Truth
-from mcnav.scenarios.filter_record import FilterSchema
+from mcnav.contract.filter_record import FilterSchema
+from mcnav.systems.ins.earth import Earth
+from mcnav.systems.ins.filter.model import FilterModel
+from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, Imu, Noise
+from mcnav.systems.ins.imu.sample_noise import SampleNoise
+from mcnav.systems.ins.reference.aided import AidedMechanization
+from mcnav.systems.ins.reference.mechanization import Diverged, Mechanization
+from mcnav.systems.ins.sensors.aiding import Sensor, aiding_constants
+from mcnav.systems.ins.truth.trajectory import Platform, Truth
 from tests.every_sensor import (
     INITIAL,
     MICRO_G,

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from mcnav._types import Array
-from mcnav.physics.ins.closed_loop import ClosedLoopErrors, close_loop, propagate_closed_loop
-from mcnav.physics.ins.error_filter import FilterModel
-from mcnav.physics.ins.instruments import Imu, Noise
-from mcnav.physics.ins.truth import Truth
+from mcnav.systems.ins.filter.model import FilterModel
+from mcnav.systems.ins.imu.instruments import Imu, Noise
+from mcnav.systems.ins.linear.closed_loop import ClosedLoopErrors, close_loop, propagate_closed_loop
+from mcnav.systems.ins.truth.trajectory import Truth
 from tests.aided import EMPTY_SPACE, make_filter, make_sensor, sized
 from tests.flights import flight, rest
 

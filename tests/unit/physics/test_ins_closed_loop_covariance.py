@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from mcnav._types import Array
-from mcnav.physics.ins.closed_loop import ClosedLoop, close_loop, propagate_closed_loop
-from mcnav.physics.ins.closed_loop_covariance import propagate_covariance
-from mcnav.physics.ins.instruments import Imu, Noise
-from mcnav.physics.ins.response import respond
+from mcnav.systems.ins.imu.instruments import Imu, Noise
+from mcnav.systems.ins.linear.closed_loop import ClosedLoop, close_loop, propagate_closed_loop
+from mcnav.systems.ins.linear.closed_loop_covariance import propagate_covariance
+from mcnav.systems.ins.linear.response import respond
 from tests.aided import make_filter, make_sensor, sized
 from tests.flights import flight
 

@@ -11,17 +11,17 @@ from filterpy.common import van_loan_discretization
 from scipy.spatial.transform import Rotation
 
 from mcnav._types import Array
-from mcnav.physics.ins.aided_mechanization import AidedMechanization
-from mcnav.physics.ins.aiding import aiding_constants
-from mcnav.physics.ins.compensation import Compensation, measure
-from mcnav.physics.ins.earth import WGS84
-from mcnav.physics.ins.earth_fixed_errors import ErrorModel, FilterSteps, LocalFrame, gravitation_gradients
-from mcnav.physics.ins.earth_fixed_sensors import Indicated, SensorModel
-from mcnav.physics.ins.error_filter import FilterModel
-from mcnav.physics.ins.instruments import ACCELEROMETER, CONSTANTS, GYRO
-from mcnav.physics.ins.navigation_errors import EarthFixedStates, navigation_errors
-from mcnav.physics.ins.normal_field import field_constants
-from mcnav.physics.ins.truth import Platform
+from mcnav.systems.ins.earth import WGS84
+from mcnav.systems.ins.filter.model import FilterModel
+from mcnav.systems.ins.imu.instruments import ACCELEROMETER, CONSTANTS, GYRO
+from mcnav.systems.ins.reference.aided import AidedMechanization
+from mcnav.systems.ins.reference.compensation import Compensation, measure
+from mcnav.systems.ins.reference.earth_fixed_errors import ErrorModel, FilterSteps, LocalFrame, gravitation_gradients
+from mcnav.systems.ins.reference.earth_fixed_sensors import Indicated, SensorModel
+from mcnav.systems.ins.reference.navigation_errors import EarthFixedStates, navigation_errors
+from mcnav.systems.ins.reference.normal_field import field_constants
+from mcnav.systems.ins.sensors.aiding import aiding_constants
+from mcnav.systems.ins.truth.trajectory import Platform
 from tests.every_sensor import SIZES, UNIT, every_sensor, gnss, matched
 from tests.flights import flight
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mcnav.physics.ins.ensemble import semidefinite_factor
+from mcnav.systems.ins.ensemble.free import semidefinite_factor
 
 
 def test_factors_are_lower_triangular_and_give_the_covariances() -> None:

@@ -9,8 +9,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mcnav._types import Array, IndexArray
-from mcnav.physics.blocks import blocks_of
-from mcnav.physics.ins.filter_lanes import (
+from mcnav.compiled.blocks import blocks_of
+from mcnav.compiled.vectors import LANES, PARTS, parts_of, room
+from mcnav.systems.ins.ensemble.filters import (
     Covariances,
     FilterSteps,
     FilterUpdates,
@@ -23,8 +24,7 @@ from mcnav.physics.ins.filter_lanes import (
     project_along_truth,
     update_covariances,
 )
-from mcnav.physics.ins.propagation_lanes import propagate_covariances
-from mcnav.physics.vectors import LANES, PARTS, parts_of, room
+from mcnav.systems.ins.ensemble.propagation import propagate_covariances
 
 STATES, COMPONENTS = 7, 4
 SIZE = 9 + STATES

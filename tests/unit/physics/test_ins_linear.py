@@ -7,11 +7,11 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from mcnav.physics.ins.covariance import LinearErrors, propagate
-from mcnav.physics.ins.earth import WGS84, Earth
-from mcnav.physics.ins.instruments import CONSTANTS, OUTPUTS, Imu, Noise
-from mcnav.physics.ins.response import respond
-from mcnav.physics.ins.truth import Truth
+from mcnav.systems.ins.earth import WGS84, Earth
+from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, Imu, Noise
+from mcnav.systems.ins.linear.covariance import LinearErrors, propagate
+from mcnav.systems.ins.linear.response import respond
+from mcnav.systems.ins.truth.trajectory import Truth
 from tests.flights import flight, rest
 
 GRAVITY = 9.80665

@@ -7,12 +7,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mcnav._types import Array
-from mcnav.physics.ins.aiding import Sensor, aiding_constants
-from mcnav.physics.ins.filter_lanes import SIX, filter_updates
-from mcnav.physics.ins.measurements import ATTITUDE, HEADING, Measurements, measure
-from mcnav.physics.ins.step_lanes import deviations_of
-from mcnav.physics.ins.update_lanes import RateTables, UpdateTables, along_truth, estimates_of, innovate
-from mcnav.physics.vectors import room
+from mcnav.compiled.vectors import room
+from mcnav.systems.ins.ensemble.filters import SIX, filter_updates
+from mcnav.systems.ins.ensemble.steps import deviations_of
+from mcnav.systems.ins.ensemble.updates import RateTables, UpdateTables, along_truth, estimates_of, innovate
+from mcnav.systems.ins.sensors.aiding import Sensor, aiding_constants
+from mcnav.systems.ins.sensors.measurements import ATTITUDE, HEADING, Measurements, measure
 from tests.aided import make_sensor
 from tests.flights import flight
 

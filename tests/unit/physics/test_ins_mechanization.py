@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 
 from mcnav._types import Array
-from mcnav.physics.ins import mechanization
-from mcnav.physics.ins.collocation import NODES
-from mcnav.physics.ins.earth import WGS84, Earth
-from mcnav.physics.ins.instruments import CONSTANTS, GYRO, OUTPUTS
-from mcnav.physics.ins.mechanization import (
+from mcnav.systems.ins.earth import WGS84, Earth
+from mcnav.systems.ins.imu.instruments import CONSTANTS, GYRO, OUTPUTS
+from mcnav.systems.ins.reference import mechanization
+from mcnav.systems.ins.reference.collocation import NODES
+from mcnav.systems.ins.reference.mechanization import (
     LARGEST_TURN_ERROR,
     LONGEST_STEP,
     Diverged,
     Mechanization,
     _turn_error,
 )
-from mcnav.physics.ins.truth import Platform, Truth
+from mcnav.systems.ins.truth.trajectory import Platform, Truth
 from tests.flights import flight, rest
 
 PLATFORMS: tuple[Platform, ...] = ("strapdown", "inertial", "level")

@@ -7,8 +7,8 @@ import pytest
 from scipy import stats
 
 from mcnav._types import Array
-from mcnav.physics.ins.noise import draw_normals, philox_words
-from mcnav.physics.vectors import LANES, room
+from mcnav.compiled.vectors import LANES, room
+from mcnav.systems.ins.imu.variates import draw_normals, philox_words
 
 ONES = 0xFFFFFFFF
 

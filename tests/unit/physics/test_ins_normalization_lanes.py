@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from mcnav._types import Array
-from mcnav.physics.ins.normalization_lanes import (
+from mcnav.compiled.vectors import LANES
+from mcnav.systems.ins.ensemble.normalization import (
     NormalizationRooms,
     normalization_rooms,
     normalize_by_own,
     normalize_by_shared,
     share_covariances,
 )
-from mcnav.physics.vectors import LANES
 
 STATES = 6
 SIZE = 9 + STATES

@@ -7,14 +7,14 @@ import pytest
 from scipy import stats
 
 from mcnav._types import Array
-from mcnav.physics.ins.covariance import process_systems, propagate
-from mcnav.physics.ins.earth import Earth
-from mcnav.physics.ins.fine_noise import draw_noise
-from mcnav.physics.ins.instruments import AXES, OUTPUTS, Imu, Noise, process_sizes
-from mcnav.physics.ins.linear_noise import respond_from_rest
-from mcnav.physics.ins.mechanization import LONGEST_STEP, longest_step
-from mcnav.physics.ins.response import respond
-from mcnav.physics.ins.truth import Truth
+from mcnav.systems.ins.earth import Earth
+from mcnav.systems.ins.imu.fine_noise import draw_noise
+from mcnav.systems.ins.imu.instruments import AXES, OUTPUTS, Imu, Noise, process_sizes
+from mcnav.systems.ins.imu.linear_noise import respond_from_rest
+from mcnav.systems.ins.linear.covariance import process_systems, propagate
+from mcnav.systems.ins.linear.response import respond
+from mcnav.systems.ins.reference.mechanization import LONGEST_STEP, longest_step
+from mcnav.systems.ins.truth.trajectory import Truth
 from tests.flights import flight, rest
 
 GRAVITY = 9.80665

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mcnav.physics.ins.same_content import same_content
+from mcnav.systems.ins.linear.same_content import same_content
 
 
 @dataclass

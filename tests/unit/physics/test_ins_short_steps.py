@@ -7,9 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mcnav._types import Array
-from mcnav.physics.ins.earth import WGS84
-from mcnav.physics.ins.normal_field import field_constants, normal_gravitation_at
-from mcnav.physics.ins.step_lanes import (
+from mcnav.systems.ins.earth import WGS84
+from mcnav.systems.ins.ensemble.steps import (
     LARGEST_TURN,
     SHORT,
     SMALLEST_RADIUS,
@@ -21,6 +20,7 @@ from mcnav.physics.ins.step_lanes import (
     parts_of_deviations,
     start,
 )
+from mcnav.systems.ins.reference.normal_field import field_constants, normal_gravitation_at
 from tests.cross.test_ins_aided import engine, scenario
 
 STEP = 100

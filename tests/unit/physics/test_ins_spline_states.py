@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from mcnav._types import Array
-from mcnav.physics.ins.earth import WGS84
-from mcnav.physics.ins.spline_states import SMALL, states_of_splines
-from mcnav.physics.ins.truth import Truth, TruthStates
+from mcnav.systems.ins.earth import WGS84
+from mcnav.systems.ins.truth.spline_states import SMALL, states_of_splines
+from mcnav.systems.ins.truth.trajectory import Truth, TruthStates
 from tests.flights import flight
 
 ROUNDING = 2.0**-52
@@ -56,7 +56,7 @@ def test_no_index_is_beyond_its_array(monkeypatch: pytest.MonkeyPatch) -> None:
     truth = tumbling()
     times = np.linspace(truth.times[0], truth.times[-1], 7)
     found = truth.states(times, "strapdown", float(truth.times[0]))
-    monkeypatch.setattr("mcnav.physics.ins.truth.states_of_splines", states_of_splines.py_func)
+    monkeypatch.setattr("mcnav.systems.ins.truth.trajectory.states_of_splines", states_of_splines.py_func)
     expected = truth.states(times, "strapdown", float(truth.times[0]))
     for name in ("position", "velocity", "axes", "force", "rate"):
         value, other = getattr(found, name), getattr(expected, name)

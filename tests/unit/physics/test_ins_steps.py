@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mcnav.physics.ins.collocation import STATE, WENT_ON, advance
-from mcnav.physics.ins.earth import WGS84
-from mcnav.physics.ins.instruments import Imu, Noise
-from mcnav.physics.ins.normal_field import field_constants
-from mcnav.physics.ins.response import intervals_of
+from mcnav.systems.ins.earth import WGS84
+from mcnav.systems.ins.imu.instruments import Imu, Noise
+from mcnav.systems.ins.linear.response import intervals_of
+from mcnav.systems.ins.reference.collocation import STATE, WENT_ON, advance
+from mcnav.systems.ins.reference.normal_field import field_constants
 from tests.flights import rest
 
 

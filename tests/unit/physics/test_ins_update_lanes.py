@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from mcnav.physics.ins.step_lanes import deviations_of
-from mcnav.physics.ins.update_lanes import LARGEST_CORRECTION, estimates_of, feed_back_shared
-from mcnav.physics.vectors import LANES, room
+from mcnav.compiled.vectors import LANES, room
+from mcnav.systems.ins.ensemble.steps import deviations_of
+from mcnav.systems.ins.ensemble.updates import LARGEST_CORRECTION, estimates_of, feed_back_shared
 
 ROUNDING = 1e-15
 """Of sums of some products of the order of 0.1, in some ten operations."""

@@ -11,13 +11,13 @@ import numba
 import pytest
 from numba import types
 
-from mcnav.physics.jit import allocation_free_part, compiled
+from mcnav.compiled.jit import allocation_free_part, compiled
 from tests.conftest import ROOT
 from tests.processes import run_to_end
 
 CODE = """
 import sys
-import mcnav.physics.jit as jit
+import mcnav.compiled.jit as jit
 
 jit.sources_digest = lambda: sys.argv[1]
 sys.path.insert(0, sys.argv[2])
@@ -30,7 +30,7 @@ print(sum(doubled.doubled.stats.cache_hits.values()))
 @pytest.mark.parametrize(("sources", "hits"), [("as before", "1"), ("changed", "0")])
 def test_compiled_code_belongs_to_its_sources(sources: str, hits: str, tmp_path: Path) -> None:
     (tmp_path / "doubled.py").write_text(
-        "from mcnav.physics.jit import compiled\n\n\n@compiled\ndef doubled(x):\n    return 2.0 * x\n"
+        "from mcnav.compiled.jit import compiled\n\n\n@compiled\ndef doubled(x):\n    return 2.0 * x\n"
     )
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
     for digest, expected in (("as before", "0"), (sources, hits)):
@@ -40,7 +40,7 @@ def test_compiled_code_belongs_to_its_sources(sources: str, hits: str, tmp_path:
 
 PAIR = """
 import numpy as np
-from mcnav.physics.jit import compiled
+from mcnav.compiled.jit import compiled
 
 @compiled
 def row(x):

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from mcnav._types import Array
-from mcnav.physics.ins.earth import WGS84, ZONALS, Earth, local_axes
-from mcnav.physics.ins.normal_field import DEEPEST, HEADER, field_constants, normal_gravitation_at
+from mcnav.systems.ins.earth import WGS84, ZONALS, Earth, local_axes
+from mcnav.systems.ins.reference.normal_field import DEEPEST, HEADER, field_constants, normal_gravitation_at
 
 LATITUDES = np.radians([0.0, 1e-9, 15.0, 45.0, 51.0, 60.0, 89.9, 90.0, -30.0, -90.0])
 LONGITUDES = np.linspace(-3.0, 3.0, len(LATITUDES))

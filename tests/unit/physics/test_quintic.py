@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mcnav.physics.ins.quintic import FORCE_ERROR, quintic_spline, row_times
+from mcnav.systems.ins.truth.quintic import FORCE_ERROR, quintic_spline, row_times
 
 EARTH = 6.4e6
 EPS = np.finfo(float).eps

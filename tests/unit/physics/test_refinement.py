@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mcnav.physics.refinement import largest_share, refined_steps
+from mcnav.numerics.refinement import largest_share, refined_steps
 
 PROBES = np.column_stack([np.linspace(-2.0, 2.0, 33), np.zeros(33)])
 SIGMA = PROBES[:, 0].std()

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from mcnav.constants import STANDARD_GRAVITY
-from mcnav.physics.ins.earth import WGS84, Earth, local_axes
-from mcnav.physics.ins.rows import TrajectoryRows, check_rows
-from mcnav.physics.ins.segments import (
+from mcnav.systems.ins.earth import WGS84, Earth, local_axes
+from mcnav.systems.ins.truth.rows import TrajectoryRows, check_rows
+from mcnav.systems.ins.truth.segments import (
     Climb,
     Hold,
     Segment,

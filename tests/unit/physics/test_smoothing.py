@@ -7,10 +7,10 @@ import pytest
 from scipy.interpolate import make_lsq_spline
 
 from mcnav.constants import STANDARD_GRAVITY
-from mcnav.physics.ins.earth import WGS84
-from mcnav.physics.ins.rows import TrajectoryRows
-from mcnav.physics.ins.smoothing import FIRST_KNOTS, last_decimal, least_squares, spline_within
-from mcnav.physics.ins.truth import Truth
+from mcnav.systems.ins.earth import WGS84
+from mcnav.systems.ins.truth.rows import TrajectoryRows
+from mcnav.systems.ins.truth.smoothing import FIRST_KNOTS, last_decimal, least_squares, spline_within
+from mcnav.systems.ins.truth.trajectory import Truth
 
 RATE = 50.0
 DECIMALS = 8

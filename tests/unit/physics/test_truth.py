@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from mcnav.constants import EARTH_RADIUS, GRAVITATIONAL_PARAMETER, REENTRY_ALTITUDE
-from mcnav.physics.reentry.atmosphere import LAYER_BOUNDARIES
-from mcnav.physics.reentry.truth import NoReentry, Trajectory, fly_truth, truth_force
-from mcnav.physics.reentry.vehicle import ConstantLift, VariableLift, Vehicle, aerodynamic_force
-from mcnav.scenarios.reentry import Reentry
-from mcnav.scenarios.table_i import common_start
+from mcnav.systems.reentry.atmosphere import LAYER_BOUNDARIES
+from mcnav.systems.reentry.scenario import Reentry
+from mcnav.systems.reentry.table_i import common_start
+from mcnav.systems.reentry.truth import NoReentry, Trajectory, fly_truth, truth_force
+from mcnav.systems.reentry.vehicle import ConstantLift, VariableLift, Vehicle, aerodynamic_force
 
 STEP_ERROR = 1e-12 * 300
 """DOP853's tolerance times the steps of the longest trajectory."""

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from mcnav.analysis.linearity import DispersionRange
+from mcnav.contract.history import StartClock
+from mcnav.contract.quantities import Output
 from mcnav.lincov.start_times import StartTimeStudy
 from mcnav.report.linearity_words import answer
 from mcnav.report.start_time_words import answer as start_answer
-from mcnav.scenarios.protocol import Output, StartClock
 
 OUTPUTS = (Output("range", "m", "km"), Output("altitude", "m", "km"))
 

@@ -12,10 +12,10 @@ import pytest
 from mcnav.analysis.accuracy_measures import read_measure, requirement_measures
 from mcnav.analysis.requirements import Requirement
 from mcnav.analysis.sweep import Confirmation, JustMet, Span, Sweep, Variable
+from mcnav.contract.quantities import Output
 from mcnav.report.figures.sweep import contour_levels, contour_lines
 from mcnav.report.sweep import frame
 from mcnav.report.sweep_words import common_spans, confirmed_words, headline, met_words, remarks
-from mcnav.scenarios.protocol import Output
 
 OUTPUTS = (Output("range", "m", "km"), Output("altitude", "m", "km"))
 KEY = Variable("errors.range", np.array([1.0, 2.0, 3.0]), "km", False)

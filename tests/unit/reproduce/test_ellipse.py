@@ -9,16 +9,16 @@ import pytest
 from numpy.typing import NDArray
 
 from mcnav.constants import EARTH_RADIUS
-from mcnav.physics.reentry.vehicle import ConstantLift, Vehicle
-from mcnav.reproduce.tn_d1772.ellipse import (
+from mcnav.systems.reentry.scenario import Flight, Reentry
+from mcnav.systems.reentry.table_i import common_start
+from mcnav.systems.reentry.vehicle import ConstantLift, Vehicle
+from mcnav.validation.reproduce.tn_d1772.ellipse import (
     Ellipse,
     ellipse_of,
     perigee_by_rates,
     perigee_by_speed_and_angle,
     perigee_radius,
 )
-from mcnav.scenarios.reentry import Flight, Reentry
-from mcnav.scenarios.table_i import common_start
 
 Array = NDArray[np.float64]
 

@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from mcnav.physics.steady.truth import Earth
-from mcnav.reproduce.story_of_84_minutes import schuler
-from mcnav.reproduce.story_of_84_minutes.climb import climb_periods
+from mcnav.systems.steady.truth import Earth
+from mcnav.validation.reproduce.story_of_84_minutes import schuler
+from mcnav.validation.reproduce.story_of_84_minutes.climb import climb_periods
 
 RADIUS, GRAVITY = 6.4e6, 9.8
 RATE = schuler.schuler_rate(RADIUS, GRAVITY)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mcnav.reproduce.textbook import closed_forms
-from mcnav.reproduce.textbook.numbers import Agreement, Number
+from mcnav.validation.reproduce.textbook import closed_forms
+from mcnav.validation.reproduce.textbook.numbers import Agreement, Number
 
 
 def number(

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mcnav.physics.ins.aiding import Component, Sensor, aiding_constants, aiding_processes
-from mcnav.scenarios.aiding_sources import UNITS, aiding_outputs, aiding_sources
+from mcnav.systems.ins.sensors.aiding import Component, Sensor, aiding_constants, aiding_processes
+from mcnav.systems.ins.sensors.sources import UNITS, aiding_outputs, aiding_sources
 from mcnav.units import conversion
 
 SENSORS = (

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mcnav.scenarios.flown import Flown, Innovations, record_of, schema_of
-from mcnav.scenarios.protocol import Epochs
-from mcnav.scenarios.sample_loop import SampleFailed
+from mcnav.contract.history import Epochs
+from mcnav.systems.sample_loop import SampleFailed
+from mcnav.systems.user.flown import Flown, Innovations, record_of, schema_of
 
 EPOCHS = Epochs("time [s]", np.array([0.0, 2.0, 4.0]))
 NAMES = ("x", "y", "z")

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from mcnav.scenarios.sample_noise import CHECKED, SAMPLES, ScaledNoise, sample_noise
+from mcnav.systems.user.sample_noise import CHECKED, SAMPLES, ScaledNoise, sample_noise
 
 Draw = Callable[[np.random.Generator], np.ndarray]
 DRAWS: dict[str, tuple[Draw, float]] = {

@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mcnav.contract.history import Epochs, History
+from mcnav.contract.quantities import Output
 from mcnav.errors import RunFolderError
-from mcnav.scenarios.histories import check_history
-from mcnav.scenarios.protocol import Epochs, History, Output
 from mcnav.store.histories import histories_table
 from mcnav.store.run_folder import HISTORIES, HISTORY, RunFolder, history_table
+from mcnav.systems.histories import check_history
 
 EPOCHS = Epochs("time [min]", np.array([0.0, 1.0, 2.5]))
 OUTPUTS = (Output("position", "m", "km"), Output("heading", "rad", "mrad"))

@@ -13,11 +13,11 @@ import numpy as np
 
 from mcnav._types import Array, IndexArray
 from mcnav.config.read import read_campaign
-from mcnav.physics.ins.aided_ensemble import GivenNoise, simulate_aided
-from mcnav.physics.ins.linear_noise import respond_from_rest
-from mcnav.physics.ins.sample_noise import SampleNoise
-from mcnav.scenarios.aided import AidedEngine, AidedReferenceEngine
-from mcnav.scenarios.protocol import Batch
+from mcnav.contract.samples import Batch
+from mcnav.systems.ins.aided import AidedEngine, AidedReferenceEngine
+from mcnav.systems.ins.ensemble.aided import GivenNoise, simulate_aided
+from mcnav.systems.ins.imu.linear_noise import respond_from_rest
+from mcnav.systems.ins.imu.sample_noise import SampleNoise
 from tests.benchmarks.inertial.build import BIASES
 from tests.benchmarks.inertial.case import READING, Case, Samples
 from tests.benchmarks.inertial.flight import draws

@@ -19,7 +19,7 @@ from pyins.util import DV_COLS, LLA_COLS, RPH_COLS, THETA_COLS, TRAJECTORY_COLS,
 from scipy.spatial.transform import Rotation
 
 from mcnav._types import Array
-from mcnav.physics.ins.earth import WGS84, local_axes
+from mcnav.systems.ins.earth import WGS84, local_axes
 from tests.benchmarks.inertial.case import READING, Case, Samples
 from tests.benchmarks.inertial.peer import Peer, Simulate
 

@@ -1,0 +1,154 @@
+"""One way of compiling: cached on disk, free of the interpreter lock, contracted but never reassociated.
+
+numba notices changes of the file that holds a compiled function, but not of constants and inlined functions that
+it takes from other files. The cache is therefore valid for one content of all files of this package.
+
+Where no folder can be written to, as in an installation for reading alone, functions are compiled in every process.
+
+The code of a function contains a copy of each compiled function that it calls, optimised once more. A process that
+compiles both calls the original, and a process that loads the caller from disk calls the copy, which may fuse other
+multiplications with additions. `tests/cross/test_compiled.py` checks that both give the same bits. Where they do not,
+the function that is called must be `inlined`.
+
+An array assigned to a part of another takes numba two seconds in each of its kinds, for the message where shapes
+differ; elements are assigned one by one.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import secrets
+import sys
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, Final, TypeVar, cast
+
+import numba
+from numba.core.bytecode import FunctionIdentity
+from numba.core.caching import UserWideCacheLocator
+
+from mcnav.compiled.parts import PartCompiler, give_entry
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+FunctionIdentity._unique_ids = iter(lambda: secrets.randbits(48), None)
+"""Numbers by which numba names what it compiles and its constants; its own begin with one in each process.
+
+A function that is compiled beside a caller loaded from disk could then have the name of the copy that the caller
+contains, and be stored with constants that it shares with that copy: later processes that load both could not call it.
+"""
+
+
+@cache
+def sources_digest() -> str:
+    """Digest the files whose constants and functions compiled code may contain."""
+    here = Path(__file__).parent
+    files = [here.parent / "constants.py", *sorted(here.rglob("*.py"))]
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
+
+
+TOLD: Final = "MCNAV_TOLD_THAT_CODE_CANNOT_BE_STORED"
+"""Variable of the environment that a command's worker processes have from it: they do not say it again."""
+
+
+def _dispatcher(function: Callable[..., Any], options: dict[str, Any]) -> Any:
+    """Give a function to numba; without a cache where no folder for it can be written to."""
+    try:
+        return numba.njit(**options)(function)
+    except RuntimeError as failure:
+        if not options["cache"] or "no locator available" not in str(failure):
+            raise
+    _tell_that_code_cannot_be_stored(function)
+    return numba.njit(**(options | {"cache": False}))(function)
+
+
+def _tell_that_code_cannot_be_stored(function: Callable[..., Any]) -> None:
+    """Print one line for a command and its workers, which names the folders that numba has tried."""
+    if os.environ.get(TOLD):
+        return
+    os.environ[TOLD] = "1"
+    file = function.__code__.co_filename
+    of_user = Path(UserWideCacheLocator(function, file).get_cache_path()).parent
+    tried = [numba.config.CACHE_DIR, Path(file).parent / "__pycache__", of_user]
+    places = " nor ".join(str(place) for place in tried if str(place))
+    remedy = "set NUMBA_CACHE_DIR to a folder that is, or every command compiles again"
+    print(f"note: compiled code cannot be stored: neither {places} is writable; {remedy}", file=sys.stderr)
+
+
+def _compile(function: Function, **options: Any) -> Function:
+    """Compile a function once for a type: numba would compile it again for each constant that a caller passes.
+
+    It has no second entry for callers written in C, whom there are none: that takes a tenth of the time.
+    """
+    usual = {"cache": True, "error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
+    dispatcher = _dispatcher(function, usual | options)
+    stored = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
+    if stored is not None:
+        stored._source_stamp = (*stored._source_stamp, sources_digest())
+    template, unliteral = dispatcher.get_call_template, numba.types.unliteral
+    dispatcher.get_call_template = lambda arguments, keywords: template(
+        tuple(map(unliteral, arguments)), {name: unliteral(each) for name, each in keywords.items()}
+    )
+    return cast(Function, dispatcher)
+
+
+def compiled(function: Function) -> Function:
+    """Compile a numerical function with numba.
+
+    ``contract`` lets the compiler fuse multiply and add. Nothing that would change the order of a sum is allowed, so
+    a function gives the same bits for a sample wherever in a chunk it stands.
+    """
+    return _compile(function, fastmath={"contract"})
+
+
+def allocation_free(function: Function) -> Function:
+    """Compile a numerical function that allocates nothing.
+
+    References to arrays are not counted in it, which would cost more than the arithmetic of short vectors.
+    """
+    return _compile(function, fastmath={"contract"}, _nrt=False)
+
+
+def allocation_free_part(function: Function) -> Function:
+    """Compile a function that is `allocation_free` as a part of its callers (`mcnav.compiled.parts`).
+
+    A call would copy the descriptions of all arrays that it is given, a hundred numbers and more.
+    Unlike `inlined`, its body is typed and lowered once, not wherever it is called.
+    """
+    options = {"fastmath": {"contract"}, "_nrt": False, "forceinline": True}
+    part = _compile(function, pipeline_class=PartCompiler, cache=False, no_cpython_wrapper=True, **options)
+    give_entry(part, cache(lambda: _compile(function, **options)))
+    return part
+
+
+def allocation_free_uncontracted(function: Function) -> Function:
+    """Compile a function that is `allocation_free` and `uncontracted`."""
+    return _compile(function, fastmath=False, _nrt=False)
+
+
+def uncontracted(function: Function) -> Function:
+    """Compile a function whose results are the same bits wherever the compiler inlines it.
+
+    Without a value of its own, numba would give it the caller's ``fastmath``.
+    """
+    return _compile(function, fastmath=False)
+
+
+def compiled_with_caller(function: Function) -> Function:
+    """Compile a function that is given functions, anew for each that calls it: numba cannot store it by itself.
+
+    Its results are the same bits wherever it is, as those of an `uncontracted` function.
+    """
+    return _compile(function, fastmath=False, cache=False, forceinline=True)
+
+
+def reduced_math(function: Function) -> Function:
+    """Compile a sum over lanes, which may be taken in any order: the same one for the same lanes on one machine."""
+    return _compile(function, fastmath={"contract", "reassoc"})
+
+
+def inlined(function: Function) -> Function:
+    """Compile a function so that its body stands wherever it is called: a call would break a vector loop."""
+    return _compile(function, fastmath={"contract"}, inline="always")

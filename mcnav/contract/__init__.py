@@ -1,0 +1,1 @@
+"""What rooms exchange: quantities, samples, linear systems, engines, scenarios. It imports nothing of the other rooms."""

@@ -1,0 +1,88 @@
+"""Validation of a table by pydantic, with mistakes in the words of the campaign file."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any, Final, TypeVar, get_args
+
+from pydantic import ValidationError
+
+from mcnav.entries.context import FileContext
+from mcnav.entries.quantities import Table
+from mcnav.errors import MOST_PROBLEMS, suggestion
+from mcnav.units import printable
+
+AnyTable = TypeVar("AnyTable", bound=Table)
+
+_MESSAGES: Final = {
+    "int_type": "expected a whole number",
+    "string_type": "expected text in quotes",
+    "string_pattern_mismatch": "expected some text without control characters",
+    "model_type": "expected a table",
+    "dict_type": "expected a table",
+    "list_type": "expected a list",
+    "model_attributes_type": "expected a table with a type",
+    "union_tag_not_found": "expected a table with a type",
+}
+"""Messages by pydantic's error type, where pydantic's own words describe Python rather than TOML."""
+
+_TAGS: Final = ("constant", "variable")
+"""Tags of lift laws, which pydantic adds to the location of an error."""
+
+
+def validate(table: type[AnyTable], content: object, context: FileContext, key: str = "") -> AnyTable | None:
+    """Validate the content of the table at a key; when there are mistakes, add them to the context and return None."""
+    try:
+        return table.model_validate(content)
+    except ValidationError as invalid:
+        for error in invalid.errors(include_url=False)[: MOST_PROBLEMS + 1]:
+            location = [part for part in error["loc"] if part not in _TAGS]
+            at = key
+            for part in location:
+                at += f" #{part + 1}" if isinstance(part, int) else f"{'.' if at else ''}{_named(part)}"
+            context.problem(at, _message(error, location, table))
+        return None
+
+
+def _named(key: str) -> str:
+    """Return a key as it is shown; one of blanks in quotes, as TOML writes it."""
+    return key if key.strip() else f'"{key}"'
+
+
+def _message(error: Mapping[str, Any], location: Sequence[str | int], table: type[Table]) -> str:
+    """Return the message for one of pydantic's errors: what came, and what is expected."""
+    came, kind = error["input"], error["type"]
+    if kind == "extra_forbidden":
+        return f"unknown key{suggestion(str(location[-1]), _known_keys(location[:-1], table))}"
+    if kind == "missing":
+        return "is missing"
+    if kind in ("too_short", "too_long"):
+        limits = error["ctx"]
+        bound = f"at least {limits['min_length']}" if kind == "too_short" else f"at most {limits['max_length']}"
+        return f"got a list of length {len(came)}; expected {bound} entries"
+    message = _MESSAGES.get(kind, str(error["msg"]).removeprefix("Value error, "))
+    if kind == "value_error":
+        return message
+    shown = "a table" if isinstance(came, dict) else "a list" if isinstance(came, list) else printable(repr(came))
+    message = re.sub(r"^[Ii]nput should be (?=greater|less)", "expected a number ", message)
+    message = re.sub(r"^[Ii]nput should be ", "expected ", message)
+    return f"got {shown}; {message[0].lower()}{message[1:]}"
+
+
+def _known_keys(path: Sequence[str | int], table: type[Table]) -> list[str]:
+    """Return the keys of the table at a path; none when the path leads to one of several tables."""
+    for name in path:
+        if isinstance(name, str):
+            inside = _tables_in(table.model_fields[name].annotation)
+            if len(inside) != 1:
+                return []
+            table = inside[0]
+    return list(table.model_fields)
+
+
+def _tables_in(annotation: Any) -> list[type[Table]]:
+    """Return the tables that a type annotation names."""
+    if isinstance(annotation, type) and issubclass(annotation, Table):
+        return [annotation]
+    return [table for argument in get_args(annotation) for table in _tables_in(argument)]

@@ -1,1 +1,0 @@
-"""Scenarios: systems with named error sources and named outputs."""

@@ -1,0 +1,1 @@
+"""Systems with named error sources and named outputs, one folder each, and what they share."""

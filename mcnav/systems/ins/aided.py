@@ -1,0 +1,409 @@
+"""Engines of an aided navigation, and what linear analysis says of it and of its filter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final, Literal
+
+import numpy as np
+
+from mcnav._subprocess import side_threads
+from mcnav._types import Array, IndexArray
+from mcnav.contract.failure import Failure, Reason
+from mcnav.contract.filter_record import FilterSchema
+from mcnav.contract.history import Epochs
+from mcnav.contract.samples import Batch, SimulationResult
+from mcnav.contract.scenario import ScenarioError
+from mcnav.systems.ins.ensemble.aided import (
+    AidedErrors,
+    AidedTables,
+    GivenNoise,
+    simulate_aided,
+    tabulate_aided,
+)
+from mcnav.systems.ins.ensemble.filters import BEYOND, INDEFINITE, SOUND
+from mcnav.systems.ins.ensemble.free import tabulate
+from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel
+from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, Imu, process_sizes
+from mcnav.systems.ins.imu.linear_noise import respond_from_rest
+from mcnav.systems.ins.imu.sample_noise import SampleNoise
+from mcnav.systems.ins.linear.closed_loop import ClosedLoop, ClosedLoopErrors, close_loop, propagate_closed_loop
+from mcnav.systems.ins.linear.closed_loop_covariance import ClosedLoopCovariance, propagate_covariance
+from mcnav.systems.ins.linear.covariance import biased_processes
+from mcnav.systems.ins.linear.recent_responses import recent_responses
+from mcnav.systems.ins.reference.aided import AidedMechanization
+from mcnav.systems.ins.reference.mechanization import Diverged, longest_step
+from mcnav.systems.ins.sensors.aiding import Sensor, aiding_constants, aiding_processes
+from mcnav.systems.ins.truth.trajectory import Platform, Truth
+from mcnav.systems.sample_loop import simulate_each
+
+OWN_CHUNK: Final = 64
+REFERENCE_CHUNK: Final = 8
+SHARED_CHUNK: Final = 256
+
+MOST_STEPS: Final = 60_000
+"""Steps of the grid, of which the tables take some 15 kB each."""
+
+PROBES: Final = 8
+"""Samples on which the steps are settled."""
+
+TOLERANCE: Final = 3e-5
+"""Largest numerical error of any probe at any epoch, as a share of the filter's sigma or of the probes' errors."""
+
+LARGEST_DIVISION: Final = 16
+
+WORDS: Final = {
+    BEYOND: "errors too large for the ensemble engine; the reference engine takes them",
+    INDEFINITE: "the filter's covariance lost its definiteness",
+}
+
+
+@dataclass(frozen=True)
+class AidedNavigation:
+    """An aided navigation along a trajectory.
+
+    Attributes
+    ----------
+    start : float
+        s, in the trajectory's time.
+    epochs : Epochs
+        In minutes of navigation.
+    times : ndarray, shape (m,)
+        Epochs in the trajectory's time, the start first, s.
+    """
+
+    truth: Truth
+    platform: Platform
+    start: float
+    imu: Imu
+    sensors: tuple[Sensor, ...]
+    filter: FilterModel
+    epochs: Epochs
+    times: Array
+
+    def grid(self, division: int, times: Array | None = None) -> Array:
+        """Return the times of epochs, or of others, and of updates, each step between them divided."""
+        updates = [sensor.times for sensor in self.sensors]
+        knots = np.unique(np.concatenate([self.times if times is None else times, *updates]))
+        apart = np.concatenate([[True], np.diff(knots) > 1e-9])
+        knots = knots[apart]
+        if (len(knots) - 1) * division > MOST_STEPS:
+            raise ScenarioError(
+                "aiding", f"got {len(knots)} instants of updates and epochs; at most {MOST_STEPS} can be handled"
+            )
+        parts = np.arange(division) / division
+        inner = knots[:-1, None] + parts * np.diff(knots)[:, None]
+        return np.append(inner.ravel(), knots[-1])
+
+    @cached_property
+    def loop(self) -> ClosedLoop:
+        """The closed loop on the coarsest grid."""
+        return close_loop(
+            self.truth, self.platform, self.grid(1), self.imu, self.sensors, self.filter, recent_responses
+        )
+
+    def _close(self, division: int) -> ClosedLoop:
+        return close_loop(self.truth, self.platform, self.grid(division), self.imu, self.sensors, self.filter)
+
+    def places(self, loop: ClosedLoop) -> IndexArray:
+        """Return the numbers of the epochs in a loop's grid."""
+        return np.asarray(np.searchsorted(loop.times, self.times - 1e-9), dtype=np.int64)
+
+    @cached_property
+    def linear(self) -> ClosedLoopErrors:
+        """The linear closed loop at the epochs, after the updates."""
+        places = self.places(self.loop)
+        return propagate_closed_loop(self.loop, places, np.ones(len(places)))
+
+    def read_out(
+        self, times: Array | None = None
+    ) -> tuple[tuple[Literal["before", "after"] | None, ...], ClosedLoopErrors]:
+        """Propagate the linear closed loop and read it out at the epochs or at other rising times.
+
+        There are two readings where an update falls on a time.
+        """
+        if times is None:
+            loop, times = self.loop, self.times
+        else:
+            grid = self.grid(1, np.concatenate([[self.start], times]))
+            loop = close_loop(self.truth, self.platform, grid, self.imu, self.sensors, self.filter)
+        readings: list[int] = []
+        updates: list[Literal["before", "after"] | None] = []
+        for place in np.searchsorted(loop.times, times - 1e-9).tolist():
+            updated = loop.first_updates[place] < loop.first_updates[place + 1]
+            readings += [place, place] if updated else [place]
+            updates += ["before", "after"] if updated else [None]
+        after = np.array([update == "after" for update in updates])
+        return tuple(updates), propagate_closed_loop(loop, np.array(readings), after)
+
+    def covariances(
+        self, times: Array, mean: Array, sources: Array, shared: ClosedLoopCovariance | None
+    ) -> ClosedLoopCovariance:
+        """Propagate mean and covariance of the errors to rising times, after their updates.
+
+        Parameters
+        ----------
+        mean, sources : ndarray, shapes (s,), (s, s)
+            Of the constant sources.
+        shared : ClosedLoopCovariance, optional
+            Of another navigation, whose tables are taken over where they hold.
+        """
+        grid = self.grid(1, np.concatenate([[self.start], times]))
+        readings, loop = np.searchsorted(grid, times - 1e-9), None
+        if shared is not None:
+            loop = shared.loop
+            readings = loop.own_at if np.array_equal(loop.own_at, readings) else readings
+        loop = close_loop(
+            self.truth, self.platform, grid, self.imu, self.sensors, self.filter, recent_responses, readings, loop
+        )
+        return propagate_covariance(loop, mean, sources, shared)
+
+    def tables(self, division: int) -> AidedTables:
+        """Prepare the tables of the ensemble."""
+        loop = self.loop if division == 1 else self._close(division)
+        shared = tabulate(self.truth, self.platform, loop.responses, self.imu, self.places(loop))
+        return tabulate_aided(loop, shared, biased_processes(loop.responses, self.imu))
+
+    def refined(self, probes: Array) -> tuple[AidedTables, float]:
+        """Divide the steps until probes without noise, shape (n, sources), agree; return the tables and the error.
+
+        The tables of half the coarsest steps are computed in a thread beside what needs those of the coarsest ones.
+        """
+        probes = probes[:PROBES]
+        division, most = 1, MOST_STEPS // 2
+        with side_threads(1) as beside:
+            halved = beside.submit(self.tables, 2) if len(self.loop.times) - 1 <= most else None
+            tables = self.tables(1)
+            coarse = self._without_noise(tables, probes)
+            if halved is None:
+                return tables, float("nan")
+            sigma = self._own_sigma
+            finer = halved.result()
+        while True:
+            fine = self._without_noise(finer, probes)
+            # the filter's sigma, or the errors themselves where it is optimistic
+            scale = np.maximum(sigma, np.abs(fine).max(axis=0))
+            sizes = np.where(scale > 0.0, scale, 1.0)
+            error = float((np.abs(coarse - fine) / sizes).max(initial=0.0)) / 3.0  # of the finer one
+            if 4.0 * error <= TOLERANCE:
+                return tables, 4.0 * error
+            if error <= TOLERANCE or 2 * division >= LARGEST_DIVISION:
+                return finer, error
+            division, tables, coarse = 2 * division, finer, fine
+            if len(tables.loop.times) - 1 > most:
+                return tables, float("nan")
+            finer = self.tables(2 * division)
+
+    @property
+    def _own_sigma(self) -> Array:
+        """The filter's sigmas at the epochs, shape (m, 9); variances of errors that it believes absent are rounded."""
+        return np.asarray(np.sqrt(np.maximum(np.diagonal(self.linear.own, axis1=1, axis2=2), 0.0)))
+
+    def _without_noise(self, tables: AidedTables, probes: Array) -> Array:
+        values, outcomes = self.propagate(tables, probes, False)
+        return np.asarray(np.where((outcomes == SOUND)[:, None, None], values, 0.0))
+
+    def _silence(self, tables: AidedTables, count: int) -> GivenNoise:
+        steps, width = tables.ensemble.factors.shape[:2]
+        updates, most = tables.white.shape
+        return GivenNoise(np.zeros((count, steps, width)), np.zeros((count, updates, most)))
+
+    def difference_of_gains(self, tables: AidedTables, probes: Array) -> float:
+        """Compute the largest difference between shared gains and gains of each sample's own, in the filter's sigmas.
+
+        Of probe samples, shape (n, sources), with noise, at all epochs after the start.
+        """
+        index = np.arange(min(len(probes), PROBES))
+        own, shared = (simulate_aided(tables, probes[:PROBES], 0, index, each) for each in (True, False))
+        good = (own.outcome == SOUND) & (shared.outcome == SOUND)
+        sigma = self._own_sigma[1:]
+        apart = np.abs(own.values - shared.values)[good, 1:]
+        return float((apart / np.where(sigma > 0.0, sigma, np.inf)).max(initial=0.0))
+
+    def propagate(self, tables: AidedTables, errors: Array, own: bool) -> tuple[Array, IndexArray]:
+        """Simulate samples without noise, shape (n, sources): errors at the epochs, (n, m, 9), and outcomes."""
+        values, outcomes = np.empty((len(errors), len(self.times), len(OUTPUTS))), np.empty(len(errors), dtype=np.int64)
+        for begin in range(0, len(errors), OWN_CHUNK):
+            piece = errors[begin : begin + OWN_CHUNK]
+            silence = self._silence(tables, len(piece))
+            found = simulate_aided(tables, piece, 0, np.arange(len(piece)), own, silence)
+            values[begin : begin + len(piece)], outcomes[begin : begin + len(piece)] = found.values, found.outcome
+        return values, outcomes
+
+
+def filter_schema(
+    sensors: tuple[Sensor, ...], model: FilterModel, units: Mapping[str, tuple[str, str]]
+) -> FilterSchema:
+    """Return the columns of a filter's records.
+
+    Parameters
+    ----------
+    units : mapping of str to (str, str)
+        Of constant sources and processes: SI unit, and unit shown.
+    """
+    states = model.states
+    estimated = sum(not state.considered for state in states)
+    groups = {"all": NAVIGATION + estimated, "navigation": NAVIGATION, "position": 3, "velocity": 3, "attitude": 3}
+    if estimated:
+        groups["sensors"] = estimated
+    names = tuple(state.name for state in states)
+    sizes = {sensor.name: len(sensor.components) for sensor in sensors}
+    shown = tuple(units[name] for name in names)
+    return FilterSchema(groups, len(OUTPUTS), names, shown, sizes, model.considers)
+
+
+def believed_shares(
+    imu: Imu, sensors: tuple[Sensor, ...], model: FilterModel, sigmas: Mapping[str, float]
+) -> dict[str, float]:
+    """Return the variance that a filter believes of each cause over its true mean square; zero for what it neglects.
+
+    Parameters
+    ----------
+    sigmas : mapping of str to float
+        True root mean squares of the constant sources.
+    """
+    beliefs, states = model.beliefs, {state.name: state for state in model.states}
+    found: dict[str, float] = {}
+    for name in (*CONSTANTS, *aiding_constants(sensors)):
+        true = sigmas.get(name, 0.0)
+        known = name in OUTPUTS or name in states
+        if true > 0.0:
+            found[name] = (beliefs.sigmas.get(name, 0.0) / true) ** 2 if known else 0.0
+    believed = process_sizes(beliefs.imu) | aiding_processes(beliefs.sensors)
+    for name, true in (process_sizes(imu) | aiding_processes(sensors)).items():
+        white = name.rpartition("_")[0].endswith(("angle_random_walk", "velocity_random_walk", "noise"))
+        walks = "rate_random_walk" in name and name.replace("_rate_random_walk_", "_bias_") in states
+        known = white or walks or name in states or name.endswith("_noise")
+        found[name] = (believed.get(name, 0.0) / true) ** 2 if known else 0.0
+    return found
+
+
+@dataclass(frozen=True)
+class AidedReferenceEngine:
+    """The navigator's own equations at the instruments' rate, with filterpy's filter: one sample at a time."""
+
+    navigation: AidedNavigation
+    filter_schema: FilterSchema
+    accuracy: str = (
+        "mechanization in earth-fixed axes, Gauss collocation of order 6 with steps of at most 0.1 s; filter of its "
+        "own in earth-fixed axes with steps of at most 0.2 s"
+    )
+    parallel: str = "threads"
+    chunk: int = REFERENCE_CHUNK
+
+    @property
+    def epochs(self) -> Epochs:
+        """Instants of the histories."""
+        return self.navigation.epochs
+
+    @cached_property
+    def mechanization(self) -> AidedMechanization:
+        """The navigator."""
+        navigation = self.navigation
+        end = float(navigation.times[-1])
+        return AidedMechanization(
+            navigation.truth, navigation.platform, navigation.start, end, navigation.times, navigation.sensors,
+            navigation.filter, longest_step(navigation.imu),
+        )  # fmt: skip
+
+    @cached_property
+    def _tables(self) -> AidedTables:
+        return self.navigation.tables(1)
+
+    def simulate(self, batch: Batch) -> SimulationResult:
+        """Simulate samples with their noise; the linear ones by the closed loop along the truth."""
+        count, epochs = len(batch.errors), len(self.navigation.times)
+        histories, linear = np.full((count, epochs, len(OUTPUTS)), np.nan), np.full((count, len(OUTPUTS)), np.nan)
+        records = np.full((count, epochs, self.filter_schema.width), np.nan)
+
+        def simulate(row: int) -> Array:
+            noise = self.mechanization.draw(self.navigation.imu, batch.seed, int(batch.index[row]))
+            linear[row] = self.linear(batch.errors[row], noise)
+            histories[row], records[row] = self.mechanization.simulate(batch.errors[row], noise)
+            return np.asarray(histories[row, -1])
+
+        values = np.empty((count, len(OUTPUTS)))
+        failures = simulate_each(simulate, range(count), values, Diverged)
+        return SimulationResult(values, failures, linear_values=linear, history=histories, filter_values=records)
+
+    def linear(self, errors: Array, noise: SampleNoise) -> Array:
+        """Simulate one sample by the linear closed loop with given noise: errors at the last epoch, shape (9,)."""
+        return np.asarray(
+            simulate_aided(self._tables, errors[None], 0, np.zeros(1, int), False, self.given(noise)).linear[0]
+        )
+
+    def given(self, noise: SampleNoise) -> GivenNoise:
+        """Arrange the noise of one sample for the ensemble's steps and updates."""
+        navigation, tables = self.navigation, self._tables
+        steps, width = tables.ensemble.factors.shape[:2]
+        added = np.zeros((1, steps, width))
+        added[0, :, :NAVIGATION] = respond_from_rest(
+            navigation.truth, navigation.platform, self.mechanization.step_times, tables.loop.times, noise.gyro,
+            noise.accelerometer,
+        )  # fmt: skip
+        measured, swings = np.zeros((1, *tables.white.shape)), tables.loop.measurements.swings
+        for number, sensor in enumerate(navigation.sensors):
+            rows = np.flatnonzero(tables.loop.measurements.sensors == number)
+            if sensor.name in noise.measurements:
+                measured[0, rows, : len(sensor.components)] = noise.measurements[sensor.name]
+            if swings.size and noise.drifts is not None:
+                # what a drift of the gyros adds to the antenna's velocity acts as an error of the measurement
+                drifts = noise.drifts[self.mechanization.updated(number)]
+                measured[0, rows] -= np.einsum("umj,uj->um", swings[rows, :, :3], drifts)
+        return GivenNoise(added, measured)
+
+    def propagate(self, errors: Array) -> SimulationResult:
+        """Simulate samples without noise, shape (n, sources)."""
+        values = np.empty((len(errors), len(OUTPUTS)))
+        rows = range(len(errors))
+        failures = simulate_each(lambda row: self.mechanization.simulate(errors[row])[0][-1], rows, values, Diverged)
+        return SimulationResult(values, failures)
+
+
+@dataclass(frozen=True)
+class AidedEngine:
+    """Deviations over shared tables, with a filter in the loop: of each sample's own gains, or of shared ones."""
+
+    navigation: AidedNavigation
+    tables: AidedTables
+    filter_schema: FilterSchema
+    own: bool
+    accuracy: str
+    parallel: str = "threads"
+
+    @property
+    def chunk(self) -> int:
+        """Samples per chunk."""
+        return OWN_CHUNK if self.own else SHARED_CHUNK
+
+    @property
+    def epochs(self) -> Epochs:
+        """Instants of the histories."""
+        return self.navigation.epochs
+
+    def simulate(self, batch: Batch) -> SimulationResult:
+        """Simulate samples with their noise."""
+        found = simulate_aided(self.tables, batch.errors, batch.seed, batch.index, self.own)
+        return self._result(found)
+
+    def propagate(self, errors: Array) -> SimulationResult:
+        """Simulate samples without noise, shape (n, sources)."""
+        values, outcomes = self.navigation.propagate(self.tables, errors, self.own)
+        return SimulationResult(np.where((outcomes == SOUND)[:, None], values[:, -1], np.nan), _failures(outcomes))
+
+    def _result(self, found: AidedErrors) -> SimulationResult:
+        values = found.values
+        values[found.outcome != SOUND] = np.nan
+        return SimulationResult(
+            values[:, -1],
+            _failures(found.outcome),
+            linear_values=found.linear,
+            history=values,
+            filter_values=found.records,
+        )
+
+
+def _failures(outcomes: IndexArray) -> dict[int, Failure]:
+    return {int(row): Failure(Reason.STATED, WORDS[int(outcomes[row])]) for row in np.flatnonzero(outcomes != SOUND)}

@@ -1,0 +1,1 @@
+"""The ensemble engine: deviations of many samples from the shared truth, and their filters, in vectors of lanes."""

@@ -1,0 +1,517 @@
+"""Updates of LANES aided samples: measurements' errors, innovations, gates, and corrections."""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcnav._types import Array, IndexArray
+from mcnav.compiled.blocks import THREE
+from mcnav.compiled.jit import allocation_free_part, allocation_free_uncontracted, inlined
+from mcnav.compiled.lanes import angle_of_half, half_turn_of_square
+from mcnav.compiled.vectors import Rooms, Vector, load, room, store, where
+from mcnav.systems.ins.earth import geodetic_altitude
+from mcnav.systems.ins.ensemble.filters import SIX, FilterUpdates, room_for
+from mcnav.systems.ins.ensemble.steps import Deviations, turn_less_one
+from mcnav.systems.ins.filter.consistency import COUNTS
+from mcnav.systems.ins.sensors.measurements import (
+    ALTITUDE,
+    ATTITUDE,
+    BODY_VELOCITY,
+    HEADING,
+    POSITION,
+    VELOCITY,
+    Measurements,
+)
+
+INNOVATED: Final = (POSITION, VELOCITY, ALTITUDE, ATTITUDE, BODY_VELOCITY, HEADING)
+"""Kinds of measurements whose innovations `innovate` computes."""
+
+LARGEST_CORRECTION: Final = 3.0
+"""Largest rotation by a correction, rad: beyond it a sample leaves the engine's validity."""
+
+
+class UpdateTables(NamedTuple):
+    """Tables that samples share of U updates, as `Measurements` and `AidedTables` have them.
+
+    Attributes
+    ----------
+    constant_rows : ndarray, shape (U, M, a)
+        Responses to the constant errors of the sensors that are not zero.
+    adjoint : ndarray, shape (U, 9, M)
+        As `mcnav.systems.ins.linear.adjoint.Adjoint` has it.
+    lags : ndarray of bool, shape (U,)
+        Whether an update's sensor has had one before.
+    state_rows : ndarray, shape (U, M, q)
+        Responses to those of the filter's states that are errors of sensors.
+    linked : ndarray of int
+        Those of them that any innovation responds to.
+    swings : RateTables
+    """
+
+    sensors: IndexArray
+    sizes: IndexArray
+    components: IndexArray
+    kinds: IndexArray
+    directions: Array
+    arms: Array
+    constant_rows: Array
+    rows: Array
+    forward: Array
+    places: Array
+    bounds: IndexArray
+    correlated: Array
+    memory: Array
+    white: Array
+    limits: Array
+    state_rows: Array
+    gains: Array
+    roots: Array
+    adjoint: Array
+    lags: NDArray[np.bool_]
+    linked: IndexArray
+    of_filter: FilterUpdates
+    swings: RateTables
+
+
+class RateTables(NamedTuple):
+    """Tables of the rate with which navigators compute an antenna's velocity, in U updates.
+
+    Attributes
+    ----------
+    swinging : ndarray of bool, shape (U,)
+        Whether an update measures the velocity of an antenna on a lever arm.
+    levers : ndarray, shape (U, 3)
+        The lever arms.
+    errors : ndarray, shape (U, 3, p)
+        Responses of the rate to the constant errors of the gyros that are not zero.
+    biases, states : ndarray, shapes (U, 3, n), (U, 3, s)
+        Responses to biases of processes, and to the errors that states of the filter are.
+    drifting, estimated : ndarray of int, shapes (n,), (s,)
+        Numbers of these biases and states.
+    """
+
+    swinging: NDArray[np.bool_]
+    levers: Array
+    errors: Array
+    biases: Array
+    states: Array
+    drifting: IndexArray
+    estimated: IndexArray
+
+
+def along_truth(measured: Measurements) -> NDArray[np.bool_]:
+    """Return which updates have innovations whose responses do not depend on a sample's attitude, shape (U,).
+
+    Those of position and velocity without a lever arm.
+    """
+    used = np.arange(measured.kinds.shape[1]) < measured.sizes[:, None]
+    plain = np.isin(measured.kinds, (POSITION, VELOCITY)) & ~measured.arms.any(axis=2) & ~measured.swinging[:, None]
+    return np.asarray((plain | ~used).all(axis=1))
+
+
+class Estimates(NamedTuple):
+    """Estimates of the filters of LANES samples, and room for an update; the last axis is the lanes.
+
+    Attributes
+    ----------
+    estimate : ndarray, shape (q, LANES)
+        Of the other states; of a constant that a state models exactly, less its true value.
+    aiding : ndarray, shape (A, LANES)
+        Constant errors of the sensors.
+    drifts, shown : ndarray, shape (G, LANES)
+        Correlated errors of all components, and those that the epochs show.
+    disturbance, innovation, whitened : ndarray, shape (3 C, LANES)
+        Of an update's components; C blocks of three hold them.
+    rotation : ndarray, shape (3, LANES)
+        Rotation vector from true to indicated axes.
+    rate : ndarray, shape (3, LANES)
+        What errors of the gyros make of a navigator's rate, in inertial axes, before the filter's estimates.
+    swing, corrected : ndarray, shape (3, LANES)
+        Velocity of the antenna by the error of that rate, and what of it is not the gyros' own errors.
+    accepted : ndarray, shape (1, LANES)
+    before : ndarray, shape (sensors, 3 C, LANES)
+        Whitened innovation of each sensor's update before.
+    tally : ndarray, shape (sensors, 5, LANES)
+        As `mcnav.contract.filter_record.BY_SENSOR` has them.
+    """
+
+    estimate: Array
+    aiding: Array
+    drifts: Array
+    shown: Array
+    disturbance: Array
+    innovation: Array
+    whitened: Array
+    rotation: Array
+    rate: Array
+    swing: Array
+    corrected: Array
+    accepted: Array
+    before: Array
+    tally: Array
+
+
+def estimates_of(
+    states: int, aiding: int, components: int, sensors: int, keep: Rooms = room, drifting: Rooms = room,
+    most: int = SIX,
+) -> Estimates:  # fmt: skip
+    """Return room for estimates.
+
+    Parameters
+    ----------
+    keep : callable
+        Makes the rooms that outlast an update.
+    drifting : callable
+        Makes those of correlated errors: the same, unless there are none.
+    most : int
+        Components of the largest measurement.
+    """
+    size = room_for(most)
+    return Estimates(
+        keep(states), keep(aiding), drifting(components), drifting(components), room(size), room(size), room(size),
+        room(3), room(3), room(3), room(3), room(1), keep(sensors, size), keep(sensors, COUNTS),
+    )  # fmt: skip
+
+
+@allocation_free_uncontracted
+def rotation_vectors(turn: Array, out: Array) -> None:
+    """Compute the rotation vectors, shape (3, LANES), of quaternions."""
+    w, b, c, e = load(turn, 0), load(turn, 1), load(turn, 2), load(turn, 3)
+    sine = np.sqrt(b * b + c * c + e * e)
+    further = np.abs(w) + np.sqrt(w * w + sine * sine)  # the tangent of a quarter of the angle is sine / further
+    factor = where(sine > 0.0, 2.0 * angle_of_half(sine / further) / sine, 2.0)
+    factor = where(w < 0.0, -factor, factor)
+    store(out, 0, factor * b)
+    store(out, 1, factor * c)
+    store(out, 2, factor * e)
+
+
+@allocation_free_part
+def disturb(u: int, m: int, tables: UpdateTables, white: Array, drifting: Array, first: int, own: Estimates) -> None:
+    """Draw the errors of an update's measurements, from normal variates of white and of correlated errors.
+
+    Parameters
+    ----------
+    white, drifting : ndarray, shape (rows, LANES)
+    first : int
+        Row of the update's first variate.
+    """
+    for c in range(m):
+        value = tables.white[u, c] * load(white, first + c)
+        if tables.correlated[u, c] > 0.0:
+            at, kept = tables.components[u, c], tables.memory[u, c]
+            driven = tables.correlated[u, c] * np.sqrt(1.0 - kept * kept)
+            drift = kept * load(own.drifts, at) + driven * load(drifting, first + c)
+            store(own.drifts, at, drift)
+            store(own.shown, at, drift)
+            value += drift
+        store(own.disturbance, c, value)
+
+
+@allocation_free_part
+def add_constant_errors(u: int, m: int, tables: UpdateTables, own: Estimates) -> None:
+    """Add what constant errors of the sensors contribute to an update."""
+    for c in range(m):
+        value = load(own.disturbance, c)
+        for a in range(len(own.aiding)):
+            value -= tables.constant_rows[u, c, a] * load(own.aiding, a)
+        store(own.disturbance, c, value)
+
+
+@allocation_free_part
+def add_rate_errors(u: int, m: int, tables: UpdateTables, samples: Deviations, own: Estimates) -> None:
+    """Add what errors of the gyros contribute to an update of an antenna's velocity: ``d . (e x L)``."""
+    rates = tables.swings
+    x = y = z = 0.0 * load(own.disturbance, 0)
+    for q in range(rates.errors.shape[2]):
+        error = load(samples.errors, q)
+        x += rates.errors[u, 0, q] * error
+        y += rates.errors[u, 1, q] * error
+        z += rates.errors[u, 2, q] * error
+    for n in range(len(rates.drifting)):
+        error = load(samples.bias, rates.drifting[n])
+        x += rates.biases[u, 0, n] * error
+        y += rates.biases[u, 1, n] * error
+        z += rates.biases[u, 2, n] * error
+    store(own.rate, 0, x)
+    store(own.rate, 1, y)
+    store(own.rate, 2, z)
+    a, b, c = rates.levers[u, 0], rates.levers[u, 1], rates.levers[u, 2]
+    sx, sy, sz = y * c - z * b, z * a - x * c, x * b - y * a
+    for e in range(m):
+        if tables.kinds[u, e] == VELOCITY:
+            dx, dy, dz = tables.directions[u, e, 0], tables.directions[u, e, 1], tables.directions[u, e, 2]
+            store(own.disturbance, e, load(own.disturbance, e) - (dx * sx + dy * sy + dz * sz))
+
+
+@allocation_free_part
+def _swing(u: int, spin: float, rates: RateTables, turned: Array, own: Estimates) -> None:
+    """Compute what the error of a navigator's rate makes of the antenna's velocity, before it is turned.
+
+    The rate over the earth has the earth's rate W along indicated axes, ``-(R^T - I) W``.
+    """
+    x, y, z = -spin * load(turned, 6), -spin * load(turned, 7), -spin * load(turned, 8)
+    for n in range(len(rates.estimated)):
+        estimate = load(own.estimate, rates.estimated[n])
+        x -= rates.states[u, 0, n] * estimate
+        y -= rates.states[u, 1, n] * estimate
+        z -= rates.states[u, 2, n] * estimate
+    a, b, c = rates.levers[u, 0], rates.levers[u, 1], rates.levers[u, 2]
+    store(own.corrected, 0, y * c - z * b)
+    store(own.corrected, 1, z * a - x * c)
+    store(own.corrected, 2, x * b - y * a)
+    x, y, z = x + load(own.rate, 0), y + load(own.rate, 1), z + load(own.rate, 2)
+    store(own.swing, 0, y * c - z * b)
+    store(own.swing, 1, z * a - x * c)
+    store(own.swing, 2, x * b - y * a)
+
+
+@inlined
+def _turned(turned: Array, x: float, y: float, z: float) -> tuple[Vector, Vector, Vector]:
+    """Compute by how much rotations change a vector, with R - I."""
+    return (
+        load(turned, 0) * x + load(turned, 1) * y + load(turned, 2) * z,
+        load(turned, 3) * x + load(turned, 4) * y + load(turned, 5) * z,
+        load(turned, 6) * x + load(turned, 7) * y + load(turned, 8) * z,
+    )
+
+
+@inlined
+def _store_three(out: Array, c: int, at: int, x: Vector, y: Vector, z: Vector) -> None:
+    store(out, (c, at), x)
+    store(out, (c, at + 1), y)
+    store(out, (c, at + 2), z)
+
+
+@allocation_free_uncontracted
+def _altitude_change(constants: Array, u: int, places: Array, x: Vector, y: Vector, z: Vector) -> Vector:
+    """Compute the change of the altitude by deviations; exactly zero without one."""
+    a, b, c = places[u, 0], places[u, 1], places[u, 2]
+    here = geodetic_altitude(constants, 0.0 * x + a, 0.0 * y + b, 0.0 * z + c)
+    return geodetic_altitude(constants, a + x, b + y, c + z) - here
+
+
+@inlined
+def _heading_change(u: int, tables: UpdateTables, turned: Array) -> Vector:
+    """Compute the change of the heading by rotations."""
+    axes = tables.forward
+    dx, dy, dz = _turned(turned, axes[u, 2, 0], axes[u, 2, 1], axes[u, 2, 2])
+    north = axes[u, 0, 0] * axes[u, 2, 0] + axes[u, 0, 1] * axes[u, 2, 1] + axes[u, 0, 2] * axes[u, 2, 2]
+    east = axes[u, 1, 0] * axes[u, 2, 0] + axes[u, 1, 1] * axes[u, 2, 1] + axes[u, 1, 2] * axes[u, 2, 2]
+    more_north = axes[u, 0, 0] * dx + axes[u, 0, 1] * dy + axes[u, 0, 2] * dz
+    more_east = axes[u, 1, 0] * dx + axes[u, 1, 1] * dy + axes[u, 1, 2] * dz
+    across = north * more_east - east * more_north
+    along = north * (north + more_north) + east * (east + more_east)
+    further = along + np.sqrt(along * along + across * across)  # the tangent of a half is across / further
+    return 2.0 * angle_of_half(across / (further + np.sqrt(further * further + across * across)))
+
+
+@allocation_free_part
+def innovate(
+    u: int, m: int, constants: Array, tables: UpdateTables, samples: Deviations, rows: Array, own: Estimates
+) -> None:
+    """Compute the innovations of the samples, and their responses to errors about each sample's own attitude.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (3 C, 9, LANES)
+        Or none, if the responses are not needed; those along the truth are computed for Joseph's form alone.
+    """
+    turn, turned, moved = samples.turn, samples.turned, samples.moved
+    plain = tables.of_filter.along_truth[u]
+    spin, wanted = constants[3], len(rows) > 0 and (tables.of_filter.careful[u] or not plain)
+    swinging = tables.swings.swinging[u]
+    if not plain:
+        turn_less_one(turn, turned)
+    if swinging:
+        _swing(u, spin, tables.swings, turned, own)
+    x, y, z = load(moved, 3), load(moved, 4), load(moved, 5)
+    vx, vy, vz = load(moved, 0) + spin * y, load(moved, 1) - spin * x, load(moved, 2)  # over the earth
+    zero = 0.0 * x
+    if wanted:
+        for c in range(THREE * ((m + 2) // THREE)):
+            for r in range(9):
+                store(rows, (c, r), 0.0)
+    for c in range(m):
+        kind = tables.kinds[u, c]
+        dx, dy, dz = tables.directions[u, c, 0], tables.directions[u, c, 1], tables.directions[u, c, 2]
+        ax, ay, az = tables.arms[u, c, 0], tables.arms[u, c, 1], tables.arms[u, c, 2]
+        value = -load(own.disturbance, c)
+        if kind in (POSITION, VELOCITY):
+            if kind == POSITION:
+                value += dx * x + dy * y + dz * z
+            else:
+                value += dx * vx + dy * vy + dz * vz
+            if wanted and kind == POSITION:
+                _store_three(rows, c, 6, zero + dx, zero + dy, zero + dz)
+            elif wanted:
+                _store_three(rows, c, 3, zero + dx, zero + dy, zero + dz)
+                _store_three(rows, c, 6, zero - spin * dy, zero + spin * dx, zero)
+            if kind == VELOCITY and swinging:
+                sx, sy, sz = ax + load(own.swing, 0), ay + load(own.swing, 1), az + load(own.swing, 2)
+                lx, ly, lz = _turned(turned, sx, sy, sz)
+                ex, ey, ez = load(own.corrected, 0), load(own.corrected, 1), load(own.corrected, 2)
+                value += dx * (lx + ex) + dy * (ly + ey) + dz * (lz + ez)
+                if wanted:
+                    lx, ly, lz = sx + lx, sy + ly, sz + lz
+                    # W x (R L x d)
+                    fx, fy, fz = tables.swings.levers[u, 0], tables.swings.levers[u, 1], tables.swings.levers[u, 2]
+                    ex, ey, ez = _turned(turned, fx, fy, fz)
+                    ex, ey, ez = fx + ex, fy + ey, fz + ez
+                    ex, ey = -spin * (ez * dx - ex * dz), spin * (ey * dz - ez * dy)
+                    _store_three(rows, c, 0, ly * dz - lz * dy + ex, lz * dx - lx * dz + ey, lx * dy - ly * dx)
+            elif ax != 0.0 or ay != 0.0 or az != 0.0:
+                lx, ly, lz = _turned(turned, ax, ay, az)
+                value += dx * lx + dy * ly + dz * lz
+                if wanted:
+                    lx, ly, lz = ax + lx, ay + ly, az + lz
+                    _store_three(rows, c, 0, ly * dz - lz * dy, lz * dx - lx * dz, lx * dy - ly * dx)
+        elif kind == ALTITUDE:
+            value += _altitude_change(constants, u, tables.places, x, y, z)
+            if wanted:
+                _store_three(rows, c, 6, zero - dx, zero - dy, zero - dz)
+        elif kind == ATTITUDE:
+            rotation_vectors(turn, own.rotation)
+            value += dx * load(own.rotation, 0) + dy * load(own.rotation, 1) + dz * load(own.rotation, 2)
+            if wanted:
+                ex, ey, ez = _turned(turned, dx, dy, dz)
+                _store_three(rows, c, 0, dx + ex, dy + ey, dz + ez)
+        elif kind == BODY_VELOCITY:
+            ex, ey, ez = _turned(turned, dx, dy, dz)
+            value += ex * ax + ey * ay + ez * az
+            ex, ey, ez = dx + ex, dy + ey, dz + ez
+            value += ex * vx + ey * vy + ez * vz
+            if wanted:
+                ux, uy, uz = ax + vx, ay + vy, az + vz  # the navigator's own velocity over the earth
+                _store_three(rows, c, 0, ey * uz - ez * uy, ez * ux - ex * uz, ex * uy - ey * ux)
+                _store_three(rows, c, 3, ex, ey, ez)
+                _store_three(rows, c, 6, -spin * ey, spin * ex, zero)
+        elif kind == HEADING:
+            value += _heading_change(u, tables, turned) + (ax * x + ay * y + az * z)
+            if wanted:
+                _store_three(rows, c, 0, zero + dx, zero + dy, zero + dz)
+                _store_three(rows, c, 6, zero + ax, zero + ay, zero + az)
+        for s in tables.linked:
+            value -= tables.state_rows[u, c, s] * load(own.estimate, s)
+        store(own.innovation, c, value)
+
+
+@allocation_free_part
+def whiten_by_own(m: int, root: Array, inverse: Array, own: Estimates) -> None:
+    """Whiten the innovations of samples by covariances of their own.
+
+    Parameters
+    ----------
+    root, inverse : ndarray, shapes (3 C, 3 C, LANES), (3 C, LANES)
+        Cholesky factor of the innovations' covariance, and its diagonal inverted.
+    """
+    for c in range(m):
+        value = load(own.innovation, c)
+        for e in range(c):
+            value -= load(root, (c, e)) * load(own.whitened, e)
+        store(own.whitened, c, value * load(inverse, c))
+
+
+@allocation_free_part
+def whiten_by_shared(u: int, m: int, roots: Array, own: Estimates) -> None:
+    """Whiten the innovations of samples by the covariance that they share, whose Cholesky factors are given."""
+    for c in range(m):
+        value = load(own.innovation, c)
+        for e in range(c):
+            value -= roots[u, c, e] * load(own.whitened, e)
+        store(own.whitened, c, value * (1.0 / roots[u, c, c]))
+
+
+@allocation_free_part
+def judge(m: int, limit: float, lags: bool, sensor: int, own: Estimates) -> None:
+    """Normalize the whitened innovations of a sample, count them, and accept or reject the measurement.
+
+    Parameters
+    ----------
+    lags : bool
+        Whether the sensor has had an update before.
+    """
+    normalized = lag = 0.0 * load(own.innovation, 0)
+    for c in range(m):
+        value = load(own.whitened, c)
+        normalized += value * value
+        lag += value * load(own.before, (sensor, c))
+        store(own.before, (sensor, c), value)
+    accepted = where(normalized <= limit, 1.0, 0.0)
+    store(own.accepted, 0, accepted)
+    tally = own.tally
+    store(tally, (sensor, 0), load(tally, (sensor, 0)) + normalized)
+    store(tally, (sensor, 1), load(tally, (sensor, 1)) + accepted)
+    store(tally, (sensor, 2), load(tally, (sensor, 2)) + (1.0 - accepted))
+    if lags:
+        store(tally, (sensor, 3), load(tally, (sensor, 3)) + lag * (1.0 / m))
+        store(tally, (sensor, 4), load(tally, (sensor, 4)) + 1.0)
+
+
+@inlined
+def _turn_back(x: Vector, y: Vector, z: Vector, turn: Array, sound: Array) -> None:
+    """Rotate navigators by what their filters have estimated of psi, backwards; beyond a limit they are not sound."""
+    square = x * x + y * y + z * z
+    sine, w = half_turn_of_square(square)
+    store(sound, 0, where(square < LARGEST_CORRECTION * LARGEST_CORRECTION, load(sound, 0), 0.0))
+    factor = -sine
+    x, y, z = factor * x, factor * y, factor * z
+    a, b, c, e = load(turn, 0), load(turn, 1), load(turn, 2), load(turn, 3)
+    store(turn, 0, w * a - (x * b + y * c + z * e))
+    store(turn, 1, w * b + (x * a + y * e - z * c))
+    store(turn, 2, w * c + (y * a + z * b - x * e))
+    store(turn, 3, w * e + (z * a + x * c - y * b))
+
+
+@inlined
+def _correction(
+    u: int, m: int, gains: Array, r: int, s: int, t: int, innovation: Array
+) -> tuple[Vector, Vector, Vector]:
+    """Compute ``K n`` of three states."""
+    n = load(innovation, 0)
+    x, y, z = gains[u, r, 0] * n, gains[u, s, 0] * n, gains[u, t, 0] * n
+    for c in range(1, m):
+        n = load(innovation, c)
+        x += gains[u, r, c] * n
+        y += gains[u, s, c] * n
+        z += gains[u, t, c] * n
+    return x, y, z
+
+
+@inlined
+def _add_three(out: Array, r: int, s: int, t: int, x: Vector, y: Vector, z: Vector) -> None:
+    """Add to three rows, or to fewer where some are the same."""
+    x, y, z = load(out, r) + x, load(out, s) + y, load(out, t) + z
+    store(out, r, x)
+    store(out, s, y)
+    store(out, t, z)
+
+
+@allocation_free_part
+def feed_back_own(correction: Array, corrected: Array, samples: Deviations, own: Estimates) -> None:
+    """Correct the navigators and the estimates by ``K n``, rows of lanes."""
+    _turn_back(load(correction, 0), load(correction, 1), load(correction, 2), samples.turn, samples.sound)
+    for r in range(6):
+        store(samples.moved, r, load(samples.moved, r) - load(correction, 3 + r))
+    for s in range(len(own.estimate)):
+        store(own.estimate, s, load(own.estimate, s) + corrected[9 + s] * load(correction, 9 + s))
+
+
+@allocation_free_part
+def feed_back_shared(u: int, m: int, gains: Array, samples: Deviations, own: Estimates) -> None:
+    """Correct the navigators and the estimates by gains along the truth."""
+    moved, last = samples.moved, len(own.estimate) - 1
+    for c in range(m):
+        store(own.innovation, c, load(own.accepted, 0) * load(own.innovation, c))
+    x, y, z = _correction(u, m, gains, 0, 1, 2, own.innovation)
+    _turn_back(x, y, z, samples.turn, samples.sound)
+    for r in range(0, 6, 3):
+        x, y, z = _correction(u, m, gains, 3 + r, 4 + r, 5 + r, own.innovation)
+        _add_three(moved, r, r + 1, r + 2, -x, -y, -z)
+    for s in range(0, last + 1, 3):
+        t, e = min(s + 1, last), min(s + 2, last)
+        x, y, z = _correction(u, m, gains, 9 + s, 9 + t, 9 + e, own.innovation)
+        _add_three(own.estimate, s, t, e, x, y, z)

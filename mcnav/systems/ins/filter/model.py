@@ -1,0 +1,154 @@
+"""The error-state Kalman filter of an aided navigator: what it estimates, and what it believes.
+
+The filter's states are the deviations psi, v, x of attitude, velocity and position in inertial axes (see
+`mcnav.systems.ins.linear.response`), and errors of instruments and sensors. An estimated error is subtracted in the
+navigator; of a considered error (Schmidt) the filter has a covariance and no estimate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.systems.ins.imu.instruments import AXES, Imu
+from mcnav.systems.ins.sensors.aiding import Sensor
+
+NAVIGATION: Final = 9
+"""States of attitude, velocity and position."""
+
+
+@dataclass(frozen=True)
+class Beliefs:
+    """Sizes of errors as the filter believes them.
+
+    Attributes
+    ----------
+    sigmas : mapping of str to float
+        Of constant errors, by source; those it does not believe in are zero or missing.
+    covariance : ndarray, shape (9, 9)
+        Of the initial navigation errors, in the order of `mcnav.systems.ins.imu.instruments.OUTPUTS`.
+    imu : Imu
+        Processes of the instruments.
+    sensors : tuple of Sensor
+        The truth's sensors in order, with believed noise, correlated errors and lever arms.
+    """
+
+    sigmas: Mapping[str, float]
+    covariance: Array
+    imu: Imu
+    sensors: tuple[Sensor, ...]
+
+
+@dataclass(frozen=True)
+class FilterState:
+    """A state of the filter that is an error of an instrument or a sensor.
+
+    Attributes
+    ----------
+    name : str
+        Of the constant source or process that it models.
+    sigma : float
+        Believed standard deviation at the start.
+    correlation_time : float
+        Of a Gauss-Markov error, s; infinite for a constant or a random walk.
+    walk : float
+        Density K of a random walk, zero for none.
+    considered : bool
+    """
+
+    name: str
+    sigma: float
+    correlation_time: float
+    walk: float
+    considered: bool
+
+
+@dataclass(frozen=True)
+class FilterModel:
+    """A filter.
+
+    Attributes
+    ----------
+    estimates, considers : tuple of str
+        Kinds of errors besides position, velocity and attitude, which are always estimated: ``gyro_bias``,
+        ``accelerometer_scale_factor``, ``gnss_position_bias``, …
+    beliefs : Beliefs
+    """
+
+    estimates: tuple[str, ...]
+    considers: tuple[str, ...]
+    beliefs: Beliefs
+
+    @property
+    def states(self) -> tuple[FilterState, ...]:
+        """States besides the nine of navigation, in order; errors in which it does not believe have none.
+
+        A bias stands for all that it consists of: the constant and the rate random walk are one state, the bias
+        instability is another. So do a sensor's bias and its correlated error.
+        """
+        found: list[FilterState] = []
+        for kinds, considered in ((self.estimates, False), (self.considers, True)):
+            for kind in kinds:
+                found += _states_of(kind, self.beliefs, considered)
+        return tuple(found)
+
+
+def _states_of(kind: str, beliefs: Beliefs, considered: bool) -> list[FilterState]:
+    """List the states of a kind of errors."""
+    found = []
+    for name in _constants_of(kind, beliefs):
+        sigma, walk = beliefs.sigmas.get(name, 0.0), _walk(name, beliefs.imu)
+        if sigma > 0.0 or walk > 0.0:
+            found.append(FilterState(name, sigma, np.inf, walk, considered))
+    for name, sigma, correlation_time in _correlated_of(kind, beliefs):
+        if sigma > 0.0:
+            found.append(FilterState(name, sigma, correlation_time, 0.0, considered))
+    return found
+
+
+def estimated_kinds(constants: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the kinds of errors that a filter may estimate or consider, from the names of the constant sources."""
+    kinds: dict[str, None] = {}
+    for name in constants:
+        kinds[_kind(name)] = None
+    return tuple(kinds)
+
+
+def _kind(name: str) -> str:
+    """Return the kind of a source: its name without the axis."""
+    stem, _, axis = name.rpartition("_")
+    return stem if axis in ("x", "y", "z", "xy", "xz", "yx", "yz", "zx", "zy", "north", "east", "down") else name
+
+
+def _constants_of(kind: str, beliefs: Beliefs) -> list[str]:
+    instruments = [*(f"{kind}_{axis}" for axis in (*AXES, "xy", "xz", "yx", "yz", "zx", "zy"))]
+    named = [name for sensor in beliefs.sensors for name in sensor.constants() if _kind(name) == kind]
+    return named or instruments
+
+
+def _walk(name: str, imu: Imu) -> float:
+    """Return the density of the rate random walk that belongs to a bias."""
+    for instrument, noise in (("gyro", imu.gyro), ("accelerometer", imu.accelerometer)):
+        for axis, size in zip(AXES, noise.rate_random_walk, strict=True):
+            if name == f"{instrument}_bias_{axis}":
+                return float(size)
+    return 0.0
+
+
+def _correlated_of(kind: str, beliefs: Beliefs) -> list[tuple[str, float, float]]:
+    """List the Gauss-Markov errors that belong to a kind: name, sigma, correlation time."""
+    for instrument, noise in (("gyro", beliefs.imu.gyro), ("accelerometer", beliefs.imu.accelerometer)):
+        if kind == f"{instrument}_bias":
+            names = (f"{instrument}_bias_instability_{axis}" for axis in AXES)
+            sizes = (noise.instability.tolist(), noise.correlation_time.tolist())
+            return list(zip(names, *sizes, strict=True))
+    return [
+        (each.error_name("correlated"), each.correlated, each.correlation_time)
+        for sensor in beliefs.sensors
+        for each in sensor.components
+        if _kind(each.error_name("bias")) == kind
+    ]

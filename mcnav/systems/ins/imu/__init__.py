@@ -1,0 +1,1 @@
+"""Inertial instruments: their errors, and the noise of samples."""

@@ -1,0 +1,125 @@
+"""Noise of one sample of the reference engine with aiding: instruments, measurements, and the processes' own values.
+
+Each process has the counter-based generator keyed by seed and sample, at a place of its own on the counter, apart from
+those of `mcnav.systems.ins.imu.fine_noise`. A process that is left out changes no other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from mcnav._types import Array, IndexArray
+from mcnav.systems.ins.imu.fine_noise import boundary_values, draw_noise, gyro_drifts, process_values
+from mcnav.systems.ins.imu.instruments import Imu
+from mcnav.systems.ins.sensors.aiding import COMPONENTS, Component, Sensor
+from mcnav.systems.ins.sensors.measurements import swings
+
+QUANTITIES: Final = tuple(COMPONENTS)
+
+FIRST_STREAM: Final = 18
+"""Number of the counter's highest word; lower ones are those of the instruments' processes."""
+
+
+@dataclass(frozen=True)
+class SampleNoise:
+    """Noise of one sample.
+
+    Attributes
+    ----------
+    gyro, accelerometer : ndarray, shape (S, 3)
+        Means over the steps of what the processes add to the readings, rad/s and m/s^2.
+    measurements : mapping of str to ndarray, shape (u, c)
+        What processes add to the measurements of each sensor: white noise and correlated errors. Sensors that are
+        missing have none.
+    processes : mapping of str to ndarray, shape (m,)
+        Values at the epochs of the processes that a filter may estimate: bias instability and rate random walk of the
+        instruments, correlated errors of the sensors. Those that are missing are zero.
+    drifts : ndarray, shape (S, 3), optional
+        Bias instability and rate random walk of the gyros at the ends of the steps, rad/s, for sensors that measure an
+        antenna's velocity on a lever arm; none for zero.
+    """
+
+    gyro: Array
+    accelerometer: Array
+    measurements: Mapping[str, Array] = field(default_factory=dict)
+    processes: Mapping[str, Array] = field(default_factory=dict)
+    drifts: Array | None = None
+
+
+def draw_sample_noise(
+    imu: Imu, sensors: Sequence[Sensor], step_times: Array, epochs: IndexArray, seed: int, index: int
+) -> SampleNoise:
+    """Draw the noise of one sample.
+
+    Parameters
+    ----------
+    step_times : ndarray, shape (S + 1,)
+        Boundaries of the steps, s.
+    epochs : ndarray of int, shape (m,)
+        Boundaries that are epochs.
+    seed, index : int
+        Of the campaign and of the sample, below 2^64.
+    """
+    gyro, accelerometer = draw_noise(imu, step_times, seed, index)
+    measurements, correlated = draw_measurement_errors(sensors, step_times[epochs], seed, index)
+    processes = process_values(imu, step_times, epochs, seed, index)
+    drifts = gyro_drifts(imu, step_times, seed, index) if any(swings(sensor) for sensor in sensors) else None
+    return SampleNoise(gyro, accelerometer, measurements, processes | correlated, drifts)
+
+
+def draw_measurement_errors(
+    sensors: Sequence[Sensor], epochs: Array, seed: int, index: int
+) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Draw what processes add to the measurements of one sample.
+
+    Gauss-Markov errors are stationary from the first instant and exact between instants.
+
+    Parameters
+    ----------
+    epochs : ndarray, shape (m,)
+        s.
+
+    Returns
+    -------
+    tuple of dict
+        Errors of the measurements of each sensor, shape (u, c), by its name; values of the correlated errors at the
+        epochs, shape (m,), by the names of the processes.
+    """
+    measurements, correlated = {}, {}
+    for number, sensor in enumerate(sensors):
+        errors = np.zeros((len(sensor.times), len(sensor.components)))
+        for column, component in enumerate(sensor.components):
+            place = (len(QUANTITIES) * number + QUANTITIES.index(component.quantity)) * 3 + component.axis
+            if component.noise > 0.0:
+                variates = _generator(seed, index, 2 * place).standard_normal(len(errors))
+                errors[:, column] += component.noise * variates
+            if component.correlated > 0.0:
+                generator = _generator(seed, index, 2 * place + 1)
+                at_times, at_epochs = _gauss_markov(component, sensor.times, epochs, generator)
+                errors[:, column] += at_times
+                correlated[component.error_name("correlated")] = at_epochs
+        measurements[sensor.name] = errors
+    return measurements, correlated
+
+
+def _generator(seed: int, index: int, process: int) -> np.random.Generator:
+    """Make the generator of one process."""
+    words = np.array([0, 0, process, FIRST_STREAM], dtype=np.uint64)
+    return np.random.Generator(np.random.Philox(counter=words, key=np.array((seed, index), dtype=np.uint64)))
+
+
+def _gauss_markov(
+    component: Component, times: Array, epochs: Array, generator: np.random.Generator
+) -> tuple[Array, Array]:
+    """Draw a stationary Gauss-Markov error at two sets of instants."""
+    instants, places = np.unique(np.concatenate([times, epochs]), return_inverse=True)
+    variates = generator.standard_normal(len(instants))
+    x = np.diff(instants) / component.correlation_time
+    decay, driven = np.exp(-x), np.sqrt(-np.expm1(-2.0 * x))
+    values = boundary_values(decay, driven, variates[0], variates[1:])
+    found = component.correlated * values[places]
+    return found[: len(times)], found[len(times) :]

@@ -1,0 +1,226 @@
+"""Linear covariance of the navigation errors: sensitivities to constant sources, and a covariance for each process."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from mcnav._types import Array, IndexArray
+from mcnav.systems.ins.earth import local_axes
+from mcnav.systems.ins.imu.instruments import CONSTANTS, PROCESSES, Imu, Noise, process_sizes
+from mcnav.systems.ins.linear.response import StepResponses
+from mcnav.systems.ins.truth.trajectory import Truth
+
+ROUNDED: Final = 1e-14
+"""Share of the variance that a sum would have without cancellation, up to which its own is rounding.
+
+Each of its two products of nine terms has nine units of rounding, 2e-15 together; the covariance's entries, which add
+up steps and updates, have some more.
+"""
+
+
+@dataclass(frozen=True)
+class LinearErrors:
+    """The linear system at some epochs, m of them.
+
+    Attributes
+    ----------
+    times : ndarray, shape (m,)
+    partials : ndarray, shape (m, 9, 39)
+        Of the outputs to the constant sources.
+    processes : mapping of str to ndarray, shape (m, 9, 9)
+        Covariance of the outputs from each process, by name.
+    """
+
+    times: Array
+    partials: Array
+    processes: dict[str, Array]
+
+
+def _cross(vector: Array) -> Array:
+    x, y, z = vector
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def output_map(truth: Truth, time: float) -> Array:
+    """Compute the matrix from psi, v, x in inertial axes to the outputs, shape (9, 9), to first order.
+
+    With the turn ``t = (p_e / (N + h), -p_n / (M + h), -p_e tan(phi) / (N + h))`` of the local axes by the position
+    error p: velocity error ``v - Omega x x - t x v_n``, attitude error ``psi - t``, all in n.
+    """
+    earth = truth.earth
+    position, velocity = truth.earth_fixed(np.array([time]))
+    latitude, longitude, altitude = earth.to_geodetic(position)[0]
+    to_earth_fixed = local_axes(np.array(latitude), np.array(longitude))
+    meridian, prime = earth.curvature_radii(latitude)
+    axes = (earth.turned(np.array(time - truth.times[0])) @ to_earth_fixed).T  # i to n
+    turn = np.zeros((3, 3))
+    turn[0, 1] = 1.0 / (prime + altitude)
+    turn[1, 0] = -1.0 / (meridian + altitude)
+    turn[2, 1] = -np.tan(latitude) / (prime + altitude)
+    found = np.zeros((9, 9))
+    found[0:3, 6:9] = axes
+    found[3:6, 3:6] = axes
+    spin = _cross(np.array([0.0, 0.0, earth.rotation_rate]))
+    found[3:6, 6:9] = -axes @ spin + _cross(to_earth_fixed.T @ velocity[0]) @ turn @ axes
+    found[6:9, 0:3] = axes
+    found[6:9, 6:9] = -turn @ axes
+    return found
+
+
+def map_covariances(maps: Array, covariances: Array) -> Array:
+    """Compute ``M P M^T``; rows and columns of variances that are rounding are zero.
+
+    Parameters
+    ----------
+    maps, covariances : ndarray, shapes (..., r, n), (..., n, n)
+
+    Returns
+    -------
+    ndarray, shape (..., r, r)
+
+    Examples
+    --------
+    Two errors that are one, and their difference:
+
+    >>> map_covariances(np.array([[1.0, 0.0], [3.0, -0.3]]), np.array([[0.01, 0.1], [0.1, 1.0]]))
+    array([[0.01, 0.  ],
+           [0.  , 0.  ]])
+    """
+    mapped = maps @ covariances @ maps.swapaxes(-1, -2)
+    variances = np.maximum(np.diagonal(covariances, axis1=-2, axis2=-1), 0.0)
+    sizes = (np.abs(maps) @ np.sqrt(variances)[..., None])[..., 0]
+    kept = np.diagonal(mapped, axis1=-2, axis2=-1) > ROUNDED * sizes**2
+    return np.asarray(np.where(kept[..., :, None] & kept[..., None, :], mapped, 0.0))
+
+
+def transitions(responses: StepResponses) -> Array:
+    """Return the transition matrices of psi, v, x over the steps, shape (K, 9, 9)."""
+    found = np.zeros((len(responses.attitude), 9, 9))
+    found[:, :3, :3] = np.eye(3)
+    found[:, 3:, :3] = responses.attitude
+    found[:, 3:, 3:] = responses.motion
+    return found
+
+
+def constant_inputs(responses: StepResponses) -> Array:
+    """Return the responses of psi, v, x to the constant errors of the instruments, shape (K, 9, 30)."""
+    found = np.zeros((len(responses.attitude), 9, 30))
+    found[:, :, :15] = responses.gyro.swapaxes(1, 2)
+    found[:, 3:, 15:] = responses.accelerometer.swapaxes(1, 2)
+    return found
+
+
+def process_systems(responses: StepResponses, imu: Imu) -> dict[str, tuple[Array, Array, Array]]:
+    """Return the systems of psi, v, x and one bias for each process that is not zero.
+
+    Returns
+    -------
+    mapping of str to (ndarray, ndarray, ndarray)
+        By name: the bias's response, shape (K, 10), with its own decay last; the covariance that a step adds, shape
+        (K, 10, 10); the variance of the bias at the start, shape ().
+    """
+    steps = len(responses.attitude)
+    durations = np.diff(responses.times)
+    gyro = (imu.gyro, responses.gyro_white, responses.gyro_state, responses.gyro_driven, responses.gyro_walk,
+            responses.gyro_walked)  # fmt: skip
+    accelerometer = (
+        imu.accelerometer, responses.accelerometer_white, responses.accelerometer_state,
+        responses.accelerometer_driven, responses.accelerometer_walk, responses.accelerometer_walked,
+    )  # fmt: skip
+    sizes = process_sizes(imu)
+    found: dict[str, tuple[Array, Array, Array]] = {}
+    names = iter(PROCESSES)
+    for first, (noise, white, state, driven, walk, walked) in ((0, gyro), (3, accelerometer)):
+        for axis in range(3):
+            if (name := next(names)) in sizes:
+                covariance = np.zeros((steps, 10, 10))
+                covariance[:, first:9, first:9] = noise.random_walk[axis] ** 2 * white[:, axis]
+                found[name] = (np.zeros((steps, 10)), covariance, np.zeros(()))
+        for axis in range(3):
+            if (name := next(names)) in sizes:
+                variance, correlation = noise.instability[axis] ** 2, noise.correlation_time[axis]
+                response, covariance = np.zeros((steps, 10)), np.zeros((steps, 10, 10))
+                response[:, first:9], response[:, 9] = state[:, axis], np.exp(-durations / correlation)
+                covariance[:, first:, first:] = 2.0 * variance / correlation * driven[:, axis]
+                found[name] = (response, covariance, np.asarray(variance))
+        for axis in range(3):
+            if (name := next(names)) in sizes:
+                response, covariance = np.zeros((steps, 10)), np.zeros((steps, 10, 10))
+                response[:, first:9], response[:, 9] = walk[:, axis], 1.0
+                covariance[:, first:, first:] = noise.rate_random_walk[axis] ** 2 * walked[:, axis]
+                found[name] = (response, covariance, np.zeros(()))
+        for axis in range(3):
+            if (name := next(names)) in sizes:
+                found[name] = _quantization(responses, noise, axis, first)
+    return found
+
+
+def _quantization(responses: StepResponses, noise: Noise, axis: int, first: int) -> tuple[Array, Array, Array]:
+    """Return the system of one instrument's quantization: the bias is the error of the present reading.
+
+    A step takes back the error of the reading at its beginning, and adds that of the reading at its end.
+
+    Parameters
+    ----------
+    first : int
+        First of the deviations that the reading is part of: 0 for psi, 3 for v.
+    """
+    steps = len(responses.attitude)
+    response, covariance = np.zeros((steps, 10)), np.zeros((steps, 10, 10))
+    size, between = (
+        noise.quantization[axis],
+        responses.gyro_quantized if first == 0 else responses.accelerometer_quantized,
+    )
+    covariance[:, first:9, first:9] = size**2 * noise.quantization_interval[axis] * between[:, axis]
+    reading = np.zeros((steps, 10))
+    reading[:, first : first + 3], reading[:, 9] = responses.axes[1:, :, axis], 1.0
+    covariance += size**2 * reading[:, :, None] * reading[:, None, :]
+    over = transitions(responses)[:, :, first : first + 3]
+    response[:, :9] = -np.einsum("krc,kc->kr", over, responses.axes[:-1, :, axis])
+    return response, covariance, np.asarray(size**2)
+
+
+def biased_processes(responses: StepResponses, imu: Imu) -> tuple[str, ...]:
+    """Return the names of the processes that are biases, in order."""
+    return tuple(name for name, (response, _, _) in process_systems(responses, imu).items() if response.any())
+
+
+def propagate(truth: Truth, responses: StepResponses, imu: Imu, epochs: IndexArray) -> LinearErrors:
+    """Propagate the linear system along the truth.
+
+    Parameters
+    ----------
+    epochs : ndarray of int, shape (m,)
+        Rising; numbers of the times at which it is read out, 0 being the start.
+    """
+    transition, inputs = transitions(responses), constant_inputs(responses)
+    systems = process_systems(responses, imu)
+    partials = np.zeros((9, len(CONSTANTS)))
+    partials[:, :9] = np.linalg.inv(output_map(truth, float(responses.times[0])))
+    covariance = np.zeros((len(systems), 10, 10))
+    augmented = np.zeros((len(systems), len(transition), 10, 10))
+    added = np.zeros((len(transition), len(systems), 10, 10))
+    for number, (response, noise, variance) in enumerate(systems.values()):
+        covariance[number, 9, 9] = variance
+        augmented[number, :, :9, :9] = transition
+        augmented[number, :, :, 9] = response
+        added[:, number] = noise
+    seen_partials, seen_covariance = [], []
+    wanted = set(epochs.tolist())
+    for number, time in enumerate(responses.times):
+        if number > 0:
+            step = number - 1
+            partials = transition[step] @ partials
+            partials[:, 9:] += inputs[step]
+            over = augmented[:, step]
+            covariance = over @ covariance @ over.swapaxes(1, 2) + added[step]
+        if number in wanted:
+            to_outputs = output_map(truth, float(time))
+            seen_partials.append(to_outputs @ partials)
+            seen_covariance.append(to_outputs @ covariance[:, :9, :9] @ to_outputs.T)
+    by_process = np.stack(seen_covariance)
+    named = {name: by_process[:, number] for number, name in enumerate(systems)}
+    return LinearErrors(responses.times[epochs], np.stack(seen_partials), named)

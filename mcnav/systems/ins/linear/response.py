@@ -1,0 +1,310 @@
+"""Linear response of the navigation errors over the steps of a grid, computed once and shared by all samples.
+
+In inertial axes, with the rotation psi from true to indicated axes, deviations v and x of velocity and position, C from
+instruments' axes to inertial ones, F = C f, and the gravity gradient G::
+
+    psi' = C dw        v' = psi x F + C df + G x        x' = v
+
+The errors of the instruments, dw and df, are linear in the constant errors, so that their response over a step is a
+table; for white noise and the biases it drives it is a covariance. The tables are integrals over the truth at its own
+rate, whatever the length of the step: a backward recursion of the response at the step's end, by the two-stage Gauss
+method on intervals in which the truth is smooth (order 4).
+
+Quantization is white noise n of the accumulated angle, dw = n', and m of the accumulated velocity, df = m'. Without
+the errors C n and C m of the present readings, the deviations have no derivative of noise in them (Savage 2002,
+*Analytical modeling of sensor quantization in strapdown inertial navigation error equations*)::
+
+    (psi - C n)' = -C (w x n)        (v - C m)' = (C n) x F - C (w x m) + ...        x' = (v - C m) + C m
+
+so that n and m drive them like white noise of density Q^2 times the interval between readings.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from mcnav._types import Array, IndexArray
+from mcnav.compiled.jit import allocation_free_part, compiled
+from mcnav.systems.ins.imu.instruments import CROSS_AXES, Imu
+from mcnav.systems.ins.truth.trajectory import Platform, Truth
+
+LONGEST_INTERVAL: Final = 0.25
+"""Longest interval of the quadrature, s: a rate of 1 rad/s leaves an error of 1e-6."""
+
+SHARE_OF_CORRELATION: Final = 0.25
+"""Longest interval as a share of the shortest correlation time."""
+
+_NODE: Final = 0.5 - np.sqrt(3.0) / 6.0
+"""First node of the Gauss method as a share of the interval; the second is one less this."""
+
+_ROW: Final = np.array(["xyz".index(pair[0]) for pair in CROSS_AXES])
+_COLUMN: Final = np.array(["xyz".index(pair[1]) for pair in CROSS_AXES])
+
+
+@dataclass(frozen=True)
+class StepResponses:
+    """Responses over K steps: of psi, v, x (9 rows), or of v, x alone (6 rows), at the end of a step.
+
+    Attributes
+    ----------
+    times : ndarray, shape (K + 1,)
+    attitude : ndarray, shape (K, 6, 3)
+        To psi at the beginning, which itself does not change.
+    motion : ndarray, shape (K, 6, 6)
+        To v and x at the beginning.
+    force : ndarray, shape (K, 6, 3, 3)
+        To a velocity changing by ``N F`` with a constant matrix N, by its elements.
+    gyro : ndarray, shape (K, 15, 9)
+        To constant errors in the order of `mcnav.systems.ins.imu.instruments.GYRO`.
+    accelerometer : ndarray, shape (K, 15, 6)
+    gyro_state, gyro_walk : ndarray, shape (K, 3, 9)
+        To the Gauss-Markov bias, and to the rate random walk's, at the beginning, by axis.
+    accelerometer_state, accelerometer_walk : ndarray, shape (K, 3, 6)
+    gyro_white, accelerometer_white : ndarray, shape (K, 3, 9, 9), (K, 3, 6, 6)
+        Covariance from white noise of unit density, by axis.
+    gyro_driven, gyro_walked : ndarray, shape (K, 3, 10, 10)
+        Covariance, together with the bias, from white noise of unit density that drives the Gauss-Markov bias, and the
+        rate random walk.
+    accelerometer_driven, accelerometer_walked : ndarray, shape (K, 3, 7, 7)
+    gyro_quantized, accelerometer_quantized : ndarray, shape (K, 3, 9, 9), (K, 3, 6, 6)
+        Covariance from quantization of unit density without that of the readings at both ends; zero if no instrument
+        has any.
+    axes : ndarray, shape (K + 1, 3, 3)
+        From instruments' to inertial axes at the times.
+    """
+
+    times: Array
+    attitude: Array
+    motion: Array
+    force: Array
+    gyro: Array
+    accelerometer: Array
+    gyro_state: Array
+    gyro_walk: Array
+    accelerometer_state: Array
+    accelerometer_walk: Array
+    gyro_white: Array
+    accelerometer_white: Array
+    gyro_driven: Array
+    gyro_walked: Array
+    accelerometer_driven: Array
+    accelerometer_walked: Array
+    gyro_quantized: Array
+    accelerometer_quantized: Array
+    axes: Array
+
+
+def intervals_of(truth: Truth, times: Array, longest: float) -> Array:
+    """Return the boundaries of intervals, at most so long, in which the truth is smooth: all times are among them."""
+    inside = truth.times[(truth.times > times[0]) & (truth.times < times[-1])]
+    knots = np.union1d(times, inside)
+    gaps = np.diff(knots)
+    knots = knots[np.concatenate([[True], gaps > 1e-9]) | np.isin(knots, times)]
+    gaps = np.diff(knots)
+    pieces = np.maximum(1, np.ceil(gaps / longest - 1e-9)).astype(np.int64)
+    first = np.repeat(knots[:-1], pieces)
+    within = np.arange(len(first)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+    return np.append(first + within * np.repeat(gaps / pieces, pieces), knots[-1])
+
+
+def respond(truth: Truth, platform: Platform, times: Array, imu: Imu) -> StepResponses:
+    """Compute the responses over the steps between rising times, of which the first is the start of navigation."""
+    constants = np.array([imu.gyro.correlation_time, imu.accelerometer.correlation_time])
+    longest = min(LONGEST_INTERVAL, SHARE_OF_CORRELATION * float(constants.min()))
+    bounds = intervals_of(truth, times, longest)
+    lengths = np.diff(bounds)
+    nodes = np.stack([bounds[:-1] + _NODE * lengths, bounds[1:] - _NODE * lengths], axis=1)
+    states = truth.states(nodes.ravel(), platform, float(times[0]))
+    gradient = truth.earth.gravity_gradient(0.5 * (states.position[0::2] + states.position[1::2]))
+    steps = len(times) - 1
+    shapes = (
+        (6, 3), (6, 6), (6, 3, 3), (15, 9), (15, 6), (3, 9), (3, 9), (3, 6), (3, 6),
+        (3, 9, 9), (3, 6, 6), (3, 10, 10), (3, 10, 10), (3, 7, 7), (3, 7, 7), (3, 9, 9), (3, 6, 6),
+    )  # fmt: skip
+    found = tuple(np.zeros((steps, *shape)) for shape in shapes)
+    _respond(
+        np.searchsorted(bounds, times), lengths, states.axes.reshape(-1, 2, 3, 3), states.force.reshape(-1, 2, 3),
+        states.rate.reshape(-1, 2, 3), gradient, constants, _ROW, _COLUMN, imu.quantized, *found,
+    )  # fmt: skip
+    at_times = truth.states(times, platform, float(times[0]))
+    return StepResponses(times, *(*found, at_times.axes))
+
+
+@allocation_free_part
+def _add_products(total: Array, vector: Array, weight: float, size: int) -> None:
+    """Add a weighted outer product to the lower triangle."""
+    for i in range(size):
+        scaled = weight * vector[i]
+        for j in range(i + 1):
+            total[i, j] += scaled * vector[j]
+
+
+@allocation_free_part
+def _fill_upper(total: Array) -> None:
+    """Complete symmetric matrices, shape (3, d, d), from their lower triangles."""
+    for a in range(3):
+        for i in range(total.shape[1]):
+            for j in range(i):
+                total[a, j, i] = total[a, i, j]
+
+
+@allocation_free_part
+def _advance_motion(of_v: Array, of_x: Array, gradient: Array, s: float, out_v: Array, out_x: Array) -> None:
+    """Take the responses to v and to x back by a time s, in which the gravity gradient is constant (to order s^3)."""
+    for r in range(6):
+        for c in range(3):
+            pulled = pushed = 0.0
+            for m in range(3):
+                pulled += of_v[r, m] * gradient[m, c]
+                pushed += of_x[r, m] * gradient[m, c]
+            out_v[r, c] = of_v[r, c] + s * (of_x[r, c] + s * (0.5 * pulled + s * (pushed / 6.0)))
+            out_x[r, c] = of_x[r, c] + s * (pulled + 0.5 * s * pushed)
+
+
+@compiled
+def _respond(
+    begins: IndexArray, lengths: Array, axes: Array, forces: Array, rates: Array, gradients: Array, correlation: Array,
+    row: IndexArray, column: IndexArray, quantized: bool, attitude: Array, motion: Array, force: Array, gyro: Array,
+    accelerometer: Array, gyro_state: Array, gyro_walk: Array, accelerometer_state: Array, accelerometer_walk: Array,
+    gyro_white: Array, accelerometer_white: Array, gyro_driven: Array, gyro_walked: Array, accelerometer_driven: Array,
+    accelerometer_walked: Array, gyro_quantized: Array, accelerometer_quantized: Array,
+) -> None:  # fmt: skip
+    later = (1.0 - _NODE, _NODE)  # from a node to the end of the interval, as a share
+    root = np.sqrt(3.0) / 6.0
+    ahead = ((0.25, 0.25 + root), (0.25 - root, 0.25))  # integrals from a node to the end
+    along, turning = np.empty((2, 6, 3)), np.empty((2, 6, 3))  # responses to v at the nodes; to psi changing there
+    to_gyro, to_accelerometer = np.empty((2, 3, 9)), np.empty((2, 3, 6))
+    of_psi, of_v, of_x, apart = np.empty((6, 3)), np.empty((6, 3)), np.empty((6, 3)), np.empty((2, 6, 3))
+    inertial, node = np.empty(3), np.empty(10)
+    for k in range(len(begins) - 1):
+        of_psi[:], of_v[:], of_x[:] = 0.0, 0.0, 0.0
+        for r in range(3):
+            of_v[r, r] = of_x[3 + r, r] = 1.0
+        remaining = 0.0  # from the end of the interval to that of the step
+        for j in range(begins[k + 1] - 1, begins[k] - 1, -1):
+            h, gradient = lengths[j], gradients[j]
+            weight = 0.5 * h
+            for i in range(2):
+                _advance_motion(of_v, of_x, gradient, later[i] * h, along[i], apart[i])
+                for r in range(3):
+                    inertial[r] = 0.0
+                    for m in range(3):
+                        inertial[r] += axes[j, i, r, m] * forces[j, i, m]
+                for r in range(6):
+                    x, y, z = along[i, r, 0], along[i, r, 1], along[i, r, 2]
+                    turning[i, r, 0] = inertial[1] * z - inertial[2] * y
+                    turning[i, r, 1] = inertial[2] * x - inertial[0] * z
+                    turning[i, r, 2] = inertial[0] * y - inertial[1] * x
+                    for m in range(3):
+                        for n in range(3):
+                            force[k, r, m, n] += weight * along[i, r, m] * inertial[n]
+            for i in range(2):
+                for a in range(3):
+                    for r in range(3):
+                        to_gyro[i, a, r] = axes[j, i, r, a]
+                    for r in range(6):
+                        total, pushed = 0.0, 0.0
+                        for m in range(3):
+                            turn = of_psi[r, m] + h * (ahead[i][0] * turning[0, r, m] + ahead[i][1] * turning[1, r, m])
+                            total += turn * axes[j, i, m, a]
+                            pushed += along[i, r, m] * axes[j, i, m, a]
+                        to_gyro[i, a, 3 + r] = total
+                        to_accelerometer[i, a, r] = pushed
+            for i in range(2):
+                for a in range(3):
+                    f, w = forces[j, i, a], rates[j, i, a]
+                    for r in range(9):
+                        size = weight * to_gyro[i, a, r]
+                        gyro[k, a, r] += size
+                        gyro[k, 3 + a, r] += w * size
+                        gyro[k, 12 + a, r] += f * size
+                    for r in range(6):
+                        size = weight * to_accelerometer[i, a, r]
+                        accelerometer[k, a, r] += size
+                        accelerometer[k, 3 + a, r] += f * size
+                        accelerometer[k, 12 + a, r] += f * f * size
+                    _add_products(gyro_white[k, a], to_gyro[i, a], weight, 9)
+                    _add_products(accelerometer_white[k, a], to_accelerometer[i, a], weight, 6)
+                for p in range(6):
+                    w, f = weight * rates[j, i, column[p]], weight * forces[j, i, column[p]]
+                    for r in range(9):
+                        gyro[k, 6 + p, r] += w * to_gyro[i, row[p], r]
+                    for r in range(6):
+                        accelerometer[k, 6 + p, r] += f * to_accelerometer[i, row[p], r]
+            for a in range(3):
+                _drive(
+                    gyro_state[k, a], gyro_walk[k, a], gyro_driven[k, a], gyro_walked[k, a], to_gyro[0, a],
+                    to_gyro[1, a], node, 9, h, remaining, correlation[0, a],
+                )  # fmt: skip
+                _drive(
+                    accelerometer_state[k, a], accelerometer_walk[k, a], accelerometer_driven[k, a],
+                    accelerometer_walked[k, a], to_accelerometer[0, a], to_accelerometer[1, a], node, 6, h, remaining,
+                    correlation[1, a],
+                )  # fmt: skip
+            if quantized:
+                for i in range(2):
+                    for a in range(3):
+                        _turn_back(node, to_gyro[i], rates[j, i], a, 9)
+                        for r in range(6):
+                            for m in range(3):
+                                node[3 + r] += turning[i, r, m] * axes[j, i, m, a]
+                        _add_products(gyro_quantized[k, a], node, weight, 9)
+                        _turn_back(node, to_accelerometer[i], rates[j, i], a, 6)
+                        for r in range(6):
+                            for m in range(3):
+                                node[r] += apart[i, r, m] * axes[j, i, m, a]
+                        _add_products(accelerometer_quantized[k, a], node, weight, 6)
+            for r in range(6):
+                for m in range(3):
+                    of_psi[r, m] += weight * (turning[0, r, m] + turning[1, r, m])
+                    along[0, r, m], along[1, r, m] = of_v[r, m], of_x[r, m]
+            _advance_motion(along[0], along[1], gradient, h, of_v, of_x)
+            remaining += h
+        for r in range(6):
+            for m in range(3):
+                attitude[k, r, m] = of_psi[r, m]
+                motion[k, r, m], motion[k, r, 3 + m] = of_v[r, m], of_x[r, m]
+        for covariance in (gyro_white[k], accelerometer_white[k], gyro_driven[k], gyro_walked[k],
+                           accelerometer_driven[k], accelerometer_walked[k], gyro_quantized[k],
+                           accelerometer_quantized[k]):  # fmt: skip
+            _fill_upper(covariance)
+
+
+@allocation_free_part
+def _turn_back(out: Array, responses: Array, rate: Array, a: int, size: int) -> None:
+    """Compute the response to -(w x e_a) from the responses to readings along the three axes, shape (3, size)."""
+    b, c = (a + 1) % 3, (a + 2) % 3
+    for r in range(size):
+        out[r] = rate[b] * responses[c, r] - rate[c] * responses[b, r]
+
+
+@allocation_free_part
+def _drive(
+    state: Array, walk: Array, driven: Array, walked: Array, first: Array, second: Array, node: Array, size: int,
+    h: float, remaining: float, correlation: float,
+) -> None:  # fmt: skip
+    """Take the responses to a Gauss-Markov bias and to a random walk back by one interval, with their noise."""
+    root = np.sqrt(3.0) / 6.0
+    weight = 0.5 * h
+    between = np.exp(-2.0 * root * h / correlation)  # decay from the first node to the second
+    to_end = (np.exp(-(0.5 + root) * h / correlation), np.exp(-(0.5 - root) * h / correlation))
+    whole = np.exp(-remaining / correlation)
+    for i in range(2):
+        one, other = (0.25, 0.25 + root) if i == 0 else (0.25 - root, 0.25)
+        early, late = (1.0, between) if i == 0 else (1.0 / between, 1.0)
+        for r in range(size):
+            node[r] = to_end[i] * state[r] + h * (one * early * first[r] + other * late * second[r])
+        node[size] = whole * to_end[i]
+        _add_products(driven, node, weight, size + 1)
+        for r in range(size):
+            node[r] = walk[r] + h * (one * first[r] + other * second[r])
+        node[size] = 1.0
+        _add_products(walked, node, weight, size + 1)
+    from_start = (np.exp(-(0.5 - root) * h / correlation), np.exp(-(0.5 + root) * h / correlation))
+    all_of_it = np.exp(-h / correlation)
+    for r in range(size):
+        state[r] = all_of_it * state[r] + weight * (from_start[0] * first[r] + from_start[1] * second[r])
+        walk[r] += weight * (first[r] + second[r])

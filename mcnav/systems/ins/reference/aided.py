@@ -1,0 +1,421 @@
+"""The aided navigator itself, one sample at a time: the reference path of closed-loop navigation.
+
+The indicated state is integrated in earth-fixed axes (`mcnav.systems.ins.reference.collocation`) from compensated
+readings (`mcnav.systems.ins.reference.compensation`) to the instant of each measurement. The filter is filterpy's
+`KalmanFilter` with an error model along the indicated trajectory (`mcnav.systems.ins.reference.earth_fixed_errors`);
+after each sensor's update the navigator is corrected::
+
+    q <- exp(-psi / 2) o q        v <- v - dv        r <- r - dr        estimates <- estimates + their corrections
+
+so that the filter's own state is always zero. Considered states keep their covariance and are not corrected (Schmidt).
+
+The rate for an antenna's velocity is that of the readings of the step before, compensated and extrapolated to the
+instant of the measurement by the polynomial through the step's Gauss points. In place of the means of their noise over
+the step, these readings have the gyros' bias instability and rate random walk at that instant; what white noise a
+navigator's mean of readings has depends on how long it averages, and is part of the noise of the measurement.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Final
+
+import numpy as np
+from numpy.linalg import LinAlgError
+
+from mcnav._types import Array, IndexArray
+from mcnav.systems.ins.filter.consistency import SensorCounts, normalized_errors, record_row
+from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel
+from mcnav.systems.ins.imu.instruments import ACCELEROMETER, CONSTANTS, GYRO, OUTPUTS, Imu
+from mcnav.systems.ins.imu.sample_noise import SampleNoise, draw_sample_noise
+from mcnav.systems.ins.linear.covariance import map_covariances
+from mcnav.systems.ins.reference.collocation import AT_END, NODES, REASONS, STATE, WEIGHTS, WENT_ON, advance
+from mcnav.systems.ins.reference.compensation import Compensation, measure
+from mcnav.systems.ins.reference.earth_fixed_errors import (
+    ATTITUDE,
+    POSITION,
+    VELOCITY,
+    ErrorModel,
+    FilterSteps,
+    LocalFrame,
+    gravitation_gradients,
+)
+from mcnav.systems.ins.reference.earth_fixed_sensors import Indicated, SensorModel, Surroundings
+from mcnav.systems.ins.reference.mechanization import (
+    LONGEST_STEP,
+    LOWEST_SHARE,
+    NEAREST_POLE,
+    SAME_INSTANT,
+    Diverged,
+    Mechanization,
+    matrices,
+)
+from mcnav.systems.ins.reference.navigation_errors import EarthFixedStates, navigation_errors
+from mcnav.systems.ins.sensors.aiding import Sensor, aiding_constants
+from mcnav.systems.ins.truth.trajectory import Platform, Truth
+
+LONGEST_FILTER_STEP: Final = 0.2
+"""Longest step of the filter's covariance, s."""
+
+SHARE_OF_CORRELATION: Final = 0.1
+"""Longest step of the filter's covariance as a share of the shortest believed correlation time."""
+
+FIRST_OF_ACCELEROMETERS: Final = len(OUTPUTS) + len(GYRO)
+
+
+@dataclass(frozen=True)
+class Stop:
+    """An instant at which there are measurements, an epoch, or both.
+
+    Attributes
+    ----------
+    first, last : int
+        The navigator's steps from the stop before to this one.
+    steps : FilterSteps or None
+        The filter's; none for no steps.
+    updates : tuple of (int, int)
+        Numbers of sensor and measurement, in order.
+    epochs : range
+        Epochs at this instant.
+    """
+
+    time: float
+    first: int
+    last: int
+    steps: FilterSteps | None
+    updates: tuple[tuple[int, int], ...]
+    epochs: range
+
+
+@dataclass(frozen=True)
+class AidedMechanization:
+    """An aided navigator along a truth, from the start to the end of navigation.
+
+    Attributes
+    ----------
+    start, end : float
+        In the trajectory's time, s.
+    times : ndarray, shape (m,)
+        Epochs in order, from start to end; at least one.
+    sensors : tuple of Sensor
+        As the truth has them.
+    model : FilterModel
+    longest_step : float
+        Of the navigator, s; noise is constant over a step.
+    longest_filter_step : float
+        s.
+    """
+
+    truth: Truth
+    platform: Platform
+    start: float
+    end: float
+    times: Array
+    sensors: tuple[Sensor, ...]
+    model: FilterModel
+    longest_step: float = LONGEST_STEP
+    longest_filter_step: float = LONGEST_FILTER_STEP
+
+    @cached_property
+    def stop_times(self) -> Array:
+        """Instants of measurements and epochs after the start, s."""
+        instants = np.sort(np.concatenate([self.times, *(self._measured(sensor) for sensor in self.sensors)]))
+        instants = instants[instants > self.start + SAME_INSTANT]
+        return np.asarray(instants[np.diff(instants, prepend=-np.inf) > SAME_INSTANT])
+
+    @cached_property
+    def navigator(self) -> Mechanization:
+        """The navigator without aiding, whose steps end at the stops."""
+        return Mechanization(
+            self.truth, self.platform, self.start, self.end, self.times, self.longest_step, self.stop_times
+        )
+
+    @property
+    def step_times(self) -> Array:
+        """Boundaries of the navigator's steps, s; the epochs are among them."""
+        return self.navigator.step_times
+
+    @cached_property
+    def epoch_steps(self) -> IndexArray:
+        """Boundaries of steps that are epochs, shape (m,)."""
+        return self._boundaries(self.times)
+
+    @cached_property
+    def errors(self) -> ErrorModel:
+        """System of the filter's states."""
+        return ErrorModel(self.model)
+
+    @cached_property
+    def sensor_models(self) -> tuple[SensorModel, ...]:
+        """Sensors with the truth at their instants."""
+        found = []
+        for sensor, believed in zip(self.sensors, self.model.beliefs.sensors, strict=True):
+            times = self.step_times[self._boundaries(self._measured(sensor))]
+            rate = None
+            if self.platform != "strapdown":
+                rate = self.truth.states(times, self.platform, self.start).rate
+            surroundings = Surroundings.at(self.truth, self.navigator.earth_fixed(times), times, rate)
+            spin = self.truth.earth.rotation_rate
+            found.append(SensorModel(sensor, believed, surroundings, self.errors.states, spin))
+        return tuple(found)
+
+    @cached_property
+    def stops(self) -> tuple[Stop, ...]:
+        """The start and all instants of measurements and epochs, in order."""
+        times = np.concatenate([[self.start], self.stop_times])
+        boundaries, durations = self._boundaries(times), np.diff(self.step_times)
+        rates = self.errors.decay_rates
+        longest = min([self.longest_filter_step, *(SHARE_OF_CORRELATION / rates[rates > 0.0])])
+        updates: dict[int, list[tuple[int, int]]] = {}
+        for number, sensor in enumerate(self.sensors):
+            for row, boundary in enumerate(self._boundaries(self._measured(sensor))):
+                updates.setdefault(int(boundary), []).append((number, row))
+        epochs = np.searchsorted(self.epoch_steps, boundaries), np.searchsorted(self.epoch_steps, boundaries, "right")
+        found = []
+        for place, boundary in enumerate(boundaries.tolist()):
+            first = int(boundaries[place - 1]) if place else boundary
+            steps = FilterSteps.group(durations[first:boundary], longest, rates) if boundary > first else None
+            here = range(int(epochs[0][place]), int(epochs[1][place]))
+            found.append(Stop(float(times[place]), first, boundary, steps, tuple(updates.get(boundary, ())), here))
+        return tuple(found)
+
+    @cached_property
+    def true_states(self) -> EarthFixedStates:
+        """The truth at the epochs."""
+        return self.navigator.earth_fixed(self.step_times[self.epoch_steps])
+
+    def draw(self, imu: Imu, seed: int, index: int) -> SampleNoise:
+        """Draw the noise of one sample."""
+        return draw_sample_noise(imu, self.sensors, self.step_times, self.epoch_steps, seed, index)
+
+    def updated(self, sensor: int) -> IndexArray:
+        """Return the steps at whose ends a sensor has its measurements, by its number."""
+        return self._boundaries(self._measured(self.sensors[sensor])) - 1
+
+    def quiet(self) -> SampleNoise:
+        """Return the noise of a sample without any."""
+        nothing = np.zeros((len(self.step_times) - 1, 3))
+        return SampleNoise(nothing, nothing)
+
+    def simulate(self, errors: Array, noise: SampleNoise | None = None) -> tuple[Array, Array]:
+        """Simulate one sample: its navigation errors at the epochs, and the record of its filter.
+
+        Parameters
+        ----------
+        errors : ndarray, shape (39 + a,)
+            In the order of `mcnav.systems.ins.imu.instruments.CONSTANTS`, then of `aiding_constants`.
+        noise : SampleNoise, optional
+
+        Returns
+        -------
+        tuple of ndarray, shape (m, 9), (m, F)
+            In the order of `mcnav.systems.ins.imu.instruments.OUTPUTS`; columns as `FilterSchema` has them. The error
+            of another state is its true value less the estimate.
+
+        Raises
+        ------
+        Diverged
+            When the indicated state breaks down, or the filter's covariance ceases to be one.
+        """
+        errors = np.asarray(errors, dtype=float)
+        expected = len(CONSTANTS) + len(aiding_constants(self.sensors))
+        if errors.shape != (expected,):
+            raise ValueError(f"errors must have shape ({expected},), one for each constant; got {errors.shape}")
+        if not np.all(np.isfinite(errors)):
+            raise Diverged("the sample has errors that are not finite")
+        return _Flight(self, errors, self.quiet() if noise is None else noise).fly()
+
+    def _measured(self, sensor: Sensor) -> Array:
+        """Return the instants of a sensor within navigation."""
+        return np.asarray(sensor.times[(sensor.times > self.start) & (sensor.times <= self.end + SAME_INSTANT)])
+
+    def _boundaries(self, times: Array) -> IndexArray:
+        """Find the boundaries of steps nearest to instants."""
+        after = np.searchsorted(self.step_times, times).clip(1, len(self.step_times) - 1)
+        nearer = times - self.step_times[after - 1] < self.step_times[after] - times
+        return np.asarray(after - nearer, dtype=np.int64)
+
+
+class _Flight:
+    """One sample on its way."""
+
+    def __init__(self, engine: AidedMechanization, errors: Array, noise: SampleNoise) -> None:
+        from filterpy.kalman import KalmanFilter
+
+        self.engine, self.noise, self.errors = engine, noise, errors
+        self.earth, self.model = engine.truth.earth, engine.errors
+        navigator = engine.navigator
+        steps = len(engine.step_times) - 1
+        self.drifts = np.zeros((steps, 3)) if noise.drifts is None else noise.drifts
+        for each in (noise.gyro, noise.accelerometer, self.drifts):
+            if each.shape != (steps, 3):
+                raise ValueError(f"noise must have shape ({steps}, 3), one row for each step; got {each.shape}")
+        self.gyro = errors[len(OUTPUTS) : FIRST_OF_ACCELEROMETERS]
+        self.accelerometer = errors[FIRST_OF_ACCELEROMETERS : FIRST_OF_ACCELEROMETERS + len(ACCELEROMETER)]
+        self.measured = measure(
+            navigator.readings.values[:steps], self.gyro, self.accelerometer, noise.gyro, noise.accelerometer
+        )
+        self.durations = np.diff(engine.step_times)
+        self.compensation = Compensation(self.model)
+        self.estimates, self.estimated_at = np.zeros(len(self.model.states)), engine.start
+        self.state = navigator.indicated_start(errors[: len(OUTPUTS)])
+        self.filter: Any = KalmanFilter(dim_x=self.model.size, dim_z=1)
+        self.filter.P = self.model.initial_covariance(self._frame().to_outputs(self.state[4:7]))
+        self.counts = [SensorCounts() for _ in engine.sensors]
+        self.offsets = list(self._measurement_errors())
+
+    def fly(self) -> tuple[Array, Array]:
+        """Simulate the sample; results as those of `AidedMechanization.simulate`."""
+        found = []
+        for stop in self.engine.stops:
+            try:
+                with np.errstate(over="ignore", invalid="ignore"):  # what breaks down is told as such
+                    found += self._pass(stop)
+            except LinAlgError:
+                raise Diverged(f"the filter's covariance lost its definiteness at {stop.time:.1f} s") from None
+        return np.array([errors for errors, _ in found]), np.array([record for _, record in found])
+
+    def _pass(self, stop: Stop) -> list[tuple[Array, Array]]:
+        """Navigate to a stop and return what is read there."""
+        if stop.steps is not None:
+            self._advance(stop, stop.steps)
+        for sensor, row in stop.updates:
+            self._update(stop, sensor, row)
+        return [self._read(epoch) for epoch in stop.epochs]
+
+    def _measurement_errors(self) -> Iterator[tuple[Array, Array, Array]]:
+        """Arrange the sample's errors of each sensor's measurements."""
+        first = len(CONSTANTS)
+        for model in self.engine.sensor_models:
+            last = first + sum(1 for _ in model.sensor.constants())
+            shape = (len(model.surroundings.altitude), model.size)
+            noise = self.noise.measurements.get(model.sensor.name, np.zeros(shape))
+            yield model.measurement_errors(self.errors[first:last], noise)
+            first = last
+
+    def _frame(self) -> LocalFrame:
+        return LocalFrame.at(self.earth, self.state[7:])
+
+    def _advance(self, stop: Stop, steps: FilterSteps) -> None:
+        """Integrate the indicated state and the filter's covariance to a stop."""
+        engine, navigator = self.engine, self.engine.navigator
+        here = slice(stop.first, stop.last)
+        begins, durations = engine.step_times[here], self.durations[here]
+        elapsed = (begins - self.estimated_at)[:, None] + durations[:, None] * NODES
+        readings = self.compensation.compensate(self.measured[here], self.estimates, elapsed)
+        states = np.empty((len(durations) + 1, STATE))
+        states[0] = self.state
+        outcome, step = advance(
+            navigator.gravitation, self.earth.rotation_rate, LOWEST_SHARE * self.earth.radius, durations, readings,
+            self.state, states[1:],
+        )  # fmt: skip
+        if outcome != WENT_ON:
+            raise Diverged(f"{REASONS[outcome]} at {begins[step]:.1f} s")
+        middles = matrices(states[1:, :4] + states[:-1, :4])
+        means = np.einsum("p,npi->ni", WEIGHTS, readings)
+        gradients = gravitation_gradients(navigator.gravitation, states[steps.middles + 1, 7:])
+        transitions, noises = self.model.transitions(
+            self.earth.rotation_rate, steps, middles, means[:, :3], means[:, 3:], gradients
+        )
+        for transition, noise in zip(transitions, noises, strict=True):
+            self.filter.predict(F=transition, Q=noise)
+        self.state = states[-1]
+        self.estimates = self.estimates * np.exp(-self.model.decay_rates * (stop.time - self.estimated_at))
+        self.estimated_at = stop.time
+
+    def _update(self, stop: Stop, sensor: int, row: int) -> None:
+        """Update the filter by a measurement and correct the navigator."""
+        model = self.engine.sensor_models[sensor]
+        frame = self._frame()
+        axes = matrices(self.state[None, :4])[0]
+        indicated = Indicated(self.state[7:], self.state[4:7], axes, frame, self._reading(stop.last - 1))
+        offsets, factors, arm = self.offsets[sensor]
+        innovation, response = model.innovation(row, indicated, self.estimates, offsets[row], factors, arm)
+        if not np.all(np.isfinite(innovation)):
+            raise Diverged(f"an innovation of {model.sensor.name} ceased to be finite at {stop.time:.1f} s")
+        variances = np.diag(model.variances)
+        covariance = response @ self.filter.P @ response.T + variances
+        whitened = np.asarray(np.linalg.solve(np.linalg.cholesky(covariance), innovation))
+        accepted = bool(whitened @ whitened <= model.threshold)
+        self.counts[sensor].add(whitened, accepted)
+        if not accepted:
+            return
+        _correct(self.filter, innovation, response, variances, covariance, self.model.considered)
+        change = self.filter.x[:, 0]
+        self.filter.x = np.zeros_like(self.filter.x)
+        self.state = self.state.copy()
+        self.state[:4] = _turned_back(self.state[:4], change[ATTITUDE])
+        self.state[4:7] -= change[VELOCITY]
+        self.state[7:] -= change[POSITION]
+        self.estimates = self.estimates + change[NAVIGATION:]
+
+    def _reading(self, step: int) -> Array:
+        """Compute what instruments read at the end of a step, compensated and without the noise of readings: (6,)."""
+        here, nothing = slice(step, step + 1), np.zeros((1, 3))
+        values = self.engine.navigator.readings.values[here]
+        measured = measure(values, self.gyro, self.accelerometer, self.drifts[here], nothing)
+        return np.asarray(AT_END @ self.compensation.compensate(measured, self.estimates, np.zeros((1, 3)))[0])
+
+    def _read(self, epoch: int) -> tuple[Array, Array]:
+        """Compute the navigation errors and the record at an epoch."""
+        from scipy.spatial.transform import Rotation
+
+        engine = self.engine
+        if not np.hypot(self.state[7], self.state[8]) >= NEAREST_POLE * self.earth.radius:
+            raise Diverged(f"the indicated position came near a pole at {engine.times[epoch]:.1f} s")
+        here = slice(epoch, epoch + 1)
+        all_true = engine.true_states
+        true = EarthFixedStates(all_true.position[here], all_true.velocity[here], all_true.axes[here])
+        found = EarthFixedStates(self.state[None, 7:], self.state[None, 4:7], matrices(self.state[None, :4]))
+        errors = navigation_errors(self.earth, true, found)[0]
+        turn = Rotation.from_matrix(found.axes[0] @ true.axes[0].T).as_rotvec()
+        states = self._true_values(epoch) - self.estimates
+        deviation = np.concatenate(
+            [turn, found.velocity[0] - true.velocity[0], found.position[0] - true.position[0], states]
+        )
+        to_outputs = self._frame().to_outputs(self.state[4:7])
+        own = self.filter.P
+        covariance = map_covariances(to_outputs, own[:NAVIGATION, :NAVIGATION])
+        counts = [each.read() for each in self.counts]
+        nees = normalized_errors(self.model, deviation, own, to_outputs)
+        return errors, record_row(nees, covariance, errors, states, np.diag(own)[NAVIGATION:], counts)
+
+    def _true_values(self, epoch: int) -> Array:
+        """Return the true values of the filter's states besides those of navigation, shape (q,)."""
+        constants = dict(zip((*CONSTANTS, *aiding_constants(self.engine.sensors)), self.errors, strict=True))
+        found = np.zeros(len(self.model.states))
+        for place, state in enumerate(self.model.states):
+            found[place] = constants.get(state.name, 0.0)
+            for name in {state.name, state.name.replace("_bias_", "_rate_random_walk_")}:
+                if name in self.noise.processes:
+                    found[place] += self.noise.processes[name][epoch]
+        return found
+
+
+def _correct(
+    kalman: Any, innovation: Array, response: Array, variances: Array, covariance: Array, considered: IndexArray
+) -> None:
+    """Update filterpy's filter; it has no method for considered states, whose gains are zero."""
+    if not len(considered):
+        kalman.update(innovation[:, None], R=variances, H=response)
+    else:
+        gain = np.linalg.solve(covariance, response @ kalman.P).T
+        gain[considered] = 0.0
+        left = np.eye(len(gain)) - gain @ response
+        kalman.x = kalman.x + gain @ innovation[:, None]
+        kalman.P = left @ kalman.P @ left.T + gain @ variances @ gain.T
+    kalman.P = 0.5 * (kalman.P + kalman.P.T)
+
+
+def _turned_back(quaternion: Array, vector: Array) -> Array:
+    """Rotate a quaternion, scalar first, back by a rotation vector of its outer axes."""
+    size = float(np.linalg.norm(vector))
+    scalar, part = np.cos(0.5 * size), -0.5 * np.sinc(size / (2.0 * np.pi)) * vector
+    w, u = quaternion[0], quaternion[1:]
+    a, b, c = part
+    x, y, z = u
+    across = np.array([b * z - c * y, c * x - a * z, a * y - b * x])  # np.cross takes ten times as long
+    found = np.concatenate([[scalar * w - part @ u], scalar * u + w * part + across])
+    return np.asarray(found / np.linalg.norm(found))

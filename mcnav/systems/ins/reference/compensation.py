@@ -1,0 +1,80 @@
+"""Readings of instruments: measured with a sample's errors, and compensated for the filter's estimates of them.
+
+An instrument measures ``(I + M) x + b + l y`` of its input x, with its law's input y; with estimates of M, b and l its
+compensated reading is ``(I + M)^-1 (measured - b - l y)``, y being the compensated force, or the square of the force
+without this last term (Groves 2013, section 5.7.2).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.systems.ins.imu.instruments import ACCELEROMETER, GYRO
+from mcnav.systems.ins.reference.earth_fixed_errors import ErrorModel
+from mcnav.systems.ins.reference.mechanization import response_matrix
+
+
+def measure(values: Array, gyro: Array, accelerometer: Array, gyro_noise: Array, accelerometer_noise: Array) -> Array:
+    """Apply the errors of instruments to inertial rates and specific forces.
+
+    Parameters
+    ----------
+    values : ndarray, shape (S, 3, 6)
+        At the Gauss points of steps.
+    gyro, accelerometer : ndarray, shape (15,)
+        Constant errors.
+    gyro_noise, accelerometer_noise : ndarray, shape (S, 3)
+    """
+    rate, force = values[..., :3], values[..., 3:]
+    found = values.copy()
+    for place, noise, own, constants, law in (
+        (slice(0, 3), gyro_noise, rate, response_matrix(gyro), force),
+        (slice(3, 6), accelerometer_noise, force, response_matrix(accelerometer), force * force),
+    ):
+        found[..., place] += own @ constants[:, :3].T + constants[:, 3] + constants[:, 4] * law + noise[:, None]
+    return found
+
+
+@dataclass(frozen=True)
+class Compensation:
+    """Compensation of readings for what a filter estimates.
+
+    Attributes
+    ----------
+    errors : ErrorModel
+    """
+
+    errors: ErrorModel
+
+    def compensate(self, measured: Array, estimates: Array, elapsed: Array) -> Array:
+        """Compensate readings, shape (S, 3, 6).
+
+        Parameters
+        ----------
+        estimates : ndarray, shape (q,)
+            Of the filter's states besides those of navigation.
+        elapsed : ndarray, shape (S, 3)
+            Time since these estimates, s, in which those of Gauss-Markov errors decay.
+        """
+        if not np.any(estimates):
+            return measured
+        constants = {True: np.zeros(len(GYRO)), False: np.zeros(len(ACCELEROMETER))}
+        varying = {True: np.zeros((*elapsed.shape, 3)), False: np.zeros((*elapsed.shape, 3))}
+        for each in self.errors.instruments:
+            rate = self.errors.decay_rates[each.place]
+            if rate > 0.0:
+                varying[each.gyro][..., each.axis] += estimates[each.place] * np.exp(-rate * elapsed)
+            else:
+                constants[each.gyro][each.constant] += estimates[each.place]
+        gyro, accelerometer = response_matrix(constants[True]), response_matrix(constants[False])
+        same = np.eye(3)
+        to_force = np.linalg.inv(same + accelerometer[:, :3]).T
+        unbiased = measured[..., 3:] - accelerometer[:, 3] - varying[False]
+        force = unbiased @ to_force
+        if np.any(accelerometer[:, 4]):
+            force = (unbiased - accelerometer[:, 4] * force**2) @ to_force
+        rate_ = measured[..., :3] - gyro[:, 3] - varying[True] - gyro[:, 4] * force
+        return np.concatenate([rate_ @ np.linalg.inv(same + gyro[:, :3]).T, force], axis=-1)

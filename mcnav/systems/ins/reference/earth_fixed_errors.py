@@ -1,0 +1,363 @@
+"""Error model of the reference engine's filter, in earth-fixed axes, along the navigator's own indicated trajectory.
+
+With the attitude error psi (rotation vector from true to indicated axes), the errors dv of velocity and dr of position,
+C from the instruments' axes to earth-fixed ones, the force f = C f~, the earth's rate W and gravitation g (Groves 2013,
+*Principles of GNSS, Inertial, and Multisensor Integrated Navigation Systems*, section 14.2.3, with the whole gradient
+of gravitation)::
+
+    psi' = -W x psi + C dw
+    dv'  = psi x f - 2 W x dv + (dg/dr) dr - W x (W x dr) + C df
+    dr'  = dv
+
+The errors dw and df of the compensated readings are linear in the filter's other states, which are constants, random
+walks or Gauss-Markov processes. Over a step of the filter the matrix F of this system is its mean; the transition is
+its exponential to third order, with the exact decay of the other states, and process noise is integrated by Simpson's
+rule. What the mean neglects is of second order in the step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+
+from mcnav._types import Array, IndexArray
+from mcnav.compiled.jit import compiled
+from mcnav.systems.ins.earth import Earth, local_axes
+from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel, FilterState
+from mcnav.systems.ins.imu.instruments import ACCELEROMETER, AXES, CROSS_AXES, GYRO, Imu
+from mcnav.systems.ins.reference.normal_field import normal_gravitation
+
+ATTITUDE, VELOCITY, POSITION = slice(0, 3), slice(3, 6), slice(6, 9)
+"""Places of psi, dv and dr among a filter's states."""
+
+GRADIENT_STEP: Final = 100.0
+"""Step of the central differences of gravitation, m: their error is 2e-10 of the gradient."""
+
+SMALL: Final = 0.1
+"""Duration, in correlation times, up to which the integrals of the decay are series: 1e-11 of them is lost at most."""
+
+_TERMS: Final = 7
+
+_INPUTS: Final = ("one", *(f"rate_{axis}" for axis in AXES), *(f"force_{axis}" for axis in AXES))
+_INPUTS_ALL: Final = (*_INPUTS, *(f"force_squared_{axis}" for axis in AXES))
+
+
+def cross_matrix(vector: Array) -> Array:
+    """Return the matrices of the cross products with vectors, shape (..., 3): shape (..., 3, 3)."""
+    found = np.zeros((*vector.shape, 3))
+    found[..., 0, 1], found[..., 0, 2], found[..., 1, 2] = -vector[..., 2], vector[..., 1], -vector[..., 0]
+    found[..., 1, 0], found[..., 2, 0], found[..., 2, 1] = vector[..., 2], -vector[..., 1], vector[..., 0]
+    return found
+
+
+@dataclass(frozen=True)
+class InstrumentState:
+    """A state of the filter that is an error of an instrument.
+
+    Attributes
+    ----------
+    place : int
+        Among the filter's states besides those of navigation.
+    gyro : bool
+        Whether it is one of the gyros, or of the accelerometers.
+    constant : int
+        Constant error of the instrument as which it acts: its number in `GYRO` or `ACCELEROMETER`.
+    axis : int
+        Axis that reads it.
+    input : int
+        What it multiplies: one, a rate, a force or the square of a force.
+    """
+
+    place: int
+    gyro: bool
+    constant: int
+    axis: int
+    input: int
+
+
+def instrument_states(states: Sequence[FilterState]) -> tuple[InstrumentState, ...]:
+    """Find those states of a filter that are errors of instruments."""
+    found = []
+    for place, state in enumerate(states):
+        name = state.name.replace("_bias_instability_", "_bias_")
+        for names in (GYRO, ACCELEROMETER):
+            if name in names:
+                number, gyro = names.index(name), names is GYRO
+                found.append(InstrumentState(place, gyro, number, *_reading(number, gyro)))
+    return tuple(found)
+
+
+def _reading(number: int, gyro: bool) -> tuple[int, int]:
+    """Return the axis that reads a constant error of an instrument, and what the error multiplies."""
+    kind, axis = divmod(number, 3)
+    own = "rate" if gyro else "force"
+    if kind == 0:
+        return axis, 0
+    if kind == 1:
+        return axis, _INPUTS_ALL.index(f"{own}_{AXES[axis]}")
+    if number < len(GYRO) - 3:
+        reads, along = CROSS_AXES[number - 6]
+        return AXES.index(reads), _INPUTS_ALL.index(f"{own}_{along}")
+    return axis, _INPUTS_ALL.index(f"{'force' if gyro else 'force_squared'}_{AXES[axis]}")
+
+
+@dataclass(frozen=True)
+class ErrorModel:
+    """System of the filter's states: psi, dv, dr and q others."""
+
+    model: FilterModel
+
+    @cached_property
+    def states(self) -> tuple[FilterState, ...]:
+        """States besides those of navigation."""
+        return self.model.states
+
+    @cached_property
+    def size(self) -> int:
+        """Number of all states."""
+        return NAVIGATION + len(self.states)
+
+    @cached_property
+    def instruments(self) -> tuple[InstrumentState, ...]:
+        """States that are errors of instruments."""
+        return instrument_states(self.states)
+
+    @cached_property
+    def decay_rates(self) -> Array:
+        """Inverse correlation times of the other states, shape (q,), 1/s."""
+        return np.array([1.0 / state.correlation_time for state in self.states])
+
+    @cached_property
+    def considered(self) -> IndexArray:
+        """Places of the states that are not estimated, among all."""
+        return NAVIGATION + np.flatnonzero([state.considered for state in self.states])
+
+    @cached_property
+    def _driven(self) -> Array:
+        """Densities of the white noise that drives the other states, shape (q,)."""
+        sigma, walk = (np.array([getattr(state, name) for state in self.states]) for name in ("sigma", "walk"))
+        return np.asarray(2.0 * sigma**2 * self.decay_rates * (self.decay_rates > 0.0) + walk**2)
+
+    @cached_property
+    def _alone(self) -> tuple[IndexArray, Array]:
+        """Places of the correlated errors of sensors among the other states, and their variances."""
+        found = np.setdiff1d(np.flatnonzero(self.decay_rates), [each.place for each in self.instruments])
+        return found, np.array([self.states[place].sigma for place in found]) ** 2
+
+    def initial_covariance(self, to_outputs: Array) -> Array:
+        """Compute the covariance at the start, from the map of psi, dv, dr to the outputs, shape (9, 9)."""
+        found = np.diag(np.concatenate([np.zeros(NAVIGATION), [state.sigma**2 for state in self.states]]))
+        inverse = np.linalg.inv(to_outputs)
+        found[:NAVIGATION, :NAVIGATION] = inverse @ self.model.beliefs.covariance @ inverse.T
+        return found
+
+    def transitions(
+        self, spin: float, steps: FilterSteps, axes: Array, rates: Array, forces: Array, gradients: Array
+    ) -> tuple[Array, Array]:
+        """Compute the transitions over K steps of the filter and the noise that processes add.
+
+        Parameters
+        ----------
+        steps : FilterSteps
+        axes : ndarray, shape (n, 3, 3)
+            C at the middles of the navigator's steps.
+        rates, forces : ndarray, shape (n, 3)
+            Compensated readings, as means over the navigator's steps.
+        gradients : ndarray, shape (K, 3, 3)
+            Of gravitation, 1/s^2.
+
+        Returns
+        -------
+        tuple of ndarray, shape (K, 9 + q, 9 + q)
+        """
+        count, size = len(steps.durations), self.size
+        system, coupling = self._system(spin, steps, axes, rates, forces, gradients)
+        white = np.zeros((count, size, size))
+        imu: Imu = self.model.beliefs.imu
+        for place, noise in ((ATTITUDE, imu.gyro), (VELOCITY, imu.accelerometer)):
+            density = axes * noise.random_walk**2 @ np.swapaxes(axes, -1, -2)
+            white[:, place, place] = steps.mean(density)
+        others = np.arange(NAVIGATION, size)
+        white[:, others, others] = self._driven
+        square = system @ system
+        cube, first, second = square @ system, system @ coupling, square @ coupling
+        half, whole = (
+            self._transition(each, (system, square, cube), (coupling, first, second)) for each in steps.integrals
+        )
+        noise_ = white + 4.0 * (half @ white @ np.swapaxes(half, -1, -2)) + whole @ white @ np.swapaxes(whole, -1, -2)
+        noise_ *= (steps.durations / 6.0)[:, None, None]
+        # correlated errors of sensors drive no other state, and may be shorter than a step
+        alone, variances = self._alone
+        remaining = np.exp(-2.0 * np.outer(steps.durations, self.decay_rates[alone]))
+        noise_[:, NAVIGATION + alone, NAVIGATION + alone] = variances * (1.0 - remaining)
+        return whole, noise_
+
+    def _system(
+        self, spin: float, steps: FilterSteps, axes: Array, rates: Array, forces: Array, gradients: Array
+    ) -> tuple[Array, Array]:
+        """Compute the matrices of the system of psi, dv, dr and of its coupling to the other states."""
+        count = len(steps.durations)
+        turning = cross_matrix(np.array([0.0, 0.0, spin]))
+        system = np.zeros((count, NAVIGATION, NAVIGATION))
+        system[:, ATTITUDE, ATTITUDE] = -turning
+        system[:, VELOCITY, ATTITUDE] = -cross_matrix(steps.mean(np.einsum("nij,nj->ni", axes, forces)))
+        system[:, VELOCITY, VELOCITY] = -2.0 * turning
+        system[:, VELOCITY, POSITION] = gradients - turning @ turning
+        system[:, POSITION, VELOCITY] = np.eye(3)
+        coupling = np.zeros((count, NAVIGATION, len(self.states)))
+        if self.instruments:
+            inputs = np.concatenate([np.ones((len(rates), 1)), rates, forces, forces**2], axis=1)
+            columns = axes[:, :, [each.axis for each in self.instruments]]
+            columns = steps.mean(columns * inputs[:, None, [each.input for each in self.instruments]])
+            for number, each in enumerate(self.instruments):
+                coupling[:, ATTITUDE if each.gyro else VELOCITY, each.place] = columns[:, :, number]
+        return system, coupling
+
+    def _transition(self, integrals: Array, system: Sequence[Array], coupling: Sequence[Array]) -> Array:
+        """Assemble transitions, shape (K, 9 + q, 9 + q), from the integrals of the decays."""
+        found = np.zeros((len(integrals), self.size, self.size))
+        found[:, :NAVIGATION, :NAVIGATION] = np.eye(NAVIGATION)
+        others = np.arange(NAVIGATION, self.size)
+        found[:, others, others] = integrals[:, 0, :-1]
+        for order in range(3):
+            # the last column is that of a state that does not decay
+            found[:, :NAVIGATION, :NAVIGATION] += integrals[:, order + 1, -1, None, None] * system[order]
+            found[:, :NAVIGATION, NAVIGATION:] += integrals[:, order + 1, None, :-1] * coupling[order]
+        return found
+
+
+@dataclass(frozen=True)
+class FilterSteps:
+    """Steps of the filter between two stops, K of them, each of one or more steps of the navigator.
+
+    Attributes
+    ----------
+    begins : ndarray of int, shape (K,)
+        First of the navigator's steps.
+    weights : ndarray, shape (n,)
+        Share of each of the navigator's steps in the filter's.
+    durations : ndarray, shape (K,)
+        s.
+    integrals : tuple of ndarray, shape (K, 4, q + 1)
+        Decay of the other states and its integrals, up to half a step and up to the whole.
+    """
+
+    begins: IndexArray
+    weights: Array
+    durations: Array
+    integrals: tuple[Array, Array]
+
+    @classmethod
+    def group(cls, durations: Array, longest: float, decay_rates: Array) -> FilterSteps:
+        """Group the navigator's steps, shape (n,) s, into as equal parts as they allow."""
+        ends = np.cumsum(durations)
+        parts = max(int(np.ceil(ends[-1] / longest - 1e-6)), 1)
+        middles = ends - 0.5 * durations
+        number = np.minimum((middles / ends[-1] * parts).astype(np.int64), parts - 1)
+        begins = np.flatnonzero(np.diff(number, prepend=-1))
+        totals = np.add.reduceat(durations, begins)
+        counts = np.diff(begins, append=len(durations))
+        rates = np.append(decay_rates, 0.0)
+        halves = (_decay_integrals(0.5 * totals, rates), _decay_integrals(totals, rates))
+        return cls(begins, durations / np.repeat(totals, counts), totals, halves)
+
+    @property
+    def middles(self) -> IndexArray:
+        """Steps of the navigator at whose ends the filter's steps are half over."""
+        ends = np.append(self.begins[1:], len(self.weights))
+        return np.asarray((self.begins + ends - 1) // 2)
+
+    def mean(self, values: Array) -> Array:
+        """Average over each step of the filter what was given for the navigator's, shape (n, ...)."""
+        weights = self.weights.reshape(-1, *np.ones(values.ndim - 1, dtype=int))
+        return np.asarray(np.add.reduceat(weights * values, self.begins, axis=0))
+
+
+def _decay_integrals(durations: Array, rates: Array) -> Array:
+    """Compute exp(-a s) and its first three repeated integrals over durations s, shape (K, 4, len(rates)).
+
+    The k-th is ``s^k sum_j (-a s)^j / (k + j)!``, and by recursion ``(s^(k-1) / (k-1)! - previous) / a``.
+    """
+    x = np.outer(durations, rates)
+    found = np.empty((len(durations), 4, len(rates)))
+    found[:, 0] = np.exp(-x)
+    factorials = np.cumprod(np.append(1.0, np.arange(1.0, _TERMS + 4)))
+    for k in (1, 2, 3):
+        power = durations[:, None] ** k
+        series = np.polynomial.polynomial.polyval(-np.minimum(x, SMALL), 1.0 / factorials[k : k + _TERMS])
+        safe = np.where(rates > 0.0, rates, 1.0)
+        recursion = (durations[:, None] ** (k - 1) / factorials[k - 1] - found[:, k - 1]) / safe
+        found[:, k] = np.where(x <= SMALL, power * series, recursion)
+    return found
+
+
+@compiled
+def gravitation_gradients(constants: Array, positions: Array) -> Array:
+    """Compute the gradients of gravitation at positions, shape (n, 3), by central differences: shape (n, 3, 3)."""
+    found = np.empty((len(positions), 3, 3))
+    there = np.empty(3)
+    for row in range(len(positions)):
+        for axis in range(3):
+            for i in range(3):
+                there[i] = positions[row, i]
+            there[axis] += GRADIENT_STEP
+            ax, ay, az = normal_gravitation(constants, there[0], there[1], there[2])
+            there[axis] -= 2.0 * GRADIENT_STEP
+            bx, by, bz = normal_gravitation(constants, there[0], there[1], there[2])
+            found[row, 0, axis] = (ax - bx) / (2.0 * GRADIENT_STEP)
+            found[row, 1, axis] = (ay - by) / (2.0 * GRADIENT_STEP)
+            found[row, 2, axis] = (az - bz) / (2.0 * GRADIENT_STEP)
+    return found
+
+
+@dataclass(frozen=True)
+class LocalFrame:
+    """North, east and down at a position, and how they turn with it.
+
+    Attributes
+    ----------
+    latitude, longitude : float
+        rad.
+    altitude : float
+        m.
+    axes : ndarray, shape (3, 3)
+        From n to e.
+    turn : ndarray, shape (3, 3)
+        Rotation vector in n of the axes by a displacement in n, 1/m.
+    """
+
+    latitude: float
+    longitude: float
+    altitude: float
+    axes: Array
+    turn: Array
+
+    @classmethod
+    def at(cls, earth: Earth, position: Array) -> LocalFrame:
+        """Compute the frame at an earth-fixed position, shape (3,)."""
+        latitude, longitude, altitude = (float(each) for each in earth.to_geodetic(position[None])[0])
+        meridian, prime = (float(radius) for radius in earth.curvature_radii(np.asarray(latitude)))
+        east = 1.0 / (prime + altitude)
+        turn = np.array(
+            [[0.0, east, 0.0], [-1.0 / (meridian + altitude), 0.0, 0.0], [0.0, -np.tan(latitude) * east, 0.0]]
+        )
+        return cls(latitude, longitude, altitude, local_axes(np.asarray(latitude), np.asarray(longitude)), turn)
+
+    def to_outputs(self, velocity: Array) -> Array:
+        """Compute the map of psi, dv, dr to the outputs, shape (9, 9), at an earth-fixed velocity, to first order.
+
+        With the turn t of the local axes: the velocity's error in n less ``t x v``, the attitude's less t.
+        """
+        to_level = self.axes.T
+        turn = self.turn @ to_level
+        found = np.zeros((NAVIGATION, NAVIGATION))
+        found[0:3, POSITION] = to_level
+        found[3:6, VELOCITY] = to_level
+        found[3:6, POSITION] = cross_matrix(to_level @ velocity) @ turn
+        found[6:9, ATTITUDE] = to_level
+        found[6:9, POSITION] = -turn
+        return found

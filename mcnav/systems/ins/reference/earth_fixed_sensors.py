@@ -1,0 +1,340 @@
+"""Measurements as the reference engine has them, in earth-fixed axes: what is measured, predicted, and how they differ.
+
+Of a navigator with the errors psi, dv, dr (see `mcnav.systems.ins.reference.earth_fixed_errors`), with C from the
+body's axes to earth-fixed ones, the lever arm l, the body's inertial rate w, the earth's rate W, and N, E, D the local
+directions, an innovation, predicted less measured, is to first order ::
+
+    position        n . (dr + psi x C l)                  n a local direction
+    velocity        n . (dv + psi x C (w x l) - W x (psi x C l) + C (g x l))
+    altitude        -D . dr
+    attitude        p . psi                               p an axis of the instruments
+    body velocity   b . (dv + v x psi)                    b an axis of the body
+    heading         (f_n df_e - f_e df_n) / (f_n^2 + f_e^2)
+
+less the errors of the measurement; df is the change of the forward axis f and of the local directions. The navigator
+predicts the antenna's velocity ``v + (C w - W) x C l`` with the rate that its gyros measured in the step before, as
+compensated, and g is what is left of their errors (`mcnav.systems.ins.reference.aided`). On a stabilised platform
+the body's rate about the platform is known. The product of the star tracker's and the navigator's errors, two small
+angles, is neglected.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+
+from mcnav._types import Array, IndexArray
+from mcnav.systems.ins.earth import local_axes
+from mcnav.systems.ins.filter.model import NAVIGATION, FilterState
+from mcnav.systems.ins.imu.instruments import AXES
+from mcnav.systems.ins.reference.earth_fixed_errors import (
+    ATTITUDE,
+    POSITION,
+    VELOCITY,
+    InstrumentState,
+    LocalFrame,
+    cross_matrix,
+    instrument_states,
+)
+from mcnav.systems.ins.reference.navigation_errors import EarthFixedStates
+from mcnav.systems.ins.sensors.aiding import COMPONENTS, SCALED, Quantity, Sensor, check_quantities
+from mcnav.systems.ins.truth.trajectory import Truth
+
+PREDICTED: Final[tuple[Quantity, ...]] = (
+    "position", "velocity", "altitude", "attitude", "body_velocity", "heading",
+)  # fmt: skip
+"""Quantities that `SensorModel` predicts, each by a method of its name."""
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """The truth at u instants of a sensor.
+
+    Attributes
+    ----------
+    states : EarthFixedStates
+        Positions and velocities over the earth, and the instruments' axes.
+    mounting : ndarray, shape (u, 3, 3)
+        From the body's to the instruments' axes.
+    turning : ndarray, shape (u, 3)
+        Rate of the body over the earth, in the body's axes, rad/s.
+    gimbals : ndarray, shape (u, 3)
+        Rate of the body about the instruments' platform, in the instruments' axes, rad/s; zero where there is none.
+    level : ndarray, shape (u, 3, 3)
+        From local to earth-fixed axes.
+    altitude : ndarray, shape (u,)
+    """
+
+    states: EarthFixedStates
+    mounting: Array
+    turning: Array
+    gimbals: Array
+    level: Array
+    altitude: Array
+
+    @classmethod
+    def at(cls, truth: Truth, states: EarthFixedStates, times: Array, rate: Array | None = None) -> Surroundings:
+        """Compute them from the true states at the instants, s.
+
+        Parameters
+        ----------
+        rate : ndarray, shape (u, 3), optional
+            Inertial rate of the instruments' platform in its axes; none if they are on the body.
+        """
+        latitude, longitude, altitude = truth.earth.to_geodetic(states.position).T
+        mounting = np.swapaxes(states.axes, -1, -2) @ truth.attitude(times).as_matrix()
+        turning = np.asarray(truth.attitude(times, 1))
+        gimbals = np.zeros_like(turning)
+        if rate is not None:
+            of_earth = states.axes[:, 2] * truth.earth.rotation_rate
+            gimbals = np.einsum("nij,nj->ni", mounting, turning) + of_earth - rate
+        return cls(states, mounting, turning, gimbals, local_axes(latitude, longitude), altitude)
+
+
+@dataclass(frozen=True)
+class Indicated:
+    """The indicated state of a navigator at one instant.
+
+    Attributes
+    ----------
+    position, velocity : ndarray, shape (3,)
+        Earth-fixed; over the earth.
+    axes : ndarray, shape (3, 3)
+        From the instruments' axes to earth-fixed ones.
+    frame : LocalFrame
+        At the position.
+    reading : ndarray, shape (6,)
+        Inertial rate and specific force as measured and compensated, in the instruments' axes.
+    """
+
+    position: Array
+    velocity: Array
+    axes: Array
+    frame: LocalFrame
+    reading: Array
+
+
+@dataclass(frozen=True)
+class SensorModel:
+    """A sensor as the truth has it, and as the filter believes it to be.
+
+    Attributes
+    ----------
+    sensor, believed : Sensor
+    surroundings : Surroundings
+        At its instants.
+    states : sequence of FilterState
+        Of the filter, besides those of navigation.
+    rotation_rate : float
+        Of the earth, rad/s.
+
+    Raises
+    ------
+    ValueError
+        When the sensor measures a quantity without equations.
+    """
+
+    sensor: Sensor
+    believed: Sensor
+    surroundings: Surroundings
+    states: Sequence[FilterState]
+    rotation_rate: float
+
+    def __post_init__(self) -> None:
+        check_quantities(self.sensor, PREDICTED, "mcnav.systems.ins.reference.earth_fixed_sensors")
+
+    @property
+    def size(self) -> int:
+        """Measured components."""
+        return len(self.sensor.components)
+
+    @cached_property
+    def variances(self) -> Array:
+        """Believed variances of the white noise, shape (c,)."""
+        return np.array([component.noise**2 for component in self.believed.components])
+
+    @cached_property
+    def threshold(self) -> float:
+        """Largest normalized innovation squared of an accepted measurement."""
+        from scipy.special import gammaincinv
+
+        gate = self.sensor.gate
+        return np.inf if gate is None else 2.0 * float(gammaincinv(0.5 * self.size, gate))
+
+    @cached_property
+    def _quantities(self) -> dict[Quantity, tuple[IndexArray, IndexArray]]:
+        """Measured quantities: the components that measure each, and their axes."""
+        found = {}
+        for quantity in COMPONENTS:
+            places = [n for n, each in enumerate(self.sensor.components) if each.quantity == quantity]
+            axes = [self.sensor.components[place].axis for place in places]
+            if places:
+                found[quantity] = (np.array(places), np.array(axes))
+        return found
+
+    @cached_property
+    def _added(self) -> Array:
+        """Responses of the readings to those of the filter's states that are added to them, shape (c, q)."""
+        found = np.zeros((self.size, len(self.states)))
+        for row, component in enumerate(self.sensor.components):
+            names = (component.error_name("bias"), component.error_name("correlated"))
+            for column, state in enumerate(self.states):
+                found[row, column] = state.name in names
+        return found
+
+    @cached_property
+    def _scaled(self) -> Array:
+        """Responses of the readings to the filter's states that are scale factors, per true value, shape (c, q)."""
+        found = np.zeros((self.size, len(self.states)))
+        for row, component in enumerate(self.sensor.components):
+            for column, state in enumerate(self.states):
+                scaled = component.quantity in SCALED and state.name == component.error_name("scale_factor")
+                found[row, column] = scaled
+        return found
+
+    @cached_property
+    def _arms(self) -> Array:
+        """The filter's states that are errors of the lever arm, shape (3, q)."""
+        names = [f"{self.sensor.name}_lever_arm_{axis}" for axis in AXES]
+        found = [[float(self.sensor.has_lever_arm and state.name == name) for state in self.states] for name in names]
+        return np.array(found).reshape(3, len(self.states))
+
+    @cached_property
+    def _gyro_states(self) -> tuple[InstrumentState, ...]:
+        """The filter's states that are errors of the gyros."""
+        return tuple(each for each in instrument_states(self.states) if each.gyro)
+
+    def measurement_errors(self, constants: Array, noise: Array) -> tuple[Array, Array, Array]:
+        """Split a sample's constant errors, in the order of `Sensor.constants`, and add the noise.
+
+        Returns
+        -------
+        offsets : ndarray, shape (u, c)
+            Bias, correlated error and noise.
+        factors : ndarray, shape (c,)
+            Scale factors.
+        arm : ndarray, shape (3,)
+            Used lever arm less the true one, m.
+        """
+        values = dict(zip(self.sensor.constants(), constants, strict=True))
+        bias = [values[each.error_name("bias")] for each in self.sensor.components]
+        factors = [values.get(each.error_name("scale_factor"), 0.0) for each in self.sensor.components]
+        arm = [values.get(f"{self.sensor.name}_lever_arm_{axis}", 0.0) for axis in AXES]
+        return bias + noise, np.array(factors), np.array(arm)
+
+    def innovation(
+        self, row: int, indicated: Indicated, estimates: Array, offset: Array, factors: Array, arm: Array
+    ) -> tuple[Array, Array]:
+        """Compute an innovation and its response to the filter's states.
+
+        Parameters
+        ----------
+        row : int
+            Number of the measurement.
+        estimates : ndarray, shape (q,)
+            Of the filter's other states; zero for considered ones.
+        offset, factors, arm : ndarray
+            The sample's errors of this measurement, as `measurement_errors` has them.
+
+        Returns
+        -------
+        tuple of ndarray, shape (c,), (c, 9 + q)
+            The response to the other states is that to their true values less the estimates.
+        """
+        found, response = np.empty(self.size), np.zeros((self.size, NAVIGATION + len(self.states)))
+        used = self.believed.lever_arm + arm - self._arms @ estimates
+        added, scaled = self._added @ estimates, self._scaled @ estimates
+        response[:, NAVIGATION:] = -self._added
+        for quantity, (places, axes) in self._quantities.items():
+            difference, navigation, others = getattr(self, f"_{quantity}")(row, indicated, used)
+            found[places] = difference[axes] + added[places] - offset[places]
+            response[places, :NAVIGATION] = navigation[axes]
+            response[places, NAVIGATION:] += others[axes]
+            if quantity in SCALED:
+                true = getattr(self, f"_true_{quantity}")(row)[axes]
+                predicted = true + difference[axes]
+                found[places] += scaled[places] * predicted - factors[places] * true
+                response[places, :NAVIGATION] *= 1.0 + scaled[places, None]
+                response[places, NAVIGATION:] -= self._scaled[places] * predicted[:, None]
+        return found, response
+
+    def _position(self, row: int, indicated: Indicated, arm: Array) -> tuple[Array, Array, Array]:
+        """Return the difference, and its responses to psi, dv, dr and to the other states, along all axes."""
+        true = self.surroundings
+        body = indicated.axes @ true.mounting[row]
+        antenna = body @ arm
+        true_antenna = true.states.axes[row] @ true.mounting[row] @ self.sensor.lever_arm
+        difference = (indicated.position - true.states.position[row]) + (antenna - true_antenna)
+        to_level, response = indicated.frame.axes.T, np.zeros((3, NAVIGATION))
+        response[:, POSITION], response[:, ATTITUDE] = to_level, -to_level @ cross_matrix(antenna)
+        return to_level @ difference, response, to_level @ body @ self._arms
+
+    def _velocity(self, row: int, indicated: Indicated, arm: Array) -> tuple[Array, Array, Array]:
+        """Return the same; the rate is the navigator's own."""
+        true = self.surroundings
+        body = indicated.axes @ true.mounting[row]
+        antenna, rate = body @ arm, indicated.axes @ (indicated.reading[:3] + true.gimbals[row])
+        of_earth = cross_matrix(np.array([0.0, 0.0, self.rotation_rate]))
+        turning = cross_matrix(rate) - of_earth
+        true_turning = cross_matrix(true.turning[row]) @ self.sensor.lever_arm
+        true_antenna = true.states.axes[row] @ true.mounting[row] @ true_turning
+        difference = (indicated.velocity - true.states.velocity[row]) + (turning @ antenna - true_antenna)
+        to_level, response = indicated.frame.axes.T, np.zeros((3, NAVIGATION))
+        of_attitude = of_earth @ cross_matrix(antenna) - cross_matrix(cross_matrix(rate) @ antenna)
+        response[:, VELOCITY], response[:, ATTITUDE] = to_level, to_level @ of_attitude
+        to_gyros = -cross_matrix(antenna) @ indicated.axes @ self._gyros(indicated.reading)
+        return to_level @ difference, response, to_level @ (turning @ body @ self._arms + to_gyros)
+
+    def _gyros(self, reading: Array) -> Array:
+        """Return the responses of a rate to the filter's states that are errors of the gyros, shape (3, q)."""
+        found = np.zeros((3, len(self.states)))
+        inputs = np.concatenate([[1.0], reading])
+        for each in self._gyro_states:
+            found[each.axis, each.place] = inputs[each.input]
+        return found
+
+    def _altitude(self, row: int, indicated: Indicated, arm: Array) -> tuple[Array, Array, Array]:
+        response = np.zeros((1, NAVIGATION))
+        response[0, POSITION] = -indicated.frame.axes[:, 2]
+        return indicated.frame.altitude - self._true_altitude(row), response, np.zeros((1, len(self.states)))
+
+    def _true_altitude(self, row: int) -> Array:
+        return self.surroundings.altitude[row : row + 1]
+
+    def _attitude(self, row: int, indicated: Indicated, arm: Array) -> tuple[Array, Array, Array]:
+        from scipy.spatial.transform import Rotation
+
+        turned = self.surroundings.states.axes[row].T @ indicated.axes
+        response = np.zeros((3, NAVIGATION))
+        response[:, ATTITUDE] = indicated.axes.T
+        return Rotation.from_matrix(turned).as_rotvec(), response, np.zeros((3, len(self.states)))
+
+    def _body_velocity(self, row: int, indicated: Indicated, arm: Array) -> tuple[Array, Array, Array]:
+        to_body = (indicated.axes @ self.surroundings.mounting[row]).T
+        response = np.zeros((3, NAVIGATION))
+        response[:, VELOCITY] = to_body
+        response[:, ATTITUDE] = to_body @ cross_matrix(indicated.velocity)
+        return to_body @ indicated.velocity - self._true_body_velocity(row), response, np.zeros((3, len(self.states)))
+
+    def _true_body_velocity(self, row: int) -> Array:
+        true = self.surroundings
+        return np.asarray((true.states.axes[row] @ true.mounting[row]).T @ true.states.velocity[row])
+
+    def _heading(self, row: int, indicated: Indicated, arm: Array) -> tuple[Array, Array, Array]:
+        true = self.surroundings
+        mounting = true.mounting[row]
+        forward = indicated.frame.axes.T @ indicated.axes @ mounting[:, 0]
+        true_forward = true.level[row].T @ true.states.axes[row] @ mounting[:, 0]
+        across = true_forward[0] * forward[1] - true_forward[1] * forward[0]
+        difference = np.arctan2(across, true_forward[:2] @ forward[:2])
+        # of f in n: by psi less the turn of the local axes
+        slope = np.array([-forward[1], forward[0], 0.0]) / (forward[0] ** 2 + forward[1] ** 2)
+        to_turn = -slope @ cross_matrix(forward)
+        response = np.zeros((1, NAVIGATION))
+        response[0, ATTITUDE] = to_turn @ indicated.frame.axes.T
+        response[0, POSITION] = -to_turn @ indicated.frame.turn @ indicated.frame.axes.T
+        return np.array([difference]), response, np.zeros((1, len(self.states)))

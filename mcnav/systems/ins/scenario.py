@@ -1,0 +1,662 @@
+"""Inertial navigation in three dimensions as a scenario: a vehicle's trajectory, its instruments and their noise.
+
+Two engines simulate it. ``ensemble`` carries deviations from the truth over tables that all samples share;
+``reference`` mechanizes the navigator at the instruments' rate, sample by sample. They share no equation but the truth
+and the definition of their noise, which each draws by generators of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcnav._types import Array
+from mcnav.constants import EARTH_RADIUS, STANDARD_GRAVITY
+from mcnav.contract.engine import Engine
+from mcnav.contract.failure import Failure, Reason
+from mcnav.contract.filter_record import FilterPrediction, FilterSchema
+from mcnav.contract.history import Epochs, History, Panel, StartClock
+from mcnav.contract.linear import CovarianceReadings, LinearModel, LinearReadings, PartialsHistory, SharedTables
+from mcnav.contract.quantities import Output, Source
+from mcnav.contract.samples import Batch, SimulationResult
+from mcnav.contract.scenario import ScenarioError
+from mcnav.systems.ins.aided import (
+    PROBES,
+    AidedEngine,
+    AidedNavigation,
+    AidedReferenceEngine,
+    believed_shares,
+    filter_schema,
+)
+from mcnav.systems.ins.ensemble.free import EnsembleTables, simulate, tabulate
+from mcnav.systems.ins.filter.model import FilterModel
+from mcnav.systems.ins.filter.tables import same_memory
+from mcnav.systems.ins.imu.fine_noise import draw_noise
+from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, PROCESSES, Imu, process_sizes
+from mcnav.systems.ins.imu.linear_noise import NoiseResponse
+from mcnav.systems.ins.linear.closed_loop_covariance import ClosedLoopCovariance
+from mcnav.systems.ins.linear.covariance import LinearErrors, propagate
+from mcnav.systems.ins.linear.recent_responses import recent_responses
+from mcnav.systems.ins.linear.response import StepResponses, respond
+from mcnav.systems.ins.linear.start_times import LinearStarts, propagate_starts
+from mcnav.systems.ins.reference.mechanization import Diverged, Mechanization, longest_step
+from mcnav.systems.ins.sensors.aiding import Sensor
+from mcnav.systems.ins.sensors.sources import aiding_outputs, aiding_sources
+from mcnav.systems.ins.truth.trajectory import Platform, Truth
+from mcnav.systems.sample_loop import simulate_each
+
+DEGREE: Final = np.pi / 180.0
+
+KINDS: Final = {
+    "position": ("m", "m", 10.0),
+    "velocity": ("m/s", "m/s", 0.1),
+    "tilt": ("rad", "arcsec", 1e-4),
+    "heading": ("rad", "arcsec", 1e-3),
+    "gyro_bias": ("rad/s", "deg/h", 0.01 * DEGREE / 3600.0),
+    "gyro_scale_factor": ("1", "ppm", 1e-5),
+    "gyro_misalignment": ("rad", "arcsec", 1e-5),
+    "gyro_g_sensitivity": ("rad/s/(m/s^2)", "deg/h/g", 0.01 * DEGREE / 3600.0 / STANDARD_GRAVITY),
+    "accelerometer_bias": ("m/s^2", "ug", 1e-4 * STANDARD_GRAVITY),
+    "accelerometer_scale_factor": ("1", "ppm", 1e-4),
+    "accelerometer_misalignment": ("rad", "arcsec", 1e-5),
+    "accelerometer_nonlinearity": ("(m/s^2)/(m/s^2)^2", "ug/g^2", 1e-5 / STANDARD_GRAVITY),
+}
+"""SI unit, unit shown and usual size of each kind of error source, by the beginning of its name."""
+
+SHOWN: Final = {"position": ("m", "m"), "velocity": ("m/s", "m/s"), "tilt": ("rad", "mrad"), "heading": ("rad", "mrad")}
+"""SI unit and unit shown of each kind of output."""
+
+PROCESS_UNITS: Final = {
+    "gyro_angle_random_walk": ("rad/sqrt(s)", "deg/sqrt(h)"),
+    "gyro_bias_instability": ("rad/s", "deg/h"),
+    "gyro_rate_random_walk": ("rad/s/sqrt(s)", "deg/h/sqrt(h)"),
+    "gyro_quantization": ("rad", "arcsec"),
+    "accelerometer_velocity_random_walk": ("m/s/sqrt(s)", "m/s/sqrt(h)"),
+    "accelerometer_bias_instability": ("m/s^2", "ug"),
+    "accelerometer_rate_random_walk": ("m/s^2/sqrt(s)", "ug/sqrt(h)"),
+    "accelerometer_quantization": ("m/s", "m/s"),
+}
+"""SI unit and unit shown of each kind of process."""
+
+
+def kind_of(name: str) -> str:
+    """Return the kind of a source, a beginning of its name in `KINDS`."""
+    return next(kind for kind in KINDS if name == kind or name.startswith(f"{kind}_"))
+
+
+SOURCES: Final = tuple(Source(name, *KINDS[kind_of(name)], group=kind_of(name)) for name in CONSTANTS)
+"""Constant error sources: initial errors, gyros, accelerometers."""
+
+LIMITS: Final = {
+    "position": EARTH_RADIUS,
+    "velocity": float(np.sqrt(STANDARD_GRAVITY * EARTH_RADIUS)),
+    "tilt": 1.0,
+    "heading": 1.0,
+}
+"""Size of each kind of output beyond which a linear error has no meaning, SI.
+
+The earth's radius R, over which gravity and the local axes change altogether; sqrt(g R), the velocity in a Schuler
+oscillation with the amplitude R; a radian.
+"""
+
+NAVIGATION_ERRORS: Final = tuple(Output(name, *SHOWN[kind_of(name)], limit=LIMITS[kind_of(name)]) for name in OUTPUTS)
+"""Final navigation errors."""
+
+NOISE: Final = tuple(Output(name, *PROCESS_UNITS[name.rpartition("_")[0]]) for name in PROCESSES)
+"""Processes of the instruments."""
+
+BEFORE_OUTAGES_END: Final = 1.0
+"""Time before the end of an outage at which errors are read out, s; less in a short outage."""
+
+REVISION: Final = 6
+"""Counts the changes of the samples' digits: 1 drew normal variates one at a time, 2 two of a block of random bits.
+
+4 computes them in single precision, 5 linear errors as sums. 6 computes the velocity of an antenna on a lever arm with
+measured rates.
+"""
+
+EPOCHS: Final = 60
+"""Intervals between instants at which the errors of all samples are read out; fewer in a shorter navigation."""
+
+HISTORY_TIME: Final = "time [min]"
+TRAJECTORY_TIME: Final = "time of the trajectory [s]"
+HISTORY_POINTS: Final = 401
+ENSEMBLE_CHUNK: Final = 2_048
+REFERENCE_CHUNK: Final = 8
+
+TOLERANCE: Final = 3e-6
+"""Largest numerical error of any probe at any epoch, as a share of the probes' standard deviation in that output."""
+
+MOST_STEPS: Final = 256
+"""Steps between two epochs."""
+
+SHORTEST: Final = 1.0
+"""Shortest navigation, s."""
+
+FEWEST_PROBES: Final = 2
+
+START_CLOCK: Final = StartClock("min of the trajectory", aligned="at the navigation's own start")
+
+
+@dataclass(frozen=True)
+class Navigation:
+    """A navigation along a trajectory.
+
+    Attributes
+    ----------
+    start, end : float
+        In the trajectory's time, s.
+    imu : Imu
+        Processes of the instruments.
+    sensors : tuple of Sensor
+        Aiding.
+    filter : FilterModel, optional
+        Of an aided navigation.
+    sigmas : mapping of str to float
+        True root mean squares of the constant sources, where they are known: what a filter believes is compared.
+    further : tuple of float
+        Times at which errors are looked at besides the usual epochs, s, such as those of requirements.
+    """
+
+    truth: Truth
+    platform: Platform
+    start: float
+    end: float
+    imu: Imu
+    sensors: tuple[Sensor, ...] = ()
+    filter: FilterModel | None = None
+    sigmas: Mapping[str, float] = field(default_factory=dict)
+    further: tuple[float, ...] = ()
+
+    @property
+    def latest_start(self) -> float:
+        """Start of the shortest navigation to the same end, s; not before the present one."""
+        latest = self.end - SHORTEST
+        if self.end - latest < SHORTEST:  # rounded
+            latest = float(np.nextafter(latest, -np.inf))
+        return max(self.start, latest)
+
+    @property
+    def times(self) -> Array:
+        """Epochs, the start first, s; begin and end of each outage are among them, and further times."""
+        times = np.linspace(self.start, self.end, EPOCHS + 1)
+        outages = (outage for sensor in self.sensors for outage in sensor.outages)
+        ends = ((begin, end - min(BEFORE_OUTAGES_END, 0.01 * (end - begin))) for begin, end in outages)
+        for added in (*ends, *((time,) for time in self.further)):
+            inside = [time for time in added if self.start < time < self.end]
+            far = [time for time in inside if np.abs(times - time).min() > 1e-6]
+            times = np.union1d(times, far)
+        return times
+
+    @property
+    def epochs(self) -> Epochs:
+        """Epochs in minutes of navigation."""
+        events = {
+            f"{sensor.name} outage {number} {edge}": (float(time) - self.start) / 60.0
+            for sensor in self.sensors
+            for number, outage in enumerate(sensor.outages, 1)
+            for edge, time in zip(("begins", "ends"), outage, strict=True)
+        }
+        return Epochs(HISTORY_TIME, (self.times - self.start) / 60.0, events)
+
+    @cached_property
+    def aided(self) -> AidedNavigation | None:
+        """The navigation with its filter; none without."""
+        if self.filter is None:
+            return None
+        return AidedNavigation(
+            self.truth, self.platform, self.start, self.imu, self.sensors, self.filter, self.epochs, self.times
+        )
+
+    def grid(self, steps: int) -> Array:
+        """Return the times of so many steps between epochs."""
+        times = self.times
+        if len(times) == EPOCHS + 1:
+            return np.linspace(self.start, self.end, EPOCHS * steps + 1)
+        places = np.arange((len(times) - 1) * steps + 1) / steps
+        return np.interp(places, np.arange(len(times)), times)
+
+    @cached_property
+    def responses(self) -> StepResponses:
+        """The linear responses between epochs."""
+        return recent_responses(self.truth, self.platform, self.times, self.imu)
+
+    def tables(self, steps: int) -> EnsembleTables:
+        """Prepare the ensemble's tables."""
+        grid = self.grid(steps)
+        responses = self.responses
+        if not np.array_equal(grid, self.times):
+            responses = respond(self.truth, self.platform, grid, self.imu)
+        return tabulate(self.truth, self.platform, responses, self.imu, np.arange(len(self.times)) * steps)
+
+    @cached_property
+    def linear(self) -> LinearErrors:
+        """The linear system at the epochs, after their updates."""
+        if self.aided is not None:
+            closed = self.aided.linear
+            return LinearErrors(closed.times, closed.partials, closed.processes)
+        return propagate(self.truth, self.responses, self.imu, np.arange(len(self.times)))
+
+
+@dataclass(frozen=True)
+class _FreeTables:
+    """Responses of a navigation without aiding."""
+
+    truth: Truth
+    platform: Platform
+    imu: Imu
+    responses: StepResponses
+
+    @classmethod
+    def of(cls, navigation: Navigation, grid: Array, earlier: _FreeTables | None) -> _FreeTables:
+        """Compute the responses over the steps of a grid, or take earlier ones that hold."""
+        truth, platform, imu = navigation.truth, navigation.platform, navigation.imu
+        if (
+            earlier is not None and earlier.truth is truth and earlier.platform == platform
+            and np.array_equal(earlier.responses.times, grid) and same_memory(earlier.imu, imu)
+            and earlier.imu.quantized == imu.quantized
+        ):  # fmt: skip
+            return earlier
+        return cls(truth, platform, imu, recent_responses(truth, platform, grid, imu))
+
+
+@dataclass(frozen=True)
+class EnsembleEngine:
+    """Deviations over shared tables; a sample beyond their validity fails."""
+
+    navigation: Navigation
+    tables: EnsembleTables
+    accuracy: str
+    parallel: str = "threads"
+    chunk: int = ENSEMBLE_CHUNK
+
+    @property
+    def epochs(self) -> Epochs:
+        """Instants of the histories."""
+        return self.navigation.epochs
+
+    def simulate(self, batch: Batch) -> SimulationResult:
+        """Simulate samples with their noise."""
+        found = simulate(self.tables, batch.errors, batch.seed, batch.index)
+        values = found.values
+        values[~found.valid] = np.nan
+        return SimulationResult(values[:, -1], self._failures(found.valid), linear_values=found.linear, history=values)
+
+    def propagate(self, errors: Array) -> SimulationResult:
+        """Simulate samples without noise, shape (n, sources)."""
+        found = simulate(self._quiet, errors, 0, np.arange(len(errors)))
+        found.values[~found.valid] = np.nan
+        return SimulationResult(found.values[:, -1], self._failures(found.valid))
+
+    @cached_property
+    def _quiet(self) -> EnsembleTables:
+        return self.tables.without_noise().at_the_end()
+
+    def _failures(self, valid: NDArray[np.bool_]) -> dict[int, Failure]:
+        failure = Failure(Reason.STATED, "errors too large for the ensemble engine; the reference engine takes them")
+        return dict.fromkeys((int(row) for row in np.flatnonzero(~valid)), failure)
+
+
+@dataclass(frozen=True)
+class ReferenceEngine:
+    """The navigator's own equations at the instruments' rate, one sample at a time."""
+
+    navigation: Navigation
+    accuracy: str = "mechanization in earth-fixed axes, Gauss collocation of order 6 with steps of at most 0.1 s"
+    parallel: str = "threads"
+    chunk: int = REFERENCE_CHUNK
+
+    @property
+    def epochs(self) -> Epochs:
+        """Instants of the histories."""
+        return self.navigation.epochs
+
+    @cached_property
+    def mechanization(self) -> Mechanization:
+        """The navigator."""
+        navigation = self.navigation
+        return Mechanization(
+            navigation.truth, navigation.platform, navigation.start, navigation.end, navigation.times,
+            longest_step(navigation.imu),
+        )  # fmt: skip
+
+    @cached_property
+    def _response(self) -> NoiseResponse:
+        navigation = self.navigation
+        return NoiseResponse.along(
+            navigation.truth, navigation.platform, self.mechanization.step_times, navigation.times
+        )
+
+    def simulate(self, batch: Batch) -> SimulationResult:
+        """Simulate samples with their noise."""
+        partials = self.navigation.linear.partials
+        linear = np.einsum("mij,nj->nmi", partials, batch.errors)
+        noisy = bool(process_sizes(self.navigation.imu))
+        histories = np.full((len(batch.errors), len(self.navigation.times), len(OUTPUTS)), np.nan)
+
+        def simulate(row: int) -> Array:
+            noise: tuple[Array, ...] = ()
+            if noisy:
+                noise = draw_noise(
+                    self.navigation.imu, self.mechanization.step_times, batch.seed, int(batch.index[row])
+                )
+                linear[row] += self._response.respond(*noise)
+            histories[row] = self.mechanization.simulate(batch.errors[row], *noise)
+            return np.asarray(histories[row, -1])
+
+        values = np.empty((len(batch.errors), len(OUTPUTS)))
+        failures = simulate_each(simulate, range(len(values)), values, Diverged)
+        return SimulationResult(values, failures, linear_values=linear[:, -1], history=histories)
+
+    def propagate(self, errors: Array) -> SimulationResult:
+        """Simulate samples without noise, shape (n, sources)."""
+        values = np.empty((len(errors), len(OUTPUTS)))
+        rows = range(len(errors))
+        return SimulationResult(
+            values, simulate_each(lambda row: self.mechanization.simulate(errors[row])[-1], rows, values, Diverged)
+        )
+
+
+class Ins:
+    """The scenario.
+
+    Raises
+    ------
+    ScenarioError
+        When navigation does not lie within the trajectory.
+    """
+
+    outputs = NAVIGATION_ERRORS
+    start_clock = START_CLOCK
+    revision = REVISION
+
+    def __init__(self, navigation: Navigation) -> None:
+        first, last = navigation.truth.times[[0, -1]]
+        for key, time in (("start", navigation.start), ("end", navigation.end)):
+            if not first <= time <= last:
+                raise ScenarioError(key, f"got {time:g} s; the trajectory has {first:g} to {last:g} s")
+        if navigation.end - navigation.start < SHORTEST:
+            raise ScenarioError(
+                "end", f"got {navigation.end:g} s with a start at {navigation.start:g} s; expected {SHORTEST:g} s more"
+            )
+        self.navigation = navigation
+        self._last_starts: tuple[tuple[str, bytes], LinearStarts] | None = None
+
+    @property
+    def engines(self) -> tuple[str, ...]:
+        """Names of the engines."""
+        if self.navigation.filter is None:
+            return ("ensemble", "reference")
+        return ("ensemble", "shared-gains", "reference")
+
+    @property
+    def sources(self) -> tuple[Source, ...]:
+        """Constant errors: initial ones, those of the instruments, those of the sensors."""
+        return SOURCES + aiding_sources(self.navigation.sensors)
+
+    @property
+    def processes(self) -> tuple[Output, ...]:
+        """Processes of the noise that the instruments and the sensors have."""
+        sizes = process_sizes(self.navigation.imu)
+        instruments = tuple(process for process in NOISE if process.name in sizes)
+        return instruments + aiding_outputs(self.navigation.sensors)
+
+    def with_filter(self, model: FilterModel, sigmas: Mapping[str, float] | None = None) -> Ins:
+        """Return the same scenario with a filter, and the true root mean squares of the constant sources."""
+        return Ins(replace(self.navigation, filter=model, sigmas=sigmas or {}))
+
+    @property
+    def filter_schema(self) -> FilterSchema | None:
+        """Columns of the filters' records."""
+        navigation = self.navigation
+        if navigation.filter is None:
+            return None
+        known: list[Source | Output] = [*self.sources, *NOISE, *aiding_outputs(navigation.filter.beliefs.sensors)]
+        units = {each.name: (each.unit, each.shown_in) for each in known}
+        return filter_schema(navigation.sensors, navigation.filter, units)
+
+    def filter_prediction(self) -> FilterPrediction | None:
+        """Compute what linear analysis says of the filter at the epochs."""
+        navigation = self.navigation
+        if navigation.aided is None or navigation.filter is None:
+            return None
+        linear = navigation.aided.linear
+        return FilterPrediction(
+            HISTORY_TIME,
+            navigation.epochs.times,
+            linear.own,
+            linear.own_variances,
+            linear.state_partials,
+            linear.state_variances,
+            self._believed,
+        )
+
+    @property
+    def _believed(self) -> dict[str, float]:
+        """Variance that the filter believes of each cause, over its true mean square."""
+        navigation = self.navigation
+        if navigation.filter is None:
+            return {}
+        return believed_shares(navigation.imu, navigation.sensors, navigation.filter, navigation.sigmas)
+
+    def linear_model(self) -> LinearModel:
+        """Compute the linear model at the end of navigation by the variational equations."""
+        linear = self.navigation.linear
+        processes = {name: covariance[-1] for name, covariance in linear.processes.items()}
+        return LinearModel(linear.partials[-1], np.zeros(len(OUTPUTS)), processes)
+
+    @property
+    def further_epochs(self) -> tuple[float, ...]:
+        """Times that have been added to the usual epochs, s: samples' noise depends on all of them."""
+        return self.navigation.further
+
+    def _check_within(self, times: Array) -> None:
+        navigation = self.navigation
+        for time in times:
+            if not navigation.start <= time <= navigation.end:
+                raise ScenarioError(
+                    "end",
+                    f"got {time:g} s to look at; navigation lasts from {navigation.start:g} to {navigation.end:g} s",
+                )
+
+    @property
+    def reading_times(self) -> Array:
+        """The epochs, the end last, s."""
+        return self.navigation.times
+
+    def covariance_readings(
+        self, times: Array, mean: Array, covariance: Array, shared: SharedTables
+    ) -> CovarianceReadings:
+        """Propagate mean and covariance of the sources to rising times of the trajectory, s, after their updates."""
+        self._check_within(times)
+        navigation, before = self.navigation, shared.tables
+        if navigation.aided is not None:
+            earlier = before if isinstance(before, ClosedLoopCovariance) else None
+            shared.tables = found = navigation.aided.covariances(times, mean, covariance, earlier)
+            return CovarianceReadings(times, found.mean, found.true, found.own)
+        grid = np.union1d(navigation.times, times)
+        responses = _FreeTables.of(navigation, grid, before if isinstance(before, _FreeTables) else None)
+        shared.tables = responses
+        linear = propagate(navigation.truth, responses.responses, navigation.imu, np.searchsorted(grid, times))
+        total = linear.partials @ covariance @ linear.partials.swapaxes(1, 2)
+        total += sum(linear.processes.values(), np.zeros_like(total))
+        return CovarianceReadings(times, linear.partials @ mean, total)
+
+    def linear_readings(self, times: Array | None) -> LinearReadings:
+        """Read the linear system out at rising times of the trajectory, s, or at the epochs."""
+        navigation = self.navigation
+        wanted = navigation.times if times is None else times
+        self._check_within(wanted)
+        if navigation.aided is not None:
+            updates, closed = navigation.aided.read_out(times)
+            return LinearReadings(
+                closed.times, updates, closed.partials, closed.processes, closed.own, TRAJECTORY_TIME, self._believed
+            )
+        linear = navigation.linear
+        if times is not None:
+            grid = np.union1d(navigation.times, wanted)
+            responses = respond(navigation.truth, navigation.platform, grid, navigation.imu)
+            linear = propagate(navigation.truth, responses, navigation.imu, np.searchsorted(grid, wanted))
+        return LinearReadings(
+            linear.times, (None,) * len(wanted), linear.partials, linear.processes, label=TRAJECTORY_TIME
+        )
+
+    def partials_history(self, count: int) -> PartialsHistory:
+        """Return the linear system at the epochs, whatever the count."""
+        linear = self.navigation.linear
+        return PartialsHistory(HISTORY_TIME, self.navigation.epochs.times, linear.partials, linear.processes)
+
+    def check_start_axes(self, axes: str) -> None:
+        """Refuse aided navigation, and axes of another instant where instruments are not on an inertial platform."""
+        navigation = self.navigation
+        if navigation.sensors:
+            raise ScenarioError(
+                "aiding",
+                "start times are not compared for aided navigation, whose final errors hardly depend on the start; "
+                "leave out [[aiding]] and [filter]",
+            )
+        if axes != "start" and navigation.platform != "inertial":
+            raise ScenarioError(
+                "axes",
+                f"got {axes!r} with a {navigation.platform} navigator, whose axes do not depend on the start; "
+                "expected 'start'",
+            )
+
+    def started_at(self, time: float, axes: str) -> Ins:
+        """Start navigation along the same trajectory at another time, s.
+
+        With the axes ``trajectory`` an inertial platform keeps the directions that it has with this scenario's own
+        start: the truth's attitude is held there.
+        """
+        self.check_start_axes(axes)
+        navigation = self.navigation
+        first, last = navigation.truth.times[0], navigation.latest_start
+        if not first <= time <= last:
+            raise ScenarioError("start", f"got {time:g} s; navigation starts from {first:g} s to {last:g} s")
+        truth = navigation.truth if axes == "start" else navigation.truth.held(navigation.start)
+        return Ins(replace(navigation, truth=truth, start=time))
+
+    def start_times(self, count: int) -> Array:
+        """Space start times from the navigation's start to that of the shortest navigation, shape (count,), s."""
+        return np.linspace(self.navigation.start, self.navigation.latest_start, count)
+
+    def partials_at(self, times: Array, axes: str = "start") -> Array:
+        """Compute the partial derivatives for navigation started at each time, shape (n, 9, sources)."""
+        return self._started(times, axes).partials
+
+    def noise_at(self, times: Array, axes: str = "start") -> Array:
+        """Compute the covariance from all processes for navigation started at each time, shape (n, 9, 9).
+
+        Each process begins with the start: a bias instability is stationary there, a random walk is zero.
+        """
+        return self._started(times, axes).noise
+
+    def _started(self, times: Array, axes: str) -> LinearStarts:
+        """Propagate all starts, or return what the last call has for the same ones."""
+        self.check_start_axes(axes)
+        key = (axes, times.tobytes())
+        if self._last_starts is None or self._last_starts[0] != key:
+            navigation = self.navigation
+            aligned = None if axes == "start" else navigation.start
+            found = propagate_starts(
+                navigation.truth, navigation.platform, times, navigation.end, navigation.imu, aligned
+            )
+            self._last_starts = (key, found)
+        return self._last_starts[1]
+
+    def engine(self, engine: str, probes: Array) -> Engine:
+        """Prepare one of the engines; the ensemble's steps are halved until the probes, (n, sources), agree."""
+        aided, schema = self.navigation.aided, self.filter_schema
+        if engine == "reference":
+            if aided is not None and schema is not None:
+                return AidedReferenceEngine(aided, schema)
+            return ReferenceEngine(self.navigation)
+        if aided is not None and schema is not None:
+            shared, error = aided.refined(probes)
+            gains = "gains of each sample's own"
+            if engine == "shared-gains":
+                apart = aided.difference_of_gains(shared, probes)
+                gains = f"gains along the truth, which change errors by at most {apart:.1e} of the filter's sigma"
+            known = (
+                f"largest numerical error of {min(len(probes), PROBES)} probe samples {error:.1e} of the filter's "
+                "sigma or their own size"
+                if np.isfinite(error)
+                else "numerical error not measured, as there are too many steps to halve them"
+            )
+            accuracy = f"deviations in inertial axes, {len(shared.ensemble.durations)} steps, {gains}; {known}"
+            return AidedEngine(aided, shared, schema, engine == "ensemble", accuracy)
+        tables, error = self._refined(probes)
+        accuracy = (
+            f"deviations in inertial axes, {len(tables.durations)} steps; largest numerical error of {len(probes)} "
+            f"probe samples {error:.1e} of an output's dispersion"
+        )
+        return EnsembleEngine(self.navigation, tables, accuracy)
+
+    def _refined(self, probes: Array) -> tuple[EnsembleTables, float]:
+        """Find the tables with the steps that the probes allow, and their error; the method is of second order."""
+        index, navigation = np.arange(len(probes)), self.navigation
+
+        def flown(tables: EnsembleTables) -> Array:
+            found = simulate(tables.without_noise(), probes, 0, index)
+            return np.asarray(np.where(found.valid[:, None, None], found.values, 0.0))
+
+        steps = 1
+        tables = navigation.tables(steps)
+        coarse = flown(tables)
+        while True:
+            finer = navigation.tables(2 * steps)
+            fine = flown(finer)
+            scale = fine.std(axis=0) if len(probes) >= FEWEST_PROBES else np.abs(fine).max(axis=0, initial=0.0)
+            shares = np.abs(coarse - fine).max(axis=0, initial=0.0)[scale > 0.0] / scale[scale > 0.0]
+            error = float(shares.max(initial=0.0)) / 3.0  # of the finer one
+            if 4.0 * error <= TOLERANCE:
+                return tables, 4.0 * error
+            if error <= TOLERANCE or 2 * steps >= MOST_STEPS:
+                return finer, error
+            wanted = 2 * steps * 2 ** max(0, int(np.ceil(0.5 * np.log2(error / TOLERANCE))) - 1)
+            steps = min(wanted, MOST_STEPS // 2)
+            tables = finer if wanted == 2 * steps else navigation.tables(steps)
+            coarse = flown(tables)
+
+    def history(self) -> History:
+        """Tabulate track, altitude, speed, attitude, force and rate of the truth against time."""
+        navigation, truth = self.navigation, self.navigation.truth
+        times = np.linspace(navigation.start, navigation.end, HISTORY_POINTS)
+        states = truth.states(times, navigation.platform, navigation.start)
+        latitude, longitude, altitude = truth.geodetic(times).T
+        _, velocity = truth.earth_fixed(times)
+        heading, pitch, roll = np.degrees(truth.angles(times)).T
+        columns = {
+            HISTORY_TIME: (times - navigation.start) / 60.0,
+            "latitude [deg]": np.degrees(latitude),
+            "longitude [deg]": np.degrees(np.unwrap(longitude)),
+            "altitude [m]": altitude,
+            "speed [m/s]": np.linalg.norm(velocity, axis=1),
+            "heading [deg]": np.degrees(np.unwrap(np.radians(heading))),
+            "pitch [deg]": pitch,
+            "roll [deg]": roll,
+            "specific force [g]": np.linalg.norm(states.force, axis=1) / STANDARD_GRAVITY,
+            "angular rate [deg/s]": np.degrees(np.linalg.norm(states.rate, axis=1)),
+        }
+        outages = {
+            sensor.name: tuple(
+                ((begin - navigation.start) / 60.0, (end - navigation.start) / 60.0) for begin, end in sensor.outages
+            )
+            for sensor in navigation.sensors if sensor.outages
+        }  # fmt: skip
+        return History(columns, {"end": float(columns[HISTORY_TIME][-1])}, PANELS, outages)
+
+
+PANELS: Final = (
+    Panel("Ground track", "longitude [deg]", ("latitude [deg]",)),
+    Panel("Altitude", HISTORY_TIME, ("altitude [m]",)),
+    Panel("Speed over the earth", HISTORY_TIME, ("speed [m/s]",)),
+    Panel("Heading", HISTORY_TIME, ("heading [deg]",)),
+    Panel("Roll and pitch", HISTORY_TIME, ("roll [deg]", "pitch [deg]"), ("roll", "pitch"), "angle [deg]"),
+    Panel("Specific force", HISTORY_TIME, ("specific force [g]",)),
+)

@@ -1,0 +1,1 @@
+"""Aiding sensors: what they measure, and their errors."""

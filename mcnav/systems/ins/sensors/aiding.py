@@ -1,0 +1,157 @@
+"""Aiding sensors: what they measure, when, and the errors of their measurements.
+
+A sensor measures one or more components of the state at its instants. A measured component is ::
+
+    (1 + scale factor) true + bias + correlated + noise
+
+with a constant bias and scale factor, a stationary first-order Gauss-Markov error, and white noise. What the navigator
+predicts for it less what is measured is the innovation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, field
+from typing import Final, Literal
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.systems.ins.imu.instruments import AXES
+
+Quantity = Literal["position", "velocity", "altitude", "attitude", "body_velocity", "heading"]
+"""Measured quantity.
+
+position, velocity
+    Of the antenna, a lever arm away from the unit: north, east, down at the geodetic position; over the earth.
+altitude
+    Geodetic, of the unit.
+attitude
+    Rotation vector of the measured relative to the true attitude, along the instruments' axes.
+body_velocity
+    Velocity over the earth along forward, right, down of the body.
+heading
+    Of the body.
+"""
+
+LEVEL_AXES: Final = ("north", "east", "down")
+
+COMPONENTS: Final[dict[Quantity, tuple[str, ...]]] = {
+    "position": LEVEL_AXES,
+    "velocity": LEVEL_AXES,
+    "altitude": ("",),
+    "attitude": AXES,
+    "body_velocity": AXES,
+    "heading": ("",),
+}
+"""Components of each quantity."""
+
+SCALED: Final[tuple[Quantity, ...]] = ("altitude", "body_velocity")
+"""Quantities whose measurements may have a scale factor."""
+
+MeasurementError = Literal["bias", "scale_factor", "correlated", "noise"]
+
+
+@dataclass(frozen=True)
+class Component:
+    """One measured component.
+
+    Attributes
+    ----------
+    quantity : str
+    axis : int
+        Of `COMPONENTS` of the quantity.
+    noise : float
+        Sigma of the white noise of one measurement: m, m/s or rad; positive.
+    correlated : float
+        Sigma of the Gauss-Markov error, zero for none.
+    correlation_time : float
+        Of that error, s; positive.
+    label : str
+        Beginning of its errors' names: the sensor's name, and the quantity where the sensor measures several.
+    """
+
+    quantity: Quantity
+    axis: int
+    noise: float
+    correlated: float
+    correlation_time: float
+    label: str
+
+    def error_name(self, error: MeasurementError) -> str:
+        """Return the name of one of its errors.
+
+        >>> Component("position", 0, 3.0, 0.0, 100.0, "gnss_position").error_name("bias")
+        'gnss_position_bias_north'
+        >>> Component("altitude", 0, 3.0, 0.0, 100.0, "altimeter").error_name("noise")
+        'altimeter_noise'
+        """
+        axis = COMPONENTS[self.quantity][self.axis]
+        return f"{self.label}_{error}" + (f"_{axis}" if axis else "")
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """An aiding sensor.
+
+    Attributes
+    ----------
+    name : str
+        Of its own in a campaign; by default its type with underscores.
+    kind : str
+        Type, as campaign files have it: gnss, altimeter, star-tracker, position-fix, zero-velocity, velocity, heading.
+    times : ndarray, shape (u,)
+        Instants of its measurements in the trajectory's time, s: rising, after the start of navigation; those in
+        outages are left out.
+    components : tuple of Component
+    lever_arm : ndarray, shape (3,)
+        From the unit to the antenna in the body's axes, m.
+    has_lever_arm : bool
+        Whether it may have errors of the lever arm.
+    gate : float or None
+        Probability with which a measurement without blunders is accepted; none for no gate.
+    outages : tuple of (float, float)
+        Begin, included, and end, excluded, s.
+    """
+
+    name: str
+    kind: str
+    times: Array
+    components: tuple[Component, ...]
+    lever_arm: Array = field(default_factory=lambda: np.zeros(3))
+    has_lever_arm: bool = False
+    gate: float | None = None
+    outages: tuple[tuple[float, float], ...] = ()
+
+    def constants(self) -> Iterator[str]:
+        """Yield the names of its constant errors in order, whatever their sizes."""
+        for component in self.components:
+            yield component.error_name("bias")
+        for component in self.components:
+            if component.quantity in SCALED:
+                yield component.error_name("scale_factor")
+        if self.has_lever_arm:
+            yield from (f"{self.name}_lever_arm_{axis}" for axis in AXES)
+
+    def processes(self) -> dict[str, float]:
+        """Return the sizes of its processes that are not zero, by name."""
+        sizes = {each.error_name("noise"): each.noise for each in self.components}
+        sizes |= {each.error_name("correlated"): each.correlated for each in self.components}
+        return {name: size for name, size in sizes.items() if size > 0.0}
+
+
+def check_quantities(sensor: Sensor, known: Collection[str], where: str) -> None:
+    """Raise ValueError unless all that a sensor measures is among the quantities that a module has equations for."""
+    for component in sensor.components:
+        if component.quantity not in known:
+            raise ValueError(f"{where} has no equations for {component.quantity}, which {sensor.name} measures")
+
+
+def aiding_constants(sensors: tuple[Sensor, ...]) -> tuple[str, ...]:
+    """Return the names of all constant errors that aiding brings, in order."""
+    return tuple(name for sensor in sensors for name in sensor.constants())
+
+
+def aiding_processes(sensors: tuple[Sensor, ...]) -> dict[str, float]:
+    """Return the sizes of all processes that aiding brings and that are not zero, by name, in order."""
+    return {name: size for sensor in sensors for name, size in sensor.processes().items()}

@@ -1,0 +1,56 @@
+"""Error sources and processes that aiding sensors bring to a scenario of inertial navigation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final, Literal
+
+from mcnav.contract.quantities import Output, Source
+from mcnav.systems.ins.filter.model import estimated_kinds
+from mcnav.systems.ins.sensors.aiding import Component, MeasurementError, Quantity, Sensor
+
+UNITS: Final[dict[Quantity, tuple[str, str, float]]] = {
+    "position": ("m", "m", 1.0),
+    "velocity": ("m/s", "m/s", 0.1),
+    "altitude": ("m", "m", 10.0),
+    "attitude": ("rad", "arcsec", 5e-5),
+    "body_velocity": ("m/s", "m/s", 0.1),
+    "heading": ("rad", "mrad", 1e-2),
+}
+"""SI unit, unit shown and usual size of an error of each measured quantity."""
+
+SCALE_FACTOR: Final = ("1", "ppm", 1e-3)
+LEVER_ARM: Final = ("m", "cm", 0.01)
+
+RANDOM: Final[tuple[MeasurementError, ...]] = ("noise", "correlated")
+CONSTANT: Final[tuple[Literal["bias", "scale_factor"], ...]] = ("bias", "scale_factor")
+
+
+def aiding_sources(sensors: tuple[Sensor, ...]) -> tuple[Source, ...]:
+    """Return a source for each constant error of the sensors, in the order of `aiding_constants`.
+
+    Its group is its kind: its name without the axis.
+    """
+    return tuple(source for sensor in sensors for source in _sources(sensor))
+
+
+def _sources(sensor: Sensor) -> Iterator[Source]:
+    known = {each.error_name(error): _units(each, error) for each in sensor.components for error in CONSTANT}
+    for name in sensor.constants():
+        (kind,) = estimated_kinds((name,))
+        yield Source(name, *known.get(name, LEVER_ARM), group=kind)
+
+
+def _units(component: Component, error: Literal["bias", "scale_factor"]) -> tuple[str, str, float]:
+    return SCALE_FACTOR if error == "scale_factor" else UNITS[component.quantity]
+
+
+def aiding_outputs(sensors: tuple[Sensor, ...]) -> tuple[Output, ...]:
+    """Return the processes of the sensors that are not zero, in the order of `aiding_processes`."""
+    units = {
+        each.error_name(error): UNITS[each.quantity]
+        for sensor in sensors
+        for each in sensor.components
+        for error in RANDOM
+    }
+    return tuple(Output(name, *units[name][:2]) for sensor in sensors for name in sensor.processes())

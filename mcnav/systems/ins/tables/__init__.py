@@ -1,0 +1,1 @@
+"""Tables of the campaign file that describe an inertial navigation."""

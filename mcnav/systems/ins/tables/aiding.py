@@ -1,0 +1,241 @@
+"""The entries of ``[[aiding]]``: sensors, their instants, and the sizes of their errors."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.entries.context import FileContext
+from mcnav.errors import suggestion
+from mcnav.systems.ins.filter.model import estimated_kinds
+from mcnav.systems.ins.imu.instruments import AXES, CONSTANTS, PROCESSES
+from mcnav.systems.ins.scenario import Navigation
+from mcnav.systems.ins.sensors.aiding import Component, Sensor
+from mcnav.systems.ins.sensors.known_quantities import lacks_equations
+from mcnav.systems.ins.sensors.sources import RANDOM
+from mcnav.systems.ins.tables import instants
+from mcnav.systems.ins.tables.instants import check_count, read_instants, seconds
+from mcnav.systems.ins.tables.sensors import SENSOR_TYPES, SensorErrors, SensorType, check_measured, read_sensor_errors
+
+NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,39}")
+COMMON: Final = ("type", "name", "gate", *instants.KEYS)
+
+MOST_SENSORS: Final = 100
+
+MOST_SPEED: Final = 0.1
+"""Largest speed of a vehicle that a sensor of type zero-velocity takes for one at rest, m/s."""
+
+STEEPEST: Final = 89.0
+"""Pitch of a body whose heading a sensor may measure, deg; errors of the attitude make 57 times as large ones of it."""
+
+NO_CORRELATION: Final = 3600.0
+"""Correlation time of an error that there is not, s."""
+
+
+@dataclass(frozen=True)
+class Aiding:
+    """Sensors, and sigmas of their constant errors by source, SI."""
+
+    sensors: tuple[Sensor, ...]
+    sigmas: Mapping[str, float]
+
+
+def read_aiding(entries: object, navigation: Navigation, context: FileContext) -> Aiding | None:
+    """Read all sensors of a navigation; mistakes are added to the context."""
+    if not isinstance(entries, list):
+        context.problem("aiding", "expected tables [[aiding]]")
+        return None
+    if len(entries) > MOST_SENSORS:
+        context.problem("aiding", f"got {len(entries)} sensors; expected at most {MOST_SENSORS}")
+        return None
+    before = len(context.problems)
+    sensors: list[Sensor] = []
+    sigmas: dict[str, float] = {}
+    for number, entry in enumerate(entries, start=1):
+        key = f"aiding #{number}"
+        if not isinstance(entry, dict):
+            context.problem(key, "expected a table")
+            continue
+        kind = _read_type(entry, key, context)
+        name = None if kind is None else _read_name(entry, sensors, f"{key}.name", context)
+        if kind is None or name is None:
+            continue
+        problems = len(context.problems)
+        sensor, found = _read_sensor(entry, kind, name, navigation, key, context)
+        if len(context.problems) == problems:
+            _check_names(sensor, sensors, f"{key}.name", context)
+        if len(context.problems) == problems and sensor.kind == "zero-velocity":
+            _check_at_rest(sensor, navigation, key, context)
+        if len(context.problems) == problems and sensor.kind == "heading":
+            _check_level(sensor, navigation, key, context)
+        if len(context.problems) == problems and (lacking := lacks_equations(sensor)):
+            context.problem(f"{key}.type", f"got {sensor.kind!r}; {lacking}")
+        sensors.append(sensor)
+        sigmas |= found
+    check_count(sum(len(sensor.times) for sensor in sensors), context)
+    return Aiding(tuple(sensors), sigmas) if len(context.problems) == before else None
+
+
+def _read_type(entry: Mapping[str, Any], key: str, context: FileContext) -> SensorType | None:
+    known = list(SENSOR_TYPES)
+    if "type" not in entry:
+        context.problem(f"{key}.type", f"is missing; it is one of {', '.join(known)}")
+        return None
+    if not isinstance(entry["type"], str) or entry["type"] not in SENSOR_TYPES:
+        context.problem(f"{key}.type", f"got {entry['type']!r}{suggestion(str(entry['type']), known)}")
+        return None
+    return SENSOR_TYPES[entry["type"]]
+
+
+def _read_name(entry: Mapping[str, Any], sensors: list[Sensor], key: str, context: FileContext) -> str | None:
+    name = entry.get("name", entry["type"].replace("-", "_"))
+    if not isinstance(name, str) or not NAME.fullmatch(name):
+        context.problem(key, f"got {name!r}; expected at most 40 letters, digits and _, a letter first")
+    elif name in (sensor.name for sensor in sensors):
+        context.problem(key, f"got {name!r} twice; give one of the sensors another name")
+    else:
+        return name
+    return None
+
+
+def _read_sensor(
+    entry: Mapping[str, Any], kind: SensorType, name: str, navigation: Navigation, key: str, context: FileContext
+) -> tuple[Sensor, dict[str, float]]:
+    known = [*COMMON, *kind.keys, *kind.further]
+    for unknown in (each for each in entry if each not in known):
+        context.problem(f"{key}.{unknown}", f"unknown key of type {entry['type']}{suggestion(unknown, known)}")
+    times, outages = read_instants(entry, navigation, key, context)
+    if entry["type"] == "altimeter":
+        times = _below_ceiling(entry, times, navigation, key, context)
+    problems = len(context.problems)
+    errors = read_sensor_errors(entry, kind, key, context)
+    if len(context.problems) == problems:
+        _check_measured(entry, kind, errors, key, context)
+    components, sigmas = _components(kind, name, errors)
+    if kind.lever_arm:
+        sized = zip(AXES, errors.lever_arm_error, strict=True)
+        sigmas |= {f"{name}_lever_arm_{axis}": float(size) for axis, size in sized if not np.isnan(size)}
+    sensor = Sensor(
+        name,
+        entry["type"],
+        times,
+        components,
+        np.nan_to_num(errors.lever_arm),
+        kind.lever_arm,
+        read_gate(entry, key, context),
+        outages,
+    )
+    return sensor, sigmas
+
+
+def _check_measured(
+    entry: Mapping[str, Any], kind: SensorType, errors: SensorErrors, key: str, context: FileContext
+) -> None:
+    measured = {name: ~np.isnan(sizes.noise) for name, sizes in errors.sizes.items()}
+    empty = [name for name in kind.quantities if name in entry and not measured[name].any()]
+    for name in empty:
+        context.problem(f"{key}.{name}", "names no axis; expected the sigma of at least one")
+    if empty:
+        return
+    if not any(axes.any() for axes in measured.values()):
+        wanted = " or ".join(kind.quantities)
+        context.problem(f"{key}.{next(iter(kind.quantities))}", f"is missing; expected the sigma of {wanted}")
+    check_measured(entry, kind, measured, key, context)
+
+
+def _components(kind: SensorType, name: str, errors: SensorErrors) -> tuple[tuple[Component, ...], dict[str, float]]:
+    """Build the measured components, and the sigmas of their constant errors that are given."""
+    components: list[Component] = []
+    sigmas: dict[str, float] = {}
+    for measured, sizes in errors.sizes.items():
+        for axis in np.flatnonzero(~np.isnan(sizes.noise)).tolist():
+            correlated = float(np.nan_to_num(sizes.correlated[axis]))
+            time = float(sizes.correlation_time[axis]) if correlated > 0.0 else NO_CORRELATION
+            label = kind.label(name, measured)
+            component = Component(kind.quantities[measured], axis, float(sizes.noise[axis]), correlated, time, label)
+            components.append(component)
+            sigmas |= constant_sizes(component, sizes.bias[axis], sizes.scale_factor[axis])
+    return tuple(components), sigmas
+
+
+def constant_sizes(component: Component, bias: float, scale_factor: float) -> dict[str, float]:
+    """Return the sigmas of a component's constant errors that are given, by source."""
+    sizes = {component.error_name("bias"): bias, component.error_name("scale_factor"): scale_factor}
+    return {name: float(size) for name, size in sizes.items() if not np.isnan(size)}
+
+
+def with_gate(sensors: tuple[Sensor, ...], gate: float | None) -> tuple[Sensor, ...]:
+    """Give a gate to the sensors that have none of their own."""
+    return tuple(sensor if sensor.gate is not None else replace(sensor, gate=gate) for sensor in sensors)
+
+
+def read_gate(entry: Mapping[str, Any], key: str, context: FileContext) -> float | None:
+    """Read the probability of a gate; none when there is none."""
+    if "gate" not in entry:
+        return None
+    gate = context.quantity(entry["gate"], "1", f"{key}.gate")
+    if gate is not None and not 0.0 < gate < 1.0:
+        context.problem(f"{key}.gate", f"got {entry['gate']!r}; expected a probability between 0 and 1, such as 0.999")
+    return gate
+
+
+def _below_ceiling(
+    entry: Mapping[str, Any], times: Array, navigation: Navigation, key: str, context: FileContext
+) -> Array:
+    """Leave out the instants at which a radar altimeter is too high."""
+    kind = entry.get("kind", "barometric")
+    if kind not in ("barometric", "radar"):
+        context.problem(f"{key}.kind", f"got {kind!r}; expected 'barometric' or 'radar'")
+    elif "ceiling" in entry and kind == "barometric":
+        context.problem(f"{key}.ceiling", 'is of a radar; leave it out, or add kind = "radar"')
+    elif "ceiling" in entry:
+        ceiling = context.quantity(entry["ceiling"], "m", f"{key}.ceiling")
+        if ceiling is None or not len(times):
+            return times
+        altitudes = navigation.truth.geodetic(times)[:, 2]
+        if np.any(altitudes <= ceiling):
+            return np.asarray(times[altitudes <= ceiling])
+        lowest = f"the lowest altitude at its instants is {altitudes.min():.6g} m"
+        context.problem(f"{key}.ceiling", f"got {entry['ceiling']!r}; {lowest}")
+    return times
+
+
+def _check_at_rest(sensor: Sensor, navigation: Navigation, key: str, context: FileContext) -> None:
+    """Add a mistake when the vehicle moves at an instant at which it is to be at rest."""
+    if not len(sensor.times):
+        return
+    speeds = np.linalg.norm(navigation.truth.earth_fixed(sensor.times)[1], axis=1)
+    fast = np.flatnonzero(speeds > MOST_SPEED)
+    if len(fast):
+        message = f"the vehicle moves at {speeds[fast[0]]:.3g} m/s at {seconds(sensor.times[fast[0]])}"
+        context.problem(key, f"{message}; expected instants at rest, at most {MOST_SPEED} m/s")
+
+
+def _check_level(sensor: Sensor, navigation: Navigation, key: str, context: FileContext) -> None:
+    """Add a mistake when the vehicle points up or down at an instant at which its heading is measured."""
+    if not len(sensor.times):
+        return
+    pitch = np.degrees(navigation.truth.angles(sensor.times)[:, 1])
+    steep = np.flatnonzero(np.abs(pitch) > STEEPEST)
+    if len(steep):
+        message = f"the pitch is {pitch[steep[0]]:.4g} deg at {seconds(sensor.times[steep[0]])}"
+        context.problem(key, f"{message}, where the heading is not defined; expected at most {STEEPEST:g} deg")
+
+
+def _check_names(sensor: Sensor, earlier: list[Sensor], key: str, context: FileContext) -> None:
+    """Add a mistake when errors of a sensor would have the names of others."""
+    taken = {*PROCESSES, *estimated_kinds(CONSTANTS)}
+    for other in earlier:
+        taken |= _error_names(other)
+    if clashes := sorted(_error_names(sensor) & taken):
+        context.problem(key, f"got {sensor.name!r}; other errors have the name {clashes[0]} already, choose another")
+
+
+def _error_names(sensor: Sensor) -> set[str]:
+    processes = {each.error_name(error) for each in sensor.components for error in RANDOM}
+    return processes | set(estimated_kinds(tuple(sensor.constants())))

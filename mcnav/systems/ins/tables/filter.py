@@ -1,0 +1,246 @@
+"""The table ``[filter]``: what the filter of an aided navigation estimates, and what it believes.
+
+What it believes is the truth where ``[filter.believes]`` says nothing else. The statistics of the constant errors are
+known only after ``[errors]`` is read, so that a `FilterPlan` is completed then.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, WithJsonSchema
+
+from mcnav._types import Array
+from mcnav.contract.quantities import Source
+from mcnav.entries.axes import within
+from mcnav.entries.context import FileContext
+from mcnav.entries.quantities import UNIT, Table
+from mcnav.entries.validation import validate
+from mcnav.errors import suggestion
+from mcnav.sampling.error_model import ErrorModel
+from mcnav.systems.ins.filter.model import NAVIGATION, Beliefs, FilterModel, estimated_kinds
+from mcnav.systems.ins.imu.instruments import ACCELEROMETER, AXES, GYRO, Imu
+from mcnav.systems.ins.scenario import SOURCES
+from mcnav.systems.ins.sensors.aiding import COMPONENTS, Component, Sensor, aiding_constants
+from mcnav.systems.ins.sensors.sources import aiding_sources
+from mcnav.systems.ins.tables.aiding import constant_sizes
+from mcnav.systems.ins.tables.imu import read_imu
+from mcnav.systems.ins.tables.sensors import MULTIPLE, SENSOR_TYPES, SensorErrors, check_measured, read_sensor_errors
+
+ALWAYS: Final = ("position", "velocity", "attitude")
+"""States that every filter estimates."""
+
+GATE: Final = "Probability with which an expected measurement is accepted."
+
+OF_SENSORS: Final = re.compile(r"(\w+?)_((position|velocity)_bias|bias|scale_factor|lever_arm)")
+"""Kinds of a sensor's errors, after its name."""
+
+
+class BelievesTable(Table):
+    """``[filter.believes]``."""
+
+    imu: dict[str, Any] = Field(default_factory=dict, description="Believed errors of the instruments.")
+    errors: dict[str, Any] = Field(default_factory=dict, description="Believed sigmas by source, or kind of sources.")
+    aiding: dict[str, Any] = Field(default_factory=dict, description="Believed errors of sensors, by their names.")
+
+
+class FilterTable(Table):
+    """``[filter]``; the gate is one of the sensors."""
+
+    estimates: Annotated[
+        list[str],
+        Field(max_length=1_000, description="position, velocity, attitude, and kinds of errors that are estimated."),
+    ]
+    considers: list[str] = Field(
+        default_factory=list,
+        max_length=1_000,
+        description="Kinds of errors with a covariance and no estimate (Schmidt).",
+    )
+    gate: Annotated[
+        Any, WithJsonSchema({UNIT: "1", "gt": 0.0, "lt": 1.0, "examples": [0.999]}), Field(description=GATE)
+    ] = None
+    believes: BelievesTable = Field(
+        default_factory=BelievesTable, description="What the filter takes errors for; the truth where nothing is given."
+    )
+
+
+@dataclass(frozen=True)
+class FilterPlan:
+    """A filter as its table describes it.
+
+    Attributes
+    ----------
+    estimates, considers : tuple of str
+        Kinds of errors; see `FilterModel`.
+    sigmas : mapping of str to float
+        Believed ones that differ from the truth, by source, SI.
+    imu : Imu
+        Believed processes.
+    sensors : tuple of Sensor
+        Believed ones.
+    """
+
+    estimates: tuple[str, ...]
+    considers: tuple[str, ...]
+    sigmas: Mapping[str, float]
+    imu: Imu
+    sensors: tuple[Sensor, ...]
+
+    def completed(self, errors: ErrorModel) -> FilterModel:
+        """Return the filter, which believes the statistics of all errors where it does not believe others."""
+        true = errors.standard_deviations
+        believed = np.array(
+            [self.sigmas.get(name, sigma) for name, sigma in zip(errors.names, true.tolist(), strict=True)]
+        )
+        covariance = _scaled(errors.covariance[:NAVIGATION, :NAVIGATION], believed[:NAVIGATION])
+        sigmas = dict(zip(errors.names, believed.tolist(), strict=True))
+        return FilterModel(self.estimates, self.considers, Beliefs(sigmas, covariance, self.imu, self.sensors))
+
+
+def _scaled(covariance: Array, sigmas: Array) -> Array:
+    """Scale a covariance to other standard deviations; an error without one is independent of the others."""
+    true = np.sqrt(np.diag(covariance))
+    correlation = np.divide(covariance, np.outer(true, true), out=np.eye(len(true)), where=np.outer(true, true) > 0.0)
+    np.fill_diagonal(correlation, 1.0)
+    return np.asarray(correlation * np.outer(sigmas, sigmas))
+
+
+def read_filter(entries: object, sensors: tuple[Sensor, ...], imu: Imu, context: FileContext) -> FilterPlan | None:
+    """Read ``[filter]`` of a navigation with these sensors; mistakes are added to the context."""
+    if not isinstance(entries, dict):
+        context.problem("filter", "expected a table")
+        return None
+    before = len(context.problems)
+    table = validate(FilterTable, entries, context, "filter")
+    if table is None:
+        return None
+    _check_states(table, sensors, context)
+    believed = read_imu(table.believes.imu, context, "filter.believes.imu", imu)
+    sigmas = {} if believed is None else dict(believed.sigmas)
+    seen = []
+    by_name = {sensor.name: sensor for sensor in sensors}
+    for name in table.believes.aiding.keys() - by_name.keys():
+        context.problem(f"filter.believes.aiding.{name}", f"no sensor has this name{suggestion(name, list(by_name))}")
+    for name, sensor in by_name.items():
+        found, of_sensor = _believed_sensor(table.believes.aiding.get(name, {}), sensor, context)
+        seen.append(found)
+        sigmas |= of_sensor
+    stated = _believed_errors(table.believes.errors, (*SOURCES, *aiding_sources(sensors)), context)
+    for name in stated.keys() & sigmas.keys():
+        context.problem(f"filter.believes.errors.{name}", "is given by another table of [filter.believes]; keep one")
+    if len(context.problems) > before or believed is None:
+        return None
+    estimates = tuple(name for name in table.estimates if name not in ALWAYS)
+    return FilterPlan(estimates, tuple(table.considers), {**sigmas, **stated}, believed.processes, tuple(seen))
+
+
+def _check_states(table: FilterTable, sensors: tuple[Sensor, ...], context: FileContext) -> None:
+    """Add a mistake for each state that is missing, unknown, or named twice."""
+    kinds = estimated_kinds((*GYRO, *ACCELEROMETER, *aiding_constants(sensors)))
+    if absent := [name for name in ALWAYS if name not in table.estimates]:
+        context.problem("filter.estimates", f"{' and '.join(absent)} must be there; expected {', '.join(ALWAYS)}, …")
+    seen: set[str] = set()
+    for key, names, known in (
+        ("filter.estimates", table.estimates, (*ALWAYS, *kinds)),
+        ("filter.considers", table.considers, kinds),
+    ):
+        for name in names:
+            if name in seen:
+                both = "in estimates and considers" if name in table.estimates and name in table.considers else "twice"
+                context.problem(key, f"got {name!r} {both}; keep one")
+            elif name in ALWAYS and name not in known:
+                context.problem(key, f"got {name!r}; a filter always estimates it")
+            elif name not in known:
+                context.problem(key, _unknown_state(name, sensors, known))
+            seen.add(name)
+
+
+def _unknown_state(name: str, sensors: tuple[Sensor, ...], known: Sequence[str]) -> str:
+    of_sensor = OF_SENSORS.fullmatch(name)
+    if of_sensor and of_sensor[1] not in (*(sensor.name for sensor in sensors), "gyro", "accelerometer"):
+        return f"got {name!r}; no sensor of [[aiding]] is named {of_sensor[1]!r}{suggestion(name, list(known))}"
+    return f"unknown error {name!r}{suggestion(name, list(known))}"
+
+
+def _believed_errors(entries: Mapping[str, Any], sources: Sequence[Source], context: FileContext) -> dict[str, float]:
+    """Read believed sigmas by source or group of sources."""
+    groups: dict[str, list[Source]] = {}
+    for source in sources:
+        groups.setdefault(source.group, []).append(source)
+    known = {source.name: [source] for source in sources}
+    names = [*known, *(group for group in groups if group not in known)]
+    found: dict[str, float] = {}
+    for name, entry in sorted(entries.items(), key=lambda each: each[0] in known):  # groups first
+        key = f"filter.believes.errors.{name}"
+        meant = known.get(name) or groups.get(name)
+        if meant is None:
+            context.problem(key, f"unknown error source{suggestion(name, names)}")
+            continue
+        size = context.quantity(entry, meant[0].unit, key)
+        if size is None:
+            continue
+        if wrong := within(0.0, MULTIPLE * meant[0].nominal, meant[0].unit)(size):
+            context.problem(key, f"got {entry!r}; {wrong}")
+        found |= {source.name: size for source in meant}
+    return found
+
+
+def _believed_sensor(entry: object, sensor: Sensor, context: FileContext) -> tuple[Sensor, dict[str, float]]:
+    """Read what the filter believes of a sensor, and of the sigmas of its constant errors."""
+    key = f"filter.believes.aiding.{sensor.name}"
+    kind = SENSOR_TYPES[sensor.kind]
+    if not isinstance(entry, dict):
+        context.problem(key, "expected a table")
+        return sensor, {}
+    before = len(context.problems)
+    for unknown in (name for name in entry if name not in kind.keys):
+        context.problem(f"{key}.{unknown}", f"unknown key{suggestion(unknown, kind.keys)}")
+    if kind.lever_arm and "lever_arm" in entry:
+        known = f'{sensor.name}_lever_arm_x = {{ distribution = "fixed", value = "1 cm" }}'
+        context.problem(
+            f"{key}.lever_arm", f"is that of [[aiding]]; a wrong one is an error such as {known} in [errors]"
+        )
+    errors = read_sensor_errors(entry, kind, key, context, believed=True)
+    if len(context.problems) > before:
+        return sensor, {}
+    measured: dict[str, NDArray[np.bool_]] = {
+        name: np.isin(
+            np.arange(len(COMPONENTS[quantity])), [c.axis for c in sensor.components if c.quantity == quantity]
+        )
+        for name, quantity in kind.quantities.items()
+    }
+    check_measured(entry, kind, measured, key, context)
+    names = {quantity: name for name, quantity in kind.quantities.items()}
+    components: list[Component] = []
+    sigmas: dict[str, float] = {}
+    for component in sensor.components:
+        found, of_component = _believed_component(component, names[component.quantity], errors, key, context)
+        components.append(found)
+        sigmas |= of_component
+    sized = zip(AXES, errors.lever_arm_error, strict=True)
+    sigmas |= {f"{sensor.name}_lever_arm_{axis}": float(size) for axis, size in sized if not np.isnan(size)}
+    return replace(sensor, components=tuple(components)), sigmas
+
+
+def _believed_component(
+    component: Component, measured: str, errors: SensorErrors, key: str, context: FileContext
+) -> tuple[Component, dict[str, float]]:
+    sizes, axis = errors.sizes[measured], component.axis
+    noise, correlated, time = (
+        float(below if np.isnan(given[axis]) else given[axis])
+        for given, below in (
+            (sizes.noise, component.noise),
+            (sizes.correlated, component.correlated),
+            (sizes.correlation_time, component.correlation_time),
+        )
+    )
+    if correlated > 0.0 and component.correlated == 0.0 and np.isnan(sizes.correlation_time[axis]):
+        name = component.error_name("correlated")
+        context.problem(key, f"{name} needs a correlation_time, because the sensor itself has no such error")
+    found = replace(component, noise=noise, correlated=correlated, correlation_time=time)
+    return found, constant_sizes(component, sizes.bias[axis], sizes.scale_factor[axis])

@@ -1,0 +1,111 @@
+"""``type = "ins"``: inertial navigation in three dimensions along a trajectory of the user's."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Annotated, Any, Final, Literal
+
+from pydantic import Field
+
+from mcnav.entries.context import FileContext
+from mcnav.entries.quantities import AngularRate, Duration, GravitationalParameter, Length, Table
+from mcnav.systems.description import ScenarioSpec
+from mcnav.systems.ins.earth import WGS84, Earth
+from mcnav.systems.ins.imu.instruments import Imu
+from mcnav.systems.ins.scenario import Ins, Navigation
+from mcnav.systems.ins.tables.aiding import Aiding, read_aiding, read_gate, with_gate
+from mcnav.systems.ins.tables.filter import FilterPlan, read_filter
+from mcnav.systems.ins.tables.imu import read_imu
+from mcnav.systems.ins.tables.trajectories import read_trajectory
+
+TRAJECTORY: Final = "trajectory"
+
+
+class SphereTable(Table):
+    """``earth = { radius = …, gravitational_parameter = …, rotation_rate = … }``."""
+
+    radius: Annotated[Length, Field(ge=1e3, le=1e12, description="Radius of the sphere.")]
+    gravitational_parameter: Annotated[
+        GravitationalParameter,
+        Field(gt=0.0, le=1e24, description="Gravitational parameter.", examples=["3.986004418e14 m^3/s^2"]),
+    ]
+    rotation_rate: Annotated[
+        AngularRate, Field(ge=-1e-2, le=1e-2, description="Rotation rate.", examples=["15.041067 deg/h"])
+    ]
+
+
+class InsTable(Table):
+    """``[scenario]`` of type ins."""
+
+    type: Annotated[Literal["ins"], Field(description="Inertial navigation in three dimensions.")]
+    trajectory: Annotated[
+        str | dict[str, Any],
+        Field(description="Trajectory file (CSV or parquet), or a table with file, reentry, segments or boost."),
+    ]
+    columns: Annotated[
+        dict[str, str],
+        Field(description='Names of the file\'s columns, with units: lat = "latitude [rad]".'),
+    ] = Field(default_factory=dict)
+    platform: Annotated[
+        Literal["strapdown", "inertial", "level"],
+        Field(description="Carrier of the instruments: the body, a platform with inertial directions, or a level one."),
+    ] = "strapdown"
+    earth: Annotated[Literal["wgs84"] | SphereTable, Field(description="Figure of the earth, or a sphere.")] = "wgs84"
+    start: Annotated[
+        Duration | None, Field(description="Start of navigation, in the trajectory's time; its first unless given.")
+    ] = None
+    end: Annotated[
+        Duration | None, Field(description="End of navigation, in the trajectory's time; its last unless given.")
+    ] = None
+
+
+def _read_earth(table: Literal["wgs84"] | SphereTable) -> Earth:
+    if isinstance(table, SphereTable):
+        return Earth(table.radius, 0.0, table.gravitational_parameter, table.rotation_rate)
+    return WGS84
+
+
+def read_scenario(table: InsTable, entries: Mapping[str, Any], context: FileContext) -> ScenarioSpec | None:
+    """Build the scenario; mistakes are added to the context.
+
+    Raises
+    ------
+    ScenarioError
+        When navigation does not lie within the trajectory.
+    """
+    instruments = context.content.get("imu", {})
+    sizes = read_imu(instruments if isinstance(instruments, dict) else {}, context)  # validation has reported others
+    trajectory = read_trajectory(table.trajectory, _read_earth(table.earth), context, table.columns)
+    if trajectory is None:
+        return None
+    truth = trajectory.truth
+    first, last = (float(time) for time in truth.times[[0, -1]])
+    start = first if table.start is None else table.start
+    end = last if table.end is None else table.end
+    imu = Imu() if sizes is None else sizes.processes
+    navigation = Ins(Navigation(truth, table.platform, start, end, imu)).navigation
+    aiding, plan = _read_aiding(navigation, context)
+    scenario = Ins(replace(navigation, sensors=aiding.sensors))
+    defaults = {"platform": table.platform, "earth": "wgs84", "start": f"{start!r} s", "end": f"{end!r} s"}
+    resolved = {**defaults, **entries, TRAJECTORY: trajectory.resolved}
+    inputs = () if trajectory.file is None else (trajectory.file,)
+    sigmas = {**({} if sizes is None else sizes.sigmas), **aiding.sigmas}
+    return ScenarioSpec(scenario, resolved, inputs=inputs, sigmas=sigmas, filter=plan)
+
+
+def _read_aiding(navigation: Navigation, context: FileContext) -> tuple[Aiding, FilterPlan | None]:
+    """Read ``[[aiding]]`` and ``[filter]``; mistakes are added to the context."""
+    none = Aiding((), {})
+    sensors, entries = context.content.get("aiding", []), context.content.get("filter")
+    aiding = read_aiding(sensors, navigation, context)
+    if entries is None and sensors:
+        context.problem("aiding", "needs a [filter], which says what is estimated from its measurements")
+    if entries is None or aiding is None:
+        return aiding or none, None
+    if not aiding.sensors:
+        context.problem("filter", "needs [[aiding]], the sensors whose measurements it uses")
+        return aiding, None
+    gate = read_gate(entries, "filter", context) if isinstance(entries, dict) else None
+    aiding = replace(aiding, sensors=with_gate(aiding.sensors, gate))
+    return aiding, read_filter(entries, aiding.sensors, navigation.imu, context)

@@ -1,0 +1,216 @@
+"""``trajectory`` of a campaign: a file, a reentry of NASA TN D-1772 on a globe, segments, or a boost.
+
+trajectory = "flight.csv"
+trajectory = { file = "flight.csv", columns = { lat = "latitude [rad]" } }
+trajectory = { reentry = 4, latitude = "28 deg", longitude = "-80 deg", azimuth = "60 deg" }
+
+[scenario.trajectory]
+start = { latitude = "47 deg", longitude = "9 deg", altitude = "500 m", course = "80 deg" }
+segments = [{ hold = "60 s" }, { speed = "80 m/s" }, { climb = "3 km" }, { turn = "90 deg" }, { straight = "50 km" }]
+
+[scenario.trajectory.boost]
+latitude = "28.5 deg"
+longitude = "-80.5 deg"
+azimuth = "90 deg"
+stages = [{ acceleration = "1.3 g", last = "3.5 g", burn = "120 s" }]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from mcnav._recent import Recent
+from mcnav.entries.context import FileContext
+from mcnav.entries.files import read_file
+from mcnav.entries.inputs import InputFile
+from mcnav.entries.validation import validate
+from mcnav.store.inputs import INPUTS
+from mcnav.systems.ins.earth import Earth
+from mcnav.systems.ins.tables.segments import read_segment
+from mcnav.systems.ins.tables.trajectory_file import LARGEST_FILE, read_trajectory_file
+from mcnav.systems.ins.tables.trajectory_tables import TRAJECTORIES, BoostTable, FileTable, ReentryTable, SegmentsTable
+from mcnav.systems.ins.truth import segments as flown
+from mcnav.systems.ins.truth.boost import Boost, BoostError, Stage, boost_truth
+from mcnav.systems.ins.truth.reentry import Plane, reentry_truth
+from mcnav.systems.ins.truth.rows import TrajectoryError, TrajectoryRows, check_rows, rows_from
+from mcnav.systems.ins.truth.trajectory import Truth
+from mcnav.systems.reentry.table_i import TABLE_I, start_state
+from mcnav.systems.reentry.truth import fly_truth
+from mcnav.systems.reentry.vehicle import Vehicle
+from mcnav.systems.user.settings import SettingError
+
+_RECENT: Final = Recent[tuple[Truth, TrajectoryRows]](most=2)
+"""Trajectories of the campaigns read last, which variations of a campaign share."""
+
+KEY: Final = "scenario.trajectory"
+"""Key of the entry; its last part is the setting that names the file."""
+
+
+@dataclass(frozen=True)
+class TrajectorySpec:
+    """A trajectory built from its entry.
+
+    Attributes
+    ----------
+    label : str
+        What it is, in a few words.
+    rows : TrajectoryRows
+        As in the file; of other trajectories the rows of the truth.
+    file : InputFile, optional
+        File that the run depends on.
+    resolved : str or mapping
+        Entry with every default spelled out, with the path that a file has in a run folder.
+    """
+
+    label: str
+    truth: Truth
+    rows: TrajectoryRows
+    resolved: str | Mapping[str, Any]
+    file: InputFile | None = None
+
+
+def read_trajectory(
+    entry: object, earth: Earth, context: FileContext, columns: Mapping[str, str] | None = None
+) -> TrajectorySpec | None:
+    """Build the trajectory of an entry; mistakes are added to the context.
+
+    Parameters
+    ----------
+    entry : object
+        A path, or a table with ``file``, ``reentry``, ``segments`` or ``boost``.
+    columns : mapping, optional
+        Names and units of the columns of a path: ``columns`` beside ``trajectory``.
+    """
+    before = len(context.problems)
+    found = _read(entry, earth, context, columns, KEY)
+    return found if len(context.problems) == before else None
+
+
+def _read(
+    entry: object, earth: Earth, context: FileContext, columns: Mapping[str, str] | None, key: str
+) -> TrajectorySpec | None:
+    if isinstance(entry, str):
+        return _from_file(FileTable(file=entry, columns=dict(columns or {})), entry, earth, context, key)
+    if columns:
+        context.problem("scenario.columns", "belongs to a trajectory that is a path; leave it out")
+    if not isinstance(entry, Mapping):
+        context.problem(key, "expected a file in quotes, or a table with file, reentry, segments or boost")
+        return None
+    named = [kind for kind in TRAJECTORIES if kind in entry]
+    if len(named) != 1:
+        came = f"got {' and '.join(named)}" if named else "has no kind"
+        context.problem(key, f"{came}; expected a table with one of {', '.join(TRAJECTORIES)}")
+        return None
+    builders: Mapping[str, Callable[..., TrajectorySpec | None]] = {
+        "file": _from_file,
+        "reentry": _from_reentry,
+        "segments": _from_segments,
+        "boost": _from_boost,
+    }
+    table = validate(TRAJECTORIES[named[0]], entry, context, key)
+    return None if table is None else builders[named[0]](table, entry, earth, context, key)
+
+
+def _from_file(
+    table: FileTable, entry: str | Mapping[str, Any], earth: Earth, context: FileContext, key: str
+) -> TrajectorySpec | None:
+    path = context.folder / table.file
+    try:
+        if _size(path) > LARGEST_FILE:  # before its content is digested
+            raise SettingError(f"{path} is longer than {LARGEST_FILE:,} bytes")
+        file = read_file(table.file, key.rpartition(".")[2], context)
+
+        def read() -> tuple[Truth, TrajectoryRows]:
+            rows = read_trajectory_file(Path(file.path), table.columns, earth, file.digest)
+            return rows.truth(earth), rows
+
+        named = tuple(sorted((table.columns or {}).items()))
+        truth, rows = _RECENT.get(("file", file.digest, file.name, named, earth), read)
+    except SettingError as wrong:
+        context.problem(key, str(wrong))
+        return None
+    except TrajectoryError as wrong:
+        context.problem(key, f"{path}: {wrong}")
+        return None
+    place = f"{INPUTS}/{file.name}"
+    resolved = place if isinstance(entry, str) else {**entry, "file": place}
+    return TrajectorySpec(Path(table.file).name, truth, rows, resolved, file)
+
+
+def _size(path: Path) -> int:
+    """Return the length of a file; zero where there is none, or its name is none."""
+    try:
+        return path.stat().st_size if path.is_file() else 0
+    except OSError:
+        return 0
+
+
+def _from_reentry(
+    table: ReentryTable, entry: Mapping[str, Any], earth: Earth, context: FileContext, key: str
+) -> TrajectorySpec:
+
+    def fly() -> tuple[Truth, TrajectoryRows]:
+        row = TABLE_I[table.reentry]
+        planar = fly_truth(np.array(start_state(table.reentry)), Vehicle(row.lift_law), row.final_altitude)
+        truth = reentry_truth(planar, earth, Plane.at(table.latitude, table.longitude, table.azimuth))
+        return truth, rows_from(truth, truth.times)
+
+    truth, rows = _RECENT.get((repr(table), earth), fly)
+    defaults = {name: f"{getattr(table, name)!r} rad" for name in ("latitude", "longitude", "azimuth")}
+    label = f"trajectory {table.reentry} of NASA TN D-1772"
+    return TrajectorySpec(label, truth, rows, {**defaults, **entry})
+
+
+def _from_segments(
+    table: SegmentsTable, entry: Mapping[str, Any], earth: Earth, context: FileContext, key: str
+) -> TrajectorySpec | None:
+    segments = [read_segment(each, context, f"{key}.segments #{n}") for n, each in enumerate(table.segments, start=1)]
+    at = table.start
+    start = flown.Start(at.latitude, at.longitude, at.altitude, at.course, at.speed)
+    if any(segment is None for segment in segments):
+        return None
+
+    def fly() -> tuple[Truth, TrajectoryRows]:
+        rows = flown.fly_segments(start, [each for each in segments if each is not None], table.rate, earth)
+        check_rows(rows, earth)
+        return rows.truth(earth), rows
+
+    try:
+        truth, rows = _RECENT.get((repr((start, segments, table.rate)), earth), fly)
+    except flown.SegmentError as wrong:
+        context.problem(f"{key}.segments #{wrong.number}", str(wrong))
+        return None
+    except TrajectoryError as wrong:
+        context.problem(f"{key}.segments", str(wrong))
+        return None
+    label = f"flight of {len(segments)} segments"
+    return TrajectorySpec(label, truth, rows, {"rate": f"{table.rate!r} Hz", **entry})
+
+
+def _from_boost(
+    table: BoostTable, entry: Mapping[str, Any], earth: Earth, context: FileContext, key: str
+) -> TrajectorySpec | None:
+    at = table.boost
+    stages = tuple(
+        Stage(each.acceleration, each.last or each.acceleration, each.burn, each.pause) for each in at.stages
+    )
+    boost = Boost(at.latitude, at.longitude, at.azimuth, stages, at.altitude, at.rise, at.kick, at.kick_time, at.coast)
+
+    def fly() -> tuple[Truth, TrajectoryRows]:
+        truth = boost_truth(boost, earth)
+        return truth, rows_from(truth, truth.times)
+
+    try:
+        truth, rows = _RECENT.get((repr(boost), earth), fly)
+    except BoostError as wrong:
+        context.problem(f"{key}.boost.{wrong.key}", str(wrong))
+        return None
+    defaults = {name: f"{getattr(at, name)!r} s" for name in ("rise", "kick_time", "coast")}
+    defaults |= {"altitude": f"{at.altitude!r} m", "kick": f"{at.kick!r} rad"}
+    resolved = {"boost": {**defaults, **entry["boost"]}}
+    return TrajectorySpec(f"boost of {len(stages)} stages", truth, rows, resolved)

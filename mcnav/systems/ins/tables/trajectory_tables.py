@@ -1,0 +1,102 @@
+"""Tables of a trajectory's entry, one for each kind."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Annotated, Any, Final
+
+import numpy as np
+from pydantic import Field
+
+from mcnav.entries.quantities import Acceleration, Duration, Length, QuantityIn, Speed, Table
+from mcnav.systems.ins.truth.boost import RAMP
+
+Angle = Annotated[float, QuantityIn("rad")]
+Latitude = Annotated[Angle, Field(gt=-np.pi / 2.0, lt=np.pi / 2.0)]
+Longitude = Annotated[Angle, Field(ge=-2.0 * np.pi, le=2.0 * np.pi)]
+Azimuth = Annotated[Angle, Field(ge=-2.0 * np.pi, le=2.0 * np.pi)]
+Height = Annotated[Length, Field(ge=-15e3, le=1e8)]
+Forward = Annotated[Speed, Field(ge=0.0, le=20e3)]
+Pull = Annotated[Acceleration, Field(gt=0.0, le=1e3)]
+
+
+class FileTable(Table):
+    """``{ file = "flight.csv", columns = { lat = "latitude [rad]" } }``."""
+
+    file: Annotated[str, Field(description="Trajectory file, CSV or parquet, beside the campaign file or below it.")]
+    columns: Annotated[
+        dict[str, str] | None, Field(description='Names of the file\'s columns, with units: lat = "latitude [rad]".')
+    ] = None
+
+
+class ReentryTable(Table):
+    """``{ reentry = 4, latitude = ..., longitude = ..., azimuth = ... }``: by default along the equator, eastwards."""
+
+    reentry: Annotated[int, Field(ge=1, le=7, description="Row of Table I of NASA TN D-1772.")]
+    latitude: Annotated[Latitude, Field(description="Latitude of the place where the range angle is zero.")] = 0.0
+    longitude: Annotated[Longitude, Field(description="Longitude of that place.")] = 0.0
+    azimuth: Annotated[Azimuth, Field(description="Azimuth of the plane there.")] = np.pi / 2.0
+
+
+class StartTable(Table):
+    """Place and motion at the beginning of the first segment."""
+
+    latitude: Annotated[Latitude, Field(description="Geodetic latitude.")]
+    longitude: Annotated[Longitude, Field(description="Longitude.")]
+    altitude: Annotated[Height, Field(description="Altitude above the ellipsoid.")] = 0.0
+    course: Annotated[Azimuth, Field(description="Course over ground, from north to east.")] = 0.0
+    speed: Annotated[Forward, Field(description="Speed over the earth.")] = 0.0
+
+
+class SegmentsTable(Table):
+    """``{ start = { ... }, segments = [ ... ], rate = "10 Hz" }``."""
+
+    start: Annotated[StartTable, Field(description="Place and motion at the beginning.")]
+    segments: Annotated[
+        list[dict[str, Any]], Field(min_length=1, max_length=10_000, description="Segments, one after the other.")
+    ]
+    rate: Annotated[
+        float, QuantityIn("1/s"), Field(ge=0.01, le=10_000.0, description="Rate of the trajectory's rows.")
+    ] = 10.0
+
+
+class StageTable(Table):
+    """``{ acceleration = "1.3 g", last = "3.5 g", burn = "120 s", pause = "2 s" }``.
+
+    By default the last acceleration is the first.
+    """
+
+    acceleration: Annotated[Pull, Field(description="Acceleration by the thrust, at first.")]
+    last: Annotated[Pull | None, Field(description="Acceleration by the thrust, at last.")] = None
+    burn: Annotated[Duration, Field(ge=2.0 * RAMP, le=1e4, description="Duration of the thrust.")]
+    pause: Annotated[Duration, Field(ge=0.0, le=1e5, description="Time without thrust before the stage.")] = 0.0
+
+
+class LaunchTable(Table):
+    """``boost``: site, azimuth, stages, and the pitch program up to the gravity turn."""
+
+    latitude: Annotated[Latitude, Field(description="Geodetic latitude of the launch site.")]
+    longitude: Annotated[Longitude, Field(description="Longitude of the launch site.")]
+    azimuth: Annotated[Azimuth, Field(description="Launch azimuth.")]
+    altitude: Annotated[Height, Field(description="Altitude of the launch site.")] = 0.0
+    stages: Annotated[list[StageTable], Field(min_length=1, max_length=10, description="Stages in order.")]
+    rise: Annotated[Duration, Field(ge=RAMP, le=1e3, description="Time of vertical flight.")] = 10.0
+    kick: Annotated[Angle, Field(gt=0.0, le=1.0, description="Angle of the pitch-over.")] = math.radians(3.0)
+    kick_time: Annotated[Duration, Field(gt=0.0, le=1e3, description="Duration of the pitch-over.")] = 10.0
+    coast: Annotated[Duration, Field(ge=0.0, le=1e5, description="Free flight after the last stage.")] = 0.0
+
+
+class BoostTable(Table):
+    """``{ boost = { ... } }``."""
+
+    boost: Annotated[LaunchTable, Field(description="Ballistic boost with a gravity turn.")]
+
+
+TRAJECTORIES: Final[Mapping[str, type[Table]]] = {
+    "file": FileTable,
+    "reentry": ReentryTable,
+    "segments": SegmentsTable,
+    "boost": BoostTable,
+}
+"""Tables of trajectories by the key that names their kind."""

@@ -1,0 +1,1 @@
+"""The true flight: trajectories from files, segments, reentries and boosts."""

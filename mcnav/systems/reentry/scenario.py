@@ -1,0 +1,452 @@
+"""Reentry navigation: the system of NASA TN D-1772 as a scenario.
+
+Two engines simulate it. ``ensemble`` uses cartesian axes and the variation of constants, in a compiled kernel on a
+shared grid; ``reference`` integrates the report's polar equations, sample by sample, with DOP853.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Final, Literal
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.constants import EARTH_RADIUS, REENTRY_ALTITUDE, STANDARD_GRAVITY
+from mcnav.contract.engine import Engine
+from mcnav.contract.failure import Failure
+from mcnav.contract.history import Epochs, History, Panel, StartClock
+from mcnav.contract.linear import LinearModel, PartialsHistory
+from mcnav.contract.power_sums import PowerSums
+from mcnav.contract.quantities import Output, Source
+from mcnav.contract.samples import SimulationResult
+from mcnav.contract.scenario import ScenarioError
+from mcnav.numerics.integration import Diverged
+from mcnav.systems.histories import with_errors
+from mcnav.systems.reentry.adjoint import Adjoint, sweep
+from mcnav.systems.reentry.ensemble.grid import Grid
+from mcnav.systems.reentry.ensemble.history_kernel import (
+    HistoryGrid,
+    followed_samples,
+    history_grid,
+    history_sums,
+    simulate_histories,
+)
+from mcnav.systems.reentry.ensemble.kernel import simulate_ensemble
+from mcnav.systems.reentry.ensemble.refinement import refined_grid
+from mcnav.systems.reentry.ensemble.transition import linear_response
+from mcnav.systems.reentry.instruments import Error
+from mcnav.systems.reentry.linearized import linearize, linearize_throughout
+from mcnav.systems.reentry.navigator import navigation_error, simulate_indicated
+from mcnav.systems.reentry.shared_steps import simulate_together
+from mcnav.systems.reentry.table_i import ERROR_SIZES
+from mcnav.systems.reentry.truth import NoReentry, Trajectory, airspeed_and_angle, fly_truth
+from mcnav.systems.reentry.vehicle import Vehicle
+from mcnav.systems.sample_loop import simulate_each
+
+SOURCES: Final = (
+    Source("altitude", "m", "km", ERROR_SIZES[Error.ALTITUDE]),
+    Source("range", "m", "km", ERROR_SIZES[Error.RANGE]),
+    Source("altitude_rate", "m/s", "m/s", ERROR_SIZES[Error.ALTITUDE_RATE]),
+    Source("range_rate", "m/s", "m/s", ERROR_SIZES[Error.RANGE_RATE]),
+    Source("misalignment", "rad", "arcsec", ERROR_SIZES[Error.MISALIGNMENT]),
+    Source("gyro_drift", "rad/s", "deg/h", ERROR_SIZES[Error.GYRO_DRIFT]),
+    Source("bias_x", "m/s^2", "ug", ERROR_SIZES[Error.BIAS_X]),
+    Source("bias_z", "m/s^2", "ug", ERROR_SIZES[Error.BIAS_Z]),
+    Source("scale_factor_x", "1", "ppm", ERROR_SIZES[Error.SCALE_FACTOR_X]),
+    Source("scale_factor_z", "1", "ppm", ERROR_SIZES[Error.SCALE_FACTOR_Z]),
+    Source("cross_axis_x", "1", "ppm", 1e-4, later=True),
+    Source("cross_axis_z", "1", "ppm", 1e-4, later=True),
+)
+"""Initial-condition and equipment errors in the order of `Error`, the columns of P."""
+
+OUTPUTS: Final = (
+    Output("altitude", "m", "km"),
+    Output("range", "m", "km"),
+    Output("altitude_rate", "m/s", "m/s"),
+    Output("range_rate", "m/s", "m/s"),
+)
+"""Final navigation errors, the rows of P."""
+
+ENSEMBLE_CHUNK: Final = 8_192
+REFERENCE_CHUNK: Final = 32
+REVISION: Final = 2
+"""Counts the changes of the samples' last digits: 1 had scipy's integrator, for the samples of the reference engine."""
+
+HISTORY_POINTS: Final = 600
+HISTORY_TIME: Final = "time from reentry [min]"
+
+EPOCHS: Final = 60
+"""Instants at which errors are read out."""
+
+FEWEST_AFTER_REENTRY: Final = 24
+"""Smallest number of them: the flight through the atmosphere is short and eventful."""
+
+HISTORY_NODES: Final = 1.5
+"""Nodes for histories, as a multiple of those for final errors: remainders that stand in want them closer."""
+
+PANELS: Final = (
+    Panel("The whole flight", "range [km]", ("altitude [km]",), log=True),
+    Panel("From reentry on", "range [km]", ("altitude [km]",), begin=0.0, from_zero=True),
+    Panel("Speed", "time from reentry [min]", ("airspeed [km/s]",), marks=("start of navigation",)),
+    Panel("Aerodynamic force", "time from reentry [min]", ("aerodynamic force [g]",), begin=0.0, from_zero=True),
+)
+"""Diagrams of the flight in a report."""
+
+HAND_OVER_SHARE: Final = 0.01
+"""Share of probes beyond the kernel's validity above which the reference path does the work, in processes."""
+
+
+@dataclass(frozen=True)
+class Flight:
+    """A truth, and when navigation starts along it.
+
+    Attributes
+    ----------
+    first_point : tuple of float
+        Polar state at which the truth begins: m, rad, m/s, rad/s.
+    final_altitude : float
+        m.
+    start : float, optional
+        Start of navigation, s from reentry (negative before); by default the first point of the truth.
+    axes : str
+        ``start``: aligned at the start of navigation. ``trajectory``: as aligned at the first point of the truth.
+    accelerometers_off_above : float, optional
+        Actual altitude (m) above which the accelerometers' outputs are taken as zero.
+    """
+
+    first_point: tuple[float, ...]
+    vehicle: Vehicle
+    final_altitude: float
+    start: float | None = None
+    axes: Literal["start", "trajectory"] = "start"
+    accelerometers_off_above: float | None = None
+
+
+@dataclass(frozen=True)
+class Navigation:
+    """An integrated truth with its start of navigation and reference axes, as every engine uses it.
+
+    Attributes
+    ----------
+    start : float
+        Start of navigation, s from the first point of the truth.
+    theta_axes : float
+        Range angle of the reference axes, rad.
+    """
+
+    trajectory: Trajectory
+    start: float
+    theta_axes: float
+
+    def simulate_reference(self, errors: Array, rows: Iterable[int], values: Array) -> dict[int, Failure]:
+        """Simulate some rows of errors, shape (n, sources), by the reference engine; see `simulate_each`."""
+
+        def simulate(row: int) -> Array:
+            return simulate_indicated(self.trajectory, errors[row], self.start, self.theta_axes)
+
+        return simulate_each(simulate, rows, values, Diverged)
+
+
+@dataclass(frozen=True)
+class ReferenceEngine:
+    """The polar equations of the report, one sample at a time."""
+
+    navigation: Navigation
+    parallel: str = "processes"
+    chunk: int = REFERENCE_CHUNK
+    accuracy: str = "polar equations of NASA TN D-1772, DOP853 with relative tolerance 1e-12"
+
+    def propagate(self, errors: Array) -> SimulationResult:
+        """Simulate samples, shape (n, sources)."""
+        values = np.empty((len(errors), len(OUTPUTS)))
+        return SimulationResult(values, self.navigation.simulate_reference(errors, range(len(errors)), values))
+
+
+@dataclass(frozen=True)
+class EnsembleEngine:
+    """Variation of constants on a shared grid; the reference engine simulates the samples beyond its validity."""
+
+    navigation: Navigation
+    grid: Grid
+    accuracy: str
+    parallel: str = "threads"
+    chunk: int = ENSEMBLE_CHUNK
+
+    def propagate(self, errors: Array) -> SimulationResult:
+        """Simulate samples, shape (n, sources)."""
+        values, valid = simulate_ensemble(self.grid, errors)
+        beyond = np.flatnonzero(~valid).tolist()
+        return SimulationResult(values, self.navigation.simulate_reference(errors, beyond, values), len(beyond))
+
+    @cached_property
+    def epochs(self) -> Epochs:
+        """Evenly spaced before reentry, and evenly after it."""
+        trajectory = self.navigation.trajectory
+        start, reentry, end = self.navigation.start, trajectory.reentry_time, trajectory.final_time
+        if start >= reentry:
+            times = np.linspace(start, end, EPOCHS)
+        else:
+            after = min(max(FEWEST_AFTER_REENTRY, round(EPOCHS * (end - reentry) / (end - start))), EPOCHS - 2)
+            before = np.linspace(start, reentry, EPOCHS - after, endpoint=False)
+            times = np.concatenate([before, np.linspace(reentry, end, after)])
+        return Epochs(HISTORY_TIME, (times - reentry) / 60.0, events(self.navigation))
+
+    @cached_property
+    def _followed(self) -> HistoryGrid:
+        navigation = self.navigation
+        response = linear_response(navigation.trajectory, navigation.start, navigation.theta_axes)
+        times = self.epochs.times * 60.0 + navigation.trajectory.reentry_time
+        nodes = int(np.ceil(HISTORY_NODES * len(self.grid.readout)))
+        return history_grid(response, nodes, np.clip(times, response.start, response.end))
+
+    def histories(self, errors: Array) -> Array:
+        """Simulate samples, shape (n, sources): their errors at every epoch, shape (n, m, 4)."""
+        values, component = simulate_histories(self._followed, errors)
+        values[~followed_samples(component)] = np.nan
+        return values
+
+    def history_sums(self, errors: Array) -> PowerSums:
+        """Add up power sums of samples' errors, shape (n, sources), at every epoch."""
+        return history_sums(self._followed, errors)
+
+
+def events(navigation: Navigation) -> dict[str, float]:
+    """Name the instants of a flight, minutes from reentry."""
+    reentry, final = navigation.trajectory.reentry_time, navigation.trajectory.final_time
+    return {
+        "reentry": 0.0,
+        "start of navigation": (navigation.start - reentry) / 60.0,
+        "final altitude": (final - reentry) / 60.0,
+    }
+
+
+def _navigation(trajectory: Trajectory, start: float, axes: str) -> Navigation:
+    """Start navigation along a truth at a time (s from its first point); `ScenarioError` when that is not on it."""
+    if not 0.0 <= start < trajectory.final_time:
+        earliest, latest = -trajectory.reentry_time, trajectory.final_time - trajectory.reentry_time
+        raise ScenarioError(
+            "start",
+            f"{(start - trajectory.reentry_time) / 60:g} min from reentry is not on the trajectory, which runs "
+            f"from {earliest / 60:.2f} min to {latest / 60:.2f} min",
+        )
+    aligned = trajectory.state(start if axes == "start" else 0.0)
+    return Navigation(trajectory, start, float(aligned[1]))
+
+
+class Reentry:
+    """The scenario: a truth integrated once, and the engines that simulate a navigator along it.
+
+    Raises `ScenarioError` when the truth never comes down, or navigation would start outside it.
+    """
+
+    sources = SOURCES
+    outputs = OUTPUTS
+    engines = ("ensemble", "reference")
+    revision = REVISION
+    start_clock = StartClock("min from reentry", "reentry")
+
+    _latest: tuple[bytes, EnsembleEngine] | None = None
+    """Content of the last probes, and the ensemble: another run of the campaign has the same."""
+
+    def __init__(self, flight: Flight) -> None:
+        if not 0.0 <= flight.final_altitude < REENTRY_ALTITUDE:
+            raise ScenarioError(
+                "final_altitude",
+                f"{flight.final_altitude / 1e3:g} km cannot be the end of a reentry; it lies from 0 km to below "
+                f"{REENTRY_ALTITUDE / 1e3:g} km",
+            )
+        try:
+            trajectory = fly_truth(
+                np.array(flight.first_point), flight.vehicle, flight.final_altitude, flight.accelerometers_off_above
+            )
+        except NoReentry as failure:
+            raise ScenarioError("final_altitude", str(failure)) from None
+        start = 0.0 if flight.start is None else trajectory.reentry_time + flight.start
+        self.navigation = _navigation(trajectory, start, flight.axes)
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """The truth."""
+        return self.navigation.trajectory
+
+    @cached_property
+    def _model(self) -> LinearModel:
+        return LinearModel(*linearize(self.trajectory, self.navigation.start, self.navigation.theta_axes))
+
+    def linear_model(self) -> LinearModel:
+        """Compute partial derivatives by the variational equations along the truth."""
+        return self._model
+
+    @cached_property
+    def _histories(self) -> dict[int, PartialsHistory]:
+        return {}
+
+    def partials_history(self, count: int) -> PartialsHistory:
+        """Compute partials over the flight; half of the times are after reentry, where errors change fastest."""
+        if count not in self._histories:
+            self._histories[count] = self._partials_history(count)
+        return self._histories[count]
+
+    def _partials_history(self, count: int) -> PartialsHistory:
+        navigation, reentry, final = self.navigation, self.trajectory.reentry_time, self.trajectory.final_time
+        before = count // 2 if navigation.start < reentry else 0
+        times = np.concatenate(
+            [
+                np.linspace(navigation.start, reentry, before, endpoint=False),
+                np.linspace(max(reentry, navigation.start), final, count - before),
+            ]
+        )
+        partials = linearize_throughout(self.trajectory, navigation.start, navigation.theta_axes, times)
+        return PartialsHistory("time from reentry [min]", (times - reentry) / 60.0, partials)
+
+    @cached_property
+    def _adjoint(self) -> Adjoint:
+        return sweep(self.trajectory, float(self.trajectory.state(0.0)[1]))
+
+    def started_at(self, time: float, axes: str) -> Reentry:
+        """Start navigation of the same flight at another time (s from reentry); the truth is shared.
+
+        Raises `ScenarioError` when the time is not on the trajectory.
+        """
+        other = object.__new__(Reentry)
+        other.navigation = _navigation(self.trajectory, time + self.trajectory.reentry_time, axes)
+        return other
+
+    def check_start_axes(self, axes: str) -> None:
+        """Accept both conventions of the reference axes."""
+
+    def start_times(self, count: int) -> Array:
+        """Space start times from the first point of the truth to its end, shape (count,), s from reentry."""
+        trajectory = self.trajectory
+        return np.asarray(np.linspace(0.0, trajectory.final_time, count) - trajectory.reentry_time)
+
+    def partials_at(self, times: Array, axes: str = "start") -> Array:
+        """Compute the partial derivatives for navigation started at each time (s from reentry), shape (n, 4, sources).
+
+        From one backward sweep of the adjoint. ``axes`` as in `Flight`.
+        """
+        starts = np.clip(times + self.trajectory.reentry_time, 0.0, self.trajectory.final_time)
+        return np.array([self._adjoint.partials(float(start), axes) for start in starts])
+
+    def error_histories(self, errors: Array, times: Array) -> tuple[Array, Array, Array]:
+        """Simulate a few samples: actual and indicated states, and errors, at chosen times (s from reentry).
+
+        Parameters
+        ----------
+        errors : ndarray, shape (n, sources)
+        times : ndarray, shape (m,)
+            Rising, none before the start of navigation.
+
+        Returns
+        -------
+        actual, indicated, errors : ndarray, shapes (m, 4), (m, n, 4), (m, n, 4)
+        """
+        navigation, reentry = self.navigation, self.trajectory.reentry_time
+        moments = np.clip(times + reentry, navigation.start, self.trajectory.final_time)
+        flown = simulate_together(self.trajectory, errors, navigation.start, navigation.theta_axes, moments)
+        return *flown, navigation_error(flown[0][:, None], flown[1])
+
+    def simulate_one(self, errors: Array) -> History:
+        """Simulate one sample, shape (sources,), on the reference path: actual and indicated flight, and the errors."""
+        times: list[Array] = []
+        states: list[Array] = []
+
+        def watch(since: Array, flown: Array) -> None:
+            times.append(since)
+            states.append(flown.T)
+
+        navigation = self.navigation
+        with contextlib.suppress(Diverged):
+            simulate_indicated(self.trajectory, errors, navigation.start, navigation.theta_axes, watch)
+        if not times:
+            return History()
+        found = np.concatenate(states)
+        off = navigation_error(found[:, :4], found[:, 4:])
+        columns = {"time from reentry [min]": (np.concatenate(times) - self.trajectory.reentry_time) / 60.0}
+        for name, state in (("actual", found[:, :4]), ("indicated", found[:, 4:])):
+            columns[f"{name} altitude [km]"] = (state[:, 0] - EARTH_RADIUS) / 1e3
+            columns[f"{name} range [km]"] = EARTH_RADIUS * state[:, 1] / 1e3
+        panels = [
+            Panel(
+                f"{quantity.capitalize()}, actual and indicated",
+                "time from reentry [min]",
+                (f"actual {quantity} [km]", f"indicated {quantity} [km]"),
+                ("actual", "indicated"),
+                f"{quantity} [km]",
+            )
+            for quantity in ("altitude", "range")
+        ]
+        return with_errors(History(columns, {}, tuple(panels)), off, self.outputs)
+
+    def error_sets(self, errors: Array, times: Array) -> tuple[Array, Array]:
+        """Convert errors in force at chosen times of a few flights to start errors of flights begun there.
+
+        Initial conditions are the navigation errors at that time, ranges as arc lengths at the radius of that time; the
+        platform has drifted on; biases and scale factors keep their axes.
+
+        Parameters
+        ----------
+        errors : ndarray, shape (n, sources)
+        times : ndarray, shape (m,)
+            Rising, s from reentry, none before the start of navigation.
+
+        Returns
+        -------
+        sets : ndarray, shape (m, n, sources)
+        final : ndarray, shape (n, 4)
+        """
+        reentry, final_time = self.trajectory.reentry_time, self.trajectory.final_time
+        actual, _, instantaneous = self.error_histories(errors, np.append(times, final_time - reentry))
+        sets = np.tile(errors, (len(times), 1, 1))
+        arcs = actual[:-1, 0] / EARTH_RADIUS
+        unchanged = np.ones_like(arcs)
+        sets[:, :, :4] = instantaneous[:-1] * np.stack([unchanged, arcs, unchanged, arcs], axis=1)[:, None]
+        elapsed = times + reentry - self.navigation.start
+        sets[:, :, Error.MISALIGNMENT] += elapsed[:, None] * errors[:, Error.GYRO_DRIFT]
+        return sets, instantaneous[-1]
+
+    def engine(self, engine: str, probes: Array) -> Engine:
+        """Prepare one of `engines`; the ensemble's grid is refined until the probes, shape (n, sources), agree."""
+        if engine == "reference":
+            return ReferenceEngine(self.navigation)
+        probed, latest = probes.tobytes(), self._latest
+        if latest is None or latest[0] != probed:
+            latest = self._latest = probed, self._ensemble(probes)
+        return latest[1]
+
+    def _ensemble(self, probes: Array) -> EnsembleEngine:
+        refined = refined_grid(self.trajectory, self.navigation.start, self.navigation.theta_axes, probes)
+        accuracy = (
+            f"variation of constants, {refined.nodes} nodes; largest numerical error of "
+            f"{len(probes)} probe samples {refined.error:.1e} of an output's dispersion"
+        )
+        ready = EnsembleEngine(self.navigation, refined.grid, accuracy)
+        if ready.propagate(probes).fallback_count > HAND_OVER_SHARE * len(probes):
+            return replace(ready, parallel="processes", chunk=REFERENCE_CHUNK)
+        return ready
+
+    def history(self) -> History:
+        """Tabulate altitude, range, speed, angle and force of the truth against time from reentry."""
+        reentry, final = self.trajectory.reentry_time, self.trajectory.final_time
+        share = (final - reentry) / final
+        before = np.linspace(0.0, reentry, max(2, round(HISTORY_POINTS * (1.0 - share))), endpoint=False)
+        times = np.concatenate([before, np.linspace(reentry, final, max(2, round(HISTORY_POINTS * share)))])
+        states, forces = self.trajectory.states(times), self.trajectory.forces(times)
+        speeds, angles = np.array([airspeed_and_angle(state) for state in states]).T
+        columns = {
+            HISTORY_TIME: (times - reentry) / 60.0,
+            "altitude [km]": (states[:, 0] - EARTH_RADIUS) / 1e3,
+            "range [km]": EARTH_RADIUS * states[:, 1] / 1e3,
+            "altitude rate [km/s]": states[:, 2] / 1e3,
+            "range rate [km/s]": EARTH_RADIUS * states[:, 3] / 1e3,
+            "airspeed [km/s]": speeds / 1e3,
+            "flight-path angle [deg]": np.degrees(angles),
+            "horizontal force [m/s^2]": forces[:, 0],
+            "vertical force, down [m/s^2]": forces[:, 1],
+            "aerodynamic force [g]": np.hypot(forces[:, 0], forces[:, 1]) / STANDARD_GRAVITY,
+        }
+        return History(columns, events(self.navigation), PANELS)

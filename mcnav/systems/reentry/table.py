@@ -1,0 +1,133 @@
+"""``type = "reentry"``: the system of NASA TN D-1772."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Final, Literal
+
+from pydantic import Field
+
+from mcnav._recent import Recent
+from mcnav.constants import BALLISTIC_COEFFICIENT, EARTH_RADIUS
+from mcnav.entries.context import FileContext
+from mcnav.entries.quantities import AreaPerMass, Duration, Length, Number, Speed, Table, TimePerLength
+from mcnav.systems.description import ScenarioSpec
+from mcnav.systems.reentry.scenario import Flight, Reentry
+from mcnav.systems.reentry.table_i import TABLE_I, common_start, start_state
+from mcnav.systems.reentry.vehicle import ConstantLift, LiftLaw, VariableLift, Vehicle
+
+_RECENT: Final = Recent[Reentry](most=2)
+"""Scenarios of the campaigns read last, which variations of a campaign share: each has a trajectory."""
+
+
+class ConstantLiftTable(Table):
+    """``lift_law = { type = "constant", lift_to_drag = 0.235 }``."""
+
+    type: Annotated[Literal["constant"], Field(description="A constant ratio.")]
+    lift_to_drag: Annotated[Number, Field(ge=-10.0, le=10.0, description="Ratio of lift to drag.")]
+
+
+class VariableLiftTable(Table):
+    """``lift_law = { type = "variable", gain = "3.281 s/km", limit = 0.5 }``."""
+
+    type: Annotated[Literal["variable"], Field(description="A ratio in proportion to the rate of descent.")]
+    gain: Annotated[TimePerLength, Field(gt=0.0, description="Ratio of lift to drag per altitude rate.")]
+    limit: Annotated[Number, Field(gt=0.0, le=10.0, description="Largest ratio of lift to drag.")]
+
+
+class FirstPointTable(Table):
+    """First point of the truth, NASA TN D-1772, eq. (18): ranges are r_E theta and r_E theta_dot."""
+
+    altitude: Annotated[Length, Field(gt=0.0, description="Altitude of the first point.")]
+    range: Annotated[Length, Field(description="Range angle times the earth's radius.")]
+    altitude_rate: Annotated[Speed, Field(description="Altitude rate.")]
+    range_rate: Annotated[Speed, Field(description="Range angle's rate times the earth's radius.")]
+
+
+class ReentryTable(Table):
+    """``[scenario]`` of type reentry."""
+
+    type: Annotated[Literal["reentry"], Field(description="The system of NASA TN D-1772.")]
+    trajectory: Annotated[int, Field(ge=1, le=7, description="Row of Table I of NASA TN D-1772.")] | None = None
+    first_point: Annotated[
+        FirstPointTable | None, Field(description="First point of the truth; that of NASA TN D-1772 unless given.")
+    ] = None
+    lift_law: Annotated[
+        Annotated[ConstantLiftTable | VariableLiftTable, Field(discriminator="type")] | None,
+        Field(description="Ratio of lift to drag; needed without a trajectory of Table I."),
+    ] = None
+    ballistic: Annotated[
+        AreaPerMass, Field(ge=0.0, le=100.0, description="Drag coefficient times area over mass, C_D A / m.")
+    ] | None = None  # fmt: skip
+    final_altitude: Annotated[
+        Length | None, Field(description="Altitude at which it ends; needed without a trajectory of Table I.")
+    ] = None
+    start: Annotated[Duration | None, Field(description="Start of navigation, from reentry: negative before it.")] = (
+        None
+    )
+    axes: Annotated[
+        Literal["start", "trajectory"],
+        Field(description="Where the platform is aligned: at the start of navigation, or at the first point."),
+    ] = "start"
+    accelerometers_off_above: Annotated[
+        Length, Field(gt=0.0, description="Altitude above which the accelerometers' outputs are taken as zero.")
+    ] | None = None  # fmt: skip
+
+
+def _lift_law(table: ConstantLiftTable | VariableLiftTable) -> LiftLaw:
+    if isinstance(table, ConstantLiftTable):
+        return ConstantLift(table.lift_to_drag)
+    return VariableLift(table.gain, table.limit)
+
+
+def _read_flight(table: ReentryTable, context: FileContext) -> Flight | None:
+    """Read the flight: a row of Table I, whose entries the table may replace; mistakes are added to the context."""
+    row = None if table.trajectory is None else TABLE_I[table.trajectory]
+    law = row.lift_law if row is not None else None
+    if table.lift_law is not None:
+        law = _lift_law(table.lift_law)
+    final_altitude = table.final_altitude
+    if final_altitude is None and row is not None:
+        final_altitude = row.final_altitude
+    for key, value in (("lift_law", law), ("final_altitude", final_altitude)):
+        if value is None:
+            context.problem(f"scenario.{key}", "is missing; give it, or a trajectory of Table I by its number")
+    at = table.first_point
+    if at is not None and table.trajectory is not None:
+        context.problem("scenario.first_point", "got with a trajectory of Table I, which has its own; keep one")
+    if law is None or final_altitude is None:
+        return None
+    if at is not None:
+        angle, angular_rate = at.range / EARTH_RADIUS, at.range_rate / EARTH_RADIUS
+        first: tuple[float, ...] = (EARTH_RADIUS + at.altitude, angle, at.altitude_rate, angular_rate)
+    else:
+        first = start_state(table.trajectory) if table.trajectory else tuple(common_start())
+    return Flight(
+        first_point=first,
+        vehicle=Vehicle(law, BALLISTIC_COEFFICIENT if table.ballistic is None else table.ballistic),
+        final_altitude=final_altitude,
+        start=table.start,
+        axes=table.axes,
+        accelerometers_off_above=table.accelerometers_off_above,
+    )
+
+
+def read_scenario(table: ReentryTable, entries: Mapping[str, Any], context: FileContext) -> ScenarioSpec | None:
+    """Build the scenario; mistakes are added to the context."""
+    flight = _read_flight(table, context)
+    if flight is None:
+        return None
+    law = flight.vehicle.lift_law
+    lift: dict[str, Any] = (
+        {"type": "constant", "lift_to_drag": law.lift_to_drag}
+        if isinstance(law, ConstantLift)
+        else {"type": "variable", "gain": f"{law.gain!r} s/m", "limit": law.limit}
+    )
+    defaults = {
+        "lift_law": lift,
+        "ballistic": f"{flight.vehicle.ballistic_coefficient!r} m^2/kg",
+        "final_altitude": f"{flight.final_altitude!r} m",
+        "axes": flight.axes,
+    }
+    scenario = _RECENT.get(repr(flight), lambda: Reentry(flight))
+    return ScenarioSpec(scenario, {**defaults, **entries})

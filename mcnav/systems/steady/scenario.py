@@ -1,0 +1,297 @@
+"""Cruise and hover: the systems of "The Story of 84 Minutes" as scenarios.
+
+A vehicle keeps its height and speed along a great circle of an earth that does not turn, with the instruments and the
+navigator of NASA TN D-1772. With its altitude slaved to an outside altimeter the navigator is a Schuler pendulum; with
+an altitude of its own it diverges upwards.
+
+Two engines simulate it. ``ensemble`` integrates deviations in cartesian axes in a compiled kernel; ``reference``
+integrates spherical coordinates, sample by sample, with DOP853.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcnav._types import Array
+from mcnav.constants import STANDARD_GRAVITY
+from mcnav.contract.engine import Engine
+from mcnav.contract.failure import Failure
+from mcnav.contract.history import Epochs, History, Panel
+from mcnav.contract.linear import LinearModel, PartialsHistory
+from mcnav.contract.power_sums import PowerSums, sums_of
+from mcnav.contract.quantities import Output, Source, source_labels
+from mcnav.contract.samples import SimulationResult
+from mcnav.contract.scenario import ScenarioError
+from mcnav.numerics.integration import Diverged
+from mcnav.numerics.power_sums import sum_powers
+from mcnav.numerics.refinement import refined_steps
+from mcnav.systems.histories import with_errors
+from mcnav.systems.sample_loop import simulate_each
+from mcnav.systems.steady.ensemble import ORDER, simulate_ensemble, simulate_histories
+from mcnav.systems.steady.linearized import linearize
+from mcnav.systems.steady.navigator import simulate_indicated
+from mcnav.systems.steady.truth import SteadyFlight, navigation_error
+
+DEGREE: Final = np.pi / 180.0
+
+SOURCES: Final = (
+    Source("altitude", "m", "m", 100.0),
+    Source("range", "m", "m", 100.0),
+    Source("cross_range", "m", "m", 100.0),
+    Source("altitude_rate", "m/s", "m/s", 0.3048),
+    Source("range_rate", "m/s", "m/s", 0.3048),
+    Source("cross_range_rate", "m/s", "m/s", 0.3048),
+    Source("misalignment", "rad", "arcsec", 0.01 * DEGREE),
+    Source("roll_misalignment", "rad", "arcsec", 0.01 * DEGREE),
+    Source("azimuth_misalignment", "rad", "arcsec", 0.01 * DEGREE),
+    Source("gyro_drift", "rad/s", "deg/h", 0.01 * DEGREE / 3600.0),
+    Source("roll_drift", "rad/s", "deg/h", 0.01 * DEGREE / 3600.0),
+    Source("azimuth_drift", "rad/s", "deg/h", 0.01 * DEGREE / 3600.0),
+    Source("bias_x", "m/s^2", "ug", 1e-4 * STANDARD_GRAVITY),
+    Source("bias_y", "m/s^2", "ug", 1e-4 * STANDARD_GRAVITY),
+    Source("bias_z", "m/s^2", "ug", 1e-4 * STANDARD_GRAVITY),
+    Source("scale_factor_x", "1", "ppm", 1e-4),
+    Source("scale_factor_y", "1", "ppm", 1e-4),
+    Source("scale_factor_z", "1", "ppm", 1e-4),
+)
+"""Initial-condition and equipment errors in the order of `mcnav.systems.steady.truth.Error`; the sizes are the
+seed's."""
+
+OUTPUTS: Final = (
+    Output("altitude", "m", "km"),
+    Output("range", "m", "km"),
+    Output("cross_range", "m", "km"),
+    Output("altitude_rate", "m/s", "m/s"),
+    Output("range_rate", "m/s", "m/s"),
+    Output("cross_range_rate", "m/s", "m/s"),
+)
+"""Final navigation errors."""
+
+VERTICAL: Final = ("altitude", "altitude_rate")
+"""Neither errors nor outputs of a navigator whose altitude is slaved."""
+
+ENSEMBLE_CHUNK: Final = 8_192
+REFERENCE_CHUNK: Final = 32
+HISTORY_POINTS: Final = 121
+HISTORY_TIME: Final = "time [min]"
+RESPONSES: Final = "Errors left by one error alone"
+"""Title of the diagrams: the flight itself is steady, and shows nothing."""
+
+EPOCHS: Final = 60
+"""Instants at which the errors of all samples are read out."""
+
+HISTORY_SLICE: Final = 1_024
+"""Samples whose time histories are reduced to sums at a time: few enough for the processor's cache."""
+
+TOLERANCE: Final = 1e-7
+"""Largest numerical error of any probe, as a share of the probes' standard deviation in that output."""
+
+FEWEST_STEPS: Final = 12
+MOST_STEPS: Final = 4_096
+
+LONGEST_STEP: Final = 400.0
+"""Longest step of the time history of each error alone, s: a thirteenth of the natural period near the ground."""
+
+REVISION: Final = 3
+"""Counts the changes of the samples' last digits: 1 was a scheme of fourth order, 2 had scipy's integrator."""
+
+HAND_OVER_SHARE: Final = 0.01
+"""Share of probes beyond the kernel's validity above which the reference path does the work, in processes."""
+
+LONGEST: Final = 10.0 * 86_400.0
+"""Longest flight, s; longer ones are taken for mistakes."""
+
+
+@dataclass(frozen=True)
+class Navigation:
+    """A flight with the errors and outputs that its navigator has, as columns of the physics' own order.
+
+    Attributes
+    ----------
+    sources, outputs : tuple of int
+        Rows of `SOURCES` and of `OUTPUTS`.
+    """
+
+    flight: SteadyFlight
+    sources: tuple[int, ...]
+    outputs: tuple[int, ...]
+
+    def whole(self, errors: Array) -> Array:
+        """Place errors among those that the physics takes, shape (n, 18)."""
+        found = np.zeros((len(errors), len(SOURCES)))
+        found[:, self.sources] = errors
+        return found
+
+    def by_ensemble(self, errors: Array, steps: int) -> tuple[Array, NDArray[np.bool_]]:
+        """Simulate by the kernel; outcomes and whether they are valid."""
+        values, valid = simulate_ensemble(self.flight, self.whole(errors), steps)
+        return values[:, self.outputs], valid
+
+    def simulate_reference(self, errors: Array, rows: Iterable[int], values: Array) -> dict[int, Failure]:
+        """Simulate some rows of errors by the reference engine; see `simulate_each`."""
+        whole, outputs = self.whole(errors), list(self.outputs)
+        return simulate_each(lambda row: simulate_indicated(self.flight, whole[row])[outputs], rows, values, Diverged)
+
+
+@dataclass(frozen=True)
+class ReferenceEngine:
+    """Spherical coordinates, one sample at a time."""
+
+    navigation: Navigation
+    parallel: str = "processes"
+    chunk: int = REFERENCE_CHUNK
+    accuracy: str = "spherical coordinates, DOP853 with relative tolerance 1e-12"
+
+    def propagate(self, errors: Array) -> SimulationResult:
+        """Simulate samples, shape (n, sources)."""
+        values = np.empty((len(errors), len(self.navigation.outputs)))
+        return SimulationResult(values, self.navigation.simulate_reference(errors, range(len(errors)), values))
+
+
+@dataclass(frozen=True)
+class EnsembleEngine:
+    """Deviations on a shared grid; the reference engine simulates the samples beyond its validity."""
+
+    navigation: Navigation
+    steps: int
+    accuracy: str
+    parallel: str = "threads"
+    chunk: int = ENSEMBLE_CHUNK
+
+    def propagate(self, errors: Array) -> SimulationResult:
+        """Simulate samples, shape (n, sources)."""
+        values, valid = self.navigation.by_ensemble(errors, self.steps)
+        beyond = np.flatnonzero(~valid).tolist()
+        return SimulationResult(values, self.navigation.simulate_reference(errors, beyond, values), len(beyond))
+
+    @property
+    def epochs(self) -> Epochs:
+        """Evenly spaced."""
+        return Epochs(HISTORY_TIME, np.linspace(0.0, self.navigation.flight.duration / 60.0, EPOCHS))
+
+    def histories(self, errors: Array) -> Array:
+        """Simulate samples, shape (n, sources): their errors at every epoch, shape (n, m, outputs).
+
+        The steps are at least as many as those for final errors, and the same number between all epochs.
+        """
+        flight, whole = self.navigation.flight, self.navigation.whole(errors)
+        each = -(-self.steps // (EPOCHS - 1))
+        histories, valid = simulate_histories(flight, whole, each * (EPOCHS - 1), each * np.arange(EPOCHS))
+        histories[~valid] = np.nan
+        return histories[:, :, self.navigation.outputs]
+
+    def history_sums(self, errors: Array) -> PowerSums:
+        """Add up power sums of samples' errors, shape (n, sources), at every epoch."""
+        count = len(self.navigation.outputs)
+        found = PowerSums(0, np.zeros((EPOCHS, count)), np.zeros((EPOCHS, sums_of(count))))
+        for begin in range(0, len(errors), HISTORY_SLICE):
+            histories = self.histories(errors[begin : begin + HISTORY_SLICE])
+            found += sum_powers(histories[np.isfinite(histories).all(axis=(1, 2))], found.pivot)
+        return found
+
+
+class Cruise:
+    """The scenario: steady flight along a great circle, or standing still, and a navigator that goes along.
+
+    Raises `ScenarioError` when nothing holds the vehicle down: at or beyond orbital speed.
+    """
+
+    engines = ("ensemble", "reference")
+    revision = REVISION
+
+    def __init__(self, flight: SteadyFlight) -> None:
+        if flight.effective_gravity <= 0.0:
+            orbital = np.sqrt(flight.gravity * flight.radius)
+            raise ScenarioError(
+                "speed", f"{flight.speed:g} m/s is not below the {orbital:.1f} m/s of a satellite at this height"
+            )
+        left_out = VERTICAL if flight.slaved else ()
+        self.flight = flight
+        self.sources = tuple(source for source in SOURCES if source.name not in left_out)
+        self.outputs = tuple(output for output in OUTPUTS if output.name not in left_out)
+        self.navigation = Navigation(
+            flight,
+            tuple(SOURCES.index(source) for source in self.sources),
+            tuple(OUTPUTS.index(output) for output in self.outputs),
+        )
+
+    def _partials(self, times: Array) -> Array:
+        rows = np.ix_(range(len(times)), self.navigation.outputs, self.navigation.sources)
+        return linearize(self.flight, times)[rows]
+
+    @cached_property
+    def _model(self) -> LinearModel:
+        return LinearModel(self._partials(np.array([self.flight.duration]))[0], np.zeros(len(self.outputs)))
+
+    def linear_model(self) -> LinearModel:
+        """Compute the partial derivatives by the equations of variation."""
+        return self._model
+
+    def partials_history(self, count: int) -> PartialsHistory:
+        """Compute the partial derivatives at evenly spaced times of the flight."""
+        times = np.linspace(0.0, self.flight.duration, count)
+        return PartialsHistory(HISTORY_TIME, times / 60.0, self._partials(times))
+
+    def engine(self, engine: str, probes: Array) -> Engine:
+        """Prepare one of the engines; the ensemble's steps are refined until the probes, (n, sources), agree."""
+        if engine == "reference":
+            return ReferenceEngine(self.navigation)
+        steps, error = refined_steps(
+            partial(self.navigation.by_ensemble, probes), FEWEST_STEPS, MOST_STEPS, ORDER, TOLERANCE
+        )
+        accuracy = (
+            f"deviations in cartesian axes, Runge-Kutta order {ORDER}, {steps} steps; largest numerical error of "
+            f"{len(probes)} probe samples {error:.1e} of an output's dispersion"
+        )
+        ready = EnsembleEngine(self.navigation, steps, accuracy)
+        if ready.propagate(probes).fallback_count > HAND_OVER_SHARE * len(probes):
+            return replace(ready, parallel="processes", chunk=REFERENCE_CHUNK)
+        return ready
+
+    def simulate_one(self, errors: Array) -> History:
+        """Simulate one sample, shape (sources,), on the reference path: its navigation errors over the flight."""
+        seen: list[tuple[Array, Array]] = []
+        with contextlib.suppress(Diverged):
+            simulate_indicated(self.flight, self.navigation.whole(errors[None])[0], lambda *step: seen.append(step))
+        if not seen:
+            return History()
+        times, states = seen[0]
+        off = np.array(
+            [
+                navigation_error(replace(self.flight, duration=float(time)), state)
+                for time, state in zip(times, states.T, strict=True)
+            ]
+        )
+        return with_errors(History({HISTORY_TIME: times / 60.0}), off[:, self.navigation.outputs], self.outputs)
+
+    def history(self) -> History:
+        """Simulate the usual size of each error alone: its effect on the indicated position over the flight."""
+        flight, names = self.flight, [output.name for output in self.outputs]
+        labels = source_labels([source.name for source in self.sources], names)
+        sizes = np.array([source.nominal for source in self.sources])
+        times = np.linspace(0.0, flight.duration, HISTORY_POINTS)
+        intervals = HISTORY_POINTS - 1
+        each = int(np.ceil(flight.duration / (intervals * LONGEST_STEP)))
+        of_sizes = self.navigation.whole(np.diag(sizes))
+        histories, _ = simulate_histories(flight, of_sizes, each * intervals, each * np.arange(HISTORY_POINTS))
+        flown = histories[:, :, self.navigation.outputs].swapaxes(0, 1)
+        columns = {HISTORY_TIME: times / 60.0, "range flown [km]": flight.speed * times / 1e3}
+        panels = []
+        for name in (name for name in names if not name.endswith("_rate")):
+            spoken = name.replace("_", " ")
+            of_output = flown[:, :, names.index(name)] / 1e3
+            largest = np.abs(of_output).max(axis=0)
+            kept = [j for j in np.argsort(-largest, kind="stable") if largest[j] > 0.01 * largest.max()][:6]
+            drawn = {f"{spoken} by {self.sources[j].name.replace('_', ' ')} [km]": of_output[:, j] for j in kept}
+            legend = tuple(labels[j] for j in kept)
+            columns |= drawn
+            title = f"{spoken.capitalize()} error left by one error of usual size"
+            panels.append(Panel(title, HISTORY_TIME, tuple(drawn), legend, f"{spoken} error [km]"))
+        return History(columns, {"end": flight.duration / 60.0}, tuple(panels), title=RESPONSES)

@@ -1,0 +1,164 @@
+"""Execution of user code: a Python file becomes a class, the class an object, and every file that they read is noted.
+
+Code travels to worker processes as text. A process keeps the classes and objects that it has built, and builds them
+again when a file that they read has changed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import linecache
+import sys
+import types
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import Any, Final, TypeVar
+
+from mcnav.contract.scenario import ScenarioError
+from mcnav.entries.inputs import InputFile, find_inputs, record_opened_files
+from mcnav.systems.sample_loop import format_exception
+from mcnav.systems.user.settings import Value, to_argument
+
+CACHE_SIZE: Final = 32
+"""Classes, and objects, that a process keeps."""
+
+Key = TypeVar("Key")
+
+
+@dataclass(frozen=True)
+class SourceFile:
+    """Name and text of a user's Python file."""
+
+    file: str
+    text: str
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the text."""
+        return hashlib.sha256(self.text.encode()).hexdigest()
+
+    def load_class(self, name: str) -> type:
+        """Execute the file and return one of its classes.
+
+        Raises `ScenarioError` when the file cannot be executed, or has no such class.
+        """
+        kind: type = _load_class(self, name).value
+        return kind
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """A user's class or an object of it, and the files that it has read so far, by path."""
+
+    value: Any
+    inputs: dict[str, InputFile]
+
+    @contextmanager
+    def recording(self, code: str) -> Iterator[None]:
+        """Record the files that the object reads.
+
+        Raises `ScenarioError` when a file changes while it is being read, or is not a regular file.
+        """
+        with record_opened_files() as opened:
+            try:
+                yield
+            finally:
+                for path, file in find_inputs(opened, code).items():
+                    if self.inputs.setdefault(path, file).digest != file.digest:
+                        raise ScenarioError("type", f"{path} changed while {code} was reading it; start again")
+
+
+@dataclass(frozen=True)
+class UserScenarioSpec:
+    """Instructions to build the user's object in any process: text and settings, never a pickle of the object.
+
+    Attributes
+    ----------
+    name : str
+        Name of the class.
+    settings : tuple of (str, Value)
+        Arguments of its ``__init__``; see `mcnav.systems.user.settings.to_argument`.
+    read : tuple of (str, str)
+        Path and digest of every file that the object is known to read, besides those of its settings. Objects that
+        read different contents are different objects.
+    """
+
+    code: SourceFile
+    name: str
+    settings: tuple[tuple[str, Value], ...]
+    read: tuple[tuple[str, str], ...] = ()
+
+    def build(self) -> Loaded:
+        """Return the object, built once in each process; `ScenarioError` when it cannot be built."""
+        return _objects.get(self) or self.build_current()
+
+    def build_current(self) -> Loaded:
+        """Return the object, built again when a file that it read has changed.
+
+        Raises `ScenarioError` when it cannot be built.
+        """
+        known = _objects.get(self)
+        if known is not None and _unchanged(known.inputs) and all(file.unchanged for file in self.declared):
+            return known
+        loaded = _load_class(self.code, self.name)
+        built = Loaded(None, dict(loaded.inputs))
+        with built.recording(self.code.file):
+            try:
+                instance = loaded.value(**{name: to_argument(value) for name, value in self.settings})
+            except (Exception, SystemExit) as failure:
+                message = f"{self.name} cannot be made: {format_exception(failure, self.code.file)}"
+                raise ScenarioError("type", message) from failure
+        return _cache(_objects, self, replace(built, value=instance))
+
+    def pinned(self, built: Loaded) -> UserScenarioSpec:
+        """Add the contents that an object has read, so that this process takes no other object for it."""
+        read = tuple((path, file.digest) for path, file in sorted(built.inputs.items()))
+        spec = replace(self, read=read)
+        _cache(_objects, spec, built)
+        return spec
+
+    @property
+    def declared(self) -> tuple[InputFile, ...]:
+        """Files that settings name."""
+        return tuple(value for _, value in self.settings if isinstance(value, InputFile))
+
+
+_classes: dict[tuple[SourceFile, str], Loaded] = {}
+_objects: dict[UserScenarioSpec, Loaded] = {}
+
+
+def _cache(entries: dict[Key, Loaded], key: Key, entry: Loaded) -> Loaded:
+    """Store an entry; the oldest is dropped when there are `CACHE_SIZE`."""
+    while len(entries) >= CACHE_SIZE and key not in entries:
+        entries.pop(next(iter(entries)), None)
+    entries[key] = entry
+    return entry
+
+
+def _unchanged(inputs: Mapping[str, InputFile]) -> bool:
+    return all(file.unchanged for file in tuple(inputs.values()))
+
+
+def _load_class(code: SourceFile, name: str) -> Loaded:
+    known = _classes.get((code, name))
+    if known is not None and _unchanged(known.inputs):
+        return known
+    module = types.ModuleType(f"mcnav_own_{code.digest[:16]}")
+    module.__file__ = code.file
+    sys.modules[module.__name__] = module  # dataclasses and pickles look up the module of a class there
+    linecache.cache[code.file] = (len(code.text), None, code.text.splitlines(keepends=True), code.file)
+    try:
+        with record_opened_files() as opened:
+            exec(compile(code.text, code.file, "exec"), module.__dict__)
+    except (Exception, SystemExit) as failure:
+        del sys.modules[module.__name__]
+        message = f"{code.file} cannot be executed: {format_exception(failure, code.file)}"
+        raise ScenarioError("type", message) from failure
+    found = getattr(module, name, None)
+    if not isinstance(found, type):
+        defined = (value for value in vars(module).values() if isinstance(value, type))
+        classes = [value.__name__ for value in defined if value.__module__ == module.__name__]
+        listed = f"; it has {', '.join(classes)}" if classes else ""
+        raise ScenarioError("type", f"{code.file} has no class {name}{listed}")
+    return _cache(_classes, (code, name), Loaded(found, find_inputs(opened, code.file)))

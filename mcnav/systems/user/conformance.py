@@ -1,0 +1,233 @@
+"""Conformance checks of a scenario: ``mcnav check-scenario``."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.contract.engine import Engine
+from mcnav.contract.linear import LinearModel
+from mcnav.contract.samples import Batch
+from mcnav.contract.scenario import Scenario, ScenarioError
+from mcnav.systems.finite_differences import differentiate
+from mcnav.systems.histories import check_history
+from mcnav.systems.user.noise_soundness import check_noise, check_without_noise, find_unsettled_noise
+from mcnav.systems.user.soundness import SAME, SEED, apart, same
+from mcnav.systems.user.stochastic_engine import StochasticUserEngine
+from mcnav.systems.user.stochastic_scenario import StochasticUserScenario
+from mcnav.units import conversion
+
+TRIED: Final = 16
+"""Samples that are simulated."""
+
+AGREEMENT: Final = 1e-3
+"""Share of a row's largest contribution within which partial derivatives must agree with differences."""
+
+SMALL, SMALLER = 0.1, 0.01
+"""Shares of sigma at which departures from linear are compared: ten times smaller errors must bend ten times less. A
+kink at zero bends as much at any size."""
+
+TRIED_NOISE: Final = 400
+"""Samples of noise from which a covariance is measured: a sigma to 3.5 %."""
+
+CHANCE: Final = 5.0
+"""Standard errors by which a measured sigma may differ from the stated one: by chance one in two million does."""
+
+LISTED: Final = 4
+"""Outputs whose nominal values are listed."""
+
+LEAST: Final = 1e-4
+"""Departures below this share of an output's dispersion are numerical noise, of whatever size."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """One check: its name, whether the scenario passed, and what was found."""
+
+    name: str
+    passed: bool
+    told: str
+
+
+class _Broken(Exception):
+    """Finding of a check that failed."""
+
+
+def check_conformance(scenario: Scenario, sizes: Array) -> list[Check]:
+    """Check a scenario.
+
+    Parameters
+    ----------
+    sizes : ndarray, shape (sources,)
+        One sigma of each source, SI; the usual size where it is zero.
+    """
+    nominal = np.array([source.nominal for source in scenario.sources])
+    sizes = np.where(np.asarray(sizes) > 0.0, sizes, nominal)
+    errors = np.random.default_rng(SEED).standard_normal((TRIED, len(sizes))) * sizes
+    found: list[Check] = []
+
+    def tried(name: str, check: Callable[[], str]) -> None:
+        try:
+            found.append(Check(name, True, check()))
+        except (_Broken, ScenarioError) as wrong:
+            found.append(Check(name, False, str(wrong)))
+        except Exception as wrong:  # the scenario is someone else's code: whatever it raises is a finding
+            found.append(Check(name, False, f"{type(wrong).__name__}: {wrong}"))
+
+    tried("names and units", lambda: _names_and_units(scenario))
+    try:
+        prepared = scenario.engine(scenario.engines[0], errors)
+    except Exception as wrong:
+        return [*found, Check("flies", False, str(wrong) or type(wrong).__name__)]
+    tried("shapes", lambda: _shapes(scenario, prepared, errors))
+    if not all(check.passed for check in found):
+        return found
+    tried("determinism", lambda: _determinism(prepared, errors))
+    tried("each sample for itself", lambda: _independence(prepared, errors))
+    tried("travels to workers", lambda: _travels(prepared, errors))
+    tried("linear near zero", lambda: _linear_near_zero(prepared, scenario.linear_model(), errors, sizes))
+    tried("partials against differences", lambda: _partials(prepared, scenario.linear_model(), sizes))
+    tried("nominal outputs", lambda: _nominal_outputs(scenario, scenario.linear_model(), sizes))
+    tried("history", lambda: _history(scenario))
+    if isinstance(scenario, StochasticUserScenario) and scenario.noisy and isinstance(prepared, StochasticUserEngine):
+        tried("noise from its generator", lambda: _noise(scenario, prepared, sizes))
+        tried("linear in the noise", lambda: _linear_in_noise(scenario, prepared, sizes))
+        tried("covariance of the noise", lambda: _noise_covariance(scenario, prepared))
+    return found
+
+
+def _names_and_units(scenario: Scenario) -> str:
+    for entries in (scenario.sources, scenario.outputs):
+        names = [entry.name for entry in entries]
+        if len(set(names)) < len(names):
+            raise _Broken(f"a name stands twice in {', '.join(names)}")
+        for entry in entries:
+            conversion(entry.unit, entry.shown_in)
+    return f"{len(scenario.sources)} sources, {len(scenario.outputs)} outputs"
+
+
+def _shapes(scenario: Scenario, prepared: Engine, errors: Array) -> str:
+    before = errors.copy()
+    outcomes = prepared.propagate(errors)
+    if not np.array_equal(errors, before):
+        raise _Broken("propagate changed the errors that it was given")
+    wanted = (len(errors), len(scenario.outputs))
+    if outcomes.values.shape != wanted:
+        raise _Broken(f"expected outcomes of shape {wanted}; got {outcomes.values.shape}")
+    lost = set(np.flatnonzero(~np.isfinite(outcomes.values).all(axis=1)).tolist())
+    if lost != set(outcomes.failures):
+        raise _Broken(f"rows {sorted(lost ^ set(outcomes.failures))} failed without a reason, or did not fail with one")
+    if len(lost) == len(errors):
+        raise _Broken(f"every sample failed: {outcomes.failures[0]}")
+    return f"{wanted}, {len(lost)} failed"
+
+
+def _determinism(prepared: Engine, errors: Array) -> str:
+    if not same(prepared.propagate(errors), prepared.propagate(errors)):
+        raise _Broken("the same errors flown twice gave different bits; is something random, or kept in between?")
+    return "the same bits twice"
+
+
+def _independence(prepared: Engine, errors: Array) -> str:
+    together = prepared.propagate(errors).values
+    alone = np.vstack([prepared.propagate(row[None, :]).values for row in errors[::-1]])[::-1]
+    worst = apart(together, alone)
+    if worst > SAME:
+        raise _Broken(f"a sample flown alone differs by {worst:.1e} from the same among others")
+    return f"alone as among others, to {worst:.1e}"
+
+
+def _travels(prepared: Engine, errors: Array) -> str:
+    copy = pickle.loads(pickle.dumps(prepared))
+    if not same(prepared.propagate(errors), copy.propagate(errors)):
+        raise _Broken("what arrives in a worker flies other bits")
+    return "the same bits"
+
+
+def _linear_near_zero(prepared: Engine, model: LinearModel, errors: Array, sizes: Array) -> str:
+    whole = prepared.propagate(errors).values - model.nominal
+    spread = np.maximum(np.sqrt(np.sum((model.partials * sizes) ** 2, axis=1)), np.nanmax(np.abs(whole), axis=0))
+    moving = spread > 0.0
+    if not moving.any():
+        return "no output depends on any error"
+    shares = []
+    for scale in (SMALL, SMALLER):
+        result = prepared.propagate(scale * errors)
+        if result.failures:
+            raise _Broken(f"a flight with {scale:g} of the errors failed: {next(iter(result.failures.values()))}")
+        departure = np.abs(result.values - model.nominal - scale * errors @ model.partials.T)
+        shares.append(float((departure[:, moving] / (scale * spread[moving])).max()))
+    if shares[1] > max(0.3 * shares[0], LEAST):
+        raise _Broken(
+            f"errors of {SMALLER:g} sigma depart from linear by {shares[1]:.1e} of their effect, errors of {SMALL:g} "
+            f"sigma by {shares[0]:.1e}: there is a kink or a jump at zero, or noise"
+        )
+    return f"departs by {shares[0]:.1e} at {SMALL:g} sigma, {shares[1]:.1e} at {SMALLER:g}"
+
+
+def _partials(prepared: Engine, model: LinearModel, sizes: Array) -> str:
+    differences = differentiate(prepared.propagate, sizes)
+    contributions = np.abs(differences.model.partials * sizes).max(axis=1)
+    scale = np.where(contributions > 0.0, contributions, 1.0)
+    gap = float((np.abs((model.partials - differences.model.partials) * sizes).max(axis=1) / scale).max())
+    if differences.error > AGREEMENT:
+        raise _Broken(f"no steps of differences agree to better than {differences.error:.1e}")
+    if gap > AGREEMENT:
+        raise _Broken(f"partial derivatives differ from differences by {gap:.1e} of their row's largest contribution")
+    return f"agree to {max(gap, differences.error):.1e}"
+
+
+def _nominal_outputs(scenario: Scenario, model: LinearModel, sizes: Array) -> str:
+    """Name the outputs of a flight without errors that are not zero; no fault, but requirements count them."""
+    spread = np.sqrt(np.sum((model.partials * sizes) ** 2, axis=1))
+    named = [
+        f"{output.name} {nominal / conversion(output.shown_in, output.unit):.4g} {output.shown_in}".rstrip()
+        for output, nominal, sigma in zip(scenario.outputs, model.nominal, spread, strict=True)
+        if abs(nominal) > LEAST * sigma
+    ]
+    if not named:
+        return "zero without errors"
+    listed = ", ".join(named[:LISTED]) + (f" and {len(named) - LISTED} more" if len(named) > LISTED else "")
+    return f"not zero without errors: {listed}; requirements limit the outputs themselves, and count this too"
+
+
+def _noise(scenario: StochasticUserScenario, prepared: StochasticUserEngine, sizes: Array) -> str:
+    check_noise(prepared, sizes)
+    check_without_noise(scenario)
+    return "the same bits for the same noise, none without it"
+
+
+def _linear_in_noise(scenario: StochasticUserScenario, prepared: StochasticUserEngine, sizes: Array) -> str:
+    doubt = find_unsettled_noise(scenario, prepared, sizes > 0.0, 1.0)
+    if doubt is not None:
+        raise _Broken(str(doubt))
+    return "fly_linear agrees with differences" if scenario.own_linear else "differences at two scales agree"
+
+
+def _noise_covariance(scenario: StochasticUserScenario, prepared: StochasticUserEngine) -> str:
+    if not scenario.gives_noise_covariance:
+        return "measured; return it from noise_covariance to have it exactly, and its processes in the budget"
+    none = np.zeros((TRIED_NOISE, len(scenario.sources)))
+    found = prepared.simulate(Batch(np.arange(TRIED_NOISE), none, SEED))
+    if found.failures or found.linear_values is None:
+        raise _Broken(f"a sample without errors failed: {next(iter(found.failures.values()), '')}")
+    model = scenario.linear_model()
+    expected = np.diag(sum(model.processes.values(), np.zeros((len(model.nominal),) * 2)))
+    measured = np.mean((found.linear_values - model.nominal) ** 2, axis=0)
+    unknown = np.where(measured > 0.0, np.inf, 1.0)
+    ratios = np.sqrt(np.divide(measured, expected, out=unknown, where=expected > 0.0))
+    chance = CHANCE / np.sqrt(2.0 * TRIED_NOISE)
+    for output, ratio in zip(scenario.outputs, ratios, strict=True):
+        if abs(ratio - 1.0) > chance:
+            raise _Broken(f"sigma of {output.name} by linear simulations is {ratio:.2f} of that of noise_covariance")
+    return f"sigmas of {TRIED_NOISE} linear simulations are {ratios.min():.2f} to {ratios.max():.2f} of it"
+
+
+def _history(scenario: Scenario) -> str:
+    history = check_history(scenario.history())
+    return f"{len(history.columns)} columns, {len(history.panels)} panels"

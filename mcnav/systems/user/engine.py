@@ -1,0 +1,71 @@
+"""Engine of a user-defined scenario: calls ``propagate`` or ``fly`` of the user's class."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.contract.failure import Failure, Reason
+from mcnav.contract.samples import SimulationResult
+from mcnav.systems.sample_loop import simulate_alone, simulate_each
+from mcnav.systems.timeouts import SampleTimeout, within_limit
+from mcnav.systems.user.code import UserScenarioSpec
+
+
+@dataclass(frozen=True)
+class UserEngine:
+    """Engine of the user's class; it is sent to workers as the text of the file."""
+
+    spec: UserScenarioSpec
+    outputs: int
+    parallel: str
+    chunk: int
+    accuracy: str
+
+    def propagate(self, errors: Array) -> SimulationResult:
+        """Simulate samples, shape (n, sources), SI."""
+        instance, file = self.spec.build().value, self.spec.code.file
+        if not hasattr(instance, "propagate"):
+            values = np.empty((len(errors), self.outputs))
+            failures = simulate_each(
+                lambda row: _check_row(instance.fly(errors[row].copy()), self.outputs),
+                range(len(errors)), values, file=file,
+            )  # fmt: skip
+            return SimulationResult(values, failures)
+
+        def propagate(errors: Array) -> SimulationResult:
+            return self._result(instance.propagate(errors), len(errors))
+
+        try:
+            return within_limit(lambda: propagate(errors.copy()))
+        except MemoryError:
+            raise
+        except (Exception, SystemExit, SampleTimeout):
+            rows = len(errors)
+            return simulate_alone(lambda row: propagate(errors[row : row + 1].copy()), rows, self.outputs, file)
+
+    def _result(self, returned: Any, count: int) -> SimulationResult:
+        """Check what ``propagate`` returned, and give every row without finite outputs a reason."""
+        reasons: Mapping[int, Failure] = {}
+        fallback_count = 0
+        if isinstance(returned, SimulationResult):
+            returned, reasons, fallback_count = returned.values, returned.failures, returned.fallback_count
+        values = np.array(returned, dtype=float)
+        if values.shape != (count, self.outputs):
+            raise ValueError(f"propagate must return shape {(count, self.outputs)}; got {values.shape}")
+        failed = ~np.isfinite(values).all(axis=1)
+        failed[list(reasons)] = True
+        values[failed] = np.nan
+        failures = {int(row): Failure.of(reasons.get(int(row), Reason.NOT_FINITE)) for row in np.flatnonzero(failed)}
+        return SimulationResult(values, failures, fallback_count)
+
+
+def _check_row(returned: Any, outputs: int) -> Array:
+    values = np.array(returned, dtype=float)
+    if values.shape != (outputs,):
+        raise ValueError(f"fly must return shape {(outputs,)}; got {values.shape}")
+    return values

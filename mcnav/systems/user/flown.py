@@ -1,0 +1,221 @@
+"""Results that ``fly`` of a user's class may return besides errors: covariance and innovations of its own filter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.contract.failure import Failure, Reason
+from mcnav.contract.filter_record import BY_SENSOR, FilterSchema
+from mcnav.contract.history import Epochs
+from mcnav.systems.sample_loop import SampleFailed
+from mcnav.systems.user.settings import NAME
+
+ALL: Final = "all"
+"""Group of all outputs."""
+
+INDEFINITE: Final = 1e-9
+"""Share of a unit eigenvalue by which rounding may make that of a correlation matrix negative."""
+
+SAME_TIME: Final = 1e-9
+"""Share of the time between first and last epoch by which an update may be later than an epoch and belong to it: times
+that were computed in two ways differ by rounding, some 1e-13 of it."""
+
+
+@dataclass(frozen=True)
+class Innovations:
+    """Innovations of one sensor in one simulation; those of scalar measurements may leave out axes of length 1.
+
+    Attributes
+    ----------
+    times : array_like, shape (k,)
+        Instants of the updates in the unit of the epochs, not falling, and none after the last epoch.
+    values : array_like, shape (k, size)
+        Measured less predicted, or predicted less measured.
+    covariance : array_like, shape (k, size, size)
+        Covariance that the filter expects of them.
+    accepted : array_like of bool, shape (k,), optional
+        Updates that the filter used; all unless given.
+    """
+
+    times: Any
+    values: Any
+    covariance: Any
+    accepted: Any = None
+
+
+@dataclass(frozen=True)
+class Flown:
+    """One simulation with a filter.
+
+    Attributes
+    ----------
+    errors : array_like, shape (m, outputs)
+        At every epoch, SI.
+    covariance : array_like, shape (m, outputs, outputs), optional
+        Covariance of these errors by the filter, SI.
+    innovations : mapping of str to Innovations
+        By the name of the sensor; always the same sensors.
+    """
+
+    errors: Any
+    covariance: Any = None
+    innovations: Mapping[str, Innovations] = field(default_factory=dict)
+
+
+def schema_of(flown: Flown, outputs: Sequence[str], groups: Mapping[str, Sequence[str]]) -> FilterSchema | None:
+    """Derive the columns of the records from one simulation; none without a filter.
+
+    Parameters
+    ----------
+    outputs : sequence of str
+        Names of the outputs.
+    groups : mapping of str to sequence of str
+        Groups of outputs whose NEES is recorded besides that of all.
+
+    Raises
+    ------
+    ValueError
+        When names or shapes are wrong.
+    """
+    if flown.covariance is None:
+        if flown.innovations or groups:
+            raise ValueError("innovations and groups need the filter's covariance: Flown(errors, covariance, ...)")
+        return None
+    for name in (*groups, *flown.innovations):
+        if not isinstance(name, str) or not NAME.fullmatch(name):
+            raise ValueError(f"{name!r} is not a name of letters, digits and _")
+    for name, members in groups.items():
+        if name == ALL or isinstance(members, str) or not members or not set(members) <= set(outputs):
+            raise ValueError(f"groups: {name!r} must list outputs and cannot be called {ALL!r}; got {members!r:.80}")
+        named = {output for output in outputs if output.startswith(name)}  # the analysis takes them for the group's
+        if named and named != set(members):
+            raise ValueError(f"groups: {name!r} must list the outputs whose names begin with it, or have another name")
+    sizes = {name: _columns(name, each)[1].shape[1] for name, each in flown.innovations.items()}
+    return FilterSchema(
+        groups={ALL: len(outputs)} | {name: len(members) for name, members in groups.items()},
+        outputs=len(outputs),
+        sensors=sizes,
+    )
+
+
+def record_of(
+    flown: Flown, schema: FilterSchema, epochs: Epochs, outputs: Sequence[str], groups: Mapping[str, Sequence[str]]
+) -> Array:
+    """Compute the records of one simulation at all epochs, shape (m, width).
+
+    Raises
+    ------
+    SampleFailed
+        When errors are not finite, or a covariance is indefinite.
+    ValueError
+        When shapes or sensors are wrong.
+    """
+    errors = np.asarray(flown.errors, dtype=float)
+    count, size = errors.shape
+    if flown.covariance is None:
+        raise ValueError("fly returned no covariance; it did without errors and noise")
+    covariance = np.array(flown.covariance, dtype=float)
+    if covariance.shape != (count, size, size):
+        raise ValueError(f"the filter's covariance must have shape {(count, size, size)}; got {covariance.shape}")
+    if dict(schema.sensors).keys() != flown.innovations.keys():
+        listed = ", ".join(schema.sensors) or "no sensor"
+        raise ValueError(f"innovations must always be of {listed}; got {', '.join(flown.innovations) or 'none'}")
+    _check_finite(errors, epochs, "errors")
+    _check_finite(covariance, epochs, "the filter's covariance")
+    records, places = np.zeros((count, schema.width)), schema.places
+    for column, members in enumerate((outputs, *groups.values())):
+        chosen = [list(outputs).index(name) for name in members]
+        records[:, places["nees"].start + column] = _nees(
+            errors[:, chosen], covariance[:, chosen][:, :, chosen], epochs
+        )
+    rows, columns = np.tril_indices(size)
+    records[:, places["covariance"]] = covariance[:, rows, columns]
+    sigmas = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    records[:, places["within_1"]] = np.abs(errors) <= sigmas
+    records[:, places["within_3"]] = np.abs(errors) <= 3.0 * sigmas
+    for name, innovations in flown.innovations.items():
+        records[:, places[f"sensor:{name}"]] = _counted(name, innovations, schema.sensors[name], epochs)
+    return records
+
+
+def _check_finite(values: Array, epochs: Epochs, what: str) -> None:
+    finite = np.isfinite(values.reshape(len(values), -1)).all(axis=1)
+    if not finite.all():
+        time = epochs.times[np.argmin(finite)]
+        raise SampleFailed(Failure(Reason.STATED, f"{what}: not finite at {epochs.label} = {time:g}"))
+
+
+def _nees(errors: Array, covariance: Array, epochs: Epochs) -> Array:
+    """Compute the NEES at every epoch, shape (m,); NaN where the covariance is singular.
+
+    Raises `SampleFailed` where it is indefinite: a variance is negative, or an eigenvalue of the correlation matrix.
+    """
+    size = errors.shape[1]
+    variance = np.diagonal(covariance, axis1=1, axis2=2)
+    scale = 1.0 / np.sqrt(np.where(variance > 0.0, variance, 1.0))
+    correlation = covariance * scale[:, :, None] * scale[:, None, :]
+    lowest = np.linalg.eigvalsh(correlation)[:, 0]
+    negative = (variance < 0.0).any(axis=1) | (lowest < -INDEFINITE * size)
+    if negative.any():
+        time = epochs.times[np.argmax(negative)]
+        raise SampleFailed(
+            Failure(Reason.STATED, f"the filter's covariance is not positive definite at {epochs.label} = {time:g}")
+        )
+    regular = (variance > 0.0).all(axis=1) & (lowest > size * np.finfo(float).eps)
+    correlation[~regular] = np.eye(size)
+    deviations = (errors * scale)[:, :, None]
+    squares = np.sum(deviations * np.linalg.solve(correlation, deviations), axis=(1, 2))
+    return np.asarray(np.where(regular, squares, np.nan))
+
+
+def _factors(matrices: Array, times: Array, name: str, label: str) -> Array:
+    """Factor the innovation covariances of a sensor, shape (k, size, size)."""
+    try:
+        return np.asarray(np.linalg.cholesky(matrices))
+    except np.linalg.LinAlgError:
+        time = times[np.argmax(np.linalg.eigvalsh(matrices).min(axis=1) <= 0.0)]
+        message = f"the filter's innovation covariance of {name} is not positive definite at {label} = {time:g}"
+        raise SampleFailed(Failure(Reason.STATED, message)) from None
+
+
+def _columns(name: str, innovations: Innovations) -> tuple[Array, Array, Array, Array]:
+    """Return times (k,), values (k, size), covariances (k, size, size) and accepted (k,); `ValueError` when wrong."""
+    if not isinstance(innovations, Innovations):
+        raise ValueError(f"innovations of {name!r} must be Innovations of mcnav; got {type(innovations).__name__}")
+    times = np.array(innovations.times, dtype=float)
+    values = np.array(innovations.values, dtype=float)
+    covariance = np.array(innovations.covariance, dtype=float)
+    values = values[:, None] if values.ndim == 1 else values
+    covariance = covariance[:, None, None] if covariance.ndim == 1 else covariance
+    accepted = innovations.accepted
+    used = np.ones(times.shape) if accepted is None else np.array(accepted, dtype=float)
+    count, size = (len(values), values.shape[1]) if values.ndim == 2 else (-1, -1)
+    if (times.shape, covariance.shape, used.shape) != ((count,), (count, size, size), (count,)) or size < 1:
+        shapes = f"{times.shape}, {values.shape}, {covariance.shape}"
+        raise ValueError(f"innovations of {name!r} need shapes (k,), (k, size) and (k, size, size); got {shapes}")
+    return times, values, covariance, used
+
+
+def _counted(name: str, innovations: Innovations, size: int, epochs: Epochs) -> Array:
+    """Sum over the updates since the epoch before, shape (m, 5); see `BY_SENSOR`."""
+    times, values, covariance, accepted = _columns(name, innovations)
+    if values.shape[1] != size:
+        raise ValueError(f"innovations of {name!r} must always have size {size}; got {values.shape[1]}")
+    place = np.searchsorted(epochs.times, times - SAME_TIME * (epochs.times[-1] - epochs.times[0]))
+    if not np.isfinite(times).all() or np.any(np.diff(times) < 0.0) or np.any(place >= len(epochs.times)):
+        raise ValueError(f"innovations of {name!r}: times must not fall, nor lie after the last epoch")
+    if not np.isfinite(values).all() or not np.isfinite(covariance).all():
+        raise SampleFailed(Failure(Reason.STATED, f"innovations of {name}: not finite"))
+    factors = _factors(covariance, times, name, epochs.label)
+    white = np.linalg.solve(factors, values[:, :, None])[:, :, 0]
+    along = np.append(0.0, np.sum(white[1:] * white[:-1], axis=1) / size)[: len(white)]
+    later = (np.arange(len(white)) > 0).astype(float)
+    sums = {
+        "nis": np.sum(white**2, axis=1), "accepted": accepted, "rejected": 1.0 - accepted, "lag": along, "lags": later,
+    }  # fmt: skip
+    return np.stack([np.bincount(place, sums[key], len(epochs.times)) for key in BY_SENSOR], axis=1)

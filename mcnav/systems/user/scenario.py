@@ -1,0 +1,211 @@
+"""User-defined scenarios: a class in a Python file, which `mcnav/SCENARIOS.md` describes.
+
+The class declares ``sources`` and ``outputs``. ``propagate`` simulates many samples at once, in threads, and must not
+change ``self``; ``fly`` simulates one, in worker processes. Both take and return SI units. Optional attributes are
+``settings``, ``partials``, ``history`` and ``chunk``. Noise, errors over time and filters are in
+`mcnav.systems.user.stochastic_scenario`.
+
+The file may import installed packages, but no file in its folder. Its text is part of the run's identity, and so are
+the files that it reads: those that settings name, and those that it opens while it is built, linearized and asked for
+its history (`mcnav.entries.inputs`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+from typing import Any, Final
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.contract.engine import Engine
+from mcnav.contract.history import History
+from mcnav.contract.linear import LinearModel
+from mcnav.contract.quantities import Output, Source
+from mcnav.contract.scenario import ScenarioError
+from mcnav.entries.inputs import InputFile, with_unique_names
+from mcnav.systems.finite_differences import DifferencedModel, differentiate
+from mcnav.systems.histories import check_history
+from mcnav.systems.sample_loop import format_exception
+from mcnav.systems.user.code import UserScenarioSpec
+from mcnav.systems.user.engine import UserEngine
+from mcnav.systems.user.settings import NAME, check_unit
+from mcnav.systems.user.stochastic_engine import StochasticUserEngine
+
+VECTORISED_CHUNK: Final = 8_192
+SINGLE_CHUNK: Final = 128
+MOST_SAMPLES: Final = 1_000_000
+MOST_NUMBERS: Final = 60_000_000
+"""Samples of a chunk, and numbers: the reading of a chunk's file refuses more than half a gigabyte."""
+
+SETTLED: Final = 1e-3
+"""Largest difference of the best two steps of a settled derivative, as a share of the largest contribution.
+
+A larger difference means that the function has a kink or a jump, or is noisy.
+"""
+
+
+def _check_entries(where: str, entries: Any, kind: type[Source] | type[Output]) -> None:
+    """Raise `ScenarioError` when sources or outputs are not declared as they must be."""
+    if not isinstance(entries, Sequence) or not entries or not all(isinstance(entry, kind) for entry in entries):
+        raise ScenarioError("type", f"{where} must be one or more {kind.__name__} of mcnav; got {entries!r:.80}")
+    for entry in entries:
+        if not isinstance(entry.name, str) or not NAME.fullmatch(entry.name):
+            raise ScenarioError("type", f"{where}: {entry.name!r} is not a name of letters, digits and _")
+        check_unit(where, entry.unit, entry.shown_in)
+        if isinstance(entry, Source) and not (np.isfinite(entry.nominal) and entry.nominal > 0.0):
+            raise ScenarioError("type", f"{where}: {entry.name} needs a usual size above zero; got {entry.nominal!r}")
+    if len({entry.name for entry in entries}) < len(entries):
+        raise ScenarioError("type", f"{where} lists a name twice")
+
+
+class UserScenario:
+    """A scenario made of the user's class.
+
+    Parameters
+    ----------
+    sizes : ndarray, shape (sources,), optional
+        One sigma of each source, SI, for the steps of finite differences; where zero or omitted, the usual sizes.
+
+    Raises
+    ------
+    ScenarioError
+        When the class does not follow the protocol.
+    """
+
+    def __init__(self, spec: UserScenarioSpec, sizes: Array | None = None) -> None:
+        self.spec = spec
+        self._object = spec.build_current()
+        self._instance = self._object.value
+        for attribute, kind in (("sources", Source), ("outputs", Output)):
+            _check_entries(f"{spec.name}.{attribute}", getattr(self._instance, attribute, None), kind)
+        if not (hasattr(self._instance, "propagate") or hasattr(self._instance, "fly")):
+            raise ScenarioError("type", f"{spec.name} has neither propagate, for many samples, nor fly, for one")
+        self.sources: tuple[Source, ...] = tuple(self._instance.sources)
+        self.outputs: tuple[Output, ...] = tuple(self._instance.outputs)
+        self.engines = ("vectorised",) if hasattr(self._instance, "propagate") else ("single",)
+        nominal = np.array([source.nominal for source in self.sources])
+        self.sizes = nominal if sizes is None else np.where(sizes > 0.0, sizes, nominal)
+
+    def with_sigmas(self, sizes: Array) -> UserScenario:
+        """Return the scenario with the sigmas of a campaign's errors, shape (sources,), SI."""
+        return type(self)(self.spec, sizes)
+
+    @cached_property
+    def _engine(self) -> UserEngine | StochasticUserEngine:
+        vectorised = self.engines[0] == "vectorised"
+        chunk = self.chunk(VECTORISED_CHUNK if vectorised else SINGLE_CHUNK)
+        accuracy = f"{self.spec.code.file}, class {self.spec.name}, {'many at once' if vectorised else 'one by one'}"
+        parallel = "threads" if vectorised else "processes"
+        return UserEngine(self.spec.pinned(self._object), len(self.outputs), parallel, chunk, accuracy)
+
+    def chunk(self, default: int) -> int:
+        """Return the samples of a chunk that the class declares; `ScenarioError` when it is no such number."""
+        chunk = getattr(self._instance, "chunk", default)
+        # index, status, errors, outputs and the linear ones
+        most = min(MOST_SAMPLES, MOST_NUMBERS // (2 + len(self.sources) + 2 * len(self.outputs)))
+        if not isinstance(chunk, int) or isinstance(chunk, bool) or not 1 <= chunk <= most:
+            message = f"{self.spec.name}.chunk must be a whole number from 1 to {most:,}; got {chunk!r}"
+            raise ScenarioError("type", message)
+        return chunk
+
+    def inputs(self) -> tuple[InputFile, ...]:
+        """Return the files that the scenario reads: those of its settings, and those noticed so far.
+
+        Raises `ScenarioError` when it cannot be linearized, or a file changes meanwhile.
+        """
+        self.linear_model()
+        self.history()
+        declared = self.spec.declared
+        return declared + with_unique_names(self._object.inputs.values(), declared)
+
+    @property
+    def leading_shape(self) -> tuple[int, ...]:
+        """Return the axes that partial derivatives have before outputs and sources."""
+        return ()
+
+    @property
+    def own_partials(self) -> bool:
+        """Return whether the class provides its partial derivatives."""
+        return hasattr(self._instance, "partials")
+
+    @cached_property
+    def differences(self) -> DifferencedModel:
+        """Partial derivatives by finite differences with automatic steps.
+
+        Raises `ScenarioError` when a simulation that they need fails.
+        """
+        with self._object.recording(self.spec.code.file):
+            return differentiate(self._engine.propagate, self.sizes)
+
+    def linear_model(self) -> LinearModel:
+        """Return the partial derivatives that the class provides, or finite differences; both include the nominal run.
+
+        Raises `ScenarioError` when a simulation that they need fails, or the partial derivatives of the class have the
+        wrong shape.
+        """
+        return self._linear if self.own_partials else self.differences.model
+
+    @cached_property
+    def given_partials(self) -> Array:
+        """Partial derivatives that the class provides, shape (*leading_shape, outputs, sources)."""
+        shape = (*self.leading_shape, len(self.outputs), len(self.sources))
+        with self._object.recording(self.spec.code.file):
+            try:
+                partials = np.array(self._instance.partials(), dtype=float)
+            except (Exception, SystemExit) as failure:
+                message = f"partials: {format_exception(failure, self.spec.code.file)}"
+                raise ScenarioError("type", message) from failure
+        if partials.shape != shape or not np.isfinite(partials).all():
+            message = f"partials must return finite numbers of shape {shape}; got {partials.shape}"
+            raise ScenarioError("type", message)
+        return partials
+
+    @cached_property
+    def _linear(self) -> LinearModel:
+        """Linear model from the partial derivatives that the class provides."""
+        partials = self.given_partials.reshape(-1, len(self.outputs), len(self.sources))[-1]
+        with self._object.recording(self.spec.code.file):
+            nominal = self._engine.propagate(np.zeros((1, len(self.sources))))
+        if nominal.failures:
+            raise ScenarioError("type", f"its flight without any error failed: {nominal.failures[0]}")
+        return LinearModel(partials, nominal.values[0])
+
+    def engine(self, engine: str, probes: Array) -> Engine:
+        """Return the only engine. Probes are not simulated here: only a worker may be ended by a sample.
+
+        Raises `ScenarioError` when the nominal run fails.
+        """
+        self.linear_model()
+        return replace(self._engine, spec=self.spec.pinned(self._object), accuracy=self.accuracy)
+
+    @property
+    def accuracy(self) -> str:
+        """Describe how samples are simulated and linearized."""
+        if self.own_partials:
+            derivatives = "partial derivatives are the class's own"
+        else:
+            error = self.differences.error
+            trust = "" if error <= SETTLED else ": not converged, so that linear results are not reliable"
+            derivatives = f"partial derivatives by central differences, steps agree to {error:.1e}{trust}"
+        return f"{self._engine.accuracy}; {derivatives}"
+
+    def history(self) -> History:
+        """Return the history that the class provides, or an empty one.
+
+        Raises `ScenarioError` when it is not a valid history.
+        """
+        return self._history if hasattr(self._instance, "history") else History()
+
+    @cached_property
+    def _history(self) -> History:
+        with self._object.recording(self.spec.code.file):
+            try:
+                found = self._instance.history()
+                if not isinstance(found, History):
+                    raise TypeError(f"history must return a History of mcnav; got {type(found).__name__}")
+                return check_history(found)
+            except (Exception, SystemExit) as failure:
+                raise ScenarioError("type", f"history: {format_exception(failure, self.spec.code.file)}") from failure

@@ -1,0 +1,172 @@
+"""Engine of a user-defined scenario with noise, with errors over time, or with a filter: calls ``fly`` of the class."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Final
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.contract.failure import Failure, Reason
+from mcnav.contract.filter_record import FilterSchema
+from mcnav.contract.history import Epochs
+from mcnav.contract.linear import LinearModel
+from mcnav.contract.samples import Batch, SimulationResult
+from mcnav.systems.sample_loop import SampleFailed, simulate_each
+from mcnav.systems.user.code import UserScenarioSpec
+from mcnav.systems.user.flown import Flown, record_of
+from mcnav.systems.user.sample_noise import SAMPLES, ScaledNoise, sample_noise
+
+SCALE: Final = 0.01
+"""Scale of the noise in differences: the third-order term, their error, falls with its square to 1e-4, and rounding or
+an integrator's error grows a hundredfold."""
+
+NO_EPOCHS: Final = Epochs("", np.zeros(0))
+"""Epochs of a class that gives final errors alone."""
+
+
+@dataclass(frozen=True)
+class StochasticUserEngine:
+    """Engine of the user's class; it is sent to workers as the text of the file.
+
+    Attributes
+    ----------
+    outputs : tuple of str
+        Names.
+    noisy : bool
+        Whether ``fly`` takes noise.
+    linear : LinearModel, optional
+        Linear model at the end. With it, the samples of a class with noise have linear outcomes.
+    filter_schema : FilterSchema, optional
+        Columns of the records of the class's filter.
+    groups : mapping of str to sequence of str
+        Groups of outputs whose NEES is recorded besides that of all.
+    """
+
+    spec: UserScenarioSpec
+    outputs: tuple[str, ...]
+    epochs: Epochs
+    noisy: bool
+    chunk: int
+    accuracy: str
+    linear: LinearModel | None = None
+    filter_schema: FilterSchema | None = None
+    groups: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    parallel: str = "processes"
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of what ``fly`` returns."""
+        return (*self.epochs.times.shape, len(self.outputs)) if len(self.epochs.times) else (len(self.outputs),)
+
+    def simulate(self, batch: Batch) -> SimulationResult:
+        """Simulate samples with their noise."""
+        instance = self.spec.build().value
+        count, outputs, times = len(batch.errors), len(self.outputs), len(self.epochs.times)
+        values = np.empty((count, outputs))
+        linear = np.full((count, outputs), np.nan) if self.noisy and self.linear is not None else None
+        history = np.full((count, times, outputs), np.nan) if times else None
+        schema = self.filter_schema
+        records = None if schema is None else np.full((count, times, schema.width), np.nan)
+
+        def simulate(row: int) -> Array:
+            key, errors = (batch.seed, int(batch.index[row])), batch.errors[row]
+            flown = self._fly(instance, errors, sample_noise(*key))
+            over_time = flown.errors.reshape(-1, outputs)
+            if not np.isfinite(over_time[-1]).all():
+                raise SampleFailed(Failure.of(Reason.NOT_FINITE))
+            record = None if schema is None else record_of(flown, schema, self.epochs, self.outputs, self.groups)
+            if linear is not None:
+                linear[row] = self._linear_outcome(instance, errors, key)
+            if history is not None:
+                history[row] = over_time
+            if records is not None:
+                records[row] = record
+            return np.asarray(over_time[-1])
+
+        failures = simulate_each(simulate, range(count), values, file=self.spec.code.file)
+        return SimulationResult(values, failures, linear_values=linear, history=history, filter_values=records)
+
+    def propagate(self, errors: Array) -> SimulationResult:
+        """Simulate samples without noise, shape (n, sources)."""
+        return self.without_noise(errors)[0]
+
+    def without_noise(self, errors: Array) -> tuple[SimulationResult, Array]:
+        """Simulate samples without noise, shape (n, sources); return their outcomes, and their errors over time.
+
+        The latter have shape (n, m, outputs), with m = 1 where the class gives final errors alone; NaN for a sample
+        that failed.
+        """
+        instance, outputs = self.spec.build().value, len(self.outputs)
+        over_time = np.full((len(errors), max(len(self.epochs.times), 1), outputs), np.nan)
+        values = np.empty((len(errors), outputs))
+
+        def simulate(row: int) -> Array:
+            flown = self._fly(instance, errors[row], ScaledNoise(0, 0, 0.0))
+            over_time[row] = flown.errors.reshape(-1, outputs)
+            return np.asarray(over_time[row, -1])
+
+        failures = simulate_each(simulate, range(len(errors)), values, file=self.spec.code.file)
+        over_time[list(failures)] = np.nan
+        return SimulationResult(values, failures), over_time
+
+    def nominal(self) -> Flown:
+        """Simulate without errors and noise; what ``fly`` raises is raised."""
+        instance = self.spec.build().value
+        return self._fly(instance, np.zeros(len(instance.sources)), ScaledNoise(0, 0, 0.0))
+
+    def flight(self, errors: Array, noise: np.random.Generator) -> Array:
+        """Call ``fly`` of the class with the errors of one sample, shape (sources,); return shape (m, outputs)."""
+        return np.asarray(self._fly(self.spec.build().value, errors, noise).errors.reshape(-1, len(self.outputs)))
+
+    def response(self, seed: int, index: int, stream: int = SAMPLES, scale: float = SCALE) -> Array:
+        """Compute the linear response to a sample's noise by differences, shape (m, outputs)."""
+        return self._response(self.spec.build().value, (seed, index, stream), scale)
+
+    def linear_flight(self, errors: Array, noise: np.random.Generator) -> Array:
+        """Call ``fly_linear`` of the class with the errors of one sample, shape (sources,); return shape (m, outputs).
+
+        Raises `ValueError` when it returns something else than finite numbers of that shape.
+        """
+        return self._fly_linear(self.spec.build().value, errors, noise)
+
+    @property
+    def own_linear(self) -> bool:
+        """Return whether the class has ``fly_linear``."""
+        return hasattr(self.spec.build().value, "fly_linear")
+
+    def _linear_outcome(self, instance: Any, errors: Array, key: tuple[int, int]) -> Array:
+        """Compute the final errors of one sample by the linear system with the same noise, shape (outputs,)."""
+        assert self.linear is not None
+        if self.own_linear:
+            return np.asarray(self._fly_linear(instance, errors, sample_noise(*key))[-1])
+        response = self._response(instance, (*key, SAMPLES), SCALE)[-1]
+        return np.asarray(self.linear.nominal + self.linear.partials @ errors + response)
+
+    def _fly_linear(self, instance: Any, errors: Array, noise: np.random.Generator) -> Array:
+        values = np.array(instance.fly_linear(errors.copy(), noise), dtype=float)
+        if values.shape != self.shape or not np.isfinite(values).all():
+            raise ValueError(f"fly_linear must return finite numbers of shape {self.shape}; got {values.shape}")
+        return values.reshape(-1, len(self.outputs))
+
+    def _response(self, instance: Any, key: tuple[int, int, int], scale: float) -> Array:
+        seed, index, stream = key
+        none = np.zeros(len(instance.sources))
+        up, down = (
+            self._fly(instance, none, ScaledNoise(seed, index, each, stream)).errors for each in (scale, -scale)
+        )
+        values = ((up - down) / (2.0 * scale)).reshape(-1, len(self.outputs))
+        if not np.isfinite(values).all():
+            raise ValueError("the linear response to the noise is not finite")
+        return np.asarray(values)
+
+    def _fly(self, instance: Any, errors: Array, noise: np.random.Generator) -> Flown:
+        """Call ``fly`` with the errors of one sample; `ValueError` when the shape of what it returns is wrong."""
+        returned = instance.fly(errors.copy(), noise) if self.noisy else instance.fly(errors.copy())
+        flown = returned if isinstance(returned, Flown) else Flown(returned)
+        values = np.array(flown.errors, dtype=float)
+        if values.shape != self.shape:
+            raise ValueError(f"fly must return shape {self.shape}; got {values.shape}")
+        return replace(flown, errors=values)

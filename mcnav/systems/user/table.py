@@ -1,0 +1,103 @@
+"""``type = "my_module.py:Boost"``: a user-defined scenario.
+
+The path is relative to the campaign file. Reading such a campaign executes the file; reading a run folder never does.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any, Final
+
+from pydantic import ConfigDict, Field
+
+from mcnav.contract.scenario import ScenarioError
+from mcnav.entries.context import FileContext
+from mcnav.entries.files import OUTSIDE, is_inside, read_file, why_unreadable
+from mcnav.entries.inputs import LONGEST_NAME, InputFile
+from mcnav.entries.quantities import Table
+from mcnav.errors import suggestion
+from mcnav.files import read_whole
+from mcnav.store.inputs import INPUTS
+from mcnav.systems.description import ScenarioSpec
+from mcnav.systems.user.code import SourceFile, UserScenarioSpec
+from mcnav.systems.user.settings import Declared, SettingError, Value, read_value, settings_of
+from mcnav.systems.user.stochastic_scenario import user_scenario
+
+CLASS_IN_FILE: Final = re.compile(r"(?P<file>[^\x00-\x1f\x7f:]{1,200}\.py):(?P<name>[A-Za-z_][A-Za-z0-9_]{0,100})")
+"""File and class."""
+
+LARGEST_FILE: Final = 1_000_000
+"""Bytes."""
+
+
+class UserTable(Table):
+    """``[scenario]`` of a user-defined type; the class declares the other keys."""
+
+    model_config = ConfigDict(extra="allow", strict=True, frozen=True)
+
+    type: Annotated[
+        str, Field(description="File and class of a scenario of your own.", examples=["my_system.py:MySystem"])
+    ]
+
+
+def read_code(path: Path) -> SourceFile:
+    """Read a Python file; `ScenarioError` when it cannot be read."""
+    try:
+        return SourceFile(path.name, read_whole(path, LARGEST_FILE).decode("utf-8-sig"))
+    except OSError as failure:
+        raise ScenarioError("type", f"{path} {why_unreadable(failure)}") from None
+    except UnicodeDecodeError as failure:
+        raise ScenarioError("type", f"{path.name} is not UTF-8 text (byte {failure.start})") from None
+
+
+def read_scenario(table: UserTable, entries: Mapping[str, Any], context: FileContext) -> ScenarioSpec | None:
+    """Build the scenario; mistakes in its settings are added to the context.
+
+    Raises `ScenarioError` when the file cannot be read or executed, or the class does not follow the protocol.
+    """
+    named = CLASS_IN_FILE.fullmatch(table.type)
+    if named is None:
+        raise ScenarioError("type", "expected a file and class such as 'my_module.py:Boost'")
+    if not is_inside(named["file"]):
+        raise ScenarioError("type", f"got {table.type!r}; {OUTSIDE}")
+    code = read_code(context.folder / named["file"])
+    settings = _read_settings(entries, settings_of(code.load_class(named["name"])), context)
+    if settings is None:
+        return None
+    scenario = user_scenario(UserScenarioSpec(code, named["name"], tuple(settings.items())))
+    files = {key: f"{INPUTS}/{value.name}" for key, value in settings.items() if isinstance(value, InputFile)}
+    return ScenarioSpec(scenario, {**entries, **files, "type": f"{code.file}:{named['name']}"}, code)
+
+
+def _read_settings(
+    entries: Mapping[str, Any], declared: Mapping[str, Declared], context: FileContext
+) -> dict[str, Value] | None:
+    """Read the keys that the class declares; when there are mistakes, add them to the context and return None."""
+    found: dict[str, Value] = {}
+    before = len(context.problems)
+    for key in sorted(entries.keys() - {"type"}):
+        if key not in declared:
+            known = suggestion(key, list(declared)) if declared else "; the class has no settings"
+            context.problem(f"scenario.{key}", f"unknown key{known}")
+            continue
+        try:
+            wanted = declared[key]
+            found[key] = read_file(entries[key], key, context) if wanted is Path else read_value(entries[key], wanted)
+        except SettingError as wrong:
+            entry = "" if wrong.entry is None else f" #{wrong.entry + 1}"
+            context.problem(f"scenario.{key}{entry}", str(wrong))
+    return _with_unique_names(found) if len(context.problems) == before else None
+
+
+def _with_unique_names(settings: dict[str, Value]) -> dict[str, Value]:
+    """Prefix the names of files with their settings when two files have the same name."""
+    files = {key: value for key, value in settings.items() if isinstance(value, InputFile)}
+    if len({file.name for file in files.values()}) == len(files):
+        return settings
+    renamed = {
+        key: replace(file, name=f"{key}.{file.name[-(LONGEST_NAME - len(key) - 1) :]}") for key, file in files.items()
+    }
+    return settings | renamed
