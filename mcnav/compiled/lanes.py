@@ -10,6 +10,10 @@ from mcnav.compiled.jit import inlined
 
 TURNS_PER_RADIAN: Final = 0.5 / np.pi
 
+SMALLEST_COMPONENT: Final = 0.3
+"""A sample whose indicated position, resolved along the reference, falls below this share of the reference's radius has
+left the kernel's validity: the shared grid is too coarse for its gravity, and its range angle could wrap."""
+
 
 @inlined
 def half_turn(angle: float) -> tuple[float, float]:

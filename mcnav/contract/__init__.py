@@ -1,1 +1,4 @@
-"""What rooms exchange: quantities, samples, linear systems, engines, scenarios. It imports nothing of the other rooms."""
+"""What rooms exchange: quantities, samples, linear systems, engines, scenarios.
+
+It imports nothing of the other rooms.
+"""

@@ -8,7 +8,7 @@ from typing import Final
 
 from mcnav.entries.context import EarlierFile, FileContext
 from mcnav.entries.inputs import InputFile, identify_file, safe_name
-from mcnav.systems.user.settings import SettingError, display
+from mcnav.entries.values import SettingError, display
 
 FILE: Final = re.compile(r"[^\x00-\x1f\x7f]{1,200}")
 """Path of a file in a setting."""

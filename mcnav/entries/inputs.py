@@ -40,6 +40,10 @@ _IGNORED_PART: Final = re.compile(r"__pycache__|\.cache|\.matplotlib|.*\.(?:egg|
 _IGNORED_SUFFIX: Final = frozenset({".py", ".pyc", ".pyi", ".so", ".pyd", ".dll", ".nbi", ".nbc", ".pth"})
 
 
+INPUTS: Final = "inputs"
+"""Folder of a run with copies of the files that its scenario reads."""
+
+
 @dataclass(frozen=True)
 class InputFile:
     """A file and its content at one time.

@@ -11,9 +11,6 @@ from mcnav.entries.inputs import InputFile
 from mcnav.errors import RunFolderError
 from mcnav.store.manifest import FileRecord
 
-INPUTS: Final = "inputs"
-"""Folder of a run with copies of the files that its scenario reads."""
-
 LARGEST_COPY: Final = 1_000_000
 """Bytes of a file that is copied; of a larger one only the digest is stored."""
 

@@ -28,7 +28,7 @@ import pyarrow as pa
 from mcnav._recent import Recent
 from mcnav._types import Array
 from mcnav.contract.history import NOMINAL_FLIGHT, History, Panel
-from mcnav.entries.inputs import InputFile
+from mcnav.entries.inputs import INPUTS, InputFile
 from mcnav.errors import RunFolderBusy, RunFolderError
 from mcnav.files import (
     arrow_table,
@@ -52,7 +52,7 @@ from mcnav.store.chunk_files import (
     table_from,
 )
 from mcnav.store.histories import first_histories
-from mcnav.store.inputs import INPUTS, LARGEST_COPY
+from mcnav.store.inputs import LARGEST_COPY
 from mcnav.store.manifest import FileRecord, Manifest, ManifestError, json_digest
 from mcnav.systems.histories import check_history
 

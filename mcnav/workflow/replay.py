@@ -17,6 +17,7 @@ from mcnav.contract.quantities import Output
 from mcnav.contract.samples import SimulationResult
 from mcnav.contract.scenario import Replayable, ScenarioError, StochasticScenario
 from mcnav.entries.context import EarlierFile
+from mcnav.entries.inputs import INPUTS
 from mcnav.errors import CampaignError, Problem, RunFolderError, reading_file, shortened
 from mcnav.execution.chunks import DrawPlan
 from mcnav.execution.identity import chunk_digest, identity_of
@@ -34,7 +35,6 @@ from mcnav.store.chunk_files import (
     tracebacks_in,
     verify_chunk,
 )
-from mcnav.store.inputs import INPUTS
 from mcnav.store.manifest import Manifest
 from mcnav.store.run_folder import CAMPAIGN, MANIFEST, RunFolder
 from mcnav.store.summaries import STORED_ROWS, SUMMARY, summary_chunk

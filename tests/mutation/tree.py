@@ -24,7 +24,7 @@ def copy_tree(to: Path) -> None:
         if (ROOT / name).is_file():
             (to / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(ROOT / name, to / name)
-    jit = to / "mcnav" / "physics" / "jit.py"
+    jit = to / "mcnav" / "compiled" / "jit.py"
     source = jit.read_text()
     assert source.count(STAMPED) == 1, "the stamp of compiled code is made in another way"
     jit.write_text(source.replace(STAMPED, "stored._source_stamp = ('mutants',)"))

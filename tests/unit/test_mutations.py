@@ -70,7 +70,7 @@ def test_a_seed_chooses_the_same_mutants() -> None:
 
 def test_compiled_code_that_holds_a_definition_is_found_through_its_callers() -> None:
     """Gravitation is part of the steps of both ensembles; a check of rows is part of nothing compiled."""
-    references = read_references(ROOT, ("mcnav/physics/ins",))
+    references = read_references(ROOT, ("mcnav/systems/ins",))
     after = references.compiled_after(("mcnav/systems/ins/earth.py", "gravitation"))
     assert ("mcnav/systems/ins/ensemble/free.py", "_run") in after
     assert ("mcnav/systems/ins/ensemble/aided.py", "_run") in after

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import keyword
 import re
+from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
 from typing import Final
@@ -14,12 +15,22 @@ from mcnav.files import write_whole
 DIRECTIVES: Final = "#:schema ./mcnav.schema.json\n#:tombi schema.strict = false\n\n"
 """First lines of a campaign file: the schema for editors; tombi is not to refuse keys that it finds in no branch."""
 
+TEMPLATES: Final[Mapping[str, str]] = {
+    "reentry": "systems/reentry/template.toml",
+    "cruise": "systems/steady/cruise.toml",
+    "hover": "systems/steady/hover.toml",
+}
+"""Templates of campaigns by type of scenario."""
+
+USERS: Final = "systems/user/templates"
+"""Templates of systems of the user."""
+
 _NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,60}")
 
 
-def fill_in(name: str, changes: dict[str, str]) -> str:
-    """Read a template and replace its placeholders."""
-    text = files("mcnav.config.templates").joinpath(name).read_text(encoding="utf-8")
+def fill_in(template: str, changes: dict[str, str]) -> str:
+    """Read a template, a file of the package, and replace its placeholders."""
+    text = files("mcnav").joinpath(template).read_text(encoding="utf-8")
     for before, after in changes.items():
         text = text.replace(before, after)
     return text
@@ -60,7 +71,7 @@ def new_campaign(name: str, folder: Path, kind: str) -> list[Path]:
     Raises `CampaignError` when the name cannot be used, or the file exists.
     """
     _check_name(name)
-    return write_new(folder, {f"{name}.toml": fill_in(f"{kind}.toml", {"NAME": name})})
+    return write_new(folder, {f"{name}.toml": fill_in(TEMPLATES[kind], {"NAME": name})})
 
 
 def new_scenario(name: str, folder: Path, stochastic: bool = False) -> list[Path]:
@@ -76,4 +87,4 @@ def new_scenario(name: str, folder: Path, stochastic: bool = False) -> list[Path
         f"{name}.toml": f"{template}.toml",
         f"test_{name}.py": f"test_{template}.py.txt",
     }
-    return write_new(folder, {file: fill_in(text, changes) for file, text in contents.items()})
+    return write_new(folder, {file: fill_in(f"{USERS}/{text}", changes) for file, text in contents.items()})

@@ -31,6 +31,8 @@ from mcnav.units import quantity
 
 Platform = Literal["strapdown", "inertial", "level"]
 
+TEMPLATES: Final = "systems/ins/templates"
+
 COMMENT: Final = 36
 """Column of the comments."""
 
@@ -198,7 +200,7 @@ def _find_unit(name: str) -> CatalogueUnit:
 
 def _segments(name: str) -> Flight:
     """Return the flight of the template."""
-    text = fill_in("segments.toml", {})
+    text = fill_in(f"{TEMPLATES}/segments.toml", {})
     context = FileContext(name, Path())
     built = read_trajectory(tomllib.loads(text)["scenario"]["trajectory"], WGS84, context)
     if built is None:
@@ -237,7 +239,7 @@ def _campaign(stem: str, unit: CatalogueUnit, wanted: NewIns, flight: Flight) ->
     times = {"FIRST": _time(np.ceil(flight.first * 1e3) / 1e3), "END": end}
     times |= {"MIDDLE": _time(flight.at(0.4)), "LATER": _time(flight.at(0.6))}
     text = fill_in(
-        "ins.toml",
+        f"{TEMPLATES}/ins.toml",
         {
             "NAME": stem,
             "SAMPLES": "200" if wanted.aids else "2_000",
@@ -254,10 +256,10 @@ def _campaign(stem: str, unit: CatalogueUnit, wanted: NewIns, flight: Flight) ->
         },
     )
     for aid in wanted.aids:
-        text += fill_in(f"aid_{aid}.toml", {**_instants(aid, flight), **times})
+        text += fill_in(f"{TEMPLATES}/aid_{aid}.toml", {**_instants(aid, flight), **times})
     if wanted.aids:
-        text += fill_in("filter.toml", _states(unit, wanted.aids))
-    return _aligned(text + fill_in("requirement.toml", times))
+        text += fill_in(f"{TEMPLATES}/filter.toml", _states(unit, wanted.aids))
+    return _aligned(text + fill_in(f"{TEMPLATES}/requirement.toml", times))
 
 
 def _time(seconds: float) -> str:

@@ -30,8 +30,7 @@ from scipy.integrate import DOP853
 
 from mcnav._types import Array, IndexArray
 from mcnav.compiled.jit import compiled, inlined
-from mcnav.compiled.lanes import half_turn
-from mcnav.systems.reentry.ensemble.kernel import SMALLEST_COMPONENT
+from mcnav.compiled.lanes import SMALLEST_COMPONENT, half_turn
 from mcnav.systems.steady.truth import Error, SteadyFlight
 
 LANES: Final = 64
@@ -258,7 +257,7 @@ def simulate_ensemble(flight: SteadyFlight, errors: Array, steps: int) -> tuple[
     outcome : ndarray, shape (n, 6)
         Altitude, range, cross range and their rates: m, m/s.
     valid : ndarray of bool, shape (n,)
-        False for a sample that came within `mcnav.systems.reentry.ensemble.kernel.SMALLEST_COMPONENT` of where the
+        False for a sample that came within `mcnav.compiled.lanes.SMALLEST_COMPONENT` of where the
         shared grid is too coarse and angles could wrap, or that is not finite: fly it on the reference path.
     """
     histories, valid = simulate_histories(flight, errors, steps, np.array([steps]))

@@ -17,8 +17,9 @@ import numpy as np
 
 from mcnav.contract.scenario import ScenarioError
 from mcnav.entries.inputs import InputFile
+from mcnav.entries.values import SettingError, display
 from mcnav.systems.sample_loop import format_exception
-from mcnav.units import UnitError, conversion, printable, quantity
+from mcnav.units import UnitError, conversion, quantity
 
 WORDS: Final[Mapping[type, str]] = {str: "text in quotes", bool: "true or false", int: "a whole number"}
 LISTS: Final[Mapping[type, str]] = {
@@ -45,14 +46,6 @@ class Vector:
 
 
 Value = float | Plain | Vector | tuple[Plain, ...] | InputFile
-
-
-class SettingError(ValueError):
-    """A value of the wrong type; ``entry`` is its index in a list."""
-
-    def __init__(self, message: str, entry: int | None = None) -> None:
-        super().__init__(message)
-        self.entry = entry
 
 
 def settings_of(kind: type) -> Mapping[str, Declared]:
@@ -125,13 +118,6 @@ def _read_one(value: object, declared: Kind) -> float | Plain:
     if isinstance(value, int) and abs(value) > LARGEST:
         raise SettingError(f"got a number beyond {LARGEST}; expected {WORDS[declared]}")
     return value  # type: ignore[return-value]
-
-
-def display(value: object) -> str:
-    """Format a value as TOML writes it, shortened to fit a line."""
-    if isinstance(value, (list, dict)):
-        return "a list" if isinstance(value, list) else "a table"
-    return printable(str(value).lower() if isinstance(value, bool) else repr(value))
 
 
 def to_argument(value: Value) -> object:

@@ -1,4 +1,6 @@
-"""User-defined scenarios with noise, with errors over time, or with a filter of their own; see `mcnav.systems.user.scenario`.
+"""User-defined scenarios with noise, with errors over time, or with a filter of their own.
+
+See `mcnav.systems.user.scenario`.
 
 ``fly(self, errors, noise)`` of the class takes a generator, from which it draws all that is random. The linear outcome
 of a sample has the same noise: by ``fly_linear(self, errors, noise)`` of the class, or by differences of ``fly`` with

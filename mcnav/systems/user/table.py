@@ -16,14 +16,14 @@ from pydantic import ConfigDict, Field
 from mcnav.contract.scenario import ScenarioError
 from mcnav.entries.context import FileContext
 from mcnav.entries.files import OUTSIDE, is_inside, read_file, why_unreadable
-from mcnav.entries.inputs import LONGEST_NAME, InputFile
+from mcnav.entries.inputs import INPUTS, LONGEST_NAME, InputFile
 from mcnav.entries.quantities import Table
+from mcnav.entries.values import SettingError
 from mcnav.errors import suggestion
 from mcnav.files import read_whole
-from mcnav.store.inputs import INPUTS
 from mcnav.systems.description import ScenarioSpec
 from mcnav.systems.user.code import SourceFile, UserScenarioSpec
-from mcnav.systems.user.settings import Declared, SettingError, Value, read_value, settings_of
+from mcnav.systems.user.settings import Declared, Value, read_value, settings_of
 from mcnav.systems.user.stochastic_scenario import user_scenario
 
 CLASS_IN_FILE: Final = re.compile(r"(?P<file>[^\x00-\x1f\x7f:]{1,200}\.py):(?P<name>[A-Za-z_][A-Za-z0-9_]{0,100})")

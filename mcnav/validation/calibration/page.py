@@ -67,7 +67,7 @@ MARKS: Final = {
 
 
 def render(table: pd.DataFrame, trials: int) -> str:
-    """Render the page from a table of `mcnav.validation.calibration.table.rates`, with ``trials`` campaigns of each kind."""
+    """Render the page from a table of rates, with ``trials`` campaigns of each kind."""
     groups = table["system"].map(_group)
     picked = {key: table[(groups == key[0]) & (table["kind"] == key[1])] for key in TITLES}
     sections = [_section(own, *key, TITLES[key]) for key, own in picked.items() if len(own)]

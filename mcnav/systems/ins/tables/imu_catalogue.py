@@ -99,7 +99,8 @@ class CatalogueUnit:
 @cache
 def catalogue_units() -> tuple[CatalogueUnit, ...]:
     """Read the catalogue in its order: grades first."""
-    content = tomllib.loads(files("mcnav.config").joinpath("imu_catalogue.toml").read_text(encoding="utf-8"))
+    text = files("mcnav.systems.ins.tables").joinpath("imu_catalogue.toml").read_text(encoding="utf-8")
+    content = tomllib.loads(text)
     return tuple(
         CatalogueUnit(unit["name"], unit["title"], tuple(_values(unit, content["sources"]))) for unit in content["unit"]
     )

@@ -27,9 +27,9 @@ import numpy as np
 from mcnav._recent import Recent
 from mcnav.entries.context import FileContext
 from mcnav.entries.files import read_file
-from mcnav.entries.inputs import InputFile
+from mcnav.entries.inputs import INPUTS, InputFile
 from mcnav.entries.validation import validate
-from mcnav.store.inputs import INPUTS
+from mcnav.entries.values import SettingError
 from mcnav.systems.ins.earth import Earth
 from mcnav.systems.ins.tables.segments import read_segment
 from mcnav.systems.ins.tables.trajectory_file import LARGEST_FILE, read_trajectory_file
@@ -42,7 +42,6 @@ from mcnav.systems.ins.truth.trajectory import Truth
 from mcnav.systems.reentry.table_i import TABLE_I, start_state
 from mcnav.systems.reentry.truth import fly_truth
 from mcnav.systems.reentry.vehicle import Vehicle
-from mcnav.systems.user.settings import SettingError
 
 _RECENT: Final = Recent[tuple[Truth, TrajectoryRows]](most=2)
 """Trajectories of the campaigns read last, which variations of a campaign share."""

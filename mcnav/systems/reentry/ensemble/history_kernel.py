@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.compiled.jit import compiled, reduced_math
+from mcnav.compiled.lanes import SMALLEST_COMPONENT
 from mcnav.constants import EARTH_RADIUS
 from mcnav.contract.power_sums import PowerSums, sums_of
 from mcnav.systems.reentry.ensemble.grid import (
@@ -38,7 +39,6 @@ from mcnav.systems.reentry.ensemble.kernel import (
     LANES,
     REPORT_ROWS,
     ROWS,
-    SMALLEST_COMPONENT,
     UP_1,
     UP_2,
     UP_3,
@@ -222,7 +222,7 @@ def simulate_histories(grid: HistoryGrid, errors: Array) -> tuple[Array, Array]:
         Altitude, range, altitude rate, range rate: m, m/s (NASA TN D-1772, eq. 10).
     component : ndarray, shape (n,)
         Smallest component of the indicated position along the reference until the last stop: a sample below
-        `mcnav.systems.reentry.ensemble.kernel.SMALLEST_COMPONENT` has left the kernel's validity.
+        `mcnav.compiled.lanes.SMALLEST_COMPONENT` has left the kernel's validity.
     """
     errors = np.ascontiguousarray(errors, dtype=float)
     stored, component = np.empty((len(errors), len(grid.reference), 4)), np.empty(len(errors))

@@ -29,17 +29,13 @@ from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.compiled.jit import compiled
-from mcnav.compiled.lanes import angle_of_half, gravity_remainder, half_turn
+from mcnav.compiled.lanes import SMALLEST_COMPONENT, angle_of_half, gravity_remainder, half_turn
 from mcnav.constants import EARTH_RADIUS
 from mcnav.systems.reentry.ensemble.grid import MEMORY, Grid
 from mcnav.systems.reentry.instruments import Error
 
 LANES: Final = 128
 """Samples that go through the kernel side by side."""
-
-SMALLEST_COMPONENT: Final = 0.3
-"""A sample whose indicated position, resolved along the reference, falls below this share of the reference's radius has
-left the kernel's validity: the shared grid is too coarse for its gravity, and its range angle could wrap."""
 
 ROWS: Final = len(Error) + 1 + 2 * MEMORY
 """Rows of a block: the errors in the order of `Error`, with c in place of the initial conditions and the biases times

@@ -75,7 +75,7 @@ class Finding:
 
 
 def claims(figures: Mapping[str, pd.DataFrame]) -> list[Finding]:
-    """Examine the report's conclusions; ``figures`` are the tables of `mcnav.validation.reproduce.tn_d1772.curves` by name."""
+    """Examine the report's conclusions; ``figures`` are the tables of the curves by name."""
     return [
         linear_at_stated_errors(),
         linear_at_ten_times(),

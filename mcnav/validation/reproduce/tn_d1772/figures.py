@@ -1,4 +1,4 @@
-"""Figures 1 to 12 of NASA TN D-1772, and one more, drawn from their tables (`mcnav.validation.reproduce.tn_d1772.curves`)."""
+"""Figures 1 to 12 of NASA TN D-1772, and one more, drawn from their tables (`curves`)."""
 
 from __future__ import annotations
 
