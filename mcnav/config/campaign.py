@@ -14,13 +14,12 @@ from mcnav.config.start_times import StartTimesPlan
 from mcnav.config.stopping import StoppingRule
 from mcnav.contract.scenario import Scenario, ScenarioError
 from mcnav.entries.context import FileContext
-from mcnav.entries.inputs import InputFile
+from mcnav.entries.inputs import InputFile, SourceFile
 from mcnav.entries.validation import validate
 from mcnav.errors import CampaignError, Problem
 from mcnav.sampling.error_model import ErrorModel
 from mcnav.store.manifest import RequirementRecord
 from mcnav.store.run_folder import CAMPAIGN
-from mcnav.systems.user.code import SourceFile
 from mcnav.systems.user.scenario import UserScenario
 
 MOST_STORED: Final = 1_000_000_000

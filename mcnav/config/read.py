@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -27,11 +26,17 @@ from mcnav.sampling.error_model import CorrelationError, ErrorModel, JointError
 from mcnav.sampling.scipy_and_tables import EmpiricalDistribution
 from mcnav.store.manifest import RequirementRecord
 from mcnav.store.summaries import SUMMARY
-from mcnav.systems.ins.imu.instruments import CONSTANTS
 from mcnav.systems.ins.scenario import Ins
 from mcnav.systems.registry import SCENARIO_TYPES, USER, ScenarioSpec, scenario_type
-from mcnav.systems.user.scenario import UserScenario
 from mcnav.systems.user.stochastic_scenario import StochasticUserScenario
+
+FURTHER_TABLES: Final = {
+    "imu": "this scenario has no inertial measurement unit",
+    "aiding": "this scenario cannot be aided, which those of type ins can",
+    "filter": "this scenario cannot be aided, which those of type ins can",
+}
+"""Tables besides ``[scenario]`` that some types read, and what is wrong with one where the type does not."""
+
 
 UNNAMED: Final = "campaign"
 """Name of a campaign without a file, and of its file in messages."""
@@ -117,18 +122,16 @@ def parse_campaign(
         distributions = read_errors(expand_groups(content["errors"], sources), sources, context)
     sigmas = {} if described is None else described.sigmas
     for name in sigmas.keys() & distributions.keys():
-        other = "[imu]" if name in CONSTANTS else "[[aiding]]"
+        other = "another table" if described is None else described.tables[name]
         context.problem(f"errors.{name}", f"is given in {other} as well; keep one")
     distributions = {**{name: Normal(sigma) for name, sigma in sigmas.items()}, **distributions}
-    ins = described.scenario if described is not None and isinstance(described.scenario, Ins) else None
     if described is not None and _has_noise(described.scenario) and content.get("design") == "sobol":
         context.problem("design", "got 'sobol'; a net has no place for noise, so choose another design")
-    if "imu" in content and described is not None and ins is None:
-        context.problem("imu", "this scenario has no inertial measurement unit; leave it out")
-    if described is not None and ins is None:
-        for name in ("aiding", "filter"):
-            if name in content:
-                context.problem(name, "this scenario cannot be aided, which those of type ins can; leave it out")
+    if described is not None:
+        read = scenario_type(content["scenario"]["type"])
+        for name, why in FURTHER_TABLES.items():
+            if name in content and read is not None and name not in read.tables:
+                context.problem(name, f"{why}; leave it out")
     if table is None or sources is None:
         raise context.error()
 
@@ -162,12 +165,8 @@ def parse_campaign(
     if model is None or context.problems:
         raise context.error()
 
-    if ins is not None and described.filter is not None:
-        true = {
-            name: math.hypot(sigma, mean)
-            for name, sigma, mean in zip(model.names, model.standard_deviations, model.mean, strict=True)
-        }
-        scenario = ins.with_filter(described.filter.completed(model), true)
+    if described.complete is not None:
+        scenario = described.complete(model)
     columns = {
         source.name: stored_table(source, each)
         for source in sources
@@ -182,7 +181,7 @@ def parse_campaign(
         design=str(table.design),
         tolerance=table.tolerance,
         confidence=table.confidence,
-        scenario=scenario.with_sigmas(model.standard_deviations) if isinstance(scenario, UserScenario) else scenario,
+        scenario=scenario,
         errors=model,
         requirements=tuple(requirements),
         start_times=start_times,
@@ -250,7 +249,7 @@ def _resolve(content: Mapping[str, Any], table: CampaignTable, name: str, descri
         **({"store": table.store} if table.store != "samples" else {}),
         **({"sample_timeout": content["sample_timeout"]} if "sample_timeout" in content else {}),
         "scenario": dict(described.resolved),
-        **{key: content[key] for key in ("imu", "aiding", "filter") if key in content},
+        **{key: content[key] for key in FURTHER_TABLES if key in content},
         "errors": content["errors"],
         "correlations": content.get("correlations", []),
         **({"joint": content["joint"]} if table.joint else {}),

@@ -45,6 +45,19 @@ INPUTS: Final = "inputs"
 
 
 @dataclass(frozen=True)
+class SourceFile:
+    """Name and text of a user's Python file."""
+
+    file: str
+    text: str
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the text."""
+        return hashlib.sha256(self.text.encode()).hexdigest()
+
+
+@dataclass(frozen=True)
 class InputFile:
     """A file and its content at one time.
 

@@ -12,7 +12,7 @@ from importlib.metadata import version
 from typing import Any, Final
 
 from mcnav.contract.scenario import Scenario
-from mcnav.entries.inputs import InputFile
+from mcnav.entries.inputs import InputFile, SourceFile
 from mcnav.errors import RunFolderError, shortened
 from mcnav.execution.chunks import PROBES
 from mcnav.files import to_json
@@ -22,7 +22,6 @@ from mcnav.store.chunk_files import identities_in
 from mcnav.store.manifest import CodeRecord, Identity, json_digest
 from mcnav.store.run_folder import MANIFEST, RunFolder
 from mcnav.store.summaries import SLOW, SUMMARY, summary_chunk
-from mcnav.systems.user.code import SourceFile
 
 LIBRARIES: Final = ("numpy", "scipy", "numba", "pyarrow")
 CHUNKS: Final = 2

@@ -9,10 +9,9 @@ from typing import Any
 from mcnav.contract.quantities import Source
 from mcnav.contract.scenario import Scenario
 from mcnav.entries.context import FileContext
-from mcnav.entries.inputs import InputFile
+from mcnav.entries.inputs import InputFile, SourceFile
 from mcnav.entries.quantities import Table
-from mcnav.systems.ins.tables.filter import FilterPlan
-from mcnav.systems.user.code import SourceFile
+from mcnav.sampling.error_model import ErrorModel
 
 
 @dataclass(frozen=True)
@@ -29,8 +28,10 @@ class ScenarioSpec:
         Files that were read.
     sigmas : mapping of str to float
         Sigmas of normal sources that another table than ``[errors]`` gives, SI.
-    filter : FilterPlan, optional
-        Filter of the scenario, which lacks the statistics of ``[errors]``.
+    tables : mapping of str to str
+        The table that gives each of them, for messages.
+    complete : callable, optional
+        Returns the scenario with what it takes from the statistics of the errors, which are read after it.
     """
 
     scenario: Scenario
@@ -38,7 +39,8 @@ class ScenarioSpec:
     code: SourceFile | None = None
     inputs: tuple[InputFile, ...] = ()
     sigmas: Mapping[str, float] = field(default_factory=dict)
-    filter: FilterPlan | None = None
+    tables: Mapping[str, str] = field(default_factory=dict)
+    complete: Callable[[ErrorModel], Scenario] | None = None
 
 
 @dataclass(frozen=True)
@@ -52,10 +54,13 @@ class ScenarioType:
     read : callable
         Builds the scenario from the validated table, its entries as written and the context. Raises `ScenarioError`,
         or adds several mistakes to the context and returns None.
+    tables : tuple of str
+        Further tables of the file that it reads.
     sources : sequence of Source, optional
         Sources against which ``[errors]`` is checked when ``[scenario]`` itself is wrong.
     """
 
     table: type[Table]
     read: Callable[[Any, Mapping[str, Any], FileContext], ScenarioSpec | None]
+    tables: tuple[str, ...] = ()
     sources: Sequence[Source] | None = None

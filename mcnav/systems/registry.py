@@ -18,10 +18,10 @@ from mcnav.systems.steady.scenario import SOURCES as STEADY_SOURCES
 from mcnav.systems.user import table as user
 
 SCENARIO_TYPES: Final[Mapping[str, ScenarioType]] = {
-    "reentry": ScenarioType(reentry.ReentryTable, reentry.read_scenario, REENTRY_SOURCES),
-    "cruise": ScenarioType(steady.CruiseTable, steady.read_scenario, STEADY_SOURCES),
-    "hover": ScenarioType(steady.HoverTable, steady.read_scenario, STEADY_SOURCES),
-    "ins": ScenarioType(ins.InsTable, ins.read_scenario, INS_SOURCES),
+    "reentry": ScenarioType(reentry.ReentryTable, reentry.read_scenario, sources=REENTRY_SOURCES),
+    "cruise": ScenarioType(steady.CruiseTable, steady.read_scenario, sources=STEADY_SOURCES),
+    "hover": ScenarioType(steady.HoverTable, steady.read_scenario, sources=STEADY_SOURCES),
+    "ins": ScenarioType(ins.InsTable, ins.read_scenario, ("imu", "aiding", "filter"), INS_SOURCES),
 }
 """Scenario types by the ``type`` of ``[scenario]``."""
 

@@ -6,7 +6,6 @@ again when a file that they read has changed.
 
 from __future__ import annotations
 
-import hashlib
 import linecache
 import sys
 import types
@@ -16,7 +15,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Final, TypeVar
 
 from mcnav.contract.scenario import ScenarioError
-from mcnav.entries.inputs import InputFile, find_inputs, record_opened_files
+from mcnav.entries.inputs import InputFile, SourceFile, find_inputs, record_opened_files
 from mcnav.systems.sample_loop import format_exception
 from mcnav.systems.user.settings import Value, to_argument
 
@@ -24,27 +23,6 @@ CACHE_SIZE: Final = 32
 """Classes, and objects, that a process keeps."""
 
 Key = TypeVar("Key")
-
-
-@dataclass(frozen=True)
-class SourceFile:
-    """Name and text of a user's Python file."""
-
-    file: str
-    text: str
-
-    @property
-    def digest(self) -> str:
-        """SHA-256 of the text."""
-        return hashlib.sha256(self.text.encode()).hexdigest()
-
-    def load_class(self, name: str) -> type:
-        """Execute the file and return one of its classes.
-
-        Raises `ScenarioError` when the file cannot be executed, or has no such class.
-        """
-        kind: type = _load_class(self, name).value
-        return kind
 
 
 @dataclass(frozen=True)
@@ -122,6 +100,15 @@ class UserScenarioSpec:
     def declared(self) -> tuple[InputFile, ...]:
         """Files that settings name."""
         return tuple(value for _, value in self.settings if isinstance(value, InputFile))
+
+
+def load_class(code: SourceFile, name: str) -> type:
+    """Execute a file and return one of its classes.
+
+    Raises `ScenarioError` when the file cannot be executed, or has no such class.
+    """
+    kind: type = _load_class(code, name).value
+    return kind
 
 
 _classes: dict[tuple[SourceFile, str], Loaded] = {}

@@ -16,13 +16,13 @@ from pydantic import ConfigDict, Field
 from mcnav.contract.scenario import ScenarioError
 from mcnav.entries.context import FileContext
 from mcnav.entries.files import OUTSIDE, is_inside, read_file, why_unreadable
-from mcnav.entries.inputs import INPUTS, LONGEST_NAME, InputFile
+from mcnav.entries.inputs import INPUTS, LONGEST_NAME, InputFile, SourceFile
 from mcnav.entries.quantities import Table
 from mcnav.entries.values import SettingError
 from mcnav.errors import suggestion
 from mcnav.files import read_whole
 from mcnav.systems.description import ScenarioSpec
-from mcnav.systems.user.code import SourceFile, UserScenarioSpec
+from mcnav.systems.user.code import UserScenarioSpec, load_class
 from mcnav.systems.user.settings import Declared, Value, read_value, settings_of
 from mcnav.systems.user.stochastic_scenario import user_scenario
 
@@ -64,12 +64,15 @@ def read_scenario(table: UserTable, entries: Mapping[str, Any], context: FileCon
     if not is_inside(named["file"]):
         raise ScenarioError("type", f"got {table.type!r}; {OUTSIDE}")
     code = read_code(context.folder / named["file"])
-    settings = _read_settings(entries, settings_of(code.load_class(named["name"])), context)
+    settings = _read_settings(entries, settings_of(load_class(code, named["name"])), context)
     if settings is None:
         return None
     scenario = user_scenario(UserScenarioSpec(code, named["name"], tuple(settings.items())))
     files = {key: f"{INPUTS}/{value.name}" for key, value in settings.items() if isinstance(value, InputFile)}
-    return ScenarioSpec(scenario, {**entries, **files, "type": f"{code.file}:{named['name']}"}, code)
+    resolved = {**entries, **files, "type": f"{code.file}:{named['name']}"}
+    return ScenarioSpec(
+        scenario, resolved, code, complete=lambda errors: scenario.with_sigmas(errors.standard_deviations)
+    )
 
 
 def _read_settings(

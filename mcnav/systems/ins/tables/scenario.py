@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field
 
 from mcnav.entries.context import FileContext
 from mcnav.entries.quantities import AngularRate, Duration, GravitationalParameter, Length, Table
+from mcnav.sampling.error_model import ErrorModel
 from mcnav.systems.description import ScenarioSpec
 from mcnav.systems.ins.earth import WGS84, Earth
 from mcnav.systems.ins.imu.instruments import Imu
@@ -90,8 +93,21 @@ def read_scenario(table: InsTable, entries: Mapping[str, Any], context: FileCont
     defaults = {"platform": table.platform, "earth": "wgs84", "start": f"{start!r} s", "end": f"{end!r} s"}
     resolved = {**defaults, **entries, TRAJECTORY: trajectory.resolved}
     inputs = () if trajectory.file is None else (trajectory.file,)
-    sigmas = {**({} if sizes is None else sizes.sigmas), **aiding.sigmas}
-    return ScenarioSpec(scenario, resolved, inputs=inputs, sigmas=sigmas, filter=plan)
+    of_imu = {} if sizes is None else sizes.sigmas
+    tables = {**dict.fromkeys(of_imu, "[imu]"), **dict.fromkeys(aiding.sigmas, "[[aiding]]")}
+    complete = None if plan is None else partial(_with_filter, scenario, plan)
+    return ScenarioSpec(
+        scenario, resolved, inputs=inputs, sigmas={**of_imu, **aiding.sigmas}, tables=tables, complete=complete
+    )
+
+
+def _with_filter(scenario: Ins, plan: FilterPlan, errors: ErrorModel) -> Ins:
+    """Return the scenario with its filter, which may believe the statistics of all errors."""
+    true = {
+        name: math.hypot(sigma, mean)
+        for name, sigma, mean in zip(errors.names, errors.standard_deviations, errors.mean, strict=True)
+    }
+    return scenario.with_filter(plan.completed(errors), true)
 
 
 def _read_aiding(navigation: Navigation, context: FileContext) -> tuple[Aiding, FilterPlan | None]:
