@@ -21,9 +21,10 @@ from mcnav.contract.engine import Engine
 from mcnav.contract.failure import Failure, Reason
 from mcnav.contract.filter_record import FilterPrediction, FilterSchema
 from mcnav.contract.history import Epochs, History
-from mcnav.contract.linear import LinearModel, PartialsHistory
+from mcnav.contract.linear import LinearSystem
 from mcnav.contract.quantities import Output, Source
 from mcnav.contract.samples import Batch, SimulationResult
+from mcnav.contract.scenario import Capability
 from mcnav.sampling.distributions import Normal
 from mcnav.sampling.error_model import ErrorModel
 
@@ -53,10 +54,11 @@ class FilterThatBelieves:
 
     walk: float
     failing: frozenset[int] = frozenset()
-    filter_schema: FilterSchema | None = SCHEMA
+    filter: FilterSchema | None = SCHEMA
     parallel: str = "threads"
     chunk: int = 100
     accuracy: str = "exact"
+    noisy: bool = True
 
     @property
     def epochs(self) -> Epochs:
@@ -66,22 +68,24 @@ class FilterThatBelieves:
     def gain(self) -> float:
         return steady_variance(self.walk) / FIX
 
-    def simulate(self, batch: Batch) -> SimulationResult:
+    def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
         """The variance does not change; it is the same in every sample."""
+        if not noise:
+            return SimulationResult(batch.errors * (1.0 - self.gain) ** TIMES[-1])
         count, own, gain = len(batch.errors), steady_variance(self.walk), self.gain
         drawn = [
             np.random.Generator(np.random.Philox(key=[batch.seed, int(each)])).standard_normal((int(TIMES[-1]), 2))
             for each in batch.index
         ]
-        noise = np.stack(drawn) * np.sqrt([WALK, FIX])
+        given = np.stack(drawn) * np.sqrt([WALK, FIX])
         error, history = batch.errors[:, 0], np.empty((count, len(TIMES), 1))
         records = np.zeros((count, len(TIMES), SCHEMA.width))
         nis, lag, before, lags = np.zeros(count), np.zeros(count), None, 0
         for epoch, time in enumerate(TIMES):
             for second in range(int(TIMES[epoch - 1]) if epoch else 0, int(time)):
-                predicted = error + noise[:, second, 0]
-                whitened = (predicted - noise[:, second, 1]) / math.sqrt(own + self.walk + FIX)
-                error = (1.0 - gain) * predicted + gain * noise[:, second, 1]
+                predicted = error + given[:, second, 0]
+                whitened = (predicted - given[:, second, 1]) / math.sqrt(own + self.walk + FIX)
+                error = (1.0 - gain) * predicted + gain * given[:, second, 1]
                 nis = nis + whitened**2
                 if before is not None:
                     lag, lags = lag + whitened * before, lags + 1
@@ -100,10 +104,7 @@ class FilterThatBelieves:
         lost = [row for row, index in enumerate(batch.index) if int(index) in self.failing]
         values[lost] = history[lost] = records[lost] = np.nan
         failures = {row: Failure(Reason.STATED, "the filter diverged") for row in lost}
-        return SimulationResult(values, failures, 0, values, history, None if self.filter_schema is None else records)
-
-    def propagate(self, errors: Array) -> SimulationResult:
-        return SimulationResult(errors * (1.0 - self.gain) ** TIMES[-1])
+        return SimulationResult(values, failures, 0, values, history, None if self.filter is None else records)
 
 
 @dataclass(frozen=True)
@@ -118,6 +119,8 @@ class ScalarFilter:
     outputs: ClassVar = (Output("position", "m", "m"),)
     processes: ClassVar = (Output("walk", "m/sqrt(s)", "m/sqrt(s)"), Output("fix_noise", "m", "m"))
     engines: ClassVar = ("exact",)
+    can: ClassVar = frozenset({Capability.NOISE, Capability.FILTER, Capability.LINEAR_OVER_TIME})
+    noisy: ClassVar = True
 
     @property
     def filter_schema(self) -> FilterSchema | None:
@@ -135,20 +138,20 @@ class ScalarFilter:
     def engine(self, engine: str, probes: Array) -> Engine:
         return self._engine
 
-    def linear_model(self) -> LinearModel:
-        known = self.partials_history(0)
-        return LinearModel(known.partials[-1], np.zeros(1), {name: each[-1] for name, each in known.processes.items()})
+    def linear(self, times: Array | None = None) -> LinearSystem:
+        return self.linear_over_time(0)
 
-    def history(self) -> History:
+    def nominal(self) -> History:
         return History({LABEL: TIMES})
 
-    def partials_history(self, count: int) -> PartialsHistory:
+    def partials_history(self, count: int) -> LinearSystem:
         gain = self._engine.gain
         kept = (1.0 - gain) ** (2.0 * TIMES)
         added = (1.0 - kept) / (1.0 - (1.0 - gain) ** 2)
         processes = {"walk": (1.0 - gain) ** 2 * WALK * added, "fix_noise": gain**2 * FIX * added}
         partials = ((1.0 - gain) ** TIMES)[:, None, None]
-        return PartialsHistory(LABEL, TIMES, partials, {name: each[:, None, None] for name, each in processes.items()})
+        noise = {name: each[:, None, None] for name, each in processes.items()}
+        return LinearSystem(TIMES, partials, np.zeros((len(TIMES), 1)), noise, label=LABEL)
 
     def filter_prediction(self) -> FilterPrediction:
         own, count = steady_variance(self.walk), len(TIMES)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mcnav._types import Array, IndexArray
-from mcnav.contract.linear import LinearReadings
+from mcnav.contract.linear import LinearSystem
 from mcnav.lincov.covariance import propagated_variances
 
 
@@ -34,7 +34,7 @@ class LinearCovariance:
 
     Attributes
     ----------
-    readings : LinearReadings
+    readings : LinearSystem
     mean, covariance : ndarray, shapes (r, outputs) and (r, outputs, outputs)
         Moments of the errors, SI.
     sigma : ndarray, shape (r, outputs)
@@ -49,7 +49,7 @@ class LinearCovariance:
         Mean error that the mean of each source causes, of those that have one, by name.
     """
 
-    readings: LinearReadings
+    readings: LinearSystem
     mean: Array
     covariance: Array
     sigma: Array
@@ -71,7 +71,7 @@ class LinearCovariance:
 
 
 def covariance_over_time(
-    readings: LinearReadings, sources: tuple[str, ...], mean: Array, covariance: Array
+    readings: LinearSystem, sources: tuple[str, ...], mean: Array, covariance: Array
 ) -> LinearCovariance:
     """Propagate the moments of the sources, ``C(t) = P S P^T + sum Q_j``, and split its diagonal over causes.
 
@@ -92,7 +92,7 @@ def covariance_over_time(
         variances[name] = np.diagonal(added, axis1=1, axis2=2)
     total = correlations + sum(variances.values(), np.zeros(partials.shape[:2]))
     own = None if readings.own is None else np.sqrt(np.maximum(np.diagonal(readings.own, axis1=1, axis2=2), 0.0))
-    whole = sum(readings.processes.values(), partials @ covariance @ partials.swapaxes(1, 2))
+    whole = readings.covariance(covariance)
     sigma = np.sqrt(np.maximum(total, 0.0))
     means = {name: partials[:, :, number] * mean[number] for number, name in enumerate(sources) if mean[number]}
     return LinearCovariance(readings, partials @ mean, whole, sigma, own, variances, correlations, means)

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.analysis.linear_covariance import LinearCovariance
-from mcnav.contract.linear import LinearReadings
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from mcnav.errors import CampaignError, Problem
 from mcnav.sampling.error_model import ErrorModel
 from mcnav.store.manifest import RequirementRecord
 from mcnav.store.run_folder import CAMPAIGN
-from mcnav.systems.user.scenario import UserScenario
+from mcnav.systems.user.scenario import is_users
 
 MOST_STORED: Final = 1_000_000_000
 """Samples that can be stored one by one."""
@@ -89,7 +89,7 @@ class Campaign:
 
         Raises `CampaignError` when it cannot be linearized.
         """
-        if not isinstance(self.scenario, UserScenario):
+        if not is_users(self.scenario):
             return self.files
         try:
             return self.scenario.inputs()

@@ -17,7 +17,7 @@ from mcnav.config.start_times import read_start_times
 from mcnav.config.stopping import read_stopping_rule
 from mcnav.config.toml import load_file, load_mapping
 from mcnav.contract.quantities import Source
-from mcnav.contract.scenario import Scenario, ScenarioError, VariableStart
+from mcnav.contract.scenario import Scenario, ScenarioError, can_have_noise, has_start_times
 from mcnav.entries.context import EarlierFile, FileContext
 from mcnav.entries.validation import validate
 from mcnav.errors import CampaignError, Problem
@@ -26,9 +26,7 @@ from mcnav.sampling.error_model import CorrelationError, ErrorModel, JointError
 from mcnav.sampling.scipy_and_tables import EmpiricalDistribution
 from mcnav.store.manifest import RequirementRecord
 from mcnav.store.summaries import SUMMARY
-from mcnav.systems.ins.scenario import Ins
 from mcnav.systems.registry import SCENARIO_TYPES, USER, ScenarioSpec, scenario_type
-from mcnav.systems.user.stochastic_scenario import StochasticUserScenario
 
 FURTHER_TABLES: Final = {
     "imu": "this scenario has no inertial measurement unit",
@@ -125,7 +123,12 @@ def parse_campaign(
         other = "another table" if described is None else described.tables[name]
         context.problem(f"errors.{name}", f"is given in {other} as well; keep one")
     distributions = {**{name: Normal(sigma) for name, sigma in sigmas.items()}, **distributions}
-    if described is not None and _has_noise(described.scenario) and content.get("design") == "sobol":
+    if (
+        described is not None
+        and can_have_noise(described.scenario)
+        and described.scenario.noisy
+        and content.get("design") == "sobol"
+    ):
         context.problem("design", "got 'sobol'; a net has no place for noise, so choose another design")
     if described is not None:
         read = scenario_type(content["scenario"]["type"])
@@ -197,20 +200,13 @@ def parse_campaign(
 
 def _check_start_times(scenario: Scenario, axes: str, context: FileContext) -> None:
     """Refuse ``[start_times]`` where the start cannot be chosen."""
-    if not isinstance(scenario, VariableStart):
+    if not has_start_times(scenario):
         context.problem("start_times", "this scenario has no start times to choose from; leave it out")
         return
     try:
         scenario.check_start_axes(axes)
     except ScenarioError as wrong:
         context.problem("start_times.axes" if wrong.key == "axes" else "start_times", str(wrong))
-
-
-def _has_noise(scenario: Scenario) -> bool:
-    """Return whether the samples of a scenario have noise; a user's class is not asked for its covariance."""
-    if isinstance(scenario, StochasticUserScenario):
-        return scenario.noisy
-    return isinstance(scenario, Ins) and bool(scenario.processes)
 
 
 def _read_scenario(entries: Any, context: FileContext) -> tuple[ScenarioSpec | None, Sequence[Source] | None]:

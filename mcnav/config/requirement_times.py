@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from mcnav.config.schema import AcceptTable, CircularTable, QuantileTable
 from mcnav.contract.scenario import Scenario
 from mcnav.entries.context import FileContext
-from mcnav.systems.ins.scenario import Ins, Navigation
+from mcnav.systems.ins.scenario import Ins, Navigation, is_ins
 from mcnav.systems.ins.tables.instants import DECIMALS, same_times, seconds, within
 
 KEYS: Final = ("after", "during", "at")
@@ -61,7 +61,7 @@ def read_epochs(
     at = f"{key}.{given[0]}"
     if len(given) > 1:
         context.problem(key, f"has {' and '.join(given)}; expected one of them")
-    elif not isinstance(scenario, Ins):
+    elif not is_ins(scenario):
         context.problem(at, "needs a scenario of type ins; other requirements hold at the end")
     elif given[0] == "after":
         return _after(scenario.navigation, entry.after or 0.0, at, context)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Protocol, runtime_checkable
+from collections.abc import Callable
+from typing import Protocol, TypeGuard
+
+import numpy as np
 
 from mcnav._types import Array
 from mcnav.contract.filter_record import FilterSchema
@@ -12,11 +15,11 @@ from mcnav.contract.samples import Batch, SimulationResult
 
 
 class Engine(Protocol):
-    """One engine, ready to fly; it is sent to the workers and must survive pickling."""
+    """One engine, prepared; it is sent to the workers and must survive pickling."""
 
     @property
     def parallel(self) -> str:
-        """``threads`` when propagation runs free of the interpreter lock, else ``processes``."""
+        """``threads`` when it runs free of the interpreter lock, else ``processes``."""
 
     @property
     def chunk(self) -> int:
@@ -26,17 +29,24 @@ class Engine(Protocol):
     def accuracy(self) -> str:
         """Numerical error, in words for the report."""
 
-    def propagate(self, errors: Array) -> SimulationResult:
-        """Fly samples, shape (n, sources), SI."""
-
-
-@runtime_checkable
-class TimeHistoryEngine(Engine, Protocol):
-    """An engine that knows the errors of its samples not at the end alone, but throughout the flight."""
+    @property
+    def epochs(self) -> Epochs | None:
+        """Instants at which it knows the errors of its samples; none when it knows them at the end alone."""
 
     @property
-    def epochs(self) -> Epochs:
-        """When."""
+    def noisy(self) -> bool:
+        """Whether its samples have noise besides constant errors."""
+
+    @property
+    def filter(self) -> FilterSchema | None:
+        """Columns of the records of its samples' filters (`SimulationResult.filter_values`); none without a filter."""
+
+    def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
+        """Simulate samples, with their noise or without."""
+
+
+class HistoryEngine(Engine, Protocol):
+    """An engine that computes the errors at its epochs in a pass of their own, apart from the final ones."""
 
     def histories(self, errors: Array) -> Array:
         """Errors at every epoch, shape (n, m, outputs), SI; NaN for a sample that cannot be followed."""
@@ -45,22 +55,20 @@ class TimeHistoryEngine(Engine, Protocol):
         """Power sums over the samples that can be followed, at every epoch; nothing is kept of a single sample."""
 
 
-@runtime_checkable
-class StochasticEngine(Engine, Protocol):
-    """An engine whose samples have noise besides constant errors; `propagate` simulates without noise."""
-
-    @property
-    def epochs(self) -> Epochs:
-        """Instants of the histories."""
-
-    def simulate(self, batch: Batch) -> SimulationResult:
-        """Simulate samples with noise of their own: final errors, linear ones, and histories."""
+def has_histories(engine: Engine) -> TypeGuard[HistoryEngine]:
+    """Return whether an engine computes the errors at its epochs in a pass of their own."""
+    return engine.epochs is not None and hasattr(engine, "histories")
 
 
-@runtime_checkable
-class FilterEngine(StochasticEngine, Protocol):
-    """An engine whose samples have a filter each; `SimulationResult.filter_values` are its records."""
+def follows_samples(engine: Engine) -> bool:
+    """Return whether an engine returns the errors at its epochs with each sample (`SimulationResult.history`)."""
+    return engine.epochs is not None and not has_histories(engine)
 
-    @property
-    def filter_schema(self) -> FilterSchema | None:
-        """Columns of the records; none when there is no filter."""
+
+def without_noise(engine: Engine) -> Callable[[Array], SimulationResult]:
+    """Return the simulation of errors alone, shape (n, sources), SI."""
+
+    def simulate(errors: Array) -> SimulationResult:
+        return engine.simulate(Batch(np.arange(len(errors)), errors, 0), noise=False)
+
+    return simulate

@@ -1,4 +1,4 @@
-"""The linear system of a scenario: at its end, over its flight, and at any time."""
+"""The linear system of a scenario: errors as a linear function of the errors going in, and of noise."""
 
 from __future__ import annotations
 
@@ -6,64 +6,34 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+import numpy as np
+
 from mcnav._types import Array
 
-
-@dataclass(frozen=True)
-class LinearModel:
-    """Final errors as a linear function of the errors going in, ``nominal + partials @ errors``, and of noise.
-
-    Attributes
-    ----------
-    partials : ndarray, shape (outputs, sources)
-        SI units: the matrix P of NASA TN D-1772, eq. (13).
-    nominal : ndarray, shape (outputs,)
-        Final errors of a system without errors.
-    processes : mapping of str to ndarray, shape (outputs, outputs)
-        Covariance that each process of noise adds, by name.
-    """
-
-    partials: Array
-    nominal: Array
-    processes: Mapping[str, Array] = field(default_factory=dict)
+Update = Literal["before", "after"] | None
+"""Whether a reading is before or after an update of aiding that falls on its time; none without one."""
 
 
 @dataclass(frozen=True)
-class PartialsHistory:
-    """Partial derivatives of the errors at many times of one flight.
-
-    Attributes
-    ----------
-    label : str
-        What the times are, as ``name [unit]``.
-    times : ndarray, shape (n,)
-    partials : ndarray, shape (n, outputs, sources)
-        SI.
-    processes : mapping of str to ndarray, shape (n, outputs, outputs)
-        Covariance that each process of noise has added, by name.
-    """
-
-    label: str
-    times: Array
-    partials: Array
-    processes: Mapping[str, Array] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class LinearReadings:
-    """The linear system read out at some times, r of them, before or after updates of aiding.
+class LinearSystem:
+    """The linear system read out at rising times, r of them, the last being the end: ``nominal + partials @ errors``.
 
     Attributes
     ----------
     times : ndarray, shape (r,)
-        In the scenario's own time.
-    updates : tuple of str or None
-        ``before`` or ``after`` where an update falls on the time.
+        In the unit of the label.
     partials : ndarray, shape (r, outputs, sources)
+        SI: at each time the matrix P of NASA TN D-1772, eq. (13).
+    nominal : ndarray, shape (r, outputs), optional
+        Errors of a system without errors and noise; none where they are not known over time.
     processes : mapping of str to ndarray, shape (r, outputs, outputs)
-        Covariance that each process of noise has added, by name.
-    own : ndarray, shape (r, outputs, outputs), optional
-        Covariance that the navigator's filter states.
+        Covariance Q_j that each process of noise has added, by name.
+    updates : tuple of str or None
+        ``before`` or ``after`` where an update of aiding falls on the time.
+    own : ndarray, shape (r, k, k), optional
+        Covariance that the navigator's filter states, of k outputs.
+    own_outputs : tuple of int
+        Numbers of these outputs.
     label : str
         What the times are, as ``name [unit]``.
     believed : mapping of str to float
@@ -71,12 +41,47 @@ class LinearReadings:
     """
 
     times: Array
-    updates: tuple[Literal["before", "after"] | None, ...]
     partials: Array
+    nominal: Array | None = None
     processes: Mapping[str, Array] = field(default_factory=dict)
+    updates: tuple[Update, ...] = ()
     own: Array | None = None
+    own_outputs: tuple[int, ...] = ()
     label: str = "time [s]"
     believed: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not self.updates:
+            object.__setattr__(self, "updates", (None,) * len(self.times))
+
+    @classmethod
+    def at_end(
+        cls, partials: Array, nominal: Array, processes: Mapping[str, Array] | None = None, time: float = np.nan
+    ) -> LinearSystem:
+        """Return the system of the end alone: partials of shape (outputs, sources), and so on."""
+        noise = {name: each[None] for name, each in (processes or {}).items()}
+        return cls(np.array([time]), partials[None], nominal[None], noise)
+
+    @property
+    def end(self) -> LinearModel:
+        """The system at the end."""
+        last = {name: each[-1] for name, each in self.processes.items()}
+        nominal = np.zeros(self.partials.shape[1]) if self.nominal is None else self.nominal[-1]
+        return LinearModel(self.partials[-1], nominal, last)
+
+    def covariance(self, start: Array) -> Array:
+        """Compute ``P S P^T + sum Q_j`` at every time, shape (r, outputs, outputs), from the start covariance S."""
+        covariance = self.partials @ start @ self.partials.swapaxes(1, 2)
+        return np.asarray(sum(self.processes.values(), covariance))
+
+
+@dataclass(frozen=True)
+class LinearModel:
+    """One reading of a linear system; shapes as those of `LinearSystem` without the first axis."""
+
+    partials: Array
+    nominal: Array
+    processes: Mapping[str, Array] = field(default_factory=dict)
 
 
 @dataclass

@@ -1,15 +1,47 @@
-"""Interface of a scenario: a system whose error propagation is studied."""
+"""Interface of a scenario: a system whose error propagation is studied, and what only some can do."""
 
 from __future__ import annotations
 
-from typing import Protocol, runtime_checkable
+from enum import StrEnum
+from typing import Protocol, TypeGuard
 
 from mcnav._types import Array
 from mcnav.contract.engine import Engine
 from mcnav.contract.filter_record import FilterPrediction, FilterSchema
 from mcnav.contract.history import History, StartClock
-from mcnav.contract.linear import CovarianceReadings, LinearModel, LinearReadings, PartialsHistory, SharedTables
+from mcnav.contract.linear import CovarianceReadings, LinearSystem, SharedTables
 from mcnav.contract.quantities import Output, Source
+
+
+class Capability(StrEnum):
+    """What a scenario can do besides what every one can."""
+
+    NOISE = "noise"
+    """Its samples may have noise: they come with their linear outcome, and it names its processes."""
+
+    FILTER = "filter"
+    """It may have a filter, which states a covariance of its own."""
+
+    LINEAR_OVER_TIME = "linear over time"
+    """Its linear system is known throughout the flight."""
+
+    LINEAR_AT_ANY_TIME = "linear at any time"
+    """Its linear system can be read out at any time, before and after updates."""
+
+    COVARIANCE = "covariance"
+    """Its covariance is known at any time, for less than it takes by cause."""
+
+    START_TIMES = "start times"
+    """Its navigation may start at any time of its flight."""
+
+    REPLAY = "replay"
+    """It can show one sample from beginning to end."""
+
+    TRAJECTORY = "trajectory"
+    """It navigates along a trajectory that can be shown by itself."""
+
+    USER_CODE = "user code"
+    """It runs code that may end the process, and whose derivatives have to be examined."""
 
 
 class Scenario(Protocol):
@@ -25,21 +57,75 @@ class Scenario(Protocol):
 
     @property
     def engines(self) -> tuple[str, ...]:
-        """Names of the ways to fly, the default first."""
+        """Names of its engines, the default first."""
+
+    @property
+    def can(self) -> frozenset[Capability]:
+        """What it can do besides."""
 
     def engine(self, engine: str, probes: Array) -> Engine:
         """Prepare one engine; its accuracy is settled on probe samples, shape (n, sources)."""
 
-    def linear_model(self) -> LinearModel:
-        """Partial derivatives by the scenario's best method."""
+    def linear(self, times: Array | None = None) -> LinearSystem:
+        """Linearize about the truth: at the end, which is the last of the times.
 
-    def history(self) -> History:
+        Times, rising, s, may be given where it can be read out `LINEAR_AT_ANY_TIME`; `ScenarioError` outside of the
+        flight.
+        """
+
+    def nominal(self) -> History:
         """Return the truth over time."""
 
 
-@runtime_checkable
+class NoisyScenario(Scenario, Protocol):
+    """A scenario that can have `NOISE`."""
+
+    @property
+    def processes(self) -> tuple[Output, ...]:
+        """Processes of its noise, by name; none when it has none at present."""
+
+    @property
+    def noisy(self) -> bool:
+        """Whether it has noise at present."""
+
+
+class FilterScenario(Scenario, Protocol):
+    """A scenario that can have a `FILTER`."""
+
+    @property
+    def filter_schema(self) -> FilterSchema | None:
+        """Columns of a record; none when there is no filter at present."""
+
+    def filter_prediction(self) -> FilterPrediction | None:
+        """Compute what linear analysis says of the filter at the epochs; none when there is no filter."""
+
+
+class LinearOverTime(Scenario, Protocol):
+    """A scenario that is `LINEAR_OVER_TIME`."""
+
+    def linear_over_time(self, count: int) -> LinearSystem:
+        """Linearize at so many rising times, from the start to the end."""
+
+
+class LinearAtAnyTime(LinearOverTime, Protocol):
+    """A scenario that is `LINEAR_AT_ANY_TIME`."""
+
+    @property
+    def reading_times(self) -> Array:
+        """The scenario's epochs, the end last, s."""
+
+
+class CovarianceScenario(LinearAtAnyTime, Protocol):
+    """A scenario that knows its `COVARIANCE`."""
+
+    def covariance_readings(
+        self, times: Array, mean: Array, covariance: Array, shared: SharedTables
+    ) -> CovarianceReadings:
+        """Propagate mean and covariance of the sources to rising times, s; `ScenarioError` outside of the flight."""
+
+
 class VariableStart(Scenario, Protocol):
-    """A scenario whose navigation may start at any time of its flight."""
+    """A scenario with `START_TIMES`."""
 
     @property
     def start_clock(self) -> StartClock:
@@ -58,75 +144,67 @@ class VariableStart(Scenario, Protocol):
         """Partial derivatives for navigation started at each time, shape (n, outputs, sources)."""
 
 
-@runtime_checkable
 class NoisyStart(VariableStart, Protocol):
-    """A scenario with noise whose navigation may start at any time of its flight."""
+    """A scenario with `START_TIMES` and `NOISE`."""
 
     def noise_at(self, times: Array, axes: str) -> Array:
         """Covariance of the final errors from noise, for navigation started at each time, (n, outputs, outputs)."""
 
 
-@runtime_checkable
-class HasPartialsHistory(Protocol):
-    """A scenario that knows its partial derivatives not at the end alone, but throughout the flight."""
-
-    def partials_history(self, count: int) -> PartialsHistory:
-        """Partial derivatives at so many rising times, from the start to the end."""
-
-
-@runtime_checkable
-class HasLinearReadings(Protocol):
-    """A scenario whose linear system can be read out at any time."""
-
-    def linear_readings(self, times: Array | None) -> LinearReadings:
-        """Read the linear system out at rising times, s, or at the scenario's epochs; `ScenarioError` outside."""
-
-
-@runtime_checkable
-class HasCovarianceReadings(Protocol):
-    """A scenario whose covariance is known at any time, for less than it takes by cause."""
-
-    @property
-    def reading_times(self) -> Array:
-        """The scenario's epochs, the end last, s."""
-
-    def covariance_readings(
-        self, times: Array, mean: Array, covariance: Array, shared: SharedTables
-    ) -> CovarianceReadings:
-        """Propagate mean and covariance of the sources to rising times, s; `ScenarioError` outside of the flight."""
-
-
-@runtime_checkable
-class Replayable(Protocol):
-    """A scenario that can show one flight from beginning to end."""
+class Replayable(Scenario, Protocol):
+    """A scenario with `REPLAY`."""
 
     def simulate_one(self, errors: Array) -> History:
-        """One sample, shape (sources,), flown by the reference engine to its end, or to where it failed."""
+        """One sample, shape (sources,), by the reference engine to its end, or to where it failed."""
 
 
-@runtime_checkable
-class FilterScenario(Scenario, Protocol):
-    """A scenario that may have a filter."""
-
-    @property
-    def filter_schema(self) -> FilterSchema | None:
-        """Columns of a record; none when there is no filter."""
-
-    def filter_prediction(self) -> FilterPrediction | None:
-        """Compute what linear analysis says of the filter at the epochs; none when there is no filter."""
+def can_have_noise(scenario: Scenario) -> TypeGuard[NoisyScenario]:
+    """Return whether the samples of a scenario may have noise."""
+    return Capability.NOISE in scenario.can
 
 
-@runtime_checkable
-class StochasticScenario(Scenario, Protocol):
-    """A scenario with noise."""
+def can_have_filter(scenario: Scenario) -> TypeGuard[FilterScenario]:
+    """Return whether a scenario may have a filter."""
+    return Capability.FILTER in scenario.can
 
-    @property
-    def processes(self) -> tuple[Output, ...]:
-        """Processes of its noise, by name."""
+
+def is_linear_over_time(scenario: Scenario) -> TypeGuard[LinearOverTime]:
+    """Return whether the linear system is known throughout the flight."""
+    return Capability.LINEAR_OVER_TIME in scenario.can
+
+
+def is_linear_at_any_time(scenario: Scenario) -> TypeGuard[LinearAtAnyTime]:
+    """Return whether the linear system can be read out at any time."""
+    return Capability.LINEAR_AT_ANY_TIME in scenario.can
+
+
+def knows_covariance(scenario: Scenario) -> TypeGuard[CovarianceScenario]:
+    """Return whether the covariance is known at any time without that of each cause."""
+    return Capability.COVARIANCE in scenario.can
+
+
+def has_start_times(scenario: Scenario) -> TypeGuard[VariableStart]:
+    """Return whether navigation may start at any time."""
+    return Capability.START_TIMES in scenario.can
+
+
+def has_noisy_start_times(scenario: Scenario) -> TypeGuard[NoisyStart]:
+    """Return whether navigation with noise may start at any time."""
+    return {Capability.START_TIMES, Capability.NOISE} <= scenario.can
+
+
+def can_replay(scenario: Scenario) -> TypeGuard[Replayable]:
+    """Return whether one sample can be shown from beginning to end."""
+    return Capability.REPLAY in scenario.can
+
+
+def runs_user_code(scenario: Scenario) -> bool:
+    """Return whether a scenario runs code of the user's."""
+    return Capability.USER_CODE in scenario.can
 
 
 class ScenarioError(ValueError):
-    """A scenario that cannot be flown as described; `key` names the entry that would have to change."""
+    """A scenario that cannot be simulated as described; `key` names the entry that would have to change."""
 
     def __init__(self, key: str, message: str) -> None:
         super().__init__(message)

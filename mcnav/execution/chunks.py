@@ -12,7 +12,7 @@ import numpy as np
 
 from mcnav._threads import one_thread
 from mcnav._types import Array
-from mcnav.contract.engine import Engine, FilterEngine, StochasticEngine, TimeHistoryEngine
+from mcnav.contract.engine import Engine, has_histories
 from mcnav.contract.failure import Failure, Reason
 from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.power_sums import PowerSums
@@ -111,11 +111,13 @@ class SampleRange:
     end: int
 
 
-def simulate_batch(engine: Engine, timeout: float | None, outputs: int, batch: Batch) -> SimulationResult:
+def simulate_batch(
+    engine: Engine, timeout: float | None, outputs: int, batch: Batch, noise: bool = True
+) -> SimulationResult:
     """Simulate samples, with noise where the engine has any; what it raises fails only the samples that cause it."""
 
     def simulate(some: Batch) -> SimulationResult:
-        return engine.simulate(some) if isinstance(engine, StochasticEngine) else engine.propagate(some.errors)
+        return engine.simulate(some, noise)
 
     with time_limit(timeout):
         try:
@@ -159,7 +161,7 @@ def store(work: ChunkJob, place: SampleRange, results: Iterable[tuple[Array, Sim
     power_sums: PowerSums | None = None
     filter_sums: FilterSums | None = None
     followed: Array | None = None
-    schema = filter_schema_of(work.engine)
+    schema = work.engine.filter
     rows: list[tuple[Array, ...]] = []
     failures: dict[int, Failure] = {}
     tracebacks: dict[int, str] = {}
@@ -179,7 +181,7 @@ def store(work: ChunkJob, place: SampleRange, results: Iterable[tuple[Array, Sim
             piece = Summary.of(block_sums, len(errors), status)
             summary = piece if summary is None else summary + piece
         sums = None if result.history is None else sum_powers_about_zero(result.history)
-        if isinstance(work.engine, TimeHistoryEngine):
+        if has_histories(work.engine):
             sums = work.engine.history_sums(errors)
         if sums is not None:
             power_sums = sums if power_sums is None else power_sums + sums
@@ -214,11 +216,6 @@ def store(work: ChunkJob, place: SampleRange, results: Iterable[tuple[Array, Sim
         linear,
         filters,
     )
-
-
-def filter_schema_of(engine: Engine) -> FilterSchema | None:
-    """Return the columns of the records of an engine's filter; none when it has no filter."""
-    return engine.filter_schema if isinstance(engine, FilterEngine) else None
 
 
 def _final_filters(schema: FilterSchema | None, result: SimulationResult) -> Array:

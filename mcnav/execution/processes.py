@@ -12,7 +12,7 @@ import threading
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -21,9 +21,10 @@ from joblib.externals.loky import get_reusable_executor
 from joblib.externals.loky.process_executor import BrokenProcessPool, ProcessPoolExecutor
 
 from mcnav._subprocess import end_with_parent, interrupts_blocked
-from mcnav._types import Array
-from mcnav.contract.engine import Engine, StochasticEngine
+from mcnav.contract.engine import Engine
 from mcnav.contract.failure import Failure, Reason
+from mcnav.contract.filter_record import FilterSchema
+from mcnav.contract.history import Epochs
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.execution.chunks import (
     ChunkJob,
@@ -142,32 +143,6 @@ def _in_one_worker(task: Callable[..., Any], *arguments: Any) -> Any:
 
 
 @dataclass(frozen=True)
-class _WithoutNoise:
-    """An engine with noise, reduced to simulations without."""
-
-    engine: Engine
-
-    @property
-    def parallel(self) -> str:
-        """See `Engine`."""
-        return self.engine.parallel
-
-    @property
-    def chunk(self) -> int:
-        """See `Engine`."""
-        return self.engine.chunk
-
-    @property
-    def accuracy(self) -> str:
-        """See `Engine`."""
-        return self.engine.accuracy
-
-    def propagate(self, errors: Array) -> SimulationResult:
-        """Simulate samples, shape (n, sources)."""
-        return self.engine.propagate(errors)
-
-
-@dataclass(frozen=True)
 class IsolatedEngine:
     """An engine in a process of its own: when that dies, its samples have failed."""
 
@@ -190,21 +165,31 @@ class IsolatedEngine:
         """See `Engine`."""
         return self.engine.accuracy
 
-    def in_one(self, batch: Batch) -> SimulationResult | None:
+    @property
+    def epochs(self) -> Epochs | None:
+        """See `Engine`."""
+        return self.engine.epochs
+
+    @property
+    def noisy(self) -> bool:
+        """See `Engine`."""
+        return self.engine.noisy
+
+    @property
+    def filter(self) -> FilterSchema | None:
+        """See `Engine`."""
+        return self.engine.filter
+
+    def in_one(self, batch: Batch, noise: bool = True) -> SimulationResult | None:
         """Simulate samples; none when the process dies."""
-        outcomes = _in_one_worker(simulate_batch, self.engine, self.timeout, self.outputs, batch)
+        outcomes = _in_one_worker(simulate_batch, self.engine, self.timeout, self.outputs, batch, noise)
         return outcomes if isinstance(outcomes, SimulationResult) else None
 
-    def propagate(self, errors: Array) -> SimulationResult:
-        """Simulate samples without noise, shape (n, sources)."""
-        quiet = replace(self, engine=_WithoutNoise(self.engine)) if isinstance(self.engine, StochasticEngine) else self
-        return quiet.simulate(Batch(np.arange(len(errors)), errors, 0))
-
-    def simulate(self, batch: Batch) -> SimulationResult:
+    def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
         """Simulate samples."""
         _in_one_worker(_ready)  # starting the process takes time that is not the samples'
         began = time.monotonic()
-        result = self.in_one(batch)
+        result = self.in_one(batch, noise)
         if result is not None:
             return result
         failure = Failure.of(Reason.PROCESS_DIED)

@@ -6,12 +6,12 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.contract.engine import Engine
-from mcnav.contract.scenario import Scenario
+from mcnav.contract.scenario import Scenario, runs_user_code
 from mcnav.execution.chunks import DrawPlan
 from mcnav.systems.user.noise_soundness import find_unsettled_noise
-from mcnav.systems.user.scenario import UserScenario
+from mcnav.systems.user.scenario import is_users
 from mcnav.systems.user.soundness import Unsettled, find_unsettled
-from mcnav.systems.user.stochastic_scenario import StochasticUserScenario
+from mcnav.systems.user.stochastic_scenario import is_users_with_noise
 
 
 def exact_engine(scenario: Scenario, probes: Array, timeout: float | None) -> Engine:
@@ -21,7 +21,7 @@ def exact_engine(scenario: Scenario, probes: Array, timeout: float | None) -> En
 
 def isolated(scenario: Scenario, engine: Engine, timeout: float | None) -> Engine:
     """Run a user's code in a process of its own where it may end the process."""
-    if not (isinstance(scenario, UserScenario) and (engine.parallel == "processes" or timeout is not None)):
+    if not (runs_user_code(scenario) and (engine.parallel == "processes" or timeout is not None)):
         return engine
     from mcnav.execution.processes import IsolatedEngine  # a tenth of a second, which other scenarios do not need
 
@@ -43,14 +43,12 @@ def find_doubt(scenario: Scenario, draws: DrawPlan, tolerance: float, timeout: f
     ScenarioError
         When the scenario is not a function of the errors.
     """
-    if not isinstance(scenario, UserScenario):
+    if not is_users(scenario):
         return None
-    from mcnav.execution.processes import IsolatedEngine
-
     errors = draws.errors
     engine = exact_engine(scenario, draws.probes(), timeout)
     varied = np.asarray((errors.standard_deviations > 0.0) | (errors.mean != 0.0))
     doubt = find_unsettled(scenario, engine, varied, tolerance)
-    if doubt is None and isinstance(scenario, StochasticUserScenario) and isinstance(engine, IsolatedEngine):
+    if doubt is None and is_users_with_noise(scenario):
         doubt = find_unsettled_noise(scenario, engine, varied, tolerance)
     return doubt

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.contract.engine import Engine
+from mcnav.contract.engine import Engine, without_noise
 from mcnav.contract.scenario import Scenario
 from mcnav.lincov import higher_order
 from mcnav.lincov.partials import SimulationFailed, computed_or_reason, partials_by_differences, require_fast
@@ -39,7 +39,7 @@ def nonlinear_corrections(scenario: Scenario, engine: Engine, errors: ErrorModel
         ``unscented``, ``partials_differences``, ``second_order`` and ``higher_order``, each a table of arrays, or
         ``{"failed": reason}`` when a sample that it needs fails.
     """
-    propagate, mean, covariance = engine.propagate, errors.mean, errors.covariance
+    propagate, mean, covariance = without_noise(engine), errors.mean, errors.covariance
     sizes = np.array([source.nominal for source in scenario.sources])
 
     studies: dict[str, Callable[[], dict[str, Any]]] = {
@@ -72,7 +72,7 @@ def noise_corrections(
 
     def unscented() -> dict[str, Any]:
         afford(2 * directions + 1)
-        mean, covariance = unscented_covariance(engine.propagate, errors.mean, errors.covariance)
+        mean, covariance = unscented_covariance(without_noise(engine), errors.mean, errors.covariance)
         return {"mean": mean, "covariance": covariance + sum(processes.values(), np.zeros(covariance.shape))}
 
     def second_order() -> dict[str, Any]:
@@ -84,7 +84,7 @@ def noise_corrections(
 
 
 def _derivatives(engine: Engine, errors: ErrorModel) -> dict[str, Any]:
-    found = higher_order.second_order(engine.propagate, errors.mean, errors.covariance)
+    found = higher_order.second_order(without_noise(engine), errors.mean, errors.covariance)
     return {key: getattr(found, key) for key in ("mean_shift", "quadratic", "third_order", "skewness")}
 
 
@@ -113,7 +113,7 @@ def polynomial_moments(engine: Engine, errors: ErrorModel) -> dict[str, Any]:
                 f"with {sources} sources a polynomial of order {HIGHER_ORDER} has {terms:,} terms, more than "
                 f"{MOST_TERMS}"
             )
-        polynomial = fit(engine.propagate, errors.mean, errors.standard_deviations, HIGHER_ORDER)
+        polynomial = fit(without_noise(engine), errors.mean, errors.standard_deviations, HIGHER_ORDER)
     if not polynomial.error <= ROUGHEST:
         raise SimulationFailed(
             f"a polynomial of order {polynomial.order} is {polynomial.error:.2g} of the dispersion off the flights"

@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.contract.engine import Engine, TimeHistoryEngine
+from mcnav.contract.engine import Engine, HistoryEngine, without_noise
 from mcnav.contract.samples import SimulationResult
 from mcnav.contract.scenario import Scenario
 from mcnav.systems.timeouts import check_stopped
@@ -135,7 +135,7 @@ def _orthogonal(count: int) -> Array:
     return np.asarray(np.linalg.qr(np.random.default_rng(RUNS_SEED).standard_normal((count, count)))[0])
 
 
-def partials_throughout(engine: TimeHistoryEngine, sizes: Array) -> tuple[Array, Array]:
+def partials_throughout(engine: HistoryEngine, sizes: Array) -> tuple[Array, Array]:
     """Compute P at m epochs, shape (m, outputs, sources), and the nominal errors, shape (m, outputs).
 
     P is by central differences of histories; see `partials_by_differences`.
@@ -149,12 +149,12 @@ def partials_throughout(engine: TimeHistoryEngine, sizes: Array) -> tuple[Array,
 def partials_by(scenario: Scenario, method: str) -> Array:
     """Compute partial derivatives by one of `METHODS`, shape (outputs, sources), SI; see `compare_partials`."""
     if method == "variational":
-        return scenario.linear_model().partials
+        return scenario.linear().end.partials
     sizes = np.array([source.nominal for source in scenario.sources])
     fast, slow = scenario.engines[0], scenario.engines[-1]
     if method == "differences":
-        return partials_by_differences(scenario.engine(fast, np.diag(sizes)).propagate, sizes)
-    return partials_by_independent_sets(scenario.engine(slow, np.diag(sizes)).propagate, sizes)
+        return partials_by_differences(without_noise(scenario.engine(fast, np.diag(sizes))), sizes)
+    return partials_by_independent_sets(without_noise(scenario.engine(slow, np.diag(sizes))), sizes)
 
 
 def compare_partials(scenario: Scenario, methods: Sequence[str]) -> tuple[Array, dict[str, Array]]:

@@ -8,9 +8,11 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.contract.engine import Engine
-from mcnav.contract.samples import SimulationResult
-from mcnav.contract.scenario import Scenario, StochasticScenario
+from mcnav.contract.engine import Engine, without_noise
+from mcnav.contract.filter_record import FilterSchema
+from mcnav.contract.history import Epochs
+from mcnav.contract.samples import Batch, SimulationResult
+from mcnav.contract.scenario import Scenario, can_have_filter, can_have_noise
 from mcnav.lincov.polynomial import PolynomialMap, fitted_map
 
 TOLERANCE: Final = 1e-4
@@ -31,14 +33,18 @@ class PolynomialEngine:
     accuracy: str
     parallel: str = "threads"
     chunk: int = CHUNK
+    epochs: Epochs | None = None
+    noisy: bool = False
+    filter: FilterSchema | None = None
 
-    def propagate(self, errors: Array) -> SimulationResult:
-        """Simulate samples with errors of shape (n, sources)."""
+    def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
+        """Simulate samples."""
+        errors = batch.errors
         values, known = self.polynomial(errors)
         unknown = np.flatnonzero(~known)
         if len(unknown) == 0:
             return SimulationResult(values)
-        simulated = self.exact.propagate(errors[unknown])
+        simulated = without_noise(self.exact)(errors[unknown])
         values[unknown] = simulated.values
         failures = {int(unknown[row]): failure for row, failure in simulated.failures.items()}
         return SimulationResult(values, failures, len(unknown))
@@ -50,7 +56,7 @@ def fit_polynomial_engine(exact: Engine, mean: Array, standard_deviations: Array
     Raises `PolynomialFitError` when no polynomial meets `TOLERANCE`, and `SimulationFailed` when a sample that it
     needs fails.
     """
-    polynomial = fitted_map(exact.propagate, mean, standard_deviations, TOLERANCE)
+    polynomial = fitted_map(without_noise(exact), mean, standard_deviations, TOLERANCE)
     accuracy = (
         f"polynomial map of order {polynomial.order}, {len(polynomial.exponents)} terms fitted to "
         f"{polynomial.flights:,} flights; largest error on flights not fitted, drawn wider than the samples, "
@@ -60,8 +66,9 @@ def fit_polynomial_engine(exact: Engine, mean: Array, standard_deviations: Array
 
 
 def engine_names(scenario: Scenario) -> tuple[str, ...]:
-    """List the names of a scenario's engines, the default first; a polynomial knows no noise."""
-    return scenario.engines if isinstance(scenario, StochasticScenario) else (*scenario.engines, MAP)
+    """List the names of a scenario's engines, the default first; a polynomial knows neither noise nor filters."""
+    stochastic = can_have_noise(scenario) or can_have_filter(scenario)
+    return scenario.engines if stochastic else (*scenario.engines, MAP)
 
 
 def prepare_engine(scenario: Scenario, engine: str, probes: Array, mean: Array, standard_deviations: Array) -> Engine:

@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.contract.engine import Engine
+from mcnav.contract.engine import Engine, without_noise
 from mcnav.lincov.covariance import propagated_covariance
 from mcnav.lincov.partials import Propagate, computed_or_reason, require_fast, simulate_or_raise
 from mcnav.lincov.sobol import estimate_sobol_indices
@@ -52,11 +52,11 @@ def simulated_budgets(
 
     def alone() -> dict[str, Any]:
         require_fast(engine)
-        return simulate_each_source_alone(engine.propagate, partials, errors, design, seed, count)
+        return simulate_each_source_alone(without_noise(engine), partials, errors, design, seed, count)
 
     def sobol() -> dict[str, Any]:
         require_fast(engine)
-        return estimate_sobol_indices(engine.propagate, errors, seed)
+        return estimate_sobol_indices(without_noise(engine), errors, seed)
 
     return {"alone": computed_or_reason(alone), "sobol": computed_or_reason(sobol)}
 

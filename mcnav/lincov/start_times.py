@@ -9,7 +9,7 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.contract.history import StartClock
-from mcnav.contract.scenario import NoisyStart, VariableStart
+from mcnav.contract.scenario import VariableStart, has_noisy_start_times
 from mcnav.lincov.covariance import propagated_covariance
 
 
@@ -119,7 +119,7 @@ def study_start_times(
             for matrix, multiple in zip(partials, multiples, strict=True)
         ]
     )
-    noise = scenario.noise_at(times, axes) if isinstance(scenario, NoisyStart) else None
+    noise = scenario.noise_at(times, axes) if has_noisy_start_times(scenario) else None
     of_noise = None
     if noise is not None and noise.any():
         of_noise = np.diagonal(noise, axis1=1, axis2=2)

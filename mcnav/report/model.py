@@ -21,7 +21,7 @@ from mcnav.analysis.running_ratios import Convergence
 from mcnav.analysis.tails import Quantile
 from mcnav.analysis.variance_breakdown import VarianceBreakdown
 from mcnav.contract.history import History
-from mcnav.contract.linear import PartialsHistory
+from mcnav.contract.linear import LinearSystem
 from mcnav.contract.quantities import Output, Source, source_labels
 from mcnav.report.summary import summarise
 from mcnav.store.chunk_files import Samples
@@ -90,11 +90,13 @@ class RunAnalysis:
         return None if epochs is None else envelopes_from(*epochs, self.manifest.model.to_json()["outputs"])
 
     @property
-    def development(self) -> PartialsHistory | None:
+    def development(self) -> LinearSystem | None:
         """Partial derivatives over time."""
         record = self.manifest.model.development
         return (
-            None if record is None else PartialsHistory(record.label, record.times, record.partials, record.processes)
+            None
+            if record is None
+            else LinearSystem(record.times, record.partials, processes=record.processes, label=record.label)
         )
 
     @property

@@ -108,7 +108,7 @@ class Variable(Record):
 
 
 class PartialsRecord(Record):
-    """Partial derivatives at many times; see `mcnav.contract.linear.PartialsHistory`.
+    """Partial derivatives at many times; see `mcnav.contract.linear.LinearSystem`.
 
     ``processes`` are the variances that each process of noise has added, shape (n, outputs). ``covariance`` is the
     whole linear covariance, where it is not that of the sources alone, shape (n, outputs, outputs).

@@ -48,13 +48,12 @@ from mcnav.config.data_sheet import (
 from mcnav.config.overrides import Value, document_of, override
 from mcnav.config.read import Campaign, parse_campaign
 from mcnav.contract.linear import SharedTables
-from mcnav.contract.scenario import HasCovarianceReadings
+from mcnav.contract.scenario import can_have_filter, knows_covariance
 from mcnav.errors import CampaignError, Problem
 from mcnav.files import indented_json, to_json, write_texts
 from mcnav.progress import SILENT, Phase, Progress
 from mcnav.report import allocate as tables
 from mcnav.studies.lincov import linear_covariance
-from mcnav.systems.ins.scenario import Ins
 from mcnav.systems.ins.tables.imu_catalogue import INSTABILITY, KINDS
 
 FILE: Final = "allocate.json"
@@ -108,7 +107,7 @@ class _Variations:
     def closed_loop(self) -> bool:
         """Return whether a filter's gains depend on the numbers."""
         scenario = self.campaign.scenario
-        return isinstance(scenario, Ins) and scenario.navigation.filter is not None
+        return knows_covariance(scenario) and can_have_filter(scenario) and scenario.filter_schema is not None
 
     def judged(self, values: Mapping[str, Value]) -> tuple[LinearRequirement, ...] | None:
         """Judge the requirements by a linear answer with some keys set; none where the campaign is refused then."""
@@ -132,7 +131,7 @@ class _Variations:
                 self._tried[key] = None
                 return None
             scenario, errors = campaign.scenario, campaign.errors
-            if not isinstance(scenario, HasCovarianceReadings):
+            if not knows_covariance(scenario):
                 return self.judged(values)
             with one_thread():
                 found = scenario.covariance_readings(
@@ -288,7 +287,7 @@ def _rounded(alone: DataSheetNumber | None, factor: float, grows: bool) -> float
 
 def _search_grades(variations: _Variations, goal: tuple[int, ...], finer: bool) -> GradeSearch | None:
     """Search the fewest numbers of the unit to be moved by one grade of the catalogue; coarser ones one by one."""
-    if not isinstance(variations.campaign.scenario, Ins) or "imu" not in variations.content:
+    if "imu" not in variations.content:
         return None
     offered = [(number, next_grade(number, finer)) for number in variations.numbers]
     moves = [(number, graded) for number, graded in offered if graded is not None]

@@ -20,14 +20,13 @@ from mcnav.analysis.linear_filter import LinearVerdict, judge_filter
 from mcnav.analysis.linear_range import picked
 from mcnav.analysis.requirements import requirements_from
 from mcnav.config.read import Campaign, campaign_from
-from mcnav.contract.linear import LinearModel, LinearReadings
+from mcnav.contract.linear import LinearModel, LinearSystem
 from mcnav.contract.scenario import (
-    FilterScenario,
-    HasCovarianceReadings,
-    HasLinearReadings,
-    HasPartialsHistory,
     Scenario,
     ScenarioError,
+    can_have_filter,
+    is_linear_at_any_time,
+    is_linear_over_time,
 )
 from mcnav.errors import CampaignError, Problem
 from mcnav.execution.chunks import DrawPlan
@@ -35,7 +34,7 @@ from mcnav.execution.soundness import find_doubt
 from mcnav.files import indented_json, to_json, write_texts
 from mcnav.lincov.partials import SimulationFailed
 from mcnav.report.lincov_page import render
-from mcnav.systems.ins.scenario import Ins
+from mcnav.systems.ins.scenario import is_ins
 from mcnav.units import UnitError, quantity
 
 FILE: Final = "lincov.json"
@@ -83,8 +82,8 @@ def linear_covariance(campaign: str | Path | Campaign | Mapping[str, Any], times
             None if history is None else history.moments,
         )  # fmt: skip
         asked = None
-        if isinstance(scenario, HasLinearReadings) and times is not None:
-            asked = covariance_over_time(scenario.linear_readings(np.unique(times)), names, *moments)
+        if times is not None:
+            asked = covariance_over_time(scenario.linear(np.unique(times)), names, *moments)
         kind = str(described.resolved["scenario"]["type"])
         answer = LinearAnswer(
             described.name, scenario.sources, scenario.outputs, model, history, judged, asked, kind=kind
@@ -99,7 +98,7 @@ def linear_covariance(campaign: str | Path | Campaign | Mapping[str, Any], times
 
 def _judge_filter(answer: LinearAnswer, scenario: Scenario, campaign: Campaign) -> LinearVerdict | None:
     """Judge the filter at the epochs and at times that were asked for, within the range of linear analysis."""
-    schema = scenario.filter_schema if isinstance(scenario, FilterScenario) else None
+    schema = scenario.filter_schema if can_have_filter(scenario) else None
     if schema is None:
         return None
     known = [each for each in (answer.history, answer.asked) if each is not None]
@@ -127,7 +126,7 @@ def _scenario_errors(campaign: Campaign) -> Iterator[None]:
 def _check_times(campaign: Campaign, times: Array) -> None:
     """Refuse times outside of the navigation, and any for a scenario without a trajectory."""
     scenario = campaign.scenario
-    if not (isinstance(scenario, HasLinearReadings) and isinstance(scenario, HasCovarianceReadings)):
+    if not is_linear_at_any_time(scenario):
         message = "the scenario has no trajectory whose times could be named; leave out --at"
         raise CampaignError([Problem(campaign.file, "--at", message)])
     first, last = (float(time) for time in scenario.reading_times[[0, -1]])
@@ -145,23 +144,20 @@ def _check_soundness(campaign: Campaign) -> None:
         raise CampaignError([Problem(campaign.file, "scenario", str(doubt))])
 
 
-def _linearize(scenario: Scenario) -> tuple[LinearModel, LinearReadings | None]:
+def _linearize(scenario: Scenario) -> tuple[LinearModel, LinearSystem | None]:
     """Linearize a scenario at its end and, where it is known, over time: at the epochs of its requirements, if any."""
-    if isinstance(scenario, HasLinearReadings):
-        found = scenario.linear_readings(None)
-        last = {name: each[-1] for name, each in found.processes.items()}
-        return LinearModel(found.partials[-1], np.zeros(len(scenario.outputs)), last), found
-    linear = scenario.linear_model()
-    if not isinstance(scenario, HasPartialsHistory):
-        return linear, None
-    known = scenario.partials_history(HISTORY_POINTS)
-    own: Array | None = None
-    believed: dict[str, float] = {}
-    prediction = scenario.filter_prediction() if isinstance(scenario, FilterScenario) else None
-    if prediction is not None and np.array_equal(prediction.times, known.times):
-        own, believed = prediction.covariance, dict(prediction.believed)
-    updates = (None,) * len(known.times)
-    return linear, LinearReadings(known.times, updates, known.partials, known.processes, own, known.label, believed)
+    if is_linear_at_any_time(scenario):
+        system = scenario.linear(scenario.reading_times)
+        return system.end, system
+    end = scenario.linear().end
+    if not is_linear_over_time(scenario):
+        return end, None
+    system = scenario.linear_over_time(HISTORY_POINTS)
+    prediction = scenario.filter_prediction() if can_have_filter(scenario) else None
+    if prediction is not None and np.array_equal(prediction.times, system.times):
+        own = tuple(range(len(scenario.outputs)))
+        system = replace(system, own=prediction.covariance, own_outputs=own, believed=dict(prediction.believed))
+    return end, system
 
 
 def read_times(written: str) -> Array:
@@ -175,7 +171,7 @@ def read_times(written: str) -> Array:
 def write_lincov(campaign: Campaign, path: Path, times: Array | None = None) -> tuple[LinearAnswer, list[Path]]:
     """Write the linear covariance of a campaign as ``lincov.json`` and a page; see `linear_covariance`."""
     found, outages = linear_covariance(campaign, times), {}
-    if isinstance(campaign.scenario, Ins):
+    if is_ins(campaign.scenario):
         outages = {sensor.name: sensor.outages for sensor in campaign.scenario.navigation.sensors}
     files = {FILE: indented_json(to_json(lincov_table(found))) + "\n", PAGE: render(found, outages)}
     return found, write_texts(path, files)

@@ -13,6 +13,7 @@ from mcnav._types import Array
 from mcnav.analysis.comparison import Criterion, Model
 from mcnav.analysis.linearity import AloneRange, DispersionRange, alone, together
 from mcnav.config.read import Campaign
+from mcnav.contract.engine import without_noise
 from mcnav.contract.samples import SimulationResult
 from mcnav.errors import CampaignError, Problem
 from mcnav.execution.chunks import PROBES
@@ -65,13 +66,13 @@ def linearity_study(
     draws = errors.draw(campaign.design, campaign.seed, samples, 0, samples)
     sizes = np.where(errors.standard_deviations > 0.0, errors.standard_deviations, errors.mean)
     directions = np.vstack([np.diag(sizes), sizes])
-    linear = scenario.linear_model()
+    linear = scenario.linear().end
     if linear.processes and not sizes.any():
         message = "has noise and no constant errors, and the range of linearity is that of constant errors"
         raise CampaignError([Problem(campaign.file, "scenario", message)])
 
     def counted(probes: Array) -> Propagate:
-        propagate = scenario.engine(scenario.engines[0], probes).propagate
+        propagate = without_noise(scenario.engine(scenario.engines[0], probes))
 
         def propagate_and_count(errors: Array) -> SimulationResult:
             outcomes = propagate(errors)

@@ -13,9 +13,9 @@ from mcnav._threads import one_thread
 from mcnav._types import Array
 from mcnav.analysis.comparison import Comparison, Criterion, Model, compare
 from mcnav.config.read import Campaign
-from mcnav.contract.engine import Engine, StochasticEngine
+from mcnav.contract.engine import Engine
 from mcnav.contract.samples import Batch
-from mcnav.contract.scenario import ScenarioError, VariableStart
+from mcnav.contract.scenario import ScenarioError, VariableStart, has_start_times
 from mcnav.errors import CampaignError, Problem
 from mcnav.execution.chunks import PROBES
 from mcnav.files import write_texts
@@ -42,7 +42,7 @@ class StartTimesFound:
 
 
 def _scenario(campaign: Campaign, axes: str) -> VariableStart:
-    if not isinstance(campaign.scenario, VariableStart):
+    if not has_start_times(campaign.scenario):
         raise CampaignError([Problem(campaign.file, "scenario", "has no start times to choose from")])
     try:
         campaign.scenario.check_start_axes(axes)
@@ -85,7 +85,7 @@ def check_start_time(campaign: Campaign, time: float, axes: str) -> Comparison:
     draws = errors.draw(design, campaign.seed, plan.samples, 0, plan.samples) * multiples
     engine = started.engine(campaign.scenario.engines[0], draws[:PROBES])
     outcomes, linear_outcomes = _simulated(engine, Batch(np.arange(len(draws)), draws, campaign.seed))
-    linear = started.linear_model()
+    linear = started.linear().end
     covariance = errors.covariance * np.outer(multiples, multiples)
     model = Model(linear.partials, linear.nominal, errors.mean * multiples, covariance, linear.processes)
     sampling = SamplingDesign.of(design, plan.samples)
@@ -95,8 +95,8 @@ def check_start_time(campaign: Campaign, time: float, axes: str) -> Comparison:
 
 def _simulated(engine: Engine, batch: Batch) -> tuple[Array, Array | None]:
     """Simulate samples, by chunks and with their noise if they have any; return final errors and the linear ones."""
-    if not isinstance(engine, StochasticEngine):
-        return engine.propagate(batch.errors).values, None
+    if not engine.noisy:
+        return engine.simulate(batch).values, None
     values, linear = [], []
     for begin in range(0, len(batch.errors), engine.chunk):
         found = engine.simulate(batch[begin : begin + engine.chunk])
@@ -129,7 +129,7 @@ def write_start_times(
         for time in times:
             found[time] = check_start_time(campaign, time, study.axes)
             progress.advance(campaign.start_times.samples)
-        model = campaign.scenario.linear_model()
+        model = campaign.scenario.linear().end
         own = propagated_covariance(model.partials, campaign.errors.covariance)
         own = own + sum(model.processes.values(), np.zeros_like(own))
     progress.phase(Phase.REPORTING)

@@ -28,6 +28,7 @@ from mcnav.config.overrides import VariedCampaign
 from mcnav.config.read import Campaign
 from mcnav.config.sweep_values import POINTS, read_variables
 from mcnav.contract.quantities import Output
+from mcnav.contract.scenario import runs_user_code
 from mcnav.errors import CampaignError, Problem
 from mcnav.files import indented_json, write_texts
 from mcnav.progress import SILENT, Phase, Progress
@@ -35,7 +36,6 @@ from mcnav.report import sweep as report
 from mcnav.studies.confirmation import check_count, choose_points, confirm
 from mcnav.studies.lincov import linear_covariance
 from mcnav.studies.sweep_points import LinearPoints, campaign_requirements, in_threads
-from mcnav.systems.user.scenario import UserScenario
 
 JOBS: Final = 2
 
@@ -123,7 +123,7 @@ class _Study:
         self.outputs = described.scenario.outputs
         self.measures, self.times = _measures(described, plan)
         self.points = LinearPoints(self._varied, self.variables, self.measures, self.times)
-        self._jobs = 1 if isinstance(described.scenario, UserScenario) else plan.jobs  # a user's code may need it
+        self._jobs = 1 if runs_user_code(described.scenario) else plan.jobs  # a user's code may need it
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -150,7 +150,7 @@ class _Study:
         """Read the campaigns of the corners, and check the linear model of a user's own scenario there."""
         for point in product(*((float(each.values[0]), float(each.values[-1])) for each in self.variables)):
             campaign = self.points.campaign_at(point)
-            if isinstance(campaign.scenario, UserScenario):
+            if runs_user_code(campaign.scenario):
                 linear_covariance(campaign)
 
     def _just_met(self, margins: Array) -> tuple[JustMet, ...]:

@@ -20,10 +20,9 @@ from mcnav.analysis.sweep import Point, Variable
 from mcnav.config.overrides import Value, VariedCampaign
 from mcnav.config.read import Campaign
 from mcnav.contract.linear import CovarianceReadings, LinearModel, SharedTables
-from mcnav.contract.scenario import FilterScenario, HasCovarianceReadings, ScenarioError
+from mcnav.contract.scenario import ScenarioError, can_have_filter, knows_covariance, runs_user_code
 from mcnav.errors import CampaignError, Problem
 from mcnav.lincov.partials import SimulationFailed
-from mcnav.systems.user.scenario import UserScenario
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -165,7 +164,7 @@ def _readings(campaign: Campaign, at: Sequence[float], shared: SharedTables) -> 
         name = errors.names[int(np.argmin(np.isfinite(errors.standard_deviations)))]
         message = "has no finite variance, and a linear covariance needs that of every source"
         raise CampaignError([Problem(campaign.file, f"errors.{name}", message)])
-    if isinstance(scenario, HasCovarianceReadings):
+    if knows_covariance(scenario):
         epochs = scenario.reading_times
         for time in at:
             if not epochs[0] - 1e-9 <= time <= epochs[-1] + 1e-9:
@@ -184,19 +183,19 @@ def _readings(campaign: Campaign, at: Sequence[float], shared: SharedTables) -> 
         )
     linear = _linear_model(campaign, shared)
     model = Model(linear.partials, linear.nominal, errors.mean, errors.covariance, linear.processes)
-    prediction = scenario.filter_prediction() if isinstance(scenario, FilterScenario) else None
+    prediction = scenario.filter_prediction() if can_have_filter(scenario) else None
     own = None if prediction is None else prediction.covariance[-1:]
     return 0, CovarianceReadings(np.zeros(1), model.outcome_mean[None], model.outcome_covariance[None], own)
 
 
 def _linear_model(campaign: Campaign, shared: SharedTables) -> LinearModel:
     """Compute the linear model of a scenario, or take over that of the one before if it is the same."""
-    if isinstance(campaign.scenario, UserScenario):
-        return campaign.scenario.linear_model()  # its differences depend on the sizes of the errors
+    if runs_user_code(campaign.scenario):
+        return campaign.scenario.linear().end  # its differences depend on the sizes of the errors
     key = repr(campaign.resolved["scenario"])
     if isinstance(shared.tables, tuple) and shared.tables[0] == key:
         return shared.tables[1]  # type: ignore[no-any-return]
-    found = campaign.scenario.linear_model()
+    found = campaign.scenario.linear().end
     shared.tables = (key, found)
     return found
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -13,14 +13,20 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.analysis.comparison import Model
 from mcnav.analysis.linear_samples import doubt_noise
-from mcnav.contract.engine import Engine, FilterEngine, StochasticEngine, TimeHistoryEngine
+from mcnav.contract.engine import Engine, has_histories
 from mcnav.contract.filter_record import FilterPrediction, FilterSchema
 from mcnav.contract.history import Epochs, History
-from mcnav.contract.linear import PartialsHistory
 from mcnav.contract.quantities import Output, Source
-from mcnav.contract.scenario import FilterScenario, HasPartialsHistory, Scenario, ScenarioError, StochasticScenario
+from mcnav.contract.scenario import (
+    Scenario,
+    ScenarioError,
+    can_have_filter,
+    can_have_noise,
+    is_linear_over_time,
+    runs_user_code,
+)
 from mcnav.errors import CampaignError, Problem
-from mcnav.execution.chunks import DrawPlan, filter_schema_of
+from mcnav.execution.chunks import DrawPlan
 from mcnav.execution.processes import IsolatedEngine
 from mcnav.execution.soundness import exact_engine, find_doubt, isolated
 from mcnav.lincov.nonlinear_corrections import noise_corrections, nonlinear_corrections
@@ -48,8 +54,8 @@ from mcnav.store.manifest import (
 from mcnav.store.run_folder import EPOCHS, FILTER, HISTORIES
 from mcnav.store.totals import read_totals
 from mcnav.systems.user.soundness import LARGEST, SHARE, Unsettled
-from mcnav.systems.user.stochastic_engine import StochasticUserEngine
-from mcnav.systems.user.stochastic_scenario import NOISE, StochasticUserScenario
+from mcnav.systems.user.stochastic_engine import without_linear
+from mcnav.systems.user.stochastic_scenario import NOISE, is_users_with_noise
 
 DEVELOPMENT_POINTS: Final = 61
 """Times of the error budget's history, where the scenario has partial derivatives throughout the flight."""
@@ -100,7 +106,7 @@ class PreparedSystem:
             same = self.engine_name in (MAP, scenario.engines[0]) and np.array_equal(probes, draws.probes())
             return isolated(scenario, own, self.timeout) if same else exact_engine(scenario, probes, self.timeout)
 
-        if isinstance(scenario, StochasticScenario) and not _without_noise(scenario):
+        if can_have_noise(scenario):
             engine = isolated(scenario, self.engine, self.timeout)
             return noise_corrections(engine, draws.errors, self.model.processes or {}, draws.samples)
         with _scenario_errors(self.file):
@@ -113,7 +119,7 @@ class PreparedSystem:
     def doubt_samples(self, stored: Callable[[], Samples], tolerance: float) -> UnsettledRecord | None:
         """Test stored linear outcomes against the noise covariance that a user's class states; none without doubt."""
         scenario, model = self.scenario, self.model
-        if not (isinstance(scenario, StochasticUserScenario) and scenario.noisy and scenario.gives_noise_covariance):
+        if not (is_users_with_noise(scenario) and scenario.gives_noise_covariance):
             return None
         limit, samples = min(LARGEST, SHARE * tolerance), stored()
         known = np.isfinite(samples.outputs).all(axis=1)
@@ -132,11 +138,11 @@ class PreparedSystem:
         dict
             Content by file name; empty when the engine has no histories.
         """
-        engine, errors, outputs = _time_history_engine(self.engine), self.draws.errors, self.scenario.outputs
-        if isinstance(self.engine, StochasticEngine):
-            return self._noisy_epoch_tables(self.engine, folder, chunks)
-        if engine is None:
+        engine, errors, outputs = self.engine, self.draws.errors, self.scenario.outputs
+        if engine.epochs is None:
             return {}
+        if not has_histories(engine):
+            return self._tables_of_followed(engine, engine.epochs, folder, chunks)
         first = self.draws.draw(0, STORED)
         epochs, histories, own = engine.epochs, engine.histories(first), engine.history_sums(first)
         sums = read_totals(own.pivot, None, folder, chunks).power_sums or own
@@ -149,12 +155,13 @@ class PreparedSystem:
             HISTORIES: histories_table(epochs, outputs, histories),
         }
 
-    def _first_histories(self, engine: StochasticEngine) -> Array | None:
+    def _first_histories(self, engine: Engine, epochs: Epochs) -> Array | None:
         """Simulate the first samples again for their histories, shape (n, m, outputs); fewer of a user's class."""
-        if not isinstance(engine, StochasticUserEngine):
+        if not runs_user_code(self.scenario):
             return engine.simulate(self.draws.batch(0, STORED)).history
-        guarded = IsolatedEngine(replace(engine, linear=None), len(self.scenario.outputs), self.timeout)
-        histories = np.full((min(FOLLOWED, self.draws.samples), *engine.shape), np.nan)
+        outputs = len(self.scenario.outputs)
+        guarded = IsolatedEngine(without_linear(engine), outputs, self.timeout)
+        histories = np.full((min(FOLLOWED, self.draws.samples), len(epochs.times), outputs), np.nan)
         for begin in range(0, len(histories), engine.chunk):
             end = min(begin + engine.chunk, len(histories))
             found = guarded.simulate(self.draws.batch(begin, end)).history
@@ -162,15 +169,16 @@ class PreparedSystem:
                 histories[begin:end] = found
         return histories
 
-    def _noisy_epoch_tables(
-        self, engine: StochasticEngine, folder: Path, chunks: Sequence[ChunkFile]
+    def _tables_of_followed(
+        self, engine: Engine, epochs: Epochs, folder: Path, chunks: Sequence[ChunkFile]
     ) -> dict[str, bytes]:
-        errors, outputs, epochs = self.draws.errors, self.scenario.outputs, engine.epochs
-        schema, tables, columns = filter_schema_of(engine), {}, {}
+        """Tabulate what an engine has returned of its samples over time."""
+        errors, outputs = self.draws.errors, self.scenario.outputs
+        schema, tables, columns = engine.filter, {}, {}
         totals = read_totals(np.zeros((len(epochs.times), len(outputs))), schema, folder, chunks, histories=True)
         sums, histories = totals.power_sums, totals.first
-        if histories is None and len(epochs.times):
-            histories = self._first_histories(engine)
+        if histories is None:
+            histories = self._first_histories(engine, epochs)
         if schema is not None and totals.filter_sums is not None:
             means = FilterMeans.of(schema, totals.filter_sums)
             tables[FILTER] = filter_table(epochs, outputs, means)
@@ -178,10 +186,10 @@ class PreparedSystem:
         if sums is None or sums.count < FEWEST_FOLLOWED or histories is None:
             return tables
         tables[HISTORIES] = histories_table(epochs, outputs, histories)
-        if not isinstance(self.scenario, HasPartialsHistory):
+        if not is_linear_over_time(self.scenario):
             return tables
-        known = self.scenario.partials_history(len(epochs.times))
-        linear = known.partials @ errors.mean, _covariance_throughout(known, errors)
+        known = self.scenario.linear_over_time(len(epochs.times))
+        linear = known.partials @ errors.mean, known.covariance(errors.covariance)
         return {EPOCHS: epochs_table(epochs, outputs, sums, linear, histories, columns), **tables}
 
 
@@ -218,7 +226,7 @@ def prepare_system(
         if doubt is not None and not force:
             raise CampaignError([Problem(file, "scenario", str(doubt))])
         engine = prepare_engine(scenario, engine_name, probes, errors.mean, errors.standard_deviations)
-        model, history = _linear(scenario, errors, engine), scenario.history()
+        model, history = _linear(scenario, errors, engine), scenario.nominal()
     record = None if doubt is None else unsettled_record(doubt)
     return PreparedSystem(scenario, draws, engine, engine_name, model, history, record, timeout, file)
 
@@ -226,11 +234,6 @@ def prepare_system(
 def unsettled_record(doubt: Unsettled) -> UnsettledRecord:
     """Convert a doubt about the linear model to its record."""
     return UnsettledRecord(**{key: value for key, value in asdict(doubt).items() if (key, value) != ("noise", "")})
-
-
-def _without_noise(scenario: Scenario) -> bool:
-    """Return whether a scenario is a user's class with errors over time, but without noise."""
-    return isinstance(scenario, StochasticUserScenario) and not scenario.noisy
 
 
 @contextmanager
@@ -248,22 +251,21 @@ def _scenario_errors(file: str) -> Iterator[None]:
 
 def _linear(scenario: Scenario, errors: ErrorModel, engine: Engine) -> ModelRecord:
     """Compute the linear model, at the end and, where it is known, throughout the flight."""
-    linear = scenario.linear_model()
+    linear = scenario.linear().end
     optional: dict[str, Any] = {"processes": dict(linear.processes)} if linear.processes else {}
-    time_history_engine = _time_history_engine(engine)
-    if isinstance(scenario, HasPartialsHistory):
-        known = scenario.partials_history(DEVELOPMENT_POINTS)
+    if is_linear_over_time(scenario):
+        known = scenario.linear_over_time(DEVELOPMENT_POINTS)
         variances = {name: np.diagonal(each, axis1=1, axis2=2) for name, each in known.processes.items()}
         noise: dict[str, Any] = {}
         if variances:
-            noise = {"processes": variances, "covariance": _covariance_throughout(known, errors)}
+            noise = {"processes": variances, "covariance": known.covariance(errors.covariance)}
         optional["development"] = PartialsRecord(label=known.label, times=known.times, partials=known.partials, **noise)
-    elif time_history_engine is not None:
-        partials, _ = partials_throughout(time_history_engine, _sizes(scenario))
-        epochs = time_history_engine.epochs
+    elif has_histories(engine) and engine.epochs is not None:
+        partials, _ = partials_throughout(engine, _sizes(scenario))
+        epochs = engine.epochs
         optional["development"] = PartialsRecord(label=epochs.label, times=epochs.times, partials=partials)
-    if isinstance(engine, FilterEngine) and engine.filter_schema is not None:
-        optional["filter"] = _filter_record(engine.filter_schema, engine.epochs, scenario, errors)
+    if engine.filter is not None and engine.epochs is not None:
+        optional["filter"] = _filter_record(engine.filter, engine.epochs, scenario, errors)
     return ModelRecord(
         sources=_variables(scenario.sources),
         outputs=_variables(scenario.outputs),
@@ -275,15 +277,9 @@ def _linear(scenario: Scenario, errors: ErrorModel, engine: Engine) -> ModelReco
     )
 
 
-def _covariance_throughout(known: PartialsHistory, errors: ErrorModel) -> Array:
-    """Compute the linear covariance at every epoch, P S P^T and what noise has added, shape (m, outputs, outputs)."""
-    covariance = known.partials @ errors.covariance @ known.partials.swapaxes(1, 2)
-    return np.asarray(sum(known.processes.values(), covariance))
-
-
 def _filter_prediction(scenario: Scenario, epochs: Epochs) -> FilterPrediction | None:
     """Return what linear analysis says of the filter at the epochs; none where it says nothing of them."""
-    found = scenario.filter_prediction() if isinstance(scenario, FilterScenario) else None
+    found = scenario.filter_prediction() if can_have_filter(scenario) else None
     return found if found is not None and _same_times(found.times, epochs.times) else None
 
 
@@ -329,9 +325,3 @@ def _variables(entries: Sequence[Source | Output]) -> tuple[Variable, ...]:
 
 def _sizes(scenario: Scenario) -> Array:
     return np.array([source.nominal for source in scenario.sources])
-
-
-def _time_history_engine(engine: Engine) -> TimeHistoryEngine | None:
-    """Return the engine that computes time histories, if any: a polynomial's is the one it was fitted to."""
-    engine = engine.exact if isinstance(engine, PolynomialEngine) else engine
-    return engine if isinstance(engine, TimeHistoryEngine) else None

@@ -10,12 +10,11 @@ import numpy as np
 
 from mcnav._threads import one_thread
 from mcnav.config.read import Campaign, read_campaign
-from mcnav.contract.engine import StochasticEngine
 from mcnav.contract.failure import OK
-from mcnav.contract.history import History
+from mcnav.contract.history import Epochs, History
 from mcnav.contract.quantities import Output
 from mcnav.contract.samples import SimulationResult
-from mcnav.contract.scenario import Replayable, ScenarioError, StochasticScenario
+from mcnav.contract.scenario import ScenarioError, can_have_noise, can_replay
 from mcnav.entries.context import EarlierFile
 from mcnav.entries.inputs import INPUTS
 from mcnav.errors import CampaignError, Problem, RunFolderError, reading_file, shortened
@@ -71,28 +70,29 @@ def replay(path: Path, index: int, campaign_file: Path | None = None) -> Replay:
     sample = draws.batch(index, index + 1)
     with one_thread():
         try:
-            others = () if isinstance(scenario, StochasticScenario) else ("reference",)  # it has noise of its own
+            others = () if can_have_noise(scenario) else ("reference",)  # it has noise of its own
             names = dict.fromkeys((engine_name, *(name for name in others if name in scenario.engines)))
             engines = {
                 name: prepare_engine(scenario, name, draws.probes(), errors.mean, errors.standard_deviations)
                 for name in names
             }
-            linear, history = scenario.linear_model(), History()
+            linear, history = scenario.linear().end, History()
             predicted = linear.nominal + linear.partials @ sample.errors[0]
             stored, traceback = _stored(folder, manifest, draws, index, engines[engine_name].chunk)
             outcomes = [] if stored is None else [stored]
             for name, engine in engines.items():
                 again = IsolatedEngine(engine, len(scenario.outputs), campaign.sample_timeout).simulate(sample)
-                if isinstance(engine, StochasticEngine):
-                    predicted = predicted if again.linear_values is None else again.linear_values[0]
-                    history = _history(engine, again, scenario.outputs)
+                if again.linear_values is not None:
+                    predicted = again.linear_values[0]
+                if engine.epochs is not None:
+                    history = _history(engine.epochs, again, scenario.outputs)
                 outcomes.append(_outcome(f"again, {name}", again))
                 traceback = traceback or (again.failures[0].traceback if again.failures else "")
         except (ScenarioError, PolynomialFitError) as wrong:
             raise CampaignError([Problem(campaign.file, "scenario", str(wrong))]) from None
         finally:
             end_workers()
-        if isinstance(scenario, Replayable):
+        if can_replay(scenario):
             history = scenario.simulate_one(sample.errors[0])
     return Replay(
         campaign=campaign.name,
@@ -202,11 +202,11 @@ def _stored(
     return Outcome(STORED, samples.outputs[row], samples.status[row]), traceback
 
 
-def _history(engine: StochasticEngine, again: SimulationResult, outputs: Sequence[Output]) -> History:
+def _history(epochs: Epochs, again: SimulationResult, outputs: Sequence[Output]) -> History:
     """Return the errors of one sample at the epochs; nothing of a sample that failed."""
     if again.history is None or not np.isfinite(again.history).all():
         return History()
-    return with_errors(History({engine.epochs.label: engine.epochs.times}), again.history[0], outputs)
+    return with_errors(History({epochs.label: epochs.times}), again.history[0], outputs)
 
 
 def _outcome(label: str, result: SimulationResult) -> Outcome:

@@ -16,7 +16,7 @@ from mcnav.contract.history import History, Panel
 from mcnav.errors import CampaignError, Problem
 from mcnav.report.trajectory import Extreme, TrajectoryReport
 from mcnav.systems.ins.earth import WGS84
-from mcnav.systems.ins.scenario import Ins
+from mcnav.systems.ins.scenario import is_ins
 from mcnav.systems.ins.tables.trajectory_file import read_trajectory_file
 from mcnav.systems.ins.truth.rows import TrajectoryError, TrajectoryRows, rows_from
 from mcnav.systems.ins.truth.trajectory import Truth
@@ -58,7 +58,7 @@ def describe_campaign(path: Path) -> TrajectoryReport:
         When it cannot be read, or is of another type.
     """
     campaign = read_campaign(path)
-    if not isinstance(campaign.scenario, Ins):
+    if not is_ins(campaign.scenario):
         message = "has no trajectory over the earth; expected a campaign of type ins, or a trajectory file"
         raise CampaignError([Problem(str(path), "scenario.type", message)])
     navigation = campaign.scenario.navigation

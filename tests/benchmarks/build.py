@@ -37,7 +37,7 @@ def case_of(number: int, compared: int = COMPARED) -> Case:
     stretches = navigation.trajectory.navigated(navigation.start)
     states = np.array([navigation.trajectory.state(begin) for begin, _, _ in stretches])
     truths = (states - [0.0, navigation.theta_axes, 0.0, 0.0]) / [LENGTH, 1.0, SPEED, 1.0 / TIME]
-    covariance = propagated_covariance(scenario.linear_model().partials, np.diag(ALL_ERRORS**2))
+    covariance = propagated_covariance(scenario.linear().end.partials, np.diag(ALL_ERRORS**2))
     case = Case(
         number,
         states[0],

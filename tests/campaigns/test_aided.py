@@ -227,7 +227,7 @@ def test_the_cruise_is_that_of_the_story(tmp_path: Path) -> None:
         del cruise["scenario"]["distance"]
         cruise["scenario"]["duration"] = f"{time} s"
         campaign = parse_campaign(cruise | {"errors": errors}, "cruise.toml", "cruise")
-        partials = campaign.scenario.linear_model().partials
+        partials = campaign.scenario.linear().end.partials
         variances = np.diag(partials @ campaign.errors.covariance @ partials.T)
         sigmas = dict(zip((output.name for output in campaign.scenario.outputs), np.sqrt(variances), strict=True))
         found = covariance(described, [time])

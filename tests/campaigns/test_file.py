@@ -50,7 +50,7 @@ def test_every_campaign_is_valid_and_resolves_to_itself(path: Path, tmp_path: Pa
     again = parse_campaign(tomllib.loads(campaign.to_toml()), str(place), path.stem)
     assert again.resolved == campaign.resolved
     assert np.array_equal(again.errors.covariance, campaign.errors.covariance)
-    assert np.array_equal(again.scenario.linear_model().partials, campaign.scenario.linear_model().partials)
+    assert np.array_equal(again.scenario.linear().end.partials, campaign.scenario.linear().end.partials)
 
 
 def test_there_is_a_campaign_for_every_trajectory() -> None:

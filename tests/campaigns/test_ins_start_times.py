@@ -69,7 +69,7 @@ def assert_same(found: tuple[Array, Array], other: Ins, known: Campaign) -> None
     The gyros' misalignments integrate the roll into the turn, which takes seconds, by steps of a second that begin
     elsewhere: they agree to 1e-8.
     """
-    model = other.linear_model()
+    model = other.linear().end
     sizes = np.sqrt(np.diag(known.errors.covariance))
     contributions = np.abs(model.partials * sizes)
     noise = sum(model.processes.values(), np.zeros((9, 9)))
@@ -149,7 +149,7 @@ def test_a_check_simulates_noise_and_agrees(platform: str, axes: str) -> None:
     found = check_start_time(known, 120.0, axes)
     model = known.scenario
     assert isinstance(model, Ins)
-    started = model.started_at(120.0, axes).linear_model()
+    started = model.started_at(120.0, axes).linear().end
     covariance = started.partials @ known.errors.covariance @ started.partials.T + sum(started.processes.values())
     np.testing.assert_allclose([each.sigma_linear for each in found.outputs], np.sqrt(np.diag(covariance)), rtol=1e-9)
     assert found.verdict == "agrees"

@@ -212,7 +212,7 @@ def test_settings_have_units(tmp_path: Path) -> None:
     )
     body = body.replace("2.0 * errors", "self.gain * errors")
     run = read_campaign(_written(tmp_path, body, 'gain = "2 min"'))
-    np.testing.assert_allclose(run.scenario.linear_model().partials, [[120.0]], rtol=1e-12)
+    np.testing.assert_allclose(run.scenario.linear().end.partials, [[120.0]], rtol=1e-12)
     for line, message in (
         ('gain = "2 m"', "scenario.gain: got '2 m', which is a length; expected a time"),
         ('gian = "2 s"', "scenario.gian: unknown key; did you mean 'gain'?"),
@@ -339,14 +339,14 @@ def test_steps_are_chosen_where_the_function_allows(tmp_path: Path) -> None:
     """A cubic term wants short steps, noise long ones: the derivative is found to a thousandth with both."""
     body = GOOD.replace("2.0 * errors", "2.0 * errors + errors**3 + 1e-6 * np.sin(1e9 * errors)")
     run = read_campaign(_written(tmp_path, body))
-    assert run.scenario.linear_model().partials[0, 0] == pytest.approx(2.0, rel=1e-3)
+    assert run.scenario.linear().end.partials[0, 0] == pytest.approx(2.0, rel=1e-3)
 
 
 def test_steps_that_cannot_be_flown_are_left_out(tmp_path: Path) -> None:
     """A function that ends at a fifth of sigma; one that ends at zero has no derivative there."""
     body = GOOD.replace("return 2.0", "if errors[0] > 0.2: raise ValueError('beyond')\n        return 2.0")
     run = read_campaign(_written(tmp_path, body))
-    assert run.scenario.linear_model().partials[0, 0] == pytest.approx(2.0, rel=1e-9)
+    assert run.scenario.linear().end.partials[0, 0] == pytest.approx(2.0, rel=1e-9)
     run = read_campaign(_written(tmp_path, body.replace("0.2", "0.0")))
     with pytest.raises(
         CampaignError, match="no two steps of source 1 could be flown to both sides: ValueError: beyond"

@@ -9,9 +9,8 @@ import pytest
 
 import mcnav
 from mcnav.config.read import read_campaign
-from mcnav.contract.engine import FilterEngine
 from mcnav.contract.samples import Batch
-from mcnav.contract.scenario import FilterScenario
+from mcnav.contract.scenario import can_have_filter
 from mcnav.errors import CampaignError
 from tests.runs import simulate
 
@@ -71,14 +70,13 @@ def _written(folder: Path, variance: str = "1.0", samples: int = 200) -> Path:
 def test_the_mismatched_scalar_filter(tmp_path: Path) -> None:
     """Steady after sixty steps, to (1 - gain)^120 = 1e-13. Means within five standard errors of chi-square variates."""
     scenario = read_campaign(_written(tmp_path)).scenario
-    assert isinstance(scenario, FilterScenario)
+    assert can_have_filter(scenario)
     engine = scenario.engine("single", np.zeros((1, 1)))
-    assert isinstance(engine, FilterEngine)
-    schema = engine.filter_schema
+    schema = engine.filter
     assert schema is not None
     assert schema == scenario.filter_schema
     assert (dict(schema.groups), dict(schema.sensors)) == ({"all": 2, "first": 1}, {"position": 1})
-    assert scenario.linear_model().processes["walk"][0, 0] + scenario.linear_model().processes["measurement"][
+    assert scenario.linear().end.processes["walk"][0, 0] + scenario.linear().end.processes["measurement"][
         0, 0
     ] == pytest.approx(TRUE, abs=1e-10)
 
@@ -108,7 +106,7 @@ def test_the_mismatched_scalar_filter(tmp_path: Path) -> None:
 
 def test_the_prediction_is_the_filter_along_the_truth(tmp_path: Path) -> None:
     scenario = read_campaign(_written(tmp_path)).scenario
-    assert isinstance(scenario, FilterScenario)
+    assert can_have_filter(scenario)
     prediction = scenario.filter_prediction()
     assert prediction is not None
     np.testing.assert_allclose(prediction.covariance[:, 0, 0], BELIEVED, rtol=1e-10)

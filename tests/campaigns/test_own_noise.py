@@ -18,8 +18,8 @@ import pytest
 import mcnav
 from mcnav.config.read import read_campaign
 from mcnav.config.templates import new_scenario
-from mcnav.contract.engine import StochasticEngine
-from mcnav.contract.scenario import StochasticScenario
+from mcnav.contract.engine import follows_samples
+from mcnav.contract.scenario import can_have_noise
 from mcnav.errors import CampaignError
 from mcnav.report.linearity_words import WITHOUT_NOISE
 from mcnav.systems.user.stochastic_scenario import MEASURED_FROM
@@ -312,7 +312,7 @@ def test_final_errors_with_noise_alone(tmp_path: Path) -> None:
     path = _written(tmp_path, "return np.array([errors[0] + walk[-1], 2.0 * errors[0]])", more)
     (tmp_path / "mine.py").write_text((tmp_path / "mine.py").read_text().replace("    epochs =", "    instants ="))
     run = read_campaign(path)
-    assert isinstance(run.scenario, StochasticScenario)
+    assert can_have_noise(run.scenario)
     summary = simulate(run, tmp_path / "run", None, 1).summary
     np.testing.assert_allclose(summary["sigma_ratio_paired"], 1.0, atol=1e-9)
     assert [process["name"] for process in summary["processes"]] == ["noise"]
@@ -326,7 +326,7 @@ def test_errors_over_time_without_noise(tmp_path: Path) -> None:
     lines = [line for line in code.splitlines() if "steps" not in line]
     (tmp_path / "mine.py").write_text("\n".join(lines).replace("errors, noise", "errors"))
     run = read_campaign(path)
-    assert isinstance(run.scenario.engine("single", np.zeros((1, 1))), StochasticEngine)
+    assert follows_samples(run.scenario.engine("single", np.zeros((1, 1))))
     summary = simulate(run, tmp_path / "run", None, 1).summary
     assert summary["sigma_ratio_paired"][0] == pytest.approx(1.0, abs=1e-9)
     epochs = pq.read_table(tmp_path / "run" / "epochs.parquet").to_pandas()

@@ -75,7 +75,7 @@ def cubic(tmp_path: Path) -> Path:
 def test_a_limit_on_a_sigma_is_just_met_where_the_closed_form_says() -> None:
     """``sigma^2 = rest^2 + (P s)^2`` has the limit L at ``s = sqrt(L^2 - rest^2) / |P|``, to the width of a bracket."""
     campaign = read_campaign(REENTRY)
-    model, names = campaign.scenario.linear_model(), [source.name for source in campaign.scenario.sources]
+    model, names = campaign.scenario.linear().end, [source.name for source in campaign.scenario.sources]
     others = campaign.errors.covariance.copy()
     column = names.index("altitude")
     others[column, :] = others[:, column] = 0.0
@@ -98,7 +98,7 @@ def test_a_limit_over_two_sigmas_is_an_ellipse() -> None:
     found = run_sweep(REENTRY, plan)
     campaign = read_campaign(REENTRY)
     names = [source.name for source in campaign.scenario.sources]
-    row, others = campaign.scenario.linear_model().partials[0], campaign.errors.covariance.copy()
+    row, others = campaign.scenario.linear().end.partials[0], campaign.errors.covariance.copy()
     picked = [names.index("altitude"), names.index("range")]
     others[picked, :] = others[:, picked] = 0.0
     left = 40e3**2 - row @ others @ row

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mcnav.contract.engine import without_noise
 from mcnav.lincov.covariance import propagated_covariance
 from mcnav.systems.reentry.ensemble.kernel import simulate_ensemble
 from mcnav.systems.reentry.ensemble.refinement import refined_grid
@@ -21,13 +22,13 @@ COUNT = 25
 
 def _difference(scenario: Reentry, errors: np.ndarray, multiple: float) -> np.ndarray:
     """Largest difference of the engines in each output, as a share of its linear sigma."""
-    fast = scenario.engine("ensemble", errors[:64]).propagate(errors)
-    slow = scenario.engine("reference", errors[:64]).propagate(errors)
+    fast = without_noise(scenario.engine("ensemble", errors[:64]))(errors)
+    slow = without_noise(scenario.engine("reference", errors[:64]))(errors)
     assert not fast.failures
     assert not slow.failures
     assert fast.fallback_count == 0
     start_covariance = np.diag((SIZES * multiple) ** 2)
-    sigma = np.sqrt(np.diag(propagated_covariance(scenario.linear_model().partials, start_covariance)))
+    sigma = np.sqrt(np.diag(propagated_covariance(scenario.linear().end.partials, start_covariance)))
     return np.asarray(np.abs(fast.values - slow.values).max(axis=0) / sigma)
 
 
@@ -58,7 +59,7 @@ def test_wild_samples_are_right_or_handed_over(number: int, multiple: float, all
     flown = np.empty_like(values)
     assert len(kept) > 0
     assert not navigation.simulate_reference(errors, kept, flown)
-    linear = propagated_covariance(scenario.linear_model().partials, np.diag((SIZES * multiple) ** 2))
+    linear = propagated_covariance(scenario.linear().end.partials, np.diag((SIZES * multiple) ** 2))
     differences = np.abs(values[kept] - flown[kept]).max(axis=0)
     assert (differences / np.sqrt(np.diag(linear))).max() < 1e-5
 
@@ -84,15 +85,15 @@ def test_accelerometers_off_deep_in_the_atmosphere(all_draws: Draw) -> None:
     On trajectory 1: the truth of trajectory 4 turns rounding into metres, which shows once the navigator has lost it.
     """
     scenario = reentry(1, accelerometers_off_above=60_000.0)
-    assert np.abs(scenario.linear_model().nominal).max() > 10_000.0
+    assert np.abs(scenario.linear().end.nominal).max() > 10_000.0
     assert _difference(scenario, all_draws(20, 1.0), 1.0).max() < 1e-5
 
 
 def test_a_perfect_system_has_no_error(scenario: Reentry) -> None:
     """Exactly none on the ensemble path; under 1e-6 km and 1e-6 m/s on the reference path."""
     nothing = np.zeros((1, len(SIZES)))
-    assert np.all(scenario.engine("ensemble", nothing).propagate(nothing).values == 0.0)
-    left = np.abs(scenario.engine("reference", nothing).propagate(nothing).values)
+    assert np.all(without_noise(scenario.engine("ensemble", nothing))(nothing).values == 0.0)
+    left = np.abs(without_noise(scenario.engine("reference", nothing))(nothing).values)
     assert np.all(left < [1e-3, 1e-3, 1e-6, 1e-6])
 
 
@@ -112,5 +113,5 @@ def test_cross_axis_sensitivity_undoes_a_misalignment(scenario: Reentry) -> None
     errors[0, [Error.SCALE_FACTOR_X, Error.SCALE_FACTOR_Z]] = np.cos(angle) - 1.0
     errors[0, [Error.CROSS_AXIS_X, Error.CROSS_AXIS_Z]] = -np.sin(angle), np.sin(angle)
     for engine in ("ensemble", "reference"):
-        left = scenario.engine(engine, errors).propagate(errors).values[0]
+        left = without_noise(scenario.engine(engine, errors))(errors).values[0]
         assert np.all(np.abs(left) < [1e-3, 1e-3, 1e-6, 1e-6]), engine

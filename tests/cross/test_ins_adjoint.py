@@ -40,7 +40,7 @@ def test_partials_of_a_closed_loop(sensors: tuple[str, ...]) -> None:
     shared, measured = tables.ensemble, tables.loop.measurements
     # a constant error of a sensor adds to the innovation what a measurement's error takes from it
     found = partials(tables.adjoint, shared.inputs, shared.start_map, -measured.constants, -measured.swings)
-    expected = of.partials_history(2).partials[-1]
+    expected = of.linear_over_time(2).partials[-1]
     assert found.shape == expected.shape
     sizes = draw(1, {**SIGMAS, **NEGLECTED}, 1, of)[0] != 0.0
     scale = np.abs(expected).max(axis=0)
@@ -75,5 +75,5 @@ def test_linear_errors_of_samples_are_partials_times_errors(sensors: tuple[str, 
     assert len(tables.exact) == 6
     errors = draw(1, {**SIGMAS, **NEGLECTED}, 7, of)
     found = simulate_aided(tables, errors, 1, np.zeros(1, int), False, without_noise(sensors)).linear[0]
-    each = of.partials_history(2).partials[-1] * errors[0]
+    each = of.linear_over_time(2).partials[-1] * errors[0]
     np.testing.assert_allclose(found, each.sum(axis=1), rtol=0.0, atol=ROUNDING * np.abs(each).max())

@@ -12,7 +12,6 @@ from scipy import stats
 
 from mcnav._types import Array
 from mcnav.compiled.vectors import room
-from mcnav.contract.engine import StochasticEngine
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.systems.ins import aided
 from mcnav.systems.ins.aided import WORDS, AidedEngine, AidedReferenceEngine
@@ -85,12 +84,12 @@ def simulate(count: int, sizes: dict[str, float], seed: int, by: AidedEngine | N
 
 def column(result: SimulationResult, name: str, place: int = 0) -> Array:
     assert result.filter_values is not None
-    return np.asarray(result.filter_values[..., engine().filter_schema.places[name]][..., place])
+    return np.asarray(result.filter_values[..., engine().filter.places[name]][..., place])
 
 
 def test_a_matched_filter_is_consistent_over_a_hundred_seeds() -> None:
     """Mean NEES of 8 samples and their NIS, at 1 %: of 100 seeds no more leave their bounds than chance explains."""
-    sizes = engine().filter_schema.groups
+    sizes = engine().filter.groups
     outside = dict.fromkeys([*sizes, "nis"], 0)
     for seed in range(100):
         result = simulate(8, SIGMAS, seed)
@@ -113,14 +112,14 @@ def test_every_sensor_keeps_a_matched_filter_consistent() -> None:
     result = by.simulate(Batch(np.arange(count), errors, 5))
     assert not result.failures
     assert result.filter_values is not None
-    places, groups = by.filter_schema.places, by.filter_schema.groups
+    places, groups = by.filter.places, by.filter.groups
     nees = result.filter_values[:, -1, places["nees"]].mean(axis=0)
     for value, size in zip(nees, groups.values(), strict=True):
         low, high = stats.chi2.ppf([FALSE_ALARM / 2, 1.0 - FALSE_ALARM / 2], count * size) / count
         assert low < value < high
     for name in names:
         nis, accepted, rejected, lag, lags = result.filter_values[:, :, places[f"sensor:{name}"]].sum(axis=(0, 1))
-        size = by.filter_schema.sensors[name]
+        size = by.filter.sensors[name]
         low, high = stats.chi2.ppf([FALSE_ALARM / 2, 1.0 - FALSE_ALARM / 2], accepted * size)
         assert low < nis < high
         assert rejected == 0
@@ -143,7 +142,7 @@ def test_states_have_the_numbers_of_the_processes_that_they_model() -> None:
 def test_samples_follow_the_true_linear_covariance_of_a_mismatched_filter_not_the_filters_own() -> None:
     count = 200
     result = simulate(count, SIGMAS | NEGLECTED, 3)
-    linear = scenario().partials_history(61)
+    linear = scenario().linear_over_time(61)
     sizes = sized(scenario().navigation.sensors, SIGMAS | NEGLECTED)
     noise = sum(np.diagonal(each, axis1=1, axis2=2) for each in linear.processes.values())
     variance = np.einsum("mis,s->mi", linear.partials**2, sizes**2) + noise
@@ -162,7 +161,7 @@ def test_samples_follow_the_true_linear_covariance_of_a_mismatched_filter_not_th
 
 def test_each_cause_alone_makes_the_errors_of_its_partial_derivatives() -> None:
     """Without noise; what is not linear is the product of two errors, here less than 1 % of the filter's sigma."""
-    made, linear, own = engine(), scenario().partials_history(61), scenario().filter_prediction()
+    made, linear, own = engine(), scenario().linear_over_time(61), scenario().filter_prediction()
     assert own is not None
     sigma = np.sqrt(np.diagonal(own.covariance, axis1=1, axis2=2))
     for kind in ("gyro_bias", "gyro_scale", "accelerometer_scale", "tilt"):
@@ -234,7 +233,7 @@ def test_a_gate_rejects_at_its_rate_and_counts_what_it_rejects() -> None:
     made = engine("ensemble", ("gnss",), 0.95)
     result = made.simulate(Batch(np.arange(32), draw(32, SIGMAS, 6), 6))
     assert result.filter_values is not None
-    _, accepted, rejected, _, _ = result.filter_values[:, :, made.filter_schema.places["sensor:gnss"]].sum(axis=(0, 1))
+    _, accepted, rejected, _, _ = result.filter_values[:, :, made.filter.places["sensor:gnss"]].sum(axis=(0, 1))
     assert accepted + rejected == 32 * len(scenario().navigation.sensors[0].times)
     low, high = stats.binom.ppf([FALSE_ALARM / 2, 1.0 - FALSE_ALARM / 2], accepted + rejected, 0.05)
     assert low < rejected < high
@@ -306,7 +305,6 @@ def test_quantization_that_the_filter_neglects(name: str, count: int) -> None:
     )
     of = Ins(replace(scenario().navigation, imu=counted))
     made = of.engine(name, draw(8, SIGMAS, 1, of))
-    assert isinstance(made, StochasticEngine)
     found = made.simulate(Batch(np.arange(count), np.zeros((count, len(of.sources))), 6))
     processes = of.navigation.linear.processes
     expected = np.diag(sum(each[-1] for each in processes.values()))  # type: ignore[arg-type]
@@ -328,7 +326,7 @@ def test_the_noise_of_the_measurements_alone_has_its_share_of_the_variance() -> 
     assert isinstance(made, AidedEngine)
     count = 200
     history = made.simulate(Batch(np.arange(count), np.zeros((count, len(alone.sources))), 21)).history
-    whole = scenario().partials_history(61).processes
+    whole = scenario().linear_over_time(61).processes
     share = sum(np.diagonal(each, axis1=1, axis2=2) for name, each in whole.items() if name.startswith("gnss"))
     assert history is not None
     ratio = (history**2).mean(axis=0)[1:] / share[1:]
@@ -348,13 +346,13 @@ def test_errors_of_estimated_correlated_errors_between_measurements() -> None:
     assert isinstance(made, AidedEngine)
     record = made.simulate(Batch(np.arange(count), errors, 8)).filter_values
     assert record is not None
-    places = made.filter_schema.places
+    places = made.filter.places
     square = (record[..., places["state_error"]] ** 2).mean(axis=0)
     ratio = square / record[..., places["state_variance"]].mean(axis=0)
     each = FALSE_ALARM / ratio.size
     low, high = stats.chi2.ppf([each / 2, 1.0 - each / 2], count) / count
     assert np.all((ratio > low) & (ratio < high))
     nees = record[..., places["nees"]].mean(axis=0)
-    for place, size in enumerate(made.filter_schema.groups.values()):
+    for place, size in enumerate(made.filter.groups.values()):
         low, high = stats.chi2.ppf([each / 2, 1.0 - each / 2], count * size) / count
         assert np.all((nees[:, place] > low) & (nees[:, place] < high))

@@ -154,7 +154,7 @@ def test_records_are_those_of_the_ensemble_fed_the_same_noise() -> None:
     noises = GivenNoise(np.concatenate([one.added for one in given]), np.concatenate([one.measured for one in given]))
     expected = simulate_aided(engine.navigation.tables(1), errors, 0, np.arange(SAMPLES), True, noises)
     values, records = (np.stack(each) for each in zip(*found, strict=True))
-    record = engine.filter_schema
+    record = engine.filter
     places = record.places
     sigma = np.sqrt(np.diagonal(record.covariance(records), axis1=2, axis2=3))
     assert np.max(np.abs(values - expected.values) / sigma) <= 1e-4

@@ -15,7 +15,7 @@ from scipy import stats
 
 from mcnav._types import Array
 from mcnav.config.read import parse_campaign
-from mcnav.contract.engine import StochasticEngine
+from mcnav.contract.engine import Engine
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.execution.chunks import simulate_batch
 from mcnav.systems.ins.ensemble.free import simulate_given, tabulate
@@ -65,9 +65,8 @@ def navigation(platform: Platform = "strapdown", imu: Imu | None = None, end: fl
 
 
 @lru_cache
-def engine(platform: Platform = "strapdown", noisy: bool = False) -> StochasticEngine:
+def engine(platform: Platform = "strapdown", noisy: bool = False) -> Engine:
     made = Ins(navigation(platform, FULL if noisy else None)).engine("ensemble", draws(64))
-    assert isinstance(made, StochasticEngine)
     return made
 
 
@@ -82,11 +81,10 @@ def test_engines_agree_on_constant_errors(platform: Platform) -> None:
     scenario = Ins(navigation(platform))
     own = engine(platform).simulate(Batch(np.arange(DRAWS), errors, 0)).history
     reference = scenario.engine("reference", errors)
-    assert isinstance(reference, StochasticEngine)
     other = reference.simulate(Batch(np.arange(DRAWS), errors, 0)).history
     assert own is not None
     assert other is not None
-    partials = scenario.partials_history(61).partials
+    partials = scenario.linear_over_time(61).partials
     sigma = np.sqrt(np.einsum("mij,j->mi", partials**2, SIGMAS**2))
     assert (np.abs(own - other)[:, 1:] / sigma[1:]).max() < 1e-5
 
@@ -123,11 +121,9 @@ def test_engines_agree_on_other_trajectories(kind: str) -> None:
     assert isinstance(scenario, Ins)
     errors = draws(DRAWS)
     made = [scenario.engine(name, errors[:64]) for name in scenario.engines]
-    histories = [
-        each.simulate(Batch(np.arange(DRAWS), errors, 0)).history for each in made if isinstance(each, StochasticEngine)
-    ]
+    histories = [each.simulate(Batch(np.arange(DRAWS), errors, 0)).history for each in made]
     own, other = (history for history in histories if history is not None)
-    sigma = np.sqrt(np.einsum("mij,j->mi", scenario.partials_history(61).partials ** 2, SIGMAS**2))
+    sigma = np.sqrt(np.einsum("mij,j->mi", scenario.linear_over_time(61).partials ** 2, SIGMAS**2))
     assert (np.abs(own - other)[:, 1:] / sigma[1:]).max() < 1e-5
 
 
@@ -201,10 +197,9 @@ def test_samples_follow_the_linear_covariance() -> None:
     scenario = Ins(navigation(imu=tiny))
     errors = scale * np.random.default_rng(7).standard_normal((count, len(CONSTANTS))) * SIGMAS
     made = scenario.engine("ensemble", errors[:64])
-    assert isinstance(made, StochasticEngine)
     found = made.simulate(Batch(np.arange(count), errors, 11))
     assert found.history is not None
-    known = scenario.partials_history(61)
+    known = scenario.linear_over_time(61)
     for epoch in (15, 30, 45, 60):
         spread = known.partials[epoch] * (scale * SIGMAS)
         covariance = spread @ spread.T + sum(each[epoch] for each in known.processes.values())
@@ -227,9 +222,8 @@ def test_engines_agree_in_covariance_from_noise_of_their_own() -> None:
     count = 300
     scenario = Ins(navigation(imu=FULL, end=600.0))
     reference = scenario.engine("reference", np.zeros((2, len(CONSTANTS))))
-    assert isinstance(reference, StochasticEngine)
     found = reference.simulate(Batch(np.arange(count), np.zeros((count, len(CONSTANTS))), 2))
-    expected = np.diag(sum(each[-1] for each in scenario.partials_history(61).processes.values()))  # type: ignore[arg-type]
+    expected = np.diag(sum(each[-1] for each in scenario.linear_over_time(61).processes.values()))  # type: ignore[arg-type]
     low, high = stats.chi2.ppf([0.5e-4, 1.0 - 0.5e-4], count) / count
     for ratio in (found.values**2).mean(axis=0) / expected:
         assert low < ratio < high
@@ -255,14 +249,12 @@ def test_samples_simulated_alone_keep_their_noise() -> None:
         """The ensemble engine, which sample 3 breaks."""
 
         parallel, chunk, accuracy, epochs = "threads", 8, "", engine(noisy=True).epochs
+        noisy, filter = True, None
 
-        def simulate(self, batch: Batch) -> SimulationResult:
+        def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
             if 3 in batch.index:
                 raise RuntimeError("broken")
             return engine(noisy=True).simulate(batch)
-
-        def propagate(self, errors: Array) -> SimulationResult:
-            return engine(noisy=True).propagate(errors)
 
     batch = Batch(np.arange(8), draws(8), 3)
     whole, found = engine(noisy=True).simulate(batch), simulate_batch(Fragile(), None, 9, batch)

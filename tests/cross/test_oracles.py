@@ -10,6 +10,7 @@ from filterpy.stats import NEES
 from scipy import optimize, stats
 
 from mcnav.analysis.comparison import Criterion, Model, compare
+from mcnav.contract.engine import without_noise
 from mcnav.contract.samples import SimulationResult
 from mcnav.lincov.covariance import propagated_covariance
 from mcnav.lincov.sobol import POINTS, REPLICATES, estimate_sobol_indices
@@ -43,8 +44,8 @@ def test_distributions_against_scipy(ours: Distribution, theirs: stats.rv_contin
 def test_nees_against_filterpy() -> None:
     run = campaign(1, 3.0)
     errors = run.errors.draw("random", 1, 400, 0, 400)
-    outcomes = run.scenario.engine("ensemble", errors[:64]).propagate(errors).values
-    linear = run.scenario.linear_model()
+    outcomes = without_noise(run.scenario.engine("ensemble", errors[:64]))(errors).values
+    linear = run.scenario.linear().end
     model = Model(linear.partials, linear.nominal, run.errors.mean, run.errors.covariance)
     found = compare(model, errors, outcomes, Criterion()).ellipsoid
     assert found is not None
@@ -62,13 +63,13 @@ def test_covariance_against_openturns() -> None:
     scenario = reentry(4)
     present = np.flatnonzero(run.errors.standard_deviations)
     sigma = run.errors.standard_deviations[present]
-    partials = scenario.linear_model().partials[:, present] * sigma  # OpenTURNS wants a correlation of order one
+    partials = scenario.linear().end.partials[:, present] * sigma  # OpenTURNS wants a correlation of order one
     correlation = run.errors.covariance[np.ix_(present, present)] / np.outer(sigma, sigma)
     function = ot.LinearFunction([0.0] * len(sigma), [0.0] * 4, ot.Matrix(partials.tolist()))
     distribution = ot.Normal([0.0] * len(sigma), [1.0] * len(sigma), ot.CorrelationMatrix(correlation.tolist()))
     expansion = ot.TaylorExpansionMoments(ot.CompositeRandomVector(function, ot.RandomVector(distribution)))
     expected = np.array(expansion.getCovariance())
-    ours = propagated_covariance(scenario.linear_model().partials, run.errors.covariance)
+    ours = propagated_covariance(scenario.linear().end.partials, run.errors.covariance)
     np.testing.assert_allclose(ours, expected, rtol=1e-9)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from mcnav.constants import EARTH_RADIUS
+from mcnav.contract.engine import without_noise
 from mcnav.lincov.partials import (
     partials_at_later_starts,
     partials_by_differences,
@@ -32,8 +33,8 @@ to a thousandfold by a skip."""
 
 def _differences(scenario: Reentry) -> dict[str, float]:
     probes = np.diag(SIZES)
-    variational = scenario.linear_model().partials
-    fast, slow = (scenario.engine(engine, probes).propagate for engine in ("ensemble", "reference"))
+    variational = scenario.linear().end.partials
+    fast, slow = (without_noise(scenario.engine(engine, probes)) for engine in ("ensemble", "reference"))
     others = {
         "differences": partials_by_differences(fast, SIZES),
         "runs on the ensemble engine": partials_by_independent_sets(fast, SIZES),
@@ -78,7 +79,7 @@ def test_partials_from_runs_refuses_too_few_runs() -> None:
 
 def test_axes_do_not_matter_without_accelerometer_errors() -> None:
     """Biases and scale factors live in the axes; everything else is the same physics in any axes."""
-    here, there = (reentry(4, start=-214.8, axes=axes).linear_model().partials for axes in ("start", "trajectory"))
+    here, there = (reentry(4, start=-214.8, axes=axes).linear().end.partials for axes in ("start", "trajectory"))
     np.testing.assert_allclose(
         (here * SIZES)[:, : Error.BIAS_X], (there * SIZES)[:, : Error.BIAS_X], rtol=1e-7, atol=1e-6
     )
@@ -87,8 +88,8 @@ def test_axes_do_not_matter_without_accelerometer_errors() -> None:
 
 def test_partials_over_time(scenario: Reentry) -> None:
     """From the start errors themselves to the final partials; in between against the histories of single runs."""
-    trajectory, known = scenario.trajectory, scenario.partials_history(21)
-    np.testing.assert_allclose(known.partials[-1], scenario.linear_model().partials, rtol=1e-8, atol=1e-6)
+    trajectory, known = scenario.trajectory, scenario.linear_over_time(21)
+    np.testing.assert_allclose(known.partials[-1], scenario.linear().end.partials, rtol=1e-8, atol=1e-6)
     at_start = np.diag([1.0, EARTH_RADIUS / trajectory.state(0.0)[0]] * 2)
     np.testing.assert_allclose(known.partials[0], np.hstack([at_start, np.zeros((4, len(SIZES) - 4))]), atol=1e-12)
     assert known.label == "time from reentry [min]"

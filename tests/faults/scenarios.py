@@ -83,7 +83,7 @@ def chunk_job(run: Campaign, folder: Path, engine: str | None = None) -> ChunkJo
     errors, scenario = run.errors, run.scenario
     probes = errors.draw(run.design, run.seed, run.samples, 0, min(64, run.samples))
     prepared = prepare_engine(scenario, engine or scenario.engines[0], probes, errors.mean, errors.standard_deviations)
-    linear = scenario.linear_model()
+    linear = scenario.linear().end
     model = Model(linear.partials, linear.nominal, errors.mean, errors.covariance)
     frame = normalization(model, run.samples, block_length(run.design, run.samples)) if run.store == "summary" else None
     (folder / "samples").mkdir(parents=True)

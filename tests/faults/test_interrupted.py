@@ -17,7 +17,10 @@ import pytest
 from joblib import Parallel, delayed
 
 from mcnav._subprocess import side_threads
-from mcnav.contract.samples import SimulationResult
+from mcnav.contract.engine import without_noise
+from mcnav.contract.filter_record import FilterSchema
+from mcnav.contract.history import Epochs
+from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.execution.processes import IsolatedEngine, end_workers
 from mcnav.systems.timeouts import Stopped, within_limit
 from tests.conftest import ROOT, campaign
@@ -99,11 +102,14 @@ class Endless:
     parallel: str = "processes"
     chunk: int = 1
     accuracy: str = ""
+    epochs: Epochs | None = None
+    noisy: bool = False
+    filter: FilterSchema | None = None
 
-    def propagate(self, errors: np.ndarray) -> SimulationResult:
+    def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
         self.under_way.touch()
         time.sleep(LONG)
-        return SimulationResult(errors)
+        return SimulationResult(batch.errors)
 
 
 def test_an_isolated_sample_is_killed(tmp_path: Path) -> None:
@@ -119,7 +125,7 @@ def test_an_isolated_sample_is_killed(tmp_path: Path) -> None:
     try:
         beside.start()
         with pytest.raises(KeyboardInterrupt):
-            IsolatedEngine(Endless(tmp_path / "under way"), 1).propagate(np.zeros((1, 1)))
+            without_noise(IsolatedEngine(Endless(tmp_path / "under way"), 1))(np.zeros((1, 1)))
         assert [worker.exitcode for worker in workers] == [-signal.SIGKILL]
     finally:
         beside.join()

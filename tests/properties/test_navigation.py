@@ -28,7 +28,7 @@ def test_engines_agree_for_any_errors(multiples: np.ndarray) -> None:
     grid = shared_grid(response(reentry(1)), 96)
     fast, _ = simulate_ensemble(grid, errors[None, :])
     slow = simulate_indicated(navigation.trajectory, errors, navigation.start, navigation.theta_axes)
-    sigma = np.sqrt(np.diag(propagated_covariance(reentry(1).linear_model().partials, np.diag(SIZES**2))))
+    sigma = np.sqrt(np.diag(propagated_covariance(reentry(1).linear().end.partials, np.diag(SIZES**2))))
     np.testing.assert_array_less(np.abs(fast[0] - slow), 1e-7 * sigma)
 
 
@@ -57,7 +57,7 @@ def test_an_initial_range_error_turns_the_axes(drift: float, turn: float) -> Non
 @settings(max_examples=50)
 @given(MULTIPLES, st.floats(1e-3, 1e3))
 def test_linear_covariance_scales_and_stays_symmetric(multiples: np.ndarray, factor: float) -> None:
-    partials = reentry(4).linear_model().partials
+    partials = reentry(4).linear().end.partials
     start = np.diag((multiples * SIZES) ** 2)
     covariance = propagated_covariance(partials, start)
     assert np.array_equal(covariance, covariance.T)

@@ -134,7 +134,7 @@ def test_three_dimensions_beside_the_plane(reproduction: Reproduction) -> None:
     flown = frame[frame["planar"].notna() & (frame["part"] != "update")]
     assert len(flown) == 2 * (5 + 2 * 3)
     largest = flown.groupby(["part", "result"])["planar"].transform(lambda values: values.abs().max())
-    missed = np.abs(table_i_scenario(4, accelerometers_off_above=121_920.0).linear_model().nominal[:2]).min() / 1e3
+    missed = np.abs(table_i_scenario(4, accelerometers_off_above=121_920.0).linear().end.nominal[:2]).min() / 1e3
     assert missed < 0.02
     off = flown["case"].str.endswith("off")
     assert ((flown["linear"] - flown["planar"]).abs() < np.where(off, missed, 1e-5 * largest)).all()

@@ -84,8 +84,8 @@ def test_the_partial_derivatives_come_out(trajectory: int) -> None:
     planar, found = scenario(type="reentry", trajectory=trajectory), navigator(trajectory)
     outputs, inputs = in_plane(found, [source.name for source in planar.sources])
     sizes = np.array([source.nominal for source in planar.sources])
-    expected = planar.linear_model().partials * sizes
-    own = outputs @ found.linear_model().partials @ inputs * sizes
+    expected = planar.linear().end.partials * sizes
+    own = outputs @ found.linear().end.partials @ inputs * sizes
     assert (np.abs(own - expected) / np.abs(expected).max(axis=1, keepdims=True)).max() < 1e-5
 
 
@@ -96,7 +96,7 @@ def test_crossrange_is_independent_and_stable(trajectory: int) -> None:
     Stable: a crossrange error oscillates about the orbit's plane, and is never larger than at the start.
     """
     found = navigator(trajectory)
-    partials = found.linear_model().partials
+    partials = found.linear().end.partials
     planar = [source.name for source in scenario(type="reentry", trajectory=trajectory).sources]
     outputs, inputs = in_plane(found, planar)
     across = [OUTPUTS.index(name) for name in ("position_north", "velocity_north", "tilt_east", "heading")]
@@ -108,4 +108,4 @@ def test_crossrange_is_independent_and_stable(trajectory: int) -> None:
     own = np.abs(outputs @ partials @ inputs * nominal).max(axis=1)
     assert (np.abs((outputs @ partials)[:, columns] * sizes).max(axis=1) / own).max() < 1e-6
     north = OUTPUTS.index("position_north")
-    assert np.abs(found.partials_history(61).partials[:, north, north]).max() < 1.0 + 1e-9
+    assert np.abs(found.linear_over_time(61).partials[:, north, north]).max() < 1.0 + 1e-9

@@ -24,10 +24,10 @@ def test_the_plane_comes_out_for_every_start(minutes: float) -> None:
     """
     globe = example()
     time = globe.time(minutes)
-    partials = globe.navigation.started_at(time, "start").linear_model().partials
+    partials = globe.navigation.started_at(time, "start").linear().end.partials
     planar, across = globe.results(partials, time)
     flat = table_i_scenario(4) if np.isinf(minutes) else table_i_scenario(4).started_at(60.0 * minutes, "start")
-    expected = flat.linear_model().partials[:2] * ALL_ERRORS
+    expected = flat.linear().end.partials[:2] * ALL_ERRORS
     largest = np.abs(expected).max(axis=1, keepdims=True)
     assert (np.abs(planar[:2] - expected) < 1e-5 * largest).all()
     assert np.abs(planar[2]).max() < 1e-10 * np.abs(across[2]).max()
@@ -51,10 +51,10 @@ def test_legs_join_to_the_whole_flight() -> None:
     globe = example()
     first, whole = _until(globe.navigation, globe.reentry), globe.navigation
     later = globe.navigation.started_at(globe.reentry, "trajectory")
-    joined = later.linear_model().partials[:, : len(OUTPUTS)] @ first.linear_model().partials
-    joined[:, len(OUTPUTS) :] += later.linear_model().partials[:, len(OUTPUTS) :]
+    joined = later.linear().end.partials[:, : len(OUTPUTS)] @ first.linear().end.partials
+    joined[:, len(OUTPUTS) :] += later.linear().end.partials[:, len(OUTPUTS) :]
     sizes = np.array([source.nominal for source in whole.sources])
-    expected = whole.linear_model().partials * sizes
+    expected = whole.linear().end.partials * sizes
     assert (np.abs(joined * sizes - expected) <= 1e-6 * np.abs(expected).max(axis=1, keepdims=True)).all()
     errors = _one_of_each(globe.errors(whole.navigation.start, *draw(60, 3)))
     middle, _ = simulate(first, errors, 0)
@@ -66,9 +66,9 @@ def test_legs_join_to_the_whole_flight() -> None:
 def test_accelerometers_that_are_off_have_no_errors_before_reentry() -> None:
     """What acts then is what acts later alone; initial errors and gyros act as ever."""
     globe = example()
-    coasting = _until(globe.navigation, globe.reentry).linear_model().partials
-    later = globe.navigation.started_at(globe.reentry, "trajectory").linear_model().partials
-    joined, whole = _joined(coasting, later), globe.navigation.linear_model().partials
+    coasting = _until(globe.navigation, globe.reentry).linear().end.partials
+    later = globe.navigation.started_at(globe.reentry, "trajectory").linear().end.partials
+    joined, whole = _joined(coasting, later), globe.navigation.linear().end.partials
     assert (joined[:, ACCELEROMETERS] == later[:, ACCELEROMETERS]).all()
     others = [number for number in range(len(CONSTANTS)) if number not in ACCELEROMETERS]
     sizes = np.array([source.nominal for source in globe.navigation.sources])

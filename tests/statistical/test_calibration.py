@@ -13,7 +13,6 @@ from mcnav.analysis.comparison import Criterion
 from mcnav.analysis.filter_assessment import assess_filter
 from mcnav.analysis.requirements import error_sizes
 from mcnav.config.read import parse_campaign
-from mcnav.contract.engine import StochasticEngine
 from mcnav.store.run_folder import RunFolder
 from mcnav.validation.calibration import page
 from mcnav.validation.calibration.cells import Cell, Tally
@@ -227,7 +226,6 @@ def test_evidence_is_that_of_a_run(tmp_path: Path) -> None:
     campaign = parse_campaign(description(NEGLECTING), "nav.toml", "nav")
     summary = run_campaign(campaign, tmp_path / "run", "ensemble", 1, report=False).summary
     system = prepared(NEGLECTING)
-    assert isinstance(system.engine, StochasticEngine)
     result = system.engine.simulate(system.draws.batch(0, 100))
     linear = filter_evidence(RunFolder(tmp_path / "run"), RunFolder(tmp_path / "run").finished_manifest(), 0).linear
     found = assess_filter(evidence(system, result, linear), Criterion())

@@ -13,6 +13,7 @@ import pytest
 from scipy import stats
 
 from mcnav.analysis.comparison import Criterion, Model, compare
+from mcnav.contract.engine import without_noise
 from mcnav.sampling.designs import DESIGNS, SamplingDesign, standard_normals
 
 CURVATURE = 0.2
@@ -51,8 +52,8 @@ def test_the_paired_estimate_is_far_sharper_on_trajectory_4() -> None:
 
     run = campaign(4, samples=1000)
     errors = run.errors.draw("random", 1, 1000, 0, 1000)
-    outcomes = run.scenario.engine("ensemble", errors[:64]).propagate(errors).values
-    linear = run.scenario.linear_model()
+    outcomes = without_noise(run.scenario.engine("ensemble", errors[:64]))(errors).values
+    linear = run.scenario.linear().end
     model = Model(linear.partials, linear.nominal, run.errors.mean, run.errors.covariance)
     for output in compare(model, errors, outcomes, Criterion()).outputs:
         assert output.paired.interval is not None
@@ -68,8 +69,8 @@ def test_nees_of_trajectory_1(multiple: float, expected: float) -> None:
     count = 40_000
     run = campaign(1, multiple, samples=count)
     errors = run.errors.draw("random", 2, count, 0, count)
-    outcomes = run.scenario.engine("ensemble", errors[:64]).propagate(errors).values
-    linear = run.scenario.linear_model()
+    outcomes = without_noise(run.scenario.engine("ensemble", errors[:64]))(errors).values
+    linear = run.scenario.linear().end
     model = Model(linear.partials, linear.nominal, run.errors.mean, run.errors.covariance)
     found = compare(model, errors, outcomes, Criterion()).ellipsoid
     assert found is not None
@@ -83,8 +84,8 @@ def test_skewness_of_trajectory_7() -> None:
     count = 40_000
     run = campaign(7, 10.0, samples=count)
     errors = run.errors.draw("random", 3, count, 0, count)
-    outcomes = run.scenario.engine("ensemble", errors[:64]).propagate(errors).values
-    linear = run.scenario.linear_model()
+    outcomes = without_noise(run.scenario.engine("ensemble", errors[:64]))(errors).values
+    linear = run.scenario.linear().end
     model = Model(linear.partials, linear.nominal, run.errors.mean, run.errors.covariance)
     found = compare(model, errors, outcomes, Criterion()).joint
     assert found is not None

@@ -285,13 +285,14 @@ class AidedReferenceEngine:
     """The navigator's own equations at the instruments' rate, with filterpy's filter: one sample at a time."""
 
     navigation: AidedNavigation
-    filter_schema: FilterSchema
+    filter: FilterSchema
     accuracy: str = (
         "mechanization in earth-fixed axes, Gauss collocation of order 6 with steps of at most 0.1 s; filter of its "
         "own in earth-fixed axes with steps of at most 0.2 s"
     )
     parallel: str = "threads"
     chunk: int = REFERENCE_CHUNK
+    noisy: bool = True
 
     @property
     def epochs(self) -> Epochs:
@@ -312,16 +313,18 @@ class AidedReferenceEngine:
     def _tables(self) -> AidedTables:
         return self.navigation.tables(1)
 
-    def simulate(self, batch: Batch) -> SimulationResult:
-        """Simulate samples with their noise; the linear ones by the closed loop along the truth."""
+    def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
+        """Simulate samples, with their noise or without; the linear ones by the closed loop along the truth."""
+        if not noise:
+            return self._without_noise(batch.errors)
         count, epochs = len(batch.errors), len(self.navigation.times)
         histories, linear = np.full((count, epochs, len(OUTPUTS)), np.nan), np.full((count, len(OUTPUTS)), np.nan)
-        records = np.full((count, epochs, self.filter_schema.width), np.nan)
+        records = np.full((count, epochs, self.filter.width), np.nan)
 
         def simulate(row: int) -> Array:
-            noise = self.mechanization.draw(self.navigation.imu, batch.seed, int(batch.index[row]))
-            linear[row] = self.linear(batch.errors[row], noise)
-            histories[row], records[row] = self.mechanization.simulate(batch.errors[row], noise)
+            drawn = self.mechanization.draw(self.navigation.imu, batch.seed, int(batch.index[row]))
+            linear[row] = self.linear(batch.errors[row], drawn)
+            histories[row], records[row] = self.mechanization.simulate(batch.errors[row], drawn)
             return np.asarray(histories[row, -1])
 
         values = np.empty((count, len(OUTPUTS)))
@@ -354,8 +357,7 @@ class AidedReferenceEngine:
                 measured[0, rows] -= np.einsum("umj,uj->um", swings[rows, :, :3], drifts)
         return GivenNoise(added, measured)
 
-    def propagate(self, errors: Array) -> SimulationResult:
-        """Simulate samples without noise, shape (n, sources)."""
+    def _without_noise(self, errors: Array) -> SimulationResult:
         values = np.empty((len(errors), len(OUTPUTS)))
         rows = range(len(errors))
         failures = simulate_each(lambda row: self.mechanization.simulate(errors[row])[0][-1], rows, values, Diverged)
@@ -368,10 +370,11 @@ class AidedEngine:
 
     navigation: AidedNavigation
     tables: AidedTables
-    filter_schema: FilterSchema
+    filter: FilterSchema
     own: bool
     accuracy: str
     parallel: str = "threads"
+    noisy: bool = True
 
     @property
     def chunk(self) -> int:
@@ -383,13 +386,14 @@ class AidedEngine:
         """Instants of the histories."""
         return self.navigation.epochs
 
-    def simulate(self, batch: Batch) -> SimulationResult:
-        """Simulate samples with their noise."""
+    def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
+        """Simulate samples, with their noise or without."""
+        if not noise:
+            return self._without_noise(batch.errors)
         found = simulate_aided(self.tables, batch.errors, batch.seed, batch.index, self.own)
         return self._result(found)
 
-    def propagate(self, errors: Array) -> SimulationResult:
-        """Simulate samples without noise, shape (n, sources)."""
+    def _without_noise(self, errors: Array) -> SimulationResult:
         values, outcomes = self.navigation.propagate(self.tables, errors, self.own)
         return SimulationResult(np.where((outcomes == SOUND)[:, None], values[:, -1], np.nan), _failures(outcomes))
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Final
+from typing import Final, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,10 +21,10 @@ from mcnav.contract.engine import Engine
 from mcnav.contract.failure import Failure, Reason
 from mcnav.contract.filter_record import FilterPrediction, FilterSchema
 from mcnav.contract.history import Epochs, History, Panel, StartClock
-from mcnav.contract.linear import CovarianceReadings, LinearModel, LinearReadings, PartialsHistory, SharedTables
+from mcnav.contract.linear import CovarianceReadings, LinearSystem, SharedTables
 from mcnav.contract.quantities import Output, Source
 from mcnav.contract.samples import Batch, SimulationResult
-from mcnav.contract.scenario import ScenarioError
+from mcnav.contract.scenario import Capability, Scenario, ScenarioError
 from mcnav.systems.ins.aided import (
     PROBES,
     AidedEngine,
@@ -274,21 +274,24 @@ class EnsembleEngine:
     accuracy: str
     parallel: str = "threads"
     chunk: int = ENSEMBLE_CHUNK
+    noisy: bool = True
+    filter: FilterSchema | None = None
 
     @property
     def epochs(self) -> Epochs:
         """Instants of the histories."""
         return self.navigation.epochs
 
-    def simulate(self, batch: Batch) -> SimulationResult:
-        """Simulate samples with their noise."""
+    def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
+        """Simulate samples, with their noise or without."""
+        if not noise:
+            return self._without_noise(batch.errors)
         found = simulate(self.tables, batch.errors, batch.seed, batch.index)
         values = found.values
         values[~found.valid] = np.nan
         return SimulationResult(values[:, -1], self._failures(found.valid), linear_values=found.linear, history=values)
 
-    def propagate(self, errors: Array) -> SimulationResult:
-        """Simulate samples without noise, shape (n, sources)."""
+    def _without_noise(self, errors: Array) -> SimulationResult:
         found = simulate(self._quiet, errors, 0, np.arange(len(errors)))
         found.values[~found.valid] = np.nan
         return SimulationResult(found.values[:, -1], self._failures(found.valid))
@@ -310,6 +313,8 @@ class ReferenceEngine:
     accuracy: str = "mechanization in earth-fixed axes, Gauss collocation of order 6 with steps of at most 0.1 s"
     parallel: str = "threads"
     chunk: int = REFERENCE_CHUNK
+    noisy: bool = True
+    filter: FilterSchema | None = None
 
     @property
     def epochs(self) -> Epochs:
@@ -332,29 +337,30 @@ class ReferenceEngine:
             navigation.truth, navigation.platform, self.mechanization.step_times, navigation.times
         )
 
-    def simulate(self, batch: Batch) -> SimulationResult:
-        """Simulate samples with their noise."""
+    def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
+        """Simulate samples, with their noise or without."""
+        if not noise:
+            return self._without_noise(batch.errors)
         partials = self.navigation.linear.partials
         linear = np.einsum("mij,nj->nmi", partials, batch.errors)
         noisy = bool(process_sizes(self.navigation.imu))
         histories = np.full((len(batch.errors), len(self.navigation.times), len(OUTPUTS)), np.nan)
 
         def simulate(row: int) -> Array:
-            noise: tuple[Array, ...] = ()
+            drawn: tuple[Array, ...] = ()
             if noisy:
-                noise = draw_noise(
+                drawn = draw_noise(
                     self.navigation.imu, self.mechanization.step_times, batch.seed, int(batch.index[row])
                 )
-                linear[row] += self._response.respond(*noise)
-            histories[row] = self.mechanization.simulate(batch.errors[row], *noise)
+                linear[row] += self._response.respond(*drawn)
+            histories[row] = self.mechanization.simulate(batch.errors[row], *drawn)
             return np.asarray(histories[row, -1])
 
         values = np.empty((len(batch.errors), len(OUTPUTS)))
         failures = simulate_each(simulate, range(len(values)), values, Diverged)
         return SimulationResult(values, failures, linear_values=linear[:, -1], history=histories)
 
-    def propagate(self, errors: Array) -> SimulationResult:
-        """Simulate samples without noise, shape (n, sources)."""
+    def _without_noise(self, errors: Array) -> SimulationResult:
         values = np.empty((len(errors), len(OUTPUTS)))
         rows = range(len(errors))
         return SimulationResult(
@@ -374,6 +380,17 @@ class Ins:
     outputs = NAVIGATION_ERRORS
     start_clock = START_CLOCK
     revision = REVISION
+    can = frozenset(
+        {
+            Capability.NOISE,
+            Capability.FILTER,
+            Capability.LINEAR_OVER_TIME,
+            Capability.LINEAR_AT_ANY_TIME,
+            Capability.COVARIANCE,
+            Capability.START_TIMES,
+            Capability.TRAJECTORY,
+        }
+    )
 
     def __init__(self, navigation: Navigation) -> None:
         first, last = navigation.truth.times[[0, -1]]
@@ -405,6 +422,11 @@ class Ins:
         sizes = process_sizes(self.navigation.imu)
         instruments = tuple(process for process in NOISE if process.name in sizes)
         return instruments + aiding_outputs(self.navigation.sensors)
+
+    @property
+    def noisy(self) -> bool:
+        """Whether it has noise."""
+        return bool(self.processes)
 
     def with_filter(self, model: FilterModel, sigmas: Mapping[str, float] | None = None) -> Ins:
         """Return the same scenario with a filter, and the true root mean squares of the constant sources."""
@@ -444,11 +466,41 @@ class Ins:
             return {}
         return believed_shares(navigation.imu, navigation.sensors, navigation.filter, navigation.sigmas)
 
-    def linear_model(self) -> LinearModel:
-        """Compute the linear model at the end of navigation by the variational equations."""
-        linear = self.navigation.linear
-        processes = {name: covariance[-1] for name, covariance in linear.processes.items()}
-        return LinearModel(linear.partials[-1], np.zeros(len(OUTPUTS)), processes)
+    def linear(self, times: Array | None = None) -> LinearSystem:
+        """Linearize at the epochs after their updates, or at rising times of the trajectory, s.
+
+        By the variational equations. With the epochs as times, there are readings before updates as well.
+        """
+        navigation = self.navigation
+        if times is None:
+            linear = navigation.linear
+            nominal = np.zeros(linear.partials.shape[:2])
+            epochs = navigation.epochs.times
+            return LinearSystem(epochs, linear.partials, nominal, linear.processes, label=HISTORY_TIME)
+        self._check_within(times)
+        own = tuple(range(len(OUTPUTS)))
+        epochs_alone = np.array_equal(times, navigation.times)
+        if navigation.aided is not None:
+            updates, closed = navigation.aided.read_out(None if epochs_alone else times)
+            nominal = np.zeros(closed.partials.shape[:2])
+            return LinearSystem(
+                closed.times,
+                closed.partials,
+                nominal,
+                closed.processes,
+                updates,
+                closed.own,
+                own,
+                TRAJECTORY_TIME,
+                self._believed,
+            )
+        linear = navigation.linear
+        if not epochs_alone:
+            grid = np.union1d(navigation.times, times)
+            responses = respond(navigation.truth, navigation.platform, grid, navigation.imu)
+            linear = propagate(navigation.truth, responses, navigation.imu, np.searchsorted(grid, times))
+        nominal = np.zeros(linear.partials.shape[:2])
+        return LinearSystem(linear.times, linear.partials, nominal, linear.processes, label=TRAJECTORY_TIME)
 
     @property
     def further_epochs(self) -> tuple[float, ...]:
@@ -487,29 +539,9 @@ class Ins:
         total += sum(linear.processes.values(), np.zeros_like(total))
         return CovarianceReadings(times, linear.partials @ mean, total)
 
-    def linear_readings(self, times: Array | None) -> LinearReadings:
-        """Read the linear system out at rising times of the trajectory, s, or at the epochs."""
-        navigation = self.navigation
-        wanted = navigation.times if times is None else times
-        self._check_within(wanted)
-        if navigation.aided is not None:
-            updates, closed = navigation.aided.read_out(times)
-            return LinearReadings(
-                closed.times, updates, closed.partials, closed.processes, closed.own, TRAJECTORY_TIME, self._believed
-            )
-        linear = navigation.linear
-        if times is not None:
-            grid = np.union1d(navigation.times, wanted)
-            responses = respond(navigation.truth, navigation.platform, grid, navigation.imu)
-            linear = propagate(navigation.truth, responses, navigation.imu, np.searchsorted(grid, wanted))
-        return LinearReadings(
-            linear.times, (None,) * len(wanted), linear.partials, linear.processes, label=TRAJECTORY_TIME
-        )
-
-    def partials_history(self, count: int) -> PartialsHistory:
+    def linear_over_time(self, count: int) -> LinearSystem:
         """Return the linear system at the epochs, whatever the count."""
-        linear = self.navigation.linear
-        return PartialsHistory(HISTORY_TIME, self.navigation.epochs.times, linear.partials, linear.processes)
+        return self.linear()
 
     def check_start_axes(self, axes: str) -> None:
         """Refuse aided navigation, and axes of another instant where instruments are not on an inertial platform."""
@@ -623,7 +655,7 @@ class Ins:
             tables = finer if wanted == 2 * steps else navigation.tables(steps)
             coarse = flown(tables)
 
-    def history(self) -> History:
+    def nominal(self) -> History:
         """Tabulate track, altitude, speed, attitude, force and rate of the truth against time."""
         navigation, truth = self.navigation, self.navigation.truth
         times = np.linspace(navigation.start, navigation.end, HISTORY_POINTS)
@@ -650,6 +682,11 @@ class Ins:
             for sensor in navigation.sensors if sensor.outages
         }  # fmt: skip
         return History(columns, {"end": float(columns[HISTORY_TIME][-1])}, PANELS, outages)
+
+
+def is_ins(scenario: Scenario) -> TypeGuard[Ins]:
+    """Return whether a scenario is an inertial navigation along a trajectory."""
+    return Capability.TRAJECTORY in scenario.can
 
 
 PANELS: Final = (

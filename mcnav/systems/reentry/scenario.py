@@ -16,14 +16,15 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.constants import EARTH_RADIUS, REENTRY_ALTITUDE, STANDARD_GRAVITY
-from mcnav.contract.engine import Engine
+from mcnav.contract.engine import Engine, without_noise
 from mcnav.contract.failure import Failure
+from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.history import Epochs, History, Panel, StartClock
-from mcnav.contract.linear import LinearModel, PartialsHistory
+from mcnav.contract.linear import LinearSystem
 from mcnav.contract.power_sums import PowerSums
 from mcnav.contract.quantities import Output, Source
-from mcnav.contract.samples import SimulationResult
-from mcnav.contract.scenario import ScenarioError
+from mcnav.contract.samples import Batch, SimulationResult
+from mcnav.contract.scenario import Capability, ScenarioError
 from mcnav.numerics.integration import Diverged
 from mcnav.systems.histories import with_errors
 from mcnav.systems.reentry.adjoint import Adjoint, sweep
@@ -159,9 +160,13 @@ class ReferenceEngine:
     parallel: str = "processes"
     chunk: int = REFERENCE_CHUNK
     accuracy: str = "polar equations of NASA TN D-1772, DOP853 with relative tolerance 1e-12"
+    epochs: Epochs | None = None
+    noisy: bool = False
+    filter: FilterSchema | None = None
 
-    def propagate(self, errors: Array) -> SimulationResult:
-        """Simulate samples, shape (n, sources)."""
+    def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
+        """Simulate samples."""
+        errors = batch.errors
         values = np.empty((len(errors), len(OUTPUTS)))
         return SimulationResult(values, self.navigation.simulate_reference(errors, range(len(errors)), values))
 
@@ -175,9 +180,12 @@ class EnsembleEngine:
     accuracy: str
     parallel: str = "threads"
     chunk: int = ENSEMBLE_CHUNK
+    noisy: bool = False
+    filter: FilterSchema | None = None
 
-    def propagate(self, errors: Array) -> SimulationResult:
-        """Simulate samples, shape (n, sources)."""
+    def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
+        """Simulate samples."""
+        errors = batch.errors
         values, valid = simulate_ensemble(self.grid, errors)
         beyond = np.flatnonzero(~valid).tolist()
         return SimulationResult(values, self.navigation.simulate_reference(errors, beyond, values), len(beyond))
@@ -248,6 +256,7 @@ class Reentry:
     engines = ("ensemble", "reference")
     revision = REVISION
     start_clock = StartClock("min from reentry", "reentry")
+    can = frozenset({Capability.LINEAR_OVER_TIME, Capability.START_TIMES, Capability.REPLAY})
 
     _latest: tuple[bytes, EnsembleEngine] | None = None
     """Content of the last probes, and the ensemble: another run of the campaign has the same."""
@@ -274,24 +283,24 @@ class Reentry:
         return self.navigation.trajectory
 
     @cached_property
-    def _model(self) -> LinearModel:
-        return LinearModel(*linearize(self.trajectory, self.navigation.start, self.navigation.theta_axes))
+    def _linear(self) -> LinearSystem:
+        return LinearSystem.at_end(*linearize(self.trajectory, self.navigation.start, self.navigation.theta_axes))
 
-    def linear_model(self) -> LinearModel:
-        """Compute partial derivatives by the variational equations along the truth."""
-        return self._model
+    def linear(self, times: Array | None = None) -> LinearSystem:
+        """Compute partial derivatives at the end by the variational equations along the truth."""
+        return self._linear
 
     @cached_property
-    def _histories(self) -> dict[int, PartialsHistory]:
+    def _histories(self) -> dict[int, LinearSystem]:
         return {}
 
-    def partials_history(self, count: int) -> PartialsHistory:
+    def linear_over_time(self, count: int) -> LinearSystem:
         """Compute partials over the flight; half of the times are after reentry, where errors change fastest."""
         if count not in self._histories:
-            self._histories[count] = self._partials_history(count)
+            self._histories[count] = self._over_time(count)
         return self._histories[count]
 
-    def _partials_history(self, count: int) -> PartialsHistory:
+    def _over_time(self, count: int) -> LinearSystem:
         navigation, reentry, final = self.navigation, self.trajectory.reentry_time, self.trajectory.final_time
         before = count // 2 if navigation.start < reentry else 0
         times = np.concatenate(
@@ -301,7 +310,7 @@ class Reentry:
             ]
         )
         partials = linearize_throughout(self.trajectory, navigation.start, navigation.theta_axes, times)
-        return PartialsHistory("time from reentry [min]", (times - reentry) / 60.0, partials)
+        return LinearSystem((times - reentry) / 60.0, partials, label="time from reentry [min]")
 
     @cached_property
     def _adjoint(self) -> Adjoint:
@@ -425,11 +434,11 @@ class Reentry:
             f"{len(probes)} probe samples {refined.error:.1e} of an output's dispersion"
         )
         ready = EnsembleEngine(self.navigation, refined.grid, accuracy)
-        if ready.propagate(probes).fallback_count > HAND_OVER_SHARE * len(probes):
+        if without_noise(ready)(probes).fallback_count > HAND_OVER_SHARE * len(probes):
             return replace(ready, parallel="processes", chunk=REFERENCE_CHUNK)
         return ready
 
-    def history(self) -> History:
+    def nominal(self) -> History:
         """Tabulate altitude, range, speed, angle and force of the truth against time from reentry."""
         reentry, final = self.trajectory.reentry_time, self.trajectory.final_time
         share = (final - reentry) / final

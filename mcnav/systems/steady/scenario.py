@@ -21,14 +21,15 @@ from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.constants import STANDARD_GRAVITY
-from mcnav.contract.engine import Engine
+from mcnav.contract.engine import Engine, without_noise
 from mcnav.contract.failure import Failure
+from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.history import Epochs, History, Panel
-from mcnav.contract.linear import LinearModel, PartialsHistory
+from mcnav.contract.linear import LinearSystem
 from mcnav.contract.power_sums import PowerSums, sums_of
 from mcnav.contract.quantities import Output, Source, source_labels
-from mcnav.contract.samples import SimulationResult
-from mcnav.contract.scenario import ScenarioError
+from mcnav.contract.samples import Batch, SimulationResult
+from mcnav.contract.scenario import Capability, ScenarioError
 from mcnav.numerics.integration import Diverged
 from mcnav.numerics.power_sums import sum_powers
 from mcnav.numerics.refinement import refined_steps
@@ -148,9 +149,13 @@ class ReferenceEngine:
     parallel: str = "processes"
     chunk: int = REFERENCE_CHUNK
     accuracy: str = "spherical coordinates, DOP853 with relative tolerance 1e-12"
+    epochs: Epochs | None = None
+    noisy: bool = False
+    filter: FilterSchema | None = None
 
-    def propagate(self, errors: Array) -> SimulationResult:
-        """Simulate samples, shape (n, sources)."""
+    def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
+        """Simulate samples."""
+        errors = batch.errors
         values = np.empty((len(errors), len(self.navigation.outputs)))
         return SimulationResult(values, self.navigation.simulate_reference(errors, range(len(errors)), values))
 
@@ -164,9 +169,12 @@ class EnsembleEngine:
     accuracy: str
     parallel: str = "threads"
     chunk: int = ENSEMBLE_CHUNK
+    noisy: bool = False
+    filter: FilterSchema | None = None
 
-    def propagate(self, errors: Array) -> SimulationResult:
-        """Simulate samples, shape (n, sources)."""
+    def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
+        """Simulate samples."""
+        errors = batch.errors
         values, valid = self.navigation.by_ensemble(errors, self.steps)
         beyond = np.flatnonzero(~valid).tolist()
         return SimulationResult(values, self.navigation.simulate_reference(errors, beyond, values), len(beyond))
@@ -205,6 +213,7 @@ class Cruise:
 
     engines = ("ensemble", "reference")
     revision = REVISION
+    can = frozenset({Capability.LINEAR_OVER_TIME, Capability.REPLAY})
 
     def __init__(self, flight: SteadyFlight) -> None:
         if flight.effective_gravity <= 0.0:
@@ -227,17 +236,18 @@ class Cruise:
         return linearize(self.flight, times)[rows]
 
     @cached_property
-    def _model(self) -> LinearModel:
-        return LinearModel(self._partials(np.array([self.flight.duration]))[0], np.zeros(len(self.outputs)))
+    def _linear(self) -> LinearSystem:
+        end = np.array([self.flight.duration])
+        return LinearSystem(end / 60.0, self._partials(end), np.zeros((1, len(self.outputs))), label=HISTORY_TIME)
 
-    def linear_model(self) -> LinearModel:
-        """Compute the partial derivatives by the equations of variation."""
-        return self._model
+    def linear(self, times: Array | None = None) -> LinearSystem:
+        """Compute the partial derivatives at the end by the equations of variation."""
+        return self._linear
 
-    def partials_history(self, count: int) -> PartialsHistory:
+    def linear_over_time(self, count: int) -> LinearSystem:
         """Compute the partial derivatives at evenly spaced times of the flight."""
         times = np.linspace(0.0, self.flight.duration, count)
-        return PartialsHistory(HISTORY_TIME, times / 60.0, self._partials(times))
+        return LinearSystem(times / 60.0, self._partials(times), label=HISTORY_TIME)
 
     def engine(self, engine: str, probes: Array) -> Engine:
         """Prepare one of the engines; the ensemble's steps are refined until the probes, (n, sources), agree."""
@@ -251,7 +261,7 @@ class Cruise:
             f"{len(probes)} probe samples {error:.1e} of an output's dispersion"
         )
         ready = EnsembleEngine(self.navigation, steps, accuracy)
-        if ready.propagate(probes).fallback_count > HAND_OVER_SHARE * len(probes):
+        if without_noise(ready)(probes).fallback_count > HAND_OVER_SHARE * len(probes):
             return replace(ready, parallel="processes", chunk=REFERENCE_CHUNK)
         return ready
 
@@ -271,7 +281,7 @@ class Cruise:
         )
         return with_errors(History({HISTORY_TIME: times / 60.0}), off[:, self.navigation.outputs], self.outputs)
 
-    def history(self) -> History:
+    def nominal(self) -> History:
         """Simulate the usual size of each error alone: its effect on the indicated position over the flight."""
         flight, names = self.flight, [output.name for output in self.outputs]
         labels = source_labels([source.name for source in self.sources], names)

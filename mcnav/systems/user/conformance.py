@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.contract.engine import Engine
+from mcnav.contract.engine import Engine, without_noise
 from mcnav.contract.linear import LinearModel
 from mcnav.contract.samples import Batch
 from mcnav.contract.scenario import Scenario, ScenarioError
@@ -90,9 +90,9 @@ def check_conformance(scenario: Scenario, sizes: Array) -> list[Check]:
     tried("determinism", lambda: _determinism(prepared, errors))
     tried("each sample for itself", lambda: _independence(prepared, errors))
     tried("travels to workers", lambda: _travels(prepared, errors))
-    tried("linear near zero", lambda: _linear_near_zero(prepared, scenario.linear_model(), errors, sizes))
-    tried("partials against differences", lambda: _partials(prepared, scenario.linear_model(), sizes))
-    tried("nominal outputs", lambda: _nominal_outputs(scenario, scenario.linear_model(), sizes))
+    tried("linear near zero", lambda: _linear_near_zero(prepared, scenario.linear().end, errors, sizes))
+    tried("partials against differences", lambda: _partials(prepared, scenario.linear().end, sizes))
+    tried("nominal outputs", lambda: _nominal_outputs(scenario, scenario.linear().end, sizes))
     tried("history", lambda: _history(scenario))
     if isinstance(scenario, StochasticUserScenario) and scenario.noisy and isinstance(prepared, StochasticUserEngine):
         tried("noise from its generator", lambda: _noise(scenario, prepared, sizes))
@@ -113,7 +113,7 @@ def _names_and_units(scenario: Scenario) -> str:
 
 def _shapes(scenario: Scenario, prepared: Engine, errors: Array) -> str:
     before = errors.copy()
-    outcomes = prepared.propagate(errors)
+    outcomes = without_noise(prepared)(errors)
     if not np.array_equal(errors, before):
         raise _Broken("propagate changed the errors that it was given")
     wanted = (len(errors), len(scenario.outputs))
@@ -128,14 +128,14 @@ def _shapes(scenario: Scenario, prepared: Engine, errors: Array) -> str:
 
 
 def _determinism(prepared: Engine, errors: Array) -> str:
-    if not same(prepared.propagate(errors), prepared.propagate(errors)):
+    if not same(without_noise(prepared)(errors), without_noise(prepared)(errors)):
         raise _Broken("the same errors flown twice gave different bits; is something random, or kept in between?")
     return "the same bits twice"
 
 
 def _independence(prepared: Engine, errors: Array) -> str:
-    together = prepared.propagate(errors).values
-    alone = np.vstack([prepared.propagate(row[None, :]).values for row in errors[::-1]])[::-1]
+    together = without_noise(prepared)(errors).values
+    alone = np.vstack([without_noise(prepared)(row[None, :]).values for row in errors[::-1]])[::-1]
     worst = apart(together, alone)
     if worst > SAME:
         raise _Broken(f"a sample flown alone differs by {worst:.1e} from the same among others")
@@ -144,20 +144,20 @@ def _independence(prepared: Engine, errors: Array) -> str:
 
 def _travels(prepared: Engine, errors: Array) -> str:
     copy = pickle.loads(pickle.dumps(prepared))
-    if not same(prepared.propagate(errors), copy.propagate(errors)):
+    if not same(without_noise(prepared)(errors), without_noise(copy)(errors)):
         raise _Broken("what arrives in a worker flies other bits")
     return "the same bits"
 
 
 def _linear_near_zero(prepared: Engine, model: LinearModel, errors: Array, sizes: Array) -> str:
-    whole = prepared.propagate(errors).values - model.nominal
+    whole = without_noise(prepared)(errors).values - model.nominal
     spread = np.maximum(np.sqrt(np.sum((model.partials * sizes) ** 2, axis=1)), np.nanmax(np.abs(whole), axis=0))
     moving = spread > 0.0
     if not moving.any():
         return "no output depends on any error"
     shares = []
     for scale in (SMALL, SMALLER):
-        result = prepared.propagate(scale * errors)
+        result = without_noise(prepared)(scale * errors)
         if result.failures:
             raise _Broken(f"a flight with {scale:g} of the errors failed: {next(iter(result.failures.values()))}")
         departure = np.abs(result.values - model.nominal - scale * errors @ model.partials.T)
@@ -171,7 +171,7 @@ def _linear_near_zero(prepared: Engine, model: LinearModel, errors: Array, sizes
 
 
 def _partials(prepared: Engine, model: LinearModel, sizes: Array) -> str:
-    differences = differentiate(prepared.propagate, sizes)
+    differences = differentiate(without_noise(prepared), sizes)
     contributions = np.abs(differences.model.partials * sizes).max(axis=1)
     scale = np.where(contributions > 0.0, contributions, 1.0)
     gap = float((np.abs((model.partials - differences.model.partials) * sizes).max(axis=1) / scale).max())
@@ -216,7 +216,7 @@ def _noise_covariance(scenario: StochasticUserScenario, prepared: StochasticUser
     found = prepared.simulate(Batch(np.arange(TRIED_NOISE), none, SEED))
     if found.failures or found.linear_values is None:
         raise _Broken(f"a sample without errors failed: {next(iter(found.failures.values()), '')}")
-    model = scenario.linear_model()
+    model = scenario.linear().end
     expected = np.diag(sum(model.processes.values(), np.zeros((len(model.nominal),) * 2)))
     measured = np.mean((found.linear_values - model.nominal) ** 2, axis=0)
     unknown = np.where(measured > 0.0, np.inf, 1.0)
@@ -229,5 +229,5 @@ def _noise_covariance(scenario: StochasticUserScenario, prepared: StochasticUser
 
 
 def _history(scenario: Scenario) -> str:
-    history = check_history(scenario.history())
+    history = check_history(scenario.nominal())
     return f"{len(history.columns)} columns, {len(history.panels)} panels"

@@ -10,7 +10,9 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.contract.failure import Failure, Reason
-from mcnav.contract.samples import SimulationResult
+from mcnav.contract.filter_record import FilterSchema
+from mcnav.contract.history import Epochs
+from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.systems.sample_loop import simulate_alone, simulate_each
 from mcnav.systems.timeouts import SampleTimeout, within_limit
 from mcnav.systems.user.code import UserScenarioSpec
@@ -25,9 +27,13 @@ class UserEngine:
     parallel: str
     chunk: int
     accuracy: str
+    epochs: Epochs | None = None
+    noisy: bool = False
+    filter: FilterSchema | None = None
 
-    def propagate(self, errors: Array) -> SimulationResult:
-        """Simulate samples, shape (n, sources), SI."""
+    def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
+        """Simulate samples."""
+        errors = batch.errors
         instance, file = self.spec.build().value, self.spec.code.file
         if not hasattr(instance, "propagate"):
             values = np.empty((len(errors), self.outputs))

@@ -102,7 +102,7 @@ def find_unsettled_noise(
         return None
     check_noise(engine, scenario.sizes)
     check_without_noise(scenario)
-    model, limit = scenario.linear_model(), min(LARGEST, SHARE * tolerance)
+    model, limit = scenario.linear().end, min(LARGEST, SHARE * tolerance)
     responses = [_final(scenario.response(SEED, index, CHECKED)) for index in range(RESPONSES)]
     longer = [_final(scenario.response(SEED, index, CHECKED, LONGER)) for index in range(RESPONSES)]
     contributions = model.partials * np.where(varied, scenario.sizes, 0.0)

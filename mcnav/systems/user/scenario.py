@@ -15,16 +15,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, Final
+from typing import Any, Final, TypeGuard
 
 import numpy as np
 
 from mcnav._types import Array
-from mcnav.contract.engine import Engine
+from mcnav.contract.engine import Engine, without_noise
 from mcnav.contract.history import History
-from mcnav.contract.linear import LinearModel
+from mcnav.contract.linear import LinearModel, LinearSystem
 from mcnav.contract.quantities import Output, Source
-from mcnav.contract.scenario import ScenarioError
+from mcnav.contract.scenario import Capability, Scenario, ScenarioError, runs_user_code
 from mcnav.entries.inputs import InputFile, with_unique_names
 from mcnav.systems.finite_differences import DifferencedModel, differentiate
 from mcnav.systems.histories import check_history
@@ -89,6 +89,11 @@ class UserScenario:
         nominal = np.array([source.nominal for source in self.sources])
         self.sizes = nominal if sizes is None else np.where(sizes > 0.0, sizes, nominal)
 
+    @property
+    def can(self) -> frozenset[Capability]:
+        """What the scenario can do: its code runs where it cannot end the program."""
+        return frozenset({Capability.USER_CODE})
+
     def with_sigmas(self, sizes: Array) -> UserScenario:
         """Return the scenario with the sigmas of a campaign's errors, shape (sources,), SI."""
         return type(self)(self.spec, sizes)
@@ -116,8 +121,8 @@ class UserScenario:
 
         Raises `ScenarioError` when it cannot be linearized, or a file changes meanwhile.
         """
-        self.linear_model()
-        self.history()
+        self.linear()
+        self.nominal()
         declared = self.spec.declared
         return declared + with_unique_names(self._object.inputs.values(), declared)
 
@@ -138,15 +143,16 @@ class UserScenario:
         Raises `ScenarioError` when a simulation that they need fails.
         """
         with self._object.recording(self.spec.code.file):
-            return differentiate(self._engine.propagate, self.sizes)
+            return differentiate(without_noise(self._engine), self.sizes)
 
-    def linear_model(self) -> LinearModel:
+    def linear(self, times: Array | None = None) -> LinearSystem:
         """Return the partial derivatives that the class provides, or finite differences; both include the nominal run.
 
         Raises `ScenarioError` when a simulation that they need fails, or the partial derivatives of the class have the
         wrong shape.
         """
-        return self._linear if self.own_partials else self.differences.model
+        model = self._model if self.own_partials else self.differences.model
+        return LinearSystem.at_end(model.partials, model.nominal)
 
     @cached_property
     def given_partials(self) -> Array:
@@ -164,11 +170,11 @@ class UserScenario:
         return partials
 
     @cached_property
-    def _linear(self) -> LinearModel:
+    def _model(self) -> LinearModel:
         """Linear model from the partial derivatives that the class provides."""
         partials = self.given_partials.reshape(-1, len(self.outputs), len(self.sources))[-1]
         with self._object.recording(self.spec.code.file):
-            nominal = self._engine.propagate(np.zeros((1, len(self.sources))))
+            nominal = without_noise(self._engine)(np.zeros((1, len(self.sources))))
         if nominal.failures:
             raise ScenarioError("type", f"its flight without any error failed: {nominal.failures[0]}")
         return LinearModel(partials, nominal.values[0])
@@ -178,7 +184,7 @@ class UserScenario:
 
         Raises `ScenarioError` when the nominal run fails.
         """
-        self.linear_model()
+        self.linear()
         return replace(self._engine, spec=self.spec.pinned(self._object), accuracy=self.accuracy)
 
     @property
@@ -192,7 +198,7 @@ class UserScenario:
             derivatives = f"partial derivatives by central differences, steps agree to {error:.1e}{trust}"
         return f"{self._engine.accuracy}; {derivatives}"
 
-    def history(self) -> History:
+    def nominal(self) -> History:
         """Return the history that the class provides, or an empty one.
 
         Raises `ScenarioError` when it is not a valid history.
@@ -209,3 +215,8 @@ class UserScenario:
                 return check_history(found)
             except (Exception, SystemExit) as failure:
                 raise ScenarioError("type", f"history: {format_exception(failure, self.spec.code.file)}") from failure
+
+
+def is_users(scenario: Scenario) -> TypeGuard[UserScenario]:
+    """Return whether a scenario is made of a user's class."""
+    return runs_user_code(scenario)

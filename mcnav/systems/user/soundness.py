@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcnav._types import Array
-from mcnav.contract.engine import Engine
+from mcnav.contract.engine import Engine, without_noise
 from mcnav.contract.linear import LinearModel
 from mcnav.contract.samples import SimulationResult
 from mcnav.contract.scenario import ScenarioError
@@ -130,14 +130,14 @@ def check_repeatable(prepared: Engine, sizes: Array) -> None:
     """
     errors = NEAR * np.random.default_rng(SEED).standard_normal((FLOWN_TWICE, len(sizes))) * sizes
     errors[0] = 0.0
-    first, second = prepared.propagate(errors), prepared.propagate(errors)
+    first, second = without_noise(prepared)(errors), without_noise(prepared)(errors)
     if not same(first, second):
         raise ScenarioError(
             "type",
             "answers identical calls differently: is something random, or kept from one call to the next? A sample "
             "must depend on its errors alone; mcnav check-scenario says more",
         )
-    gap = apart(first.values, prepared.propagate(errors[::-1]).values[::-1])
+    gap = apart(first.values, without_noise(prepared)(errors[::-1]).values[::-1])
     if gap > SAME:
         raise ScenarioError(
             "type",
@@ -171,12 +171,14 @@ def find_unsettled(
         When the scenario is not a function of the errors; see `check_repeatable`.
     """
     check_repeatable(engine, scenario.sizes)
-    model = scenario.linear_model()
+    model = scenario.linear().end
     limit = min(LARGEST, SHARE * tolerance)
     if not varied.any():
         return None
     try:
-        differences = differentiate(engine.propagate, scenario.sizes) if scenario.own_partials else scenario.differences
+        differences = (
+            differentiate(without_noise(engine), scenario.sizes) if scenario.own_partials else scenario.differences
+        )
     except ScenarioError:  # the class's own derivatives need no differences
         return None
     shares = differences.disagreement(varied)

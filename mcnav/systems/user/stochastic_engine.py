@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.contract.engine import Engine
 from mcnav.contract.failure import Failure, Reason
 from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.history import Epochs
@@ -23,9 +24,6 @@ SCALE: Final = 0.01
 """Scale of the noise in differences: the third-order term, their error, falls with its square to 1e-4, and rounding or
 an integrator's error grows a hundredfold."""
 
-NO_EPOCHS: Final = Epochs("", np.zeros(0))
-"""Epochs of a class that gives final errors alone."""
-
 
 @dataclass(frozen=True)
 class StochasticUserEngine:
@@ -39,7 +37,7 @@ class StochasticUserEngine:
         Whether ``fly`` takes noise.
     linear : LinearModel, optional
         Linear model at the end. With it, the samples of a class with noise have linear outcomes.
-    filter_schema : FilterSchema, optional
+    filter : FilterSchema, optional
         Columns of the records of the class's filter.
     groups : mapping of str to sequence of str
         Groups of outputs whose NEES is recorded besides that of all.
@@ -47,28 +45,34 @@ class StochasticUserEngine:
 
     spec: UserScenarioSpec
     outputs: tuple[str, ...]
-    epochs: Epochs
+    epochs: Epochs | None
     noisy: bool
     chunk: int
     accuracy: str
     linear: LinearModel | None = None
-    filter_schema: FilterSchema | None = None
+    filter: FilterSchema | None = None
     groups: Mapping[str, Sequence[str]] = field(default_factory=dict)
     parallel: str = "processes"
 
     @property
     def shape(self) -> tuple[int, ...]:
         """Shape of what ``fly`` returns."""
-        return (*self.epochs.times.shape, len(self.outputs)) if len(self.epochs.times) else (len(self.outputs),)
+        return (len(self.outputs),) if self.epochs is None else (len(self.epochs.times), len(self.outputs))
 
-    def simulate(self, batch: Batch) -> SimulationResult:
-        """Simulate samples with their noise."""
+    def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
+        """Simulate samples, with their noise or without."""
+        if not noise:
+            return self.without_noise(batch.errors)[0]
         instance = self.spec.build().value
-        count, outputs, times = len(batch.errors), len(self.outputs), len(self.epochs.times)
+        count, outputs, times = (
+            len(batch.errors),
+            len(self.outputs),
+            0 if self.epochs is None else len(self.epochs.times),
+        )
         values = np.empty((count, outputs))
         linear = np.full((count, outputs), np.nan) if self.noisy and self.linear is not None else None
         history = np.full((count, times, outputs), np.nan) if times else None
-        schema = self.filter_schema
+        schema = self.filter
         records = None if schema is None else np.full((count, times, schema.width), np.nan)
 
         def simulate(row: int) -> Array:
@@ -77,7 +81,9 @@ class StochasticUserEngine:
             over_time = flown.errors.reshape(-1, outputs)
             if not np.isfinite(over_time[-1]).all():
                 raise SampleFailed(Failure.of(Reason.NOT_FINITE))
-            record = None if schema is None else record_of(flown, schema, self.epochs, self.outputs, self.groups)
+            record = None
+            if schema is not None and self.epochs is not None:
+                record = record_of(flown, schema, self.epochs, self.outputs, self.groups)
             if linear is not None:
                 linear[row] = self._linear_outcome(instance, errors, key)
             if history is not None:
@@ -89,10 +95,6 @@ class StochasticUserEngine:
         failures = simulate_each(simulate, range(count), values, file=self.spec.code.file)
         return SimulationResult(values, failures, linear_values=linear, history=history, filter_values=records)
 
-    def propagate(self, errors: Array) -> SimulationResult:
-        """Simulate samples without noise, shape (n, sources)."""
-        return self.without_noise(errors)[0]
-
     def without_noise(self, errors: Array) -> tuple[SimulationResult, Array]:
         """Simulate samples without noise, shape (n, sources); return their outcomes, and their errors over time.
 
@@ -100,7 +102,7 @@ class StochasticUserEngine:
         that failed.
         """
         instance, outputs = self.spec.build().value, len(self.outputs)
-        over_time = np.full((len(errors), max(len(self.epochs.times), 1), outputs), np.nan)
+        over_time = np.full((len(errors), 1 if self.epochs is None else len(self.epochs.times), outputs), np.nan)
         values = np.empty((len(errors), outputs))
 
         def simulate(row: int) -> Array:
@@ -170,3 +172,8 @@ class StochasticUserEngine:
         if values.shape != self.shape:
             raise ValueError(f"fly must return shape {self.shape}; got {values.shape}")
         return replace(flown, errors=values)
+
+
+def without_linear(engine: Engine) -> Engine:
+    """Return an engine of a user's class that does without its samples' linear outcomes."""
+    return replace(engine, linear=None) if type(engine) is StochasticUserEngine else engine

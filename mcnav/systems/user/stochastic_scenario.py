@@ -14,7 +14,7 @@ import inspect
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, Final
+from typing import Any, Final, TypeGuard
 
 import numpy as np
 
@@ -22,9 +22,9 @@ from mcnav._types import Array
 from mcnav.contract.engine import Engine
 from mcnav.contract.filter_record import FilterPrediction, FilterSchema
 from mcnav.contract.history import Epochs
-from mcnav.contract.linear import LinearModel, PartialsHistory
+from mcnav.contract.linear import LinearSystem
 from mcnav.contract.quantities import Output
-from mcnav.contract.scenario import ScenarioError
+from mcnav.contract.scenario import Capability, Scenario, ScenarioError, can_have_noise, runs_user_code
 from mcnav.systems.finite_differences import SHARES
 from mcnav.systems.sample_loop import SampleFailed, format_exception
 from mcnav.systems.user.code import UserScenarioSpec
@@ -32,7 +32,7 @@ from mcnav.systems.user.flown import Flown, record_of, schema_of
 from mcnav.systems.user.sample_noise import MEASURED, ScaledNoise, sample_noise
 from mcnav.systems.user.scenario import SINGLE_CHUNK, UserScenario
 from mcnav.systems.user.settings import NAME
-from mcnav.systems.user.stochastic_engine import NO_EPOCHS, StochasticUserEngine
+from mcnav.systems.user.stochastic_engine import StochasticUserEngine
 
 NOISE: Final = "noise"
 """Parameter of ``fly``, and name of a process whose covariance has no name."""
@@ -86,8 +86,13 @@ class StochasticUserScenario(UserScenario):
         self.engines = ("single",)
         self.epochs = self._epochs()
 
-    def _epochs(self) -> Epochs:
-        return NO_EPOCHS
+    @property
+    def can(self) -> frozenset[Capability]:
+        """What the scenario can do."""
+        return super().can | ({Capability.NOISE} if self.noisy else frozenset())
+
+    def _epochs(self) -> Epochs | None:
+        return None
 
     @cached_property
     def _engine(self) -> StochasticUserEngine:
@@ -203,15 +208,15 @@ class StochasticUserScenario(UserScenario):
             message = f"with its noise scaled down: {format_exception(failure, self.spec.code.file)}"
             raise ScenarioError("type", message) from failure
 
-    def linear_model(self) -> LinearModel:
-        """Return the linear model at the end, with the covariance of the noise; see `UserScenario.linear_model`."""
-        model = super().linear_model()
-        size = len(self.outputs)
-        return replace(model, processes={name: each.reshape(-1, size, size)[-1] for name, each in self.noise.items()})
+    def linear(self, times: Array | None = None) -> LinearSystem:
+        """Return the linear system at the end, with the covariance of the noise; see `UserScenario.linear`."""
+        model, size = super().linear().end, len(self.outputs)
+        noise = {name: each.reshape(-1, size, size)[-1] for name, each in self.noise.items()}
+        return LinearSystem.at_end(model.partials, model.nominal, noise)
 
     def engine(self, engine: str, probes: Array) -> Engine:
         """Return the only engine; see `UserScenario.engine`."""
-        model = self.linear_model()
+        model = self.linear().end
         spec = self.spec.pinned(self._object)
         return replace(self._engine, spec=spec, accuracy=self.accuracy, linear=replace(model, processes={}))
 
@@ -238,6 +243,13 @@ class TimedUserScenario(StochasticUserScenario):
 
     With ``Flown`` in place of an array it returns the covariance and the innovations of a filter as well.
     """
+
+    epochs: Epochs
+
+    @property
+    def can(self) -> frozenset[Capability]:
+        """What the scenario can do."""
+        return super().can | {Capability.LINEAR_OVER_TIME, Capability.FILTER}
 
     def _epochs(self) -> Epochs:
         """Read the class's epochs: `Epochs`, or times in seconds."""
@@ -277,13 +289,13 @@ class TimedUserScenario(StochasticUserScenario):
         forward, backward = np.split(over_time, 2)
         return np.asarray(((forward - backward) / (2.0 * steps[:, None, None])).transpose(1, 2, 0))
 
-    def partials_history(self, count: int) -> PartialsHistory:
+    def linear_over_time(self, count: int) -> LinearSystem:
         """Return the linear system at so many epochs, evenly chosen, or at all when there are fewer."""
         last = len(self.epochs.times) - 1
         chosen = np.unique(np.linspace(0, last, min(count, last + 1)).round().astype(int))
         processes = {name: each[chosen] for name, each in self.noise.items()}
         times, partials = self.epochs.times[chosen], self._partials_over_time[chosen]
-        return PartialsHistory(self.epochs.label, times, partials, processes)
+        return LinearSystem(times, partials, processes=processes, label=self.epochs.label)
 
     @property
     def groups(self) -> Mapping[str, tuple[str, ...]]:
@@ -353,4 +365,9 @@ class TimedUserScenario(StochasticUserScenario):
         """Return the only engine; see `UserScenario.engine`."""
         prepared = super().engine(engine, probes)
         assert isinstance(prepared, StochasticUserEngine)
-        return replace(prepared, filter_schema=self.filter_schema, groups=self.groups)
+        return replace(prepared, filter=self.filter_schema, groups=self.groups)
+
+
+def is_users_with_noise(scenario: Scenario) -> TypeGuard[StochasticUserScenario]:
+    """Return whether a scenario is made of a user's class with noise."""
+    return runs_user_code(scenario) and can_have_noise(scenario)

@@ -32,7 +32,6 @@ from mcnav.analysis.filter_evidence import FilterEvidence, LinearFilter, MeanSqu
 from mcnav.analysis.requirements import Requirement, judge_requirement, linear_quantile
 from mcnav.analysis.requirements_over_time import ErrorHistories, judge_over_time, largest_linear_quantile
 from mcnav.config.read import parse_campaign
-from mcnav.contract.engine import StochasticEngine
 from mcnav.contract.samples import SimulationResult
 from mcnav.execution.chunks import DrawPlan
 from mcnav.numerics.power_sums import sum_powers_about_zero
@@ -122,7 +121,6 @@ def _count(kind: tuple[str, int], seeds: Sequence[int], found: Tally) -> None:
     name, count = kind
     system = prepared(name)
     engine, judged = system.engine, _Free(system) if name == NAVIGATION else None
-    assert isinstance(engine, StochasticEngine)
     for seed in seeds:
         batch = replace(system.draws, seed=FIRST + seed, samples=count).batch(0, count)
         result = engine.simulate(batch)

@@ -17,6 +17,7 @@ from typing import Any, Final
 import numpy as np
 
 from mcnav.compiled.vectors import LANES, room
+from mcnav.contract.engine import without_noise
 from mcnav.contract.samples import Batch
 from mcnav.systems.ins.aided import AidedEngine
 from mcnav.systems.ins.ensemble.free import EnsembleTables
@@ -109,7 +110,7 @@ def _free(folder: Path, setup: Setup, seconds: float) -> Iterator[dict[str, Any]
     batch, steps = Batch(np.arange(len(errors)), errors, SEED), len(tables.durations)
     quiet = tables.without_noise().at_the_end()
     for name, noisy, own, run in (
-        ("free, without noise", False, quiet, lambda: engine.propagate(errors)),
+        ("free, without noise", False, quiet, lambda: without_noise(engine)(errors)),
         ("free, with noise", True, tables, lambda: engine.simulate(batch)),
     ):
         run()
@@ -135,7 +136,7 @@ def _aided(folder: Path, setup: Setup, seconds: float) -> Iterator[dict[str, Any
         steps, updates, components = len(tables.ensemble.durations), len(sensor.times), len(sensor.components)
         noisy = bool(process_sizes(engine.navigation.imu))
         sources = int(errors[:, NAVIGATION:].any(axis=0).sum())
-        filtered = filter_operations(NAVIGATION + len(engine.filter_schema.states), components)
+        filtered = filter_operations(NAVIGATION + len(engine.filter.states), components)
         own = steps * filtered["step"] + updates * filtered["update"] if engine.own else 0
         # a sample and its linear twin go along together
         both = 2 * steps * step_operations(tables.ensemble, sources, noisy)

@@ -17,6 +17,7 @@ from typing import Any, Final
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.contract.engine import without_noise
 from mcnav.contract.samples import Batch
 from mcnav.execution.memory import keep_freed_memory
 from mcnav.systems.ins.aided import AidedEngine, AidedReferenceEngine
@@ -114,7 +115,7 @@ def _by_steps(engine: EnsembleEngine) -> list[EnsembleEngine]:
 
 
 def _propagate(engine: EnsembleEngine) -> Callable[[int, Array], object]:
-    return lambda number, rows: engine.propagate(rows)
+    return lambda number, rows: without_noise(engine)(rows)
 
 
 def _simulate(engine: EnsembleEngine | AidedEngine) -> Callable[[int, Array], object]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from mcnav.contract.engine import without_noise
 from mcnav.lincov.polynomial import fit
 from mcnav.lincov.polynomial_engine import PolynomialEngine
 from mcnav.systems.reentry.ensemble.grid import shared_grid
@@ -37,17 +38,17 @@ def _engine(case: Case, nodes: int) -> EnsembleEngine:
 def prepare_ensemble(case: Case, nodes: float, cores: int) -> Fly:
     """Samples flown by the kernel; one beyond its validity by the reference path."""
     engine = _engine(case, int(nodes))
-    return lambda draws: engine.propagate(among_all(draws)).values
+    return lambda draws: without_noise(engine)(among_all(draws)).values
 
 
 def prepare_map(case: Case, order: float, cores: int) -> Fly:
     """Samples evaluated by a polynomial; those beyond the fitted ones are flown."""
     exact = _engine(case, MAP_NODES)
     polynomial = fit(
-        lambda draws: exact.propagate(draws), np.zeros(len(ALL_ERRORS)), among_all(case.one_sigma), int(order)
+        lambda draws: without_noise(exact)(draws), np.zeros(len(ALL_ERRORS)), among_all(case.one_sigma), int(order)
     )
     engine = PolynomialEngine(polynomial, exact, "")
-    return lambda draws: engine.propagate(among_all(draws)).values
+    return lambda draws: without_noise(engine)(among_all(draws)).values
 
 
 ENSEMBLE = Peer(prepare_ensemble, "nodes", (24, 34, 48, 68, 96, 136, 192), ENSEMBLE_CHUNK, "threads")

@@ -10,7 +10,7 @@ from mcnav.analysis.comparison import Model
 from mcnav.analysis.linear_answer import LinearRequirement, judge_linearly
 from mcnav.analysis.linear_covariance import Moments, covariance_over_time
 from mcnav.analysis.requirements import Requirement
-from mcnav.contract.linear import LinearReadings
+from mcnav.contract.linear import LinearSystem
 
 ROOT = 1e-9
 """Relative error of a radius by quadrature, and of roots."""
@@ -63,7 +63,7 @@ def test_a_sigma_ratio_needs_monte_carlo() -> None:
 def test_requirements_over_time_are_on_readings_after_updates() -> None:
     """Sigma is 1, then 3 before an update and 2 after it: the largest at epochs 0 and 1 is 2, at the time 10."""
     partials = np.array([1.0, 3.0, 2.0])[:, None, None]
-    readings = LinearReadings(np.array([0.0, 10.0, 10.0]), (None, "before", "after"), partials)
+    readings = LinearSystem(np.array([0.0, 10.0, 10.0]), partials, updates=(None, "before", "after"))
     history = covariance_over_time(readings, ("x",), np.zeros(1), np.eye(1))
     requirement = Requirement("quantile", (0,), (4.0,), 0.6826894921370859, "", (0, 1))
     (found,) = judged([requirement], model(1.0), history.moments)
@@ -77,7 +77,7 @@ def test_covariance_over_time_adds_up() -> None:
     rng = np.random.default_rng(5)
     partials, half = rng.standard_normal((4, 2, 3)), rng.standard_normal((3, 3))
     noise = np.stack([np.eye(2) * k for k in range(4)])
-    readings = LinearReadings(np.arange(4.0), (None,) * 4, partials, {"noise": noise})
+    readings = LinearSystem(np.arange(4.0), partials, processes={"noise": noise})
     sources, mean = half @ half.T, rng.standard_normal(3)
     found = covariance_over_time(readings, ("a", "b", "c"), mean, sources)
     expected = np.stack([each @ sources @ each.T for each in partials]) + noise

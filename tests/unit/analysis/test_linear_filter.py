@@ -9,7 +9,6 @@ from mcnav._types import Array
 from mcnav.analysis.filter_consistency import Honesty
 from mcnav.analysis.linear_covariance import LinearCovariance, covariance_over_time
 from mcnav.analysis.linear_filter import LinearVerdict, judge_filter
-from mcnav.contract.linear import LinearReadings
 
 NAMES = ("position_north", "position_east")
 TIMES = np.array([0.0, 10.0, 20.0, 30.0])

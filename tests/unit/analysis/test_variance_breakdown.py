@@ -7,6 +7,7 @@ import pytest
 
 from mcnav.analysis.comparison import Criterion, Model, compare
 from mcnav.analysis.variance_breakdown import Predicted, predicted_from, split_difference
+from mcnav.contract.engine import without_noise
 from mcnav.contract.failure import Failure
 from mcnav.contract.samples import SimulationResult
 from mcnav.lincov.higher_order import principal_directions, second_order
@@ -91,10 +92,10 @@ def test_it_predicts_what_is_flown(trajectory: int, multiple: float) -> None:
     run = campaign(trajectory, multiple, samples=count)
     errors = run.errors.draw("random", 1, count, 0, count)
     prepared = run.scenario.engine("ensemble", errors[:64])
-    linear = run.scenario.linear_model()
+    linear = run.scenario.linear().end
     model = Model(linear.partials, linear.nominal, run.errors.mean, run.errors.covariance)
-    found = second_order(prepared.propagate, run.errors.mean, run.errors.covariance)
-    comparison = compare(model, errors, prepared.propagate(errors).values, Criterion())
+    found = second_order(without_noise(prepared), run.errors.mean, run.errors.covariance)
+    comparison = compare(model, errors, without_noise(prepared)(errors).values, Criterion())
     correction = np.diag(found.quadratic + found.third_order)
     for i, output in enumerate(comparison.outputs):
         difference = output.paired_variance.value - output.sigma_linear**2

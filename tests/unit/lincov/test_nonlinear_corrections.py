@@ -8,8 +8,9 @@ from math import comb
 import numpy as np
 import pytest
 
-from mcnav._types import Array
-from mcnav.contract.samples import SimulationResult
+from mcnav.contract.filter_record import FilterSchema
+from mcnav.contract.history import Epochs
+from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.lincov import nonlinear_corrections as corrections
 from mcnav.lincov.partials import QUICK, SimulationFailed
 from mcnav.sampling.distributions import Normal
@@ -23,9 +24,12 @@ class Sums:
     parallel: str = "threads"
     chunk: int = QUICK
     accuracy: str = "exact"
+    epochs: Epochs | None = None
+    noisy: bool = False
+    filter: FilterSchema | None = None
 
-    def propagate(self, errors: Array) -> SimulationResult:
-        return SimulationResult(errors.sum(axis=1)[:, None])
+    def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
+        return SimulationResult(batch.errors.sum(axis=1)[:, None])
 
 
 def _errors(count: int, still: int = 0) -> ErrorModel:

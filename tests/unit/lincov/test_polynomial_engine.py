@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_limits
 
-from mcnav.contract.samples import SimulationResult
+from mcnav.contract.engine import without_noise
+from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.lincov.polynomial import PolynomialFitError, fit
 from mcnav.lincov.polynomial_engine import TOLERANCE, PolynomialEngine, fit_polynomial_engine
 from mcnav.systems.reentry.table_i import ALL_ERRORS, COLUMNS, ERRORS, among_all
@@ -36,7 +37,7 @@ def _map(number: int) -> PolynomialEngine:
 def test_every_draw_is_within_the_tolerance_of_its_flight(number: int, draws: Draw) -> None:
     """At the report's errors, 20,000 draws: 1e-4 of each output's dispersion in the worst of them."""
     engine, errors = _map(number), draws(DRAWS, 1.0)
-    flown, mapped_ = engine.exact.propagate(errors).values, engine.propagate(errors)
+    flown, mapped_ = without_noise(engine.exact)(errors).values, without_noise(engine)(errors)
     assert (np.abs(mapped_.values - flown).max(axis=0) / flown.std(axis=0)).max() <= TOLERANCE
     assert mapped_.fallback_count <= 2
     assert engine.polynomial.error <= TOLERANCE
@@ -46,24 +47,24 @@ def test_far_samples_are_flown(draws: Draw) -> None:
     """Beyond the fitted points the flight itself is returned, bit for bit, and counted."""
     engine, errors = _map(4), draws(50, 1.0)
     errors[[3, 17]] *= 3.0 * engine.polynomial.reach / np.sqrt(len(ERRORS))
-    outcomes = engine.propagate(errors)
+    outcomes = without_noise(engine)(errors)
     far = np.flatnonzero(((errors[:, COLUMNS] / ERRORS) ** 2).sum(axis=1) > engine.polynomial.reach**2)
     assert {3, 17} <= set(far.tolist())
     assert outcomes.fallback_count == len(far)
-    assert np.array_equal(outcomes.values[far], engine.exact.propagate(errors[far]).values)
+    assert np.array_equal(outcomes.values[far], without_noise(engine.exact)(errors[far]).values)
 
 
 def test_samples_within_reach_are_not_flown() -> None:
     """The exact engine, which may take long for none as well, is not called."""
 
     class Grounded:
-        accuracy, parallel, chunk = "", "threads", 1
+        accuracy, parallel, chunk, epochs, noisy, filter = "", "threads", 1, None, False, None
 
-        def propagate(self, errors: np.ndarray) -> SimulationResult:
-            raise AssertionError(f"{len(errors)} samples are flown")
+        def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
+            raise AssertionError(f"{len(batch.errors)} samples are simulated")
 
     engine = replace(_map(4), exact=Grounded())
-    assert engine.propagate(np.zeros((5, len(ALL_ERRORS)))).fallback_count == 0
+    assert without_noise(engine)(np.zeros((5, len(ALL_ERRORS)))).fallback_count == 0
 
 
 @pytest.mark.parametrize(("multiple", "last"), [(4.0, 4), (100.0, 2)])
@@ -78,8 +79,8 @@ def test_refused_where_no_polynomial_holds(multiple: float, last: int, draws: Dr
 
 def test_bits_do_not_depend_on_chunks(draws: Draw) -> None:
     engine, errors = _map(1), draws(5_003, 1.0)
-    whole = engine.propagate(errors).values
-    parts = [engine.propagate(part).values for part in np.split(errors, [1, 18, 1_000, 3_333])]
+    whole = without_noise(engine)(errors).values
+    parts = [without_noise(engine)(part).values for part in np.split(errors, [1, 18, 1_000, 3_333])]
     assert np.array_equal(whole, np.concatenate(parts))
 
 

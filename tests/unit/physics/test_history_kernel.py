@@ -62,7 +62,7 @@ def test_a_perfect_system_misses_the_forces_it_does_not_see() -> None:
     histories, _ = simulate_histories(
         history_grid(response(scenario), NODES, _epochs(scenario)), np.zeros((1, len(SIZES)))
     )
-    np.testing.assert_allclose(histories[0, -1], scenario.linear_model().nominal, rtol=1e-7)
+    np.testing.assert_allclose(histories[0, -1], scenario.linear().end.nominal, rtol=1e-7)
 
 
 @pytest.mark.parametrize("multiple", [1.0, 100.0])

@@ -14,7 +14,7 @@ import pytest
 from mcnav.analysis.filter_consistency import Band as Statistic
 from mcnav.analysis.filter_consistency import FilterConsistency
 from mcnav.contract.history import History
-from mcnav.contract.linear import PartialsHistory
+from mcnav.contract.linear import LinearSystem
 from mcnav.report.figures.axis_groups import same_kind, same_unit
 from mcnav.report.figures.consistency import nees_over_time, nis_over_time, shares_within, sigma_ratios_over_time
 from mcnav.report.figures.estimation import estimation
@@ -168,7 +168,7 @@ def test_budget_by_origin() -> None:
     noise = {name: np.outer(TIMES, np.full(9, 0.01)) for name in processes}
     variables = [SimpleNamespace(name=name) for name in sources]
     filled: Any = SimpleNamespace(
-        filter=consistency(), history=HISTORY, development=PartialsHistory("time [min]", TIMES, partials, noise),
+        filter=consistency(), history=HISTORY, development=LinearSystem(TIMES, partials, processes=noise),
         manifest=SimpleNamespace(model=SimpleNamespace(
             sources=variables, outputs=[SimpleNamespace(name=name) for name in OUTPUTS])),
         model=SimpleNamespace(covariance=covariance, partials=partials[-1], processes=dict.fromkeys(processes)),

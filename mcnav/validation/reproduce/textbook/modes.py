@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array
+from mcnav.contract.engine import without_noise
 from mcnav.systems.ins.imu.instruments import OUTPUTS
 from mcnav.systems.ins.scenario import Ins
 
@@ -19,11 +20,11 @@ SMALL: Final = np.repeat([10.0, 0.01, 1e-5], 3)
 
 def transitions(scenario: Ins) -> tuple[Array, Array]:
     """Return the final errors over the initial ones, shape (9, 9), linear and simulated, in units of `SMALL`."""
-    linear = scenario.linear_model().partials[:, : len(OUTPUTS)]
+    linear = scenario.linear().end.partials[:, : len(OUTPUTS)]
     errors = np.zeros((2 * len(SMALL), len(scenario.sources)))
     errors[: len(SMALL), : len(SMALL)] = np.diag(SMALL)
     errors[len(SMALL) :] = -errors[: len(SMALL)]
-    flown = scenario.engine(scenario.engines[0], errors).propagate(errors).values
+    flown = without_noise(scenario.engine(scenario.engines[0], errors))(errors).values
     simulated = (flown[: len(SMALL)] - flown[len(SMALL) :]).T / 2.0
     return linear * SMALL / SMALL[:, None], simulated / SMALL[:, None]
 
@@ -58,7 +59,7 @@ def steady_drift(scenario: Ins, output: str, source: str) -> float:
 
     The output alone has the eigenvalue one; the rate is what its left eigenvector gains in a navigation.
     """
-    model, names = scenario.linear_model(), [each.name for each in scenario.sources]
+    model, names = scenario.linear().end, [each.name for each in scenario.sources]
     transition, _ = transitions(scenario)
     values, vectors = np.linalg.eig(transition[np.ix_(HORIZONTAL, HORIZONTAL)].T)
     left = np.real(vectors[:, np.argmin(np.abs(values - 1.0))])

@@ -155,7 +155,7 @@ class Case:
     @cached_property
     def linear(self) -> Array:
         """Linear covariance of the final errors, shape (9, 9)."""
-        model = self.scenario.linear_model()
+        model = self.scenario.linear().end
         constant = (model.partials * self.sizes**2) @ model.partials.T
         return np.asarray(sum(model.processes.values(), constant))
 
@@ -175,7 +175,7 @@ class Case:
         """Return the filter's variance of an output after each instant of its updates, by linear analysis."""
         navigation = self.scenario.navigation
         instants = np.unique(np.concatenate([each.times for each in navigation.sensors]))
-        found = self.scenario.linear_readings(instants)
+        found = self.scenario.linear(instants)
         if found.own is None:
             raise ValueError("a navigation without aiding has no filter")
         place = OUTPUTS.index(output)
@@ -200,7 +200,7 @@ class Case:
 
     def partial(self, output: str, source: str) -> float:
         """Return one partial derivative of the final errors, SI."""
-        return float(self.scenario.linear_model().partials[OUTPUTS.index(output), CONSTANTS.index(source)])
+        return float(self.scenario.linear().end.partials[OUTPUTS.index(output), CONSTANTS.index(source)])
 
     @cached_property
     def _simulated(self) -> tuple[Array, Array, Array | None]:
@@ -216,13 +216,14 @@ class Case:
         values, level, records = [], [], []
         for begin in range(0, self.samples, engine.chunk):
             index = np.arange(begin, min(begin + engine.chunk, self.samples))
-            found = engine.simulate(Batch(index, errors[index], SEED))  # type: ignore[attr-defined]
-            if found.failures:
-                raise RuntimeError(f"samples fail: {next(iter(found.failures.values()))}")
+            found = engine.simulate(Batch(index, errors[index], SEED))
+            if found.failures or found.linear_values is None or found.history is None:
+                raise RuntimeError(f"samples fail: {next(iter(found.failures.values()), '')}")
             values.append(np.stack([found.values, found.linear_values]))
             level.append((found.history[..., :2] ** 2).sum(axis=2))
             records.append(found.filter_values)
-        of_filters = None if records[0] is None else np.concatenate(records)
+        known = [each for each in records if each is not None]
+        of_filters = np.concatenate(known) if known else None
         return np.concatenate(values, axis=1), np.concatenate(level), of_filters
 
     def sigma(self, *outputs: str) -> Sigma:

@@ -18,6 +18,7 @@ from mcnav._types import Array
 from mcnav.analysis.comparison import Criterion, Model, compare
 from mcnav.analysis.linearity import alone
 from mcnav.constants import GRAVITATIONAL_PARAMETER
+from mcnav.contract.engine import without_noise
 from mcnav.contract.quantities import source_labels
 from mcnav.lincov.partials import Propagate, partials_at_later_starts
 from mcnav.report.model import humanize
@@ -230,7 +231,7 @@ def against_range(frame: pd.DataFrame) -> Finding:
 def accelerometers_off(frame: pd.DataFrame) -> Finding:
     """Examine Table VI and the best switching altitude."""
     on, off = (
-        table_i_scenario(4, **options).linear_model().partials * ALL_ERRORS
+        table_i_scenario(4, **options).linear().end.partials * ALL_ERRORS
         for options in ({}, {"accelerometers_off_above": 121_920.0})
     )
     total_on, total_off = (np.sqrt((effects**2).sum(axis=1))[0] / 1e3 for effects in (on, off))
@@ -257,7 +258,7 @@ def table_v() -> Finding:
     fixed = table_i_scenario(4, start=-214.8, axes="trajectory")
     turn = own.navigation.theta_axes - fixed.navigation.theta_axes
     here, there = (
-        scenario.linear_model().partials[:, Error.BIAS_X] * ALL_ERRORS[Error.BIAS_X] for scenario in (own, fixed)
+        scenario.linear().end.partials[:, Error.BIAS_X] * ALL_ERRORS[Error.BIAS_X] for scenario in (own, fixed)
     )
     printed_a, printed_b = (float(final_errors(table)[Error.BIAS_X][0]) for table in ("V(a)", "V(b)"))
     return Finding(
@@ -316,7 +317,7 @@ def axes() -> Finding:
     """Decide between the axes of the start and those of reentry."""
     scenario = table_i_scenario(1)
     errors = np.where(np.arange(len(Error)) == Error.BIAS_X, ALL_ERRORS, 0.0)
-    at_start = ReferenceEngine(scenario.navigation).propagate(errors[None]).values[0, 0] / 1e3
+    at_start = without_noise(ReferenceEngine(scenario.navigation))(errors[None]).values[0, 0] / 1e3
     reentry = float(scenario.trajectory.state(scenario.trajectory.reentry_time)[1])
     at_reentry = simulate_indicated(scenario.trajectory, errors, 0.0, reentry)[0] / 1e3
     return Finding(

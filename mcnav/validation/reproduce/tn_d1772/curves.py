@@ -15,6 +15,7 @@ import pandas as pd
 
 from mcnav._types import Array
 from mcnav.constants import EARTH_RADIUS, REENTRY_ALTITUDE
+from mcnav.contract.engine import without_noise
 from mcnav.lincov.start_times import study_start_times
 from mcnav.systems.reentry.instruments import Error
 from mcnav.systems.reentry.scenario import OUTPUTS, SOURCES, Flight, Reentry
@@ -170,12 +171,12 @@ def _between() -> Iterator[tuple[str, Reentry]]:
 def figure_5() -> pd.DataFrame:
     """Compute final altitude error of trajectory 4 against initial altitude and range error, flown and linear, km."""
     scenario = table_i_scenario(EXAMPLE)
-    linear = scenario.linear_model().partials
+    linear = scenario.linear().end.partials
     parts = []
     for source in (Error.ALTITUDE, Error.RANGE):
         errors = np.zeros((len(MULTIPLES), len(SOURCES)))
         errors[:, source] = MULTIPLES * ERROR_SIZES[source]
-        flown = scenario.engine("ensemble", errors).propagate(errors).values
+        flown = without_noise(scenario.engine("ensemble", errors))(errors).values
         table = {
             "initial error in": SOURCES[source].name,
             "initial error [km]": errors[:, source] / 1e3,
@@ -277,7 +278,7 @@ def switching() -> pd.DataFrame:
     first_point = start_state(EXAMPLE)
     for altitude in SWITCHING_ALTITUDES:
         flight = Flight(first_point, Vehicle(row.lift_law), row.final_altitude, accelerometers_off_above=1e3 * altitude)
-        model = Reentry(flight).linear_model()
+        model = Reentry(flight).linear().end
         sigma = np.sqrt(((model.partials * ALL_ERRORS) ** 2).sum(axis=1))
         found: dict[str, float] = {"off above [km]": altitude}
         for i, output in enumerate(OUTPUTS):

@@ -15,7 +15,6 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.constants import EARTH_RADIUS, GRAVITATIONAL_PARAMETER
-from mcnav.contract.engine import StochasticEngine
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.systems.ins.earth import Earth
 from mcnav.systems.ins.filter.model import Beliefs, FilterModel
@@ -216,8 +215,6 @@ def simulate(scenario: Ins, errors: Array, seed: int) -> tuple[Array, Array]:
     padded = np.zeros((len(errors), len(scenario.sources)))
     padded[:, : errors.shape[1]] = errors
     engine = scenario.engine(scenario.engines[0], padded[:PROBES])
-    if not isinstance(engine, StochasticEngine):
-        raise TypeError("the engine simulates no noise")
     found: list[SimulationResult] = []
     for begin in range(0, len(padded), engine.chunk):
         index = np.arange(begin, min(begin + engine.chunk, len(padded)))

@@ -14,6 +14,7 @@ import pandas as pd
 
 from mcnav._types import Array
 from mcnav.constants import REENTRY_ALTITUDE
+from mcnav.contract.engine import without_noise
 from mcnav.statistics.mean_square import mean_square_intervals
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS
 from mcnav.systems.ins.scenario import Ins
@@ -110,14 +111,15 @@ def _sigmas(planar: Array, across: Array) -> Array:
 
 def _planar_sigmas(scenario: Reentry) -> Array:
     """Return the linear sigmas of altitude and range by the planar navigator, and none of crossrange, km."""
-    effects = scenario.linear_model().partials[:2] * ALL_ERRORS
+    effects = scenario.linear().end.partials[:2] * ALL_ERRORS
     return np.append(np.sqrt((effects**2).sum(axis=1)) / KILOMETRE, np.nan)
 
 
 def _planar_spread(scenario: Reentry, planar: Array) -> list[float]:
     """Return the root mean square of samples by the planar navigator, km; none of crossrange."""
     found = (
-        scenario.engine("ensemble", planar[:PLANAR_PROBES]).propagate(planar).values - scenario.linear_model().nominal
+        without_noise(scenario.engine("ensemble", planar[:PLANAR_PROBES]))(planar).values
+        - scenario.linear().end.nominal
     )
     return [spread(found[:, result])[0] for result in (ALTITUDE, RANGE)] + [np.nan]
 
@@ -130,7 +132,7 @@ def start_comparisons() -> list[Comparison]:
         scenario = globe.navigation.started_at(time, "start")
         flat = table_i_scenario(EXAMPLE)
         flat = flat if np.isinf(minutes) else flat.started_at(60.0 * minutes, "start")
-        linear = _sigmas(*globe.results(scenario.linear_model().partials, time))
+        linear = _sigmas(*globe.results(scenario.linear().end.partials, time))
         known, sampled = _planar_sigmas(flat), _planar_spread(flat, planar)
         values, outcomes = (each @ globe.to_results.T
                             for each in simulate(scenario, globe.errors(time, planar, across), SEED))  # fmt: skip
@@ -174,9 +176,9 @@ def switching_comparisons() -> list[Comparison]:
     alone = np.diag(ALL_ERRORS)[list(BIASES)]
     planar, across = np.vstack([planar, alone]), np.vstack([across, np.zeros((len(BIASES), len(ACROSS)))])
     errors = globe.errors(globe.navigation.navigation.start, planar, across)
-    coasting = _until(globe.navigation, globe.reentry).linear_model().partials
-    later = globe.navigation.started_at(globe.reentry, "trajectory").linear_model().partials
-    on, off = globe.navigation.linear_model().partials, _joined(coasting, later)
+    coasting = _until(globe.navigation, globe.reentry).linear().end.partials
+    later = globe.navigation.started_at(globe.reentry, "trajectory").linear().end.partials
+    on, off = globe.navigation.linear().end.partials, _joined(coasting, later)
     flat_off = table_i_scenario(EXAMPLE, accelerometers_off_above=REENTRY_ALTITUDE)
     return [
         *_switched("on", table_i_scenario(EXAMPLE), planar, on, errors, simulate(globe.navigation, errors, SEED)[0]),
@@ -190,9 +192,9 @@ def _switched(
     """Compare both navigators; the last samples, shape (n, planar errors), have one of `BIASES` each."""
     globe = example()
     effects, across = globe.results(partials, globe.navigation.navigation.start)
-    model, values, outcomes = flat.linear_model(), flown @ globe.to_results.T, errors @ (globe.to_results @ partials).T
+    model, values, outcomes = flat.linear().end, flown @ globe.to_results.T, errors @ (globe.to_results @ partials).T
     known = model.partials * ALL_ERRORS / KILOMETRE
-    planar_values = flat.engine("ensemble", planar[:PLANAR_PROBES]).propagate(planar).values - model.nominal
+    planar_values = without_noise(flat.engine("ensemble", planar[:PLANAR_PROBES]))(planar).values - model.nominal
     found = [
         Comparison(
             "switching", f"{name} alone, accelerometers {words}", RESULTS[result], known[result, error],
@@ -265,7 +267,7 @@ def crossing(number: int) -> tuple[Crossing, Comparison]:
     """Examine crossrange on a trajectory, navigated from its first point; samples have all errors."""
     globe = example() if number == EXAMPLE else Globe.of(number)
     start = globe.navigation.navigation.start
-    planar, across = globe.results(globe.navigation.linear_model().partials, start)
+    planar, across = globe.results(globe.navigation.linear().end.partials, start)
     row = across[CROSSRANGE] / KILOMETRE
     gyros = slice(ACROSS_INITIAL, ACROSS_INITIAL + 2)
     parts = (row[:ACROSS_INITIAL], row[gyros], row[gyros.stop :])
@@ -296,7 +298,7 @@ def correlations(multiple: float) -> Array:
 def crossrange_history() -> pd.DataFrame:
     """Compute the sigma of crossrange over the flight of trajectory 4, by initial conditions and by all errors, km."""
     globe = example()
-    known = globe.navigation.partials_history(CURVE_POINTS)
+    known = globe.navigation.linear_over_time(CURVE_POINTS)
     effects = known.partials[:, OUTPUTS.index("position_north")][:, [CONSTANTS.index(name) for name in ACROSS]]
     effects = effects * np.array(list(ACROSS.values())) / KILOMETRE
     return pd.DataFrame(
@@ -310,7 +312,7 @@ def crossrange_history() -> pd.DataFrame:
 
 def _updated_sigmas(scenario: Ins) -> tuple[Array, Array]:
     """Return the linear sigmas of an updated navigation, and those that its filter states, shape (3,) each, km."""
-    globe, model = example(), scenario.linear_model()
+    globe, model = example(), scenario.linear().end
     prediction = scenario.filter_prediction()
     if prediction is None:
         raise ValueError("a navigation without aiding has no filter")

@@ -12,6 +12,7 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.constants import EARTH_RATE, TN_GRAVITY
+from mcnav.contract.engine import without_noise
 from mcnav.contract.linear import LinearModel
 from mcnav.lincov.partials import Propagate
 from mcnav.systems.reentry.scenario import SOURCES, Flight, Reentry
@@ -130,12 +131,12 @@ def table_i_scenario(number: int, **options: Any) -> Reentry:
 def propagator(scenario: Reentry, engine: str, probes: Array) -> Propagate:
     """Prepare an engine for the report's ten errors, shape (n, 10), its accuracy settled on probes of that shape."""
     ready = scenario.engine(engine, among_all(probes))
-    return lambda errors: ready.propagate(among_all(errors))
+    return lambda errors: without_noise(ready)(among_all(errors))
 
 
 def linear_model(scenario: Reentry) -> LinearModel:
     """Compute partial derivatives by the report's ten errors, shape (4, 10)."""
-    model = scenario.linear_model()
+    model = scenario.linear().end
     return LinearModel(model.partials[:, COLUMNS], model.nominal)
 
 
