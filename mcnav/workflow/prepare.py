@@ -138,7 +138,7 @@ class PreparedSystem:
         dict
             Content by file name; empty when the engine has no histories.
         """
-        engine, errors, outputs = self.engine, self.draws.errors, self.scenario.outputs
+        engine, errors, outputs = _exact(self.engine), self.draws.errors, self.scenario.outputs
         if engine.epochs is None:
             return {}
         if not has_histories(engine):
@@ -260,9 +260,9 @@ def _linear(scenario: Scenario, errors: ErrorModel, engine: Engine) -> ModelReco
         if variances:
             noise = {"processes": variances, "covariance": known.covariance(errors.covariance)}
         optional["development"] = PartialsRecord(label=known.label, times=known.times, partials=known.partials, **noise)
-    elif has_histories(engine) and engine.epochs is not None:
-        partials, _ = partials_throughout(engine, _sizes(scenario))
-        epochs = engine.epochs
+    elif has_histories(exact := _exact(engine)) and exact.epochs is not None:
+        partials, _ = partials_throughout(exact, _sizes(scenario))
+        epochs = exact.epochs
         optional["development"] = PartialsRecord(label=epochs.label, times=epochs.times, partials=partials)
     if engine.filter is not None and engine.epochs is not None:
         optional["filter"] = _filter_record(engine.filter, engine.epochs, scenario, errors)
@@ -275,6 +275,11 @@ def _linear(scenario: Scenario, errors: ErrorModel, engine: Engine) -> ModelReco
         start_covariance=errors.covariance,
         **optional,
     )
+
+
+def _exact(engine: Engine) -> Engine:
+    """Return the engine to which a polynomial was fitted, or the engine itself."""
+    return engine.exact if isinstance(engine, PolynomialEngine) else engine
 
 
 def _filter_prediction(scenario: Scenario, epochs: Epochs) -> FilterPrediction | None:
