@@ -48,7 +48,7 @@ CONTENTS: Final = {
         "commands", "reference/commands", "campaigns", "reference/keys", "reference/examples", "trajectories",
         "scenarios", "notebook", "reference/api",
     ),
-    "Project": ("architecture", "benchmarks", "contributing", "changelog"),
+    "Project": ("architecture", "decisions", "kernels", "benchmarks", "contributing", "changelog"),
 }  # fmt: skip
 """Every page of the site but the first, in the order of its navigation."""
 
