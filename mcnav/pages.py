@@ -9,7 +9,8 @@ Page = Literal[
     "guide", "tutorial-reentry", "tutorial-cruise", "tutorial-flight", "tutorial-aided", "tutorial-scenario",
     "tutorial-noise", "questions", "howto-instruments", "howto-filter", "howto-requirements", "howto-samples",
     "howto-compare", "howto-export", "howto-failures", "method", "report", "notation", "campaigns", "scenarios",
-    "trajectories", "commands", "notebook", "scaling", "architecture", "decisions", "kernels", "tn-d1772", "story", "textbook",
+    "trajectories", "commands", "notebook", "scaling", "architecture", "decisions", "kernels", "tn-d1772", "story",
+    "textbook",
 ]  # fmt: skip
 
 _ELSEWHERE: Final[dict[Page, str]] = {
