@@ -85,19 +85,9 @@ def readings_beyond(limits: Array, found: LinearCovariance, since: float | None)
 
 def picked(found: LinearCovariance, at: NDArray[np.bool_]) -> LinearCovariance:
     """Return the same at some of the readings."""
-    whole = found.readings
-    readings = LinearReadings(
-        whole.times[at],
-        tuple(update for update, taken in zip(whole.updates, at, strict=True) if taken),
-        whole.partials[at],
-        {name: added[at] for name, added in whole.processes.items()},
-        None if whole.own is None else whole.own[at],
-        whole.label,
-        whole.believed,
-    )
     return replace(
         found,
-        readings=readings,
+        readings=found.readings.at(at),
         mean=found.mean[at],
         covariance=found.covariance[at],
         sigma=found.sigma[at],

@@ -26,6 +26,7 @@ from mcnav.sampling.error_model import CorrelationError, ErrorModel, JointError
 from mcnav.sampling.scipy_and_tables import EmpiricalDistribution
 from mcnav.store.manifest import RequirementRecord
 from mcnav.store.summaries import SUMMARY
+from mcnav.systems.ins.scenario import is_ins
 from mcnav.systems.registry import SCENARIO_TYPES, USER, ScenarioSpec, scenario_type
 
 FURTHER_TABLES: Final = {
@@ -143,9 +144,8 @@ def parse_campaign(
     joint = read_joint(table.joint, sources, context)
     requirements: list[RequirementRecord] = []
     if table.accept is not None and described is not None:
-        if ins is not None:
-            ins = with_epochs(ins, table.accept)
-            described = replace(described, scenario=ins)
+        if is_ins(described.scenario):
+            described = replace(described, scenario=with_epochs(described.scenario, table.accept))
         requirements = read_requirements(table.accept, described.scenario, context)
     until = read_stopping_rule(rule, str(table.design), context) if rule else None
     if rule and table.store == SUMMARY:
@@ -169,7 +169,7 @@ def parse_campaign(
         raise context.error()
 
     if described.complete is not None:
-        scenario = described.complete(model)
+        scenario = described.complete(scenario, model)
     columns = {
         source.name: stored_table(source, each)
         for source in sources

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mcnav._types import Array
 
@@ -68,6 +69,19 @@ class LinearSystem:
         last = {name: each[-1] for name, each in self.processes.items()}
         nominal = np.zeros(self.partials.shape[1]) if self.nominal is None else self.nominal[-1]
         return LinearModel(self.partials[-1], nominal, last)
+
+    def at(self, readings: NDArray[np.bool_]) -> LinearSystem:
+        """Return the same at some of the readings, shape (r,)."""
+        updates = tuple(update for update, taken in zip(self.updates, readings, strict=True) if taken)
+        return replace(
+            self,
+            times=self.times[readings],
+            partials=self.partials[readings],
+            nominal=None if self.nominal is None else self.nominal[readings],
+            processes={name: added[readings] for name, added in self.processes.items()},
+            updates=updates,
+            own=None if self.own is None else self.own[readings],
+        )
 
     def covariance(self, start: Array) -> Array:
         """Compute ``P S P^T + sum Q_j`` at every time, shape (r, outputs, outputs), from the start covariance S."""

@@ -21,13 +21,7 @@ from mcnav.analysis.linear_range import picked
 from mcnav.analysis.requirements import requirements_from
 from mcnav.config.read import Campaign, campaign_from
 from mcnav.contract.linear import LinearModel, LinearSystem
-from mcnav.contract.scenario import (
-    Scenario,
-    ScenarioError,
-    can_have_filter,
-    is_linear_at_any_time,
-    is_linear_over_time,
-)
+from mcnav.contract.scenario import Scenario, ScenarioError, can_have_filter, is_linear_at_any_time, is_linear_over_time
 from mcnav.errors import CampaignError, Problem
 from mcnav.execution.chunks import DrawPlan
 from mcnav.execution.soundness import find_doubt

@@ -31,7 +31,7 @@ class ScenarioSpec:
     tables : mapping of str to str
         The table that gives each of them, for messages.
     complete : callable, optional
-        Returns the scenario with what it takes from the statistics of the errors, which are read after it.
+        Returns a scenario with what it takes from the statistics of the errors, which are read after it.
     """
 
     scenario: Scenario
@@ -40,7 +40,7 @@ class ScenarioSpec:
     inputs: tuple[InputFile, ...] = ()
     sigmas: Mapping[str, float] = field(default_factory=dict)
     tables: Mapping[str, str] = field(default_factory=dict)
-    complete: Callable[[ErrorModel], Scenario] | None = None
+    complete: Callable[[Scenario, ErrorModel], Scenario] | None = None
 
 
 @dataclass(frozen=True)

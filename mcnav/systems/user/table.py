@@ -13,7 +13,7 @@ from typing import Annotated, Any, Final
 
 from pydantic import ConfigDict, Field
 
-from mcnav.contract.scenario import ScenarioError
+from mcnav.contract.scenario import Scenario, ScenarioError
 from mcnav.entries.context import FileContext
 from mcnav.entries.files import OUTSIDE, is_inside, read_file, why_unreadable
 from mcnav.entries.inputs import INPUTS, LONGEST_NAME, InputFile, SourceFile
@@ -21,8 +21,10 @@ from mcnav.entries.quantities import Table
 from mcnav.entries.values import SettingError
 from mcnav.errors import suggestion
 from mcnav.files import read_whole
+from mcnav.sampling.error_model import ErrorModel
 from mcnav.systems.description import ScenarioSpec
 from mcnav.systems.user.code import UserScenarioSpec, load_class
+from mcnav.systems.user.scenario import is_users
 from mcnav.systems.user.settings import Declared, Value, read_value, settings_of
 from mcnav.systems.user.stochastic_scenario import user_scenario
 
@@ -70,9 +72,12 @@ def read_scenario(table: UserTable, entries: Mapping[str, Any], context: FileCon
     scenario = user_scenario(UserScenarioSpec(code, named["name"], tuple(settings.items())))
     files = {key: f"{INPUTS}/{value.name}" for key, value in settings.items() if isinstance(value, InputFile)}
     resolved = {**entries, **files, "type": f"{code.file}:{named['name']}"}
-    return ScenarioSpec(
-        scenario, resolved, code, complete=lambda errors: scenario.with_sigmas(errors.standard_deviations)
-    )
+    return ScenarioSpec(scenario, resolved, code, complete=_with_sigmas)
+
+
+def _with_sigmas(scenario: Scenario, errors: ErrorModel) -> Scenario:
+    """Give a class the sigmas of the campaign's errors, from which the steps of its differences follow."""
+    return scenario.with_sigmas(errors.standard_deviations) if is_users(scenario) else scenario
 
 
 def _read_settings(

@@ -9,6 +9,7 @@ from mcnav._types import Array
 from mcnav.analysis.filter_consistency import Honesty
 from mcnav.analysis.linear_covariance import LinearCovariance, covariance_over_time
 from mcnav.analysis.linear_filter import LinearVerdict, judge_filter
+from mcnav.contract.linear import LinearSystem
 
 NAMES = ("position_north", "position_east")
 TIMES = np.array([0.0, 10.0, 20.0, 30.0])
@@ -20,9 +21,7 @@ def covariance(own: Array, mean: tuple[float, float] = (0.0, 0.0), sigmas: tuple
     LinearCovariance
 ):  # fmt: skip
     """Return two errors of constant sigma; ``own`` is the filter's covariance at each time, shape (4, 2, 2)."""
-    readings = LinearReadings(
-        TIMES, (None,) * len(TIMES), np.tile(np.eye(2), (len(TIMES), 1, 1)), own=own, believed={"a": 0.25, "b": 1.0}
-    )
+    readings = LinearSystem(TIMES, np.tile(np.eye(2), (len(TIMES), 1, 1)), own=own, believed={"a": 0.25, "b": 1.0})
     return covariance_over_time(readings, ("a", "b"), np.array(mean), np.diag(np.square(sigmas)))
 
 
@@ -101,6 +100,6 @@ def test_a_departure_at_some_epochs_is_not_throughout() -> None:
 
 
 def test_without_a_filter_there_is_no_verdict() -> None:
-    readings = LinearReadings(TIMES, (None,) * len(TIMES), np.tile(np.eye(2), (len(TIMES), 1, 1)))
+    readings = LinearSystem(TIMES, np.tile(np.eye(2), (len(TIMES), 1, 1)))
     found = covariance_over_time(readings, ("a", "b"), np.zeros(2), np.eye(2))
     assert judge_filter([found], NAMES, ["position"], ("a", "b"), np.eye(2), TOLERANCE) is None

@@ -10,13 +10,14 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field
 
+from mcnav.contract.scenario import Scenario
 from mcnav.entries.context import FileContext
 from mcnav.entries.quantities import AngularRate, Duration, GravitationalParameter, Length, Table
 from mcnav.sampling.error_model import ErrorModel
 from mcnav.systems.description import ScenarioSpec
 from mcnav.systems.ins.earth import WGS84, Earth
 from mcnav.systems.ins.imu.instruments import Imu
-from mcnav.systems.ins.scenario import Ins, Navigation
+from mcnav.systems.ins.scenario import Ins, Navigation, is_ins
 from mcnav.systems.ins.tables.aiding import Aiding, read_aiding, read_gate, with_gate
 from mcnav.systems.ins.tables.filter import FilterPlan, read_filter
 from mcnav.systems.ins.tables.imu import read_imu
@@ -95,19 +96,19 @@ def read_scenario(table: InsTable, entries: Mapping[str, Any], context: FileCont
     inputs = () if trajectory.file is None else (trajectory.file,)
     of_imu = {} if sizes is None else sizes.sigmas
     tables = {**dict.fromkeys(of_imu, "[imu]"), **dict.fromkeys(aiding.sigmas, "[[aiding]]")}
-    complete = None if plan is None else partial(_with_filter, scenario, plan)
+    complete = None if plan is None else partial(_with_filter, plan)
     return ScenarioSpec(
         scenario, resolved, inputs=inputs, sigmas={**of_imu, **aiding.sigmas}, tables=tables, complete=complete
     )
 
 
-def _with_filter(scenario: Ins, plan: FilterPlan, errors: ErrorModel) -> Ins:
+def _with_filter(plan: FilterPlan, scenario: Scenario, errors: ErrorModel) -> Scenario:
     """Return the scenario with its filter, which may believe the statistics of all errors."""
     true = {
         name: math.hypot(sigma, mean)
         for name, sigma, mean in zip(errors.names, errors.standard_deviations, errors.mean, strict=True)
     }
-    return scenario.with_filter(plan.completed(errors), true)
+    return scenario.with_filter(plan.completed(errors), true) if is_ins(scenario) else scenario
 
 
 def _read_aiding(navigation: Navigation, context: FileContext) -> tuple[Aiding, FilterPlan | None]:
