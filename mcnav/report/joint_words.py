@@ -176,11 +176,12 @@ def _of_unpredicted(summary: Mapping[str, Any], start: str) -> str:
     rest = f"In all other directions {_nees(summary)}{rest}."
     if not entries:
         return f"{start} with it. {rest}"
-    told = []
+    told, names = [], [entry["name"] for entry in summary["outputs"]]
     for found in entries[:NAMED]:
         linear, simulated, own = _sigmas(found, summary)
+        share = number(100.0 * found["sigma_paired"] / summary["sigma_linear"][names.index(found["lead"])], 2)
         words = f"{combination_words(found, summary)}: linear sigma {linear}, simulated {simulated}"
-        told.append(f"{words} (that of {humanize(found['lead'])} is {own})")
+        told.append(f"{words} ({share} % of that of {humanize(found['lead'])}, {own})")
     more = f", and {len(entries) - NAMED} more" if len(entries) > NAMED else ""
     nearly = "nearly " if all(each["sigma_linear"] for each in entries) else ""
     return (

@@ -17,7 +17,7 @@ from mcnav.report.joint_words import combination_words, foremost
 from mcnav.report.model import RunAnalysis
 
 COUNTED: Final = Series("flown", "Monte Carlo", AREA, "area")
-NORMAL: Final = Series("linear", "linear Gaussian", LINEAR)
+NORMAL: Final = Series("normal", "linear Gaussian", LINEAR)
 
 POINTS: Final = 161
 """Points of a density."""
