@@ -308,7 +308,7 @@ def demo(
 
     Example: mcnav demo 14
     """
-    from mcnav.config.examples import copy_examples, example, examples
+    from mcnav.entries.examples import copy_examples, example, examples
 
     if listed:
         for each, question in examples().items():

@@ -8,7 +8,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Final
 
-from mcnav.config.examples import FOLDER, begins_with_number, example_name, examples
+from mcnav.entries.examples import FOLDER, begins_with_number, example_name, examples
 from mcnav.errors import CampaignError, did_you_mean, near_names
 
 MOST_FILES: Final = 1_000

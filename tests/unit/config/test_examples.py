@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from mcnav.config.examples import FIRST, copy_examples, example, examples, examples_folder
 from mcnav.config.read import read_campaign
+from mcnav.entries.examples import FIRST, copy_examples, example, examples, examples_folder
 from mcnav.errors import CampaignError
 from tests.commands import invoke
 from tests.conftest import ROOT
