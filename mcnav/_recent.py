@@ -36,11 +36,11 @@ class Recent(Generic[Result]):
             if key in self._kept:
                 self._kept.move_to_end(key)
                 return self._kept[key]
-        found = compute()
-        if fits is None or fits(found):
+        result = compute()
+        if fits is None or fits(result):
             with self._lock:
-                self._kept[key] = found
+                self._kept[key] = result
                 self._kept.move_to_end(key)
                 while len(self._kept) > self._most:
                     self._kept.popitem(last=False)
-        return found
+        return result

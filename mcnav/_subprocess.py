@@ -56,12 +56,12 @@ class _Inline(Executor):
     """Executor that calls at once, in the caller's thread."""
 
     def submit(self, function: Callable[..., Any], /, *given: Any, **named: Any) -> Future[Any]:
-        found: Future[Any] = Future()
+        future: Future[Any] = Future()
         try:
-            found.set_result(function(*given, **named))
+            future.set_result(function(*given, **named))
         except Exception as wrong:
-            found.set_exception(wrong)
-        return found
+            future.set_exception(wrong)
+        return future
 
 
 @contextmanager

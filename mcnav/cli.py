@@ -442,16 +442,16 @@ def compare(
             terminal.comparison({name: shown})
             verdicts.append((f"\n{name}: {shown['campaign']}", terminal.verdict(shown)))
     several = len(folders) > 1
-    found = compare_runs(folders) if several or html is not None else None
+    result = compare_runs(folders) if several or html is not None else None
     console = out if form == "table" else err
     if (warning := terminal.warnings(runs)) is not None:
         console.print(warning)
     if form != "table":
         rows = export.output_rows(runs)
         tables: dict[str, Any] = {"runs": export.run_rows(runs), "outputs": rows}
-        if found is not None and several:
-            tables["outputs"] = rows = export.with_changes(rows, list(runs), found.rows)
-            changed = found.inputs.set_axis(list(runs), axis="columns")
+        if result is not None and several:
+            tables["outputs"] = rows = export.with_changes(rows, list(runs), result.rows)
+            changed = result.inputs.set_axis(list(runs), axis="columns")
             tables["inputs"] = [{"key": key, **dict(values)} for key, values in changed.iterrows()]
         _export(form, rows, tables)
     else:
@@ -459,14 +459,14 @@ def compare(
         for heading, verdict in verdicts:
             console.print(heading, markup=False, style="bold")
             console.print(verdict, soft_wrap=False)
-        if found is not None:
+        if result is not None:
             console.print()
-            console.print(terminal.inputs(found.inputs))
+            console.print(terminal.inputs(result.inputs))
             console.print()
-            console.print(terminal.changes(found.titles[0], found.outputs))
-    if html is not None and found is not None:
+            console.print(terminal.changes(result.titles[0], result.outputs))
+    if html is not None and result is not None:
         html.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(html, found.page.encode())
+        write_whole(html, result.page.encode())
         console.print(f"\nwritten: {html}", markup=False)
 
 
@@ -492,12 +492,12 @@ def replay(
     from mcnav.report.replay import lines
     from mcnav.workflow import replay as replaying
 
-    found = replaying.replay(folder, index, campaign)
-    _print_notes(found.notes)
-    out.print(lines(found))
+    result = replaying.replay(folder, index, campaign)
+    _print_notes(result.notes)
+    out.print(lines(result))
     out.print()
-    _print_written(replaying.write_replay(found, into or folder))
-    if not replaying.as_stored(found):
+    _print_written(replaying.write_replay(result, into or folder))
+    if not replaying.as_stored(result):
         raise _fail(f"the outcome of sample {index} differs from the stored one", CHECK_FAILED)
 
 
@@ -590,8 +590,8 @@ def _start_times(campaign: Path, folder: Path | None, axes: Axes | None, count: 
     content = read_campaign(campaign)
     target = folder or Path("reports") / f"{campaign.stem}_start_times"
     with progress.shown(err) as shown:
-        found, files = write_start_times(content, target, axes, count, checks, shown)
-    out.print(terminal.best_starts(found.study, found.checks, found.own_sigma, content.scenario.outputs))
+        times, files = write_start_times(content, target, axes, count, checks, shown)
+    out.print(terminal.best_starts(times.study, times.checks, times.own_sigma, content.scenario.outputs))
     out.print()
     _print_written(files)
 
@@ -646,11 +646,11 @@ def lincov(
     from mcnav.studies.lincov import read_times, write_lincov
 
     times = None if at is None else read_times(at)
-    found, files = write_lincov(read_campaign(campaign), folder or Path("reports") / f"{campaign.stem}_lincov", times)
+    result, files = write_lincov(read_campaign(campaign), folder or Path("reports") / f"{campaign.stem}_lincov", times)
     if form != "table":
-        _export(form, tables.sigma_rows(found), tables.exported(found))
+        _export(form, tables.sigma_rows(result), tables.exported(result))
         return
-    out.print(tables.printed(found))
+    out.print(tables.printed(result))
     out.print()
     _print_written(files)
 
@@ -674,11 +674,11 @@ def allocate(
     from mcnav.studies.allocate import write_allocation
 
     with progress.shown(err) as shown:
-        found, files = write_allocation(campaign, folder or Path("reports") / f"{campaign.stem}_allocate", shown)
+        result, files = write_allocation(campaign, folder or Path("reports") / f"{campaign.stem}_allocate", shown)
     if form != "table":
-        _export(form, tables.change_rows(found), tables.table(found))
+        _export(form, tables.change_rows(result), tables.table(result))
         return
-    out.print(tables.printed(found))
+    out.print(tables.printed(result))
     out.print()
     _print_written(files)
 
@@ -731,11 +731,13 @@ def sweep(
     times = () if at is None else tuple(read_times(at).tolist())
     plan = SweepPlan(split_varied(vary), against or (), points, times, jobs)
     with progress.shown(err) as shown:
-        found, files = write_sweep(campaign, plan, folder or Path("reports") / f"{campaign.stem}_sweep", confirm, shown)
+        result, files = write_sweep(
+            campaign, plan, folder or Path("reports") / f"{campaign.stem}_sweep", confirm, shown
+        )
     if form != "table":
-        _export(form, tables.frame(found).to_dict("records"), {"sweep": tables.table(found)})
+        _export(form, tables.frame(result).to_dict("records"), {"sweep": tables.table(result)})
         return
-    out.print(printed(found))
+    out.print(printed(result))
     out.print()
     _print_written(files)
 
@@ -793,14 +795,14 @@ def trajectory(
     columns = _named_columns(column)
     if campaign.suffix == ".toml" and columns:
         raise _fail("--column: belongs to a trajectory file; the campaign names its columns itself", BAD_INPUT)
-    found = describe_campaign(campaign) if campaign.suffix == ".toml" else describe_file(campaign, columns)
+    result = describe_campaign(campaign) if campaign.suffix == ".toml" else describe_file(campaign, columns)
     if form != "table":
-        rows = described.fact_rows(found)
+        rows = described.fact_rows(result)
         _export(form, rows, {"trajectory": rows})
     else:
-        out.print(described.lines(found))
+        out.print(described.lines(result))
     if page is not None:
-        _print_written(write_texts(page.parent, {page.name: described.page(found)}))
+        _print_written(write_texts(page.parent, {page.name: described.page(result)}))
 
 
 @_command()

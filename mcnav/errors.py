@@ -150,4 +150,4 @@ def shortened(text: str) -> str:
     >>> shortened("SHA-256 " + 64 * "5")
     'SHA-256 555555555555'
     """
-    return re.sub(r"\b[0-9a-f]{40,64}\b", lambda found: found[0][:DIGITS], text)
+    return re.sub(r"\b[0-9a-f]{40,64}\b", lambda result: result[0][:DIGITS], text)

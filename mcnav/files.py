@@ -111,10 +111,10 @@ def write_whole(path: Path, content: bytes) -> None:
 
 def check_regular(path: Path, most: int) -> None:
     """Raise `OSError` unless this is a file of at most so many bytes: reading a pipe might never end."""
-    found = path.stat()
-    if not stat.S_ISREG(found.st_mode):
+    result = path.stat()
+    if not stat.S_ISREG(result.st_mode):
         raise OSError(errno.EINVAL, "is no file")
-    if found.st_size > most:
+    if result.st_size > most:
         raise OSError(errno.EFBIG, f"is longer than {most:,} bytes")
 
 

@@ -62,8 +62,8 @@ def campaigns(incomplete: str) -> list[str]:
 
 def trajectories(incomplete: str) -> list[str]:
     """Return files that may be trajectories."""
-    found = _walk(incomplete, (".csv", ".parquet", ".txt"))
-    return _quoted(path for path in found if not Path(path).with_name("manifest.json").exists())
+    result = _walk(incomplete, (".csv", ".parquet", ".txt"))
+    return _quoted(path for path in result if not Path(path).with_name("manifest.json").exists())
 
 
 def campaigns_and_trajectories(incomplete: str) -> list[str]:
@@ -121,8 +121,8 @@ def keys(words: Words, incomplete: str) -> list[str]:
     grade = imu.get("grade") if isinstance(imu, dict) else None
     below = next((unit for unit in _catalogue() if unit["name"] == grade), {}) if grade else {}
     of_unit = {name: dict.fromkeys(below[name]) for name in ("gyro", "accelerometer") if name in below}
-    found = [*_paths(content, ""), *_paths({"imu": of_unit}, "")]
-    return _beginning(dict.fromkeys(found), incomplete)
+    result = [*_paths(content, ""), *_paths({"imu": of_unit}, "")]
+    return _beginning(dict.fromkeys(result), incomplete)
 
 
 def sources(words: Words, incomplete: str) -> list[str]:
@@ -190,8 +190,8 @@ def _campaign(words: Words) -> dict[str, Any]:
 
 def _catalogue() -> list[dict[str, Any]]:
     text = files("mcnav").joinpath("systems/ins/tables/imu_catalogue.toml").read_text(encoding="utf-8")
-    found: list[dict[str, Any]] = tomllib.loads(text)["unit"]
-    return found
+    catalogue: list[dict[str, Any]] = tomllib.loads(text)["unit"]
+    return catalogue
 
 
 def _text(path: Path, largest: int) -> str:

@@ -247,12 +247,12 @@ def quantity(text: object, unit: str) -> float:
     factor = _usual(name or "1", unit)
     if factor is None:
         try:
-            found = _unit(name or "1")
+            result = _unit(name or "1")
         except UnitError as problem:
             raise UnitError(f"{problem}; {expected}") from None
-        if found.dimensionality != _unit(unit).dimensionality:
-            raise UnitError(f"got {_quoted(text)}, which is {_words(found)}; {expected}")
-        factor = _converted(found, unit)
+        if result.dimensionality != _unit(unit).dimensionality:
+            raise UnitError(f"got {_quoted(text)}, which is {_words(result)}; {expected}")
+        factor = _converted(result, unit)
     value = number * factor
     if not math.isfinite(value):
         raise UnitError(f"got {_quoted(text)}, which is not finite; {expected}")

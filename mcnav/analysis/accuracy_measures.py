@@ -99,13 +99,13 @@ class Measure:
         """Return the measure at a reading, unless it has readings of its own."""
         return self if self.readings else replace(self, readings=(number,))
 
-    def value(self, found: CovarianceReadings) -> float:
+    def value(self, readings: CovarianceReadings) -> float:
         """Compute it for the true errors, SI."""
-        return self._value(found.mean, found.covariance)
+        return self._value(readings.mean, readings.covariance)
 
-    def own_value(self, found: CovarianceReadings) -> float:
+    def own_value(self, readings: CovarianceReadings) -> float:
         """Compute it for errors as the filter states them, SI; NaN without a filter."""
-        return float("nan") if found.own is None else self._value(np.zeros_like(found.mean), found.own)
+        return float("nan") if readings.own is None else self._value(np.zeros_like(readings.mean), readings.own)
 
     def _value(self, means: Array, covariances: Array) -> float:
         at, picked = np.array(self.readings), np.array(self.outputs)
@@ -128,16 +128,16 @@ def read_measure(written: str, outputs: Sequence[Output]) -> Measure:
     """
     text, less, limit = written.partition("<")
     text = text.strip()
-    found = _read_unlimited(text, outputs)
+    unlimited = _read_unlimited(text, outputs)
     if not less:
-        return found
+        return unlimited
     try:
-        value = quantity(limit.strip(), found.unit)
+        value = quantity(limit.strip(), unlimited.unit)
     except UnitError as wrong:
         raise MeasureError(f"{text}: {wrong}") from None
     if value <= 0.0:
         raise MeasureError(f"{text}: got {limit.strip()!r}; expected a limit above zero")
-    return replace(found, limits=(value,), name=f"{text} < {' '.join(limit.split())}")
+    return replace(unlimited, limits=(value,), name=f"{text} < {' '.join(limit.split())}")
 
 
 def _read_unlimited(text: str, outputs: Sequence[Output]) -> Measure:
@@ -172,12 +172,12 @@ def _read_unlimited(text: str, outputs: Sequence[Output]) -> Measure:
 
 def _together(names: Sequence[str]) -> dict[str, tuple[int, ...]]:
     """Return the names of outputs together that a scenario has, with the numbers of the outputs."""
-    found = {}
+    result = {}
     for name, choices in TOGETHER.items():
         for choice in choices:
-            if name not in names and name not in found and set(choice) <= set(names):
-                found[name] = tuple(names.index(each) for each in choice)
-    return found
+            if name not in names and name not in result and set(choice) <= set(names):
+                result[name] = tuple(names.index(each) for each in choice)
+    return result
 
 
 def _of(name: str, kind: str, picked: tuple[int, ...], outputs: Sequence[Output]) -> Measure:
@@ -195,20 +195,20 @@ def usual_measures(outputs: Sequence[Output]) -> list[Measure]:
 
 def requirement_measures(requirements: Sequence[Requirement], outputs: Sequence[Output]) -> list[Measure]:
     """Return the measures that requirements limit, in order; a sigma ratio is none."""
-    found: list[Measure] = []
+    measures: list[Measure] = []
     for number, each in enumerate(requirements):
         if each.kind == "sigma_ratio":
             continue
         names = ", ".join(outputs[place].name for place in each.outputs)
         shown = "" if each.kind in RADII else f", {size_probability(each):g}"
         name = f"{each.kind}({names}{shown})" + (f" {each.when}" if each.when else "")
-        taken = [measure.name for measure in found]
+        taken = [measure.name for measure in measures]
         name = name if name not in taken else f"{name} #{number + 1}"
         of = outputs[each.outputs[0]]
         unit, shown_in = ("1", "%") if each.kind == BOX else (of.unit, of.shown_in)
-        found.append(
+        measures.append(
             Measure(
                 name, each.kind, each.outputs, unit, shown_in, size_probability(each), each.epochs, each.limits, number
             )
         )
-    return found
+    return measures

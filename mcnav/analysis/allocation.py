@@ -162,9 +162,9 @@ class Allocation:
     computed: int
 
 
-def worst_of(found: Sequence[LinearRequirement], goal: Sequence[int]) -> LinearRequirement:
+def worst_of(requirements: Sequence[LinearRequirement], goal: Sequence[int]) -> LinearRequirement:
     """Return the requirement of a goal with the least margin."""
-    return min((found[number] for number in goal), key=lambda each: each.margin)
+    return min((requirements[number] for number in goal), key=lambda each: each.margin)
 
 
 def critical_multiple(margin: Callable[[float], float], least: float = 0.0) -> float:
@@ -188,8 +188,8 @@ def critical_multiple(margin: Callable[[float], float], least: float = 0.0) -> f
     """
 
     def excess(multiple: float) -> float:
-        found = margin(multiple)
-        return math.nan if math.isnan(found) else 1.0 / found**2 - 1.0
+        result = margin(multiple)
+        return math.nan if math.isnan(result) else 1.0 / result**2 - 1.0
 
     at_one = excess(1.0)
     if at_one <= 0.0:
@@ -291,12 +291,12 @@ def _first_beyond(
     met, multiple = (1.0, at_one), 1.0
     while multiple < MOST:
         multiple = min(STRIDE * multiple, MOST)
-        found = excess(multiple)
-        if math.isnan(found):
+        first_beyond = excess(multiple)
+        if math.isnan(first_beyond):
             return None
-        if found > 0.0:
-            return met, (multiple, found)
-        met = multiple, found
+        if first_beyond > 0.0:
+            return met, (multiple, first_beyond)
+        met = multiple, first_beyond
     return None
 
 
@@ -311,13 +311,13 @@ def _root(excess: Callable[[float], float], met: tuple[float, float], unmet: tup
         multiple = math.sqrt(max(square, 0.0))
         edge = 0.1 * PRECISION * high
         multiple = min(max(multiple - edge, low + edge), high - edge)  # a hair on the side where the goal is met
-        found = excess(multiple)
-        if found <= 0.0:
-            low, at_low, weight_low = multiple, found, found
+        root = excess(multiple)
+        if root <= 0.0:
+            low, at_low, weight_low = multiple, root, root
             weight_high = 0.5 * weight_high if side < 0 else at_high
             side = -1
         else:
-            high, at_high, weight_high = multiple, found, found
+            high, at_high, weight_high = multiple, root, root
             weight_low = 0.5 * weight_low if side > 0 else at_low
             side = 1
     return low

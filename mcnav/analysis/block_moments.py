@@ -196,12 +196,14 @@ class SummaryMoments:
     @cached_property
     def centred(self) -> tuple[Array, Array]:
         """Sums of the products of y and of z about their means, each of shape (b, outputs, outputs)."""
-        found = []
+        centred = []
         for first, second in ((self.y, self.yy), (self.z, self.zz)):
             mean = first.sum(axis=0) / self.samples
             crossed = first[:, :, None] * mean
-            found.append(second - crossed - crossed.swapaxes(1, 2) + self.counts[:, None, None] * np.outer(mean, mean))
-        return found[0], found[1]
+            centred.append(
+                second - crossed - crossed.swapaxes(1, 2) + self.counts[:, None, None] * np.outer(mean, mean)
+            )
+        return centred[0], centred[1]
 
     @cached_property
     def covariances(self) -> tuple[Array, Array]:

@@ -38,5 +38,5 @@ def causes_of(variances: Mapping[str, Array], means: Mapping[str, Array], total:
     mean = sum(means.values(), np.zeros(()))
     parts = {name: float(np.sum(values)) for name, values in variances.items()}
     parts |= {f"{MEAN}{name}": float(np.sum(values * mean)) for name, values in means.items()}
-    found = [Cause(name, part / total) for name, part in parts.items() if abs(part) >= LEAST * total]
-    return tuple(sorted(found, key=lambda cause: -cause.share))
+    causes = [Cause(name, part / total) for name, part in parts.items() if abs(part) >= LEAST * total]
+    return tuple(sorted(causes, key=lambda cause: -cause.share))

@@ -167,13 +167,13 @@ def fixed_combinations(
     dispersed = np.flatnonzero(sigma > 0.0)
     noise = [each[np.ix_(dispersed, dispersed)] for each in processes]
     factor = covariance_factor(partials[dispersed], covariance, noise, sigma[dispersed])
-    floors, found = np.maximum(rounding[dispersed], SIMULATED), []
+    floors, combinations = np.maximum(rounding[dispersed], SIMULATED), []
     for own, dependent in zip(*null_combinations(factor, rank), strict=True):
         terms = np.zeros(len(sigma))
         terms[dispersed] = own
         variance, floor = float(np.sum((factor.T @ own) ** 2)), float(np.abs(own) @ floors) ** 2
-        found.append(FixedCombination(terms, int(dispersed[dependent]), variance, floor))
-    return tuple(found)
+        combinations.append(FixedCombination(terms, int(dispersed[dependent]), variance, floor))
+    return tuple(combinations)
 
 
 def compare_fixed(

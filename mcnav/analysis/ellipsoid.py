@@ -144,7 +144,12 @@ def compare_ellipsoid(given: Whitening, samples: ReducedSamples, paired: Array, 
 
 
 def name_combinations(
-    found: Ellipsoid, given: Whitening, linear: Array, paired: Array, bias: Array, unpredicted: tuple[Combination, ...]
+    ellipsoid: Ellipsoid,
+    given: Whitening,
+    linear: Array,
+    paired: Array,
+    bias: Array,
+    unpredicted: tuple[Combination, ...],
 ) -> Ellipsoid:
     """Describe the combinations of outputs in which dispersion and mean differ most, and those not predicted.
 
@@ -159,8 +164,8 @@ def name_combinations(
     sigma, whitened = np.sqrt(np.diag(linear)), given.matrix.T @ bias
     away = given.directions @ whitened
     return replace(
-        found,
-        differing=combine(found.directions[found.farthest], sigma, linear, paired, bias),
+        ellipsoid,
+        differing=combine(ellipsoid.directions[ellipsoid.farthest], sigma, linear, paired, bias),
         shifted=combine(away, sigma, linear, paired, bias) if np.any(away) else None,
         mean_error=float(np.linalg.norm(whitened)),
         unpredicted=unpredicted,

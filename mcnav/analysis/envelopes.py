@@ -61,8 +61,8 @@ class Envelopes:
         count = self.samples * weight
         error = np.sqrt(np.maximum(self.fourth - variance**2, 0.0) / max(count, 1e-300))
         freedom = np.full_like(variance, max(count - 1.0, 0.0))
-        found = mean_square_intervals(variance, error, np.full_like(variance, count), freedom, confidence)
-        return np.sqrt(found)
+        intervals = mean_square_intervals(variance, error, np.full_like(variance, count), freedom, confidence)
+        return np.sqrt(intervals)
 
 
 def envelopes_from(
@@ -87,10 +87,10 @@ def envelopes_from(
 
 def _covariance(columns: Mapping[str, Array], sigma: Array, outputs: Sequence[Mapping[str, str]]) -> Array:
     """Build covariance matrices from the columns of pairs, shape (m, outputs, outputs)."""
-    found = np.zeros((*sigma.shape, sigma.shape[1]))
+    covariance = np.zeros((*sigma.shape, sigma.shape[1]))
     for i, one in enumerate(outputs):
-        found[:, i, i] = sigma[:, i] ** 2
+        covariance[:, i, i] = sigma[:, i] ** 2
         for j, other in enumerate(outputs[:i]):
             pair = f"{other['name']}, {one['name']} [({other['unit']})({one['unit']})]"
-            found[:, i, j] = found[:, j, i] = columns[f"covariance {pair}"]
-    return found
+            covariance[:, i, j] = covariance[:, j, i] = columns[f"covariance {pair}"]
+    return covariance

@@ -187,7 +187,7 @@ def _groups(
     others = [number for number, name in enumerate(sizes) if name not in deciding]
     aside = Rates.of(basis.criterion, int(np.count_nonzero(known[:, others])))
     names = [output.name for output in evidence.outputs]
-    found = []
+    consistencies = []
     for number, (name, size) in enumerate(sizes.items()):
         count = basis.count(nees.count[:epochs, number])
         members = [*(() if name == "sensors" else (outputs[i] for i in outputs_of(name, names) if outputs))]
@@ -206,7 +206,7 @@ def _groups(
             _pair(mean_square_bounds(float(size), freedom, each)) for each in (bounding.each, bounding.together)
         )
         linear = None if name == "sensors" else _linear_ratio(evidence.linear, outputs_of(name, names), size)
-        found.append(
+        consistencies.append(
             GroupConsistency(
                 name,
                 size,
@@ -218,7 +218,7 @@ def _groups(
                 basis.find(ratio, means.samples),
             )
         )
-    return tuple(found)
+    return tuple(consistencies)
 
 
 def _linear_ratio(linear: LinearFilter | None, outputs: tuple[int, ...], size: int) -> Array | None:
@@ -261,7 +261,7 @@ def _outputs(basis: _Basis, means: FilterMeans, true: MeanSquares) -> tuple[Sigm
     halves = Rates.of(basis.criterion, 2 * len(evidence.outputs) * epochs)
     independent = means.samples * evidence.weight
     bounds_1, bounds_3 = (share_bounds(each, independent, halves.together) for each in WITHIN.values())
-    found = []
+    consistencies = []
     for i, output in enumerate(evidence.outputs):
         squares = Means(true.value[:, i], true.standard_error[:, i], np.full(epochs, float(true.samples)))
         own = Means(variances.value[:epochs, i], variances.standard_error[:epochs, i], variances.count[:epochs, i])
@@ -271,7 +271,7 @@ def _outputs(basis: _Basis, means: FilterMeans, true: MeanSquares) -> tuple[Sigm
             for name in WITHIN
         )
         linear_true = None if linear is None or linear.true is None else _root(linear.true[:, i, i])
-        found.append(
+        consistencies.append(
             SigmaConsistency(
                 output.name,
                 output.unit,
@@ -288,7 +288,7 @@ def _outputs(basis: _Basis, means: FilterMeans, true: MeanSquares) -> tuple[Sigm
                 basis.find(ratio, means.samples),
             )
         )
-    return tuple(found)
+    return tuple(consistencies)
 
 
 def _states(basis: _Basis, means: FilterMeans) -> tuple[SigmaConsistency, ...]:
@@ -296,14 +296,14 @@ def _states(basis: _Basis, means: FilterMeans) -> tuple[SigmaConsistency, ...]:
     evidence, epochs, schema = basis.evidence, len(basis.evidence.times), means.schema
     squares, variances = means.squared_state_errors, means.at("state_variance")
     rates = Rates.of(basis.criterion, int(np.count_nonzero(variances.value[:-1] > 0.0)))
-    found = []
+    consistencies = []
     for i, (name, (unit, shown_in)) in enumerate(zip(schema.states, schema.units, strict=True)):
         true, own = (
             Means(each.value[:epochs, i], each.standard_error[:epochs, i], each.count[:epochs, i])
             for each in (squares, variances)
         )
         ratio, linear = _ratio(basis, true, own, rates), evidence.linear
-        found.append(
+        consistencies.append(
             SigmaConsistency(
                 name,
                 unit,
@@ -320,30 +320,30 @@ def _states(basis: _Basis, means: FilterMeans) -> tuple[SigmaConsistency, ...]:
                 basis.find(ratio, means.samples),
             )
         )
-    return tuple(found)
+    return tuple(consistencies)
 
 
 def _sensors(basis: _Basis, means: FilterMeans) -> tuple[SensorConsistency, ...]:
     """Compare the mean NIS of each sensor with the size of its measurements, and its innovations with white ones."""
     sensors = list(means.sensors())
     whole = Rates.of(basis.criterion, 2 * len(sensors))
-    intervals = sum(np.count_nonzero(found["nis"].value[:-1] > 0.0) for _, _, found in sensors)
+    intervals = sum(np.count_nonzero(consistencies["nis"].value[:-1] > 0.0) for _, _, consistencies in sensors)
     over_time = Rates.of(basis.criterion, int(intervals))
     return tuple(_sensor(basis, means.samples, *sensor, over_time, whole) for sensor in sensors)
 
 
 def _sensor(
-    basis: _Basis, samples: int, name: str, size: int, found: Mapping[str, Means], over_time: Rates, whole: Rates
+    basis: _Basis, samples: int, name: str, size: int, means: Mapping[str, Means], over_time: Rates, whole: Rates
 ) -> SensorConsistency:
     """Assess one sensor over the intervals between epochs and over the whole flight (the last row of all columns)."""
-    accepted, rejected = found["accepted"].value, found["rejected"].value
+    accepted, rejected = means["accepted"].value, means["rejected"].value
     updates = accepted + rejected
-    spread = found["accepted"].standard_error + found["rejected"].standard_error
+    spread = means["accepted"].standard_error + means["rejected"].standard_error
     some = updates > 0.0
     per = np.where(some, updates, 1.0)
-    nis = np.where(some, found["nis"].value / per, np.nan)
-    error = basis.error((found["nis"].standard_error + np.nan_to_num(nis) * spread) / per)
-    count = basis.count(found["nis"].count)
+    nis = np.where(some, means["nis"].value / per, np.nan)
+    error = basis.error((means["nis"].standard_error + np.nan_to_num(nis) * spread) / per)
+    count = basis.count(means["nis"].count)
     freedom = count * per * size
     band = mean_square_band(nis[:-1], error[:-1], count[:-1], freedom[:-1], over_time)
     total = mean_square_band(nis[-1:], error[-1:], count[-1:], freedom[-1:], whole)
@@ -368,18 +368,18 @@ def _sensor(
         interval_whole=_pair(total.together[0]),
         bounds_whole=_pair(bounds_whole) if some[-1] else (0.0, np.inf),
         beyond=bool(some[-1] and not basis.remark and not low <= tested <= high),
-        whiteness=_whiteness(basis, size, float(nis[-1]), found, whole),
+        whiteness=_whiteness(basis, size, float(nis[-1]), means, whole),
         finding=basis.find(root_ratio(total, float(size)), samples, remark),
     )
 
 
-def _whiteness(basis: _Basis, size: int, nis: float, found: Mapping[str, Means], rates: Rates) -> Whiteness:
+def _whiteness(basis: _Basis, size: int, nis: float, means: Mapping[str, Means], rates: Rates) -> Whiteness:
     """Estimate the correlation of consecutive innovations over the whole flight.
 
     With u the whitened innovations, it is the mean of u_k·u_(k-1) over that of u_k·u_k. White ones have a mean product
     with the standard error 1 / sqrt(number of products × size).
     """
-    lag, lags = found["lag"], found["lags"]
+    lag, lags = means["lag"], means["lags"]
     pairs = float(lags.value[-1])
     if not pairs > 0.0 or not nis > 0.0:
         return Whiteness(None, (-1.0, 1.0), 1.0, beyond=False)

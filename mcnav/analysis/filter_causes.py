@@ -60,7 +60,7 @@ def neglected_errors(linear: LinearFilter, at: Departure) -> tuple[NeglectedErro
     contributions as believed. Causes of which the filter believes too much have negative shares, and are left out. A
     cause is its mean where this contributes more than its dispersion.
     """
-    found, total = [], 0.0
+    errors, total = [], 0.0
     for name in dict.fromkeys((*linear.contributions, *linear.squared_means)):
         missing = 1.0 - linear.believed.get(name, 1.0)
         spread, mean = (
@@ -70,8 +70,8 @@ def neglected_errors(linear: LinearFilter, at: Departure) -> tuple[NeglectedErro
         true, lack = spread + mean, missing * (spread + mean)
         total += lack
         if lack > 0.0:
-            found.append(NeglectedError(f"{MEAN}{name}" if mean > spread else name, true, true - lack, lack))
+            errors.append(NeglectedError(f"{MEAN}{name}" if mean > spread else name, true, true - lack, lack))
     if not (np.isfinite(total) and total > 0.0):
         return ()
-    found = [NeglectedError(each.name, each.true, each.believed, each.share / total) for each in found]
-    return tuple(sorted(found, key=lambda each: -each.share))
+    errors = [NeglectedError(each.name, each.true, each.believed, each.share / total) for each in errors]
+    return tuple(sorted(errors, key=lambda each: -each.share))

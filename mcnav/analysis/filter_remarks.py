@@ -34,18 +34,18 @@ def remarks_on(
     sensors: Sequence[SensorConsistency],
 ) -> tuple[str, ...]:
     """List what the verdict does not say, a sentence each; ``reason`` is why there is none."""
-    found = [f"{reason[:1].upper()}{reason[1:]}."] if reason else []
-    found += _on_records(means)
-    found += _on_zero_variances([*outputs, *states])
+    result = [f"{reason[:1].upper()}{reason[1:]}."] if reason else []
+    result += _on_records(means)
+    result += _on_zero_variances([*outputs, *states])
     if decision.groups == Honesty.CONSISTENT and decision.outputs != Honesty.CONSISTENT:
-        found += _on_single_outputs(decision, [output for output in outputs if output.claims])
+        result += _on_single_outputs(decision, [output for output in outputs if output.claims])
     if decision.verdict == Honesty.CONSISTENT:
-        found += _on_other_states(groups, states)
+        result += _on_other_states(groups, states)
     if sensors and all(sensor.nis_whole is None for sensor in sensors):
-        found.append("The filter was never updated.")
+        result.append("The filter was never updated.")
     else:
-        found += _on_sensors(sensors, means.schema.considered)
-    return tuple(found)
+        result += _on_sensors(sensors, means.schema.considered)
+    return tuple(result)
 
 
 def _on_records(means: FilterMeans) -> Iterator[str]:
@@ -129,47 +129,49 @@ def _expected(considered: Sequence[str]) -> str:
     return f", as expected of a filter that considers errors without estimating them ({names})"
 
 
-def sentence(found: FilterConsistency) -> str:
+def sentence(consistency: FilterConsistency) -> str:
     """Put the verdict in a sentence.
 
     A filter is optimistic when its sigmas are smaller than those of its errors.
     """
-    if found.departures:
-        return _departed(found)
-    within = f"±{100.0 * found.tolerance:g} %"
-    if found.verdict == Honesty.CONSISTENT:
-        every = "every output and of every group of them" if found.outputs else "every group of errors"
+    if consistency.departures:
+        return _departed(consistency)
+    within = f"±{100.0 * consistency.tolerance:g} %"
+    if consistency.verdict == Honesty.CONSISTENT:
+        every = "every output and of every group of them" if consistency.outputs else "every group of errors"
         return (
             f"The filter is consistent: the true sigma of {every} is within {within} of its own at every epoch "
-            f"({100.0 * found.confidence:g} % confidence)."
+            f"({100.0 * consistency.confidence:g} % confidence)."
         )
-    reason = found.doubt or (found.remarks[0] if found.remarks and found.factor is None else "").rstrip(".")
+    reason = consistency.doubt or (
+        consistency.remarks[0] if consistency.remarks and consistency.factor is None else ""
+    ).rstrip(".")
     if reason:
         return f"Undecided: {reason[:1].lower()}{reason[1:]}."
-    needed = found.samples_needed and f"about {sensible_step(found.samples_needed, found.samples):,}"
-    if found.on_groups == Honesty.CONSISTENT:
+    needed = consistency.samples_needed and f"about {sensible_step(consistency.samples_needed, consistency.samples):,}"
+    if consistency.on_groups == Honesty.CONSISTENT:
         single = f"single errors need {needed} samples" if needed else "single errors are undecided"
         return f"Undecided: the filter is consistent as a whole; {single}."
     would = f"; {needed} would decide" if needed else ""
-    return f"Undecided: {found.samples:,} samples do not tell whether the filter is consistent{would}."
+    return f"Undecided: {consistency.samples:,} samples do not tell whether the filter is consistent{would}."
 
 
-def _departed(found: FilterConsistency) -> str:
+def _departed(consistency: FilterConsistency) -> str:
     """Say by how much, of what and when a filter is optimistic and pessimistic."""
     parts = []
     for verdict in (Honesty.OPTIMISTIC, Honesty.PESSIMISTIC):
-        departures = [each for each in found.departures if each.verdict == verdict]
+        departures = [each for each in consistency.departures if each.verdict == verdict]
         single = [each for each in departures if not each.size]
         departures = [each for each in departures if each.size != 1 or not single]  # a group of one is its output
         if departures:
-            whens = [_when(each, found) for each in departures]
+            whens = [_when(each, consistency) for each in departures]
             same = len(set(whens)) == 1
             words = [f"{_by(each)}{'' if same else when}" for each, when in zip(departures, whens, strict=True)]
             listed = " and ".join(words) if same else ", and ".join(words)
             parts.append(f"{verdict.value} by a factor of {listed}{whens[0] if same else ''}")
     cause = ""
-    if found.neglected:
-        largest = found.neglected[0]
+    if consistency.neglected:
+        largest = consistency.neglected[0]
         cause = f"; the largest error that it neglects is {_spoken(largest.name)} ({100.0 * largest.share:.0f} %)"
     return f"The filter is {', and '.join(parts)}{cause}."
 
@@ -196,10 +198,10 @@ def _size(factor: float) -> str:
     return f"{1.0 / factor:.3g}" if factor > 0.0 else "infinity: the errors are zero"
 
 
-def _when(departure: CertainDeparture, found: FilterConsistency) -> str:
+def _when(departure: CertainDeparture, consistency: FilterConsistency) -> str:
     """Say from when to when the departure is certain."""
-    begin, end = instant(departure.begin, found.label), instant(departure.end, found.label)
-    if departure.end >= found.times[np.isfinite(found.times)][-1]:
+    begin, end = instant(departure.begin, consistency.label), instant(departure.end, consistency.label)
+    if departure.end >= consistency.times[np.isfinite(consistency.times)][-1]:
         return f" from {begin} on"
     return f" at {begin}" if begin == end else f" from {instant(departure.begin, '')} to {end}"
 

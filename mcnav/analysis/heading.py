@@ -92,13 +92,13 @@ def _range(angles: Array) -> float:
 
 def heading_remark(history: History) -> str:
     """Say that a heading can hardly belong to its track, and what to do; empty where it may."""
-    found = compare_with_track(history)
-    if found is None or not found.doubtful:
+    remark = compare_with_track(history)
+    if remark is None or not remark.doubtful:
         return ""
-    if found.apart > MOST:
-        what = f"is more than {APART:g}° off the track over the ground for {100.0 * found.apart:.0f} % of the motion"
+    if remark.apart > MOST:
+        what = f"is more than {APART:g}° off the track over the ground for {100.0 * remark.apart:.0f} % of the motion"
     else:
-        what = f"does not turn, while the track over the ground turns by {found.track:.0f}°"
+        what = f"does not turn, while the track over the ground turns by {remark.track:.0f}°"
     return (
         f"The heading {what}. Attitudes that were not recorded often stand as zeros, and the axes of the instruments "
         "follow from them: check the column heading and its unit, or take the track for the heading. Leave it as it is "

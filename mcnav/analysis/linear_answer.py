@@ -146,9 +146,9 @@ class LinearAnswer:
     def _limits(self) -> Array:
         return limits_of(output.limit for output in self.outputs)
 
-    def readings_beyond(self, found: LinearCovariance) -> NDArray[np.bool_]:
+    def readings_beyond(self, covariance: LinearCovariance) -> NDArray[np.bool_]:
         """Return at which readings linear errors have no meaning, shape (r,)."""
-        return readings_beyond(self._limits, found, None if self.beyond is None else self.beyond.time)
+        return readings_beyond(self._limits, covariance, None if self.beyond is None else self.beyond.time)
 
     @cached_property
     def meaningful(self) -> LinearCovariance | None:
@@ -161,12 +161,12 @@ class LinearAnswer:
     @cached_property
     def means(self) -> Mapping[str, Array]:
         """What the mean of each source adds to the final mean error, shape (outputs,), SI; and the nominal errors."""
-        found = {
+        means = {
             source.name: self.model.partials[:, number] * self.model.mean[number]
             for number, source in enumerate(self.sources)
             if self.model.mean[number]
         }
-        return found | ({NOMINAL: self.model.nominal} if np.any(self.model.nominal) else {})
+        return means | ({NOMINAL: self.model.nominal} if np.any(self.model.nominal) else {})
 
     @cached_property
     def final_variances(self) -> Mapping[str, Array]:
@@ -194,10 +194,10 @@ class LinearAnswer:
         return causes_of_requirement(judged.requirement, variances, means, history.covariance[at], history.mean[at])
 
 
-def causes_at(found: LinearCovariance, reading: int, output: int) -> tuple[Cause, ...]:
+def causes_at(covariance: LinearCovariance, reading: int, output: int) -> tuple[Cause, ...]:
     """List the causes of the variance of an output at a reading."""
-    variances = {name: values[reading, [output]] for name, values in found.variances.items()}
-    return causes_of(variances, {}, float(found.sigma[reading, output] ** 2))
+    variances = {name: values[reading, [output]] for name, values in covariance.variances.items()}
+    return causes_of(variances, {}, float(covariance.sigma[reading, output] ** 2))
 
 
 def within_range(

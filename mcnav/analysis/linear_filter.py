@@ -100,12 +100,12 @@ def judge_filter(
     covariance : ndarray, shape (sources, sources)
         Of the sources.
     """
-    found = [_evidence(each, sources, covariance) for each in covariances if each.readings.own is not None]
-    found = [each for each in found if len(each.covariance)]
-    if not found:
+    verdict = [_evidence(each, sources, covariance) for each in covariances if each.readings.own is not None]
+    verdict = [each for each in verdict if len(each.covariance)]
+    if not verdict:
         return None
     times = np.concatenate([each.readings.times for each in covariances if each.readings.own is not None])
-    evidence = _joined(found, np.argsort(times, kind="stable"))
+    evidence = _joined(verdict, np.argsort(times, kind="stable"))
     ratios = output_ratios(evidence)
     together = {
         group: group_ratios(evidence, outputs_of(group, outputs)) for group in groups if group not in NOT_NAVIGATION
@@ -114,34 +114,34 @@ def judge_filter(
                     tolerance)  # fmt: skip
 
 
-def _evidence(found: LinearCovariance, sources: Sequence[str], covariance: Array) -> LinearFilter:
+def _evidence(linear_covariance: LinearCovariance, sources: Sequence[str], covariance: Array) -> LinearFilter:
     """Return what `neglected_errors` asks for at the readings."""
-    readings, mean = found.readings, found.mean
+    readings, mean = linear_covariance.readings, linear_covariance.mean
     assert readings.own is not None
     crossed = readings.partials * (readings.partials @ covariance)
     contributions = {name: crossed[:, :, k] for k, name in enumerate(sources) if np.any(crossed[:, :, k])}
     contributions |= {name: np.diagonal(added, axis1=1, axis2=2) for name, added in readings.processes.items()}
     nothing = np.zeros((len(mean), 0))
-    true = found.covariance + mean[:, :, None] * mean[:, None, :]
-    by_mean = {name: values * mean for name, values in found.means.items()}
+    true = linear_covariance.covariance + mean[:, :, None] * mean[:, None, :]
+    by_mean = {name: values * mean for name, values in linear_covariance.means.items()}
     return LinearFilter(readings.own, nothing, true, nothing, contributions, readings.believed, by_mean)
 
 
-def _joined(found: Sequence[LinearFilter], order: IndexArray) -> LinearFilter:
+def _joined(filters: Sequence[LinearFilter], order: IndexArray) -> LinearFilter:
     """Put readings of several lists into one, in the order of time."""
 
     def joined(parts: Sequence[Array | None]) -> Array:
         return np.asarray(np.concatenate([part for part in parts if part is not None])[order])
 
-    first = found[0]
+    first = filters[0]
     return LinearFilter(
-        joined([each.covariance for each in found]),
-        joined([each.state_variance for each in found]),
-        joined([each.true for each in found]),
-        joined([each.state_true for each in found]),
-        {name: joined([each.contributions[name] for each in found]) for name in first.contributions},
+        joined([each.covariance for each in filters]),
+        joined([each.state_variance for each in filters]),
+        joined([each.true for each in filters]),
+        joined([each.state_true for each in filters]),
+        {name: joined([each.contributions[name] for each in filters]) for name in first.contributions},
         first.believed,
-        {name: joined([each.squared_means[name] for each in found]) for name in first.squared_means},
+        {name: joined([each.squared_means[name] for each in filters]) for name in first.squared_means},
     )
 
 

@@ -66,33 +66,33 @@ def find_beyond(
     over_time : (ndarray, ndarray, ndarray) or None
         Times, means and sigmas as in `first_beyond`.
     """
-    found = None if over_time is None else first_beyond(limits, *over_time)
-    if found is not None:
-        return found
+    beyond = None if over_time is None else first_beyond(limits, *over_time)
+    if beyond is not None:
+        return beyond
     at_the_end = outputs_beyond(limits, mean, sigma)
     return BeyondRange(tuple(np.flatnonzero(at_the_end).tolist()), None) if at_the_end.any() else None
 
 
-def readings_beyond(limits: Array, found: LinearCovariance, since: float | None) -> NDArray[np.bool_]:
+def readings_beyond(limits: Array, covariance: LinearCovariance, since: float | None) -> NDArray[np.bool_]:
     """Return at which readings linear errors have no meaning, shape (r,): from the first output beyond its limit on.
 
     The outputs share one linearization: once one is beyond its limit, later values of the others have no meaning.
     """
-    late = np.zeros(len(found.readings.times), dtype=bool) if since is None else found.readings.times >= since
-    beyond = outputs_beyond(limits, found.mean, found.sigma).any(axis=1)
+    late = np.zeros(len(covariance.readings.times), dtype=bool) if since is None else covariance.readings.times >= since
+    beyond = outputs_beyond(limits, covariance.mean, covariance.sigma).any(axis=1)
     return np.asarray(late | np.logical_or.accumulate(beyond))
 
 
-def picked(found: LinearCovariance, at: NDArray[np.bool_]) -> LinearCovariance:
+def picked(covariance: LinearCovariance, at: NDArray[np.bool_]) -> LinearCovariance:
     """Return the same at some of the readings."""
     return replace(
-        found,
-        readings=found.readings.at(at),
-        mean=found.mean[at],
-        covariance=found.covariance[at],
-        sigma=found.sigma[at],
-        sigma_filter=None if found.sigma_filter is None else found.sigma_filter[at],
-        variances={name: values[at] for name, values in found.variances.items()},
-        correlations=found.correlations[at],
-        means={name: values[at] for name, values in found.means.items()},
+        covariance,
+        readings=covariance.readings.at(at),
+        mean=covariance.mean[at],
+        covariance=covariance.covariance[at],
+        sigma=covariance.sigma[at],
+        sigma_filter=None if covariance.sigma_filter is None else covariance.sigma_filter[at],
+        variances={name: values[at] for name, values in covariance.variances.items()},
+        correlations=covariance.correlations[at],
+        means={name: values[at] for name, values in covariance.means.items()},
     )

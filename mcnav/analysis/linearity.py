@@ -94,17 +94,17 @@ def alone(simulate: Simulator, linear: LinearModel, directions: Array, tolerance
 
     steps = ladder(largest)
     first = _first_crossings(departures, steps, tolerance, changes.shape)
-    found = np.where(first == 0, SMALLEST, np.inf)
+    alone_range = np.where(first == 0, SMALLEST, np.inf)
     which, output = np.nonzero(first > 0)
     if len(which):
         last = first[which, output]
         bracket = (np.log(steps[last - 1]), np.log(steps[last]))
         root = find_root(excess, bracket, args=(which.astype(float), output.astype(float)), tolerances={"xatol": 1e-6})
-        found[which, output] = np.exp(root.x)
-    found[changes == 0.0] = np.nan
-    found = found.reshape(2, len(directions), -1)
-    nearest = np.argmin(np.nan_to_num(found, nan=np.inf), axis=0)
-    multiples = np.take_along_axis(found, nearest[None], axis=0)[0]
+        alone_range[which, output] = np.exp(root.x)
+    alone_range[changes == 0.0] = np.nan
+    alone_range = alone_range.reshape(2, len(directions), -1)
+    nearest = np.argmin(np.nan_to_num(alone_range, nan=np.inf), axis=0)
+    multiples = np.take_along_axis(alone_range, nearest[None], axis=0)[0]
     return AloneRange(multiples, np.where(np.isfinite(multiples), 1.0 - 2.0 * nearest, 0.0), largest)
 
 
@@ -170,10 +170,10 @@ def together(
         if not np.isfinite(outcomes).all(axis=1).mean() >= 1.0 - LARGEST_FAILED_SHARE:
             return np.full((count, 3), BEYOND)
         scaled = Model(model.partials, model.nominal, multiple * model.mean, multiple**2 * model.covariance)
-        found = compare(scaled, multiple * draws, outcomes, criterion, design)
-        judgements = [output.paired for output in found.outputs]
-        if found.ellipsoid is not None:
-            judgements.append(found.ellipsoid.judgement)
+        result = compare(scaled, multiple * draws, outcomes, criterion, design)
+        judgements = [output.paired for output in result.outputs]
+        if result.ellipsoid is not None:
+            judgements.append(result.ellipsoid.judgement)
         rows = np.full((count, 3), np.nan)
         for row, judgement in zip(rows, judgements, strict=False):
             if judgement.ratio is not None and judgement.interval is not None:

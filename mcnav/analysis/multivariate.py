@@ -164,9 +164,9 @@ def _correlation(
     """
     i, j = pair
     root = float(np.sqrt(paired[i, i] * paired[j, j]))
-    found = float(paired[i, j]) / root
+    difference = float(paired[i, j]) / root
     crossed, first, second = (moments.products(*each)[1] for each in ((i, j), (i, i), (j, j)))
     own = first / paired[i, i] + second / paired[j, j]
-    influence = summed_mean(crossed / root - 0.5 * found * own, moments.counts, fewest)
+    influence = summed_mean(crossed / root - 0.5 * difference * own, moments.counts, fewest)
     before = float(linear[i, j] / np.sqrt(linear[i, i] * linear[j, j]))
-    return CorrelationDifference(pair, before, found, replace(influence, value=found - before))
+    return CorrelationDifference(pair, before, difference, replace(influence, value=difference - before))

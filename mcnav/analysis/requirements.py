@@ -191,25 +191,25 @@ def _linear_moments(model: Model, outputs: tuple[int, ...]) -> tuple[Array, Arra
 
 def _judge_ratios(requirement: Requirement, comparison: Comparison) -> RequirementResult:
     paired = [output.paired for output in comparison.outputs]
-    found = [
+    judgements = [
         judge(each.ratio, each.interval, requirement.limits[0], comparison.samples, comparison.confidence_each)
         for each in paired
         if each.ratio is not None and each.interval is not None
     ]
     unforeseen = any(each.verdict == Verdict.DIFFERS and each.ratio is None for each in paired)
-    if not found:
+    if not judgements:
         finding = Finding.NOT_MET if unforeseen else Finding.UNDECIDED
         return RequirementResult(
             requirement, finding, math.nan, (0.0, math.inf), 1.0, True, remark="there is nothing to compare"
         )
     names = {Verdict.DIFFERS: Finding.NOT_MET, Verdict.UNDECIDED: Finding.UNDECIDED, Verdict.AGREES: Finding.MET}
     order = (Verdict.DIFFERS, Verdict.UNDECIDED, Verdict.AGREES)
-    worst = min(found, key=lambda each: (order.index(each.verdict), -abs((each.ratio or 1.0) - 1.0)))
+    worst = min(judgements, key=lambda each: (order.index(each.verdict), -abs((each.ratio or 1.0) - 1.0)))
     finding = Finding.NOT_MET if unforeseen else names[worst.verdict]
     remark = ""
     if finding == Finding.MET and comparison.failed > LARGEST_FAILED_SHARE * (comparison.failed + comparison.samples):
         finding, remark = Finding.UNDECIDED, "too many samples failed"
-    undecided = [each.samples_needed or 0 for each in found if finding == Finding.UNDECIDED]
+    undecided = [each.samples_needed or 0 for each in judgements if finding == Finding.UNDECIDED]
     needed = max(undecided, default=0) or None
     ratio, interval = worst.ratio or 1.0, worst.interval or (0.0, math.inf)
     return RequirementResult(requirement, finding, ratio, interval, 1.0, True, needed, remark=remark)

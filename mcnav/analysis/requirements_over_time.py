@@ -125,7 +125,7 @@ def largest_normal_quantile(means: Array, covariances: Array, probability: float
     for number in order:
         mean, covariance = means[number], covariances[number]
         if largest == 0.0 or normal_share(mean, covariance, largest) < probability:
-            found = normal_quantile(mean, covariance, probability)
-            if found > largest:
-                largest, worst = found, number
+            quantile = normal_quantile(mean, covariance, probability)
+            if quantile > largest:
+                largest, worst = quantile, number
     return largest, worst

@@ -56,8 +56,8 @@ def predicted_from(model: Mapping[str, Any], outputs: int) -> Predicted:
     """Read the further predictions from a manifest's model; NaN for what it does not hold."""
 
     def table(key: str, entry: str, columns: int) -> Array:
-        found = (model.get(key) or {}).get(entry)
-        return np.full((outputs, columns), np.nan) if found is None else np.array(found, dtype=float)
+        result = (model.get(key) or {}).get(entry)
+        return np.full((outputs, columns), np.nan) if result is None else np.array(result, dtype=float)
 
     return Predicted(
         partials=table("partials_differences", "partials", len(model["sources"])),

@@ -211,8 +211,8 @@ def subtract_product(x: Block, a: Block, b: Block) -> Block:
 @allocation_free_part
 def load_symmetric(p: Array, t: int, r: int, c: int) -> Block:
     """Return a block of a symmetric matrix of blocks of which the lower triangle counts."""
-    found = load_block(p, (t, r, c)) if r >= c else transpose(load_block(p, (t, c, r)))
-    return found
+    block = load_block(p, (t, r, c)) if r >= c else transpose(load_block(p, (t, c, r)))
+    return block
 
 
 @allocation_free_part

@@ -152,12 +152,12 @@ def data_sheet_numbers(content: Mapping[str, Any], sources: tuple[Source, ...]) 
     sources : tuple of Source
         Of its scenario.
     """
-    found = [*_of_imu(content.get("imu", {})), *_of_errors(content.get("errors", {}), sources)]
+    numbers = [*_of_imu(content.get("imu", {})), *_of_errors(content.get("errors", {}), sources)]
     for sensor in content.get("aiding", []):
         name = sensor.get("name", sensor["type"].replace("-", "_"))
         keys = [key for key in SENSOR_TYPES[sensor["type"]].keys if key in sensor and key != "lever_arm"]
-        found += [DataSheetNumber(f"aiding.{name}.{key}", sensor[key], frozenset(), {}) for key in keys]
-    return [number for number in found if _multiplied(number.entry, 0.0) != _multiplied(number.entry, 1.0)]
+        numbers += [DataSheetNumber(f"aiding.{name}.{key}", sensor[key], frozenset(), {}) for key in keys]
+    return [number for number in numbers if _multiplied(number.entry, 0.0) != _multiplied(number.entry, 1.0)]
 
 
 def believed_numbers(content: Mapping[str, Any]) -> list[DataSheetNumber]:
@@ -166,34 +166,34 @@ def believed_numbers(content: Mapping[str, Any]) -> list[DataSheetNumber]:
     tables = {f"imu.{name}": believes.get("imu", {}).get(name, {}) for name in KINDS}
     tables |= {"errors": believes.get("errors", {})}
     tables |= {f"aiding.{name}": entries for name, entries in believes.get("aiding", {}).items()}
-    found = [
+    numbers = [
         DataSheetNumber(f"filter.believes.{table}.{key}", entry, frozenset(), {})
         for table, entries in tables.items()
         for key, entry in entries.items()
         if key != "lever_arm"
     ]
-    return [number for number in found if _multiplied(number.entry, 0.0) != _multiplied(number.entry, 1.0)]
+    return [number for number in numbers if _multiplied(number.entry, 0.0) != _multiplied(number.entry, 1.0)]
 
 
 def _of_imu(entries: Mapping[str, Any]) -> list[DataSheetNumber]:
     below = catalogue().get(entries.get("grade", ""), {})
-    found = []
+    numbers = []
     for instrument in KINDS:
         for key, entry in {**below.get(instrument, {}), **entries.get(instrument, {})}.items():
             causes = frozenset([f"{instrument}_{key}"])
-            found.append(DataSheetNumber(f"imu.{instrument}.{key}", entry, causes, {}))
-    return found
+            numbers.append(DataSheetNumber(f"imu.{instrument}.{key}", entry, causes, {}))
+    return numbers
 
 
 def _of_errors(entries: Mapping[str, Any], sources: tuple[Source, ...]) -> list[DataSheetNumber]:
-    found = []
+    numbers = []
     for key, entry in entries.items():
         members = [source.name for source in sources if key in (source.name, source.group)]
         own = [name for name in members if name in entries and name != key]
         causes = frozenset(name for name in members if name not in own)
         kept = {f"errors.{name}": entries[name] for name in own}
-        found.append(DataSheetNumber(f"errors.{key}", entry, causes, kept))
-    return found
+        numbers.append(DataSheetNumber(f"errors.{key}", entry, causes, kept))
+    return numbers
 
 
 @dataclass(frozen=True)
@@ -234,9 +234,9 @@ def _largest(entry: Any, instrument: str, key: str) -> float | None:
     """Return the largest size of an entry over its axes, SI; none where it has no single kind of size."""
     if isinstance(entry, dict) and not _by_axis(entry):
         sizes = [name for name in SIZES if name in entry]
-        found = _largest(entry[sizes[0]], instrument, f"{key}.{sizes[0]}") if len(sizes) == 1 else None
+        largest = _largest(entry[sizes[0]], instrument, f"{key}.{sizes[0]}") if len(sizes) == 1 else None
         allan = key == INSTABILITY and sizes == ["allan_minimum"]
-        return found / ALLAN_MINIMUM if allan and found is not None else found
+        return largest / ALLAN_MINIMUM if allan and largest is not None else largest
     parts = entry if isinstance(entry, list) else list(entry.values()) if isinstance(entry, dict) else [entry]
     unit = KINDS[instrument].get(key) or KINDS[instrument].get(f"{key}.sigma")
     if unit is None:

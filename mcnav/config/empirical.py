@@ -87,7 +87,7 @@ def read_table(
     path = context.folder / table["file"]
     try:
         factor = quantity(f"1 {table['unit']}", source.unit)
-        found = EmpiricalDistribution(_column(path, table["column"]) * factor)
+        distribution = EmpiricalDistribution(_column(path, table["column"]) * factor)
     except UnitError as wrong:
         context.problem(f"{key}.unit", str(wrong))
     except _TableError as wrong:
@@ -95,8 +95,8 @@ def read_table(
     except ValueError as wrong:
         context.problem(f"{key}.column", f"{path}, {table['column']!r}: {wrong}")
     else:
-        if table.get("sha256", found.digest) == found.digest:
-            return found
+        if table.get("sha256", distribution.digest) == distribution.digest:
+            return distribution
         context.problem(f"{key}.sha256", f"the values in {path} have changed since the run; restore the file")
     return None
 

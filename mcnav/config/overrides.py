@@ -66,16 +66,16 @@ def override(document: Mapping[str, Any], values: Mapping[str, Value], file: str
     >>> override({"errors": {"altitude": {"sigma": "5 km"}}}, {"errors.altitude": "1 km"})
     {'errors': {'altitude': {'sigma': '1 km'}}}
     """
-    found = copy.deepcopy(dict(document))
+    result = copy.deepcopy(dict(document))
     for path, value in values.items():
         names = path.split(".")
         try:
             if not all(name.strip() == name != "" for name in names):
                 raise _Mistake("expected the names of tables and a key with dots between, such as imu.gyro.bias")
-            _set(found, names, value, ())
+            _set(result, names, value, ())
         except _Mistake as wrong:
             raise CampaignError([Problem(file, path, str(wrong))]) from None
-    return found
+    return result
 
 
 def vary(campaign: str | Path | Campaign | Mapping[str, Any], values: Mapping[str, Value]) -> Campaign:

@@ -18,7 +18,7 @@ RADII: Final = {"cep": 0.5, "r95": 0.95, "sep": 0.5}
 def read_requirements(table: AcceptTable, scenario: Scenario, context: FileContext) -> list[RequirementRecord]:
     """Read all requirements; mistakes are added to the context."""
     units = {output.name: output.unit for output in scenario.outputs}
-    found: list[RequirementRecord] = []
+    records: list[RequirementRecord] = []
 
     def require(
         kind: str, names: Sequence[str], limits: list[float], probability: float | None,
@@ -28,7 +28,7 @@ def read_requirements(table: AcceptTable, scenario: Scenario, context: FileConte
         record = RequirementRecord(
             kind=kind, outputs=tuple(names), limits=tuple(limits), probability=probability, **over_time
         )
-        found.append(record)
+        records.append(record)
 
     def limit(written: object, name: str, key: str) -> float:
         value = context.quantity(written, units[name], key)
@@ -60,7 +60,7 @@ def read_requirements(table: AcceptTable, scenario: Scenario, context: FileConte
         elif known(list(box.within), f"{key}.within"):
             limits = [limit(written, name, f"{key}.within.{name}") for name, written in box.within.items()]
             require("box", list(box.within), limits, box.probability)
-    return found
+    return records
 
 
 def _alike(names: Sequence[str], units: Mapping[str, str], key: str, context: FileContext) -> bool:

@@ -44,7 +44,7 @@ def expand_groups(entries: Mapping[str, Any], sources: Sequence[Source]) -> dict
 def read_errors(entries: Mapping[str, Any], sources: Sequence[Source], context: FileContext) -> dict[str, Distribution]:
     """Read the distributions of ``[errors]``, by source; mistakes are added to the context."""
     known = {source.name: source for source in sources}
-    found = {}
+    distributions = {}
     for name, entry in entries.items():
         key = f"errors.{name}"
         if len(context.problems) > MOST_PROBLEMS:
@@ -54,8 +54,8 @@ def read_errors(entries: Mapping[str, Any], sources: Sequence[Source], context: 
             continue
         distribution = _read_distribution(entry, known[name], key, context)
         if distribution is not None:
-            found[name] = distribution
-    return found
+            distributions[name] = distribution
+    return distributions
 
 
 def _read_distribution(entry: object, source: Source, key: str, context: FileContext) -> Distribution | None:
@@ -106,7 +106,7 @@ def read_correlations(
 ) -> list[Correlation]:
     """Read the entries of ``[[correlations]]``; mistakes are added to the context."""
     names = [source.name for source in sources]
-    found: list[Correlation] = []
+    correlations: list[Correlation] = []
     seen: set[frozenset[str]] = set()
     for number, entry in enumerate(tables, start=1):
         key = f"correlations #{number}.between"
@@ -119,23 +119,23 @@ def read_correlations(
         seen.add(frozenset((first, second)))
         given = [each for each in (entry.coefficient, entry.rank_coefficient) if each is not None]
         if len(given) == 1:
-            found.append(Correlation((first, second), given[0], of_ranks=entry.coefficient is None))
+            correlations.append(Correlation((first, second), given[0], of_ranks=entry.coefficient is None))
         else:
             came = "both" if given else "neither"
             message = f"got {came}; expected coefficient (Pearson's) or rank_coefficient (Spearman's)"
             context.problem(f"correlations #{number}", message)
-    return found
+    return correlations
 
 
 def read_joint(tables: Sequence[JointTable], sources: Sequence[Source], context: FileContext) -> list[MultivariateT]:
     """Read the entries of ``[[joint]]``; mistakes are added to the context."""
     names = [source.name for source in sources]
-    found = []
+    joint = []
     for number, entry in enumerate(tables, start=1):
         key = f"joint #{number}"
         context.check_names(entry.sources, names, f"{key}.sources", "error source")
         try:
-            found.append(MultivariateT(tuple(entry.sources), entry.degrees_of_freedom))
+            joint.append(MultivariateT(tuple(entry.sources), entry.degrees_of_freedom))
         except ValueError as wrong:
             context.problem(f"{key}.degrees_of_freedom", f"got {entry.degrees_of_freedom:g}; {wrong}")
-    return found
+    return joint

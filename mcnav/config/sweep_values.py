@@ -52,33 +52,33 @@ def read_variables(varied: Mapping[str, str | Sequence[object]], points: int = P
     """
     if not 1 <= len(varied) <= 2:
         raise CampaignError([Problem("--vary", "", f"got {len(varied)} keys; expected one or two")])
-    found = []
+    variables = []
     for path, written in varied.items():
         text = written if isinstance(written, str) else ", ".join(map(str, written))
         try:
-            found.append(_read_variable(path, text, points))
+            variables.append(_read_variable(path, text, points))
         except UnitError as wrong:
             raise CampaignError([Problem("--vary", path, str(wrong))]) from None
-    count = math.prod(len(each.values) for each in found)
+    count = math.prod(len(each.values) for each in variables)
     if count > MOST_POINTS:
-        sizes = " x ".join(str(len(each.values)) for each in found)
+        sizes = " x ".join(str(len(each.values)) for each in variables)
         message = f"got {sizes} points; at most {MOST_POINTS:,} in all, fewer --points make fewer"
         raise CampaignError([Problem("--vary", "", message)])
-    return tuple(found)
+    return tuple(variables)
 
 
 def split_varied(written: Sequence[str]) -> dict[str, str]:
     """Split ``KEY=VALUES``; `CampaignError` when one has no key, or a key comes twice."""
-    found: dict[str, str] = {}
+    varied: dict[str, str] = {}
     for each in written:
         path, equals, values = each.partition("=")
         if not equals or not path.strip():
             message = f'got {each!r}; expected KEY=VALUES such as imu.gyro.bias="0.001..1 deg/h"'
             raise CampaignError([Problem("--vary", "", message)])
-        if path.strip() in found:
+        if path.strip() in varied:
             raise CampaignError([Problem("--vary", path.strip(), "is given twice; keep one")])
-        found[path.strip()] = values
-    return found
+        varied[path.strip()] = values
+    return varied
 
 
 def _read_variable(path: str, text: str, points: int) -> Variable:
@@ -123,7 +123,7 @@ def _read_items(items: Sequence[str], text: str) -> tuple[Array, str]:
             raise
         except Exception:  # pint raises many types where dimensions differ
             raise UnitError(f"got {text!r}, whose units are not of one dimension") from None
-    found = np.array(values)
-    if not np.isfinite(found).all():
+    result = np.array(values)
+    if not np.isfinite(result).all():
         raise UnitError(f"got {text!r}; expected finite values")
-    return found, unit
+    return result, unit

@@ -82,9 +82,9 @@ class FilterSchema:
     def covariance(self, records: Array) -> Array:
         """Return the covariances of the outputs, shape (..., outputs, outputs), of records, shape (..., width)."""
         rows, columns = np.tril_indices(self.outputs)
-        found = np.empty((*records.shape[:-1], self.outputs, self.outputs))
-        found[..., rows, columns] = found[..., columns, rows] = records[..., self.places["covariance"]]
-        return found
+        covariance = np.empty((*records.shape[:-1], self.outputs, self.outputs))
+        covariance[..., rows, columns] = covariance[..., columns, rows] = records[..., self.places["covariance"]]
+        return covariance
 
 
 @dataclass(frozen=True)

@@ -46,7 +46,7 @@ def read_axes(
 
     A mistake is added to the context; a quantity without axes has one, without a name.
     """
-    found = np.full(len(axes), missing)
+    result = np.full(len(axes), missing)
     if isinstance(entry, dict) and len(axes) > 1:
         for axis in entry.keys() - set(axes):
             context.problem(f"{key}.{axis}", f"unknown axis; expected {', '.join(axes)}")
@@ -54,7 +54,7 @@ def read_axes(
     elif isinstance(entry, list) and len(axes) > 1:
         if len(entry) != len(axes):
             context.problem(key, f"got a list of {len(entry)}; expected {len(axes)}, for {', '.join(axes)}")
-            return found
+            return result
         given = {
             axis: (f"{key} #{number}", each) for number, (axis, each) in enumerate(zip(axes, entry, strict=True), 1)
         }
@@ -71,5 +71,5 @@ def read_axes(
         if wrong := fault(size):
             context.problem(at, f"got {value!r}; {wrong}")
         else:
-            found[number] = size or 0.0  # no negative zero
-    return found
+            result[number] = size or 0.0  # no negative zero
+    return result

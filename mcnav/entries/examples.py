@@ -34,11 +34,11 @@ def examples_folder() -> Path:
 
 def examples() -> Mapping[str, str]:
     """Return the question that each example answers, by the name of its file."""
-    found = {}
+    result = {}
     for path in sorted(examples_folder().glob("*.toml")):
         asked = _QUESTION.match(path.read_text(encoding="utf-8"))
-        found[path.stem] = "" if asked is None else " ".join(asked[1].replace("\n#", " ").split())
-    return found
+        result[path.stem] = "" if asked is None else " ".join(asked[1].replace("\n#", " ").split())
+    return result
 
 
 def example(name: str) -> Path:
@@ -81,15 +81,15 @@ def copy_examples(folder: Path) -> list[Path]:
     Raises `CampaignError` when one of them exists there with another content.
     """
     source = examples_folder()
-    found = {path.name: path.read_bytes() for path in sorted(source.iterdir()) if path.suffix in ENDINGS}
-    other = [name for name, content in found.items() if (folder / name).exists() and _differs(folder / name, content)]
+    result = {path.name: path.read_bytes() for path in sorted(source.iterdir()) if path.suffix in ENDINGS}
+    other = [name for name, content in result.items() if (folder / name).exists() and _differs(folder / name, content)]
     if other:
         message = "exists already with another content; choose another folder"
         raise CampaignError([Problem(str(folder / name), "", message) for name in other])
     folder.mkdir(parents=True, exist_ok=True)
-    for name, content in found.items():
+    for name, content in result.items():
         write_whole(folder / name, content)
-    return [folder / name for name in found]
+    return [folder / name for name in result]
 
 
 def _differs(path: Path, content: bytes) -> bool:

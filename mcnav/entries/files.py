@@ -30,13 +30,13 @@ def read_file(value: object, key: str, context: FileContext) -> InputFile:
         raise SettingError(f"got {display(value)}; {OUTSIDE}")
     path, name, earlier = context.folder / value, safe_name(value), context.earlier.get(key)
     try:
-        found = identify_file(str(path.absolute()), name, key)
+        file = identify_file(str(path.absolute()), name, key)
     except OSError as failure:
         if earlier is None:
             raise SettingError(f"{path} {why_unreadable(failure)}") from None
         return _identify_copy(earlier, name, key, f"{path} {why_unreadable(failure)}")
-    if earlier is None or found.digest == earlier.sha256:
-        return found
+    if earlier is None or file.digest == earlier.sha256:
+        return file
     change = f"{path} has changed since the run (its SHA-256 was {earlier.sha256[:12]})"
     return _identify_copy(earlier, name, key, change)
 

@@ -117,20 +117,20 @@ def content_of(path: str) -> tuple[str, int]:
 
     Raises `OSError` when it cannot be read, or is not a regular file.
     """
-    now, found = time.monotonic(), Path(path).stat()
-    if not stat.S_ISREG(found.st_mode):
+    now, content = time.monotonic(), Path(path).stat()
+    if not stat.S_ISREG(content.st_mode):
         raise OSError("is not a regular file")
-    mark = (found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns)
+    mark = (content.st_dev, content.st_ino, content.st_size, content.st_mtime_ns, content.st_ctime_ns)
     known = _known.get(path)
     if known is not None and known.mark != mark:
         known = None
     if known is not None and known.settled:
-        return known.digest, found.st_size
+        return known.digest, content.st_size
     with Path(path).open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
     since = now if known is None else known.since
     _known[path] = _Known(mark, digest, since, now - since > SETTLED_AFTER)
-    return digest, found.st_size
+    return digest, content.st_size
 
 
 def safe_name(path: str) -> str:
@@ -148,7 +148,7 @@ def with_unique_names(files: Iterable[InputFile], taken: Sequence[InputFile] = (
 
     A file with several paths appears once; files among those taken are left out.
     """
-    used, found = {file.name.casefold() for file in taken}, list[InputFile]()
+    used, input_files = {file.name.casefold() for file in taken}, list[InputFile]()
     known = {Path(file.path).resolve() for file in taken}
     for file in sorted(files, key=lambda each: each.path):
         if Path(file.path).resolve() in known:
@@ -159,8 +159,8 @@ def with_unique_names(files: Iterable[InputFile], taken: Sequence[InputFile] = (
         numbered = (f"{number}_{safe_name(file.path)}" for number in range(2, 10_000))
         name = next(name for name in (*names, *numbered) if name.casefold() not in used)
         used.add(name.casefold())
-        found.append(replace(file, name=name))
-    return tuple(found)
+        input_files.append(replace(file, name=name))
+    return tuple(input_files)
 
 
 @dataclass
@@ -215,12 +215,12 @@ def _install_hook() -> None:
 def record_opened_files() -> Iterator[OpenedFiles]:
     """Record every file that this thread, and threads started meanwhile, open."""
     _install_hook()
-    found = OpenedFiles()
-    _active.append(found)
+    files = OpenedFiles()
+    _active.append(files)
     try:
-        yield found
+        yield files
     finally:
-        _active[:] = [each for each in _active if each is not found]
+        _active[:] = [each for each in _active if each is not files]
 
 
 @lru_cache(maxsize=1)
@@ -243,13 +243,13 @@ def is_input(path: str) -> bool:
     return where.suffix not in _IGNORED_SUFFIX and not any(_IGNORED_PART.fullmatch(part) for part in where.parts[:-1])
 
 
-def find_inputs(found: OpenedFiles, code: str) -> dict[str, InputFile]:
+def find_inputs(opened_files: OpenedFiles, code: str) -> dict[str, InputFile]:
     """Identify the inputs among recorded files, by path; files that no longer exist are left out.
 
     Raises `ScenarioError` when one is not a regular file, such as a pipe, so that its content cannot be read again.
     """
     files = {}
-    for path in sorted(found.read - found.written):
+    for path in sorted(opened_files.read - opened_files.written):
         if not is_input(path):
             continue
         try:

@@ -240,8 +240,8 @@ def check_not_cancelled(work: ChunkJob) -> None:
 
 def find_chunk(work: ChunkJob, place: SampleRange) -> ChunkFile | None:
     """Return the file of a chunk, if it is undamaged and of this run."""
-    found = find_file(work, place.number)
-    return found if found is not None and (found.begin, found.end) == (place.begin, place.end) else None
+    file = find_file(work, place.number)
+    return file if file is not None and (file.begin, file.end) == (place.begin, place.end) else None
 
 
 def find_file(work: ChunkJob, number: int) -> ChunkFile | None:

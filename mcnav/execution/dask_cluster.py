@@ -113,15 +113,15 @@ class Cluster:
                     continue
                 if not tasks:
                     return
-                for future, found in self._ready(finished, tasks):
+                for future, files in self._ready(finished, tasks):
                     places = tasks.pop(future)
-                    failure = None if isinstance(found, list) else self._failure(future, found)
+                    failure = None if isinstance(files, list) else self._failure(future, files)
                     if isinstance(failure, dask.KilledWorker):
                         apart.extend(places)
                     elif failure is not None:
                         raise failure
                     else:
-                        yield from found
+                        yield from files
         except Exception as failure:
             if client.status == "running" or isinstance(failure, ClusterError):
                 raise
@@ -157,11 +157,11 @@ class Cluster:
         elif time.monotonic() - self._seen > PATIENCE:
             raise ClusterError(f"{self.address}: has had no worker for {PATIENCE:g} s; {RESUMES}")
 
-    def _failure(self, future: Any, found: Any) -> BaseException:
+    def _failure(self, future: Any, exception: Any) -> BaseException:
         """Return the reason why a task has no result."""
         if future.cancelled():
             return self._lost()
-        _, failure, traceback = found
+        _, failure, traceback = exception
         if isinstance(failure, (ImportError, AttributeError)):
             return ClusterError(f"{self.address}: a worker cannot fly for this run: {failure}; {RESUMES}")
         if isinstance(failure, BaseException):

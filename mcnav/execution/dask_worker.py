@@ -43,10 +43,10 @@ def incompatibility(needed: Mapping[str, str], wanted: Path | None = None) -> st
     wanted : Path, optional
         A file that the run has just written beside its chunks.
     """
-    found = versions()
-    other = [name for name, version in needed.items() if found.get(name) != version]
+    result = versions()
+    other = [name for name, version in needed.items() if result.get(name) != version]
     if other:
-        has, needs = (", ".join(f"{name} {each.get(name, 'none')}" for name in other) for each in (found, needed))
+        has, needs = (", ".join(f"{name} {each.get(name, 'none')}" for name in other) for each in (result, needed))
         return f"has {has} where this run has {needs}; its results would be others"
     if wanted is None:
         return None

@@ -87,14 +87,14 @@ def _run_pool(work: ChunkJob, places: Sequence[SampleRange], jobs: int) -> Itera
         yield from (_submit(_numbered, work, place).result() for place in places)
         return
     with interrupts_blocked():
-        found = Parallel(
+        result = Parallel(
             n_jobs=workers,
             return_as="generator_unordered",
             backend="loky",
             initializer=end_with_parent,
             initargs=(os.getpid(),),
         )(delayed(_numbered)(work, place) for place in places)
-    yield from found
+    yield from result
 
 
 def run_in_processes(work: ChunkJob, missing: Sequence[SampleRange], jobs: int) -> Generator[ChunkFile, None, None]:
@@ -110,10 +110,10 @@ def run_in_processes(work: ChunkJob, missing: Sequence[SampleRange], jobs: int) 
             broken += 1
             end_workers()
             for place in list(left.values()):
-                found = find_chunk(work, place)
-                if found is not None:
+                chunk = find_chunk(work, place)
+                if chunk is not None:
                     del left[place.number]
-                    yield found
+                    yield chunk
             if broken >= TRIED_WHOLE:
                 for place in list(left.values())[: 2 * jobs]:
                     del left[place.number]

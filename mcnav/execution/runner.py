@@ -76,14 +76,14 @@ def run_chunks(
     chunks, missing = [], []
     for number, begin in enumerate(range(first, samples, chunk), start=first // chunk):
         place = SampleRange(number, begin, min(begin + chunk, samples))
-        found = find_file(work, number)
-        if found is not None and (found.begin, found.end) == (begin, place.end):
-            chunks.append(found)
+        file = find_file(work, number)
+        if file is not None and (file.begin, file.end) == (begin, place.end):
+            chunks.append(file)
             progress.advance(place.end - begin, stored=True)
             continue
         missing.append(place)
         path = work.folder.chunk_folder / chunk_name(number)
-        if path.exists() and (found is None or found.begin != begin):
+        if path.exists() and (file is None or file.begin != begin):
             notice(f"{path}: is damaged; its samples are flown again")
     simulate = executor or (run_in_processes if work.in_processes else _run_in_threads)
     try:

@@ -79,13 +79,13 @@ def noise_corrections(
         afford(2 * directions**2 + 2 * directions + 1)
         return _derivatives(engine, errors)
 
-    found = {"unscented": computed_or_reason(unscented), "second_order": computed_or_reason(second_order)}
-    return {**found, "budget": {"alone": reason, "sobol": reason}, "higher_order": reason}
+    corrections = {"unscented": computed_or_reason(unscented), "second_order": computed_or_reason(second_order)}
+    return {**corrections, "budget": {"alone": reason, "sobol": reason}, "higher_order": reason}
 
 
 def _derivatives(engine: Engine, errors: ErrorModel) -> dict[str, Any]:
-    found = higher_order.second_order(without_noise(engine), errors.mean, errors.covariance)
-    return {key: getattr(found, key) for key in ("mean_shift", "quadratic", "third_order", "skewness")}
+    order = higher_order.second_order(without_noise(engine), errors.mean, errors.covariance)
+    return {key: getattr(order, key) for key in ("mean_shift", "quadratic", "third_order", "skewness")}
 
 
 def polynomial_moments(engine: Engine, errors: ErrorModel) -> dict[str, Any]:
@@ -118,6 +118,6 @@ def polynomial_moments(engine: Engine, errors: ErrorModel) -> dict[str, Any]:
         raise SimulationFailed(
             f"a polynomial of order {polynomial.order} is {polynomial.error:.2g} of the dispersion off the flights"
         )
-    found = moments(polynomial, errors.covariance)
+    result = moments(polynomial, errors.covariance)
     fitted = {key: getattr(polynomial, key) for key in ("order", "error", "flights")}
-    return vars(found) | {"sigma": np.sqrt(np.diag(found.covariance))} | fitted
+    return vars(result) | {"sigma": np.sqrt(np.diag(result.covariance))} | fitted

@@ -204,10 +204,10 @@ def least_squares(table: Array, values: Array) -> Array:
 def products(points: Array, exponents: IndexArray) -> Array:
     """Evaluate every monomial at every point, shape (n, terms)."""
     parents, factors = recipe(exponents)
-    found = np.ones((len(points), len(exponents)))
+    result = np.ones((len(points), len(exponents)))
     for term in range(1, len(exponents)):
-        found[:, term] = found[:, parents[term]] * points[:, factors[term]]
-    return found
+        result[:, term] = result[:, parents[term]] * points[:, factors[term]]
+    return result
 
 
 def fitted_map(propagate: Propagate, centre: Array, scale: Array, tolerance: float) -> PolynomialMap:
@@ -217,11 +217,11 @@ def fitted_map(propagate: Propagate, centre: Array, scale: Array, tolerance: flo
     """
     tried = []
     for order in ORDERS:
-        found = fit(propagate, centre, scale, order, tolerance)
-        if found.error <= tolerance:
-            return found
-        tried.append(f"{found.error:.1e} with order {order}")
-        if not found.error <= HOPELESS:
+        fitted = fit(propagate, centre, scale, order, tolerance)
+        if fitted.error <= tolerance:
+            return fitted
+        tried.append(f"{fitted.error:.1e} with order {order}")
+        if not fitted.error <= HOPELESS:
             break
     raise PolynomialFitError(
         f"no polynomial represents these flights within {tolerance:g} of the dispersion: the error is "

@@ -59,16 +59,16 @@ def moments(polynomial: PolynomialMap, covariance: Array) -> Moments:
     centred = coefficients.copy()
     centred[0] -= mean
     count = centred.shape[1]
-    found = np.zeros((count, count))
+    result = np.zeros((count, count))
     for i in range(count):
         for j in range(i + 1):
-            found[i, j] = found[j, i] = _expected_product(exponents, centred[:, i], exponents, centred[:, j])
+            result[i, j] = result[j, i] = _expected_product(exponents, centred[:, i], exponents, centred[:, j])
     skewness, kurtosis = np.full(count, np.nan), np.full(count, np.nan)
-    for i in np.flatnonzero(np.diag(found) > 0.0).tolist():
+    for i in np.flatnonzero(np.diag(result) > 0.0).tolist():
         squared, values = _squared(exponents, centred[:, i])
-        skewness[i] = _expected_product(squared, values, exponents, centred[:, i]) / found[i, i] ** 1.5
-        kurtosis[i] = _expected_product(squared, values, squared, values) / found[i, i] ** 2
-    return Moments(mean, found, skewness, kurtosis)
+        skewness[i] = _expected_product(squared, values, exponents, centred[:, i]) / result[i, i] ** 1.5
+        kurtosis[i] = _expected_product(squared, values, squared, values) / result[i, i] ** 2
+    return Moments(mean, result, skewness, kurtosis)
 
 
 def _in_independent(polynomial: PolynomialMap, covariance: Array) -> tuple[IndexArray, Array]:

@@ -91,7 +91,7 @@ def simulate_each_source_alone(
             simulated, linear = simulate_or_raise(propagate, some), some @ partials.T
             for i in range(len(partials)):
                 squares = paired_squares(simulated[:, i], linear[:, i])
-                found = blocked_mean(squares, blocks, sampling.fewest_blocks)
-                tables[key]["variance"][i, j] = expected[i] + found.value
-                tables[key]["standard_error"][i, j], freedom = found.standard_error, found.degrees_of_freedom
+                mean = blocked_mean(squares, blocks, sampling.fewest_blocks)
+                tables[key]["variance"][i, j] = expected[i] + mean.value
+                tables[key]["standard_error"][i, j], freedom = mean.standard_error, mean.degrees_of_freedom
     return {"samples": count, "degrees_of_freedom": freedom, **tables}

@@ -39,7 +39,7 @@ def estimate_sobol_indices(propagate: Propagate, errors: ErrorModel, seed: int) 
     if active.size == 0:
         raise SimulationFailed("no source has a dispersion")
 
-    found = []
+    sobol_indices = []
     for replicate in range(REPLICATES):
         generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(replicate,)))
         uniforms = scrambled_net(generator, 2 * active.size, 0, POINTS, _BITS)
@@ -51,8 +51,8 @@ def estimate_sobol_indices(propagate: Propagate, errors: ErrorModel, seed: int) 
         exchanged = np.tile(a, (active.size, 1, 1))
         exchanged[np.arange(active.size), :, active] = b[:, active].T
         simulated = simulate_or_raise(propagate, np.concatenate([a, b, exchanged.reshape(-1, a.shape[1])]))
-        found.append(_indices(simulated.reshape(active.size + 2, POINTS, -1)))
-    stacked: Array = np.array(found)  # (replicates, 2, outputs, active)
+        sobol_indices.append(_indices(simulated.reshape(active.size + 2, POINTS, -1)))
+    stacked: Array = np.array(sobol_indices)  # (replicates, 2, outputs, active)
     mean, error = stacked.mean(axis=0), stacked.std(axis=0, ddof=1) / np.sqrt(REPLICATES)
     tables: dict[str, Any] = {"replicates": REPLICATES, "points": POINTS}
     for number, key in enumerate(("first_order", "total")):

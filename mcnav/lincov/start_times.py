@@ -28,10 +28,10 @@ class ErrorSchedule:
 
     def at(self, times: Array, sources: int) -> Array:
         """Interpolate the multiple of every source's errors at each time, shape (n, sources)."""
-        found = np.ones((len(times), sources))
+        result = np.ones((len(times), sources))
         for source, (known, values) in self.multiples.items():
-            found[:, source] = np.interp(times, known, values)
-        return found
+            result[:, source] = np.interp(times, known, values)
+        return result
 
 
 @dataclass(frozen=True)

@@ -55,9 +55,9 @@ def unscented_covariance(propagate: Propagate, mean: Array, covariance: Array) -
     points = _filterpy("sigma_points").MerweScaledSigmaPoints(rank, alpha=1.0, beta=2.0, kappa=0.0)
     errors = mean + points.sigma_points(np.zeros(rank), np.eye(rank)) @ directions.T
     try:
-        found = _filterpy("unscented_transform").unscented_transform(
+        unscented_transform = _filterpy("unscented_transform").unscented_transform(
             simulate_or_raise(propagate, errors), points.Wm, points.Wc
         )
     except np.linalg.LinAlgError as failure:
         raise SimulationFailed(f"the sigma points have no covariance: {failure}") from None
-    return np.asarray(found[0]), np.asarray(found[1])
+    return np.asarray(unscented_transform[0]), np.asarray(unscented_transform[1])

@@ -61,14 +61,14 @@ class DenseOutput:
         interpolants of these are continued.
         """
         asked = np.asarray(times, dtype=float)
-        found = np.empty((asked.size, self.states.shape[1]))
-        _interpolate(asked.reshape(-1), self.ts, self.begins, self.lengths, self.states, self.coefficients, found)
-        return found[0] if asked.ndim == 0 else found.T
+        result = np.empty((asked.size, self.states.shape[1]))
+        _interpolate(asked.reshape(-1), self.ts, self.begins, self.lengths, self.states, self.coefficients, result)
+        return result[0] if asked.ndim == 0 else result.T
 
 
 @uncontracted
 def _interpolate(
-    times: Array, ts: Array, begins: Array, lengths: Array, states: Array, coefficients: Array, found: Array
+    times: Array, ts: Array, begins: Array, lengths: Array, states: Array, coefficients: Array, result: Array
 ) -> None:
     """Evaluate the nested products ``(... (c_0 x + c_1) (1 - x) + c_2) x ...`` of each time's step."""
     rising = ts[-1] >= ts[0]
@@ -87,4 +87,4 @@ def _interpolate(
             for number in range(coefficients.shape[1]):
                 value += coefficients[step, number, column]
                 value *= within if number % 2 == 0 else 1.0 - within
-            found[row, column] = value + states[step, column]
+            result[row, column] = value + states[step, column]

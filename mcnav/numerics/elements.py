@@ -19,8 +19,8 @@ def stack_elements(rows: Sequence[Sequence[Array | float]]) -> Array:
     <BLANKLINE>
            [[2., 0.]]])
     """
-    found = np.empty((*np.shape(rows[0][0]), len(rows), len(rows[0])))
+    elements = np.empty((*np.shape(rows[0][0]), len(rows), len(rows[0])))
     for i, row in enumerate(rows):
         for j, element in enumerate(row):
-            found[..., i, j] = element
-    return found
+            elements[..., i, j] = element
+    return elements

@@ -43,12 +43,12 @@ FAILING: Final = 3
 """Changes that do not meet a goal of which a table in the terminal shows the linear value."""
 
 
-def goal_title(found: Allocation, goal: Goal) -> str:
+def goal_title(allocation: Allocation, goal: Goal) -> str:
     """Return what a table of changes is for."""
     if goal.met:
         return "Numbers may be as large as this, one at a time"
     if len(goal.requirements) == 1:
-        return f"To meet: {requirement_rows(found.answer)[goal.requirements[0]]['requirement']}"
+        return f"To meet: {requirement_rows(allocation.answer)[goal.requirements[0]]['requirement']}"
     return (
         "To meet both requirements"
         if len(goal.requirements) == 2
@@ -56,10 +56,10 @@ def goal_title(found: Allocation, goal: Goal) -> str:
     )
 
 
-def standing(found: Allocation) -> tuple[str, str]:
+def standing(allocation: Allocation) -> tuple[str, str]:
     """State whether the requirements are met, and how many numbers can meet them alone; return words and tone."""
-    words, tone = headline(found.answer)
-    goal = found.goals[-1]
+    words, tone = headline(allocation.answer)
+    goal = allocation.goals[-1]
     alone = [change for change in goal.changes if len(change.paths) == 1]
     reaching = sum(change.reached for change in alone)
     if goal.met:
@@ -72,15 +72,15 @@ def standing(found: Allocation) -> tuple[str, str]:
     return f"{words}; {can.replace('them', 'it') if len(goal.requirements) == 1 else can}", tone
 
 
-def value_words(found: Allocation, result: LinearRequirement) -> tuple[str, str]:
+def value_words(allocation: Allocation, result: LinearRequirement) -> tuple[str, str]:
     """Format the linear value of a requirement, and its limit."""
-    shown = units_shown(found.answer.outputs)[found.answer.outputs[result.requirement.outputs[0]].name]
+    shown = units_shown(allocation.answer.outputs)[allocation.answer.outputs[result.requirement.outputs[0]].name]
     return shown_value(result, *shown), shown_limit(result, *shown)
 
 
-def change_row(found: Allocation, goal: Goal, change: NumberChange) -> dict[str, Any]:
+def change_row(allocation: Allocation, goal: Goal, change: NumberChange) -> dict[str, Any]:
     """Arrange one change: the number now and then, its multiple, and the linear value then."""
-    value, limit = value_words(found, change.result)
+    value, limit = value_words(allocation, change.result)
     if math.isnan(change.factor):
         needed, multiple = "not by this alone", f"× {number(change.closest, 3) if change.closest else 0}"
     elif math.isinf(change.factor):
@@ -94,7 +94,7 @@ def change_row(found: Allocation, goal: Goal, change: NumberChange) -> dict[str,
         "multiple": multiple,
         "value": value,
         "limit": limit,
-        "requirement": short_name(change.result, found.answer),
+        "requirement": short_name(change.result, allocation.answer),
         "reached": change.reached,
         "together": len(change.paths) > 1,
     }
@@ -112,15 +112,15 @@ def goal_notes(goal: Goal) -> list[str]:
     return notes
 
 
-def goal_table(found: Allocation, goal: Goal) -> FittedTable:
+def goal_table(allocation: Allocation, goal: Goal) -> FittedTable:
     """Tabulate the changes that just meet a goal."""
     several = len(goal.requirements) > 1
     columns = [*texts("number", "now", "may be" if goal.met else "just met with"), *numbers("multiple")]
     columns += [*numbers("linear value then", "limit"), *texts(*(["of"] if several else []))]
-    table = FittedTable(goal_title(found, goal), columns)
+    table = FittedTable(goal_title(allocation, goal), columns)
     failing = [change for change in goal.changes if not change.reached]
     for change in (change for change in goal.changes if change.reached or change in failing[:FAILING]):
-        row = change_row(found, goal, change)
+        row = change_row(allocation, goal, change)
         style = "" if row["reached"] else "dim"
         cells = [row["number"], row["now"], row["needed"], row["multiple"], row["value"], row["limit"]]
         table.add(*(Text(cell, style=style) for cell in [*cells, *([row["requirement"]] if several else [])]))
@@ -151,93 +151,95 @@ def move_words(change: GradeChange) -> str:
     return "; ".join(f"{move.path} {move.now} → {move.needed} ({move.grade})" for move in change.moves)
 
 
-def grade_rows(found: Allocation) -> list[dict[str, Any]]:
+def grade_rows(allocation: Allocation) -> list[dict[str, Any]]:
     """List the changes by one grade with the requirement of the least margin."""
-    search = found.grades
+    search = allocation.grades
     if search is None:
         return []
     shown = search.changes or ((search.whole,) if search.whole is not None else ())
     rows = []
     for change in shown:
-        value, limit = value_words(found, change.worst)
+        value, limit = value_words(allocation, change.worst)
         rows.append({
             "moves": move_words(change),
             "finding": "met" if change.met else "not met",
             "value": value,
             "limit": limit,
-            "requirement": short_name(change.worst, found.answer),
+            "requirement": short_name(change.worst, allocation.answer),
         })  # fmt: skip
     return rows
 
 
-def grade_table(found: Allocation, search: GradeSearch) -> FittedTable:
+def grade_table(allocation: Allocation, search: GradeSearch) -> FittedTable:
     """Tabulate changes by one grade."""
     columns = [*texts("finding", "numbers moved by one grade"), *numbers("linear value then", "limit"), *texts("of")]
     table = FittedTable(grade_words(search), columns)
-    for row in grade_rows(found):
+    for row in grade_rows(allocation):
         table.add(row["finding"], row["moves"], row["value"], row["limit"], row["requirement"])
     return table
 
 
-def printed(found: Allocation) -> RenderableType:
+def printed(allocation: Allocation) -> RenderableType:
     """Arrange the terminal's lines."""
-    words, tone = standing(found)
+    words, tone = standing(allocation)
     lines: list[RenderableType] = [Text(words, style=f"bold {TERMINAL[tone]}")]
-    for goal in found.goals:
-        lines += ["", goal_table(found, goal), *map(Text, goal_notes(goal))]
-    if found.grades is not None:
-        lines += ["", grade_table(found, found.grades)]
+    for goal in allocation.goals:
+        lines += ["", goal_table(allocation, goal), *map(Text, goal_notes(goal))]
+    if allocation.grades is not None:
+        lines += ["", grade_table(allocation, allocation.grades)]
     return Group(*lines)
 
 
-def change_rows(found: Allocation) -> list[dict[str, Any]]:
+def change_rows(allocation: Allocation) -> list[dict[str, Any]]:
     """List all changes of all goals, a row each."""
     return [
-        {"goal": goal_title(found, goal), **{key: row[key] for key in row if key not in ("reached", "together")},
+        {"goal": goal_title(allocation, goal), **{key: row[key] for key in row if key not in ("reached", "together")},
          "factor": change.factor if math.isfinite(change.factor) else None, "reached": row["reached"]}
-        for goal in found.goals
+        for goal in allocation.goals
         for change in goal.changes
-        for row in [change_row(found, goal, change)]
+        for row in [change_row(allocation, goal, change)]
     ]  # fmt: skip
 
 
-def table(found: Allocation) -> Mapping[str, Any]:
+def table(allocation: Allocation) -> Mapping[str, Any]:
     """Arrange an allocation as ``allocate.json`` has it."""
-    search = found.grades
+    search = allocation.grades
     return {
-        "campaign": found.answer.campaign,
-        "met": found.answer.met,
-        "requirements": requirement_rows(found.answer),
-        "changes": change_rows(found),
+        "campaign": allocation.answer.campaign,
+        "met": allocation.answer.met,
+        "requirements": requirement_rows(allocation.answer),
+        "changes": change_rows(allocation),
         "grades": None if search is None else {"words": grade_words(search), "finer": search.finer,
-                                               "exhaustive": search.exhaustive, "changes": grade_rows(found)},
-        "linear_answers": found.computed,
+                                               "exhaustive": search.exhaustive, "changes": grade_rows(allocation)},
+        "linear_answers": allocation.computed,
     }  # fmt: skip
 
 
-def render(found: Allocation) -> str:
+def render(allocation: Allocation) -> str:
     """Render the page."""
-    words, tone = standing(found)
-    requirements = [row | {"tone": TONES.get(row["finding"], "undecided")} for row in requirement_rows(found.answer)]
+    words, tone = standing(allocation)
+    requirements = [
+        row | {"tone": TONES.get(row["finding"], "undecided")} for row in requirement_rows(allocation.answer)
+    ]
     return filled(
         "allocate.html",
-        campaign=found.answer.campaign,
+        campaign=allocation.answer.campaign,
         headline=words,
         tone=tone,
         explanation=EXPLANATION,
         requirements=requirements,
-        goals=[_shown_goal(found, goal, place) for place, goal in enumerate(found.goals, start=1)],
-        grades=None if found.grades is None else grade_words(found.grades),
-        grade_rows=[row | {"tone": TONES[row["finding"]]} for row in grade_rows(found)],
+        goals=[_shown_goal(allocation, goal, place) for place, goal in enumerate(allocation.goals, start=1)],
+        grades=None if allocation.grades is None else grade_words(allocation.grades),
+        grade_rows=[row | {"tone": TONES[row["finding"]]} for row in grade_rows(allocation)],
         most=f"{MOST:,.0f}",
-        computed=found.computed,
+        computed=allocation.computed,
     )
 
 
-def _shown_goal(found: Allocation, goal: Goal, place: int) -> dict[str, Any]:
-    rows = [change_row(found, goal, change) for change in goal.changes]
+def _shown_goal(allocation: Allocation, goal: Goal, place: int) -> dict[str, Any]:
+    rows = [change_row(allocation, goal, change) for change in goal.changes]
     return {
-        "title": goal_title(found, goal),
+        "title": goal_title(allocation, goal),
         "met": goal.met,
         "several": len(goal.requirements) > 1,
         "figure": drawn.multiples(goal, place),

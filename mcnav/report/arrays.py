@@ -50,7 +50,7 @@ STACKS: Final = ("Q", "C_linear_t", "C_plain_t", "C_filter_t", "P_t")
 def arrays(content: RunAnalysis) -> dict[str, NDArray[Any]]:
     """Return the matrices of a run by the names of this module's table; texts are arrays of strings."""
     model, comparison, record = content.model, content.comparison, content.manifest.model
-    found: dict[str, NDArray[Any]] = {
+    result: dict[str, NDArray[Any]] = {
         "outputs": _texts([output.name for output in record.outputs]),
         "output_units": _texts([output.unit for output in record.outputs]),
         "sources": _texts([source.name for source in record.sources]),
@@ -68,25 +68,25 @@ def arrays(content: RunAnalysis) -> dict[str, NDArray[Any]]:
     }
     filtered, prediction = content.filter, None if record.filter is None else record.filter.prediction
     if filtered is not None and filtered.covariance is not None:
-        found["C_filter"] = filtered.covariance
+        result["C_filter"] = filtered.covariance
     if (known := content.envelopes) is not None:
-        found |= {"t": known.times, "t_unit": _unit(known.label), "C_plain_t": known.covariance}
-        found |= {"sigma_linear_t": known.linear_sigma, "sigma_plain_t": known.sigma}
+        result |= {"t": known.times, "t_unit": _unit(known.label), "C_plain_t": known.covariance}
+        result |= {"sigma_linear_t": known.linear_sigma, "sigma_plain_t": known.sigma}
         if filtered is not None and len(filtered.times) == len(known.times) and filtered.outputs:
-            found["sigma_filter_t"] = np.column_stack([output.filter for output in filtered.outputs])
+            result["sigma_filter_t"] = np.column_stack([output.filter for output in filtered.outputs])
         if prediction is not None and len(prediction.covariance) == len(known.times):
-            found["C_filter_t"] = prediction.covariance
+            result["C_filter_t"] = prediction.covariance
     if (history := content.development) is not None:
         noise = _stacked(history.processes, history.partials.shape[:2])
-        found |= {"t_P": history.times, "t_P_unit": _unit(history.label), "P_t": history.partials}
-        found["Q_variance_t"] = noise
+        result |= {"t_P": history.times, "t_P_unit": _unit(history.label), "P_t": history.partials}
+        result["Q_variance_t"] = noise
         development = record.development
         covariance = None if development is None else development.covariance
         if covariance is None and not history.processes:
             covariance = history.partials @ model.covariance @ history.partials.swapaxes(1, 2)
         if covariance is not None:
-            found["C_linear_t"] = covariance
-    return {name: found[name] for name in sorted(found)}
+            result["C_linear_t"] = covariance
+    return {name: result[name] for name in sorted(result)}
 
 
 def _texts(texts: Sequence[str]) -> NDArray[np.str_]:
@@ -102,14 +102,14 @@ def _stacked(by_name: Mapping[str, NDArray[np.float64]], shape: tuple[int, ...])
     return np.stack(list(by_name.values())) if by_name else np.zeros((0, *shape))
 
 
-def as_npz(found: Mapping[str, NDArray[Any]]) -> bytes:
+def as_npz(npz: Mapping[str, NDArray[Any]]) -> bytes:
     """Encode arrays as ``.npz``, which ``numpy.load`` reads without pickles; the same bytes every time."""
     buffer = io.BytesIO()
-    np.savez_compressed(buffer, **dict[str, Any](found))
+    np.savez_compressed(buffer, **dict[str, Any](npz))
     return buffer.getvalue()
 
 
-def as_mat(found: Mapping[str, NDArray[Any]], title: str = "mcnav") -> bytes:
+def as_mat(mat: Mapping[str, NDArray[Any]], title: str = "mcnav") -> bytes:
     """Encode arrays as a MATLAB file of level 5: lists of texts become cells; the same bytes every time.
 
     Raises `ValueError` when an array is larger than such a file holds, 2 GB.
@@ -117,7 +117,7 @@ def as_mat(found: Mapping[str, NDArray[Any]], title: str = "mcnav") -> bytes:
     from scipy.io import savemat
 
     variables: dict[str, Any] = {}
-    for name, array in found.items():
+    for name, array in mat.items():
         if array.dtype.kind == "U":
             variables[name] = str(array) if array.ndim == 0 else array.astype(object)
         else:

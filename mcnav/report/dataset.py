@@ -66,14 +66,14 @@ def dataset(content: RunAnalysis, units: Units = "SI") -> xr.Dataset:
         names = [each.name for each in variables]
         coordinates |= {kind: names, f"other_{kind}": names, f"{kind}_unit": (kind, [unit for _, unit in shown])}
     coordinates["process"] = np.array(list(content.model.processes), dtype=str)
-    found = arrays(content)
+    result = arrays(content)
     for name, dimension in (("t", "time"), ("t_P", "time_of_partials")):
-        if name in found:
-            coordinates[dimension] = (dimension, found[name], {"units": str(found[f"{name}_unit"])})
+        if name in result:
+            coordinates[dimension] = (dimension, result[name], {"units": str(result[f"{name}_unit"])})
     values: dict[str, Any] = {}
     for name, (variable, dimensions) in MATRICES.items():
-        if name in found:
-            values[variable] = dimensions, _rescaled(found[name], name, dimensions, scales)
+        if name in result:
+            values[variable] = dimensions, _rescaled(result[name], name, dimensions, scales)
     for table in tables_over_time(content, units).values():
         if table.name in PREFIXES:
             columns, further = _over_time(table)

@@ -25,30 +25,30 @@ def failures_in(status: Sequence[str], index: Sequence[int]) -> dict[str, tuple[
     >>> failures_in(["ok", "failed: fell to 3 km", "ok", "failed: fell to 3 km"], [10, 11, 12, 13])
     {'failed: fell to 3 km': (2, [11, 13])}
     """
-    found: dict[str, list[int]] = {}
+    failures: dict[str, list[int]] = {}
     for number, reason in zip(index, status, strict=True):
         if reason != OK:
-            found.setdefault(reason, []).append(int(number))
-    return grouped({reason: (len(numbers), numbers[:SHOWN]) for reason, numbers in found.items()})
+            failures.setdefault(reason, []).append(int(number))
+    return grouped({reason: (len(numbers), numbers[:SHOWN]) for reason, numbers in failures.items()})
 
 
 def grouped(failures: Failures) -> dict[str, tuple[int, Sequence[int]]]:
     """Sort by frequency; where there are many, join those that differ only in numbers."""
-    found = dict(failures)
-    if len(found) > MOST_REASONS:
+    result = dict(failures)
+    if len(result) > MOST_REASONS:
         alike: dict[str, tuple[int, Sequence[int]]] = {}
-        for reason, (count, first) in found.items():
+        for reason, (count, first) in result.items():
             before, earlier = alike.get(without_numbers(reason), (0, ()))
             alike[without_numbers(reason)] = before + count, sorted([*earlier, *first])[:SHOWN]
-        found = alike
-    return dict(sorted(found.items(), key=lambda entry: (-entry[1][0], entry[0])))
+        result = alike
+    return dict(sorted(result.items(), key=lambda entry: (-entry[1][0], entry[0])))
 
 
 def failure_rows(content: RunAnalysis) -> list[dict[str, Any]]:
     """Tabulate reason, number of samples, and the first of them."""
     rows: list[dict[str, Any]] = []
-    for reason, (count, found) in content.failures.items():
-        first = ", ".join(str(index) for index in found[:SHOWN])
+    for reason, (count, result) in content.failures.items():
+        first = ", ".join(str(index) for index in result[:SHOWN])
         more = ", …" if count > SHOWN else ""
         rows.append({"reason": message_of(reason), "count": count, "first": first + more})
     rest = rows[MOST_REASONS:]

@@ -19,53 +19,55 @@ from mcnav.analysis.filter_consistency import (
 from mcnav.analysis.filter_remarks import sentence
 
 
-def filter_entries(found: FilterConsistency) -> dict[str, Any]:
+def filter_entries(consistency: FilterConsistency) -> dict[str, Any]:
     """Return the entries of a summary on a filter.
 
     ``covariance_filter`` is the mean of what the samples' filters state at the end, after the last update, and
     ``sigma_filter`` the root of its diagonal. ``nees_filter_mean`` is the mean NEES of the navigation errors at the
     end, whose expected value is ``nees_filter_dimension``; ``nis_mean`` is over the whole flight.
     """
-    whole = next((group for group in found.groups if group.name == "navigation"), next(iter(found.groups), None))
-    covariance = found.covariance
+    whole = next(
+        (group for group in consistency.groups if group.name == "navigation"), next(iter(consistency.groups), None)
+    )
+    covariance = consistency.covariance
     return {
         "covariance_filter": covariance,
         "sigma_filter": None if covariance is None else np.sqrt(np.maximum(np.diag(covariance), 0.0)),
         "nees_filter_mean": None if whole is None else float(whole.nees.value[-1]),
         "nees_filter_dimension": None if whole is None else whole.size,
-        "nis_mean": {sensor.name: sensor.nis_whole for sensor in found.sensors},
-        "filter_verdict": sentence(found),
-        "filter": _table(found),
+        "nis_mean": {sensor.name: sensor.nis_whole for sensor in consistency.sensors},
+        "filter_verdict": sentence(consistency),
+        "filter": _table(consistency),
     }
 
 
-def _table(found: FilterConsistency) -> dict[str, Any]:
+def _table(consistency: FilterConsistency) -> dict[str, Any]:
     """Return the verdict, and of every table what holds at the end or over the whole flight."""
     return {
-        "verdict": found.verdict.value,
-        "group": found.group,
-        "output": found.output,
-        "factor": found.factor,
-        "factor_interval": found.interval,
-        "time": found.label,
-        "begin": found.begin,
-        "end": found.end,
-        "worst": found.worst,
-        "samples": found.samples,
-        "tolerance": found.tolerance,
-        "confidence": found.confidence,
-        "samples_needed": found.samples_needed,
-        "neglected": [asdict(each) for each in found.neglected],
-        "neglected_at": found.neglected_at,
-        "neglected_output": found.neglected_output,
-        "remarks": list(found.remarks),
-        "verdict_groups": found.on_groups.value,
-        "verdict_outputs": found.on_outputs.value,
-        "departures": [_departure(each) for each in found.departures],
-        "groups": {group.name: _group(group, found) for group in found.groups},
-        "outputs": {output.name: _sigma(output, found) for output in found.outputs},
-        "states": {state.name: _sigma(state, found) for state in found.states},
-        "sensors": {sensor.name: _sensor(sensor) for sensor in found.sensors},
+        "verdict": consistency.verdict.value,
+        "group": consistency.group,
+        "output": consistency.output,
+        "factor": consistency.factor,
+        "factor_interval": consistency.interval,
+        "time": consistency.label,
+        "begin": consistency.begin,
+        "end": consistency.end,
+        "worst": consistency.worst,
+        "samples": consistency.samples,
+        "tolerance": consistency.tolerance,
+        "confidence": consistency.confidence,
+        "samples_needed": consistency.samples_needed,
+        "neglected": [asdict(each) for each in consistency.neglected],
+        "neglected_at": consistency.neglected_at,
+        "neglected_output": consistency.neglected_output,
+        "remarks": list(consistency.remarks),
+        "verdict_groups": consistency.on_groups.value,
+        "verdict_outputs": consistency.on_outputs.value,
+        "departures": [_departure(each) for each in consistency.departures],
+        "groups": {group.name: _group(group, consistency) for group in consistency.groups},
+        "outputs": {output.name: _sigma(output, consistency) for output in consistency.outputs},
+        "states": {state.name: _sigma(state, consistency) for state in consistency.states},
+        "sensors": {sensor.name: _sensor(sensor) for sensor in consistency.sensors},
     }
 
 
@@ -82,16 +84,16 @@ def _departure(each: CertainDeparture) -> dict[str, Any]:
     }
 
 
-def _finding(finding: Finding, found: FilterConsistency) -> dict[str, Any]:
+def _finding(finding: Finding, consistency: FilterConsistency) -> dict[str, Any]:
     times = {
-        key: None if epoch is None else float(found.times[epoch])
+        key: None if epoch is None else float(consistency.times[epoch])
         for key, epoch in (("begin", finding.begin), ("end", finding.end), ("worst", finding.worst))
     }
     verdict = {"verdict": finding.verdict.value, "factor": finding.factor, "factor_interval": finding.interval}
     return verdict | times | {"samples_needed": finding.samples_needed, "remark": finding.remark}
 
 
-def _group(group: GroupConsistency, found: FilterConsistency) -> dict[str, Any]:
+def _group(group: GroupConsistency, consistency: FilterConsistency) -> dict[str, Any]:
     return {
         "size": group.size,
         "nees_mean": group.nees.value[-1],
@@ -100,11 +102,11 @@ def _group(group: GroupConsistency, found: FilterConsistency) -> dict[str, Any]:
         "ratio": group.ratio.value[-1],
         "ratio_interval": group.ratio.each[-1],
         "ratio_linear": None if group.linear is None else group.linear[-1],
-        **_finding(group.finding, found),
+        **_finding(group.finding, consistency),
     }
 
 
-def _sigma(each: SigmaConsistency, found: FilterConsistency) -> dict[str, Any]:
+def _sigma(each: SigmaConsistency, consistency: FilterConsistency) -> dict[str, Any]:
     linear = each.linear
     shares: Mapping[str, Any] = {}
     if each.within_1 is not None and each.within_3 is not None:
@@ -122,7 +124,7 @@ def _sigma(each: SigmaConsistency, found: FilterConsistency) -> dict[str, Any]:
         "ratio_interval": each.ratio.each[-1],
         "ratio_linear": None if linear is None else linear[-1],
         **shares,
-        **_finding(each.finding, found),
+        **_finding(each.finding, consistency),
     }
 
 

@@ -32,12 +32,12 @@ def answers(content: RunAnalysis, outputs: Sequence[Mapping[str, Any]]) -> list[
 
     The worst epoch is that of the largest true sigma after the start.
     """
-    found = content.filter
-    known = {} if found is None else {each.name: each for each in found.outputs}
+    result = content.filter
+    known = {} if result is None else {each.name: each for each in result.outputs}
     rows = []
     for row, output in zip(outputs, content.manifest.model.outputs, strict=False):
         each = known.get(output.name)
-        if found is None or each is None:
+        if result is None or each is None:
             return []
         whose, place = sigmas(each), _worst(each)
         filter_sigma = float(whose["filter"][-1])
@@ -46,8 +46,8 @@ def answers(content: RunAnalysis, outputs: Sequence[Mapping[str, Any]]) -> list[
                 **row,
                 "sigma_filter": filter_sigma,
                 "true_over_filter": (row["sigma_paired"] or np.nan) / filter_sigma if filter_sigma > 0.0 else None,
-                "worst": None if place is None or place == len(found.times) - 1 else _at(found, each, place),
-                "worst_time": None if place is None else float(found.times[place]),
+                "worst": None if place is None or place == len(result.times) - 1 else _at(result, each, place),
+                "worst_time": None if place is None else float(result.times[place]),
                 "honesty": each.finding.verdict.value,
                 "honesty_tone": TONES[each.finding.verdict.value],
             }
@@ -62,10 +62,10 @@ def _worst(each: SigmaConsistency) -> int | None:
     return int(np.argmax(later)) + 1 if np.isfinite(later).any() else None
 
 
-def _at(found: FilterConsistency, each: SigmaConsistency, place: int) -> dict[str, Any]:
+def _at(consistency: FilterConsistency, each: SigmaConsistency, place: int) -> dict[str, Any]:
     whose = {name: float(values[place]) for name, values in sigmas(each).items()}
     return {
-        "when": instant(float(found.times[place]), found.label),
+        "when": instant(float(consistency.times[place]), consistency.label),
         "linear": whose.get("linear"),
         "flown": whose["Monte Carlo"],
         "filter": whose["filter"],
@@ -73,42 +73,44 @@ def _at(found: FilterConsistency, each: SigmaConsistency, place: int) -> dict[st
     }
 
 
-def at_worst(found: FilterConsistency) -> str:
+def at_worst(consistency: FilterConsistency) -> str:
     """Compare the true sigma with the filter's where they differ most; empty where nothing is known."""
-    output = next((each for each in found.outputs if each.name == found.output), None)
-    departure = found.departing_output
-    if found.worst is None or found.factor is None:
+    output = next((each for each in consistency.outputs if each.name == consistency.output), None)
+    departure = consistency.departing_output
+    if consistency.worst is None or consistency.factor is None:
         return ""
-    if found.verdict in (Honesty.CONSISTENT, Honesty.UNDECIDED):
-        where = f"{group_words(found.group)} as a group" if found.group else humanize(found.output)
-        farthest = f"{found.factor:.3f}, at {instant(found.worst, found.label)}"
-        if found.verdict == Honesty.CONSISTENT:
+    if consistency.verdict in (Honesty.CONSISTENT, Honesty.UNDECIDED):
+        where = f"{group_words(consistency.group)} as a group" if consistency.group else humanize(consistency.output)
+        farthest = f"{consistency.factor:.3f}, at {instant(consistency.worst, consistency.label)}"
+        if consistency.verdict == Honesty.CONSISTENT:
             return f"The ratio farthest from one is that of {where}: {farthest}."
         return f"The most samples are needed for {where}: its ratio farthest from one is {farthest}."
     if output is None:
         return ""
-    worst = found.worst if departure is None else departure.worst
-    place, when = int(np.argmin(np.abs(found.times - worst))), instant(worst, found.label)
+    worst = consistency.worst if departure is None else departure.worst
+    place, when = int(np.argmin(np.abs(consistency.times - worst))), instant(worst, consistency.label)
     whose = {name: float(values[place]) for name, values in sigmas(output).items()}
     return worst_sigmas(output.name, when, whose["Monte Carlo"], whose["filter"], output.shown_in)
 
 
-def findings(found: FilterConsistency) -> dict[str, list[dict[str, Any]]]:
+def findings(consistency: FilterConsistency) -> dict[str, list[dict[str, Any]]]:
     """List the verdicts on groups of states, on outputs and on other states of the filter, a row each."""
-    deciding = deciding_names(group.name for group in found.groups)
+    deciding = deciding_names(group.name for group in consistency.groups)
     outputs, states = (
-        [_finding_row(found, humanize(each.name), each.finding, each.ratio.value, decides) for each in kind]
-        for kind, decides in ((found.outputs, True), (found.states, False))
+        [_finding_row(consistency, humanize(each.name), each.finding, each.ratio.value, decides) for each in kind]
+        for kind, decides in ((consistency.outputs, True), (consistency.states, False))
     )
     groups = [
-        _finding_row(found, group_title(each), each.finding, each.ratio.value, each.name in deciding)
+        _finding_row(consistency, group_title(each), each.finding, each.ratio.value, each.name in deciding)
         | {"size": each.size}
-        for each in found.groups
+        for each in consistency.groups
     ]
     return {"groups": groups, "outputs": outputs, "states": states}
 
 
-def _finding_row(found: FilterConsistency, name: str, finding: Finding, ratio: Array, decides: bool) -> dict[str, Any]:
+def _finding_row(
+    consistency: FilterConsistency, name: str, finding: Finding, ratio: Array, decides: bool
+) -> dict[str, Any]:
     """Return one row; only what decides has a colour, as the verdict has."""
     known = np.flatnonzero(np.isfinite(ratio))
     needed = finding.samples_needed
@@ -116,26 +118,30 @@ def _finding_row(found: FilterConsistency, name: str, finding: Finding, ratio: A
         "name": name,
         "last": float(ratio[known[-1]]) if len(known) else None,
         "factor": finding.factor,
-        "worst": "" if finding.worst is None else instant(float(found.times[finding.worst]), found.label),
-        "certain": _span(found, finding),
+        "worst": "" if finding.worst is None else instant(float(consistency.times[finding.worst]), consistency.label),
+        "certain": _span(consistency, finding),
         "verdict": finding.verdict.value,
         "tone": TONES[finding.verdict.value] if decides else "",
         "decides": decides,
-        "remark": more_samples(needed, found.samples) if needed else finding.remark,
+        "remark": more_samples(needed, consistency.samples) if needed else finding.remark,
     }
 
 
-def _span(found: FilterConsistency, finding: Finding) -> str:
+def _span(consistency: FilterConsistency, finding: Finding) -> str:
     if finding.begin is None or finding.end is None:
         return ""
-    begin, end = (float(found.times[place]) for place in (finding.begin, finding.end))
-    return instant(begin, found.label) if begin == end else f"{instant(begin, '')} to {instant(end, found.label)}"
+    begin, end = (float(consistency.times[place]) for place in (finding.begin, finding.end))
+    return (
+        instant(begin, consistency.label)
+        if begin == end
+        else f"{instant(begin, '')} to {instant(end, consistency.label)}"
+    )
 
 
-def sensors(found: FilterConsistency) -> list[dict[str, Any]]:
+def sensors(consistency: FilterConsistency) -> list[dict[str, Any]]:
     """List updates, NIS and whiteness of each sensor."""
     rows = []
-    for each in found.sensors:
+    for each in consistency.sensors:
         accepted, rejected = each.updates
         white, whole = each.whiteness, each.nis_whole
         rows.append(
@@ -169,13 +175,13 @@ def neglected(content: RunAnalysis) -> list[dict[str, str]]:
 
     Those with small shares are one row.
     """
-    found = content.filter
-    output = next((each for each in found.outputs if each.name == found.neglected_output), None) if found else None
-    if found is None or output is None:
+    result = content.filter
+    output = next((each for each in result.outputs if each.name == result.neglected_output), None) if result else None
+    if result is None or output is None:
         return []
     labels = dict(zip((each.name for each in content.manifest.model.sources), content.source_names, strict=True))
-    large = [(labels.get(each.name, humanize(each.name)), each) for each in found.neglected if each.share >= LEAST]
-    rest = [each for each in found.neglected if each.share < LEAST]
+    large = [(labels.get(each.name, humanize(each.name)), each) for each in result.neglected if each.share >= LEAST]
+    rest = [each for each in result.neglected if each.share < LEAST]
     if len(rest) == 1:
         large.append((labels.get(rest[0].name, humanize(rest[0].name)), rest[0]))
     elif rest:

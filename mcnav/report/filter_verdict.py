@@ -32,17 +32,17 @@ def headline(summary: Mapping[str, Any]) -> str:
 
 def explanation(summary: Mapping[str, Any]) -> str:
     """Name what makes the filter optimistic, and what else there is to say; empty where there is nothing."""
-    found = summary.get("filter")
-    if not found:
+    result = summary.get("filter")
+    if not result:
         return ""
     stated = headline(summary).lower()
-    remarks = [remark for remark in found["remarks"] if remark.lower() not in stated]
-    return " ".join(filter(None, [_neglected(found), *remarks]))
+    remarks = [remark for remark in result["remarks"] if remark.lower() not in stated]
+    return " ".join(filter(None, [_neglected(result), *remarks]))
 
 
-def _neglected(found: Mapping[str, Any]) -> str:
+def _neglected(neglected: Mapping[str, Any]) -> str:
     """Name the errors that make a filter optimistic, with their shares; empty where the verdict names the only one."""
-    named = [each for each in found["neglected"] if each["share"] >= LEAST][:NAMED]
+    named = [each for each in neglected["neglected"] if each["share"] >= LEAST][:NAMED]
     shares = [f"{humanize(each['name'])} {100.0 * each['share']:.0f} %" for each in named]
     return f"Neglected errors: {', '.join(shares)}." if len(shares) > 1 else ""
 

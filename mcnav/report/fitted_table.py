@@ -45,8 +45,8 @@ class OpenConsole(Console):
     @property
     def size(self) -> ConsoleDimensions:
         """Width and height in cells."""
-        found = super().size
-        return found if self.is_terminal else ConsoleDimensions(UNLIMITED, found.height)
+        size = super().size
+        return size if self.is_terminal else ConsoleDimensions(UNLIMITED, size.height)
 
     @size.setter
     def size(self, new_size: tuple[int, int]) -> None:

@@ -32,8 +32,8 @@ def catalogue(titles: Mapping[str, str], rows: Sequence[Mapping[str, Any]]) -> R
     """Tabulate the main values of all units, one line each."""
     table = FittedTable("Inertial measurement units", [*texts("name"), *numbers(*LISTED), *texts("what")])
     for name, title in titles.items():
-        found = {f"{row['instrument']} {row['key']}": row["value"] for row in rows if row["unit"] == name}
-        cells = [next((found[key] for key in keys if key in found), "–") for keys in LISTED.values()]
+        result = {f"{row['instrument']} {row['key']}": row["value"] for row in rows if row["unit"] == name}
+        cells = [next((result[key] for key in keys if key in result), "–") for keys in LISTED.values()]
         table.add(name, *cells, title)
     return table
 

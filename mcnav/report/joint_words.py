@@ -40,7 +40,7 @@ def joined(names: Sequence[str]) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
-def combination_words(found: Mapping[str, Any], summary: Mapping[str, Any]) -> str:
+def combination_words(result: Mapping[str, Any], summary: Mapping[str, Any]) -> str:
     """Name a combination of a summary's ``joint``, in the units shown, without terms below `LEAST`.
 
     >>> outputs = [{"name": "y", "unit": "m"}, {"name": "y2", "unit": "m"}]
@@ -48,19 +48,19 @@ def combination_words(found: Mapping[str, Any], summary: Mapping[str, Any]) -> s
     'y2 − 2 y'
     """
     units, names = shown_units(summary), [entry["name"] for entry in summary["outputs"]]
-    scale = units[found["lead"]][0]
-    shares = dict(zip(names, found["shares"], strict=True))
-    weights = dict(zip(names, found["weights"], strict=True))
-    others = [name for name in sorted(names, key=lambda name: -abs(shares[name])) if name != found["lead"]]
+    scale = units[result["lead"]][0]
+    shares = dict(zip(names, result["shares"], strict=True))
+    weights = dict(zip(names, result["weights"], strict=True))
+    others = [name for name in sorted(names, key=lambda name: -abs(shares[name])) if name != result["lead"]]
     named = [name for name in others if abs(shares[name]) >= LEAST]
-    words = humanize(found["lead"])
+    words = humanize(result["lead"])
     for name in named:
         size = abs(weights[name]) * scale / units[name][0]
         factor = "" if math.isclose(size, 1.0, rel_tol=5e-5) else f"{_plain(size)} "
         words += f" {'−' if weights[name] < 0.0 else '+'} {factor}{humanize(name)}"
     if any(ROUNDING < abs(shares[name]) < LEAST for name in others):
         words += " and smaller terms"
-    own = list(dict.fromkeys(units[name][1] for name in (found["lead"], *named)))
+    own = list(dict.fromkeys(units[name][1] for name in (result["lead"], *named)))
     return f"{words} ({', '.join(own)})" if len(own) > 1 else words
 
 
@@ -97,9 +97,9 @@ def shortly(summary: Mapping[str, Any]) -> str:
     """Describe in a few words what differs most in all outputs together."""
     joint, ratio = summary["joint"], summary["direction_ratio"]
     if joint["cause"] == "unpredicted":
-        found = joint["unpredicted"][0]
-        linear, simulated, _ = _sigmas(found, summary)
-        return f"σ {simulated} in place of {linear} in {combination_words(found, summary)}"
+        result = joint["unpredicted"][0]
+        linear, simulated, _ = _sigmas(result, summary)
+        return f"σ {simulated} in place of {linear} in {combination_words(result, summary)}"
     if joint["cause"] == "mean":
         return f"mean {_shift(summary)}"
     return f"σ ratio {number(ratio, 5)} in {combination_words(joint['differing'], summary)}"
@@ -158,12 +158,12 @@ def _is_certain(bias: float, error: float | None, confidence: float) -> bool:
     return error is not None and abs(bias) > float(special.ndtri(0.5 + 0.5 * confidence)) * error
 
 
-def _sigmas(found: Mapping[str, Any], summary: Mapping[str, Any]) -> tuple[str, str, str]:
+def _sigmas(sigmas: Mapping[str, Any], summary: Mapping[str, Any]) -> tuple[str, str, str]:
     """Return linear and simulated sigma of a combination, and the linear one of its lead output, with units."""
-    scale, unit = shown_units(summary)[found["lead"]]
+    scale, unit = shown_units(summary)[sigmas["lead"]]
     names = [entry["name"] for entry in summary["outputs"]]
-    own = summary["sigma_linear"][names.index(found["lead"])]
-    sizes = (found["sigma_linear"], found["sigma_paired"], own)
+    own = summary["sigma_linear"][names.index(sigmas["lead"])]
+    sizes = (sigmas["sigma_linear"], sigmas["sigma_paired"], own)
     linear, simulated, own = (f"{number(None if each is None else each * scale, 3)} {unit}".strip() for each in sizes)
     return linear, simulated, own
 
@@ -177,11 +177,13 @@ def _of_unpredicted(summary: Mapping[str, Any], start: str) -> str:
     if not entries:
         return f"{start} with it. {rest}"
     told, names = [], [entry["name"] for entry in summary["outputs"]]
-    for found in entries[:NAMED]:
-        linear, simulated, own = _sigmas(found, summary)
-        share = number(100.0 * found["sigma_paired"] / summary["sigma_linear"][names.index(found["lead"])], 2)
-        words = f"{combination_words(found, summary)}: linear sigma {linear}, simulated {simulated}"
-        told.append(f"{words} ({share} % of that of {humanize(found['lead'])}, {own})")
+    for unpredicted in entries[:NAMED]:
+        linear, simulated, own = _sigmas(unpredicted, summary)
+        share = number(
+            100.0 * unpredicted["sigma_paired"] / summary["sigma_linear"][names.index(unpredicted["lead"])], 2
+        )
+        words = f"{combination_words(unpredicted, summary)}: linear sigma {linear}, simulated {simulated}"
+        told.append(f"{words} ({share} % of that of {humanize(unpredicted['lead'])}, {own})")
     more = f", and {len(entries) - NAMED} more" if len(entries) > NAMED else ""
     nearly = "nearly " if all(each["sigma_linear"] for each in entries) else ""
     return (
@@ -194,10 +196,10 @@ def _of_unpredicted(summary: Mapping[str, Any], start: str) -> str:
 def _shift(summary: Mapping[str, Any], named: str = "") -> str:
     """State by how many sigmas the mean is off, and in what combination, unless it is ``named``."""
     joint = summary["joint"]
-    found = joint["shifted"]
-    scale, unit = shown_units(summary)[found["lead"]]
-    size = f"{number(found['mean_error'] * scale, 3)} {unit}".strip()
-    return f"off by {joint['mean_error']:.3g} sigma in {named or combination_words(found, summary)} (by {size})"
+    shift = joint["shifted"]
+    scale, unit = shown_units(summary)[shift["lead"]]
+    size = f"{number(shift['mean_error'] * scale, 3)} {unit}".strip()
+    return f"off by {joint['mean_error']:.3g} sigma in {named or combination_words(shift, summary)} (by {size})"
 
 
 def _of_mean(summary: Mapping[str, Any], start: str) -> str:
@@ -217,22 +219,27 @@ def _of_mean(summary: Mapping[str, Any], start: str) -> str:
 def _of_dispersion(summary: Mapping[str, Any], start: str) -> str:
     """Describe the combination of outputs whose dispersion differs most, and what that means."""
     joint, ratio = summary["joint"], summary["direction_ratio"]
-    found, told = joint["differing"], f"{start}: {_nees(summary)}."
+    dispersion, told = joint["differing"], f"{start}: {_nees(summary)}."
     if ratio is None or not math.isfinite(ratio):  # no variance is left in the paired estimate
         return told
-    linear, simulated, own = _sigmas(found, summary)
+    linear, simulated, own = _sigmas(dispersion, summary)
     size = f"{number(ratio, 3)} times as large" if ratio > LARGE_RATIO else f"a difference of {percent(ratio - 1.0)}"
-    told += f" It differs most in {combination_words(found, summary)}: linear sigma {linear}, simulated {simulated}, "
+    told += (
+        f" It differs most in {combination_words(dispersion, summary)}: linear sigma {linear}, simulated {simulated}, "
+    )
     told += size
-    alone = sum(abs(share) > ROUNDING for share in found["shares"]) == 1
-    told += "." if alone else f"; the linear sigma of {humanize(found['lead'])} alone is {own}."
+    alone = sum(abs(share) > ROUNDING for share in dispersion["shares"]) == 1
+    told += "." if alone else f"; the linear sigma of {humanize(dispersion['lead'])} alone is {own}."
     if joint["mean_error"] ** 2 > NOTABLE * abs(_mean_nees(summary) - summary["nees_dimension"]):
-        same = combination_words(joint["shifted"], summary) == combination_words(found, summary)
+        same = combination_words(joint["shifted"], summary) == combination_words(dispersion, summary)
         told += f" The mean is {_shift(summary, 'it' if same else '')}."
     if summary["verdict_matrix"] != "differs" or summary["verdict"] != "agrees" or alone:
         return told
     names = [entry["name"] for entry in summary["outputs"]]
-    cancels = ratio > 1.0 and found["sigma_linear"] < CANCELLING * summary["sigma_linear"][names.index(found["lead"])]
+    cancels = (
+        ratio > 1.0
+        and dispersion["sigma_linear"] < CANCELLING * summary["sigma_linear"][names.index(dispersion["lead"])]
+    )
     why = "By linear analysis these errors nearly cancel, in the simulation less so: the" if cancels else "The"
     return f"{told} {why} sigmas of single outputs hold, but an error ellipsoid or an inverse of P·S·Pᵀ does not."
 
@@ -277,5 +284,5 @@ def _quadratic(summary: Mapping[str, Any], simulated: Mapping[str, float]) -> tu
     record, keys = summary.get("second_order") or {}, [entry["name"] for entry in summary["outputs"]]
     predicted = np.array(record.get("quadratic") or np.zeros((len(keys), len(keys))), dtype=float).diagonal()
     sigma = {name: math.sqrt(max(float(predicted[keys.index(name)]), 0.0)) for name in simulated}
-    matching = [name for name, found in simulated.items() if abs(sigma[name] - found) <= MATCHING * found]
+    matching = [name for name, quadratic in simulated.items() if abs(sigma[name] - quadratic) <= MATCHING * quadratic]
     return matching, [name for name in simulated if name not in matching]

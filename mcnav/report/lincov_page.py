@@ -20,48 +20,48 @@ EXPLANATION: Final = (
 )
 
 
-def render(found: LinearAnswer, outages: drawn.Outages) -> str:
+def render(answer: LinearAnswer, outages: drawn.Outages) -> str:
     """Render the page; outages are those of the aiding sensors."""
-    (words, tone), *others = statements(found)
-    rows, meaningful = answer_rows(found), found.beyond is None
-    requirements = [row | {"tone": TONES.get(row["finding"], "undecided")} for row in requirement_rows(found)]
+    (words, tone), *others = statements(answer)
+    rows, meaningful = answer_rows(answer), answer.beyond is None
+    requirements = [row | {"tone": TONES.get(row["finding"], "undecided")} for row in requirement_rows(answer)]
     return filled(
         "lincov.html",
-        campaign=found.campaign,
+        campaign=answer.campaign,
         headline=words,
         tone=tone,
         explanation=EXPLANATION,
-        not_modelled=not_modelled(found.kind),
+        not_modelled=not_modelled(answer.kind),
         requirements=requirements,
-        boxes=any(each.requirement.kind == "box" for each in found.requirements),
+        boxes=any(each.requirement.kind == "box" for each in answer.requirements),
         others=[sentence for sentence, _ in others],
         outputs=[row | {"name": humanize(row["output"])} for row in rows],
         biased=any(row["mean"] for row in rows),
-        largest=[row | {"name": humanize(row["output"])} for row in largest_rows(found)],
+        largest=[row | {"name": humanize(row["output"])} for row in largest_rows(answer)],
         beyond=BEYOND,
         meaningful=meaningful,
-        history=found.history,
-        label="" if found.history is None else found.history.readings.label,
+        history=answer.history,
+        label="" if answer.history is None else answer.history.readings.label,
         figures={
-            "sigmas": drawn.sigmas(found, outages),
-            "requirements": drawn.requirements(found, outages),
-            "budget": drawn.budget(found) if meaningful else None,
-            "development": drawn.development(found, outages),
-            "correlations": drawn.correlations(found) if meaningful and found.sigma.any() else None,
+            "sigmas": drawn.sigmas(answer, outages),
+            "requirements": drawn.requirements(answer, outages),
+            "budget": drawn.budget(answer) if meaningful else None,
+            "development": drawn.development(answer, outages),
+            "correlations": drawn.correlations(answer) if meaningful and answer.sigma.any() else None,
         },
-        names=[(humanize(output.name), output.shown_in) for output in found.outputs],
-        grouped=_grouped(found),
-        causes=_causes(found),
-        cross_terms=found.budget.cross_terms,
-        correlated=bool(np.nanmax(np.abs(found.budget.cross_terms), initial=0.0) > 1e-12),
+        names=[(humanize(output.name), output.shown_in) for output in answer.outputs],
+        grouped=_grouped(answer),
+        causes=_causes(answer),
+        cross_terms=answer.budget.cross_terms,
+        correlated=bool(np.nanmax(np.abs(answer.budget.cross_terms), initial=0.0) > 1e-12),
     )
 
 
-def _grouped(found: LinearAnswer) -> list[dict[str, Any]]:
+def _grouped(answer: LinearAnswer) -> list[dict[str, Any]]:
     """List the contributors with their share of each variance and the sigma that they cause."""
-    budget, scale = found.budget, scale_of(found.outputs)
+    budget, scale = answer.budget, scale_of(answer.outputs)
     rows = []
-    for each in drawn.contributors(found):
+    for each in drawn.contributors(answer):
         members = list(each.members)
         sigma = np.sqrt((budget.contributions[:, members] ** 2).sum(axis=1)) * scale
         rows.append({
@@ -71,17 +71,17 @@ def _grouped(found: LinearAnswer) -> list[dict[str, Any]]:
     return rows
 
 
-def _causes(found: LinearAnswer) -> list[dict[str, Any]]:
+def _causes(answer: LinearAnswer) -> list[dict[str, Any]]:
     """List all causes with the sigma of each source, the largest mean share first."""
-    budget, scale, labels = found.budget, scale_of(found.outputs), drawn.cause_labels(found)
-    own = np.sqrt(np.diag(found.model.covariance)) * scale_of(found.sources)
-    count = len(found.sources)
+    budget, scale, labels = answer.budget, scale_of(answer.outputs), drawn.cause_labels(answer)
+    own = np.sqrt(np.diag(answer.model.covariance)) * scale_of(answer.sources)
+    count = len(answer.sources)
     order = np.argsort(-np.nan_to_num(budget.shares).mean(axis=0), kind="stable")
     return [
         {
             "name": labels[j],
             "sigma": own[j] if j < count else None,
-            "unit": found.sources[j].shown_in if j < count else "",
+            "unit": answer.sources[j].shown_in if j < count else "",
             "cells": list(zip(budget.shares[:, j], np.abs(budget.contributions[:, j]) * scale, strict=True)),
         }
         for j in order.tolist()

@@ -38,7 +38,7 @@ def worst_first(sentences: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
     return sorted(sentences, key=lambda sentence: ORDER.index(sentence[1]))
 
 
-def label_of(found: LinearAnswer, cause: str) -> str:
+def label_of(answer: LinearAnswer, cause: str) -> str:
     """Name a cause for people.
 
     Parameters
@@ -46,34 +46,34 @@ def label_of(found: LinearAnswer, cause: str) -> str:
     cause : str
         Name of a source or process, or of a source's mean.
     """
-    labels = dict(zip(found.causes, cause_labels(found), strict=True))
+    labels = dict(zip(answer.causes, cause_labels(answer), strict=True))
     name = cause.removeprefix(MEAN)
     return f"{'mean of ' if cause != name else ''}{labels.get(name, humanize(name))}"
 
 
-def cause_words(found: LinearAnswer, causes: Sequence[Cause]) -> list[tuple[str, float]]:
+def cause_words(answer: LinearAnswer, causes: Sequence[Cause]) -> list[tuple[str, float]]:
     """Return the largest causes by the names that people read, with their shares."""
-    return [(label_of(found, cause.name), cause.share) for cause in causes[:NAMED]]
+    return [(label_of(answer, cause.name), cause.share) for cause in causes[:NAMED]]
 
 
-def range_words(found: LinearAnswer) -> Iterator[tuple[str, str]]:
+def range_words(answer: LinearAnswer) -> Iterator[tuple[str, str]]:
     """Say from when on linear errors have no meaning; nothing where all are within their range."""
-    if found.beyond is None:
+    if answer.beyond is None:
         return
-    scale = scale_of(found.outputs)
+    scale = scale_of(answer.outputs)
     limits = []
-    for output in found.beyond.outputs:
-        described = found.outputs[output]
+    for output in answer.beyond.outputs:
+        described = answer.outputs[output]
         size = "" if described.limit is None else f" exceeds {number(described.limit * scale[output])} "
         limits.append(f"{humanize(described.name)}{size}{described.shown_in if size else ''}")
-    time, history = found.beyond.time, found.history
+    time, history = answer.beyond.time, answer.history
     since = "at the end" if time is None or history is None else f"from {instant(time, history.readings.label)} on"
     yield f"Errors are beyond the range of linear analysis {since}: {' and '.join(limits)}", "differs"
 
 
-def filter_words(found: LinearAnswer) -> Iterator[tuple[str, str]]:
+def filter_words(answer: LinearAnswer) -> Iterator[tuple[str, str]]:
     """Put the verdict on the filter in a sentence; nothing without a filter."""
-    judged = found.filter
+    judged = answer.filter
     if judged is None:
         return
     within = f"±{100.0 * judged.tolerance:g} %"
@@ -87,7 +87,7 @@ def filter_words(found: LinearAnswer) -> Iterator[tuple[str, str]]:
         )
         return
     worst = instant(judged.worst, judged.label)
-    yield f"The filter is {judged.verdict.value} {_period(judged)}: at worst, at {worst}, {_departure(found)}", tone
+    yield f"The filter is {judged.verdict.value} {_period(judged)}: at worst, at {worst}, {_departure(answer)}", tone
 
 
 def _period(judged: LinearVerdict) -> str:
@@ -102,9 +102,9 @@ def _period(judged: LinearVerdict) -> str:
     return f"from {begin} on" if judged.end >= judged.times[-1] else f"from {begin} to {end}"
 
 
-def _departure(found: LinearAnswer) -> str:
+def _departure(answer: LinearAnswer) -> str:
     """Say what departs the most, by how much, and because of which neglected errors."""
-    judged = found.filter
+    judged = answer.filter
     assert judged is not None
     if judged.group:
         return (
@@ -119,34 +119,34 @@ def _departure(found: LinearAnswer) -> str:
     named = [cause for cause in judged.neglected if cause.share >= LEAST][:NAMED]
     if not named:
         return words
-    return f"{words}, because of {listed([(label_of(found, cause.name), cause.share) for cause in named])}"
+    return f"{words}, because of {listed([(label_of(answer, cause.name), cause.share) for cause in named])}"
 
 
-def mean_words(found: LinearAnswer) -> Iterator[tuple[str, str]]:
+def mean_words(answer: LinearAnswer) -> Iterator[tuple[str, str]]:
     """Say where a mean error is largest against its sigma, and what causes it; nothing where all means are zero."""
-    history = found.meaningful
-    if history is not None and not np.any(_without_rounding(found, found.model.nominal)):
+    history = answer.meaningful
+    if history is not None and not np.any(_without_rounding(answer, answer.model.nominal)):
         means, sigmas, parts = history.mean, history.sigma, dict(history.means)
-    elif found.beyond is None:
-        means, sigmas = found.mean[None], found.sigma[None]
-        parts = {name: values[None] for name, values in found.means.items()}
+    elif answer.beyond is None:
+        means, sigmas = answer.mean[None], answer.sigma[None]
+        parts = {name: values[None] for name, values in answer.means.items()}
     else:
         return
-    sizes = np.abs(_without_rounding(found, means))
+    sizes = np.abs(_without_rounding(answer, means))
     if not sizes.any():
         return
     ratios = _ratios(sizes, sigmas)
     largest = ratios.max(axis=1)
     at = int(np.flatnonzero(largest >= NEARLY * largest.max())[-1])
     output = int(np.argmax(ratios[at]))
-    described, scale = found.outputs[output], scale_of(found.outputs)[output]
+    described, scale = answer.outputs[output], scale_of(answer.outputs)[output]
     mean, ratio = float(means[at, output]), float(ratios[at, output])
-    when = "at the end" if history is None or len(means) == 1 else f"at {_reading(history.readings.times[at], found)}"
+    when = "at the end" if history is None or len(means) == 1 else f"at {_reading(history.readings.times[at], answer)}"
     against = "where its sigma is zero" if math.isinf(ratio) else f"{ratio:.3g} times its sigma"
     causes = causes_of({}, {name: values[at, [output]] for name, values in parts.items()}, mean**2)
-    words = listed([(label_of(found, cause.name), cause.share) for cause in causes[:NAMED]])
+    words = listed([(label_of(answer, cause.name), cause.share) for cause in causes[:NAMED]])
     name = humanize(described.name)
-    known = "; the filter knows of no mean" if found.filter is not None else ""
+    known = "; the filter knows of no mean" if answer.filter is not None else ""
     yield (
         f"Mean errors are not zero: that of {name} is {signed(mean * scale)} {described.shown_in} {when}, {against}, "
         f"because of {words}{known}",
@@ -154,21 +154,21 @@ def mean_words(found: LinearAnswer) -> Iterator[tuple[str, str]]:
     )
 
 
-def final_means(found: LinearAnswer) -> Array:
+def final_means(answer: LinearAnswer) -> Array:
     """Return the mean of the final errors, shape (outputs,), SI; what is rounding is zero."""
-    return _without_rounding(found, found.mean)
+    return _without_rounding(answer, answer.mean)
 
 
-def _without_rounding(found: LinearAnswer, means: Array) -> Array:
+def _without_rounding(answer: LinearAnswer, means: Array) -> Array:
     """Set means that are rounding to zero; shape (..., outputs)."""
-    usual = np.abs(found.model.partials) @ [abs(source.nominal) for source in found.sources]
-    largest = found.sigma if found.history is None else found.history.sigma.max(axis=0, initial=0.0)
+    usual = np.abs(answer.model.partials) @ [abs(source.nominal) for source in answer.sources]
+    largest = answer.sigma if answer.history is None else answer.history.sigma.max(axis=0, initial=0.0)
     return np.where(np.abs(means) > ROUNDING * (usual + largest), means, 0.0)
 
 
-def _reading(time: float, found: LinearAnswer) -> str:
-    assert found.history is not None
-    return instant(float(time), found.history.readings.label)
+def _reading(time: float, answer: LinearAnswer) -> str:
+    assert answer.history is not None
+    return instant(float(time), answer.history.readings.label)
 
 
 def _ratios(sizes: Array, sigmas: Array) -> Array:

@@ -24,12 +24,14 @@ MINOR: Final = 0.01
 """Share of the root sum square of all sources below which a source is minor for an output."""
 
 
-def alone_table(found: AloneRange, sizes: Array, sources: Sequence[Source], outputs: Sequence[Output]) -> pd.DataFrame:
+def alone_table(
+    alone_range: AloneRange, sizes: Array, sources: Sequence[Source], outputs: Sequence[Output]
+) -> pd.DataFrame:
     """Tabulate the multiple, its sign and the resulting error of each source and output."""
     rows = []
     for j, name in enumerate([*(humanize(source.name) for source in sources), ALL_AT_ONCE]):
         for i, output in enumerate(outputs):
-            multiple, sign = found.multiples[j, i], found.signs[j, i]
+            multiple, sign = alone_range.multiples[j, i], alone_range.signs[j, i]
             row = {"source": name, "output": output.name, "multiple": multiple, "sign": sign}
             if j < len(sources):
                 row |= {"error": sign * multiple * sizes[j] if sign else np.nan, "unit": sources[j].unit}
@@ -37,10 +39,14 @@ def alone_table(found: AloneRange, sizes: Array, sources: Sequence[Source], outp
     return pd.DataFrame(rows)
 
 
-def dispersion_table(found: DispersionRange, outputs: Sequence[Output]) -> pd.DataFrame:
+def dispersion_table(dispersion_range: DispersionRange, outputs: Sequence[Output]) -> pd.DataFrame:
     """Tabulate the sigma ratio and its interval for each multiple and output."""
-    names, multiples = [*(output.name for output in outputs), "joint"], found.multiples
-    columns = {"ratio": found.ratios, "interval from": found.lower, "interval to": found.upper}
+    names, multiples = [*(output.name for output in outputs), "joint"], dispersion_range.multiples
+    columns = {
+        "ratio": dispersion_range.ratios,
+        "interval from": dispersion_range.lower,
+        "interval to": dispersion_range.upper,
+    }
     return pd.DataFrame(
         {"multiple": np.repeat(multiples, len(names)), "of": np.tile(names, len(multiples))}
         | {name: values.ravel() for name, values in columns.items()}

@@ -29,20 +29,30 @@ def multiple_words(value: float, largest: float) -> str:
     return f"> {largest:g}" if math.isinf(value) else f"{value:.3g}"
 
 
-def linearity_rows(names: Sequence[str], found: DispersionRange) -> list[tuple[str, list[str]]]:
+def linearity_rows(names: Sequence[str], dispersion_range: DispersionRange) -> list[tuple[str, list[str]]]:
     """List the multiples up to which each output and the joint distribution agrees, departs, and differs."""
-    columns = zip([*names, JOINT], found.agrees_until, found.departs, found.differs_from, strict=True)
-    largest = float(found.multiples[-1])
+    columns = zip(
+        [*names, JOINT],
+        dispersion_range.agrees_until,
+        dispersion_range.departs,
+        dispersion_range.differs_from,
+        strict=True,
+    )
+    largest = float(dispersion_range.multiples[-1])
     return [(name, [multiple_words(float(value), largest) for value in values]) for name, *values in columns]
 
 
-def answer(names: Sequence[str], found: DispersionRange, tolerance: float) -> str:
+def answer(names: Sequence[str], dispersion_range: DispersionRange, tolerance: float) -> str:
     """Say by what factor the stated errors may grow, by the sigmas of all outputs and by their joint distribution."""
-    agrees, within = found.agrees_until[:-1], f"within ±{100.0 * tolerance:g} % of the linear one"
+    agrees, within = dispersion_range.agrees_until[:-1], f"within ±{100.0 * tolerance:g} % of the linear one"
     if np.isnan(agrees).all():
         return "No output is disturbed by any error: there is nothing to compare."
     first = int(np.nanargmin(agrees))
-    value, smallest, largest = float(agrees[first]), float(found.multiples[0]), float(found.multiples[-1])
+    value, smallest, largest = (
+        float(agrees[first]),
+        float(dispersion_range.multiples[0]),
+        float(dispersion_range.multiples[-1]),
+    )
     if math.isinf(value):
         tried = f"by a factor of {largest:g}, the largest tried"
         sigmas = f"The stated errors may grow {tried}: every sigma is shown to be {within}."
@@ -57,7 +67,7 @@ def answer(names: Sequence[str], found: DispersionRange, tolerance: float) -> st
             f"The stated errors may grow by a factor of {value:.3g}: up to it every sigma is shown to be {within}, and "
             f"beyond it {names[first]} is the first that is not."
         )
-    return f"{sigmas} {_joint(float(found.agrees_until[-1]), smallest)}".strip()
+    return f"{sigmas} {_joint(float(dispersion_range.agrees_until[-1]), smallest)}".strip()
 
 
 def _joint(multiple: float, smallest: float) -> str:

@@ -112,8 +112,8 @@ class RunAnalysis:
     @property
     def higher_order(self) -> Mapping[str, Any] | None:
         """Moments in closed form, SI; none where there are none: see `mcnav.lincov.nonlinear_corrections`."""
-        found: Mapping[str, Any] = self.summary.get("higher_order") or {}
-        return found if "sigma" in found else None
+        higher_order: Mapping[str, Any] = self.summary.get("higher_order") or {}
+        return higher_order if "sigma" in higher_order else None
 
     @property
     def dispersed(self) -> bool:

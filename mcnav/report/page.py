@@ -102,10 +102,10 @@ def render(content: RunAnalysis) -> str:
 
 def _of_filter(content: RunAnalysis, outputs: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Return what the template shows of a filter; without one nothing."""
-    found, summary = content.filter, content.summary
-    if found is None:
+    result, summary = content.filter, content.summary
+    if result is None:
         return {"filter_answers": []}
-    explained = filter_tables.at_worst(found), filter_verdict.explanation(summary)
+    explained = filter_tables.at_worst(result), filter_verdict.explanation(summary)
     answers = filter_tables.answers(content, outputs)
     return {
         "filter_answers": [
@@ -114,9 +114,9 @@ def _of_filter(content: RunAnalysis, outputs: Sequence[Mapping[str, Any]]) -> di
         ],
         "filter_headline": filter_verdict.headline(summary),
         "filter_explanation": " ".join(filter(None, explained)),
-        "filter_tone": filter_verdict.TONES[found.verdict.value],
-        "filter_findings": filter_tables.findings(found),
+        "filter_tone": filter_verdict.TONES[result.verdict.value],
+        "filter_findings": filter_tables.findings(result),
         "filter_neglected": filter_tables.neglected(content),
-        "filter_neglected_at": "" if found.neglected_at is None else instant(found.neglected_at, found.label),
-        "filter_sensors": filter_tables.sensors(found),
+        "filter_neglected_at": "" if result.neglected_at is None else instant(result.neglected_at, result.label),
+        "filter_sensors": filter_tables.sensors(result),
     }

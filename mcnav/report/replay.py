@@ -62,11 +62,13 @@ def _error_rows(replay: Replay) -> list[tuple[str, str, str, str]]:
 
 
 def _outcome_rows(replay: Replay) -> list[tuple[str, str, list[str]]]:
-    found = [replay.linear, *(outcome.values for outcome in replay.outcomes)]
+    outcome_rows = [replay.linear, *(outcome.values for outcome in replay.outcomes)]
     rows = []
     for i, output in enumerate(replay.outputs):
         scale = conversion(output.unit, output.shown_in)
-        rows.append((humanize(output.name), output.shown_in, [number(float(each[i]) * scale, 8) for each in found]))
+        rows.append(
+            (humanize(output.name), output.shown_in, [number(float(each[i]) * scale, 8) for each in outcome_rows])
+        )
     return rows
 
 

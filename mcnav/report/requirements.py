@@ -51,12 +51,12 @@ def requirement_causes(summary: Mapping[str, Any], entry: Mapping[str, Any]) -> 
     """List the largest causes of the errors that a requirement of a summary limits, for people, with their shares."""
     sources = [source["name"] for source in summary["sources"]]
     labels = dict(zip(sources, labels_in(summary), strict=True))
-    found = []
+    causes = []
     for cause in list(entry.get("causes") or ())[:NAMED]:
         name = str(cause["name"]).removeprefix(MEAN)
         of_mean = "mean of " if name != cause["name"] else ""
-        found.append((f"{of_mean}{labels.get(name, humanize(name))}", float(cause["share"])))
-    return found
+        causes.append((f"{of_mean}{labels.get(name, humanize(name))}", float(cause["share"])))
+    return causes
 
 
 def listed(causes: Sequence[tuple[str, float]]) -> str:

@@ -63,8 +63,8 @@ class ResultTable:
         """Return the table in pandas; if ``indexed``, the columns that identify a row are its index."""
         import pandas as pd
 
-        found = pd.DataFrame({name: _plain(values) for name, values in self.columns.items()})
-        return found.set_index(list(self.columns)[: self.keys]) if indexed and len(self) else found
+        frame = pd.DataFrame({name: _plain(values) for name, values in self.columns.items()})
+        return frame.set_index(list(self.columns)[: self.keys]) if indexed and len(self) else frame
 
 
 def _plain(values: Sequence[Any] | NDArray[Any]) -> Sequence[Any] | NDArray[Any]:

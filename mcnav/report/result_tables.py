@@ -79,11 +79,11 @@ def _verdict(results: Results) -> list[Row]:
 
 def _outputs(results: Results) -> list[Row]:
     """List sigmas, ratios, verdict and bias, a row for each output."""
-    summary, found = results.summary, results.quantities("outputs")
+    summary, quantities = results.summary, results.quantities("outputs")
     unscented = (summary.get("unscented") or {}).get("covariance")
     higher = (summary.get("higher_order") or {}).get("sigma")
     rows = export.output_rows({"": summary}, results.units)
-    for i, (row, output) in enumerate(zip(rows, found, strict=True)):
+    for i, (row, output) in enumerate(zip(rows, quantities, strict=True)):
         del row["run"]
         row |= {
             "samples_needed": _at(summary["samples_needed"], i),
@@ -225,10 +225,10 @@ def _percentiles(results: Results) -> list[Row]:
 
 def _variance_breakdown(results: Results) -> list[Row]:
     """List the terms of the difference of plain and linear variance, over the linear one."""
-    found, linear = results.summary.get("causes"), results.summary["covariance_linear"]
-    if not found:
+    rows, linear = results.summary.get("causes"), results.summary["covariance_linear"]
+    if not rows:
         return []
-    terms = {**found["terms"], **{key: found[key] for key in ("total", "paired", "standard_error", "unscented")}}
+    terms = {**rows["terms"], **{key: rows[key] for key in ("total", "paired", "standard_error", "unscented")}}
     return [
         {"output": output.name, "term": term, "share": values[i] / linear[i][i]}
         for i, output in enumerate(results.quantities("outputs"))
@@ -238,12 +238,12 @@ def _variance_breakdown(results: Results) -> list[Row]:
 
 
 def _tests(results: Results) -> list[Row]:
-    found = results.summary.get("tests") or {}
+    rows = results.summary.get("tests") or {}
     return [
         {"test": name, "statistic": test["statistic"],
          "degrees_of_freedom": ", ".join(f"{each:g}" for each in test["degrees_of_freedom"]),
          "p_value": test["p_value"], "rank": test["rank"]}
-        for name, test in found.items()
+        for name, test in rows.items()
         if test
     ]  # fmt: skip
 
@@ -258,9 +258,9 @@ def _ellipsoids(results: Results) -> list[Row]:
 def _directions(results: Results) -> list[Row]:
     """List the principal directions: weights of the outputs in units of their linear sigmas."""
     names = [output.name for output in results.quantities("outputs")]
-    found = zip(results.summary["principal_ratios"], results.summary["principal_directions"], strict=True)
+    rows = zip(results.summary["principal_ratios"], results.summary["principal_directions"], strict=True)
     return [{"direction": k, "sigma_ratio": ratio, **dict(zip(names, weights, strict=True))}
-            for k, (ratio, weights) in enumerate(found)]  # fmt: skip
+            for k, (ratio, weights) in enumerate(rows)]  # fmt: skip
 
 
 def _failures(results: Results) -> list[Row]:
@@ -283,21 +283,21 @@ def _finding(entry: Mapping[str, Any]) -> Row:
 
 
 def _filter_groups(results: Results) -> list[Row]:
-    found = results.summary.get("filter") or {"groups": {}}
+    rows = results.summary.get("filter") or {"groups": {}}
     return [
         {"group": name, "states": entry["size"], "nees": entry["nees_mean"], **_ends("nees", entry["nees_interval"]),
          **_ends("nees_bounds", entry["nees_bounds"]), "ratio": entry["ratio"],
          **_ends("ratio", entry["ratio_interval"]), "ratio_linear": entry["ratio_linear"], **_finding(entry)}
-        for name, entry in found["groups"].items()
+        for name, entry in rows["groups"].items()
     ]  # fmt: skip
 
 
 def _filter_sigmas(results: Results) -> list[Row]:
     """List true and filter sigma at the end, of every output and every other state of the filter."""
-    found, rows = results.summary.get("filter") or {"outputs": {}, "states": {}}, []
+    filter_sigmas, rows = results.summary.get("filter") or {"outputs": {}, "states": {}}, []
     shown = {output.name: output for output in results.quantities("outputs")}
     for kind in ("outputs", "states"):
-        for name, entry in found[kind].items():
+        for name, entry in filter_sigmas[kind].items():
             quantity = shown.get(name) if kind == "outputs" else None
             scale, unit = (1.0, entry["unit"]) if quantity is None else (quantity.scale, quantity.unit)
             row: Row = {"state": name, "kind": kind.removesuffix("s"), "unit": unit}
@@ -309,23 +309,23 @@ def _filter_sigmas(results: Results) -> list[Row]:
 
 
 def _filter_sensors(results: Results) -> list[Row]:
-    found = results.summary.get("filter") or {"sensors": {}}
+    rows = results.summary.get("filter") or {"sensors": {}}
     return [
         {"sensor": name, "components": entry["size"], "accepted": entry["accepted"], "rejected": entry["rejected"],
          "nis": entry["nis_mean"], **_ends("nis", entry["nis_interval"]), **_ends("nis_bounds", entry["nis_bounds"]),
          "nis_beyond": entry["nis_beyond"], "correlation": entry["correlation"],
          "correlation_bound": entry["correlation_bound"], "correlation_beyond": entry["correlation_beyond"],
          "verdict": entry["verdict"]}
-        for name, entry in found["sensors"].items()
+        for name, entry in rows["sensors"].items()
     ]  # fmt: skip
 
 
 def _neglected(results: Results) -> list[Row]:
     """List the errors that make a filter optimistic: their variances over the sum of all differences."""
-    found = results.summary.get("filter") or {"neglected": ()}
+    neglected = results.summary.get("filter") or {"neglected": ()}
     rows, outputs = [], {output.name: output for output in results.quantities("outputs")}
-    for entry in found["neglected"]:
-        output = outputs[found.get("neglected_output") or found["output"]]
+    for entry in neglected["neglected"]:
+        output = outputs[neglected.get("neglected_output") or neglected["output"]]
         sigmas = {f"sigma_{key}": math.sqrt(max(entry[key], 0.0)) * output.scale for key in ("true", "believed")}
         row: Row = {"cause": entry["name"], "output": output.name, "unit": output.unit, **sigmas}
         rows.append(row | {"share": entry["share"]})

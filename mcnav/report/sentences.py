@@ -45,8 +45,8 @@ def tone(summary: Mapping[str, Any]) -> str:
 
 def standing(summary: Mapping[str, Any]) -> str:
     """Combine the tone with the requirements: an agreeing run is ``partly`` unless all requirements are met."""
-    counts, found = met(summary), tone(summary)
-    return "partly" if found == "agrees" and counts and counts["met"] < counts["of"] else found
+    counts, result = met(summary), tone(summary)
+    return "partly" if result == "agrees" and counts and counts["met"] < counts["of"] else result
 
 
 def met(summary: Mapping[str, Any]) -> dict[str, int] | None:
@@ -93,8 +93,8 @@ def _on_requirements(summary: Mapping[str, Any]) -> str:
         return ""
     others = (("not_met", "not met"), ("undecided", "undecided"))
     rest = [f"{counts[key]} {words}" for key, words in others if counts[key]]
-    found = ", ".join([f"{counts['met']} of {counts['of']} met", *rest])
-    return f"Requirements: {found}."
+    requirements = ", ".join([f"{counts['met']} of {counts['of']} met", *rest])
+    return f"Requirements: {requirements}."
 
 
 def _on_linear(summary: Mapping[str, Any]) -> str:
@@ -121,20 +121,20 @@ def unsettled(summary: Mapping[str, Any]) -> str:
     >>> unsettled({"unsettled": found})
     'Partial derivatives do not converge (range by seed: 85 %): the comparison below has no valid linear model.'
     """
-    found = summary.get("unsettled")
-    if not found:
+    result = summary.get("unsettled")
+    if not result:
         return ""
-    share = 100.0 * (found["disagreement"] or math.inf)
+    share = 100.0 * (result["disagreement"] or math.inf)
     size = f"{share:,.0f} %" if share >= 10.0 else f"{share:.2g} %"
-    where = f"{humanize(found['output'])} by {humanize(found['source'])}: {size}"
-    if noise := found.get("noise"):
-        named = f"{humanize(found['output'])}: {size} of its sigma"
+    where = f"{humanize(result['output'])} by {humanize(result['source'])}: {size}"
+    if noise := result.get("noise"):
+        named = f"{humanize(result['output'])}: {size} of its sigma"
         causes = {
             "fly_linear": "The scenario's own linear simulations disagree with its simulations",
             "noise_covariance": "The scenario's own noise covariance disagrees with its linear simulations",
         }
         cause = f"{causes.get(noise, 'The response to noise is not linear')} ({named})"
-    elif found["own"]:
+    elif result["own"]:
         cause = f"The scenario's own partial derivatives disagree with finite differences ({where})"
     else:
         cause = f"Partial derivatives do not converge ({where})"
@@ -148,12 +148,12 @@ def beyond_range(summary: Mapping[str, Any]) -> str:
     >>> beyond_range({"beyond_range": found})
     'No: errors are beyond the range of linear analysis from 120 min on (position down).'
     """
-    found = summary.get("beyond_range")
-    if not found:
+    result = summary.get("beyond_range")
+    if not result:
         return ""
-    begin, label = found["begin"], found["time"]
+    begin, label = result["begin"], result["time"]
     since = "at the end" if begin is None else f"from {instant(begin, label or '')} on"
-    names = _join([humanize(name) for name in found["outputs"]])
+    names = _join([humanize(name) for name in result["outputs"]])
     return f"No: errors are beyond the range of linear analysis {since} ({names})."
 
 
@@ -247,33 +247,33 @@ def findings(summary: Mapping[str, Any]) -> list[str]:
 def certain_but_small(summary: Mapping[str, Any]) -> str:
     """Name the differences that are significant but within the tolerance; empty when there are none."""
     keys = ("outputs", "sigma_ratio_paired", "sigma_ratio_paired_interval", "verdicts")
-    found = [
+    small = [
         f"{humanize(output['name'])} ({percent(ratio - 1.0)})"
         for output, ratio, interval, verdict in zip(*(summary[key] for key in keys), strict=False)
         if verdict == "agrees" and interval is not None and not interval[0] - ROUNDING <= 1.0 <= interval[1] + ROUNDING
     ]
-    return f"Statistically significant, but within the tolerance: {_join(found)}." if found else ""
+    return f"Statistically significant, but within the tolerance: {_join(small)}." if small else ""
 
 
 def failures(summary: Mapping[str, Any]) -> str:
     """State how many samples failed and how that may bias the results; empty when none did."""
     if not summary["failed"]:
         return ""
-    found = f"{summary['failed']:,} of {summary['samples']:,} samples failed and are excluded from all results"
+    result = f"{summary['failed']:,} of {summary['samples']:,} samples failed and are excluded from all results"
     commonest = message_of(next(iter(summary["failures"]), ""))
     if commonest:
-        found += f" ({'' if len(summary['failures']) == 1 else 'most often: '}{commonest})"
+        result += f" ({'' if len(summary['failures']) == 1 else 'most often: '}{commonest})"
     if summary.get("beyond_range"):
-        return f"{found}."
+        return f"{result}."
     ratios = (summary.get("excluded") or {}).get("sigma_ratio", ())
     smallest = [ratio for ratio in ratios if ratio is not None and math.isfinite(ratio)]
     if not smallest:
-        return f"{found}. If they have the largest errors, the dispersion is underestimated."
+        return f"{result}. If they have the largest errors, the dispersion is underestimated."
     hidden = min(smallest) - 1.0
     if hidden > -NEGLIGIBLE:
-        return f"{found}. By the linear model their errors are no larger than the others', so the bias is small."
+        return f"{result}. By the linear model their errors are no larger than the others', so the bias is small."
     return (
-        f"{found}. By the linear model their errors are larger than the others': excluding them reduces a sigma by up "
+        f"{result}. By the linear model their errors are larger than the others': excluding them reduces a sigma by up "
         f"to {percent(-hidden).removeprefix('+')}, and by more if their nonlinear errors are larger still."
     )
 

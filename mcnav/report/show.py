@@ -74,7 +74,7 @@ def budget(summary: Mapping[str, Any], table: ResultTable) -> FittedTable:
     for row in table.rows:
         shares[row["cause"]].append(math.nan if row["share"] is None else row["share"])
     crossed = shares.pop(CORRELATIONS)
-    sizes = {name: [0.0 if math.isnan(each) else each for each in found] for name, found in shares.items()}
+    sizes = {name: [0.0 if math.isnan(each) else each for each in result] for name, result in shares.items()}
     falling = sorted(sizes, key=lambda name: -sum(sizes[name]))
     large = [name for name in falling if max(sizes[name], default=0.0) >= LEAST][:MOST]
     rest = [name for name in falling if name not in large and any(sizes[name])]
@@ -95,8 +95,8 @@ def budget(summary: Mapping[str, Any], table: ResultTable) -> FittedTable:
 
 def _filter(summary: Mapping[str, Any], tables: Mapping[str, ResultTable]) -> list[RenderableType]:
     """Tabulate the verdicts on groups of states and outputs, and the innovations of sensors."""
-    found, parts = summary["filter"], list[RenderableType]()
-    unit, rows = str(found["time"]).rpartition("[")[2].removesuffix("]"), dict[tuple[str, str], list[Row]]()
+    result, parts = summary["filter"], list[RenderableType]()
+    unit, rows = str(result["time"]).rpartition("[")[2].removesuffix("]"), dict[tuple[str, str], list[Row]]()
     if "filter_groups" in tables:
         rows["Filter: true over filter sigma by groups of states", "group"] = tables["filter_groups"].rows
     if "filter_sigmas" in tables:

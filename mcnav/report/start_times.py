@@ -48,13 +48,14 @@ def check_table(checks: Mapping[float, Comparison], outputs: Sequence[Output]) -
 
 def _check_rows(time: float, comparison: Comparison, outputs: Sequence[Output]) -> list[dict[str, Any]]:
     rows = []
-    for output, found in zip(outputs, comparison.outputs, strict=False):
-        low, high = found.paired.interval or (math.nan, math.nan)
+    for output, result in zip(outputs, comparison.outputs, strict=False):
+        low, high = result.paired.interval or (math.nan, math.nan)
         rows.append({
             "start [s]": time, "output": output.name, "unit": output.unit, "samples": comparison.samples,
-            "failed": comparison.failed, "sigma linear": found.sigma_linear, "sigma paired": found.sigma_paired,
-            "paired ratio": found.paired.ratio, "interval from": low, "interval to": high,
-            "verdict": output_words(found.sigma_linear, found.paired.verdict.value), "sigma plain": found.sigma_sample,
+            "failed": comparison.failed, "sigma linear": result.sigma_linear, "sigma paired": result.sigma_paired,
+            "paired ratio": result.paired.ratio, "interval from": low, "interval to": high,
+            "verdict": output_words(result.sigma_linear, result.paired.verdict.value),
+            "sigma plain": result.sigma_sample,
         })  # fmt: skip
     return rows
 
@@ -105,12 +106,12 @@ def grouped_effects(study: StartTimeStudy, sources: Sequence[Source], outputs: S
     names = list(members)
     labels = [f"initial {humanize(name)}" if name in initial else humanize(name) for name in names]
     sizes = [np.sqrt((study.effects[:, :, members[name]] ** 2).sum(axis=2)) for name in names]
-    found = [
+    effects = [
         drawn.Effects(label, size, name in initial, combined=True)
         for name, label, size in zip(names, labels, sizes, strict=True)
     ]
-    found = [each for each in found if each.sizes.any()] or found
-    return found if study.noise is None else [*found, drawn.Effects("noise", study.noise, False, combined=True)]
+    effects = [each for each in effects if each.sizes.any()] or effects
+    return effects if study.noise is None else [*effects, drawn.Effects("noise", study.noise, False, combined=True)]
 
 
 def _cells(time: float, comparison: Comparison, outputs: Sequence[Output]) -> list[dict[str, Any]]:

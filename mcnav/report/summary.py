@@ -33,9 +33,9 @@ def tally(findings: Iterable[str]) -> dict[str, int] | None:
     >>> tally(["not met", "undecided"])
     {'met': 0, 'not_met': 1, 'undecided': 1, 'of': 2}
     """
-    found = list(findings)
-    counts = {finding.replace(" ", "_"): found.count(finding) for finding in ("met", "not met", "undecided")}
-    return {**counts, "of": len(found)} if found else None
+    result = list(findings)
+    counts = {finding.replace(" ", "_"): result.count(finding) for finding in ("met", "not met", "undecided")}
+    return {**counts, "of": len(result)} if result else None
 
 
 def summarise(
@@ -157,16 +157,16 @@ def _combinations(ellipsoid: Ellipsoid, outputs: Sequence[Mapping[str, str]]) ->
     }
 
 
-def _combination(found: Combination, outputs: Sequence[Mapping[str, str]]) -> dict[str, Any]:
+def _combination(combination: Combination, outputs: Sequence[Mapping[str, str]]) -> dict[str, Any]:
     """Describe a combination of outputs, in the unit of its lead output."""
     return {
-        "lead": outputs[found.lead]["name"],
-        "weights": found.weights,
-        "shares": found.shares,
-        "sigma_linear": found.sigma_linear,
-        "sigma_paired": found.sigma_paired,
-        "mean_error": found.offset,
-        "verdict": found.judgement.verdict.value if found.judgement else None,
+        "lead": outputs[combination.lead]["name"],
+        "weights": combination.weights,
+        "shares": combination.shares,
+        "sigma_linear": combination.sigma_linear,
+        "sigma_paired": combination.sigma_paired,
+        "mean_error": combination.offset,
+        "verdict": combination.judgement.verdict.value if combination.judgement else None,
     }
 
 

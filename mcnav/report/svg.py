@@ -45,12 +45,12 @@ class Scale:
 
     def __call__(self, values: ArrayLike) -> Array:
         """Return the pixels of values; NaN where there is none."""
-        found = np.asarray(values, dtype=float)
+        result = np.asarray(values, dtype=float)
         low, high = self.low, self.high
         if self.log:
-            found = np.log10(np.where(found > 0.0, found, np.nan))
+            result = np.log10(np.where(result > 0.0, result, np.nan))
             low, high = math.log10(low), math.log10(high)
-        share = (found - low) / (high - low)
+        share = (result - low) / (high - low)
         return np.clip(self.begin + (self.end - self.begin) * share, -FAR, FAR)
 
     def attribute(self) -> str:
@@ -331,8 +331,8 @@ class _Plot:
             case m.Points(names=names) if names:
                 x, y = np.atleast_1d(self.x(mark.x)), np.atleast_1d(self.y(mark.y))
                 places = zip(x.tolist(), y.tolist(), names, strict=True)
-                found = "".join(self._beside(*place, inside, points) for place in places)
-                return f'<g class="series-{mark.series.name}">{found}</g>'
+                labels = "".join(self._beside(*place, inside, points) for place in places)
+                return f'<g class="series-{mark.series.name}">{labels}</g>'
             case m.Text(corner=True):
                 return self._in_corner(mark)
             case m.Text():

@@ -50,10 +50,10 @@ def frame(sweep: Sweep) -> pd.DataFrame:
         columns[variable.label], units[variable.label] = points[:, number_of], variable.unit
     for index, (measure, scale) in enumerate(zip(sweep.measures, drawn.scales(sweep), strict=True)):
         for suffix, values in (("", sweep.values), (", filter", sweep.own), (", Monte Carlo", _checked(sweep))):
-            found = values[..., index].reshape(-1) * scale
-            if not suffix or np.isfinite(found).any():
+            result = values[..., index].reshape(-1) * scale
+            if not suffix or np.isfinite(result).any():
                 name = f"{measure.name}{suffix} [{measure.shown_in}]"
-                columns[name], units[name] = found, measure.shown_in
+                columns[name], units[name] = result, measure.shown_in
         if np.isfinite(sweep.margins[..., index]).any():
             columns[f"{measure.name}, met"] = (sweep.margins[..., index] <= 0.0).reshape(-1)
     table = pd.DataFrame(columns)
@@ -64,10 +64,10 @@ def frame(sweep: Sweep) -> pd.DataFrame:
 
 def _checked(sweep: Sweep) -> Array:
     """Return the Monte Carlo values at the points of the grid, NaN where there are none."""
-    found = np.full_like(sweep.values, np.nan)
+    checked = np.full_like(sweep.values, np.nan)
     for each in sweep.confirmations:
-        found[each.place] = each.values
-    return found
+        checked[each.place] = each.values
+    return checked
 
 
 def just_met_rows(sweep: Sweep) -> list[dict[str, Any]]:
@@ -91,7 +91,7 @@ def just_met_rows(sweep: Sweep) -> list[dict[str, Any]]:
 
 def table(sweep: Sweep) -> Mapping[str, Any]:
     """Arrange a sweep as ``sweep.json`` has it: values of measures in SI."""
-    found = {
+    result = {
         "campaign": sweep.campaign,
         "variables": [
             {"path": each.path, "unit": each.unit, "values": each.values, "logarithmic": each.log}
@@ -126,20 +126,20 @@ def table(sweep: Sweep) -> Mapping[str, Any]:
             for each in sweep.confirmations
         ],
     }
-    plain: Mapping[str, Any] = to_json(found)
+    plain: Mapping[str, Any] = to_json(result)
     return plain
 
 
-def requirement_rows(sweep: Sweep, found: Confirmation) -> list[dict[str, Any]]:
+def requirement_rows(sweep: Sweep, confirmation: Confirmation) -> list[dict[str, Any]]:
     """List the requirements by linear analysis and by Monte Carlo."""
     rows = []
     for index, measure in enumerate(sweep.measures):
         if measure.requirement is None:
             continue
-        entry = found.summary["requirements"][measure.requirement]
+        entry = confirmation.summary["requirements"][measure.requirement]
         (scale,) = drawn.scales_of([measure])
-        linear = sweep.values[(*found.place, index)] * scale
-        met = "met" if sweep.margins[(*found.place, index)] <= 0.0 else "not met"
+        linear = sweep.values[(*confirmation.place, index)] * scale
+        met = "met" if sweep.margins[(*confirmation.place, index)] <= 0.0 else "not met"
         estimate = None if entry["estimate"] is None else entry["estimate"] * scale
         rows.append({
             "requirement": title_of(measure, sweep, True),

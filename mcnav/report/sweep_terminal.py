@@ -47,19 +47,19 @@ def printed(sweep: Sweep) -> RenderableType:
 
 def _limits(sweep: Sweep) -> FittedTable:
     *first, last = sweep.variables
-    found = FittedTable(f"Limits along {last.path}", texts("limit", *(each.path for each in first), "met"), keys=1)
+    table = FittedTable(f"Limits along {last.path}", texts("limit", *(each.path for each in first), "met"), keys=1)
     for each in sweep.just_met:
         fixed = [] if each.fixed is None else [shown(first[0], each.fixed)]
         words = Text(met_words(each, last), style=TERMINAL[tone_of(each)])
-        found.add(title_of(sweep.measures[each.measure], sweep, True), *fixed, words)
-    return found
+        table.add(title_of(sweep.measures[each.measure], sweep, True), *fixed, words)
+    return table
 
 
 def _points(sweep: Sweep) -> FittedTable:
     """Tabulate some points of the grid, the ends included."""
     scale = drawn.scales(sweep)
     titles = [f"{title_of(each, sweep)} [{each.shown_in}]" for each in sweep.measures]
-    found = FittedTable("Linear analysis", numbers(*(v.label for v in sweep.variables), *titles), len(sweep.variables))
+    table = FittedTable("Linear analysis", numbers(*(v.label for v in sweep.variables), *titles), len(sweep.variables))
     places = list(np.ndindex(sweep.shape))
     chosen = np.unique(np.linspace(0, len(places) - 1, min(len(places), MOST_LINES)).round().astype(int))
     own = np.isfinite(sweep.own)
@@ -71,8 +71,8 @@ def _points(sweep: Sweep) -> FittedTable:
                 zip(sweep.values[place] * scale, sweep.own[place] * scale, strict=True)
             )
         ]
-        found.add(*map(number, values), *cells)
-    return found
+        table.add(*map(number, values), *cells)
+    return table
 
 
 def _not_shown(sweep: Sweep) -> list[str]:
@@ -88,12 +88,12 @@ def _not_shown(sweep: Sweep) -> list[str]:
 
 def _confirmations(sweep: Sweep) -> FittedTable:
     columns = [*texts("point", "final error"), *numbers("linear σ", "paired σ", "paired ratio", "interval")]
-    found = FittedTable("Monte Carlo", [*columns, *texts("verdict")], keys=2)
+    table = FittedTable("Monte Carlo", [*columns, *texts("verdict")], keys=2)
     for each in sweep.confirmations:
         for row in confirmation_rows(sweep, each):
             label = f"{humanize(row['output'])} [{row['unit']}]"
             ends = interval(row["ratio_paired_from"], row["ratio_paired_to"])
             figures = [number(row[name]) for name in ("sigma_linear", "sigma_paired", "ratio_paired")]
             words = Text(row["verdict"] or "–", style=TERMINAL.get(row["verdict"], ""))
-            found.add(point_words(sweep, each), label, *figures, ends, words)
-    return found
+            table.add(point_words(sweep, each), label, *figures, ends, words)
+    return table

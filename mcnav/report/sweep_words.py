@@ -55,14 +55,14 @@ def shown(variable: Variable, value: float) -> str:
     return f"{drawn.plain(value)} {variable.unit}".strip()
 
 
-def met_words(found: JustMet, variable: Variable) -> str:
+def met_words(just_met: JustMet, variable: Variable) -> str:
     """Say where a limit is met."""
-    if found.throughout:
-        return f"met at {looked_at_words(found)}{closest_words(found, variable)}"
-    if not found.met:
-        return f"not met at {looked_at_words(found, False)}{closest_words(found, variable)}"
+    if just_met.throughout:
+        return f"met at {looked_at_words(just_met)}{closest_words(just_met, variable)}"
+    if not just_met.met:
+        return f"not met at {looked_at_words(just_met, False)}{closest_words(just_met, variable)}"
     spans = []
-    for begin, end in found.met:
+    for begin, end in just_met.met:
         if begin is None and end is not None:
             spans.append(f"up to {shown(variable, end)}")
         elif begin is not None and end is None:
@@ -72,25 +72,25 @@ def met_words(found: JustMet, variable: Variable) -> str:
     return f"met {' and '.join(spans)}"
 
 
-def looked_at_words(found: JustMet, met: bool = True) -> str:
+def looked_at_words(just_met: JustMet, met: bool = True) -> str:
     """Say how many values were looked at."""
-    if not found.looked_at:
+    if not just_met.looked_at:
         return "every value looked at" if met else "any value looked at"
-    return f"{'all' if met else 'any of the'} {found.looked_at:,} values looked at"
+    return f"{'all' if met else 'any of the'} {just_met.looked_at:,} values looked at"
 
 
-def closest_words(found: JustMet, variable: Variable) -> str:
+def closest_words(just_met: JustMet, variable: Variable) -> str:
     """Say where a limit that is not crossed is closest, and by which factor it is missed or kept there."""
-    if found.closest is None or not math.isfinite(found.closest[1]):
+    if just_met.closest is None or not math.isfinite(just_met.closest[1]):
         return ""
-    value, margin = found.closest
+    value, margin = just_met.closest
     factor = f"a factor of {drawn.plain(math.exp(abs(margin)))}"
     return f"; closest at {shown(variable, value)}, {f'off by {factor}' if margin > 0.0 else f'with {factor} to spare'}"
 
 
-def tone_of(found: JustMet) -> str:
+def tone_of(just_met: JustMet) -> str:
     """Return the tone of a limit: met throughout, nowhere, or in part of the range."""
-    return "agrees" if found.throughout else "partly" if found.met else "differs"
+    return "agrees" if just_met.throughout else "partly" if just_met.met else "differs"
 
 
 def headline(sweep: Sweep) -> tuple[str, str]:
@@ -138,16 +138,16 @@ def _capital(text: str) -> str:
 
 def remarks(sweep: Sweep) -> list[str]:
     """List what must be known of the numbers: points without an answer, measures that a variable does not change."""
-    found = []
+    result = []
     missing = int((~np.isfinite(sweep.values).all(axis=-1)).sum())
     if missing:
         points = "1 point has" if missing == 1 else f"{missing} points have"
-        found.append(f"{points} no linear answer: a covariance loses its definiteness there.")
+        result.append(f"{points} no linear answer: a covariance loses its definiteness there.")
     if np.isfinite(sweep.own).any() and not any(drawn.differs(sweep, index) for index in range(len(sweep.measures))):
-        found.append("The filter states the same values: at every point it believes what is true.")
-    found += _of_filter(sweep)
+        result.append("The filter states the same values: at every point it believes what is true.")
+    result += _of_filter(sweep)
     if any(not each.whole for each in sweep.just_met):
-        found.append(
+        result.append(
             "Some limits are known at the values looked at alone: those between them have no answer, or more than "
             f"{MOST_ADDED} would be needed."
         )
@@ -157,8 +157,8 @@ def remarks(sweep: Sweep) -> list[str]:
         names = [title_of(measure, sweep) for measure, same in zip(sweep.measures, still, strict=True) if same]
         if names:
             every = len(names) == len(sweep.measures)
-            found.append(f"{variable.path} does not change {'any of the measures' if every else ', '.join(names)}.")
-    return found
+            result.append(f"{variable.path} does not change {'any of the measures' if every else ', '.join(names)}.")
+    return result
 
 
 def _of_filter(sweep: Sweep) -> list[str]:
@@ -175,32 +175,32 @@ def _of_filter(sweep: Sweep) -> list[str]:
     return [f"The filter is optimistic by a factor of up to {ratios[place]:.3g}: {name}, at {at}."]
 
 
-def disagreements(sweep: Sweep, found: Confirmation) -> list[str]:
+def disagreements(sweep: Sweep, confirmation: Confirmation) -> list[str]:
     """List the requirements on which a run and linear analysis find the opposite."""
     names = []
     for index, measure in enumerate(sweep.measures):
         if measure.requirement is None:
             continue
-        finding = found.summary["requirements"][measure.requirement]["finding"]
-        linear = "met" if sweep.margins[(*found.place, index)] <= 0.0 else "not met"
+        finding = confirmation.summary["requirements"][measure.requirement]["finding"]
+        linear = "met" if sweep.margins[(*confirmation.place, index)] <= 0.0 else "not met"
         if {finding, linear} == {"met", "not met"}:
             names.append(f"{title_of(measure, sweep)}: linear analysis finds it {linear}, Monte Carlo {finding}")
     return names
 
 
-def confirmation_rows(sweep: Sweep, found: Confirmation) -> list[dict[str, Any]]:
+def confirmation_rows(sweep: Sweep, confirmation: Confirmation) -> list[dict[str, Any]]:
     """List the paired estimates of the outputs that the measures are of."""
     concerned = {sweep.outputs[place].name for measure in sweep.measures for place in measure.outputs}
-    rows = output_rows({"": dict(found.summary)})
+    rows = output_rows({"": dict(confirmation.summary)})
     return [row for row in rows if row["output"] in concerned]
 
 
-def verdict_at(sweep: Sweep, found: Confirmation) -> str:
+def verdict_at(sweep: Sweep, confirmation: Confirmation) -> str:
     """Return the verdict of Monte Carlo on the outputs and requirements of a sweep at a point."""
-    verdicts = [row["verdict"] for row in confirmation_rows(sweep, found)]
-    if "differs" in verdicts or disagreements(sweep, found):
+    verdicts = [row["verdict"] for row in confirmation_rows(sweep, confirmation)]
+    if "differs" in verdicts or disagreements(sweep, confirmation):
         return "differs"
-    if found.summary.get("unsettled") or not verdicts or set(verdicts) & {"undecided", None}:
+    if confirmation.summary.get("unsettled") or not verdicts or set(verdicts) & {"undecided", None}:
         return "undecided"
     return "agrees"
 
@@ -222,9 +222,9 @@ def confirmed_words(sweep: Sweep) -> tuple[str, str]:
     return words, "agrees"
 
 
-def point_words(sweep: Sweep, found: Confirmation, paths: bool = False) -> str:
+def point_words(sweep: Sweep, confirmation: Confirmation, paths: bool = False) -> str:
     """Describe a point by the values of the variables, with their paths or without."""
-    values = [shown(variable, value) for variable, value in zip(sweep.variables, found.point, strict=True)]
+    values = [shown(variable, value) for variable, value in zip(sweep.variables, confirmation.point, strict=True)]
     if paths:
         values = [f"{variable.path} = {value}" for variable, value in zip(sweep.variables, values, strict=True)]
     return ", ".join(values)

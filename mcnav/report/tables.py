@@ -49,18 +49,18 @@ def outputs(content: RunAnalysis) -> list[dict[str, Any]]:
     unscented, higher = content.summary["unscented"].get("covariance"), content.higher_order
     rows = []
     for i, row in enumerate(export.output_rows({"": content.summary})):
-        scale, found = content.output_scale[i], content.comparison.outputs[i]
-        bias, error = (100.0 * each / (found.sigma_linear or math.nan)
-                       for each in (found.bias.value, found.bias.standard_error))  # fmt: skip
-        needed, shares = found.paired.samples_needed, np.nan_to_num(content.budget.shares[i])
+        scale, output = content.output_scale[i], content.comparison.outputs[i]
+        bias, error = (100.0 * each / (output.sigma_linear or math.nan)
+                       for each in (output.bias.value, output.bias.standard_error))  # fmt: skip
+        needed, shares = output.paired.samples_needed, np.nan_to_num(content.budget.shares[i])
         rows.append(
             row
             | {
                 "name": content.output_names[i],
                 "tone": "" if row["verdict"] == sentences.NOT_DISTURBED else row["verdict"],
                 "needed": needed and sentences.more_samples(needed, content.summary["samples"]),
-                "detectable": 100.0 * found.detectable_paired,
-                "bias": with_error(bias, error).split(" ") if found.sigma_linear > 0.0 else [],
+                "detectable": 100.0 * output.detectable_paired,
+                "bias": with_error(bias, error).split(" ") if output.sigma_linear > 0.0 else [],
                 "sigma_unscented": None if unscented is None else math.sqrt(max(unscented[i][i], 0.0)) * scale,
                 "sigma_higher_order": higher["sigma"][i] * scale if higher else None,
                 "largest": [
@@ -75,14 +75,14 @@ def outputs(content: RunAnalysis) -> list[dict[str, Any]]:
 
 def contributions(content: RunAnalysis) -> list[dict[str, Any]]:
     """List the share of each contributor in the linear variance of each output, and its final error for one sigma."""
-    scale, found = content.output_scale, content.budget
+    scale, budget = content.output_scale, content.budget
     rows = []
     for each in contributors(content):
-        shares = found.shares[:, each.members].sum(axis=1)
+        shares = budget.shares[:, each.members].sum(axis=1)
         if len(each.members) == 1:
-            final = found.contributions[:, each.members[0]] * scale
+            final = budget.contributions[:, each.members[0]] * scale
         else:
-            final = np.sqrt((found.contributions[:, each.members] ** 2).sum(axis=1)) * scale
+            final = np.sqrt((budget.contributions[:, each.members] ** 2).sum(axis=1)) * scale
         rows.append({"name": each.label, "several": len(each.members) > 1,
                      "cells": list(zip(shares, final, strict=True))})  # fmt: skip
     return rows
@@ -126,64 +126,66 @@ def input_files(manifest: Manifest) -> list[dict[str, Any]]:
 
 def ellipsoid(content: RunAnalysis) -> dict[str, str] | None:
     """Describe the NEES and the combination of outputs that differs most; none without a covariance matrix."""
-    found, confidence = content.comparison.ellipsoid, content.comparison.confidence_each
-    if found is None:
+    result, confidence = content.comparison.ellipsoid, content.comparison.confidence_each
+    if result is None:
         return None
     joint = content.summary["joint"]
-    plain, paired = (with_error(each.value, each.reach(confidence)) for each in (found.nees, found.nees_paired))
+    plain, paired = (with_error(each.value, each.reach(confidence)) for each in (result.nees, result.nees_paired))
     return {
-        "dimension": f"{found.dimension}",
-        "mean": number(found.nees_paired.value),
+        "dimension": f"{result.dimension}",
+        "mean": number(result.nees_paired.value),
         "plain": plain,
         "paired": paired,
-        "about_mean": number(found.nees_about_mean),
-        "nees_verdict": found.judgement.verdict.value,
-        "verdict": found.verdict.value,
+        "about_mean": number(result.nees_about_mean),
+        "nees_verdict": result.judgement.verdict.value,
+        "verdict": result.verdict.value,
         "remark": joint_words.shortly(content.summary),
-        "ratio": number(float(found.direction_ratios[found.farthest]), 5),
+        "ratio": number(float(result.direction_ratios[result.farthest]), 5),
         "combination": joint_words.combination_words(joint["differing"], content.summary),
     }
 
 
 def farthest(content: RunAnalysis) -> list[dict[str, Any]]:
     """List the samples with the largest NEES."""
-    found = content.comparison.ellipsoid
-    if found is None:
+    result = content.comparison.ellipsoid
+    if result is None:
         return []
-    rows = np.argsort(-found.values, kind="stable")[:FARTHEST]
+    rows = np.argsort(-result.values, kind="stable")[:FARTHEST]
     numbers = content.index[np.isfinite(content.outputs).all(axis=1)]
-    return [{"index": int(numbers[k]), "nees": found.values[k], "outputs": content.flown[k]} for k in rows]
+    return [{"index": int(numbers[k]), "nees": result.values[k], "outputs": content.flown[k]} for k in rows]
 
 
 def variance_terms(content: RunAnalysis) -> dict[str, Any] | None:
     """Split the difference of each variance that differs, in per cent of the linear one; none where none does."""
-    found = content.causes
+    causes = content.causes
     linear = np.diag(content.comparison.covariance_linear)
     shown = [i for i, each in enumerate(content.comparison.outputs) if linear[i] > 0.0 and each.paired.certain]
-    if found is None or not shown:
+    if causes is None or not shown:
         return None
     per_cent = np.divide(100.0, linear, out=np.full_like(linear, np.nan), where=linear > 0.0)
-    rows = {TERM_NAMES[name]: [signed(value) for value in (found.terms[name] * per_cent)[shown]]
-        for name in TERMS if name in found.terms}  # fmt: skip
-    remainder = zip((found.terms["rest"] * per_cent)[shown], (found.standard_error * per_cent)[shown], strict=True)
+    rows = {TERM_NAMES[name]: [signed(value) for value in (causes.terms[name] * per_cent)[shown]]
+        for name in TERMS if name in causes.terms}  # fmt: skip
+    remainder = zip((causes.terms["rest"] * per_cent)[shown], (causes.standard_error * per_cent)[shown], strict=True)
     rows[TERM_NAMES["rest"]] = [with_error(value, error, sign=True) for value, error in remainder]
     return {
         "names": [content.output_names[i] for i in shown],
         "rows": rows,
-        "total": (found.total * per_cent)[shown],
-        "paired": (found.paired * per_cent)[shown],
-        "unscented": (found.unscented * per_cent)[shown],
-        "sentence": _largest_difference(content, found, per_cent, shown),
+        "total": (causes.total * per_cent)[shown],
+        "paired": (causes.paired * per_cent)[shown],
+        "unscented": (causes.unscented * per_cent)[shown],
+        "sentence": _largest_difference(content, causes, per_cent, shown),
         "normal_only": not content.manifest.normal,
     }
 
 
-def _largest_difference(content: RunAnalysis, found: VarianceBreakdown, per_cent: Array, shown: Sequence[int]) -> str:
+def _largest_difference(
+    content: RunAnalysis, breakdown: VarianceBreakdown, per_cent: Array, shown: Sequence[int]
+) -> str:
     """Explain the largest paired difference among some outputs."""
-    paired = np.nan_to_num(found.paired * per_cent)
+    paired = np.nan_to_num(breakdown.paired * per_cent)
     at = max(shown, key=lambda i: abs(paired[i]))
-    error, remainder = found.standard_error[at] * per_cent[at], found.terms["rest"][at] * per_cent[at]
-    predicted = (found.terms["second_order"] + found.terms["third_order"])[at] * per_cent[at]
+    error, remainder = breakdown.standard_error[at] * per_cent[at], breakdown.terms["rest"][at] * per_cent[at]
+    predicted = (breakdown.terms["second_order"] + breakdown.terms["third_order"])[at] * per_cent[at]
     if not np.isfinite(error) or not np.isfinite(predicted):
         return ""
     difference = (
@@ -200,17 +202,17 @@ def _largest_difference(content: RunAnalysis, found: VarianceBreakdown, per_cent
 
 def multivariate(content: RunAnalysis) -> list[tuple[str, str, str, HypothesisTest | None]]:
     """List the tests of all outputs together: name, hypothesis tested, symbol of the statistic, result."""
-    found = content.comparison.joint
-    if found is None:
+    joint = content.comparison.joint
+    if joint is None:
         return []
-    normality = found.normality
+    normality = joint.normality
     skewness, kurtosis = (normality.skewness_test, normality.kurtosis_test) if normality else (None, None)
     return [
-        ("Covariance, paired", "cov(y) = cov(P·s)", "F", found.covariance_paired),
-        ("Covariance, likelihood ratio", "cov(y) = P·S·Pᵀ", "χ²", found.covariance),
-        ("Bias, paired T²", "Monte Carlo and linear errors have the same mean", "F", found.bias_paired),
-        ("Bias, Hotelling's T²", "the sample mean is the linear one", "F", found.bias),
-        ("NEES, Kolmogorov-Smirnov", "NEES follows χ²", "D", found.nees),
+        ("Covariance, paired", "cov(y) = cov(P·s)", "F", joint.covariance_paired),
+        ("Covariance, likelihood ratio", "cov(y) = P·S·Pᵀ", "χ²", joint.covariance),
+        ("Bias, paired T²", "Monte Carlo and linear errors have the same mean", "F", joint.bias_paired),
+        ("Bias, Hotelling's T²", "the sample mean is the linear one", "F", joint.bias),
+        ("NEES, Kolmogorov-Smirnov", "NEES follows χ²", "D", joint.nees),
         ("Mardia's skewness", "the outputs have the symmetry of a normal distribution", "χ²", skewness),
         ("Mardia's kurtosis", "the outputs have the tails of a normal distribution", "z", kurtosis),
     ]

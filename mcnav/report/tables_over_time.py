@@ -22,10 +22,10 @@ EPOCHS: Final = "epochs"
 
 def tables_over_time(content: RunAnalysis, units: Units = "shown") -> dict[str, ResultTable]:
     """Return the tables of results over the flight by name, without those that a run has not."""
-    found = [epochs(content, units), budget_over_time(content, units)]
+    tables = [epochs(content, units), budget_over_time(content, units)]
     if content.filter is not None:
-        found += [_nees(content.filter), _nis(content.filter), _states(content.filter, units)]
-    return {table.name: table for table in found if table is not None and len(table)}
+        tables += [_nees(content.filter), _nis(content.filter), _states(content.filter, units)]
+    return {table.name: table for table in tables if table is not None and len(table)}
 
 
 def epochs(content: RunAnalysis, units: Units = "shown") -> ResultTable | None:
@@ -64,20 +64,20 @@ def _by_name(
     return columns, np.array([factor for factor, _ in shown])
 
 
-def _of_filter(found: FilterConsistency | None, known: Envelopes, scale: Array) -> dict[str, Array]:
+def _of_filter(consistency: FilterConsistency | None, known: Envelopes, scale: Array) -> dict[str, Array]:
     """Return columns that compare the outputs' errors with the filter's sigmas."""
-    if found is None or len(found.times) != len(known.times) or len(found.outputs) != len(scale):
+    if consistency is None or len(consistency.times) != len(known.times) or len(consistency.outputs) != len(scale):
         return {}
     columns = {
-        "rms": _across([each.true for each in found.outputs], scale),
-        "sigma_filter": _across([each.filter for each in found.outputs], scale),
-        **_bands("ratio_filter", [each.ratio for each in found.outputs]),
+        "rms": _across([each.true for each in consistency.outputs], scale),
+        "sigma_filter": _across([each.filter for each in consistency.outputs], scale),
+        **_bands("ratio_filter", [each.ratio for each in consistency.outputs]),
     }
-    if all(each.filter_linear is not None for each in found.outputs):
-        columns["sigma_filter_linear"] = _across([_known(each.filter_linear) for each in found.outputs], scale)
+    if all(each.filter_linear is not None for each in consistency.outputs):
+        columns["sigma_filter_linear"] = _across([_known(each.filter_linear) for each in consistency.outputs], scale)
     for name, bands in (
-        ("within_1_sigma", [each.within_1 for each in found.outputs]),
-        ("within_3_sigma", [each.within_3 for each in found.outputs]),
+        ("within_1_sigma", [each.within_1 for each in consistency.outputs]),
+        ("within_3_sigma", [each.within_3 for each in consistency.outputs]),
     ):
         if all(band is not None for band in bands):
             columns |= _bands(name, [band for band in bands if band is not None])
@@ -95,9 +95,9 @@ def _across(columns: Sequence[Array], scale: Array | float = 1.0) -> Array:
 
 def _bands(name: str, bands: Sequence[Band]) -> dict[str, Array]:
     """Return values and intervals of several quantities, epoch by epoch; each interval holds by itself."""
-    found = {name: [band.value for band in bands]}
-    found |= {f"{name}_{end}": [band.each[:, k] for band in bands] for k, end in enumerate(("from", "to"))}
-    return {key: _across(values) for key, values in found.items()}
+    result = {name: [band.value for band in bands]}
+    result |= {f"{name}_{end}": [band.each[:, k] for band in bands] for k, end in enumerate(("from", "to"))}
+    return {key: _across(values) for key, values in result.items()}
 
 
 def budget_over_time(content: RunAnalysis, units: Units = "shown") -> ResultTable | None:
@@ -122,7 +122,7 @@ def budget_over_time(content: RunAnalysis, units: Units = "shown") -> ResultTabl
     with np.errstate(invalid="ignore", divide="ignore"):
         shares = variances / whole[:, :, None]
     label, output, unit = repeated.values()
-    found = {
+    table = {
         known.label: label,
         "output": output,
         "cause": np.tile(np.array(list(parts), dtype=object), whole.size),
@@ -130,23 +130,23 @@ def budget_over_time(content: RunAnalysis, units: Units = "shown") -> ResultTabl
         "sigma": (np.sqrt(np.maximum(variances, 0.0)) * scale[:, None]).ravel(),
         "share": shares.ravel(),
     }
-    return ResultTable("budget_over_time", "Linear error budget over the flight", 3, found)
+    return ResultTable("budget_over_time", "Linear error budget over the flight", 3, table)
 
 
-def _named(found: FilterConsistency, kind: str, names: Sequence[str]) -> dict[str, NDArray[Any]]:
+def _named(consistency: FilterConsistency, kind: str, names: Sequence[str]) -> dict[str, NDArray[Any]]:
     """Return the columns that identify rows by time and name."""
     return {
-        found.label: np.repeat(found.times, len(names)),
-        kind: np.tile(np.array(names, dtype=object), len(found.times)),
+        consistency.label: np.repeat(consistency.times, len(names)),
+        kind: np.tile(np.array(names, dtype=object), len(consistency.times)),
     }
 
 
-def _nees(found: FilterConsistency) -> ResultTable | None:
+def _nees(consistency: FilterConsistency) -> ResultTable | None:
     """Tabulate the mean NEES of each group of states, and the root of its ratio to the number of states."""
-    groups, instants = found.groups, len(found.times)
+    groups, instants = consistency.groups, len(consistency.times)
     if not groups:
         return None
-    columns: dict[str, Any] = _named(found, "group", [group.name for group in groups])
+    columns: dict[str, Any] = _named(consistency, "group", [group.name for group in groups])
     columns["states"] = np.tile([group.size for group in groups], instants)
     columns |= _bands("nees", [group.nees for group in groups])
     for k, end in enumerate(("from", "to")):
@@ -156,13 +156,13 @@ def _nees(found: FilterConsistency) -> ResultTable | None:
     return ResultTable("nees", "Mean NEES over the flight", 2, columns | {"ratio_linear": _across(linear)})
 
 
-def _nis(found: FilterConsistency) -> ResultTable | None:
+def _nis(consistency: FilterConsistency) -> ResultTable | None:
     """Tabulate updates and the mean NIS of each sensor since the epoch before."""
-    sensors = found.sensors
+    sensors = consistency.sensors
     if not sensors:
         return None
-    columns: dict[str, Any] = _named(found, "sensor", [sensor.name for sensor in sensors])
-    columns["components"] = np.tile([sensor.size for sensor in sensors], len(found.times))
+    columns: dict[str, Any] = _named(consistency, "sensor", [sensor.name for sensor in sensors])
+    columns["components"] = np.tile([sensor.size for sensor in sensors], len(consistency.times))
     columns["accepted"] = _across([sensor.accepted for sensor in sensors])
     columns["rejected"] = _across([sensor.rejected for sensor in sensors])
     columns |= _bands("nis", [sensor.nis for sensor in sensors])
@@ -171,15 +171,15 @@ def _nis(found: FilterConsistency) -> ResultTable | None:
     return ResultTable("nis", "Mean NIS over the flight", 2, columns)
 
 
-def _states(found: FilterConsistency, units: Units) -> ResultTable | None:
+def _states(consistency: FilterConsistency, units: Units) -> ResultTable | None:
     """Tabulate true and filter sigma of the filter's other states."""
-    states: Sequence[SigmaConsistency] = found.states
+    states: Sequence[SigmaConsistency] = consistency.states
     if not states:
         return None
-    columns: dict[str, Any] = _named(found, "state", [state.name for state in states])
+    columns: dict[str, Any] = _named(consistency, "state", [state.name for state in states])
     shown = [in_units(state.unit, state.shown_in, units) for state in states]
     scale = np.array([factor for factor, _ in shown])
-    columns["unit"] = np.tile(np.array([unit for _, unit in shown], dtype=object), len(found.times))
+    columns["unit"] = np.tile(np.array([unit for _, unit in shown], dtype=object), len(consistency.times))
     for name, sigmas in _sigmas(states).items():
         columns[name] = _across(sigmas, scale)
     columns |= _bands("ratio_filter", [state.ratio for state in states])
@@ -188,11 +188,11 @@ def _states(found: FilterConsistency, units: Units) -> ResultTable | None:
 
 def _sigmas(states: Sequence[SigmaConsistency]) -> Mapping[str, list[Array]]:
     """Return the sigmas of states by the names of columns, linear ones where all are known."""
-    found = {"rms": [state.true for state in states], "sigma_filter": [state.filter for state in states]}
+    sigmas = {"rms": [state.true for state in states], "sigma_filter": [state.filter for state in states]}
     for name, values in (
         ("rms_linear", [state.true_linear for state in states]),
         ("sigma_filter_linear", [state.filter_linear for state in states]),
     ):
         if all(each is not None for each in values):
-            found[name] = [_known(each) for each in values]
-    return found
+            sigmas[name] = [_known(each) for each in values]
+    return sigmas

@@ -39,17 +39,17 @@ def verdict(summary: Mapping[str, Any]) -> RenderableType:
     """State the verdict in sentences, that on a filter as well."""
     lines = [Text(sentences.headline(summary), style=f"bold {COLOURS[sentences.standing(summary)]}")]
     remarks = (sentences.certain_but_small, sentences.stopping, sentences.caveat, sentences.failures)
-    found = [*sentences.findings(summary), *(remark(summary) for remark in remarks)]
-    lines += [Text(sentence) for sentence in found if sentence]
+    result = [*sentences.findings(summary), *(remark(summary) for remark in remarks)]
+    lines += [Text(sentence) for sentence in result if sentence]
     return Group(*lines, *filter_lines(summary))
 
 
 def filter_lines(summary: Mapping[str, Any]) -> list[Text]:
     """List the sentences on a filter; none without a filter."""
-    found = filter_verdict.verdict(summary)
-    if not found:
+    lines = filter_verdict.verdict(summary)
+    if not lines:
         return []
-    stated = Text(filter_verdict.headline(summary), style=f"bold {COLOURS[filter_verdict.TONES[found]]}")
+    stated = Text(filter_verdict.headline(summary), style=f"bold {COLOURS[filter_verdict.TONES[lines]]}")
     return [stated, *(Text(sentence) for sentence in [filter_verdict.explanation(summary)] if sentence)]
 
 
@@ -71,9 +71,9 @@ def comparison(runs: Mapping[str, Mapping[str, Any]]) -> RenderableType:
             ends = interval(row[f"ratio_{kind}_from"], row[f"ratio_{kind}_to"])
             sigmas.append((_shown(row[f"sigma_{kind}"], ".5g"), _shown(row[f"ratio_{kind}"], ".4f"), ends))
         label = f"{humanize(row['output'])} [{row['unit']}]"
-        found = Text(row["verdict"] or "–", style=COLOURS.get(row["verdict"], ""))
+        text = Text(row["verdict"] or "–", style=COLOURS.get(row["verdict"], ""))
         run = [row["run"]] if several else []
-        table.add(label, *run, _shown(row["sigma_linear"], ".5g"), *sigmas[0], found, *sigmas[1])
+        table.add(label, *run, _shown(row["sigma_linear"], ".5g"), *sigmas[0], text, *sigmas[1])
     return table
 
 
@@ -83,27 +83,27 @@ def _shown(value: float | None, form: str) -> str:
 
 def warnings(runs: Mapping[str, Mapping[str, Any]]) -> RenderableType | None:
     """Warn of runs without a valid linear model; none where all have one."""
-    found = [(name, sentences.unsettled(summary)) for name, summary in runs.items()]
-    lines = [Text(f"{name}: {words}", style="bold red") for name, words in found if words]
+    result = [(name, sentences.unsettled(summary)) for name, summary in runs.items()]
+    lines = [Text(f"{name}: {words}", style="bold red") for name, words in result if words]
     return Group(*lines) if lines else None
 
 
-def inputs(found: pd.DataFrame) -> RenderableType:
+def inputs(result: pd.DataFrame) -> RenderableType:
     """Tabulate the inputs that differ between runs, one line per key."""
-    table = FittedTable("Changed inputs", texts("key", *found.columns))
-    for key, values in found.iterrows():
+    table = FittedTable("Changed inputs", texts("key", *result.columns))
+    for key, values in result.iterrows():
         table.add(str(key), *(shortened(value) for value in values))
     return table if table.rows else Text("The runs have the same campaign, engine and versions.")
 
 
-def changes(first: str, found: pd.DataFrame) -> RenderableType:
+def changes(first: str, result: pd.DataFrame) -> RenderableType:
     """Tabulate the change of each output from the first run; see `mcnav.report.comparison.outputs`."""
     columns = [
         *texts("final error, 1σ", "run"), *numbers("paired σ before", "after", "ratio", "interval"),
         *texts("random numbers", "change"),
     ]  # fmt: skip
     table = FittedTable(f"Change from {first}", columns, keys=2)
-    for row in found.to_dict("records"):
+    for row in result.to_dict("records"):
         table.add(
             f"{humanize(row['output'])} [{row['unit']}]", row["run"], _shown(row["sigma before"], ".5g"),
             _shown(row["sigma after"], ".5g"), _shown(row["ratio"], ".4f"), interval(row["from"], row["to"]),
@@ -153,15 +153,15 @@ def agreement(outputs: Sequence[Output], differences: Mapping[str, Array]) -> Re
     return table
 
 
-def linearity(outputs: Sequence[Output], found: DispersionRange, tolerance: float) -> RenderableType:
+def linearity(outputs: Sequence[Output], dispersion_range: DispersionRange, tolerance: float) -> RenderableType:
     """State by what factor errors may grow, and tabulate the multiples at which sigmas leave the tolerance."""
     title = f"Multiple of the stated errors at which a sigma differs from the linear one by {100 * tolerance:g} %"
     headings = ("agrees up to", "exceeds tolerance at", "differs from")
     table = FittedTable(title, [*texts("1σ of"), *numbers(*headings)])
     names = [humanize(output.name) for output in outputs]
-    for name, words in linearity_words.linearity_rows(names, found):
+    for name, words in linearity_words.linearity_rows(names, dispersion_range):
         table.add(name, *words)
-    return Group(Text(linearity_words.answer(names, found, tolerance), style="bold"), "", table)
+    return Group(Text(linearity_words.answer(names, dispersion_range, tolerance), style="bold"), "", table)
 
 
 def best_starts(
@@ -185,19 +185,19 @@ def best_starts(
 
         time = float(study.times[place])
         cells = [f"{time / 60.0:.1f}", size(study.sigma[place]), size(own_sigma)]
-        found = next((each for when, each in checked.items() if np.isclose(when, time, rtol=0.0, atol=1e-6)), None)
-        if found is not None and found.outputs:
-            verdicts = [each.paired.verdict for each, weight in zip(found.outputs, weights, strict=True) if weight > 0]
-            cells += [size(np.array([each.sigma_paired for each in found.outputs])), combine_verdicts(verdicts).value]
+        result = next((each for when, each in checked.items() if np.isclose(when, time, rtol=0.0, atol=1e-6)), None)
+        if result is not None and result.outputs:
+            verdicts = [each.paired.verdict for each, weight in zip(result.outputs, weights, strict=True) if weight > 0]
+            cells += [size(np.array([each.sigma_paired for each in result.outputs])), combine_verdicts(verdicts).value]
         elif checked:
             cells += ["–", "not checked"]
         table.add(*(Text(cell, style=COLOURS.get(cell, "")) for cell in (label, *cells)))
     return Group(Text(start_time_words.answer(study, checked, outputs), style="bold"), "", table)
 
 
-def checks(found: Sequence[tuple[str, bool, str]]) -> RenderableType:
+def checks(result: Sequence[tuple[str, bool, str]]) -> RenderableType:
     """Tabulate the checks of a scenario: name, whether it passed, and the finding."""
     table = FittedTable("Checks of the scenario", texts("check", "result", "finding"), keys=2)
-    for name, passed, finding in found:
+    for name, passed, finding in result:
         table.add(name, Text("passed" if passed else "failed", style="green" if passed else "red"), finding)
     return table

@@ -70,42 +70,42 @@ class TrajectoryReport:
     departure: float | None = None
 
 
-def fact_rows(found: TrajectoryReport) -> list[dict[str, Any]]:
+def fact_rows(report: TrajectoryReport) -> list[dict[str, Any]]:
     """Tabulate the facts: what, value, unit, and when."""
-    steps = np.diff(found.times)
+    steps = np.diff(report.times)
 
     def row(fact: str, value: float, unit: str, time: float | None = None) -> dict[str, Any]:
         return {"fact": fact, "value": float(value), "unit": unit, "time": time}
 
     place = int(np.argmax(steps))
     rows = [
-        row("rows", len(found.times), ""),
-        row("first instant", found.times[0], "s"),
-        row("last instant", found.times[-1], "s"),
+        row("rows", len(report.times), ""),
+        row("first instant", report.times[0], "s"),
+        row("last instant", report.times[-1], "s"),
         row("median step", np.median(steps), "s"),
-        row("shortest step", steps.min(), "s", float(found.times[int(np.argmin(steps))])),
-        row("longest step", steps[place], "s", float(found.times[place])),
-        row("lowest latitude", found.latitude[0], "deg"),
-        row("highest latitude", found.latitude[1], "deg"),
-        row("westernmost longitude", found.longitude[0], "deg"),
-        row("easternmost longitude", found.longitude[1], "deg"),
-        row("lowest altitude", found.altitude[0], "m"),
-        row("highest altitude", found.altitude[1], "m"),
-        row("lowest speed", found.speed[0], "m/s"),
-        row("highest speed", found.speed[1], "m/s"),
-        row("length of the path", found.distance / 1e3, "km"),
-        row("largest specific force", found.force.value / STANDARD_GRAVITY, "g", found.force.time),
-        row("roughness of the force (rms)", found.roughness / STANDARD_GRAVITY, "g"),
-        row("largest turn rate", math.degrees(found.turn_rate.value), "deg/s", found.turn_rate.time),
+        row("shortest step", steps.min(), "s", float(report.times[int(np.argmin(steps))])),
+        row("longest step", steps[place], "s", float(report.times[place])),
+        row("lowest latitude", report.latitude[0], "deg"),
+        row("highest latitude", report.latitude[1], "deg"),
+        row("westernmost longitude", report.longitude[0], "deg"),
+        row("easternmost longitude", report.longitude[1], "deg"),
+        row("lowest altitude", report.altitude[0], "m"),
+        row("highest altitude", report.altitude[1], "m"),
+        row("lowest speed", report.speed[0], "m/s"),
+        row("highest speed", report.speed[1], "m/s"),
+        row("length of the path", report.distance / 1e3, "km"),
+        row("largest specific force", report.force.value / STANDARD_GRAVITY, "g", report.force.time),
+        row("roughness of the force (rms)", report.roughness / STANDARD_GRAVITY, "g"),
+        row("largest turn rate", math.degrees(report.turn_rate.value), "deg/s", report.turn_rate.time),
     ]
-    if (compared := compare_with_track(found.history)) is not None:
+    if (compared := compare_with_track(report.history)) is not None:
         rows.append(row(f"motion with heading and track {APART:g}° apart", 100.0 * compared.apart, "%"))
-    if found.departure is not None:
-        rows.append(row("largest distance of rows from the spline", found.departure, "m"))
-    if found.disagreement is not None and found.disagreement_rms is not None:
-        rows.append(row("disagreement of the velocities (rms)", found.disagreement_rms, "m/s"))
+    if report.departure is not None:
+        rows.append(row("largest distance of rows from the spline", report.departure, "m"))
+    if report.disagreement is not None and report.disagreement_rms is not None:
+        rows.append(row("disagreement of the velocities (rms)", report.disagreement_rms, "m/s"))
         rows.append(
-            row("largest disagreement of the velocities", found.disagreement.value, "m/s", found.disagreement.time)
+            row("largest disagreement of the velocities", report.disagreement.value, "m/s", report.disagreement.time)
         )
     return rows
 
@@ -121,23 +121,23 @@ def _plain(value: float) -> str:
     return number(value, 6) if value != 0.0 and not 1e-4 <= abs(value) < 1e8 else f"{value:,.6g}".replace("-", "−")
 
 
-def lines(found: TrajectoryReport) -> RenderableType:
+def lines(report: TrajectoryReport) -> RenderableType:
     """Tabulate the facts for the terminal, with a remark on a heading that can hardly be right."""
-    table = FittedTable(found.name, [*texts("trajectory"), *numbers("value"), *texts("unit"), *numbers("at, s")])
-    for row in fact_rows(found):
+    table = FittedTable(report.name, [*texts("trajectory"), *numbers("value"), *texts("unit"), *numbers("at, s")])
+    for row in fact_rows(report):
         table.add(*_texts(row))
-    remark = heading_remark(found.history)
+    remark = heading_remark(report.history)
     return Group(table, Text(remark, style="bold yellow")) if remark else table
 
 
-def page(found: TrajectoryReport) -> str:
+def page(report: TrajectoryReport) -> str:
     """Render the HTML page."""
-    figure = flight(found.history)
-    title = f"Trajectory: {found.name}"
+    figure = flight(report.history)
+    title = f"Trajectory: {report.name}"
     return filled(
         "trajectory.html",
-        name=found.name,
-        remark=heading_remark(found.history),
-        facts=[_texts(row) for row in fact_rows(found)],
+        name=report.name,
+        remark=heading_remark(report.history),
+        facts=[_texts(row) for row in fact_rows(report)],
         flight=None if figure is None else replace(figure, title=title),
     )

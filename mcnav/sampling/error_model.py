@@ -104,10 +104,10 @@ class ErrorModel:
                     message = f"{self.names[k]} has no dispersion, so that nothing can be correlated with it"
                     raise CorrelationError(message, entry)
             try:
-                found, copula = self._correlated(i, j, correlation)
+                result, copula = self._correlated(i, j, correlation)
             except ValueError as problem:
                 raise CorrelationError(str(problem), entry) from None
-            self._correlation[i, j] = self._correlation[j, i] = found
+            self._correlation[i, j] = self._correlation[j, i] = result
             normal[i, j] = normal[j, i] = copula
         try:
             semidefinite_factor(self._correlation)
@@ -117,14 +117,14 @@ class ErrorModel:
 
     def _groups(self) -> tuple[int | None, ...]:
         """Find the index of each source's group."""
-        found: list[int | None] = [None] * len(self.names)
+        groups: list[int | None] = [None] * len(self.names)
         for number, group in enumerate(self._joint):
             for name in group.sources:
                 i = self.names.index(name)
-                if found[i] is not None:
+                if groups[i] is not None:
                     raise JointError(f"{name} is named twice", number)
-                found[i] = number
-        return tuple(found)
+                groups[i] = number
+        return tuple(groups)
 
     def _member(self, name: str, stated: Distribution, number: int) -> Distribution:
         """Return Student's t with the sigma of a normal source."""

@@ -20,8 +20,8 @@ def continuous_distributions() -> dict[str, Any]:
     """Return all continuous distributions of scipy.stats by name."""
     from scipy import stats  # the import takes half a second
 
-    found = {name: getattr(stats, name) for name in dir(stats)}
-    return {name: each for name, each in found.items() if isinstance(each, stats.rv_continuous)}
+    distributions = {name: getattr(stats, name) for name in dir(stats)}
+    return {name: each for name, each in distributions.items() if isinstance(each, stats.rv_continuous)}
 
 
 def shape_names(name: str) -> tuple[str, ...]:

@@ -58,8 +58,8 @@ def _directions(dimensions: int, count: int) -> Bits:
     """Compute the first direction numbers of each dimension, shape (dimensions, count); number k has k + 1 digits."""
     with np.load(_DIRECTIONS) as table:
         polynomials, starts = table["poly"][:dimensions].tolist(), table["vinit"][:dimensions].tolist()
-    found = np.ones((dimensions, count), dtype=np.uint64)
-    for row, polynomial, start in zip(found[1:], polynomials[1:], starts[1:], strict=True):
+    bits = np.ones((dimensions, count), dtype=np.uint64)
+    for row, polynomial, start in zip(bits[1:], polynomials[1:], starts[1:], strict=True):
         degree = polynomial.bit_length() - 1
         numbers = start[:degree]
         for k in range(degree, count):
@@ -68,4 +68,4 @@ def _directions(dimensions: int, count: int) -> Bits:
                 number ^= (numbers[k - back] << back) * (polynomial >> degree - back & 1)
             numbers.append(number)
         row[:] = numbers[:count]
-    return found
+    return bits

@@ -48,10 +48,10 @@ def scatter(values: Array) -> Array:
 
 def squared_distances(values: Array, centre: Array, given: Whitening) -> Array:
     """Compute squared distances from a centre in whitened coordinates, shape (n,), of samples of shape (n, k)."""
-    found = np.empty(len(values))
+    distances = np.empty(len(values))
     for part in stretches(len(values)):
-        found[part] = np.sum((given.matrix.T @ (values[part] - centre).T) ** 2, axis=0)
-    return found
+        distances[part] = np.sum((given.matrix.T @ (values[part] - centre).T) ** 2, axis=0)
+    return distances
 
 
 @dataclass

@@ -55,14 +55,16 @@ class FilterSums:
             records = np.where(known, records, 0.0)
         squared = records[:, :, schema.places["state_error"]] ** 2
         blocks = [records, squared] if squared.shape[2] else [records]
-        found: tuple[list[Array], list[Array], list[Array]] = [], [], []
+        filter_sums: tuple[list[Array], list[Array], list[Array]] = [], [], []
         counted = known, known[:, :, schema.places["state_error"]]
         for block, finite in zip(blocks, counted, strict=False):
             totals, any_known = block.sum(axis=1), finite.any(axis=1)
-            found[0].append(np.vstack([finite.sum(axis=0), any_known.sum(axis=0)]))
-            found[1].append(np.vstack([block.sum(axis=0), totals.sum(axis=0)]))
-            found[2].append(np.vstack([np.einsum("nmf,nmf->mf", block, block), np.einsum("nf,nf->f", totals, totals)]))
-        counts, sums, squares = (np.concatenate(blocks, axis=1).astype(float) for blocks in found)
+            filter_sums[0].append(np.vstack([finite.sum(axis=0), any_known.sum(axis=0)]))
+            filter_sums[1].append(np.vstack([block.sum(axis=0), totals.sum(axis=0)]))
+            filter_sums[2].append(
+                np.vstack([np.einsum("nmf,nmf->mf", block, block), np.einsum("nf,nf->f", totals, totals)])
+            )
+        counts, sums, squares = (np.concatenate(blocks, axis=1).astype(float) for blocks in filter_sums)
         return cls(len(records), counts, sums, squares)
 
     def __add__(self, other: FilterSums) -> FilterSums:
@@ -116,8 +118,8 @@ class FilterMeans:
         return cls(schema, sums.samples, sums.means)
 
     def _at(self, columns: slice | IndexArray) -> Means:
-        found = self.means
-        return Means(found.value[:, columns], found.standard_error[:, columns], found.count[:, columns])
+        means = self.means
+        return Means(means.value[:, columns], means.standard_error[:, columns], means.count[:, columns])
 
     def at(self, name: str) -> Means:
         """Return the means of columns by the name of their place, shape (m + 1, columns)."""
@@ -143,12 +145,12 @@ class FilterMeans:
         """Yield the name of each sensor, the size of its measurements, and the means of its columns, shape (m + 1,)."""
         for name, size in self.schema.sensors.items():
             first = self.schema.places[f"sensor:{name}"].start
-            found = self.means
+            means = self.means
             yield (
                 name,
                 size,
                 {
-                    key: Means(found.value[:, column], found.standard_error[:, column], found.count[:, column])
+                    key: Means(means.value[:, column], means.standard_error[:, column], means.count[:, column])
                     for column, key in enumerate(BY_SENSOR, start=first)
                 },
             )

@@ -52,8 +52,8 @@ def samples_to_meet(shares: Sequence[float], allowed: float, confidence: float) 
         last = first(critical + 1) - 1
         return sum(1.0 - _at_most(critical, last, share) for share in shares) <= 1.0 - USUAL_POWER
 
-    found = first(_smallest(decides, allowed))
-    return found if found < MOST else None
+    samples = first(_smallest(decides, allowed))
+    return samples if samples < MOST else None
 
 
 def samples_to_reject(shares: Sequence[float], allowed: float, confidence: float) -> int | None:
@@ -77,8 +77,8 @@ def samples_to_reject(shares: Sequence[float], allowed: float, confidence: float
     def decides(critical: int) -> bool:
         return 1.0 - _at_most(critical - 1, first(critical), share) >= USUAL_POWER
 
-    found = first(_smallest(decides, allowed))
-    return found if found < MOST else None
+    samples = first(_smallest(decides, allowed))
+    return samples if samples < MOST else None
 
 
 def samples_for_ratio(

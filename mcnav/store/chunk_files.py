@@ -319,12 +319,12 @@ def verify_chunk(folder: Path, number: int, identity: str, stored_rows: int | No
 
 def identities_in(folder: Path) -> set[str]:
     """Collect the identities of the chunks in a folder that can be read."""
-    found = set()
+    identities = set()
     for path in sorted(folder.glob("part-*.parquet")):
         with suppress(OSError, pa.ArrowException, ValueError, KeyError):
             marks = pq.read_schema(io.BytesIO(read_whole(path, LARGEST_CHUNK))).metadata or {}
-            found.add(marks[b"mcnav.identity"].decode())
-    return found
+            identities.add(marks[b"mcnav.identity"].decode())
+    return identities
 
 
 def _described(number: int, begin: int, count: int, failed: int, fallback_count: int, content: bytes) -> ChunkFile:

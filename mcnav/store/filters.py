@@ -79,11 +79,11 @@ def filter_table(epochs: Epochs, outputs: Sequence[Output], means: FilterMeans) 
     for i, (state, (unit, _)) in enumerate(zip(schema.states, schema.units, strict=True)):
         columns[f"error {state} [{unit}]"] = np.sqrt(np.maximum(errors[:, i], 0.0))
         columns[f"filter sigma {state} [{unit}]"] = np.sqrt(np.maximum(variances[:, i], 0.0))
-    for sensor, _, found in means.sensors():
-        accepted, rejected = found["accepted"].value[:-1], found["rejected"].value[:-1]
+    for sensor, _, table in means.sensors():
+        accepted, rejected = table["accepted"].value[:-1], table["rejected"].value[:-1]
         columns[f"accepted {sensor}"], columns[f"rejected {sensor}"] = accepted, rejected
-        columns[f"nis {sensor}"] = _over(found["nis"].value[:-1], accepted + rejected)
-        columns[f"lag {sensor}"] = _over(found["lag"].value[:-1], found["lags"].value[:-1])
+        columns[f"nis {sensor}"] = _over(table["nis"].value[:-1], accepted + rejected)
+        columns[f"lag {sensor}"] = _over(table["lag"].value[:-1], table["lags"].value[:-1])
     return parquet_bytes(arrow_table(columns))
 
 

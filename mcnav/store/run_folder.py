@@ -217,14 +217,14 @@ class RunFolder:
             raise RunFolderError(f"{self.path / name}: cannot be read: {told}; {remedy}") from None
 
     def _json(self, name: str, remedy: str) -> dict[str, Any] | None:
-        found = self._read(name, remedy)
-        if found is None:
+        result = self._read(name, remedy)
+        if result is None:
             return None
-        if sum(found.count(mark) for mark in (b",", b"[", b"{")) > MOST_ENTRIES:
+        if sum(result.count(mark) for mark in (b",", b"[", b"{")) > MOST_ENTRIES:
             raise RunFolderError(f"{self.path / name}: has more than {MOST_ENTRIES:,} entries; {remedy}")
         try:
-            content = json.loads(found.decode("utf-8"))
-            if _SURROGATE.search(found):
+            content = json.loads(result.decode("utf-8"))
+            if _SURROGATE.search(result):
                 json.dumps(content, ensure_ascii=False).encode()  # half a pair alone cannot be encoded, nor printed
         except (ValueError, RecursionError):
             content = None
@@ -357,7 +357,7 @@ class RunFolder:
         layout = manifest.sample_schema
         begins = list(accumulate((_rows_of(chunk, stored_rows) for chunk in chunks), initial=0))
         columns = sum(map(len, (layout.errors, layout.outputs, layout.linear, layout.filter))) + 2
-        room = LARGEST_CHUNK + sum(min(MOST_EXPANSION * found.stat().st_size, LARGEST_CHUNK) for found in present)
+        room = LARGEST_CHUNK + sum(min(MOST_EXPANSION * result.stat().st_size, LARGEST_CHUNK) for result in present)
         if 8 * begins[-1] * columns > room and len(present) >= len(chunks):
             raise ValueError("it claims to have more samples than there is room for")
         samples = room_for(begins[-1], layout)
@@ -477,9 +477,9 @@ def _refuse_links(places: Sequence[Path]) -> None:
 
 def _refuse_strangers(present: Sequence[Path], listed: Set[str]) -> None:
     """Raise `RunFolderError` when there are files that the manifest does not list."""
-    for found in present:
-        if found.name not in listed and not found.name.startswith("."):
-            raise RunFolderError(f"{found}: is not of this run; remove it, or run the campaign again with --fresh")
+    for result in present:
+        if result.name not in listed and not result.name.startswith("."):
+            raise RunFolderError(f"{result}: is not of this run; remove it, or run the campaign again with --fresh")
 
 
 def _verified(path: Path, chunk: ChunkFile, stored_rows: int | None) -> pa.Table:

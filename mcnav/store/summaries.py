@@ -136,7 +136,7 @@ class Summary:
 def collect_summary(folder: Path, chunks: Sequence[ChunkFile]) -> Summary:
     """Add up the summaries of all chunks in order of index."""
     schemas = (pq.read_schema(folder / chunk.file) for chunk in chunks)
-    found = [Summary.from_mark((schema.metadata or {})[MARK.encode()]) for schema in schemas]
-    while len(found) > 1:  # neighbours first: the blocks are copied a few times, not once for each chunk
-        found = [one if other is None else one + other for one, other in zip_longest(found[::2], found[1::2])]
-    return found[0]
+    marks = [Summary.from_mark((schema.metadata or {})[MARK.encode()]) for schema in schemas]
+    while len(marks) > 1:  # neighbours first: the blocks are copied a few times, not once for each chunk
+        marks = [one if other is None else one + other for one, other in zip_longest(marks[::2], marks[1::2])]
+    return marks[0]

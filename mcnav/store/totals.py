@@ -62,7 +62,7 @@ def read_totals(
         if schema is not None and (filter_sums := filter_sums_in(marks, schema)) is not None:
             filters = filter_sums if filters is None else filters + filter_sums
         if known:
-            found = first_histories_in(marks, chunk, pivot.shape)
-            known = found is not None
-            first += [] if found is None else [found]
+            first_histories = first_histories_in(marks, chunk, pivot.shape)
+            known = first_histories is not None
+            first += [] if first_histories is None else [first_histories]
     return Totals(power, filters, np.concatenate(first) if known and first else None)

@@ -134,12 +134,12 @@ class _Variations:
             if not knows_covariance(scenario):
                 return self.judged(values)
             with one_thread():
-                found = scenario.covariance_readings(
+                readings = scenario.covariance_readings(
                     scenario.reading_times, errors.mean, errors.covariance, self._shared
                 )
-            moments = Moments(found.times, found.mean, found.covariance)
+            moments = Moments(readings.times, readings.mean, readings.covariance)
             required = [each.requirement for each in self.base.requirements]
-            self._tried[key] = judge_linearly(required, found.mean[-1], found.covariance[-1], moments)
+            self._tried[key] = judge_linearly(required, readings.mean[-1], readings.covariance[-1], moments)
         return self._tried[key]
 
     def with_multiple(self, changed: Sequence[DataSheetNumber], factor: float) -> tuple[LinearRequirement, ...] | None:
@@ -177,12 +177,12 @@ class _Scaled:
 
 def values_of(changed: Sequence[DataSheetNumber], factor: float) -> dict[str, Value]:
     """Return the keys to be set where some numbers are multiplied."""
-    found: dict[str, Value] = {}
+    values: dict[str, Value] = {}
     for number in changed:
-        found |= number.multiplied(factor)
+        values |= number.multiplied(factor)
     for number in changed:  # those that another one kept as they are
-        found |= {path: value for path, value in number.multiplied(factor).items() if path == number.path}
-    return found
+        values |= {path: value for path, value in number.multiplied(factor).items() if path == number.path}
+    return values
 
 
 def allocate(campaign: str | Path | Campaign | Mapping[str, Any], progress: Progress = SILENT) -> Allocation:
@@ -214,18 +214,18 @@ def allocate(campaign: str | Path | Campaign | Mapping[str, Any], progress: Prog
     progress.phase(Phase.SIMULATING, note="linear answers of changed numbers")
     unmet = [number for number in judged if not base.requirements[number].met]
     goals = [(number,) for number in unmet] + ([judged] if len(judged) > 1 and unmet else [])
-    found = tuple(_goal(variations, goal) for goal in goals or [judged])
+    allocation = tuple(_goal(variations, goal) for goal in goals or [judged])
     grades = _search_grades(variations, judged, finer=bool(unmet))
-    return Allocation(base, len(variations.numbers), found, grades, variations.computed)
+    return Allocation(base, len(variations.numbers), allocation, grades, variations.computed)
 
 
 def _groups(numbers: Sequence[DataSheetNumber]) -> dict[str, list[DataSheetNumber]]:
     """Return the numbers that are changed together, by name: those of instruments, and all."""
-    found = {
+    sheet_numbers = {
         name: [number for number in numbers if number.path.startswith(prefix)] for name, prefix in TOGETHER.items()
     } | {EVERYTHING: list(numbers)}
     kept: dict[str, list[DataSheetNumber]] = {}
-    for name, members in found.items():
+    for name, members in sheet_numbers.items():
         if len(members) > 1 and members not in kept.values():
             kept[name] = members
     return kept
@@ -252,8 +252,8 @@ def _change(
     """Find the multiple of some numbers with which a goal is just met, and compute the linear answer with it."""
 
     def margin(factor: float) -> float:
-        found = variations.with_multiple(changed, factor)
-        return math.nan if found is None else worst_of(found, goal).margin
+        multiple = variations.with_multiple(changed, factor)
+        return math.nan if multiple is None else worst_of(multiple, goal).margin
 
     met = worst_of(variations.base.requirements, goal).met
     if met:
@@ -263,17 +263,17 @@ def _change(
     alone = changed[0] if len(changed) == 1 else None
     now, paths = "" if alone is None else alone.text, tuple(number.path for number in changed)
     if math.isnan(factor) or math.isinf(factor):
-        found = variations.base.requirements if closest == 1.0 else variations.judged(values_of(changed, closest))
-        result = worst_of(found or variations.base.requirements, goal)
+        judged = variations.base.requirements if closest == 1.0 else variations.judged(values_of(changed, closest))
+        result = worst_of(judged or variations.base.requirements, goal)
         return NumberChange(label, paths, now, "", factor, closest, result)
     grows = factor > 1.0 and not met
     rounded = _rounded(alone, factor, grows)
     for _ in range(CORRECTIONS):
-        found = variations.judged(values_of(changed, rounded))
-        if found is not None and worst_of(found, goal).met:
+        judged = variations.judged(values_of(changed, rounded))
+        if judged is not None and worst_of(judged, goal).met:
             break
         rounded = _rounded(alone, rounded * (1.0 + STEP if grows else 1.0 - STEP), grows)
-    result = worst_of(found or variations.base.requirements, goal)
+    result = worst_of(judged or variations.base.requirements, goal)
     needed = "" if alone is None else replace(alone, entry=alone.multiplied(rounded)[alone.path]).text
     return NumberChange(label, paths, now, needed, rounded, rounded, result)
 
@@ -295,20 +295,20 @@ def _search_grades(variations: _Variations, goal: tuple[int, ...], finer: bool) 
         return GradeSearch(finer, (), None, True)
 
     def meets(chosen: Sequence[Move]) -> bool:
-        found = variations.tried({number.path: graded.entry for number, graded in chosen})
-        return found is not None and worst_of(found, goal).met
+        result = variations.tried({number.path: graded.entry for number, graded in chosen})
+        return result is not None and worst_of(result, goal).met
 
     def moved(chosen: Sequence[Move]) -> GradeChange | None:
-        found = variations.judged({number.path: graded.entry for number, graded in chosen})
-        if found is None:
+        judged = variations.judged({number.path: graded.entry for number, graded in chosen})
+        if judged is None:
             return None
         named = tuple(
             GradeMove(number.path, graded.grade, number.text, shown(graded.entry)) for number, graded in chosen
         )
-        return GradeChange(named, worst_of(found, goal))
+        return GradeChange(named, worst_of(judged, goal))
 
-    def best(found: Sequence[Sequence[Move]]) -> tuple[GradeChange, ...]:
-        changes = [change for each in found if (change := moved(each)) is not None]
+    def best(grade_changes: Sequence[Sequence[Move]]) -> tuple[GradeChange, ...]:
+        changes = [change for each in grade_changes if (change := moved(each)) is not None]
         return tuple(sorted(changes, key=lambda each: -each.worst.margin))
 
     whole = moved(moves)
@@ -321,20 +321,20 @@ def _search_grades(variations: _Variations, goal: tuple[int, ...], finer: bool) 
         if tried + comb(len(moves), size) > MOST_GRADES:
             return GradeSearch(finer, best([_irreducible(moves, meets)]), whole, False)
         tried += comb(len(moves), size)
-        found = [each for each in combinations(moves, size) if meets(each)]
-        if found:
-            return GradeSearch(finer, best(found)[:LISTED], whole, True)
+        search = [each for each in combinations(moves, size) if meets(each)]
+        if search:
+            return GradeSearch(finer, best(search)[:LISTED], whole, True)
     return GradeSearch(finer, (whole,), whole, True)
 
 
 def _with_instabilities(moves: Sequence[Move]) -> list[list[Move]]:
     """Take each move by itself, and a bias with its instability: a unit of a coarser grade has both."""
     by_path = {number.path: (number, graded) for number, graded in moves}
-    found = []
+    instabilities = []
     for path, move in by_path.items():
         joined = by_path.get(path.replace(".bias", f".{INSTABILITY}")) if path.endswith(".bias") else None
-        found.append([move] if joined is None else [move, joined])
-    return found
+        instabilities.append([move] if joined is None else [move, joined])
+    return instabilities
 
 
 def _irreducible(moves: Sequence[Move], meets: Callable[[Sequence[Move]], bool]) -> list[Move]:
@@ -351,7 +351,7 @@ def write_allocation(
     campaign: str | Path | Campaign | Mapping[str, Any], path: Path, progress: Progress = SILENT
 ) -> tuple[Allocation, list[Path]]:
     """Write the allocation of a campaign as ``allocate.json`` and a page; see `allocate`."""
-    found = allocate(campaign, progress)
+    allocations = allocate(campaign, progress)
     progress.phase(Phase.REPORTING)
-    files = {FILE: indented_json(to_json(tables.table(found))) + "\n", PAGE: tables.render(found)}
-    return found, write_texts(path, files)
+    files = {FILE: indented_json(to_json(tables.table(allocations))) + "\n", PAGE: tables.render(allocations)}
+    return allocations, write_texts(path, files)

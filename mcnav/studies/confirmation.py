@@ -73,13 +73,13 @@ def confirm(
     final : sequence of bool
         Whether a measure is of the end, or of a requirement.
     """
-    found = []
+    confirmations = []
     for place, point in chosen:
         folder = path / FOLDER / "_".join(f"{number + 1:02d}" for number in place)
         summary = run_campaign(points.campaign_at(point), folder, None, jobs, progress=progress).summary
         values = [_value(each, summary) if known else np.nan for each, known in zip(measures, final, strict=True)]
-        found.append(Confirmation(place, point, folder, summary, np.array(values)))
-    return sorted(found, key=lambda each: each.place)
+        confirmations.append(Confirmation(place, point, folder, summary, np.array(values)))
+    return sorted(confirmations, key=lambda each: each.place)
 
 
 def _value(measure: Measure, summary: Mapping[str, Any]) -> float:

@@ -164,26 +164,26 @@ def read_times(written: str) -> Array:
 
 def write_lincov(campaign: Campaign, path: Path, times: Array | None = None) -> tuple[LinearAnswer, list[Path]]:
     """Write the linear covariance of a campaign as ``lincov.json`` and a page; see `linear_covariance`."""
-    found, outages = linear_covariance(campaign, times), {}
+    covariance, outages = linear_covariance(campaign, times), {}
     if is_ins(campaign.scenario):
         outages = {sensor.name: sensor.outages for sensor in campaign.scenario.navigation.sensors}
-    files = {FILE: indented_json(to_json(lincov_table(found))) + "\n", PAGE: render(found, outages)}
-    return found, write_texts(path, files)
+    files = {FILE: indented_json(to_json(lincov_table(covariance))) + "\n", PAGE: render(covariance, outages)}
+    return covariance, write_texts(path, files)
 
 
-def lincov_table(found: LinearAnswer) -> Mapping[str, Any]:
+def lincov_table(answer: LinearAnswer) -> Mapping[str, Any]:
     """Arrange a linear covariance as ``lincov.json`` has it: SI units, and two rows where an update falls on a time."""
-    names = [output.name for output in found.outputs]
-    history = found.asked or found.history
+    names = [output.name for output in answer.outputs]
+    history = answer.asked or answer.history
     return {
-        "campaign": found.campaign,
+        "campaign": answer.campaign,
         "outputs": names,
-        "units": [output.unit for output in found.outputs],
-        "mean": found.mean,
-        "sigma": found.sigma,
-        "covariance": found.covariance,
-        "correlation": found.correlation,
-        "budget": _budget_rows(found),
+        "units": [output.unit for output in answer.outputs],
+        "mean": answer.mean,
+        "sigma": answer.sigma,
+        "covariance": answer.covariance,
+        "correlation": answer.correlation,
+        "budget": _budget_rows(answer),
         "requirements": [
             {
                 "kind": each.requirement.kind,
@@ -195,61 +195,61 @@ def lincov_table(found: LinearAnswer) -> Mapping[str, Any]:
                 "met": each.met if each.judged else None,
                 "margin": each.margin,
                 "time": each.time,
-                "causes": [asdict(cause) for cause in found.requirement_causes(number)],
+                "causes": [asdict(cause) for cause in answer.requirement_causes(number)],
             }
-            for number, each in enumerate(found.requirements)
+            for number, each in enumerate(answer.requirements)
         ],
-        "mean_by_cause": found.means,
-        "filter": None if found.filter is None else _filter_entry(found.filter),
-        "beyond_range": None if found.beyond is None else {
-            "outputs": [names[output] for output in found.beyond.outputs],
-            "begin": found.beyond.time,
+        "mean_by_cause": answer.means,
+        "filter": None if answer.filter is None else _filter_entry(answer.filter),
+        "beyond_range": None if answer.beyond is None else {
+            "outputs": [names[output] for output in answer.beyond.outputs],
+            "begin": answer.beyond.time,
         },
         "time": None if history is None else history.readings.label,
-        "rows": [] if history is None else _rows(history, found.readings_beyond(history)),
+        "rows": [] if history is None else _rows(history, answer.readings_beyond(history)),
     }  # fmt: skip
 
 
-def _filter_entry(found: LinearVerdict) -> dict[str, Any]:
+def _filter_entry(verdict: LinearVerdict) -> dict[str, Any]:
     """Return the verdict on the filter; times are those of the readings, and an infinite factor is null."""
     return {
-        "verdict": found.verdict.value,
-        "output": found.output,
-        "group": found.group,
-        "factor": found.factor if np.isfinite(found.factor) else None,
-        "begin": found.begin,
-        "end": found.end,
-        "worst": found.worst,
-        "tolerance": found.tolerance,
-        "readings": len(found.times),
-        "causes": [asdict(each) for each in found.neglected],
+        "verdict": verdict.verdict.value,
+        "output": verdict.output,
+        "group": verdict.group,
+        "factor": verdict.factor if np.isfinite(verdict.factor) else None,
+        "begin": verdict.begin,
+        "end": verdict.end,
+        "worst": verdict.worst,
+        "tolerance": verdict.tolerance,
+        "readings": len(verdict.times),
+        "causes": [asdict(each) for each in verdict.neglected],
     }
 
 
-def _budget_rows(found: LinearAnswer) -> list[dict[str, Any]]:
+def _budget_rows(answer: LinearAnswer) -> list[dict[str, Any]]:
     """List the causes with the sigma that each contributes to every output and its share of the variance."""
-    budget = found.budget
+    budget = answer.budget
     rows = [
         {"cause": name, "sigma": np.abs(budget.contributions[:, number]), "share": budget.shares[:, number]}
-        for number, name in enumerate(found.causes)
+        for number, name in enumerate(answer.causes)
         if budget.contributions[:, number].any()
     ]
     return [*rows, {"cause": "correlations", "sigma": None, "share": budget.cross_terms}]
 
 
-def _rows(found: LinearCovariance, beyond: NDArray[np.bool_]) -> list[dict[str, Any]]:
+def _rows(covariance: LinearCovariance, beyond: NDArray[np.bool_]) -> list[dict[str, Any]]:
     rows = []
-    for number, time in enumerate(found.readings.times):
-        own = None if found.sigma_filter is None else found.sigma_filter[number]
+    for number, time in enumerate(covariance.readings.times):
+        own = None if covariance.sigma_filter is None else covariance.sigma_filter[number]
         rows.append({
             "time": float(time),
-            "update": found.readings.updates[number],
-            "mean": found.mean[number],
-            "sigma": found.sigma[number],
+            "update": covariance.readings.updates[number],
+            "mean": covariance.mean[number],
+            "sigma": covariance.sigma[number],
             "sigma_filter": own,
             "beyond_range": bool(beyond[number]),
-            "variance_by_cause": {name: variance[number] for name, variance in found.variances.items()},
-            "variance_by_correlations": found.correlations[number],
-            "mean_by_cause": {name: values[number] for name, values in found.means.items()},
+            "variance_by_cause": {name: variance[number] for name, variance in covariance.variances.items()},
+            "variance_by_correlations": covariance.correlations[number],
+            "mean_by_cause": {name: values[number] for name, values in covariance.means.items()},
         })  # fmt: skip
     return rows

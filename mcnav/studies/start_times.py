@@ -99,9 +99,9 @@ def _simulated(engine: Engine, batch: Batch) -> tuple[Array, Array | None]:
         return engine.simulate(batch).values, None
     values, linear = [], []
     for begin in range(0, len(batch.errors), engine.chunk):
-        found = engine.simulate(batch[begin : begin + engine.chunk])
-        values.append(found.values)
-        linear.append(found.linear_values)
+        simulated = engine.simulate(batch[begin : begin + engine.chunk])
+        values.append(simulated.values)
+        linear.append(simulated.linear_values)
     known = [each for each in linear if each is not None]
     return np.concatenate(values), np.concatenate(known) if len(known) == len(values) else None
 
@@ -125,17 +125,17 @@ def write_start_times(
         study = start_time_study(campaign, axes, count)
         times = checked_times(campaign, study) if checks else ()
         progress.phase(Phase.SIMULATING, len(times) * campaign.start_times.samples)
-        found = {}
+        times_founds = {}
         for time in times:
-            found[time] = check_start_time(campaign, time, study.axes)
+            times_founds[time] = check_start_time(campaign, time, study.axes)
             progress.advance(campaign.start_times.samples)
         model = campaign.scenario.linear().end
         own = propagated_covariance(model.partials, campaign.errors.covariance)
         own = own + sum(model.processes.values(), np.zeros_like(own))
     progress.phase(Phase.REPORTING)
     files = {"start_times.csv": tables.table(study, sources, outputs).to_csv(index=False)}
-    if found:
-        files["start_times_checks.csv"] = tables.check_table(found, outputs).to_csv(index=False)
-    files["start_times.html"] = tables.render(campaign.name, study, found, sources, outputs)
+    if times_founds:
+        files["start_times_checks.csv"] = tables.check_table(times_founds, outputs).to_csv(index=False)
+    files["start_times.html"] = tables.render(campaign.name, study, times_founds, sources, outputs)
     sigma = np.sqrt(np.maximum(np.diag(own), 0.0))
-    return StartTimesFound(study, found, sigma), write_texts(path, files)
+    return StartTimesFound(study, times_founds, sigma), write_texts(path, files)

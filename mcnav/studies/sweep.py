@@ -99,16 +99,16 @@ def write_sweep(
         study = _Study(campaign, plan, progress)
         if confirmed is not None:
             check_count(confirmed, study.shape)
-        found = study.sweep()
+        sweep = study.sweep()
     if confirmed is not None:
-        found = study.confirmed(found, confirmed, path)
+        sweep = study.confirmed(sweep, confirmed, path)
     progress.phase(Phase.REPORTING)
     texts = {
-        CSV: report.frame(found).to_csv(index=False, float_format="%.10g"),
-        JSON: indented_json(report.table(found)) + "\n",
-        PAGE: report.render(found),
+        CSV: report.frame(sweep).to_csv(index=False, float_format="%.10g"),
+        JSON: indented_json(report.table(sweep)) + "\n",
+        PAGE: report.render(sweep),
     }
-    return found, write_texts(path, texts)
+    return sweep, write_texts(path, texts)
 
 
 class _Study:
@@ -182,8 +182,8 @@ class _Study:
             measure.requirement is not None or time is None
             for measure, time in zip(self.measures, self.times, strict=True)
         ]
-        found = confirm(self.points, self.measures, final, points, path, self._plan.jobs, self._progress)
-        return replace(sweep, confirmations=tuple(found))
+        confirmed = confirm(self.points, self.measures, final, points, path, self._plan.jobs, self._progress)
+        return replace(sweep, confirmations=tuple(confirmed))
 
 
 def _measures(campaign: Campaign, plan: SweepPlan) -> tuple[tuple[Measure, ...], tuple[float | None, ...]]:
@@ -197,27 +197,27 @@ def _measures(campaign: Campaign, plan: SweepPlan) -> tuple[tuple[Measure, ...],
     if not asked and (plan.at or not required):
         asked = usual_measures(outputs)
     times: list[float | None] = [*sorted(set(plan.at))] or [None]
-    found = [
+    measures = [
         (measure if time is None else replace(measure, name=f"{measure.name} at {time:g} s"), time)
         for measure in asked
         for time in times
     ]
-    found += [(measure, None) for measure in required]
-    names = [measure.name for measure, _ in found]
+    measures += [(measure, None) for measure in required]
+    names = [measure.name for measure, _ in measures]
     for name in names:
         if names.count(name) > 1:
             raise CampaignError([Problem("--against", "", f"got {name!r} twice; keep one")])
-    return tuple(measure for measure, _ in found), tuple(time for _, time in found)
+    return tuple(measure for measure, _ in measures), tuple(time for _, time in measures)
 
 
-def _place(sweep: Sweep, found: JustMet) -> tuple[float, ...]:
+def _place(sweep: Sweep, just_met: JustMet) -> tuple[float, ...]:
     """Return the place in the grid at which a limit is just met first, counted in points."""
     *first, last = sweep.variables
     values = [variable.along(float(value)) for variable in (last,) for value in variable.values]
-    place = float(np.interp(last.along(found.values[0]), values, np.arange(len(values))))
-    if not first or found.fixed is None:
+    place = float(np.interp(last.along(just_met.values[0]), values, np.arange(len(values))))
+    if not first or just_met.fixed is None:
         return (place,)
-    return float(np.searchsorted(first[0].values, found.fixed)), place
+    return float(np.searchsorted(first[0].values, just_met.fixed)), place
 
 
 def _point(variables: Sequence[Variable], place: Sequence[int]) -> Point:

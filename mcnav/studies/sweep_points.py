@@ -107,8 +107,8 @@ class LinearPoints:
             campaigns = [self.campaign_at(point) for point in batch]
             size = max(1, -(-len(batch) // (PIECES * jobs)))
             pieces = [campaigns[first : first + size] for first in range(0, len(batch), size)]
-            found = [answer for piece in in_threads(self._piece, pieces, jobs) for answer in piece]
-            self._known.update(zip(batch, found, strict=True))
+            answers = [answer for piece in in_threads(self._piece, pieces, jobs) for answer in piece]
+            self._known.update(zip(batch, answers, strict=True))
         return [self._known[point] for point in points]
 
     def _piece(self, campaigns: Sequence[Campaign]) -> list[PointAnswer]:
@@ -118,14 +118,14 @@ class LinearPoints:
 
     def _answer(self, campaign: Campaign, shared: SharedTables) -> PointAnswer:
         with _scenario_errors(campaign):
-            end, found = _readings(campaign, [time for time in self._at if time is not None], shared)
+            end, answer = _readings(campaign, [time for time in self._at if time is not None], shared)
         own = campaign_requirements(campaign)
         required = {each.requirement: each for each in requirement_measures(own, campaign.scenario.outputs)}
         values, stated, bounds, margins = np.full((4, len(self._measures)), np.nan)
         for number, (measure, time) in enumerate(zip(self._measures, self._at, strict=True)):
             held = measure if measure.requirement is None else required[measure.requirement]
-            held = held.at_reading(end if time is None else int(np.argmin(np.abs(found.times - time))))
-            values[number], stated[number] = held.value(found), held.own_value(found)
+            held = held.at_reading(end if time is None else int(np.argmin(np.abs(answer.times - time))))
+            values[number], stated[number] = held.value(answer), held.own_value(answer)
             if held.bound is not None:
                 bounds[number] = held.bound
                 margins[number] = _margin(held, float(values[number]))
@@ -172,10 +172,10 @@ def _readings(campaign: Campaign, at: Sequence[float], shared: SharedTables) -> 
                 raise CampaignError([Problem(campaign.file, "--at", f"got {time:g} s; {span}")])
         apart = np.unique([time for time in at if np.abs(epochs - time).min() > 1e-9])
         times = np.union1d(epochs, apart)
-        found = scenario.covariance_readings(times, errors.mean, errors.covariance, shared)
+        readings = scenario.covariance_readings(times, errors.mean, errors.covariance, shared)
         order = np.concatenate([np.searchsorted(times, epochs), np.searchsorted(times, apart)])
-        own = None if found.own is None else found.own[order]
-        ordered = CovarianceReadings(times[order], found.mean[order], found.covariance[order], own)
+        own = None if readings.own is None else readings.own[order]
+        ordered = CovarianceReadings(times[order], readings.mean[order], readings.covariance[order], own)
         return len(epochs) - 1, ordered
     if at:
         raise CampaignError(
@@ -195,9 +195,9 @@ def _linear_model(campaign: Campaign, shared: SharedTables) -> LinearModel:
     key = repr(campaign.resolved["scenario"])
     if isinstance(shared.tables, tuple) and shared.tables[0] == key:
         return shared.tables[1]  # type: ignore[no-any-return]
-    found = campaign.scenario.linear().end
-    shared.tables = (key, found)
-    return found
+    end = campaign.scenario.linear().end
+    shared.tables = (key, end)
+    return end
 
 
 @contextmanager

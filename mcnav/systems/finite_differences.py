@@ -74,10 +74,10 @@ class DifferencedModel:
         every = np.arange(len(sources))
         gaps = np.abs(np.diff(self.contributions, axis=0))
         gaps = np.where(np.isnan(gaps), np.inf, gaps)
-        found = _of_three(gaps)[self.chosen, every]  # (sources, outputs)
+        disagreement = _of_three(gaps)[self.chosen, every]  # (sources, outputs)
         largest = np.maximum(np.abs(self.contributions[self.chosen + 1, every]), self.moved)[sources]
         scale = largest.max(axis=0, initial=0.0)
-        shares = np.maximum(found, self.uneven) / np.where(scale > 0.0, scale, 1.0)
+        shares = np.maximum(disagreement, self.uneven) / np.where(scale > 0.0, scale, 1.0)
         return np.asarray(np.where(sources[:, None], shares, 0.0).T)
 
 

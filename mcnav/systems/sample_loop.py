@@ -76,16 +76,16 @@ def simulate_alone(
 
     ``simulate`` takes a row to the result of that sample.
     """
-    values, found = np.empty((count, outputs)), [SimulationResult(np.full((1, outputs), np.nan))] * count
+    values, result = np.empty((count, outputs)), [SimulationResult(np.full((1, outputs), np.nan))] * count
 
     def one(row: int) -> Array:
-        found[row] = simulate(row)
-        if found[row].failures:
-            raise SampleFailed(found[row].failures[0])
-        return np.asarray(found[row].values[0])
+        result[row] = simulate(row)
+        if result[row].failures:
+            raise SampleFailed(result[row].failures[0])
+        return np.asarray(result[row].values[0])
 
     failures = simulate_each(one, range(count), values, file=file)
-    return replace(join_results(found), values=values, failures=failures)
+    return replace(join_results(result), values=values, failures=failures)
 
 
 def join_results(results: Sequence[SimulationResult]) -> SimulationResult:

@@ -191,10 +191,10 @@ def error_histories(folder: RunFolder, manifest: Manifest, design: SamplingDesig
     """Read the histories of a run's first samples, with the linear moments where these are known at the same epochs."""
     model, development = manifest.model, manifest.model.development
     names = [f"{output.name} [{output.unit}]" for output in model.outputs]
-    found = folder.histories(STORED, names)
-    if found is None:
+    histories = folder.histories(STORED, names)
+    if histories is None:
         return None
-    _, times, by_output = found
+    _, times, by_output = histories
     errors = np.stack([by_output[name] for name in names], axis=2)[: manifest.samples]
     known = development is not None and same_times(development.times, times)
     if development is not None and development.processes and development.covariance is None:

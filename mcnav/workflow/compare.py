@@ -94,8 +94,8 @@ def compare_runs(paths: Sequence[str | Path]) -> RunComparison:
         at = (names[0].index(name), names[later].index(name))
         before, after = sample_sets[0], sample_sets[later]
         enough = min(len(before.index), len(after.index)) >= 2
-        found = change(before, after, at, same_draws(first, runs[later]), each) if enough else None
-        rows.append(Row(later, *name, first.manifest.model.outputs[at[0]].shown_in, found))
+        comparison = change(before, after, at, same_draws(first, runs[later]), each) if enough else None
+        rows.append(Row(later, *name, first.manifest.model.outputs[at[0]].shown_in, comparison))
     return RunComparison(titles(paths), summaries, tuple(run.manifest for run in runs), tuple(rows), confidence)
 
 

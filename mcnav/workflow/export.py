@@ -56,7 +56,7 @@ def write_export(content: RunAnalysis, folder: Path, units: Units = "shown") -> 
     units : str
         ``shown`` or ``SI``. Figures are as shown, matrices in SI.
     """
-    tables, found = result_tables(content, units), arrays(content)
+    tables, result = result_tables(content, units), arrays(content)
     by_file = {f"{table.name}.csv": table for table in tables.values()}
     for name, figure in figures(content).items():
         by_file[f"{FIGURES}/{name}.csv"] = ResultTable(name, figure.title, 0, figure.columns)
@@ -65,7 +65,7 @@ def write_export(content: RunAnalysis, folder: Path, units: Units = "shown") -> 
         for file, table in by_file.items()
     ]
     files = {CONTENTS: as_csv(listed).encode()} | {file: as_csv(table.rows).encode() for file, table in by_file.items()}
-    files |= {"matrices.npz": as_npz(found), "matrices.mat": as_mat(found, f"mcnav: {content.summary['campaign']}")}
+    files |= {"matrices.npz": as_npz(result), "matrices.mat": as_mat(result, f"mcnav: {content.summary['campaign']}")}
     for file, written in files.items():
         (folder / file).parent.mkdir(parents=True, exist_ok=True)
         write_whole(folder / file, written)

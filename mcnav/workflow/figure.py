@@ -42,13 +42,13 @@ def draw_figure(
     if into.suffix.lower() not in ENDINGS:
         raise RunFolderError(f"{into}: must end in .pdf, .svg or .png")
     with one_thread(), reading_file(folder):
-        found = figures(analyse(RunFolder(folder)))
-    if name not in found:
-        raise RunFolderError(f"NAME: the report has no figure {name!r:.60}{suggestion(name, list(found))}")
+        figure = figures(analyse(RunFolder(folder)))
+    if name not in figure:
+        raise RunFolderError(f"NAME: the report has no figure {name!r:.60}{suggestion(name, list(figure))}")
     from mcnav.report.figures.on_axes import crowded, save
 
     try:
-        chosen = found[name].of_panels(*panels) if panels else found[name]
+        chosen = figure[name].of_panels(*panels) if panels else figure[name]
         drawn = chosen.figure(width, font_scale, height, columns)
         save(drawn, into)
     except ValueError as wrong:

@@ -47,12 +47,12 @@ def write_index(folder: Path) -> tuple[Path, int]:
 
 def _below(folder: Path, depth: int) -> list[Path]:
     """Walk a folder and those in it in order of their names, but neither into run folders nor along links."""
-    found = [folder]
+    result = [folder]
     if depth and not (folder / MANIFEST).exists():
         entries = (entry for entry in folder.iterdir() if entry.is_dir() and not entry.is_symlink())
         inside = sorted(entry for entry in entries if not entry.name.startswith("."))
-        found += [place for entry in inside for place in _below(entry, depth - 1)]
-    return found
+        result += [place for entry in inside for place in _below(entry, depth - 1)]
+    return result
 
 
 def _link(folder: Path, page: Path) -> dict[str, str]:

@@ -164,9 +164,9 @@ class PreparedSystem:
         histories = np.full((min(FOLLOWED, self.draws.samples), len(epochs.times), outputs), np.nan)
         for begin in range(0, len(histories), engine.chunk):
             end = min(begin + engine.chunk, len(histories))
-            found = guarded.simulate(self.draws.batch(begin, end)).history
-            if found is not None:
-                histories[begin:end] = found
+            history = guarded.simulate(self.draws.batch(begin, end)).history
+            if history is not None:
+                histories[begin:end] = history
         return histories
 
     def _tables_of_followed(
@@ -284,8 +284,8 @@ def _exact(engine: Engine) -> Engine:
 
 def _filter_prediction(scenario: Scenario, epochs: Epochs) -> FilterPrediction | None:
     """Return what linear analysis says of the filter at the epochs; none where it says nothing of them."""
-    found = scenario.filter_prediction() if can_have_filter(scenario) else None
-    return found if found is not None and _same_times(found.times, epochs.times) else None
+    prediction = scenario.filter_prediction() if can_have_filter(scenario) else None
+    return prediction if prediction is not None and _same_times(prediction.times, epochs.times) else None
 
 
 def _same_times(one: Array, other: Array) -> bool:
@@ -294,7 +294,7 @@ def _same_times(one: Array, other: Array) -> bool:
 
 def _filter_record(schema: FilterSchema, epochs: Epochs, scenario: Scenario, errors: ErrorModel) -> FilterRecord:
     """Describe a filter, with what linear analysis says of it and of the truth."""
-    found = _filter_prediction(scenario, epochs)
+    filter_prediction = _filter_prediction(scenario, epochs)
     optional: dict[str, Any] = {"considered": schema.considered} if schema.considered else {}
     record = FilterRecord(
         label=epochs.label,
@@ -306,15 +306,17 @@ def _filter_record(schema: FilterSchema, epochs: Epochs, scenario: Scenario, err
         sensors=dict(schema.sensors),
         **optional,
     )
-    if found is None:
+    if filter_prediction is None:
         return record
     about_zero = errors.covariance + np.outer(errors.mean, errors.mean)
-    state_true = np.einsum("mqk,kl,mql->mq", found.state_partials, about_zero, found.state_partials)
+    state_true = np.einsum(
+        "mqk,kl,mql->mq", filter_prediction.state_partials, about_zero, filter_prediction.state_partials
+    )
     prediction = FilterPredictionRecord(
-        covariance=found.covariance,
-        state_variance=found.state_variance,
-        state_true=sum(found.state_processes.values(), state_true),
-        believed=dict(found.believed),
+        covariance=filter_prediction.covariance,
+        state_variance=filter_prediction.state_variance,
+        state_true=sum(filter_prediction.state_processes.values(), state_true),
+        believed=dict(filter_prediction.believed),
     )
     return record.model_copy(update={"prediction": prediction})
 

@@ -110,21 +110,21 @@ def replay(path: Path, index: int, campaign_file: Path | None = None) -> Replay:
     )
 
 
-def write_replay(found: Replay, place: Path) -> list[Path]:
+def write_replay(result: Replay, place: Path) -> list[Path]:
     """Write the page and the table of a replay; return their paths."""
     place.mkdir(parents=True, exist_ok=True)
-    written = files(found)
+    written = files(result)
     for name, content in written.items():
         write_whole(place / name, content)
     return [place / name for name in written]
 
 
-def as_stored(found: Replay) -> bool:
+def as_stored(result: Replay) -> bool:
     """Return whether the run's own engine gives the stored outcome again; true when none is stored.
 
     To nine digits: a user's vectorised function may round differently when it is given one sample alone.
     """
-    stored, again = found.outcomes[0], found.outcomes[min(1, len(found.outcomes) - 1)]
+    stored, again = result.outcomes[0], result.outcomes[min(1, len(result.outcomes) - 1)]
     if stored.label != STORED:
         return True
     return stored.status == again.status and np.allclose(stored.values, again.values, 1e-9, 0.0, equal_nan=True)

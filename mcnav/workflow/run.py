@@ -194,11 +194,11 @@ def _computed_beside(compute: Callable[[], Result], before: bool) -> Iterator[Ca
     """
     if before:
         try:
-            found = compute()
+            result = compute()
         except BaseException:
             end_workers_apart()
             raise
-        yield lambda: found
+        yield lambda: result
         return
     unwanted = Event()
 

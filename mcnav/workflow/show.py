@@ -28,9 +28,9 @@ def show_run(
     RunFolderError
         When there is no finished run, its summary is damaged, or it has no such table.
     """
-    found = summary_of(folder)
+    run = summary_of(folder)
     with reading_file(folder / SUMMARY):
-        summary = show.escaped(found)
+        summary = show.escaped(run)
         tables = final_tables(summary, units)
         shown = show.show(summary, units)
     if table is not None and table not in tables:

@@ -51,14 +51,14 @@ class ErrorDefinitions:
 
     def sources(self, sources: Sequence[Source], sensors: bool = False) -> Node:
         """Return the schema of ``[errors]`` with the sources of a scenario, and of any sensors."""
-        found: dict[str, Node] = {}
+        nodes: dict[str, Node] = {}
         for source in sources:
             if source.group and source.group != source.name:
                 every = f"Errors {source.group} along each axis: {_shown(source)}"
-                found.setdefault(source.group, self.node(source.unit, every))
+                nodes.setdefault(source.group, self.node(source.unit, every))
         for source in sources:
-            found[source.name] = self.node(source.unit, f"Error {source.name}: {_shown(source)}")
-        node = table(found)
+            nodes[source.name] = self.node(source.unit, f"Error {source.name}: {_shown(source)}")
+        node = table(nodes)
         if sensors:
             told = "Constant error of a sensor of [[aiding]]."
             node["patternProperties"] = {pattern: self.node(unit, told) for unit, pattern in error_patterns().items()}

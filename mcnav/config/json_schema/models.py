@@ -14,10 +14,10 @@ from mcnav.entries.quantities import UNIT
 def of_model(model: type[BaseModel]) -> Node:
     """Return the schema of a table that a pydantic model reads, with every table inside it."""
     raw = model.model_json_schema(ref_template="#/$defs/{model}")
-    found: Node = _plain(raw, raw.get("$defs", {}))
-    found.pop("$defs", None)
-    found.pop("description", None)
-    return found
+    node: Node = _plain(raw, raw.get("$defs", {}))
+    node.pop("$defs", None)
+    node.pop("description", None)
+    return node
 
 
 def _plain(node: Any, inside: Mapping[str, Node]) -> Any:
@@ -56,10 +56,10 @@ def _plain(node: Any, inside: Mapping[str, Node]) -> Any:
 def _quantity(node: Mapping[str, Any]) -> Node:
     unit, default = node[UNIT], node.get("default")
     bounds = {key: node[key] for key in BOUNDS if key in node}
-    found = quantity(unit, node.get("description", ""), bounds, *node.get("examples", ())[:1])
+    result = quantity(unit, node.get("description", ""), bounds, *node.get("examples", ())[:1])
     if isinstance(default, (int, float)):
-        found["default"] = default if unit == "1" else f"{default:.6g} {unit}"
-    return found
+        result["default"] = default if unit == "1" else f"{default:.6g} {unit}"
+    return result
 
 
 def _discriminated(node: Mapping[str, Any], inside: Mapping[str, Node]) -> Node:

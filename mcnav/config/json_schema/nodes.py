@@ -148,12 +148,12 @@ def narrowed(closed: Node, known: Mapping[str, Node]) -> Node:
 
 def _union(tables: Sequence[Node], description: str = "") -> Node:
     """Return an open table with the keys of all tables; of values that differ, the type is left open."""
-    found: dict[str, list[Node]] = {}
+    union: dict[str, list[Node]] = {}
     for each in tables:
         for key, node in each["properties"].items():
-            found.setdefault(key, []).append(node)
+            union.setdefault(key, []).append(node)
     properties = {
-        key: nodes[0] if all(node == nodes[0] for node in nodes) else _either(nodes) for key, nodes in found.items()
+        key: nodes[0] if all(node == nodes[0] for node in nodes) else _either(nodes) for key, nodes in union.items()
     }
     node = {"type": "object", "properties": properties, "additionalProperties": True}
     return {**({"description": description} if description else {}), **node}
@@ -161,15 +161,15 @@ def _union(tables: Sequence[Node], description: str = "") -> Node:
 
 def _either(nodes: Sequence[Node]) -> Node:
     """Describe a key that has other values in other tables: any of their types, texts and keys."""
-    found: Node = {}
+    result: Node = {}
     if descriptions := dict.fromkeys(node["description"] for node in nodes if "description" in node):
-        found["description"] = "\n\n".join(descriptions)
+        result["description"] = "\n\n".join(descriptions)
     if all("type" in node for node in nodes):
         kinds = [[node["type"]] if isinstance(node["type"], str) else node["type"] for node in nodes]
-        found["type"] = list(dict.fromkeys(kind for each in kinds for kind in each))
+        result["type"] = list(dict.fromkeys(kind for each in kinds for kind in each))
     if all("enum" in node for node in nodes):
-        found["enum"] = list(dict.fromkeys(text for node in nodes for text in node["enum"]))
+        result["enum"] = list(dict.fromkeys(text for node in nodes for text in node["enum"]))
     if any("properties" in node for node in nodes):
         inside = _union([node for node in nodes if "properties" in node])
-        found |= {"properties": inside["properties"], "additionalProperties": True}
-    return found
+        result |= {"properties": inside["properties"], "additionalProperties": True}
+    return result

@@ -98,27 +98,27 @@ def _sensor(name: str, kind: SensorType) -> Node:
 
 def _errors(kind: SensorType, believed: bool = False) -> dict[str, Node]:
     """Return the schemas of the sizes of a sensor's errors."""
-    found: dict[str, Node] = {}
+    nodes: dict[str, Node] = {}
     for measured, measures in kind.quantities.items():
         unit, names = UNITS[measures][0], COMPONENTS[measures]
-        found[measured] = by_axes(unit, names, f"Sigma of the white noise of one measurement of the {measured}.")
+        nodes[measured] = by_axes(unit, names, f"Sigma of the white noise of one measurement of the {measured}.")
         if kind.errors:
             bias, correlated = kind.key(measured, "bias"), kind.key(measured, "correlated")
-            found[bias] = by_axes(unit, names, f"Sigma of the constant bias of the {measured}.")
+            nodes[bias] = by_axes(unit, names, f"Sigma of the constant bias of the {measured}.")
             values = {
                 "sigma": by_axes(unit, names, "Sigma of the process."),
                 "correlation_time": by_axes("s", names, "Correlation time of the process.", "100 s"),
             }
             process = table(values, () if believed else values, f"First-order Gauss-Markov error of the {measured}.")
-            found[correlated] = {**process, **({"minProperties": 1} if believed else {})}
+            nodes[correlated] = {**process, **({"minProperties": 1} if believed else {})}
         if measures in SCALED:
             scale = kind.key(measured, "scale_factor")
-            found[scale] = by_axes(SCALE_FACTOR[0], names, f"Sigma of the scale factor of the {measured}.")
+            nodes[scale] = by_axes(SCALE_FACTOR[0], names, f"Sigma of the scale factor of the {measured}.")
     if kind.lever_arm:
         arm = "From the unit to the antenna, forward, right and down."
-        found["lever_arm"] = by_axes(LEVER_ARM[0], AXES, arm, whole=False)
-        found["lever_arm_error"] = by_axes(LEVER_ARM[0], AXES, "Sigma of the lever arm's error.", "1 cm")
-    return found
+        nodes["lever_arm"] = by_axes(LEVER_ARM[0], AXES, arm, whole=False)
+        nodes["lever_arm_error"] = by_axes(LEVER_ARM[0], AXES, "Sigma of the lever arm's error.", "1 cm")
+    return nodes
 
 
 def error_patterns() -> dict[str, str]:
@@ -126,10 +126,10 @@ def error_patterns() -> dict[str, str]:
     units: dict[str, set[str]] = {}
     for suffix, unit in _suffixes():
         units.setdefault(suffix, set()).add(unit)
-    found: dict[str, list[str]] = {}
+    patterns: dict[str, list[str]] = {}
     for suffix, several in units.items():
-        found.setdefault(next(iter(several)) if len(several) == 1 else "", []).append(suffix)
-    return {unit: _pattern(suffixes) for unit, suffixes in found.items()}
+        patterns.setdefault(next(iter(several)) if len(several) == 1 else "", []).append(suffix)
+    return {unit: _pattern(suffixes) for unit, suffixes in patterns.items()}
 
 
 def error_pattern(kinds: bool = False) -> str:

@@ -47,8 +47,8 @@ def sigma_ratios(content: RunAnalysis) -> Figure:
     names, rows = content.output_names, np.arange(len(content.output_names))
     judged: dict[str, list[Ratio]] = {}
     for kind in RATIOS:
-        found = [getattr(output, kind) for output in content.comparison.outputs]
-        judged[kind] = [(each.ratio, *(each.interval or (None, None))) for each in found]
+        figure = [getattr(output, kind) for output in content.comparison.outputs]
+        judged[kind] = [(each.ratio, *(each.interval or (None, None))) for each in figure]
     tolerance = 100.0 * content.criterion.tolerance
     even, span = Rule(0.0, colour=LINEAR, width=1.6), Span(TOLERANCE, -tolerance, tolerance)
     both = [mark for kind, shift in (("paired", -0.165), ("plain", 0.165))
@@ -89,13 +89,13 @@ def ratio_panel(title: str, across: Axis, upward: Axis, tolerance: float, marks:
 
 def running_ratios(content: RunAnalysis) -> Figure | None:
     """Draw plain and paired sigma ratios against the number of samples; none when there is nothing to show."""
-    found, names, tolerance = content.convergence, content.output_names, content.criterion.tolerance
-    if found is None or len(found.sizes) < 2:
+    convergence, names, tolerance = content.convergence, content.output_names, content.criterion.tolerance
+    if convergence is None or len(convergence.sizes) < 2:
         return None
-    shown = [i for i in range(len(names)) if np.isfinite(found.paired.ratio[-1, i])]
+    shown = [i for i in range(len(names)) if np.isfinite(convergence.paired.ratio[-1, i])]
     if not shown:
         return None
-    sizes, runs = found.sizes.astype(float), {"plain": found.plain, "paired": found.paired}
+    sizes, runs = convergence.sizes.astype(float), {"plain": convergence.plain, "paired": convergence.paired}
     columns, panels = {"samples": sizes}, []
     for i in shown:
         marks: list[Mark] = []
@@ -182,7 +182,7 @@ def normal_quantiles(content: RunAnalysis) -> Figure | None:
         return None
     places = _places(len(flown))
     expected = special.ndtri((places + 0.5) / len(flown))
-    found = {i: np.sort(flown[:, i])[places] for i in shown}
+    figure = {i: np.sort(flown[:, i])[places] for i in shown}
     dots, straight = Series("flown", "Monte Carlo", FLOWN, "dot"), Series("linear", "linear Gaussian", LINEAR)
     return Figure(
         name="quantiles",
@@ -192,10 +192,10 @@ def normal_quantiles(content: RunAnalysis) -> Figure | None:
         panels=[
             Panel(names[i], Axis("quantile of a normal distribution", "σ"), Axis(names[i], units[i]),
                   [Line(straight, expected, centre[i] + sigma[i] * expected, 1.6),
-                   Points(dots, expected, found[i], 3.5)])
+                   Points(dots, expected, figure[i], 3.5)])
             for i in shown
         ],
         key=(dots, straight),
-        columns={"normal quantile": expected} | {f"{names[i]} [{units[i]}]": found[i] for i in shown},
+        columns={"normal quantile": expected} | {f"{names[i]} [{units[i]}]": figure[i] for i in shown},
         size=side_by_side(len(shown), 240.0),
     )  # fmt: skip

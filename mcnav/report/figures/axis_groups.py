@@ -44,12 +44,12 @@ def same_kind(quantities: Sequence[SigmaConsistency]) -> list[Group]:
 
 
 def _grouped(quantities: Sequence[SigmaConsistency], key: Callable[[SigmaConsistency], Hashable]) -> list[Group]:
-    found: dict[Hashable, list[SigmaConsistency]] = {}
+    consistencies: dict[Hashable, list[SigmaConsistency]] = {}
     for each in quantities:
-        found.setdefault(key(each), []).append(each)
+        consistencies.setdefault(key(each), []).append(each)
     parts = [
         tuple(members[begin : begin + len(HUES)])
-        for members in found.values()
+        for members in consistencies.values()
         for begin in range(0, len(members), len(HUES))
     ]
     return [(_title(members), members) for members in parts]

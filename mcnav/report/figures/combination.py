@@ -41,20 +41,20 @@ def combination(content: RunAnalysis) -> Figure | None:
     None where the joint distribution agrees, or too few samples are stored.
     """
     ellipsoid, entry = content.comparison.ellipsoid, foremost(content.summary)
-    found = None if ellipsoid is None else ellipsoid.foremost
-    if found is None or entry is None or len(content.flown) < 2:
+    figure = None if ellipsoid is None else ellipsoid.foremost
+    if figure is None or entry is None or len(content.flown) < 2:
         return None
-    scale, unit = float(content.output_scale[found.lead]), content.output_units[found.lead]
+    scale, unit = float(content.output_scale[figure.lead]), content.output_units[figure.lead]
     label = combination_words(entry, content.summary)
-    values = scale * (content.flown / content.output_scale) @ found.weights
-    centre, sigma = scale * float(content.model.outcome_mean @ found.weights), scale * found.sigma_linear
+    values = scale * (content.flown / content.output_scale) @ figure.weights
+    centre, sigma = scale * float(content.model.outcome_mean @ figure.weights), scale * figure.sigma_linear
     edges, counts, expected = _histogram(values, centre, sigma)
     upward = Axis("samples", low=0.0, high=TALLEST * float(counts.max()))
     along = [Steps(COUNTED, edges, counts), *_linear(edges, len(values), centre, sigma)]
     panels, key = [Panel("Samples along the combination", Axis(_short(label), unit), upward, along)], [COUNTED, NORMAL]
-    beside = _explaining(content, found, values)
+    beside = _explaining(content, figure, values)
     if beside is not None:
-        panels.append(_scatter(content, found, values, beside, Axis(_short(label), unit)))
+        panels.append(_scatter(content, figure, values, beside, Axis(_short(label), unit)))
         key += [FLIGHTS, ELLIPSES_LINEAR]
     samples = f"{len(values):,} samples"
     if content.summary["kept"]:
@@ -98,9 +98,11 @@ def _histogram(values: Array, centre: float, sigma: float) -> tuple[Array, Array
     return edges, counts.astype(float), expected
 
 
-def _explaining(content: RunAnalysis, found: Combination, values: Array) -> int | None:
+def _explaining(content: RunAnalysis, explaining: Combination, values: Array) -> int | None:
     """Return the output of which the values are most nearly a quadratic function; none where there is one output."""
-    several = [i for i in content.moving if not (found.weights[i] != 0.0 and np.count_nonzero(found.weights) == 1)]
+    several = [
+        i for i in content.moving if not (explaining.weights[i] != 0.0 and np.count_nonzero(explaining.weights) == 1)
+    ]
     best, least = None, np.inf
     for i in several:
         x = content.flown[:, i]
@@ -112,14 +114,14 @@ def _explaining(content: RunAnalysis, found: Combination, values: Array) -> int 
     return best
 
 
-def _scatter(content: RunAnalysis, found: Combination, values: Array, i: int, upward: Axis) -> Panel:
+def _scatter(content: RunAnalysis, panel: Combination, values: Array, i: int, upward: Axis) -> Panel:
     """Draw the combination against output i with the linear ellipses."""
-    scale, own = content.output_scale[i], content.output_scale[found.lead]
+    scale, own = content.output_scale[i], content.output_scale[panel.lead]
     covariance, mean = content.comparison.covariance_linear, content.model.outcome_mean
-    crossed = float(covariance[i] @ found.weights) * scale * own if found.sigma_linear > 0.0 else 0.0
-    variance = (found.sigma_linear * own) ** 2
+    crossed = float(covariance[i] @ panel.weights) * scale * own if panel.sigma_linear > 0.0 else 0.0
+    variance = (panel.sigma_linear * own) ** 2
     both = np.array([[covariance[i, i] * scale**2, crossed], [crossed, variance]])
-    centre = np.array([mean[i] * scale, float(mean @ found.weights) * own])
+    centre = np.array([mean[i] * scale, float(mean @ panel.weights) * own])
     every = max(1, -(-len(values) // SCATTERED))
     points = Points(FLIGHTS, content.flown[::every, i], values[::every], 1.8, 0.6)
     across = Axis(content.output_names[i], content.output_units[i])

@@ -45,14 +45,14 @@ Columns = dict[str, Sequence[Any] | NDArray[Any]]
 
 def nees_over_time(content: RunAnalysis) -> Figure | None:
     """Draw the mean NEES of each group of states against time, with the bounds of a consistent filter."""
-    found = content.filter
-    if found is None:
+    figure = content.filter
+    if figure is None:
         return None
-    groups = [group for group in found.groups if group.nees.known.any()]
+    groups = [group for group in figure.groups if group.nees.known.any()]
     if not groups:
         return None
     shaded = outages(content)
-    columns: Columns = {found.label: found.times}
+    columns: Columns = {figure.label: figure.times}
     for group in groups:
         low, high = group.nees.each.T
         columns |= {f"{group_title(group)}, mean NEES": group.nees.value, f"{group_title(group)}, from": low,
@@ -63,7 +63,7 @@ def nees_over_time(content: RunAnalysis) -> Figure | None:
         title="Mean NEES over time",
         description="Mean normalized estimation error squared of each group of states against the filter's own "
         "covariance, with the bounds in which it lies for a consistent filter.",
-        panels=[_nees_panel(found, group, shaded) for group in groups],
+        panels=[_nees_panel(figure, group, shaded) for group in groups],
         key=[FLOWN_MEAN, INTERVAL, *([BY_LINEAR] if linear else []), BOUNDS, *shading_key(shaded)],
         columns=columns,
         size=side_by_side(len(groups), 230.0),
@@ -77,21 +77,21 @@ def group_title(group: GroupConsistency) -> str:
     return GROUP_TITLES.get(group.name, humanize(group.name))
 
 
-def _nees_panel(found: FilterConsistency, group: GroupConsistency, shaded: Sequence[Span]) -> Panel:
+def _nees_panel(consistency: FilterConsistency, group: GroupConsistency, shaded: Sequence[Span]) -> Panel:
     linear = None if group.linear is None else group.size * group.linear**2
     low, high = group.nees.each.T
     reach = np.concatenate([group.nees.value, low, high, [] if linear is None else linear, group.bounds_together])
     return Panel(
         f"{group_title(group)}: {_counted(group.size, 'state')}",
-        whole_flight(found),
+        whole_flight(consistency),
         _upward("NEES", "", reach),
         [
             Span(BOUNDS, *group.bounds_together, level=True),
             *shaded,
             Rule(float(group.size), level=True, colour=MUTED),
-            *_areas(INTERVAL, found.times, group.nees.each),
-            *([] if linear is None else [Line(BY_LINEAR, found.times, linear, 1.6)]),
-            *_curve(FLOWN_MEAN, found.times, group.nees.value),
+            *_areas(INTERVAL, consistency.times, group.nees.each),
+            *([] if linear is None else [Line(BY_LINEAR, consistency.times, linear, 1.6)]),
+            *_curve(FLOWN_MEAN, consistency.times, group.nees.value),
         ],
     )
 
@@ -102,14 +102,14 @@ def _counted(number: int, noun: str) -> str:
 
 def nis_over_time(content: RunAnalysis) -> Figure | None:
     """Draw the mean NIS of each sensor between epochs, with the bounds of a consistent filter."""
-    found = content.filter
-    if found is None:
+    figure = content.filter
+    if figure is None:
         return None
-    sensors = [sensor for sensor in found.sensors if sensor.nis.known.any()]
+    sensors = [sensor for sensor in figure.sensors if sensor.nis.known.any()]
     if not sensors:
         return None
     shaded = {sensor.name: outages(content, [sensor.name]) for sensor in sensors}
-    columns: Columns = {found.label: found.times}
+    columns: Columns = {figure.label: figure.times}
     for sensor in sensors:
         name = humanize(sensor.name)
         columns |= {f"{name}, mean NIS": sensor.nis.value, f"{name}, bound from": sensor.bounds[:, 0],
@@ -120,7 +120,7 @@ def nis_over_time(content: RunAnalysis) -> Figure | None:
         title="Mean NIS over time",
         description="Mean normalized innovation squared of each sensor between two epochs, with the bounds in which "
         "it lies for a consistent filter.",
-        panels=[_nis_panel(found, sensor, shaded[sensor.name]) for sensor in sensors],
+        panels=[_nis_panel(figure, sensor, shaded[sensor.name]) for sensor in sensors],
         key=[FLOWN_MEAN.of_kind("line"), BOUNDS, *shading_key([span for each in shaded.values() for span in each])],
         columns=columns,
         size=side_by_side(len(sensors), 230.0),
@@ -129,52 +129,52 @@ def nis_over_time(content: RunAnalysis) -> Figure | None:
     )
 
 
-def _nis_panel(found: FilterConsistency, sensor: SensorConsistency, shaded: Sequence[Span]) -> Panel:
-    parts = _stretches(found.times, np.asarray(sensor.nis.known & _known(sensor.bounds)))
+def _nis_panel(consistency: FilterConsistency, sensor: SensorConsistency, shaded: Sequence[Span]) -> Panel:
+    parts = _stretches(consistency.times, np.asarray(sensor.nis.known & _known(sensor.bounds)))
     return Panel(
         f"{humanize(sensor.name)}: {_counted(sensor.size, 'component')}",
-        whole_flight(found),
+        whole_flight(consistency),
         _upward("NIS", "", np.append(sensor.nis.value, sensor.bounds.ravel())),
         [
-            *(_steps(BOUNDS, found.times, sensor.bounds, part) for part in parts),
+            *(_steps(BOUNDS, consistency.times, sensor.bounds, part) for part in parts),
             *shaded,
             Rule(float(sensor.size), level=True, colour=MUTED),
-            *(mark for part in parts for mark in _curve(FLOWN_MEAN, found.times[part], sensor.nis.value[part])),
+            *(mark for part in parts for mark in _curve(FLOWN_MEAN, consistency.times[part], sensor.nis.value[part])),
         ],
     )
 
 
 def sigma_ratios_over_time(content: RunAnalysis) -> Figure | None:
     """Draw true over filter sigma of each output, those of one unit together, against the tolerance."""
-    found = content.filter
-    if found is None:
+    figure = content.filter
+    if figure is None:
         return None
-    groups = _drawn(same_unit(found.outputs))
+    groups = _drawn(same_unit(figure.outputs))
     if not groups:
         return None
     shaded = outages(content)
-    columns: Columns = {found.label: found.times}
-    for each in found.outputs:
+    columns: Columns = {figure.label: figure.times}
+    for each in figure.outputs:
         name = humanize(each.name)
         columns[f"{name}, true σ over filter σ"] = each.ratio.value
         columns |= {f"{name}, from": each.ratio.each[:, 0], f"{name}, to": each.ratio.each[:, 1]}
         if each.linear is not None:
             columns[f"{name}, linear analysis"] = each.linear
-    linear = any(each.linear is not None for each in found.outputs)
-    tolerance = Span(TOLERANCE, 1.0 - found.tolerance, 1.0 + found.tolerance, level=True)
+    linear = any(each.linear is not None for each in figure.outputs)
+    tolerance = Span(TOLERANCE, 1.0 - figure.tolerance, 1.0 + figure.tolerance, level=True)
 
     def panel(place: int, title: str, members: Sequence[SigmaConsistency]) -> Panel:
         marks: list[Mark] = [tolerance, *shaded, Rule(1.0, level=True, colour=INK, width=1.0)]
         series = curves(place, members)
         for own, each in zip(series, members, strict=True):
-            marks += _areas(own, found.times, each.ratio.each, 0.15)
+            marks += _areas(own, figure.times, each.ratio.each, 0.15)
         for own, each in zip(series, members, strict=True):
             if each.linear is not None:
-                marks.append(Line(own, found.times, each.linear, 1.3, "dashed"))
-            marks += _curve(own, found.times, each.ratio.value)
+                marks.append(Line(own, figure.times, each.linear, 1.3, "dashed"))
+            marks += _curve(own, figure.times, each.ratio.value)
         known = [np.append(each.ratio.value, each.ratio.each.ravel()) for each in members]
         upward = _upward("true σ / filter σ", "", np.concatenate([[tolerance.low, tolerance.high], *known]))
-        return Panel(title, whole_flight(found), upward, marks, series)
+        return Panel(title, whole_flight(figure), upward, marks, series)
 
     return Figure(
         name="sigma-history",
@@ -193,14 +193,14 @@ def sigma_ratios_over_time(content: RunAnalysis) -> Figure | None:
 
 def shares_within(content: RunAnalysis) -> Figure | None:
     """Draw the share of samples within one and three of their own filter's sigmas, outputs of one unit together."""
-    found = content.filter
-    if found is None:
+    figure = content.filter
+    if figure is None:
         return None
-    groups = _drawn(same_unit([each for each in found.outputs if each.within_1 and each.within_3]))
+    groups = _drawn(same_unit([each for each in figure.outputs if each.within_1 and each.within_3]))
     if not groups:
         return None
     shaded = outages(content)
-    columns: Columns = {found.label: found.times}
+    columns: Columns = {figure.label: figure.times}
     panels = []
     for multiple in (1, 3):
         for place, (title, members) in enumerate(groups):
@@ -208,7 +208,7 @@ def shares_within(content: RunAnalysis) -> Figure | None:
                      for statistic, bounds in [_within(each, multiple)] if statistic is not None]  # fmt: skip
             columns |= {f"{humanize(each.name)}, within ±{multiple}σ [%]": 100.0 * statistic.value
                         for each, statistic, _ in known}  # fmt: skip
-            panels.append(_share_panel(found, multiple, len(groups) * (multiple > 1) + place, title, known, shaded))
+            panels.append(_share_panel(figure, multiple, len(groups) * (multiple > 1) + place, title, known, shaded))
     return Figure(
         name="within-history",
         title="Share of samples within the filter's sigmas",
@@ -227,7 +227,7 @@ def _within(each: SigmaConsistency, multiple: int) -> tuple[Statistic | None, tu
 
 
 def _share_panel(
-    found: FilterConsistency,
+    consistency: FilterConsistency,
     multiple: int,
     number: int,
     title: str,
@@ -238,11 +238,11 @@ def _share_panel(
     series = curves(number, [each for each, _, _ in known])
     lines: list[Mark] = []
     for own, (_, statistic, _) in zip(series, known, strict=True):
-        lines += _curve(own, found.times, 100.0 * statistic.value)
+        lines += _curve(own, consistency.times, 100.0 * statistic.value)
     ends = _ends(np.concatenate([[low, high], *(100.0 * statistic.value for _, statistic, _ in known)]), log=False)
     return Panel(
         f"{title}, ±{multiple}σ",
-        whole_flight(found),
+        whole_flight(consistency),
         Axis(f"within ±{multiple}σ", "%", low=ends[0], high=min(ends[1], 100.0)),
         [Span(BOUNDS, low, high, level=True), *shaded, *lines],
         series,

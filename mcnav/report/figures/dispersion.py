@@ -122,8 +122,8 @@ def ellipses(series: Series, centre: Array, covariance: Array) -> list[Mark]:
     values, vectors = np.linalg.eigh(covariance)
     angle = np.linspace(0.0, 2.0 * np.pi, 121)
     circle = vectors @ (np.sqrt(np.maximum(values, 0.0))[:, None] * np.array([np.cos(angle), np.sin(angle)]))
-    found = [centre[:, None] + sigma * circle for sigma in (1.0, 3.0)]
-    return [Line(series, x, y, 2.0) for x, y in found]
+    marks = [centre[:, None] + sigma * circle for sigma in (1.0, 3.0)]
+    return [Line(series, x, y, 2.0) for x, y in marks]
 
 
 def histograms(content: RunAnalysis) -> Figure:

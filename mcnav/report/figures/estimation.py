@@ -22,15 +22,15 @@ LINES: Final = {"linear": "dashed", "Monte Carlo": "line", "filter": "dotted"}
 
 def estimation(content: RunAnalysis) -> Figure | None:
     """Draw the sigma of each other state of the filter over time, the axes of one kind together."""
-    found = content.filter
-    if found is None:
+    figure = content.filter
+    if figure is None:
         return None
-    known = [each for each in found.states if np.isfinite(each.true).any() and np.any(each.filter > 0.0)]
+    known = [each for each in figure.states if np.isfinite(each.true).any() and np.any(each.filter > 0.0)]
     groups = same_kind(known)
     if not groups:
         return None
     shaded = outages(content)
-    columns: dict[str, Sequence[Any] | NDArray[Any]] = {found.label: found.times}
+    columns: dict[str, Sequence[Any] | NDArray[Any]] = {figure.label: figure.times}
     for each in known:
         for whose, values in sigmas(each).items():
             columns[f"{humanize(each.name)}, {whose} σ [{each.shown_in}]"] = values
@@ -40,7 +40,7 @@ def estimation(content: RunAnalysis) -> Figure | None:
         title="Estimates of the errors of instruments and sensors",
         description="Sigma of the errors of the filter's estimates by Monte Carlo and linear analysis, and the sigma "
         "that the filter states, over time.",
-        panels=[_panel(found, place, title, members, shaded) for place, (title, members) in enumerate(groups)],
+        panels=[_panel(figure, place, title, members, shaded) for place, (title, members) in enumerate(groups)],
         key=shading_key(shaded),
         columns=columns,
         size=side_by_side(len(groups), 240.0),
@@ -51,13 +51,13 @@ def estimation(content: RunAnalysis) -> Figure | None:
 
 
 def _panel(
-    found: FilterConsistency, place: int, title: str, members: Sequence[SigmaConsistency], shaded: Sequence[Span]
+    consistency: FilterConsistency, place: int, title: str, members: Sequence[SigmaConsistency], shaded: Sequence[Span]
 ) -> Panel:
     series = curves(place, members)
     marks: list[Mark] = [
-        Line(own, found.times, values, 1.9 if whose == "filter" else 1.5, LINES[whose])
+        Line(own, consistency.times, values, 1.9 if whose == "filter" else 1.5, LINES[whose])
         for own, each in zip(series, members, strict=True)
         for whose, values in sigmas(each).items()
     ]
     upward = Axis("1σ", members[0].shown_in, low=0.0)
-    return Panel(title, whole_flight(found), upward, [*shaded, *marks], series)
+    return Panel(title, whole_flight(consistency), upward, [*shaded, *marks], series)

@@ -161,7 +161,7 @@ class Figure:
         )
         whole = f'<svg xmlns="http://www.w3.org/2000/svg" width="{across:g}" height="{down:g}">{placed}</svg>'
         colours = {name: colour for colour, name in VARIABLES.items()}
-        return re.sub(r"var\(--([\w-]+)\)", lambda found: colours[found[1]], whole)
+        return re.sub(r"var\(--([\w-]+)\)", lambda result: colours[result[1]], whole)
 
 
 def _plain(values: NDArray[Any]) -> list[str]:

@@ -39,21 +39,23 @@ def sigmas(each: SigmaConsistency) -> dict[str, NDArray[np.float64]]:
     return {**linear, "Monte Carlo": each.true * scale, "filter": each.filter * scale}
 
 
-def whole_flight(found: FilterConsistency) -> Axis:
+def whole_flight(consistency: FilterConsistency) -> Axis:
     """Return the time axis of a filter's diagrams, from the first epoch to the last."""
-    return replace(axis(found.label, link=True), low=float(found.times[0]), high=float(found.times[-1]))
+    return replace(
+        axis(consistency.label, link=True), low=float(consistency.times[0]), high=float(consistency.times[-1])
+    )
 
 
-def errors_and_sigmas(content: RunAnalysis, found: FilterConsistency) -> Figure | None:
+def errors_and_sigmas(content: RunAnalysis, consistency: FilterConsistency) -> Figure | None:
     """Draw every output whose sigmas are known."""
-    known = [each for each in found.outputs if np.isfinite(each.true).any() and np.any(each.true > 0.0)]
+    known = [each for each in consistency.outputs if np.isfinite(each.true).any() and np.any(each.true > 0.0)]
     if not known:
         return None
     expected = [f"{output.name} [{output.unit}]" for output in content.manifest.model.outputs]
     stored = content.folder.histories(DRAWN, expected)
-    times, histories = (found.times, {}) if stored is None else stored[1:]
+    times, histories = (consistency.times, {}) if stored is None else stored[1:]
     shaded = outages(content)
-    columns: dict[str, Sequence[Any] | NDArray[Any]] = {found.label: found.times}
+    columns: dict[str, Sequence[Any] | NDArray[Any]] = {consistency.label: consistency.times}
     for each in known:
         for whose, values in sigmas(each).items():
             columns[f"{humanize(each.name)}, {whose} σ [{each.shown_in}]"] = values
@@ -64,7 +66,7 @@ def errors_and_sigmas(content: RunAnalysis, found: FilterConsistency) -> Figure 
         title="Errors over the flight",
         description="Errors of some samples, and sigmas of each output by Monte Carlo, linear analysis and the filter, "
         "over time.",
-        panels=[_panel(found, each, times, _complete(histories, each), shaded) for each in known],
+        panels=[_panel(consistency, each, times, _complete(histories, each), shaded) for each in known],
         key=[*listed, *drawn, *shading_key(shaded)],
         columns=columns,
         size=side_by_side(len(known)),
@@ -75,16 +77,16 @@ def errors_and_sigmas(content: RunAnalysis, found: FilterConsistency) -> Figure 
 
 def _complete(histories: Mapping[str, Array], each: SigmaConsistency) -> Array:
     """Return the histories of an output without those of failed samples, in the unit shown."""
-    found = histories.get(f"{each.name} [{each.unit}]", np.empty((0, 0)))
-    return found[np.isfinite(found).all(axis=1)] * conversion(each.unit, each.shown_in)
+    result = histories.get(f"{each.name} [{each.unit}]", np.empty((0, 0)))
+    return result[np.isfinite(result).all(axis=1)] * conversion(each.unit, each.shown_in)
 
 
 def _panel(
-    found: FilterConsistency, each: SigmaConsistency, times: Array, histories: Array, shaded: Sequence[Span]
+    consistency: FilterConsistency, each: SigmaConsistency, times: Array, histories: Array, shaded: Sequence[Span]
 ) -> Panel:
     marks: list[Mark] = [*shaded, *(Line(SAMPLES, times, history, 0.7, silent=True) for history in histories)]
     for whose, values in sigmas(each).items():
         width = 2.3 if whose == "linear" else 1.9
-        marks += [Line(SIGMAS[whose], found.times, sign * MULTIPLE * values, width) for sign in (-1.0, 1.0)]
+        marks += [Line(SIGMAS[whose], consistency.times, sign * MULTIPLE * values, width) for sign in (-1.0, 1.0)]
     upward = Axis("error", each.shown_in)
-    return Panel(humanize(each.name), whole_flight(found), upward, marks)
+    return Panel(humanize(each.name), whole_flight(consistency), upward, marks)

@@ -31,9 +31,9 @@ SIZE: Final = Series("size", "linear", LINEAR)
 COUNTED: Final = Series("counted", "epochs that count", INK, "dot")
 
 
-def cause_labels(found: LinearAnswer) -> list[str]:
+def cause_labels(answer: LinearAnswer) -> list[str]:
     """Return the names of the sources and processes for people."""
-    return [*labels_of(found.sources, found.outputs), *map(humanize, found.model.processes)]
+    return [*labels_of(answer.sources, answer.outputs), *map(humanize, answer.model.processes)]
 
 
 def _shading(outages: Outages, label: str) -> list[Span]:
@@ -45,10 +45,10 @@ def _shading(outages: Outages, label: str) -> list[Span]:
     ]
 
 
-def short_name(each: LinearRequirement, found: LinearAnswer) -> str:
+def short_name(each: LinearRequirement, answer: LinearAnswer) -> str:
     """Name a requirement in a few words: its kind and outputs."""
     required = each.requirement
-    names = ", ".join(humanize(found.outputs[i].name) for i in required.outputs)
+    names = ", ".join(humanize(answer.outputs[i].name) for i in required.outputs)
     kind = required.kind if required.kind == "box" else required.kind.upper()
     named = f"{100.0 * (required.probability or 0.5):g} % of |{names}|" if kind == "QUANTILE" else f"{kind}, {names}"
     return f"{named}, {required.when}" if required.when else named
@@ -58,17 +58,17 @@ def _moving(history: LinearCovariance) -> list[int]:
     return [int(i) for i in np.flatnonzero(history.sigma.max(axis=0) > 0.0)]
 
 
-def sigmas(found: LinearAnswer, outages: Outages) -> Figure | None:
+def sigmas(answer: LinearAnswer, outages: Outages) -> Figure | None:
     """Draw sigma of every output over time, with that of the filter; none without a history."""
-    history = found.meaningful
+    history = answer.meaningful
     if history is None or not _moving(history):
         return None
-    label, times, scale = history.readings.label, history.readings.times, scale_of(found.outputs)
+    label, times, scale = history.readings.label, history.readings.times, scale_of(answer.outputs)
     shaded = _shading(outages, label)
     columns: dict[str, Array] = {label: times}
     panels = []
     for i in _moving(history):
-        name, unit = humanize(found.outputs[i].name), found.outputs[i].shown_in
+        name, unit = humanize(answer.outputs[i].name), answer.outputs[i].shown_in
         marks: list[Mark] = [*shaded, Line(TRUE, times, history.sigma[:, i] * scale[i], 2.3)]
         columns[f"{name}, 1σ [{unit}]"] = history.sigma[:, i] * scale[i]
         if history.sigma_filter is not None:
@@ -90,21 +90,21 @@ def sigmas(found: LinearAnswer, outages: Outages) -> Figure | None:
     )
 
 
-def requirements(found: LinearAnswer, outages: Outages) -> Figure | None:
+def requirements(answer: LinearAnswer, outages: Outages) -> Figure | None:
     """Draw the quantile or radius of each requirement over time with its limit; none without one over time."""
-    history = found.meaningful
-    wanted = [each for each in found.requirements if each.requirement.epochs and each.judged]
+    history = answer.meaningful
+    wanted = [each for each in answer.requirements if each.requirement.epochs and each.judged]
     if history is None or not wanted:
         return None
-    label, scale = history.readings.label, scale_of(found.outputs)
+    label, scale = history.readings.label, scale_of(answer.outputs)
     times, shaded = history.readings.times[history.settled], _shading(outages, label)
     columns: dict[str, Array] = {label: times}
     panels = []
     for number, each in enumerate(wanted, start=1):
         first = each.requirement.outputs[0]
-        unit, values = found.outputs[first].shown_in, sizes_over_time(each.requirement, history.moments) * scale[first]
+        unit, values = answer.outputs[first].shown_in, sizes_over_time(each.requirement, history.moments) * scale[first]
         limit, at = each.requirement.limits[0] * scale[first], list(each.requirement.epochs)
-        title = f"{number}: {short_name(each, found)}"
+        title = f"{number}: {short_name(each, answer)}"
         columns[f"{title} [{unit}]"] = values
         marks: list[Mark] = [
             *shaded,
@@ -127,22 +127,22 @@ def requirements(found: LinearAnswer, outages: Outages) -> Figure | None:
     )
 
 
-def contributors(found: LinearAnswer) -> list[Contributor]:
+def contributors(answer: LinearAnswer) -> list[Contributor]:
     """Return the causes with a colour each, those that differ only in their axis together where there are many."""
-    labels, shares = cause_labels(found), np.nan_to_num(found.budget.shares)
-    active = [j for j in range(len(labels)) if found.budget.contributions[:, j].any()]
+    labels, shares = cause_labels(answer), np.nan_to_num(answer.budget.shares)
+    active = [j for j in range(len(labels)) if answer.budget.contributions[:, j].any()]
     grouped = groups(labels, active)
     parts = np.array([shares[:, list(members)].sum(axis=1) for _, members in grouped]).reshape(len(grouped), -1)
     return ranked(grouped, parts.mean(axis=1).tolist(), parts.max(axis=1, initial=0.0), len(labels) <= len(active))
 
 
-def budget(found: LinearAnswer) -> Figure | None:
+def budget(answer: LinearAnswer) -> Figure | None:
     """Draw the share of each contributor in each output's final variance; none without dispersion."""
-    names, shares, parts = [humanize(each.name) for each in found.outputs], found.budget.shares, contributors(found)
+    names, shares, parts = [humanize(each.name) for each in answer.outputs], answer.budget.shares, contributors(answer)
     if not parts:
         return None
     shares = np.nan_to_num(shares)
-    labels, members = cause_labels(found), [j for each in parts for j in each.members]
+    labels, members = cause_labels(answer), [j for each in parts for j in each.members]
     reach = float(shares[:, members].sum(axis=1).max(initial=0.0))
     across = Axis("share of the linear variance", "%", low=0.0, high=100.0 * max(1.0, reach) * 1.02)
     columns: dict[str, Sequence[object]] = {"cause": [labels[j] for j in members]}
@@ -160,20 +160,20 @@ def budget(found: LinearAnswer) -> Figure | None:
     )  # fmt: skip
 
 
-def development(found: LinearAnswer, outages: Outages) -> Figure | None:
+def development(answer: LinearAnswer, outages: Outages) -> Figure | None:
     """Draw sigma of each output over time by contributor; none without a history."""
-    history = found.meaningful
+    history = answer.meaningful
     if history is None or not _moving(history):
         return None
-    label, times, scale = history.readings.label, history.readings.times, scale_of(found.outputs)
+    label, times, scale = history.readings.label, history.readings.times, scale_of(answer.outputs)
     curves = {Series("all", "all errors", INK): history.sigma * scale}
-    for each in contributors(found):
-        curves[each.series] = np.sqrt(np.maximum(_variances(found, history, each.members), 0.0)) * scale
+    for each in contributors(answer):
+        curves[each.series] = np.sqrt(np.maximum(_variances(answer, history, each.members), 0.0)) * scale
     shaded = _shading(outages, label)
     columns: dict[str, Array] = {label: times}
     panels = []
     for i in _moving(history):
-        name, unit = humanize(found.outputs[i].name), found.outputs[i].shown_in
+        name, unit = humanize(answer.outputs[i].name), answer.outputs[i].shown_in
         columns |= {f"{name}, {series.label} [{unit}]": part[:, i] for series, part in curves.items()}
         marks: list[Mark] = [*shaded]
         marks += [
@@ -191,22 +191,22 @@ def development(found: LinearAnswer, outages: Outages) -> Figure | None:
     )
 
 
-def _variances(found: LinearAnswer, history: LinearCovariance, members: Sequence[int]) -> Array:
+def _variances(answer: LinearAnswer, history: LinearCovariance, members: Sequence[int]) -> Array:
     """Compute the variance over time due to some causes, shape (times, outputs), SI."""
-    count = len(found.sources)
+    count = len(answer.sources)
     sources = [j for j in members if j < count]
-    partials, covariance = history.readings.partials[:, :, sources], found.model.covariance[np.ix_(sources, sources)]
+    partials, covariance = history.readings.partials[:, :, sources], answer.model.covariance[np.ix_(sources, sources)]
     total = np.stack([propagated_variances(each, covariance) for each in partials])
     for j in (j for j in members if j >= count):
-        total = total + history.variances[found.causes[j]]
+        total = total + history.variances[answer.causes[j]]
     return total
 
 
-def correlations(found: LinearAnswer) -> Figure:
+def correlations(answer: LinearAnswer) -> Figure:
     """Draw the correlation matrix of the final errors; the table has the covariances."""
-    names, scale = [humanize(each.name) for each in found.outputs], scale_of(found.outputs)
-    units = [each.shown_in for each in found.outputs]
-    values = np.nan_to_num(found.correlation)
+    names, scale = [humanize(each.name) for each in answer.outputs], scale_of(answer.outputs)
+    units = [each.shown_in for each in answer.outputs]
+    values = np.nan_to_num(answer.correlation)
     texts = [["0" if abs(value) < NIL else fixed(value, 2) for value in row] for row in values]
     rows, across = np.transpose(list(product(range(len(names)), repeat=2)))
     square = Axis(names=names)
@@ -220,8 +220,8 @@ def correlations(found: LinearAnswer) -> Figure:
             "row": [names[i] for i in rows],
             "column": [names[j] for j in across],
             "unit": [f"{units[i]}·{units[j]}" for i, j in zip(rows, across, strict=True)],
-            "covariance": (found.covariance * np.outer(scale, scale))[rows, across],
-            "correlation": found.correlation[rows, across],
+            "covariance": (answer.covariance * np.outer(scale, scale))[rows, across],
+            "correlation": answer.correlation[rows, across],
         },
         size=(HALF[0], 60.0 + 36.0 * len(names)),
         caption="The table has the covariances.",

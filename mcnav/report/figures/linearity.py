@@ -30,18 +30,21 @@ MINOR: Final = Series("minor", "minor source", MUTED, "ring")
 FARTHER: Final = Series("farther", "larger than simulated", INK, "onward")
 
 
-def ratios(found: DispersionRange, tolerance: float, names: Sequence[str]) -> Figure:
+def ratios(dispersion_range: DispersionRange, tolerance: float, names: Sequence[str]) -> Figure:
     """Draw sigma ratios against the multiple of all errors: a panel for each of ``names``, the joint one last."""
-    columns: dict[str, Array] = {"multiple": found.multiples}
+    columns: dict[str, Array] = {"multiple": dispersion_range.multiples}
     for column, name in enumerate(names):
-        columns[f"{name}, ratio"] = found.ratios[:, column]
-        columns[f"{name}, from"], columns[f"{name}, to"] = found.lower[:, column], found.upper[:, column]
+        columns[f"{name}, ratio"] = dispersion_range.ratios[:, column]
+        columns[f"{name}, from"], columns[f"{name}, to"] = (
+            dispersion_range.lower[:, column],
+            dispersion_range.upper[:, column],
+        )
     return Figure(
         name="ratios",
         title="Sigma ratio against the multiple of the errors",
         description="Paired sigma ratio with its interval for each output and the joint distribution, against the "
         "multiple of the stated errors; a dashed line marks where it leaves the tolerance.",
-        panels=[_ratio(name, found, tolerance, column) for column, name in enumerate(names)],
+        panels=[_ratio(name, dispersion_range, tolerance, column) for column, name in enumerate(names)],
         key=(RATIO, INTERVAL, TOLERANCE, LEAVES),
         columns=columns,
         size=(THIRD[0], 240.0),
@@ -49,17 +52,19 @@ def ratios(found: DispersionRange, tolerance: float, names: Sequence[str]) -> Fi
     )
 
 
-def _ratio(name: str, found: DispersionRange, tolerance: float, column: int) -> Panel:
-    ratio, low, high = (each[:, column] for each in (found.ratios, found.lower, found.upper))
+def _ratio(name: str, dispersion_range: DispersionRange, tolerance: float, column: int) -> Panel:
+    ratio, low, high = (
+        each[:, column] for each in (dispersion_range.ratios, dispersion_range.lower, dispersion_range.upper)
+    )
     shown = np.isfinite(ratio) & (np.abs(ratio - 1.0) < 3.0 * REACH * tolerance)
-    multiples = found.multiples[shown]
+    multiples = dispersion_range.multiples[shown]
     top = np.minimum(high[shown], 1.0 + 3.0 * REACH * tolerance)
     marks: list[Mark] = [Band(INTERVAL, multiples, low[shown], top), Line(RATIO, multiples, ratio[shown], 2.4)]
     if shown.sum() == 1:
         marks.append(Points(Series(RATIO.name, "", FLOWN, "dot"), multiples, ratio[shown]))
-    if np.isfinite(found.departs[column]):
-        marks.append(Rule(float(found.departs[column]), kind="dashed", width=1.6, series=LEAVES))
-    first, last = (float(each) for each in found.multiples[[0, -1]])
+    if np.isfinite(dispersion_range.departs[column]):
+        marks.append(Rule(float(dispersion_range.departs[column]), kind="dashed", width=1.6, series=LEAVES))
+    first, last = (float(each) for each in dispersion_range.multiples[[0, -1]])
     margin = ALONE if first == last else 1.0  # a single multiple needs room on both sides
     across = Axis("multiple of the stated errors", log=True, low=first / margin, high=last * margin, link="multiple")
     upward = Axis("σ ratio", low=1.0 - REACH * tolerance, high=1.0 + REACH * tolerance)

@@ -224,22 +224,28 @@ def extent(mark: Mark) -> tuple[Array, Array]:
     nothing = np.empty(0)
     match mark:
         case Line() | Points():
-            found: tuple[ArrayLike, ...] = (mark.x, mark.y)
+            array_likes: tuple[ArrayLike, ...] = (mark.x, mark.y)
         case Band():
-            found = (mark.x, np.concatenate([np.asarray(mark.low, dtype=float), np.asarray(mark.high, dtype=float)]))
+            array_likes = (
+                mark.x,
+                np.concatenate([np.asarray(mark.low, dtype=float), np.asarray(mark.high, dtype=float)]),
+            )
         case Bars():
-            found = (np.concatenate([np.asarray(mark.low, dtype=float), np.asarray(mark.high, dtype=float)]), mark.rows)
+            array_likes = (
+                np.concatenate([np.asarray(mark.low, dtype=float), np.asarray(mark.high, dtype=float)]),
+                mark.rows,
+            )
         case Interval():
-            found = ([mark.low, mark.high], [mark.row])
+            array_likes = ([mark.low, mark.high], [mark.row])
         case Steps():
-            found = (mark.edges, np.append(np.asarray(mark.heights, dtype=float), 0.0))
+            array_likes = (mark.edges, np.append(np.asarray(mark.heights, dtype=float), 0.0))
         case Text(corner=False):
-            found = ([mark.x], [mark.y])
+            array_likes = ([mark.x], [mark.y])
         case Rule(name=""):
-            found = (nothing, [mark.at]) if mark.level else ([mark.at], nothing)
+            array_likes = (nothing, [mark.at]) if mark.level else ([mark.at], nothing)
         case _:
-            found = (nothing, nothing)
-    x, y = (np.asarray(each, dtype=float) for each in found)
+            array_likes = (nothing, nothing)
+    x, y = (np.asarray(each, dtype=float) for each in array_likes)
     return x, y
 
 
@@ -255,7 +261,7 @@ class Panel:
 
     def reaches(self) -> tuple[Array, Array]:
         """Return all that the marks reach along x and along y."""
-        found = [extent(mark) for mark in self.marks]
-        return np.concatenate([np.empty(0), *(x for x, _ in found)]), np.concatenate(
-            [np.empty(0), *(y for _, y in found)]
+        extents = [extent(mark) for mark in self.marks]
+        return np.concatenate([np.empty(0), *(x for x, _ in extents)]), np.concatenate(
+            [np.empty(0), *(y for _, y in extents)]
         )

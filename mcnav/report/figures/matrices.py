@@ -117,8 +117,8 @@ def certain_differences(comparison: Comparison, confidence: float) -> tuple[Mask
     correlation = np.zeros_like(covariance)
     pairs = comparison.joint.correlations if comparison.joint else ()
     for pair in pairs:
-        (i, j), found = pair.between, pair.difference
-        low, high = (pair.linear + end for end in found.interval(1.0 - (1.0 - confidence) / len(pairs)))
+        (i, j), difference = pair.between, pair.difference
+        low, high = (pair.linear + end for end in difference.interval(1.0 - (1.0 - confidence) / len(pairs)))
         if not np.isfinite((*ends[i], *ends[j], low, high)).all():
             continue
         correlation[i, j] = correlation[j, i] = not low <= pair.linear <= high

@@ -22,11 +22,11 @@ def read_size(text: str) -> tuple[float, float]:
     >>> read_size("88x60mm"), read_size("3.5 x 2 in")
     ((8.8, 6.0), (8.89, 5.08))
     """
-    found = _SIZE.fullmatch(text.strip())
-    if found is None:
+    size = _SIZE.fullmatch(text.strip())
+    if size is None:
         raise ValueError(f"got {text!r:.60}; expected WIDTHxHEIGHT and a unit (mm, cm or in), such as 88x60mm")
-    factor = CENTIMETRES[found[3]]
-    width, height = (round(float(each) * factor, 6) for each in found.groups()[:2])
+    factor = CENTIMETRES[size[3]]
+    width, height = (round(float(each) * factor, 6) for each in size.groups()[:2])
     if not (LIMITS[0] <= min(width, height) and max(width, height) <= LIMITS[1]):
         raise ValueError(f"got {text!r:.60}; expected lengths from {10.0 * LIMITS[0]:g} to {10.0 * LIMITS[1]:,g} mm")
     return width, height

@@ -54,12 +54,12 @@ def groups(labels: Sequence[str], active: Sequence[int]) -> list[tuple[str, tupl
     """
     if len(active) <= SHOWN:
         return [(labels[j], (j,)) for j in active]
-    found: dict[str, list[int]] = {}
+    result: dict[str, list[int]] = {}
     for j in active:
-        found.setdefault(stem(labels[j]), []).append(j)
+        result.setdefault(stem(labels[j]), []).append(j)
     return [
         (f"{kind} ({len(members)})", tuple(members)) if len(members) > 1 else (labels[members[0]], tuple(members))
-        for kind, members in found.items()
+        for kind, members in result.items()
     ]
 
 
@@ -99,29 +99,29 @@ def ranked(
     if len(small) == 1 and len(kept) < SHOWN:
         kept, small = kept | set(small), []
     chosen = sorted(kept, key=lambda k: (-mean[k], k))
-    found = [
+    result = [
         Contributor(numbered(grouped[k][1][0] if few else place, grouped[k][0]), grouped[k][1])
         for place, k in enumerate(chosen)
     ]
     if not small:
-        return found
+        return result
     rest = tuple(j for k in small for j in grouped[k][1])
-    return [*found, Contributor(Series("others", f"other {len(rest)} sources", OTHER), rest, other=True)]
+    return [*result, Contributor(Series("others", f"other {len(rest)} sources", OTHER), rest, other=True)]
 
 
-def origins(content: RunAnalysis, found: FilterConsistency) -> list[Contributor]:
+def origins(content: RunAnalysis, consistency: FilterConsistency) -> list[Contributor]:
     """Return contributors by the origin of errors: the start, gyros, accelerometers, each sensor; others by kind."""
     record = content.manifest.model
     outputs = {each.name for each in record.outputs}
     names = [*(each.name for each in record.sources), *content.model.processes]
     sigmas = np.diag(content.model.covariance)
-    first = ("initial errors", *INSTRUMENTS, *(humanize(each.name) for each in found.sensors))
+    first = ("initial errors", *INSTRUMENTS, *(humanize(each.name) for each in consistency.sensors))
     members: dict[str, list[int]] = {origin: [] for origin in first}
     for j, (name, label) in enumerate(zip(names, content.cause_names, strict=True)):
         if j < len(sigmas) and not sigmas[j] > 0.0:
             continue
         instrument = next((title for title, prefix in INSTRUMENTS.items() if name.startswith(prefix)), None)
-        sensors = [each.name for each in found.sensors if name.startswith(f"{each.name}_")]
+        sensors = [each.name for each in consistency.sensors if name.startswith(f"{each.name}_")]
         origin = "initial errors" if name in outputs else instrument or humanize(max(sensors, key=len, default=""))
         members.setdefault(origin or stem(label), []).append(j)
     listed = [(origin, each) for origin, each in members.items() if each]
@@ -135,15 +135,15 @@ def origins(content: RunAnalysis, found: FilterConsistency) -> list[Contributor]
 
 def _largest_over_time(content: RunAnalysis, members: Sequence[tuple[int, ...]]) -> Array:
     """Return each group's share of the largest linear sigma over the flight, in the output where it is largest."""
-    known, found = content.development, np.zeros(len(members))
+    known, largest = content.development, np.zeros(len(members))
     if known is None or not len(known.partials):
-        return found
+        return largest
     whole = np.sqrt(_variance(content).max(axis=0))
     for k, each in enumerate(members):
         part = np.sqrt(_variance(content, each).max(axis=0))
         shares = np.divide(part, whole, out=np.zeros_like(part), where=whole > 0.0) ** 2
-        found[k] = shares[content.moving].max(initial=0.0)
-    return found
+        largest[k] = shares[content.moving].max(initial=0.0)
+    return largest
 
 
 def _variance(content: RunAnalysis, members: Sequence[int] = ()) -> Array:
@@ -155,36 +155,36 @@ def _variance(content: RunAnalysis, members: Sequence[int] = ()) -> Array:
         noise = [noise[j - len(covariance)] for j in members if j >= len(covariance)]
         sources = [j for j in members if j < len(covariance)]
         partials, covariance = partials[:, :, sources], covariance[np.ix_(sources, sources)]
-    found: Array = np.einsum("tij,jk,tik->ti", partials, covariance, partials, optimize=True)
-    return np.maximum(found + sum(noise, np.zeros_like(found)), 0.0)
+    variance: Array = np.einsum("tij,jk,tik->ti", partials, covariance, partials, optimize=True)
+    return np.maximum(variance + sum(noise, np.zeros_like(variance)), 0.0)
 
 
 def budget(content: RunAnalysis) -> Figure:
     """Draw shares of each contributor in each output's linear variance: linear, and by Monte Carlo if known."""
     names, linear = content.output_names, np.nan_to_num(content.budget.shares)
-    found = [each for each in contributors(content) if (linear[:, each.members] > 0.0).any()]
+    figure = [each for each in contributors(content) if (linear[:, each.members] > 0.0).any()]
     routes = {"linear": ("Linear", linear)}
     flown = flown_shares(content)
     if flown is not None:
         routes["Monte Carlo"] = ("Monte Carlo, each source alone", flown)
-    members = [j for each in found for j in each.members]
+    members = [j for each in figure for j in each.members]
     columns: dict[str, list[object]] = {"source": [content.cause_names[j] for j in members]}
     reach = max(float(shares[:, members].sum(axis=1).max(initial=0.0)) for _, shares in routes.values())
     across = Axis("share of the linear variance", "%", low=0.0, high=100.0 * max(1.0, reach) * 1.02)
     panels = []
     for route, (title, shares) in routes.items():
-        panels.append(Panel(title, across, Axis(names=names), stacked(names, shares, found)))
+        panels.append(Panel(title, across, Axis(names=names), stacked(names, shares, figure)))
         columns |= {f"{name}, {route}, %": list(100.0 * shares[i, members]) for i, name in enumerate(names)}
     return Figure(
         name="budget",
         title="Error budget",
         description="Share of each error source in the variance of each output, in per cent of the linear variance.",
         panels=panels,
-        key=[each.series.of_kind("area") for each in found],
+        key=[each.series.of_kind("area") for each in figure],
         columns=columns,
         size=(HALF[0], 82.0 + 36.0 * len(names)),
         caption="In brackets: the number of sources, which differ only in their axis."
-        if any(len(each.members) > 1 and not each.other for each in found) else "",
+        if any(len(each.members) > 1 and not each.other for each in figure) else "",
     )  # fmt: skip
 
 
@@ -199,11 +199,11 @@ def flown_shares(content: RunAnalysis) -> Array | None:
     return np.asarray(np.nan_to_num(alone / divisor[:, None]))
 
 
-def stacked(names: list[str], shares: Array, found: Sequence[Contributor]) -> list[Mark]:
+def stacked(names: list[str], shares: Array, result: Sequence[Contributor]) -> list[Mark]:
     """Return the bars of each contributor's share of each output, shares of shape (outputs, causes)."""
     left, rows = np.zeros(len(names)), np.arange(len(names))
     marks: list[Mark] = []
-    for each in found:
+    for each in result:
         width = shares[:, each.members].sum(axis=1)
         texts = [f"{name}, {each.label}: {100.0 * share:.3g} %" for name, share in zip(names, width, strict=True)]
         written = [f"{100.0 * share:.0f}" if share >= NUMBERED else "" for share in width]

@@ -72,8 +72,8 @@ def dispersion(
         marks: list[Mark] = [Line(linear, starts, sigma[:, i], 2.1)]
         known = [(time / 60.0, c.outputs[i].sigma_paired * scale[i]) for time, c in checks.items() if c.outputs]
         if known:
-            at, found = np.array(known).T
-            marks.append(Points(CHECKED, at, found, 7.5))
+            at, result = np.array(known).T
+            marks.append(Points(CHECKED, at, result, 7.5))
         # above the curve, where it hides no Monte Carlo value
         marks.append(Points(BEST, [starts[study.best[i]]], [sigma[study.best[i], i] + 0.02 * sigma[:, i].max()], 9.0))
         return Panel(f"final {name}", axis, Axis("1σ", outputs[i].shown_in, low=0.0), [*marks, *event])

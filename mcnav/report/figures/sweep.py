@@ -122,7 +122,7 @@ def _curve(sweep: Sweep, number: int, title: str) -> Panel:
     if np.isfinite(bounds).any():
         marks.append(Line(LIMIT, variable.values, bounds, 1.6))
     places = np.array([point[0] for point, _ in sweep.added])
-    added = np.array([found[number] for _, found in sweep.added]) * scale
+    added = np.array([panel[number] for _, panel in sweep.added]) * scale
     order = np.argsort(np.concatenate([variable.values, places]), kind="stable")
     across, along = np.concatenate([variable.values, places])[order], np.concatenate([values, added])[order]
     marks.append(Line(TRUE, across, along, 2.2))
@@ -156,8 +156,8 @@ def plain(value: float) -> str:
 
 def variable_places(variable: Variable, values: Any) -> Array:
     """Return the places of values along an axis, which are logarithms on a logarithmic one."""
-    found = np.asarray(values, dtype=float)
-    return np.asarray(np.log(found) if variable.log else found)
+    places = np.asarray(values, dtype=float)
+    return np.asarray(np.log(places) if variable.log else places)
 
 
 def _contours(sweep: Sweep, index: int, title: str) -> Panel:
@@ -232,7 +232,7 @@ def contour_lines(
     if not np.isfinite(z).any() or min(values.shape) < 2:
         return []
     masked = np.ma.masked_invalid(z.T)
-    found = contour_generator(variable_places(across, across.values), variable_places(up, up.values), masked)
+    result = contour_generator(variable_places(across, across.values), variable_places(up, up.values), masked)
     back_x, back_y = (np.exp if each.log else np.asarray for each in (across, up))
-    lines: Any = found.lines(float(np.log(level)) if log else level)
+    lines: Any = result.lines(float(np.log(level)) if log else level)
     return [(back_x(line[:, 0]), back_y(line[:, 1])) for line in lines]

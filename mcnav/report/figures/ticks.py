@@ -153,7 +153,7 @@ def place_label(
 
     The place that hides the fewest points, shape (n, 2), is preferred.
     """
-    found: tuple[int, int, Box] | None = None
+    label: tuple[int, int, Box] | None = None
     for rank, (across, up) in enumerate(
         ((1, 1), (1, -1), (-1, 1), (-1, -1), (1, 0), (-1, 0), (0, 1), (0, -1), (2, 2), (-2, 2), (2, -2), (-2, -2))
     ):
@@ -167,6 +167,6 @@ def place_label(
         if any(overlap(box, other) for other in taken):
             continue
         hidden = points_in(box, points)
-        if found is None or (hidden, rank) < found[:2]:
-            found = (hidden, rank, box)
-    return None if found is None else found[2]
+        if label is None or (hidden, rank) < label[:2]:
+            label = (hidden, rank, box)
+    return None if label is None else label[2]

@@ -228,8 +228,8 @@ class AidedNavigation:
         for begin in range(0, len(errors), OWN_CHUNK):
             piece = errors[begin : begin + OWN_CHUNK]
             silence = self._silence(tables, len(piece))
-            found = simulate_aided(tables, piece, 0, np.arange(len(piece)), own, silence)
-            values[begin : begin + len(piece)], outcomes[begin : begin + len(piece)] = found.values, found.outcome
+            aided = simulate_aided(tables, piece, 0, np.arange(len(piece)), own, silence)
+            values[begin : begin + len(piece)], outcomes[begin : begin + len(piece)] = aided.values, aided.outcome
         return values, outcomes
 
 
@@ -265,19 +265,19 @@ def believed_shares(
         True root mean squares of the constant sources.
     """
     beliefs, states = model.beliefs, {state.name: state for state in model.states}
-    found: dict[str, float] = {}
+    shares: dict[str, float] = {}
     for name in (*CONSTANTS, *aiding_constants(sensors)):
         true = sigmas.get(name, 0.0)
         known = name in OUTPUTS or name in states
         if true > 0.0:
-            found[name] = (beliefs.sigmas.get(name, 0.0) / true) ** 2 if known else 0.0
+            shares[name] = (beliefs.sigmas.get(name, 0.0) / true) ** 2 if known else 0.0
     believed = process_sizes(beliefs.imu) | aiding_processes(beliefs.sensors)
     for name, true in (process_sizes(imu) | aiding_processes(sensors)).items():
         white = name.rpartition("_")[0].endswith(("angle_random_walk", "velocity_random_walk", "noise"))
         walks = "rate_random_walk" in name and name.replace("_rate_random_walk_", "_bias_") in states
         known = white or walks or name in states or name.endswith("_noise")
-        found[name] = (believed.get(name, 0.0) / true) ** 2 if known else 0.0
-    return found
+        shares[name] = (believed.get(name, 0.0) / true) ** 2 if known else 0.0
+    return shares
 
 
 @dataclass(frozen=True)
@@ -390,22 +390,22 @@ class AidedEngine:
         """Simulate samples, with their noise or without."""
         if not noise:
             return self._without_noise(batch.errors)
-        found = simulate_aided(self.tables, batch.errors, batch.seed, batch.index, self.own)
-        return self._result(found)
+        aided = simulate_aided(self.tables, batch.errors, batch.seed, batch.index, self.own)
+        return self._result(aided)
 
     def _without_noise(self, errors: Array) -> SimulationResult:
         values, outcomes = self.navigation.propagate(self.tables, errors, self.own)
         return SimulationResult(np.where((outcomes == SOUND)[:, None], values[:, -1], np.nan), _failures(outcomes))
 
-    def _result(self, found: AidedErrors) -> SimulationResult:
-        values = found.values
-        values[found.outcome != SOUND] = np.nan
+    def _result(self, errors: AidedErrors) -> SimulationResult:
+        values = errors.values
+        values[errors.outcome != SOUND] = np.nan
         return SimulationResult(
             values[:, -1],
-            _failures(found.outcome),
-            linear_values=found.linear,
+            _failures(errors.outcome),
+            linear_values=errors.linear,
             history=values,
-            filter_values=found.records,
+            filter_values=errors.records,
         )
 
 

@@ -216,16 +216,16 @@ def geodetic(constants: Array, x: float, y: float, z: float) -> tuple[float, flo
 
 @uncontracted
 def _gravitation_of(constants: Array, position: Array) -> Array:
-    found = np.empty_like(position)
+    result = np.empty_like(position)
     for row in range(len(position)):
         x, y, z = gravitation(constants, position[row, 0], position[row, 1], position[row, 2])
-        found[row, 0], found[row, 1], found[row, 2] = x, y, z
-    return found
+        result[row, 0], result[row, 1], result[row, 2] = x, y, z
+    return result
 
 
 @compiled
 def _gradient_of(constants: Array, position: Array) -> Array:
-    found = np.empty((len(position), 3, 3))
+    gradient = np.empty((len(position), 3, 3))
     there = np.empty(3)
     for row in range(len(position)):
         for axis in range(3):
@@ -235,16 +235,16 @@ def _gradient_of(constants: Array, position: Array) -> Array:
             ax, ay, az = gravitation(constants, there[0], there[1], there[2])
             there[axis] -= 2.0 * GRADIENT_STEP
             bx, by, bz = gravitation(constants, there[0], there[1], there[2])
-            found[row, 0, axis] = (ax - bx) / (2.0 * GRADIENT_STEP)
-            found[row, 1, axis] = (ay - by) / (2.0 * GRADIENT_STEP)
-            found[row, 2, axis] = (az - bz) / (2.0 * GRADIENT_STEP)
-    return found
+            gradient[row, 0, axis] = (ax - bx) / (2.0 * GRADIENT_STEP)
+            gradient[row, 1, axis] = (ay - by) / (2.0 * GRADIENT_STEP)
+            gradient[row, 2, axis] = (az - bz) / (2.0 * GRADIENT_STEP)
+    return gradient
 
 
 @compiled
 def _geodetic_of(constants: Array, position: Array) -> Array:
-    found = np.empty_like(position)
+    result = np.empty_like(position)
     for row in range(len(position)):
         x, y, z = geodetic(constants, position[row, 0], position[row, 1], position[row, 2])
-        found[row, 0], found[row, 1], found[row, 2] = x, y, z
-    return found
+        result[row, 0], result[row, 1], result[row, 2] = x, y, z
+    return result

@@ -286,15 +286,17 @@ class EnsembleEngine:
         """Simulate samples, with their noise or without."""
         if not noise:
             return self._without_noise(batch.errors)
-        found = simulate(self.tables, batch.errors, batch.seed, batch.index)
-        values = found.values
-        values[~found.valid] = np.nan
-        return SimulationResult(values[:, -1], self._failures(found.valid), linear_values=found.linear, history=values)
+        simulated = simulate(self.tables, batch.errors, batch.seed, batch.index)
+        values = simulated.values
+        values[~simulated.valid] = np.nan
+        return SimulationResult(
+            values[:, -1], self._failures(simulated.valid), linear_values=simulated.linear, history=values
+        )
 
     def _without_noise(self, errors: Array) -> SimulationResult:
-        found = simulate(self._quiet, errors, 0, np.arange(len(errors)))
-        found.values[~found.valid] = np.nan
-        return SimulationResult(found.values[:, -1], self._failures(found.valid))
+        simulated = simulate(self._quiet, errors, 0, np.arange(len(errors)))
+        simulated.values[~simulated.valid] = np.nan
+        return SimulationResult(simulated.values[:, -1], self._failures(simulated.valid))
 
     @cached_property
     def _quiet(self) -> EnsembleTables:
@@ -529,8 +531,8 @@ class Ins:
         navigation, before = self.navigation, shared.tables
         if navigation.aided is not None:
             earlier = before if isinstance(before, ClosedLoopCovariance) else None
-            shared.tables = found = navigation.aided.covariances(times, mean, covariance, earlier)
-            return CovarianceReadings(times, found.mean, found.true, found.own)
+            shared.tables = covariances = navigation.aided.covariances(times, mean, covariance, earlier)
+            return CovarianceReadings(times, covariances.mean, covariances.true, covariances.own)
         grid = np.union1d(navigation.times, times)
         responses = _FreeTables.of(navigation, grid, before if isinstance(before, _FreeTables) else None)
         shared.tables = responses
@@ -595,10 +597,10 @@ class Ins:
         if self._last_starts is None or self._last_starts[0] != key:
             navigation = self.navigation
             aligned = None if axes == "start" else navigation.start
-            found = propagate_starts(
+            linear_starts = propagate_starts(
                 navigation.truth, navigation.platform, times, navigation.end, navigation.imu, aligned
             )
-            self._last_starts = (key, found)
+            self._last_starts = (key, linear_starts)
         return self._last_starts[1]
 
     def engine(self, engine: str, probes: Array) -> Engine:
@@ -634,8 +636,8 @@ class Ins:
         index, navigation = np.arange(len(probes)), self.navigation
 
         def flown(tables: EnsembleTables) -> Array:
-            found = simulate(tables.without_noise(), probes, 0, index)
-            return np.asarray(np.where(found.valid[:, None, None], found.values, 0.0))
+            simulated = simulate(tables.without_noise(), probes, 0, index)
+            return np.asarray(np.where(simulated.valid[:, None, None], simulated.values, 0.0))
 
         steps = 1
         tables = navigation.tables(steps)

@@ -373,10 +373,10 @@ class Reentry:
             simulate_indicated(self.trajectory, errors, navigation.start, navigation.theta_axes, watch)
         if not times:
             return History()
-        found = np.concatenate(states)
-        off = navigation_error(found[:, :4], found[:, 4:])
+        history = np.concatenate(states)
+        off = navigation_error(history[:, :4], history[:, 4:])
         columns = {"time from reentry [min]": (np.concatenate(times) - self.trajectory.reentry_time) / 60.0}
-        for name, state in (("actual", found[:, :4]), ("indicated", found[:, 4:])):
+        for name, state in (("actual", history[:, :4]), ("indicated", history[:, 4:])):
             columns[f"{name} altitude [km]"] = (state[:, 0] - EARTH_RADIUS) / 1e3
             columns[f"{name} range [km]"] = EARTH_RADIUS * state[:, 1] / 1e3
         panels = [

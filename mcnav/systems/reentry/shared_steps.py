@@ -58,8 +58,8 @@ def simulate_together(
             kept[until] = state
     if missing := [float(time) for time in times if float(time) not in kept]:
         raise ValueError(f"histories run from {start:g} s to {trajectory.final_time:g} s; got {missing[0]:g} s")
-    found = np.array([kept[float(time)] for time in times])
-    return found[:, :4], found[:, 4:].reshape(len(times), len(errors), 4)
+    result = np.array([kept[float(time)] for time in times])
+    return result[:, :4], result[:, 4:].reshape(len(times), len(errors), 4)
 
 
 def speed_and_angle_errors(actual: Array, indicated: Array) -> tuple[Array, Array]:

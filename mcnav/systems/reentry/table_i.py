@@ -45,9 +45,9 @@ COLUMNS: Final[IndexArray] = np.array([int(error) for error in ERROR_SIZES])
 
 def among_all(errors: Array) -> Array:
     """Place the report's ten errors, shape (..., 10), among those of all sources; the others are zero."""
-    found = np.zeros((*errors.shape[:-1], len(Error)))
-    found[..., COLUMNS] = errors
-    return found
+    result = np.zeros((*errors.shape[:-1], len(Error)))
+    result[..., COLUMNS] = errors
+    return result
 
 
 ALL_ERRORS: Final = among_all(ERRORS)

@@ -309,7 +309,7 @@ def fly_truth(
         solution = integrate(truth_rates, span, state, tolerances, (coefficients,), dense_output=True, events=events)
         if solution.status != 1:
             raise NoReentry(_what_it_does_instead(phases, solution.y, final_altitude))
-        crossed, turned, slower, faster = (found.size > 0 for found in solution.t_events)
+        crossed, turned, slower, faster = (trajectory.size > 0 for trajectory in solution.t_events)
         until = float(solution.t[-1])
         if not crossed and direction * (solution.y[0, -1] - level) > 0.0:
             # beyond the level and back within one step, which shows at its turning point alone

@@ -28,19 +28,19 @@ def force_errors(flight: SteadyFlight, time: float) -> Array:
     felt, angle = flight.effective_gravity, flight.rate * time
     sine, cosine = np.sin(angle), np.cos(angle)
     first, later = flight.drifted(np.array(time))
-    found = np.zeros((3, len(Error)))
-    found[0, [Error.MISALIGNMENT, Error.GYRO_DRIFT]] = -felt, -felt * time
-    found[1, [Error.ROLL_MISALIGNMENT, Error.AZIMUTH_MISALIGNMENT]] = -felt * cosine, felt * sine
-    found[1, Error.ROLL_DRIFT] = -felt * (first * cosine + later * sine)
-    found[1, Error.AZIMUTH_DRIFT] = felt * (first * sine - later * cosine)
-    found[1, Error.BIAS_Y] = 1.0
+    errors = np.zeros((3, len(Error)))
+    errors[0, [Error.MISALIGNMENT, Error.GYRO_DRIFT]] = -felt, -felt * time
+    errors[1, [Error.ROLL_MISALIGNMENT, Error.AZIMUTH_MISALIGNMENT]] = -felt * cosine, felt * sine
+    errors[1, Error.ROLL_DRIFT] = -felt * (first * cosine + later * sine)
+    errors[1, Error.AZIMUTH_DRIFT] = felt * (first * sine - later * cosine)
+    errors[1, Error.BIAS_Y] = 1.0
     if flight.level:
         sine, cosine = 0.0, 1.0  # the accelerometers go with the vertical
     along, down = (cosine, -sine), (sine, cosine)  # the instruments' x and z along the local x and z
     for source, size_x, size_z in ((Error.BIAS_X, 1.0, 1.0), (Error.SCALE_FACTOR_X, felt * sine, -felt * cosine)):
-        found[[0, 2], source] = np.multiply(along, size_x)
-        found[[0, 2], source + 2] = np.multiply(down, size_z)
-    return found
+        errors[[0, 2], source] = np.multiply(along, size_x)
+        errors[[0, 2], source + 2] = np.multiply(down, size_z)
+    return errors
 
 
 def linearize(flight: SteadyFlight, times: Array) -> Array:

@@ -58,11 +58,11 @@ def resolved(force: Array, theta: float, cross: float) -> Array:
     """Resolve a vector along, across (right) and down at a position from the instruments' axes, shape (3,)."""
     ahead = np.cos(theta) * force[0] + np.sin(theta) * force[2]
     down = np.cos(theta) * force[2] - np.sin(theta) * force[0]  # in the plane of the great circle
-    found = np.empty(3)
-    found[0] = ahead
-    found[1] = np.cos(cross) * force[1] + np.sin(cross) * down
-    found[2] = np.cos(cross) * down - np.sin(cross) * force[1]
-    return found
+    result = np.empty(3)
+    result[0] = ahead
+    result[1] = np.cos(cross) * force[1] + np.sin(cross) * down
+    result[2] = np.cos(cross) * down - np.sin(cross) * force[1]
+    return result
 
 
 @compiled

@@ -126,9 +126,9 @@ class Navigation:
 
     def whole(self, errors: Array) -> Array:
         """Place errors among those that the physics takes, shape (n, 18)."""
-        found = np.zeros((len(errors), len(SOURCES)))
-        found[:, self.sources] = errors
-        return found
+        whole = np.zeros((len(errors), len(SOURCES)))
+        whole[:, self.sources] = errors
+        return whole
 
     def by_ensemble(self, errors: Array, steps: int) -> tuple[Array, NDArray[np.bool_]]:
         """Simulate by the kernel; outcomes and whether they are valid."""
@@ -198,11 +198,11 @@ class EnsembleEngine:
     def history_sums(self, errors: Array) -> PowerSums:
         """Add up power sums of samples' errors, shape (n, sources), at every epoch."""
         count = len(self.navigation.outputs)
-        found = PowerSums(0, np.zeros((EPOCHS, count)), np.zeros((EPOCHS, sums_of(count))))
+        sums = PowerSums(0, np.zeros((EPOCHS, count)), np.zeros((EPOCHS, sums_of(count))))
         for begin in range(0, len(errors), HISTORY_SLICE):
             histories = self.histories(errors[begin : begin + HISTORY_SLICE])
-            found += sum_powers(histories[np.isfinite(histories).all(axis=(1, 2))], found.pivot)
-        return found
+            sums += sum_powers(histories[np.isfinite(histories).all(axis=(1, 2))], sums.pivot)
+        return sums
 
 
 class Cruise:

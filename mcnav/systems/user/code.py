@@ -142,10 +142,10 @@ def _load_class(code: SourceFile, name: str) -> Loaded:
         del sys.modules[module.__name__]
         message = f"{code.file} cannot be executed: {format_exception(failure, code.file)}"
         raise ScenarioError("type", message) from failure
-    found = getattr(module, name, None)
-    if not isinstance(found, type):
+    loaded = getattr(module, name, None)
+    if not isinstance(loaded, type):
         defined = (value for value in vars(module).values() if isinstance(value, type))
         classes = [value.__name__ for value in defined if value.__module__ == module.__name__]
         listed = f"; it has {', '.join(classes)}" if classes else ""
         raise ScenarioError("type", f"{code.file} has no class {name}{listed}")
-    return _cache(_classes, (code, name), Loaded(found, find_inputs(opened, code.file)))
+    return _cache(_classes, (code, name), Loaded(loaded, find_inputs(opened, code.file)))

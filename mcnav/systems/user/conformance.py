@@ -69,24 +69,24 @@ def check_conformance(scenario: Scenario, sizes: Array) -> list[Check]:
     nominal = np.array([source.nominal for source in scenario.sources])
     sizes = np.where(np.asarray(sizes) > 0.0, sizes, nominal)
     errors = np.random.default_rng(SEED).standard_normal((TRIED, len(sizes))) * sizes
-    found: list[Check] = []
+    checks: list[Check] = []
 
     def tried(name: str, check: Callable[[], str]) -> None:
         try:
-            found.append(Check(name, True, check()))
+            checks.append(Check(name, True, check()))
         except (_Broken, ScenarioError) as wrong:
-            found.append(Check(name, False, str(wrong)))
+            checks.append(Check(name, False, str(wrong)))
         except Exception as wrong:  # the scenario is someone else's code: whatever it raises is a finding
-            found.append(Check(name, False, f"{type(wrong).__name__}: {wrong}"))
+            checks.append(Check(name, False, f"{type(wrong).__name__}: {wrong}"))
 
     tried("names and units", lambda: _names_and_units(scenario))
     try:
         prepared = scenario.engine(scenario.engines[0], errors)
     except Exception as wrong:
-        return [*found, Check("flies", False, str(wrong) or type(wrong).__name__)]
+        return [*checks, Check("flies", False, str(wrong) or type(wrong).__name__)]
     tried("shapes", lambda: _shapes(scenario, prepared, errors))
-    if not all(check.passed for check in found):
-        return found
+    if not all(check.passed for check in checks):
+        return checks
     tried("determinism", lambda: _determinism(prepared, errors))
     tried("each sample for itself", lambda: _independence(prepared, errors))
     tried("travels to workers", lambda: _travels(prepared, errors))
@@ -98,7 +98,7 @@ def check_conformance(scenario: Scenario, sizes: Array) -> list[Check]:
         tried("noise from its generator", lambda: _noise(scenario, prepared, sizes))
         tried("linear in the noise", lambda: _linear_in_noise(scenario, prepared, sizes))
         tried("covariance of the noise", lambda: _noise_covariance(scenario, prepared))
-    return found
+    return checks
 
 
 def _names_and_units(scenario: Scenario) -> str:
@@ -213,12 +213,12 @@ def _noise_covariance(scenario: StochasticUserScenario, prepared: StochasticUser
     if not scenario.gives_noise_covariance:
         return "measured; return it from noise_covariance to have it exactly, and its processes in the budget"
     none = np.zeros((TRIED_NOISE, len(scenario.sources)))
-    found = prepared.simulate(Batch(np.arange(TRIED_NOISE), none, SEED))
-    if found.failures or found.linear_values is None:
-        raise _Broken(f"a sample without errors failed: {next(iter(found.failures.values()), '')}")
+    simulated = prepared.simulate(Batch(np.arange(TRIED_NOISE), none, SEED))
+    if simulated.failures or simulated.linear_values is None:
+        raise _Broken(f"a sample without errors failed: {next(iter(simulated.failures.values()), '')}")
     model = scenario.linear().end
     expected = np.diag(sum(model.processes.values(), np.zeros((len(model.nominal),) * 2)))
-    measured = np.mean((found.linear_values - model.nominal) ** 2, axis=0)
+    measured = np.mean((simulated.linear_values - model.nominal) ** 2, axis=0)
     unknown = np.where(measured > 0.0, np.inf, 1.0)
     ratios = np.sqrt(np.divide(measured, expected, out=unknown, where=expected > 0.0))
     chance = CHANCE / np.sqrt(2.0 * TRIED_NOISE)

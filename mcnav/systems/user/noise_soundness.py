@@ -111,11 +111,11 @@ def find_unsettled_noise(
     if scenario.own_linear and not _exceeds(gaps, sigma, limit):
         sizes = np.where(varied, scenario.sizes, 0.0)
         errors = np.random.default_rng(SEED).standard_normal((RESPONSES, len(sizes))) * sizes
-        found = [
+        finals = [
             _final(scenario.linear_flight(errors[index], sample_noise(SEED, index, CHECKED)))
             for index in range(RESPONSES)
         ]
-        kind, gaps = "fly_linear", np.abs(found - model.nominal - errors @ model.partials.T - responses)
+        kind, gaps = "fly_linear", np.abs(finals - model.nominal - errors @ model.partials.T - responses)
     if not _exceeds(gaps, sigma, limit):
         return None
     shares = gaps.max(axis=0) / np.where(sigma > 0.0, sigma, 1.0)

@@ -209,10 +209,10 @@ class UserScenario:
     def _history(self) -> History:
         with self._object.recording(self.spec.code.file):
             try:
-                found = self._instance.history()
-                if not isinstance(found, History):
-                    raise TypeError(f"history must return a History of mcnav; got {type(found).__name__}")
-                return check_history(found)
+                history = self._instance.history()
+                if not isinstance(history, History):
+                    raise TypeError(f"history must return a History of mcnav; got {type(history).__name__}")
+                return check_history(history)
             except (Exception, SystemExit) as failure:
                 raise ScenarioError("type", f"history: {format_exception(failure, self.spec.code.file)}") from failure
 

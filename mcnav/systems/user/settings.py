@@ -50,10 +50,10 @@ Value = float | Plain | Vector | tuple[Plain, ...] | InputFile
 
 def settings_of(kind: type) -> Mapping[str, Declared]:
     """Return the settings that a class declares; `ScenarioError` when the declaration is wrong."""
-    found, where = getattr(kind, "settings", {}), f"{kind.__name__}.settings"
-    if not isinstance(found, Mapping):
+    settings, where = getattr(kind, "settings", {}), f"{kind.__name__}.settings"
+    if not isinstance(settings, Mapping):
         raise ScenarioError("type", f"{where} must give a unit for each name, such as {{'time': 's'}}, or a type")
-    for name, declared in found.items():
+    for name, declared in settings.items():
         if not isinstance(name, str) or not NAME.fullmatch(name) or name == "type":
             raise ScenarioError("type", f"{where}: {name!r} is not a name of letters, digits and _, or is 'type'")
         inner = declared[0] if isinstance(declared, list) and len(declared) == 1 else declared
@@ -64,7 +64,7 @@ def settings_of(kind: type) -> Mapping[str, Declared]:
         elif not isinstance(inner, type) or inner not in WORDS:
             expected = "a unit such as 's', str, bool, int, a list of one of them, or pathlib.Path"
             raise ScenarioError("type", f"{where}: {name!r} must be {expected}; got {declared!r:.80}")
-    return found
+    return settings
 
 
 def check_unit(where: str, unit: object, shown_in: object) -> None:

@@ -192,8 +192,8 @@ def find_unsettled(
     return Unsettled(*named, float(shares[output, source]), limit, own)
 
 
-def _off(own: LinearModel, found: LinearModel, sizes: Array, varied: NDArray[np.bool_], moved: Array) -> Array:
+def _off(own: LinearModel, model: LinearModel, sizes: Array, varied: NDArray[np.bool_], moved: Array) -> Array:
     """Compare two linear models as a share of the largest one-sigma contribution, shape (outputs, sources)."""
     sizes = np.where(varied, sizes, 0.0)
-    scale = np.maximum(np.abs(found.partials * sizes), moved.T * varied).max(axis=1)
-    return np.asarray(np.abs((own.partials - found.partials) * sizes) / np.where(scale > 0.0, scale, 1.0)[:, None])
+    scale = np.maximum(np.abs(model.partials * sizes), moved.T * varied).max(axis=1)
+    return np.asarray(np.abs((own.partials - model.partials) * sizes) / np.where(scale > 0.0, scale, 1.0)[:, None])

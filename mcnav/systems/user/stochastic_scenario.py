@@ -128,11 +128,11 @@ class StochasticUserScenario(UserScenario):
             if not self.gives_noise_covariance:
                 return {NOISE: self._measured()}
             try:
-                found = self._instance.noise_covariance()
+                covariance = self._instance.noise_covariance()
             except (Exception, SystemExit) as failure:
                 message = f"noise_covariance: {format_exception(failure, self.spec.code.file)}"
                 raise ScenarioError("type", message) from failure
-        named = found if isinstance(found, Mapping) else {NOISE: found}
+        named = covariance if isinstance(covariance, Mapping) else {NOISE: covariance}
         if not named:
             raise ScenarioError("type", "noise_covariance must name at least one process; got none")
         taken = {source.name for source in self.sources}

@@ -84,7 +84,7 @@ def _read_settings(
     entries: Mapping[str, Any], declared: Mapping[str, Declared], context: FileContext
 ) -> dict[str, Value] | None:
     """Read the keys that the class declares; when there are mistakes, add them to the context and return None."""
-    found: dict[str, Value] = {}
+    values: dict[str, Value] = {}
     before = len(context.problems)
     for key in sorted(entries.keys() - {"type"}):
         if key not in declared:
@@ -93,11 +93,11 @@ def _read_settings(
             continue
         try:
             wanted = declared[key]
-            found[key] = read_file(entries[key], key, context) if wanted is Path else read_value(entries[key], wanted)
+            values[key] = read_file(entries[key], key, context) if wanted is Path else read_value(entries[key], wanted)
         except SettingError as wrong:
             entry = "" if wrong.entry is None else f" #{wrong.entry + 1}"
             context.problem(f"scenario.{key}{entry}", str(wrong))
-    return _with_unique_names(found) if len(context.problems) == before else None
+    return _with_unique_names(values) if len(context.problems) == before else None
 
 
 def _with_unique_names(settings: dict[str, Value]) -> dict[str, Value]:

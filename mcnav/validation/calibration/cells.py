@@ -66,7 +66,7 @@ def tally(trials: int, jobs: int, kinds: Sequence[Kind], count: Callable[[Kind, 
 
 
 def _piece(count: Callable[[Kind, Sequence[int], Tally], None], kind: Kind, seeds: Sequence[int]) -> Tally:
-    found = Tally()
+    piece = Tally()
     with one_thread():
-        count(kind, seeds, found)
-    return found
+        count(kind, seeds, piece)
+    return piece

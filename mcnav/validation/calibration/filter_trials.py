@@ -158,7 +158,7 @@ def run_filter_trials(trials: int, jobs: int, sizes: Sequence[int] = SIZES) -> T
     return tally(trials, jobs, sizes, _count)
 
 
-def _count(count: int, seeds: Sequence[int], found: Tally) -> None:
+def _count(count: int, seeds: Sequence[int], result: Tally) -> None:
     for seed in seeds:
         generator = np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(count,))))
         normals = generator.standard_normal((count, EPOCHS, len(OUTPUTS)))
@@ -170,7 +170,7 @@ def _count(count: int, seeds: Sequence[int], found: Tally) -> None:
             if name in (MATCHED, ONE_WIDE):
                 statements += _within(name, assess_filter(given, WIDE))
             for kind, statement, hit in statements:
-                found.add(Cell(kind, name, statement, "normal", "random", count), hit)
+                result.add(Cell(kind, name, statement, "normal", "random", count), hit)
 
 
 def _within(name: str, wide: FilterConsistency) -> Iterator[tuple[str, str, bool]]:
@@ -184,31 +184,31 @@ def _within(name: str, wide: FilterConsistency) -> Iterator[tuple[str, str, bool
         yield kind, "filter optimistic or pessimistic, beyond 10 %", departs
 
 
-def _statements(name: str, scale: Array, found: FilterConsistency) -> Iterator[tuple[str, str, bool]]:
+def _statements(name: str, scale: Array, consistency: FilterConsistency) -> Iterator[tuple[str, str, bool]]:
     """Yield kind, statement, and whether it is made or, of coverage, right."""
-    departs = found.verdict in (Honesty.OPTIMISTIC, Honesty.PESSIMISTIC)
+    departs = consistency.verdict in (Honesty.OPTIMISTIC, Honesty.PESSIMISTIC)
     if name == MATCHED:
-        fix = found.sensors[0]
+        fix = consistency.sensors[0]
         yield "false alarm", "NIS or whiteness beyond bounds", fix.beyond or fix.whiteness.beyond
-        yield "power", "filter consistent", found.verdict == Honesty.CONSISTENT
+        yield "power", "filter consistent", consistency.verdict == Honesty.CONSISTENT
     if name in (MATCHED, TOLERATED, ONE_TOLERATED):
         yield "false alarm", "filter optimistic or pessimistic", departs
     if name not in (MATCHED, AXIS):
-        yield "false alarm", "filter consistent", found.verdict == Honesty.CONSISTENT
+        yield "false alarm", "filter consistent", consistency.verdict == Honesty.CONSISTENT
     if name == OPTIMISTIC:
-        right = found.verdict == Honesty.OPTIMISTIC and found.group == "position"
+        right = consistency.verdict == Honesty.OPTIMISTIC and consistency.group == "position"
         yield "power", "filter optimistic, in position", right
     if name in (ONE, CANCELLING):
-        right = found.verdict == Honesty.OPTIMISTIC and found.output == OUTPUTS[8].name
+        right = consistency.verdict == Honesty.OPTIMISTIC and consistency.output == OUTPUTS[8].name
         yield "power", "filter optimistic, in the one output", right
     if name == CANCELLING:
-        named = {(each.verdict, each.name) for each in found.departures}
+        named = {(each.verdict, each.name) for each in consistency.departures}
         both = {(Honesty.OPTIMISTIC, OUTPUTS[8].name), (Honesty.PESSIMISTIC, OUTPUTS[7].name)} <= named
         yield "power", "filter optimistic and pessimistic, in both outputs", both
     if name in (MATCHED, AXIS):
-        position = next(group for group in found.groups if group.name == "position")
+        position = next(group for group in consistency.groups if group.name == "position")
         true = float(np.sqrt(np.mean(scale[PLACES["position"]] ** 2)))
-        each, ratio = position.ratio.each[-1], found.outputs[0].ratio.each[-1]
+        each, ratio = position.ratio.each[-1], consistency.outputs[0].ratio.each[-1]
         yield "coverage", "sigma ratio by NEES, at one epoch", bool(each[0] <= true <= each[1])
         yield "coverage", "sigma of an output over the filter's", bool(ratio[0] <= scale[0] <= ratio[1])
         low, high = position.ratio.together.T

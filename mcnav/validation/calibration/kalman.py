@@ -173,7 +173,7 @@ class KalmanFilter:
 
 def _outputs_covariance(by_axis: Array) -> Array:
     """Arrange covariances of position and velocity of each axis, shape (3, 2, 2), as that of the outputs, (6, 6)."""
-    found = np.zeros((2, 3, 2, 3))
+    outputs_covariance = np.zeros((2, 3, 2, 3))
     for axis in range(3):
-        found[:, axis, :, axis] = by_axis[axis]
-    return found.reshape(6, 6)
+        outputs_covariance[:, axis, :, axis] = by_axis[axis]
+    return outputs_covariance.reshape(6, 6)

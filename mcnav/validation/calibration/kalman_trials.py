@@ -54,33 +54,33 @@ def run_kalman_trials(trials: int, jobs: int, sizes: Sequence[int] = SIZES) -> T
     return tally(trials, jobs, [(name, size) for name in SYSTEMS for size in sizes], _count)
 
 
-def _count(kind: tuple[str, int], seeds: Sequence[int], found: Tally) -> None:
+def _count(kind: tuple[str, int], seeds: Sequence[int], result: Tally) -> None:
     name, count = kind
     number = list(SYSTEMS).index(name)
     for seed in seeds:
         generator = np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(count, 7, number))))
         judged = assess_filter(SYSTEMS[name].simulate(generator, count), CRITERION)
         for statement, sort, hit in _statements(name, judged):
-            found.add(Cell(sort, name, statement, "normal", "random", count), hit)
+            result.add(Cell(sort, name, statement, "normal", "random", count), hit)
 
 
-def _statements(name: str, found: FilterConsistency) -> Iterator[Statement]:
-    yield from covered(found, "position")
+def _statements(name: str, consistency: FilterConsistency) -> Iterator[Statement]:
+    yield from covered(consistency, "position")
     if name in CAUSES:
-        yield from detected(found, CAUSES[name])
+        yield from detected(consistency, CAUSES[name])
         return
-    yield from alarms(found)
+    yield from alarms(consistency)
     if name == MATCHED:
-        yield from out_of_bounds(found)
+        yield from out_of_bounds(consistency)
 
 
-def covered(found: FilterConsistency, name: str) -> Iterator[Statement]:
+def covered(consistency: FilterConsistency, name: str) -> Iterator[Statement]:
     """Yield whether the intervals of a group's ratio, and of all outputs', cover those of linear analysis."""
-    group = next(group for group in found.groups if group.name == name)
+    group = next(group for group in consistency.groups if group.name == name)
     assert group.linear is not None
     yield "sigma ratio by NEES, at all epochs", "coverage", _holds(group.ratio.together, group.linear)
     yield "sigma ratio by NEES, at one epoch", "coverage", _holds(group.ratio.each[-1:], group.linear[-1:])
-    every = [each.linear is not None and _holds(each.ratio.together, each.linear) for each in found.outputs]
+    every = [each.linear is not None and _holds(each.ratio.together, each.linear) for each in consistency.outputs]
     yield "sigmas of outputs over the filter's, all at all epochs", "coverage", all(every)
 
 
@@ -90,22 +90,28 @@ def _holds(intervals: Array, true: Array) -> bool:
     return bool(np.all((intervals[known, 0] <= true[known]) & (true[known] <= intervals[known, 1])))
 
 
-def detected(found: FilterConsistency, cause: str) -> Iterator[Statement]:
+def detected(consistency: FilterConsistency, cause: str) -> Iterator[Statement]:
     """Yield whether a filter is found to be optimistic and, if so, whether a cause is named first."""
-    yield "filter optimistic", "power", found.verdict == Honesty.OPTIMISTIC
-    if found.verdict == Honesty.OPTIMISTIC:
-        named = bool(found.neglected) and found.neglected[0].name == cause
+    yield "filter optimistic", "power", consistency.verdict == Honesty.OPTIMISTIC
+    if consistency.verdict == Honesty.OPTIMISTIC:
+        named = bool(consistency.neglected) and consistency.neglected[0].name == cause
         yield "largest neglected error named, where optimistic", "power", named
 
 
-def alarms(found: FilterConsistency) -> Iterator[Statement]:
+def alarms(consistency: FilterConsistency) -> Iterator[Statement]:
     """Yield what a filter whose covariance is right is blamed for."""
-    yield "filter optimistic or pessimistic", "false alarm", found.verdict in (Honesty.OPTIMISTIC, Honesty.PESSIMISTIC)
-    blamed = [sensor.beyond or (sensor.whiteness.beyond and not sensor.whiteness.expected) for sensor in found.sensors]
+    yield (
+        "filter optimistic or pessimistic",
+        "false alarm",
+        consistency.verdict in (Honesty.OPTIMISTIC, Honesty.PESSIMISTIC),
+    )
+    blamed = [
+        sensor.beyond or (sensor.whiteness.beyond and not sensor.whiteness.expected) for sensor in consistency.sensors
+    ]
     yield "NIS or whiteness beyond bounds", "false alarm", any(blamed)
     shares = [
         (band, bounds)
-        for each in found.outputs
+        for each in consistency.outputs
         for band, bounds in ((each.within_1, each.bounds_1), (each.within_3, each.bounds_3))
         if band is not None
     ]
@@ -113,11 +119,11 @@ def alarms(found: FilterConsistency) -> Iterator[Statement]:
     yield "samples within one and three sigmas beyond bounds, at any epoch", "false alarm", any(beyond)
 
 
-def out_of_bounds(found: FilterConsistency) -> Iterator[Statement]:
+def out_of_bounds(consistency: FilterConsistency) -> Iterator[Statement]:
     """Yield whether a matched filter leaves the bounds that are drawn over time."""
-    nees = [(group.nees.value, *group.bounds_together) for group in found.groups]
+    nees = [(group.nees.value, *group.bounds_together) for group in consistency.groups]
     beyond = [bool(np.any((value < low) | (value > high))) for value, low, high in nees]
     yield "mean NEES beyond bounds, at any epoch", "false alarm", any(beyond)
-    nis = [(sensor.nis.value, *sensor.bounds.T) for sensor in found.sensors]
+    nis = [(sensor.nis.value, *sensor.bounds.T) for sensor in consistency.sensors]
     beyond = [bool(np.any((value < low) | (value > high))) for value, low, high in nis]
     yield "mean NIS beyond bounds, between any epochs", "false alarm", any(beyond)

@@ -117,7 +117,7 @@ def prepared(name: str) -> PreparedSystem:
     return prepare_system(campaign.scenario, draws, "ensemble", TOLERANCE, None, f"{name}.toml")
 
 
-def _count(kind: tuple[str, int], seeds: Sequence[int], found: Tally) -> None:
+def _count(kind: tuple[str, int], seeds: Sequence[int], outcome: Tally) -> None:
     name, count = kind
     system = prepared(name)
     engine, judged = system.engine, _Free(system) if name == NAVIGATION else None
@@ -126,7 +126,7 @@ def _count(kind: tuple[str, int], seeds: Sequence[int], found: Tally) -> None:
         result = engine.simulate(batch)
         statements = _filtered(name, system, result) if judged is None else judged.statements(batch.errors, result)
         for statement, sort, hit in statements:
-            found.add(Cell(sort, name, statement, "normal", "random", count), hit)
+            outcome.add(Cell(sort, name, statement, "normal", "random", count), hit)
 
 
 class _Free:
@@ -151,12 +151,12 @@ class _Free:
     def statements(self, errors: Array, result: SimulationResult) -> Iterator[Statement]:
         """Yield kind, statement, and whether it is right or made."""
         assert result.history is not None
-        found = compare(self.model, errors, result.values, self.criterion, SamplingDesign(), result.linear_values)
+        statements = compare(self.model, errors, result.values, self.criterion, SamplingDesign(), result.linear_values)
         for name in ("position_north", "heading"):
-            interval = found.outputs[self.outputs.index(name)].plain.interval
+            interval = statements.outputs[self.outputs.index(name)].plain.interval
             assert interval is not None
             yield f"plain sigma ratio, {name.replace('_', ' ')}", "coverage", interval[0] <= 1.0 <= interval[1]
-        joint = found.joint
+        joint = statements.joint
         assert joint is not None
         tests = {
             "covariance, likelihood ratio": joint.covariance, "NEES, Kolmogorov-Smirnov": joint.nees,
@@ -165,9 +165,9 @@ class _Free:
         for statement, test in tests.items():
             if test is not None:
                 yield statement, "false alarm", test.p_value < 1.0 - LEVEL
-        yield "verdict: agrees, on all outputs", "power", found.verdict.value == "agrees"
+        yield "verdict: agrees, on all outputs", "power", statements.verdict.value == "agrees"
         blocks = np.arange(len(errors))
-        low, high = judge_requirement(self.last, self.model, result.values, blocks, found, LEVEL).interval
+        low, high = judge_requirement(self.last, self.model, result.values, blocks, statements, LEVEL).interval
         yield "R95, upper bound", "coverage", high >= self.last.limits[0]
         yield "R95, lower bound", "coverage", low <= self.last.limits[0]
         low, high = judge_over_time(self.over_time, self._histories(result.history), LEVEL).interval
@@ -177,14 +177,14 @@ class _Free:
 
 def _filtered(name: str, system: PreparedSystem, result: SimulationResult) -> Iterator[Statement]:
     linear = _linear(name)
-    found = assess_filter(evidence(system, result, linear), Criterion(TOLERANCE, LEVEL))
-    yield from covered(found, "attitude" if name == NEGLECTING else "position")
+    statements = assess_filter(evidence(system, result, linear), Criterion(TOLERANCE, LEVEL))
+    yield from covered(statements, "attitude" if name == NEGLECTING else "position")
     if name == NEGLECTING:
-        yield from detected(found, _cause())
+        yield from detected(statements, _cause())
         return
-    yield from alarms(found)
+    yield from alarms(statements)
     if name == MATCHED:
-        yield from out_of_bounds(found)
+        yield from out_of_bounds(statements)
 
 
 def evidence(system: PreparedSystem, result: SimulationResult, linear: LinearFilter) -> FilterEvidence:
@@ -208,9 +208,9 @@ def evidence(system: PreparedSystem, result: SimulationResult, linear: LinearFil
 def _linear(name: str) -> LinearFilter:
     model = prepared(name).model
     assert model.filter is not None
-    found = linear_filter(model, model.filter)
-    assert found is not None
-    return found
+    linear = linear_filter(model, model.filter)
+    assert linear is not None
+    return linear
 
 
 @lru_cache(maxsize=1)

@@ -48,7 +48,7 @@ def draws(design: str, seed: int, count: int) -> tuple[Array, Array]:
     return standard_normals(design, seed, count, 0, count, 3), generator.standard_normal((count, 2))
 
 
-def _count(kind: tuple[str, int], seeds: Sequence[int], found: Tally) -> None:
+def _count(kind: tuple[str, int], seeds: Sequence[int], result: Tally) -> None:
     design, count = kind
     sampling = SamplingDesign.of(design, count)
     for seed in seeds:
@@ -57,20 +57,20 @@ def _count(kind: tuple[str, int], seeds: Sequence[int], found: Tally) -> None:
             simulated, linear = system.simulate(*given)
             judged = compare(system.model, given[0], simulated, CRITERION, sampling, linear)
             for statement in _statements(name, system, judged):
-                _add(found, name, statement, kind)
+                _add(result, name, statement, kind)
             if design == "random" and name in ("noise, linear", "noise, covariance wrong"):
                 doubted = doubt_noise(system.model, given[0], linear, 0.0) is not None
                 sort = "false alarm" if name == "noise, linear" else "power"
-                _add(found, name, (DOUBTED, sort, doubted), kind)
+                _add(result, name, (DOUBTED, sort, doubted), kind)
             if design == "random" and name == "noise, linear":
-                _add(found, name, (DETECTABLE, "power", _detected(system, given, judged, sampling)), kind)
+                _add(result, name, (DETECTABLE, "power", _detected(system, given, judged, sampling)), kind)
         for statement in _twins(design, seed, count, sampling):
-            _add(found, TWIN, statement, kind)
+            _add(result, TWIN, statement, kind)
 
 
-def _add(found: Tally, system: str, statement: Statement, kind: tuple[str, int]) -> None:
+def _add(result: Tally, system: str, statement: Statement, kind: tuple[str, int]) -> None:
     words, sort, hit = statement
-    found.add(Cell(sort, system, words, "normal", *kind), hit)
+    result.add(Cell(sort, system, words, "normal", *kind), hit)
 
 
 def _within(value: float, interval: tuple[float, float] | None) -> bool:
@@ -128,10 +128,10 @@ def _twins(design: str, seed: int, count: int, sampling: SamplingDesign) -> Iter
     first = _sample_set(before, draws(design, seed, count), sampling)
     for common in (True, False):
         second = _sample_set(after, draws(design, seed if common else seed + 10**6, count), sampling)
-        found = change(first, second, (0, 0), common, LEVEL)
-        if np.isfinite(found.interval[1]) and found.interval[1] < 1e100:
+        statements = change(first, second, (0, 0), common, LEVEL)
+        if np.isfinite(statements.interval[1]) and statements.interval[1] < 1e100:
             words = "with the same draws" if common else "with other draws"
-            yield f"sigma ratio of two runs {words}", "coverage", _within(true, found.interval)
+            yield f"sigma ratio of two runs {words}", "coverage", _within(true, statements.interval)
 
 
 def _sample_set(system: NoisySystem, given: tuple[Array, Array], sampling: SamplingDesign) -> SampleSet:

@@ -133,12 +133,12 @@ def _rows(table: pd.DataFrame, sizes: list[int]) -> list[dict[str, Any]]:
 def _figure(own: pd.DataFrame, name: str, kind: str, title: str) -> Figure:
     """Draw rates of one kind, one row per statement, and separately those that the program reports."""
     statements = list(dict.fromkeys(own["statement"]))
-    found = [finding for finding in MARKS if (own["finding"] == finding).any()]
+    figure = [finding for finding in MARKS if (own["finding"] == finding).any()]
     sizes = sorted(own["samples"].unique())
 
     def panel(name: str, shown: pd.DataFrame) -> Panel:
         marks: list[Mark] = [Rule(100.0 * nominal, colour=INK) for nominal in shown["nominal"].dropna().unique()]
-        for finding in found:
+        for finding in figure:
             rates = shown[shown["finding"] == finding]
             rows = np.array([statements.index(statement) for statement in rates["statement"]])
             shifts = np.searchsorted(sizes, rates["samples"]) - 0.5 * (len(sizes) - 1)
@@ -146,7 +146,7 @@ def _figure(own: pd.DataFrame, name: str, kind: str, title: str) -> Figure:
         return Panel(name, Axis("campaigns", "%"), Axis(names=statements), marks)
 
     panels = [panel("All rates", own)]
-    if "withheld" in found:
+    if "withheld" in figure:
         panels.append(panel("Reported by the program", own[own["finding"] != "withheld"]))
     return Figure(
         name=name,
@@ -154,7 +154,7 @@ def _figure(own: pd.DataFrame, name: str, kind: str, title: str) -> Figure:
         description=f"Measured rates ({kind}) for every statement, system, distribution, design and size; the line is "
         "the nominal rate.",
         panels=panels,
-        key=[MARKS[finding] for finding in found] if found != [""] else (),
+        key=[MARKS[finding] for finding in figure] if figure != [""] else (),
         columns=dict(own.drop(columns="kind").items()),
         size=(HALF[0], 82.0 + 33.0 * len(statements)),
         caption="One mark per system, distribution, design and number of samples, which increases downwards within a "

@@ -70,11 +70,11 @@ class GrowingErrors:
     @property
     def covariance(self) -> Array:
         """Covariances of the outputs, shape (m, 3, 3)."""
-        variance, found = 0.0, []
+        variance, covariance = 0.0, []
         for gain, kept, added in zip(self.gains, self.kept, self.added, strict=True):
             variance = kept**2 * variance + added
-            found.append(gain**2 * PARTIALS @ PARTIALS.T + variance * np.eye(3))
-        return np.array(found)
+            covariance.append(gain**2 * PARTIALS @ PARTIALS.T + variance * np.eye(3))
+        return np.array(covariance)
 
     def simulate(self, sources: Array, normals: Array) -> Array:
         """Return errors, shape (n, m, 3), from sources, shape (n, 3), and standard normals, shape (n, m, 3)."""
@@ -124,7 +124,7 @@ def run_tail_trials(trials: int, jobs: int, sizes: Sequence[int] = SIZES) -> Tal
     return tally(trials, jobs, kinds, _count)
 
 
-def _count(kind: tuple[str, int, str], seeds: Sequence[int], found: Tally) -> None:
+def _count(kind: tuple[str, int, str], seeds: Sequence[int], result: Tally) -> None:
     design, count, name = kind
     system, blocks = SYSTEMS[name], SamplingDesign.of(design, count).blocks(np.arange(count))
     truth = _Truth.of(system)
@@ -133,7 +133,7 @@ def _count(kind: tuple[str, int, str], seeds: Sequence[int], found: Tally) -> No
         sources = standard_normals(design, seed, count, 0, count, 3)
         errors = system.simulate(sources, generator.standard_normal((count, EPOCHS, 3)))
         for statement, sort, hit in _statements(name, truth, errors, blocks):
-            found.add(Cell(sort, name, statement, "normal", design, count), hit)
+            result.add(Cell(sort, name, statement, "normal", design, count), hit)
 
 
 @dataclass(frozen=True)
@@ -180,9 +180,9 @@ def _statements(name: str, truth: _Truth, errors: Array, blocks: IndexArray) -> 
     low, high = judge_requirement(BOX, truth.model, last, blocks, truth.comparison, LEVEL).interval
     yield "probability of a box, lower bound", "coverage", low <= truth.box
     yield "probability of a box, upper bound", "coverage", high >= truth.box
-    found = tails(truth.model, last, blocks, ["m", "m", "m"], CRITERION)
-    if all(np.isfinite(each.together[1]) for each in found if each.probability < 0.99):
-        right = [each.together[0] <= each.linear <= each.together[1] for each in found]
+    statements = tails(truth.model, last, blocks, ["m", "m", "m"], CRITERION)
+    if all(np.isfinite(each.together[1]) for each in statements if each.probability < 0.99):
+        right = [each.together[0] <= each.linear <= each.together[1] for each in statements]
         yield "all quantiles of the report", "coverage", all(right)
 
 

@@ -41,7 +41,7 @@ def run_trials(trials: int, jobs: int, designs: Sequence[str], sizes: Sequence[i
     return tally(trials, jobs, [(design, size) for design in designs for size in sizes], _count)
 
 
-def _count(kind: tuple[str, int], seeds: Sequence[int], found: Tally) -> None:
+def _count(kind: tuple[str, int], seeds: Sequence[int], result: Tally) -> None:
     design, count = kind
     blocks = SamplingDesign.of(design, count).blocks(np.arange(count))
     for seed in seeds:
@@ -56,39 +56,39 @@ def _count(kind: tuple[str, int], seeds: Sequence[int], found: Tally) -> None:
                 judged = compare(system.model, errors, outputs, CRITERION, SamplingDesign.of(design, count, normal))
                 truth = system.truth(fourth, sixth)
                 for statement, sort, hit in _statements(name, system, truth, judged, outputs, blocks, sources):
-                    found.add(Cell(sort, name, statement, sources, design, count), hit)
+                    result.add(Cell(sort, name, statement, sources, design, count), hit)
 
 
 Statement = tuple[str, str, bool]
 
 
 def _statements(
-    name: str, system: SyntheticSystem, truth: Truth, found: Comparison, outputs: Array, blocks: IndexArray,
+    name: str, system: SyntheticSystem, truth: Truth, comparison: Comparison, outputs: Array, blocks: IndexArray,
     sources: str,
 ) -> Iterator[Statement]:  # fmt: skip
     if name == "corrupted":
-        yield from _powers(found)
+        yield from _powers(comparison)
         return
-    yield from _covered(name, system, truth, found)
+    yield from _covered(name, system, truth, comparison)
     if name in ("linear", "disguised"):
-        yield from _alarms(name, found, sources)
+        yield from _alarms(name, comparison, sources)
     if name == "linear" and sources == "normal":
-        yield from _tail(system, found, outputs, blocks)
+        yield from _tail(system, comparison, outputs, blocks)
 
 
 def _within(value: float, interval: tuple[float, float] | None) -> bool:
     return interval is not None and interval[0] <= value <= interval[1]
 
 
-def _covered(name: str, system: SyntheticSystem, truth: Truth, found: Comparison) -> Iterator[Statement]:
+def _covered(name: str, system: SyntheticSystem, truth: Truth, comparison: Comparison) -> Iterator[Statement]:
     """Yield whether intervals cover the truth; differences that are exactly zero have no interval."""
     linear = system.model.outcome_covariance
     ratios = np.sqrt(np.diag(truth.covariance) / np.diag(linear))
-    first = found.outputs[0]
+    first = comparison.outputs[0]
     if first.plain.interval is None or not math.isfinite(first.plain.interval[1]):
         return
     yield "plain sigma ratio", "coverage", _within(ratios[0], first.plain.interval)
-    joint, ellipsoid = found.joint, found.ellipsoid
+    joint, ellipsoid = comparison.joint, comparison.ellipsoid
     if joint is not None and truth.skewness is not None:
         yield "skewness", "coverage", _within(truth.skewness, joint.skewness[0].interval(LEVEL))
     if name == "linear":
@@ -105,9 +105,9 @@ def _covered(name: str, system: SyntheticSystem, truth: Truth, found: Comparison
         yield "mean NEES", "coverage", _within(expected, ellipsoid.nees_paired.interval(LEVEL))
 
 
-def _alarms(name: str, found: Comparison, sources: str) -> Iterator[Statement]:
+def _alarms(name: str, comparison: Comparison, sources: str) -> Iterator[Statement]:
     """Yield whether tests reject true hypotheses."""
-    joint = found.joint
+    joint = comparison.joint
     if joint is None:
         return
     tests: dict[str, HypothesisTest | None] = {"bias, Hotelling": joint.bias}
@@ -130,18 +130,18 @@ def _rejections(tests: Mapping[str, HypothesisTest | None], kind: str) -> Iterat
             yield statement, kind, test.p_value < 1.0 - LEVEL
 
 
-def _tail(system: SyntheticSystem, found: Comparison, outputs: Array, blocks: IndexArray) -> Iterator[Statement]:
+def _tail(system: SyntheticSystem, comparison: Comparison, outputs: Array, blocks: IndexArray) -> Iterator[Statement]:
     """Yield whether the upper bound of a quantile holds: a limit at the quantile is met only if the bound is wrong."""
     limit = float(special.ndtri(0.5 + 0.5 * TAIL))
     required = Requirement("quantile", (0,), (limit,), TAIL)
-    judged = judge_requirement(required, system.model, outputs, blocks, found, LEVEL)
+    judged = judge_requirement(required, system.model, outputs, blocks, comparison, LEVEL)
     if not judged.remark:
         yield f"|y| at {100.0 * TAIL:g} %, upper bound", "coverage", judged.finding != Finding.MET
 
 
-def _powers(found: Comparison) -> Iterator[Statement]:
+def _powers(comparison: Comparison) -> Iterator[Statement]:
     """Yield whether the wrong matrix is detected."""
-    first, joint = found.outputs[0], found.joint
+    first, joint = comparison.outputs[0], comparison.joint
     yield "plain sigma ratio is not one", "power", first.plain.certain
     yield "paired sigma ratio is not one", "power", first.paired.certain
     yield "verdict: differs by more than 1 %", "power", first.paired.verdict.value == "differs"

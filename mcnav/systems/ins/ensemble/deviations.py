@@ -123,11 +123,11 @@ class StartingPoint(NamedTuple):
 def starting_point(truth: Truth, time: float) -> StartingPoint:
     """Compute the truth at a start of navigation."""
     earth, states = truth.earth, truth.states(np.array([time]), "level", time)
-    found = true_states(earth, np.hstack([states.position, states.velocity]))
-    sf, cf, sl, cl, altitude = found.local[0, :5]
+    point = true_states(earth, np.hstack([states.position, states.velocity]))
+    sf, cf, sl, cl, altitude = point.local[0, :5]
     latitude, longitude = np.arctan2(sf, cf), np.arctan2(sl, cl)
     return StartingPoint(
-        earth.constants, np.array([latitude, longitude, altitude]), found.radii[0], found.local[0, 5:],
+        earth.constants, np.array([latitude, longitude, altitude]), point.radii[0], point.local[0, 5:],
         local_axes(latitude, longitude),
     )  # fmt: skip
 
@@ -145,6 +145,6 @@ def deviate(start: StartingPoint, errors: Array) -> Array:
     ndarray, shape (n, 10)
         Quaternions, deviations of velocity and deviations of position.
     """
-    found = np.empty((len(errors), 10))
-    _deviate(start.constants, start.here, start.radii, start.velocity, start.axes, np.ascontiguousarray(errors), found)
-    return found
+    result = np.empty((len(errors), 10))
+    _deviate(start.constants, start.here, start.radii, start.velocity, start.axes, np.ascontiguousarray(errors), result)
+    return result

@@ -208,16 +208,16 @@ def whitening_matrices(covariances: Array) -> Array:
     array([[[0.5, 0. ],
             [0. , 0. ]]])
     """
-    found = np.zeros_like(covariances)
+    matrices = np.zeros_like(covariances)
     for i in range(covariances.shape[1]):
-        variance, before = covariances[:, i, i], found[:, :i, :i]
+        variance, before = covariances[:, i, i], matrices[:, :i, :i]
         entries = np.einsum("mjk,mk->mj", before, covariances[:, :i, i])
         pivot = variance - np.einsum("mj,mj->m", entries, entries)
         regular = pivot > SINGULAR * variance
         inverse = np.where(regular, 1.0 / np.sqrt(np.where(regular, pivot, 1.0)), 0.0)
-        found[:, i, :i] -= inverse[:, None] * np.einsum("mj,mjk->mk", entries, before)
-        found[:, i, i] = inverse
-    return found
+        matrices[:, i, :i] -= inverse[:, None] * np.einsum("mj,mjk->mk", entries, before)
+        matrices[:, i, i] = inverse
+    return matrices
 
 
 @inlined

@@ -259,16 +259,16 @@ def multiply_turns(
 @allocation_free_part
 def turn_less_one(turn: Array, out: Array) -> None:
     """Compute R - I of rotations, shape (9, LANES)."""
-    found = rotation_less_one(load(turn, 0), load(turn, 1), load(turn, 2), load(turn, 3))
-    store(out, 0, found[0])
-    store(out, 1, found[1])
-    store(out, 2, found[2])
-    store(out, 3, found[3])
-    store(out, 4, found[4])
-    store(out, 5, found[5])
-    store(out, 6, found[6])
-    store(out, 7, found[7])
-    store(out, 8, found[8])
+    less_one = rotation_less_one(load(turn, 0), load(turn, 1), load(turn, 2), load(turn, 3))
+    store(out, 0, less_one[0])
+    store(out, 1, less_one[1])
+    store(out, 2, less_one[2])
+    store(out, 3, less_one[3])
+    store(out, 4, less_one[4])
+    store(out, 5, less_one[5])
+    store(out, 6, less_one[6])
+    store(out, 7, less_one[7])
+    store(out, 8, less_one[8])
 
 
 @inlined

@@ -48,8 +48,8 @@ class SensorCounts:
 
     def read(self) -> Array:
         """Return the counts and begin anew."""
-        found, self.counts = self.counts, np.zeros(COUNTS)
-        return found
+        counts, self.counts = self.counts, np.zeros(COUNTS)
+        return counts
 
 
 def normalized_errors(errors: ErrorModel, deviation: Array, covariance: Array, to_outputs: Array) -> Array:
@@ -74,14 +74,14 @@ def normalized_errors(errors: ErrorModel, deviation: Array, covariance: Array, t
     estimated = np.setdiff1d(np.arange(errors.size), errors.considered)
     outputs = to_outputs @ deviation[:NAVIGATION]
     mapped = map_covariances(to_outputs, covariance[:NAVIGATION, :NAVIGATION])
-    found = [
+    result = [
         _normalized(deviation[each], covariance[np.ix_(each, each)]) for each in (estimated, estimated[:NAVIGATION])
     ]
-    found += [_normalized(outputs[each], mapped[each, each]) for each in OUTPUT_GROUPS]
+    result += [_normalized(outputs[each], mapped[each, each]) for each in OUTPUT_GROUPS]
     others = estimated[NAVIGATION:]
     if len(others):
-        found.append(_normalized(deviation[others], covariance[np.ix_(others, others)]))
-    return np.array(found)
+        result.append(_normalized(deviation[others], covariance[np.ix_(others, others)]))
+    return np.array(result)
 
 
 def _normalized(deviation: Array, covariance: Array) -> float:

@@ -90,24 +90,24 @@ class FilterModel:
         A bias stands for all that it consists of: the constant and the rate random walk are one state, the bias
         instability is another. So do a sensor's bias and its correlated error.
         """
-        found: list[FilterState] = []
+        states: list[FilterState] = []
         for kinds, considered in ((self.estimates, False), (self.considers, True)):
             for kind in kinds:
-                found += _states_of(kind, self.beliefs, considered)
-        return tuple(found)
+                states += _states_of(kind, self.beliefs, considered)
+        return tuple(states)
 
 
 def _states_of(kind: str, beliefs: Beliefs, considered: bool) -> list[FilterState]:
     """List the states of a kind of errors."""
-    found = []
+    states = []
     for name in _constants_of(kind, beliefs):
         sigma, walk = beliefs.sigmas.get(name, 0.0), _walk(name, beliefs.imu)
         if sigma > 0.0 or walk > 0.0:
-            found.append(FilterState(name, sigma, np.inf, walk, considered))
+            states.append(FilterState(name, sigma, np.inf, walk, considered))
     for name, sigma, correlation_time in _correlated_of(kind, beliefs):
         if sigma > 0.0:
-            found.append(FilterState(name, sigma, correlation_time, 0.0, considered))
-    return found
+            states.append(FilterState(name, sigma, correlation_time, 0.0, considered))
+    return states
 
 
 def estimated_kinds(constants: tuple[str, ...]) -> tuple[str, ...]:

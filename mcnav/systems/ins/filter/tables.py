@@ -139,9 +139,9 @@ def same_memory(one: Imu, other: Imu) -> bool:
 
 def _constant_response(responses: StepResponses, name: str) -> Array:
     """Return the responses of psi, v, x to a constant error over the steps, shape (K, 9)."""
-    found = np.zeros((len(responses.times) - 1, len(OUTPUTS)))
+    constant_response = np.zeros((len(responses.times) - 1, len(OUTPUTS)))
     if name in GYRO:
-        found[:] = responses.gyro[:, GYRO.index(name)]
+        constant_response[:] = responses.gyro[:, GYRO.index(name)]
     elif name in ACCELEROMETER:
-        found[:, 3:] = responses.accelerometer[:, ACCELEROMETER.index(name)]
-    return found
+        constant_response[:, 3:] = responses.accelerometer[:, ACCELEROMETER.index(name)]
+    return constant_response

@@ -58,28 +58,28 @@ def process_values(imu: Imu, step_times: Array, at: IndexArray, seed: int, index
     dict of str to ndarray, shape (m,)
         By the name of the process; those that are zero are missing.
     """
-    durations, key, found = np.diff(step_times), (seed, index), {}
+    durations, key, result = np.diff(step_times), (seed, index), {}
     for instrument, (name, noise) in enumerate((("gyro", imu.gyro), ("accelerometer", imu.accelerometer))):
         for axis, letter in enumerate(AXES):
             if noise.instability[axis] > 0.0:
                 first, variates = _instability_variates(key, instrument, axis, len(durations))
                 decay, _, factor = _gauss_markov(durations / noise.correlation_time[axis])
                 values = boundary_values(decay, factor[:, 0].copy(), first, variates[:, 0].copy())[at]
-                found[f"{name}_bias_instability_{letter}"] = noise.instability[axis] * values
+                result[f"{name}_bias_instability_{letter}"] = noise.instability[axis] * values
             if noise.rate_random_walk[axis] > 0.0:
                 decay, _, factor = _random_walk(durations)
                 variates = _walk_variates(key, instrument, axis, len(durations))
                 values = boundary_values(decay, factor[:, 0].copy(), 0.0, variates[:, 0].copy())[at]
-                found[f"{name}_rate_random_walk_{letter}"] = noise.rate_random_walk[axis] * values
-    return found
+                result[f"{name}_rate_random_walk_{letter}"] = noise.rate_random_walk[axis] * values
+    return result
 
 
 def gyro_drifts(imu: Imu, step_times: Array, seed: int, index: int) -> Array:
     """Add up the biases of the gyros that processes drive, at the ends of the steps, shape (S, 3)."""
-    found, ends = np.zeros((len(step_times) - 1, 3)), np.arange(1, len(step_times))
+    drifts, ends = np.zeros((len(step_times) - 1, 3)), np.arange(1, len(step_times))
     for name, values in process_values(Imu(gyro=imu.gyro), step_times, ends, seed, index).items():
-        found[:, AXES.index(name[-1])] += values
-    return found
+        drifts[:, AXES.index(name[-1])] += values
+    return drifts
 
 
 def _drawn(noise: Noise, step_times: Array, key: tuple[int, int], instrument: int) -> Array:

@@ -80,14 +80,14 @@ def respond_from_rest(
     """
     whole = NoiseResponse.along(truth, platform, step_times, times[-1:])
     begins = np.searchsorted(step_times, times - 1e-9)
-    found = np.zeros((len(times) - 1, 1, 9))
+    result = np.zeros((len(times) - 1, 1, 9))
     for k, (begin, end) in enumerate(pairwise(begins)):
         rows = slice(begin, end)
         _respond(
             whole.durations[rows], whole.axes[rows], whole.forces[rows], whole.gradients[rows],
-            np.array([end - begin]), gyro[rows].copy(), accelerometer[rows].copy(), found[k],
+            np.array([end - begin]), gyro[rows].copy(), accelerometer[rows].copy(), result[k],
         )  # fmt: skip
-    return found[:, 0]
+    return result[:, 0]
 
 
 @compiled

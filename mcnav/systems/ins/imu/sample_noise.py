@@ -121,5 +121,5 @@ def _gauss_markov(
     x = np.diff(instants) / component.correlation_time
     decay, driven = np.exp(-x), np.sqrt(-np.expm1(-2.0 * x))
     values = boundary_values(decay, driven, variates[0], variates[1:])
-    found = component.correlated * values[places]
-    return found[: len(times)], found[len(times) :]
+    gauss_markov = component.correlated * values[places]
+    return gauss_markov[: len(times)], gauss_markov[len(times) :]

@@ -222,13 +222,13 @@ def propagate_closed_loop(loop: ClosedLoop, readings: IndexArray, after: Array) 
 def own_covariances(loop: ClosedLoop, readings: IndexArray, after: Array) -> Array:
     """Compute the filter's covariance at readings, shape (m, 9 + q, 9 + q)."""
     tables, measurements = loop.filter, loop.measurements
-    found = np.zeros((len(readings), *tables.initial.shape))
+    covariances = np.zeros((len(readings), *tables.initial.shape))
     _design(
         loop.transition, tables.coupling, tables.decay, tables.noise, tables.initial, measurements.rows, tables.rows,
         tables.variances, tables.corrected, measurements.sizes, loop.first_updates, np.zeros_like(loop.gains),
-        np.zeros_like(loop.roots), readings, after.astype(np.bool_), found,
+        np.zeros_like(loop.roots), readings, after.astype(np.bool_), covariances,
     )  # fmt: skip
-    return found
+    return covariances
 
 
 def _propagate_constants(loop: ClosedLoop, readings: IndexArray, after: Array) -> tuple[Array, Array]:
@@ -277,14 +277,14 @@ def _propagate_processes(loop: ClosedLoop, readings: IndexArray, after: Array) -
         else:
             measured[number], sigmas[number] = white[name], components[white[name]].noise
     size = NAVIGATION + len(loop.filter.constants) + 1
-    found = np.zeros((len(readings), size, size, lanes))
+    processes = np.zeros((len(readings), size, size, lanes))
     tables, measurements = loop.filter, loop.measurements
     _add_up(
         loop.transition, tables.coupling, tables.decay, response, decay, noise, bias_noise, variance, of_component,
         measured, sigmas, rate_errors, measurements.swings, measurements.rows, tables.rows, measurements.components,
-        measurements.sizes, loop.gains, loop.first_updates, readings, after.astype(np.bool_), found,
+        measurements.sizes, loop.gains, loop.first_updates, readings, after.astype(np.bool_), processes,
     )  # fmt: skip
-    return names, found[..., : len(names)]
+    return names, processes[..., : len(names)]
 
 
 @compiled
@@ -478,10 +478,10 @@ def _add_up(
     transition: Array, coupling: Array, decay: Array, response: Array, own_decay: Array, noise: Array,
     bias_noise: Array, variance: Array, of_component: IndexArray, measured: IndexArray, sigmas: Array,
     rate_errors: IndexArray, swings: Array, rows: Array, state_rows: Array, components: IndexArray, sizes: IndexArray,
-    gains: Array, first: IndexArray, readings: IndexArray, after: Array, found: Array,
+    gains: Array, first: IndexArray, readings: IndexArray, after: Array, result: Array,
 ) -> None:  # fmt: skip
     """Run the covariances of all processes through the closed loop; processes are the last axis."""
-    lanes, size = found.shape[3], found.shape[1]
+    lanes, size = result.shape[3], result.shape[1]
     states, last, most = size - 10, size - 1, rows.shape[1]
     c = np.zeros((size, size, lanes))
     c[last, last] = variance
@@ -493,7 +493,7 @@ def _add_up(
     reached = 0
     for k in range(len(first) - 1):
         while reached < len(readings) and readings[reached] == k and not after[reached]:
-            found[reached] = c
+            result[reached] = c
             reached += 1
         for u in range(first[k], first[k + 1]):
             m = sizes[u]
@@ -536,7 +536,7 @@ def _add_up(
                             for j in range(size - 1):
                                 c[i, j, n] += sigmas[n] * sigmas[n] * gain[i, e] * gain[j, e]
         while reached < len(readings) and readings[reached] == k:
-            found[reached] = c
+            result[reached] = c
             reached += 1
         if k == len(transition):
             break

@@ -95,7 +95,7 @@ def propagate_covariance(
     components = [component for sensor in loop.sensors for component in sensor.components]
     variances = np.array([component.noise for component in components])[measurements.components] ** 2
     states, count = len(tables.constants), biases.response.shape[2]
-    found, means = np.zeros((len(readings), NAVIGATION, NAVIGATION)), np.zeros((len(readings), NAVIGATION))
+    covariance, means = np.zeros((len(readings), NAVIGATION, NAVIGATION)), np.zeros((len(readings), NAVIGATION))
     initial, start = np.zeros((NAVIGATION + states + count,) * 2), np.zeros(NAVIGATION + states + count)
     kept = np.r_[0:NAVIGATION, NAVIGATION + states : len(initial)]
     initial[np.ix_(kept, kept)], start[kept] = biases.initial, biases.mean
@@ -104,14 +104,14 @@ def propagate_covariance(
     decay = np.concatenate([tables.decay, biases.decay], axis=1)
     _propagate(
         over, decay, biases.white, biases.cross, biases.noise, start, initial, full, variances, measurements.sizes,
-        loop.gains, loop.first_updates, readings, means, found,
+        loop.gains, loop.first_updates, readings, means, covariance,
     )  # fmt: skip
     if shared is not None and shared.loop.responses is loop.responses and shared.loop.own_at is readings:
         maps = shared.maps
     else:
         maps = np.stack([output_map(loop.truth, float(time)) for time in loop.times[readings]])
     own, means = loop.own[:, :NAVIGATION, :NAVIGATION], (maps @ means[:, :, None])[:, :, 0]
-    return ClosedLoopCovariance(loop, maps, means, map_covariances(maps, found), map_covariances(maps, own))
+    return ClosedLoopCovariance(loop, maps, means, map_covariances(maps, covariance), map_covariances(maps, own))
 
 
 def _biases(loop: ClosedLoop, mean: Array, sources: Array) -> _Biases:
@@ -170,7 +170,7 @@ def _biases(loop: ClosedLoop, mean: Array, sources: Array) -> _Biases:
 def _propagate(
     over: Array, decay: Array, white: Array, cross_noise: Array, noise: Array, mean: Array, initial: Array,
     rows: Array, variances: Array, sizes: IndexArray, gains: Array, first: IndexArray, readings: IndexArray,
-    means: Array, found: Array,
+    means: Array, result: Array,
 ) -> None:  # fmt: skip
     """Run mean and covariance of y, e^ and b through the closed loop; updates in Joseph's form."""
     size, moved, most = len(initial), gains.shape[1], rows.shape[1]
@@ -222,7 +222,7 @@ def _propagate(
             for i in range(9):
                 means[reached, i] = x[i]
                 for j in range(9):
-                    found[reached, i, j] = c[i, j]
+                    result[reached, i, j] = c[i, j]
             reached += 1
         if k == len(over):
             break

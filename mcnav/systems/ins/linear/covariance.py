@@ -60,14 +60,14 @@ def output_map(truth: Truth, time: float) -> Array:
     turn[0, 1] = 1.0 / (prime + altitude)
     turn[1, 0] = -1.0 / (meridian + altitude)
     turn[2, 1] = -np.tan(latitude) / (prime + altitude)
-    found = np.zeros((9, 9))
-    found[0:3, 6:9] = axes
-    found[3:6, 3:6] = axes
+    result = np.zeros((9, 9))
+    result[0:3, 6:9] = axes
+    result[3:6, 3:6] = axes
     spin = _cross(np.array([0.0, 0.0, earth.rotation_rate]))
-    found[3:6, 6:9] = -axes @ spin + _cross(to_earth_fixed.T @ velocity[0]) @ turn @ axes
-    found[6:9, 0:3] = axes
-    found[6:9, 6:9] = -turn @ axes
-    return found
+    result[3:6, 6:9] = -axes @ spin + _cross(to_earth_fixed.T @ velocity[0]) @ turn @ axes
+    result[6:9, 0:3] = axes
+    result[6:9, 6:9] = -turn @ axes
+    return result
 
 
 def map_covariances(maps: Array, covariances: Array) -> Array:
@@ -98,19 +98,19 @@ def map_covariances(maps: Array, covariances: Array) -> Array:
 
 def transitions(responses: StepResponses) -> Array:
     """Return the transition matrices of psi, v, x over the steps, shape (K, 9, 9)."""
-    found = np.zeros((len(responses.attitude), 9, 9))
-    found[:, :3, :3] = np.eye(3)
-    found[:, 3:, :3] = responses.attitude
-    found[:, 3:, 3:] = responses.motion
-    return found
+    result = np.zeros((len(responses.attitude), 9, 9))
+    result[:, :3, :3] = np.eye(3)
+    result[:, 3:, :3] = responses.attitude
+    result[:, 3:, 3:] = responses.motion
+    return result
 
 
 def constant_inputs(responses: StepResponses) -> Array:
     """Return the responses of psi, v, x to the constant errors of the instruments, shape (K, 9, 30)."""
-    found = np.zeros((len(responses.attitude), 9, 30))
-    found[:, :, :15] = responses.gyro.swapaxes(1, 2)
-    found[:, 3:, 15:] = responses.accelerometer.swapaxes(1, 2)
-    return found
+    inputs = np.zeros((len(responses.attitude), 9, 30))
+    inputs[:, :, :15] = responses.gyro.swapaxes(1, 2)
+    inputs[:, 3:, 15:] = responses.accelerometer.swapaxes(1, 2)
+    return inputs
 
 
 def process_systems(responses: StepResponses, imu: Imu) -> dict[str, tuple[Array, Array, Array]]:
@@ -131,31 +131,31 @@ def process_systems(responses: StepResponses, imu: Imu) -> dict[str, tuple[Array
         responses.accelerometer_driven, responses.accelerometer_walk, responses.accelerometer_walked,
     )  # fmt: skip
     sizes = process_sizes(imu)
-    found: dict[str, tuple[Array, Array, Array]] = {}
+    systems: dict[str, tuple[Array, Array, Array]] = {}
     names = iter(PROCESSES)
     for first, (noise, white, state, driven, walk, walked) in ((0, gyro), (3, accelerometer)):
         for axis in range(3):
             if (name := next(names)) in sizes:
                 covariance = np.zeros((steps, 10, 10))
                 covariance[:, first:9, first:9] = noise.random_walk[axis] ** 2 * white[:, axis]
-                found[name] = (np.zeros((steps, 10)), covariance, np.zeros(()))
+                systems[name] = (np.zeros((steps, 10)), covariance, np.zeros(()))
         for axis in range(3):
             if (name := next(names)) in sizes:
                 variance, correlation = noise.instability[axis] ** 2, noise.correlation_time[axis]
                 response, covariance = np.zeros((steps, 10)), np.zeros((steps, 10, 10))
                 response[:, first:9], response[:, 9] = state[:, axis], np.exp(-durations / correlation)
                 covariance[:, first:, first:] = 2.0 * variance / correlation * driven[:, axis]
-                found[name] = (response, covariance, np.asarray(variance))
+                systems[name] = (response, covariance, np.asarray(variance))
         for axis in range(3):
             if (name := next(names)) in sizes:
                 response, covariance = np.zeros((steps, 10)), np.zeros((steps, 10, 10))
                 response[:, first:9], response[:, 9] = walk[:, axis], 1.0
                 covariance[:, first:, first:] = noise.rate_random_walk[axis] ** 2 * walked[:, axis]
-                found[name] = (response, covariance, np.zeros(()))
+                systems[name] = (response, covariance, np.zeros(()))
         for axis in range(3):
             if (name := next(names)) in sizes:
-                found[name] = _quantization(responses, noise, axis, first)
-    return found
+                systems[name] = _quantization(responses, noise, axis, first)
+    return systems
 
 
 def _quantization(responses: StepResponses, noise: Noise, axis: int, first: int) -> tuple[Array, Array, Array]:

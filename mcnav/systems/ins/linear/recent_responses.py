@@ -28,7 +28,7 @@ def recent_responses(truth: Truth, platform: Platform, times: Array, imu: Imu) -
     def compute() -> tuple[Truth, StepResponses]:
         return truth, respond(truth, platform, times, imu)
 
-    return _RECENT.get(key, compute, lambda found: _size(found[1]) <= LARGEST)[1]
+    return _RECENT.get(key, compute, lambda result: _size(result[1]) <= LARGEST)[1]
 
 
 def _size(responses: StepResponses) -> int:

@@ -124,13 +124,13 @@ def respond(truth: Truth, platform: Platform, times: Array, imu: Imu) -> StepRes
         (6, 3), (6, 6), (6, 3, 3), (15, 9), (15, 6), (3, 9), (3, 9), (3, 6), (3, 6),
         (3, 9, 9), (3, 6, 6), (3, 10, 10), (3, 10, 10), (3, 7, 7), (3, 7, 7), (3, 9, 9), (3, 6, 6),
     )  # fmt: skip
-    found = tuple(np.zeros((steps, *shape)) for shape in shapes)
+    responses = tuple(np.zeros((steps, *shape)) for shape in shapes)
     _respond(
         np.searchsorted(bounds, times), lengths, states.axes.reshape(-1, 2, 3, 3), states.force.reshape(-1, 2, 3),
-        states.rate.reshape(-1, 2, 3), gradient, constants, _ROW, _COLUMN, imu.quantized, *found,
+        states.rate.reshape(-1, 2, 3), gradient, constants, _ROW, _COLUMN, imu.quantized, *responses,
     )  # fmt: skip
     at_times = truth.states(times, platform, float(times[0]))
-    return StepResponses(times, *(*found, at_times.axes))
+    return StepResponses(times, *(*responses, at_times.axes))
 
 
 @allocation_free_part

@@ -115,7 +115,7 @@ def propagate_starts(
         if alone:
             bounds = np.array([times[first], end])
             backward = _Backward.at_the_end(to_outputs, processes)
-        found = backward.over(respond(truth, platform, bounds, imu), imu)
-        for row, (partials[row], noise[row]) in zip(range(last - 1, first - 1, -1), found, strict=True):
+        linear_starts = backward.over(respond(truth, platform, bounds, imu), imu)
+        for row, (partials[row], noise[row]) in zip(range(last - 1, first - 1, -1), linear_starts, strict=True):
             partials[row, :, :9] = partials[row, :, :9] @ np.linalg.inv(output_map(truth, float(times[row])))
     return LinearStarts(partials[place], noise[place])

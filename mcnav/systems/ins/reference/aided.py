@@ -150,7 +150,7 @@ class AidedMechanization:
     @cached_property
     def sensor_models(self) -> tuple[SensorModel, ...]:
         """Sensors with the truth at their instants."""
-        found = []
+        models = []
         for sensor, believed in zip(self.sensors, self.model.beliefs.sensors, strict=True):
             times = self.step_times[self._boundaries(self._measured(sensor))]
             rate = None
@@ -158,8 +158,8 @@ class AidedMechanization:
                 rate = self.truth.states(times, self.platform, self.start).rate
             surroundings = Surroundings.at(self.truth, self.navigator.earth_fixed(times), times, rate)
             spin = self.truth.earth.rotation_rate
-            found.append(SensorModel(sensor, believed, surroundings, self.errors.states, spin))
-        return tuple(found)
+            models.append(SensorModel(sensor, believed, surroundings, self.errors.states, spin))
+        return tuple(models)
 
     @cached_property
     def stops(self) -> tuple[Stop, ...]:
@@ -173,13 +173,13 @@ class AidedMechanization:
             for row, boundary in enumerate(self._boundaries(self._measured(sensor))):
                 updates.setdefault(int(boundary), []).append((number, row))
         epochs = np.searchsorted(self.epoch_steps, boundaries), np.searchsorted(self.epoch_steps, boundaries, "right")
-        found = []
+        result = []
         for place, boundary in enumerate(boundaries.tolist()):
             first = int(boundaries[place - 1]) if place else boundary
             steps = FilterSteps.group(durations[first:boundary], longest, rates) if boundary > first else None
             here = range(int(epochs[0][place]), int(epochs[1][place]))
-            found.append(Stop(float(times[place]), first, boundary, steps, tuple(updates.get(boundary, ())), here))
-        return tuple(found)
+            result.append(Stop(float(times[place]), first, boundary, steps, tuple(updates.get(boundary, ())), here))
+        return tuple(result)
 
     @cached_property
     def true_states(self) -> EarthFixedStates:
@@ -268,14 +268,14 @@ class _Flight:
 
     def fly(self) -> tuple[Array, Array]:
         """Simulate the sample; results as those of `AidedMechanization.simulate`."""
-        found = []
+        result = []
         for stop in self.engine.stops:
             try:
                 with np.errstate(over="ignore", invalid="ignore"):  # what breaks down is told as such
-                    found += self._pass(stop)
+                    result += self._pass(stop)
             except LinAlgError:
                 raise Diverged(f"the filter's covariance lost its definiteness at {stop.time:.1f} s") from None
-        return np.array([errors for errors, _ in found]), np.array([record for _, record in found])
+        return np.array([errors for errors, _ in result]), np.array([record for _, record in result])
 
     def _pass(self, stop: Stop) -> list[tuple[Array, Array]]:
         """Navigate to a stop and return what is read there."""
@@ -368,12 +368,12 @@ class _Flight:
         here = slice(epoch, epoch + 1)
         all_true = engine.true_states
         true = EarthFixedStates(all_true.position[here], all_true.velocity[here], all_true.axes[here])
-        found = EarthFixedStates(self.state[None, 7:], self.state[None, 4:7], matrices(self.state[None, :4]))
-        errors = navigation_errors(self.earth, true, found)[0]
-        turn = Rotation.from_matrix(found.axes[0] @ true.axes[0].T).as_rotvec()
+        fixed_states = EarthFixedStates(self.state[None, 7:], self.state[None, 4:7], matrices(self.state[None, :4]))
+        errors = navigation_errors(self.earth, true, fixed_states)[0]
+        turn = Rotation.from_matrix(fixed_states.axes[0] @ true.axes[0].T).as_rotvec()
         states = self._true_values(epoch) - self.estimates
         deviation = np.concatenate(
-            [turn, found.velocity[0] - true.velocity[0], found.position[0] - true.position[0], states]
+            [turn, fixed_states.velocity[0] - true.velocity[0], fixed_states.position[0] - true.position[0], states]
         )
         to_outputs = self._frame().to_outputs(self.state[4:7])
         own = self.filter.P
@@ -385,13 +385,13 @@ class _Flight:
     def _true_values(self, epoch: int) -> Array:
         """Return the true values of the filter's states besides those of navigation, shape (q,)."""
         constants = dict(zip((*CONSTANTS, *aiding_constants(self.engine.sensors)), self.errors, strict=True))
-        found = np.zeros(len(self.model.states))
+        true_values = np.zeros(len(self.model.states))
         for place, state in enumerate(self.model.states):
-            found[place] = constants.get(state.name, 0.0)
+            true_values[place] = constants.get(state.name, 0.0)
             for name in {state.name, state.name.replace("_bias_", "_rate_random_walk_")}:
                 if name in self.noise.processes:
-                    found[place] += self.noise.processes[name][epoch]
-        return found
+                    true_values[place] += self.noise.processes[name][epoch]
+        return true_values
 
 
 def _correct(
@@ -417,5 +417,5 @@ def _turned_back(quaternion: Array, vector: Array) -> Array:
     a, b, c = part
     x, y, z = u
     across = np.array([b * z - c * y, c * x - a * z, a * y - b * x])  # np.cross takes ten times as long
-    found = np.concatenate([[scalar * w - part @ u], scalar * u + w * part + across])
-    return np.asarray(found / np.linalg.norm(found))
+    back = np.concatenate([[scalar * w - part @ u], scalar * u + w * part + across])
+    return np.asarray(back / np.linalg.norm(back))

@@ -29,13 +29,13 @@ def measure(values: Array, gyro: Array, accelerometer: Array, gyro_noise: Array,
     gyro_noise, accelerometer_noise : ndarray, shape (S, 3)
     """
     rate, force = values[..., :3], values[..., 3:]
-    found = values.copy()
+    result = values.copy()
     for place, noise, own, constants, law in (
         (slice(0, 3), gyro_noise, rate, response_matrix(gyro), force),
         (slice(3, 6), accelerometer_noise, force, response_matrix(accelerometer), force * force),
     ):
-        found[..., place] += own @ constants[:, :3].T + constants[:, 3] + constants[:, 4] * law + noise[:, None]
-    return found
+        result[..., place] += own @ constants[:, :3].T + constants[:, 3] + constants[:, 4] * law + noise[:, None]
+    return result
 
 
 @dataclass(frozen=True)

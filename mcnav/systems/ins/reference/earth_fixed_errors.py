@@ -48,10 +48,10 @@ _INPUTS_ALL: Final = (*_INPUTS, *(f"force_squared_{axis}" for axis in AXES))
 
 def cross_matrix(vector: Array) -> Array:
     """Return the matrices of the cross products with vectors, shape (..., 3): shape (..., 3, 3)."""
-    found = np.zeros((*vector.shape, 3))
-    found[..., 0, 1], found[..., 0, 2], found[..., 1, 2] = -vector[..., 2], vector[..., 1], -vector[..., 0]
-    found[..., 1, 0], found[..., 2, 0], found[..., 2, 1] = vector[..., 2], -vector[..., 1], vector[..., 0]
-    return found
+    matrix = np.zeros((*vector.shape, 3))
+    matrix[..., 0, 1], matrix[..., 0, 2], matrix[..., 1, 2] = -vector[..., 2], vector[..., 1], -vector[..., 0]
+    matrix[..., 1, 0], matrix[..., 2, 0], matrix[..., 2, 1] = vector[..., 2], -vector[..., 1], vector[..., 0]
+    return matrix
 
 
 @dataclass(frozen=True)
@@ -81,14 +81,14 @@ class InstrumentState:
 
 def instrument_states(states: Sequence[FilterState]) -> tuple[InstrumentState, ...]:
     """Find those states of a filter that are errors of instruments."""
-    found = []
+    result = []
     for place, state in enumerate(states):
         name = state.name.replace("_bias_instability_", "_bias_")
         for names in (GYRO, ACCELEROMETER):
             if name in names:
                 number, gyro = names.index(name), names is GYRO
-                found.append(InstrumentState(place, gyro, number, *_reading(number, gyro)))
-    return tuple(found)
+                result.append(InstrumentState(place, gyro, number, *_reading(number, gyro)))
+    return tuple(result)
 
 
 def _reading(number: int, gyro: bool) -> tuple[int, int]:
@@ -145,15 +145,15 @@ class ErrorModel:
     @cached_property
     def _alone(self) -> tuple[IndexArray, Array]:
         """Places of the correlated errors of sensors among the other states, and their variances."""
-        found = np.setdiff1d(np.flatnonzero(self.decay_rates), [each.place for each in self.instruments])
-        return found, np.array([self.states[place].sigma for place in found]) ** 2
+        result = np.setdiff1d(np.flatnonzero(self.decay_rates), [each.place for each in self.instruments])
+        return result, np.array([self.states[place].sigma for place in result]) ** 2
 
     def initial_covariance(self, to_outputs: Array) -> Array:
         """Compute the covariance at the start, from the map of psi, dv, dr to the outputs, shape (9, 9)."""
-        found = np.diag(np.concatenate([np.zeros(NAVIGATION), [state.sigma**2 for state in self.states]]))
+        initial_covariance = np.diag(np.concatenate([np.zeros(NAVIGATION), [state.sigma**2 for state in self.states]]))
         inverse = np.linalg.inv(to_outputs)
-        found[:NAVIGATION, :NAVIGATION] = inverse @ self.model.beliefs.covariance @ inverse.T
-        return found
+        initial_covariance[:NAVIGATION, :NAVIGATION] = inverse @ self.model.beliefs.covariance @ inverse.T
+        return initial_covariance
 
     def transitions(
         self, spin: float, steps: FilterSteps, axes: Array, rates: Array, forces: Array, gradients: Array
@@ -219,15 +219,15 @@ class ErrorModel:
 
     def _transition(self, integrals: Array, system: Sequence[Array], coupling: Sequence[Array]) -> Array:
         """Assemble transitions, shape (K, 9 + q, 9 + q), from the integrals of the decays."""
-        found = np.zeros((len(integrals), self.size, self.size))
-        found[:, :NAVIGATION, :NAVIGATION] = np.eye(NAVIGATION)
+        transition = np.zeros((len(integrals), self.size, self.size))
+        transition[:, :NAVIGATION, :NAVIGATION] = np.eye(NAVIGATION)
         others = np.arange(NAVIGATION, self.size)
-        found[:, others, others] = integrals[:, 0, :-1]
+        transition[:, others, others] = integrals[:, 0, :-1]
         for order in range(3):
             # the last column is that of a state that does not decay
-            found[:, :NAVIGATION, :NAVIGATION] += integrals[:, order + 1, -1, None, None] * system[order]
-            found[:, :NAVIGATION, NAVIGATION:] += integrals[:, order + 1, None, :-1] * coupling[order]
-        return found
+            transition[:, :NAVIGATION, :NAVIGATION] += integrals[:, order + 1, -1, None, None] * system[order]
+            transition[:, :NAVIGATION, NAVIGATION:] += integrals[:, order + 1, None, :-1] * coupling[order]
+        return transition
 
 
 @dataclass(frozen=True)
@@ -283,22 +283,22 @@ def _decay_integrals(durations: Array, rates: Array) -> Array:
     The k-th is ``s^k sum_j (-a s)^j / (k + j)!``, and by recursion ``(s^(k-1) / (k-1)! - previous) / a``.
     """
     x = np.outer(durations, rates)
-    found = np.empty((len(durations), 4, len(rates)))
-    found[:, 0] = np.exp(-x)
+    decay_integrals = np.empty((len(durations), 4, len(rates)))
+    decay_integrals[:, 0] = np.exp(-x)
     factorials = np.cumprod(np.append(1.0, np.arange(1.0, _TERMS + 4)))
     for k in (1, 2, 3):
         power = durations[:, None] ** k
         series = np.polynomial.polynomial.polyval(-np.minimum(x, SMALL), 1.0 / factorials[k : k + _TERMS])
         safe = np.where(rates > 0.0, rates, 1.0)
-        recursion = (durations[:, None] ** (k - 1) / factorials[k - 1] - found[:, k - 1]) / safe
-        found[:, k] = np.where(x <= SMALL, power * series, recursion)
-    return found
+        recursion = (durations[:, None] ** (k - 1) / factorials[k - 1] - decay_integrals[:, k - 1]) / safe
+        decay_integrals[:, k] = np.where(x <= SMALL, power * series, recursion)
+    return decay_integrals
 
 
 @compiled
 def gravitation_gradients(constants: Array, positions: Array) -> Array:
     """Compute the gradients of gravitation at positions, shape (n, 3), by central differences: shape (n, 3, 3)."""
-    found = np.empty((len(positions), 3, 3))
+    gradients = np.empty((len(positions), 3, 3))
     there = np.empty(3)
     for row in range(len(positions)):
         for axis in range(3):
@@ -308,10 +308,10 @@ def gravitation_gradients(constants: Array, positions: Array) -> Array:
             ax, ay, az = normal_gravitation(constants, there[0], there[1], there[2])
             there[axis] -= 2.0 * GRADIENT_STEP
             bx, by, bz = normal_gravitation(constants, there[0], there[1], there[2])
-            found[row, 0, axis] = (ax - bx) / (2.0 * GRADIENT_STEP)
-            found[row, 1, axis] = (ay - by) / (2.0 * GRADIENT_STEP)
-            found[row, 2, axis] = (az - bz) / (2.0 * GRADIENT_STEP)
-    return found
+            gradients[row, 0, axis] = (ax - bx) / (2.0 * GRADIENT_STEP)
+            gradients[row, 1, axis] = (ay - by) / (2.0 * GRADIENT_STEP)
+            gradients[row, 2, axis] = (az - bz) / (2.0 * GRADIENT_STEP)
+    return gradients
 
 
 @dataclass(frozen=True)
@@ -354,10 +354,10 @@ class LocalFrame:
         """
         to_level = self.axes.T
         turn = self.turn @ to_level
-        found = np.zeros((NAVIGATION, NAVIGATION))
-        found[0:3, POSITION] = to_level
-        found[3:6, VELOCITY] = to_level
-        found[3:6, POSITION] = cross_matrix(to_level @ velocity) @ turn
-        found[6:9, ATTITUDE] = to_level
-        found[6:9, POSITION] = -turn
-        return found
+        outputs = np.zeros((NAVIGATION, NAVIGATION))
+        outputs[0:3, POSITION] = to_level
+        outputs[3:6, VELOCITY] = to_level
+        outputs[3:6, POSITION] = cross_matrix(to_level @ velocity) @ turn
+        outputs[6:9, ATTITUDE] = to_level
+        outputs[6:9, POSITION] = -turn
+        return outputs

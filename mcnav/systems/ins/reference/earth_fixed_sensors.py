@@ -168,40 +168,40 @@ class SensorModel:
     @cached_property
     def _quantities(self) -> dict[Quantity, tuple[IndexArray, IndexArray]]:
         """Measured quantities: the components that measure each, and their axes."""
-        found = {}
+        quantities = {}
         for quantity in COMPONENTS:
             places = [n for n, each in enumerate(self.sensor.components) if each.quantity == quantity]
             axes = [self.sensor.components[place].axis for place in places]
             if places:
-                found[quantity] = (np.array(places), np.array(axes))
-        return found
+                quantities[quantity] = (np.array(places), np.array(axes))
+        return quantities
 
     @cached_property
     def _added(self) -> Array:
         """Responses of the readings to those of the filter's states that are added to them, shape (c, q)."""
-        found = np.zeros((self.size, len(self.states)))
+        added = np.zeros((self.size, len(self.states)))
         for row, component in enumerate(self.sensor.components):
             names = (component.error_name("bias"), component.error_name("correlated"))
             for column, state in enumerate(self.states):
-                found[row, column] = state.name in names
-        return found
+                added[row, column] = state.name in names
+        return added
 
     @cached_property
     def _scaled(self) -> Array:
         """Responses of the readings to the filter's states that are scale factors, per true value, shape (c, q)."""
-        found = np.zeros((self.size, len(self.states)))
+        result = np.zeros((self.size, len(self.states)))
         for row, component in enumerate(self.sensor.components):
             for column, state in enumerate(self.states):
                 scaled = component.quantity in SCALED and state.name == component.error_name("scale_factor")
-                found[row, column] = scaled
-        return found
+                result[row, column] = scaled
+        return result
 
     @cached_property
     def _arms(self) -> Array:
         """The filter's states that are errors of the lever arm, shape (3, q)."""
         names = [f"{self.sensor.name}_lever_arm_{axis}" for axis in AXES]
-        found = [[float(self.sensor.has_lever_arm and state.name == name) for state in self.states] for name in names]
-        return np.array(found).reshape(3, len(self.states))
+        arms = [[float(self.sensor.has_lever_arm and state.name == name) for state in self.states] for name in names]
+        return np.array(arms).reshape(3, len(self.states))
 
     @cached_property
     def _gyro_states(self) -> tuple[InstrumentState, ...]:
@@ -245,22 +245,22 @@ class SensorModel:
         tuple of ndarray, shape (c,), (c, 9 + q)
             The response to the other states is that to their true values less the estimates.
         """
-        found, response = np.empty(self.size), np.zeros((self.size, NAVIGATION + len(self.states)))
+        innovation, response = np.empty(self.size), np.zeros((self.size, NAVIGATION + len(self.states)))
         used = self.believed.lever_arm + arm - self._arms @ estimates
         added, scaled = self._added @ estimates, self._scaled @ estimates
         response[:, NAVIGATION:] = -self._added
         for quantity, (places, axes) in self._quantities.items():
             difference, navigation, others = getattr(self, f"_{quantity}")(row, indicated, used)
-            found[places] = difference[axes] + added[places] - offset[places]
+            innovation[places] = difference[axes] + added[places] - offset[places]
             response[places, :NAVIGATION] = navigation[axes]
             response[places, NAVIGATION:] += others[axes]
             if quantity in SCALED:
                 true = getattr(self, f"_true_{quantity}")(row)[axes]
                 predicted = true + difference[axes]
-                found[places] += scaled[places] * predicted - factors[places] * true
+                innovation[places] += scaled[places] * predicted - factors[places] * true
                 response[places, :NAVIGATION] *= 1.0 + scaled[places, None]
                 response[places, NAVIGATION:] -= self._scaled[places] * predicted[:, None]
-        return found, response
+        return innovation, response
 
     def _position(self, row: int, indicated: Indicated, arm: Array) -> tuple[Array, Array, Array]:
         """Return the difference, and its responses to psi, dv, dr and to the other states, along all axes."""
@@ -291,11 +291,11 @@ class SensorModel:
 
     def _gyros(self, reading: Array) -> Array:
         """Return the responses of a rate to the filter's states that are errors of the gyros, shape (3, q)."""
-        found = np.zeros((3, len(self.states)))
+        gyros = np.zeros((3, len(self.states)))
         inputs = np.concatenate([[1.0], reading])
         for each in self._gyro_states:
-            found[each.axis, each.place] = inputs[each.input]
-        return found
+            gyros[each.axis, each.place] = inputs[each.input]
+        return gyros
 
     def _altitude(self, row: int, indicated: Indicated, arm: Array) -> tuple[Array, Array, Array]:
         response = np.zeros((1, NAVIGATION))

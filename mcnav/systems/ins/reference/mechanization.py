@@ -185,9 +185,9 @@ class Mechanization:
         if np.any(away):
             raise Diverged(f"the indicated position came near a pole at {self.times[np.argmax(away)]:.1f} s")
         true = self.true_states
-        found = EarthFixedStates(states[:, 7:], states[:, 4:7], matrices(states[:, :4]))
+        fixed_states = EarthFixedStates(states[:, 7:], states[:, 4:7], matrices(states[:, :4]))
         at_epochs = EarthFixedStates(true.position[1:], true.velocity[1:], true.axes[1:])
-        return navigation_errors(self.truth.earth, at_epochs, found)
+        return navigation_errors(self.truth.earth, at_epochs, fixed_states)
 
     def indicated_start(self, errors: Array) -> Array:
         """Compute the state, shape (10,), that has the initial errors."""

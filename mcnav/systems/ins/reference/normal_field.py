@@ -77,8 +77,8 @@ def normal_gravitation(constants: Array, x: float, y: float, z: float) -> tuple[
 @compiled
 def normal_gravitation_at(constants: Array, position: Array) -> Array:
     """Compute the gravitation, m/s^2, at earth-centred positions, shape (n, 3)."""
-    found = np.empty_like(position)
+    gravitation = np.empty_like(position)
     for row in range(len(position)):
         x, y, z = normal_gravitation(constants, position[row, 0], position[row, 1], position[row, 2])
-        found[row, 0], found[row, 1], found[row, 2] = x, y, z
-    return found
+        gravitation[row, 0], gravitation[row, 1], gravitation[row, 2] = x, y, z
+    return gravitation

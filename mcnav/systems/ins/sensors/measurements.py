@@ -297,11 +297,11 @@ class _Surroundings:
     def rate_responses(self) -> Array:
         """Return the responses of the inertial rate to the constant errors of the gyros, shape (u, 3, 15)."""
         axes, inputs = self.instruments, [np.ones_like(self.rate), self.rate]
-        found = [axes * each[:, None, :] for each in inputs]
+        rate_responses = [axes * each[:, None, :] for each in inputs]
         reads = [AXES.index(pair[0]) for pair in CROSS_AXES]
         along = [AXES.index(pair[1]) for pair in CROSS_AXES]
-        found += [axes[:, :, reads] * self.rate[:, None, along], axes * self.force[:, None, :]]
-        return np.concatenate(found, axis=2)
+        rate_responses += [axes[:, :, reads] * self.rate[:, None, along], axes * self.force[:, None, :]]
+        return np.concatenate(rate_responses, axis=2)
 
 
 @uncontracted

@@ -66,7 +66,7 @@ def read_aiding(entries: object, navigation: Navigation, context: FileContext) -
         if kind is None or name is None:
             continue
         problems = len(context.problems)
-        sensor, found = _read_sensor(entry, kind, name, navigation, key, context)
+        sensor, aiding = _read_sensor(entry, kind, name, navigation, key, context)
         if len(context.problems) == problems:
             _check_names(sensor, sensors, f"{key}.name", context)
         if len(context.problems) == problems and sensor.kind == "zero-velocity":
@@ -76,7 +76,7 @@ def read_aiding(entries: object, navigation: Navigation, context: FileContext) -
         if len(context.problems) == problems and (lacking := lacks_equations(sensor)):
             context.problem(f"{key}.type", f"got {sensor.kind!r}; {lacking}")
         sensors.append(sensor)
-        sigmas |= found
+        sigmas |= aiding
     check_count(sum(len(sensor.times) for sensor in sensors), context)
     return Aiding(tuple(sensors), sigmas) if len(context.problems) == before else None
 

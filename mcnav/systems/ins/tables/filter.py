@@ -127,8 +127,8 @@ def read_filter(entries: object, sensors: tuple[Sensor, ...], imu: Imu, context:
     for name in table.believes.aiding.keys() - by_name.keys():
         context.problem(f"filter.believes.aiding.{name}", f"no sensor has this name{suggestion(name, list(by_name))}")
     for name, sensor in by_name.items():
-        found, of_sensor = _believed_sensor(table.believes.aiding.get(name, {}), sensor, context)
-        seen.append(found)
+        plan, of_sensor = _believed_sensor(table.believes.aiding.get(name, {}), sensor, context)
+        seen.append(plan)
         sigmas |= of_sensor
     stated = _believed_errors(table.believes.errors, (*SOURCES, *aiding_sources(sensors)), context)
     for name in stated.keys() & sigmas.keys():
@@ -174,7 +174,7 @@ def _believed_errors(entries: Mapping[str, Any], sources: Sequence[Source], cont
         groups.setdefault(source.group, []).append(source)
     known = {source.name: [source] for source in sources}
     names = [*known, *(group for group in groups if group not in known)]
-    found: dict[str, float] = {}
+    believed_errors: dict[str, float] = {}
     for name, entry in sorted(entries.items(), key=lambda each: each[0] in known):  # groups first
         key = f"filter.believes.errors.{name}"
         meant = known.get(name) or groups.get(name)
@@ -186,8 +186,8 @@ def _believed_errors(entries: Mapping[str, Any], sources: Sequence[Source], cont
             continue
         if wrong := within(0.0, MULTIPLE * meant[0].nominal, meant[0].unit)(size):
             context.problem(key, f"got {entry!r}; {wrong}")
-        found |= {source.name: size for source in meant}
-    return found
+        believed_errors |= {source.name: size for source in meant}
+    return believed_errors
 
 
 def _believed_sensor(entry: object, sensor: Sensor, context: FileContext) -> tuple[Sensor, dict[str, float]]:
@@ -219,8 +219,8 @@ def _believed_sensor(entry: object, sensor: Sensor, context: FileContext) -> tup
     components: list[Component] = []
     sigmas: dict[str, float] = {}
     for component in sensor.components:
-        found, of_component = _believed_component(component, names[component.quantity], errors, key, context)
-        components.append(found)
+        sensors, of_component = _believed_component(component, names[component.quantity], errors, key, context)
+        components.append(sensors)
         sigmas |= of_component
     sized = zip(AXES, errors.lever_arm_error, strict=True)
     sigmas |= {f"{sensor.name}_lever_arm_{axis}": float(size) for axis, size in sized if not np.isnan(size)}
@@ -242,5 +242,5 @@ def _believed_component(
     if correlated > 0.0 and component.correlated == 0.0 and np.isnan(sizes.correlation_time[axis]):
         name = component.error_name("correlated")
         context.problem(key, f"{name} needs a correlation_time, because the sensor itself has no such error")
-    found = replace(component, noise=noise, correlated=correlated, correlation_time=time)
-    return found, constant_sizes(component, sizes.bias[axis], sizes.scale_factor[axis])
+    components = replace(component, noise=noise, correlated=correlated, correlation_time=time)
+    return components, constant_sizes(component, sizes.bias[axis], sizes.scale_factor[axis])

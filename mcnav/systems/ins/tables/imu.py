@@ -76,8 +76,8 @@ def read_imu(entries: object, context: FileContext, place: str = "imu", replaced
                 continue
             axes = CROSS_AXES if name == "misalignment" else AXES
             sizes = read_axes(table[name], kinds[name], axes, f"{key}.{name}", context, missing)
-            found = {f"{instrument}_{name}_{axis}": float(size) for axis, size in zip(axes, sizes, strict=True)}
-            sigmas |= {source: size for source, size in found.items() if not np.isnan(size)}
+            imu_sizes = {f"{instrument}_{name}_{axis}": float(size) for axis, size in zip(axes, sizes, strict=True)}
+            sigmas |= {source: size for source, size in imu_sizes.items() if not np.isnan(size)}
 
         def process(
             name: str, table: Mapping[str, Any] = table, kinds: Mapping[str, str] = kinds, key: str = key
@@ -104,7 +104,7 @@ def _replace(noise: Noise, replaced: Noise | None) -> Noise:
     if replaced is None:
         return noise
     pairs = ((getattr(noise, each.name), getattr(replaced, each.name)) for each in fields(Noise))
-    return Noise(*(np.where(np.isnan(found), below, found) for found, below in pairs))
+    return Noise(*(np.where(np.isnan(result), below, result) for result, below in pairs))
 
 
 def _with_grade(entries: Mapping[str, Any], place: str, context: FileContext) -> dict[str, Any]:

@@ -139,7 +139,7 @@ def _read_outages(entry: object, key: str, context: FileContext) -> tuple[tuple[
     if len(entry) > MOST_OUTAGES:
         context.problem(key, f"got {len(entry)}; expected at most {MOST_OUTAGES}")
         return ()
-    found = []
+    outages = []
     for number, pair in enumerate(entry, start=1):
         at = f"{key} #{number}"
         if not isinstance(pair, list) or len(pair) != 2:
@@ -150,8 +150,8 @@ def _read_outages(entry: object, key: str, context: FileContext) -> tuple[tuple[
             continue
         if end <= begin:
             context.problem(at, f"got {pair[0]!r} to {pair[1]!r}; expected an end after its begin")
-        found.append((begin, end))
-    return tuple(sorted(found))
+        outages.append((begin, end))
+    return tuple(sorted(outages))
 
 
 def check_count(count: int, context: FileContext) -> None:

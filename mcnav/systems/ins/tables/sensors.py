@@ -63,11 +63,11 @@ class SensorType:
     @property
     def keys(self) -> list[str]:
         """Keys of its errors."""
-        found = list(self.quantities)
+        quantities = list(self.quantities)
         for measured, quantity in self.quantities.items():
             errors = (*(("bias", "correlated") if self.errors else ()), *(("scale_factor",) * (quantity in SCALED)))
-            found += [self.key(measured, error) for error in errors]
-        return found + (["lever_arm", "lever_arm_error"] if self.lever_arm else [])
+            quantities += [self.key(measured, error) for error in errors]
+        return quantities + (["lever_arm", "lever_arm_error"] if self.lever_arm else [])
 
 
 SENSOR_TYPES: Final[Mapping[str, SensorType]] = {
@@ -185,11 +185,11 @@ def _read_correlated(
         "sigma": (unit, within(0.0, usual * MULTIPLE, unit)),
         "correlation_time": ("s", within(SHORTEST_CORRELATION, 1.0 / SHORTEST_CORRELATION, "s", above_zero)),
     }
-    found = dict.fromkeys(names, none)
+    correlated = dict.fromkeys(names, none)
     for name in given:
         of, fault = limits[name]
-        found[name] = read_axes(entry[name], of, axes, f"{key}.{name}", context, np.nan, fault)
-    return found["sigma"], found["correlation_time"]
+        correlated[name] = read_axes(entry[name], of, axes, f"{key}.{name}", context, np.nan, fault)
+    return correlated["sigma"], correlated["correlation_time"]
 
 
 def check_measured(

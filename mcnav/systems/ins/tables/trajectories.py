@@ -86,8 +86,8 @@ def read_trajectory(
         Names and units of the columns of a path: ``columns`` beside ``trajectory``.
     """
     before = len(context.problems)
-    found = _read(entry, earth, context, columns, KEY)
-    return found if len(context.problems) == before else None
+    content = _read(entry, earth, context, columns, KEY)
+    return content if len(context.problems) == before else None
 
 
 def _read(

@@ -155,7 +155,7 @@ def _find_columns(header: Sequence[str], columns: Mapping[str, str]) -> dict[str
             f"columns.{unknown[0]}: no such column of a trajectory{suggestion(unknown[0], list(COLUMNS))}"
         )
     names = [entry.strip() for entry in header]
-    found: dict[str, Column] = {}
+    result: dict[str, Column] = {}
     for name in COLUMNS:
         place, unit = _place_of(name, names, columns)
         if place is None:
@@ -164,11 +164,11 @@ def _find_columns(header: Sequence[str], columns: Mapping[str, str]) -> dict[str
             factor = quantity(f"1 {unit}", UNITS[name][1]) if unit != UNITS[name][1] else 1.0
         except UnitError as wrong:
             raise TrajectoryError(f"columns.{name}: {wrong}") from None
-        found[name] = Column(place, names[place], factor)
-    present = [name for name in VELOCITY if name in found]
+        result[name] = Column(place, names[place], factor)
+    present = [name for name in VELOCITY if name in result]
     if 0 < len(present) < len(VELOCITY):
         raise TrajectoryError(f"has {' and '.join(present)} only; give VN, VE and VD, or none of them")
-    return found
+    return result
 
 
 def _place_of(name: str, header: Sequence[str], columns: Mapping[str, str]) -> tuple[int | None, str]:
@@ -230,13 +230,13 @@ def _read_csv(content: bytes, columns: Mapping[str, str]) -> Table:
     wanted = [_name_and_unit(columns.get(name, name))[0] for name in COLUMNS]
     if not headless and (reason := why_no_header(text, header, wanted)) is not None:
         raise TrajectoryError(reason)
-    found = _find_columns(COLUMNS if headless else header, columns)
+    result = _find_columns(COLUMNS if headless else header, columns)
     body = content if headless and not start else content[start if headless else start + len(line) + 1 :]
     if not body.strip():
         raise TrajectoryError("has a header and no rows")
-    table = _parse(body, len(header), delimiter, found.values())
-    values = {name: np.asarray(numbers_in(table[number]), dtype=float) for number, name in enumerate(found)}
-    return _converted(values, found)
+    table = _parse(body, len(header), delimiter, result.values())
+    values = {name: np.asarray(numbers_in(table[number]), dtype=float) for number, name in enumerate(result)}
+    return _converted(values, result)
 
 
 def _converted(values: Mapping[str, Array], columns: Mapping[str, Column]) -> Table:
@@ -282,14 +282,14 @@ def _parse(body: bytes, width: int, delimiter: str, columns: Iterable[Column]) -
 
 
 def _numbers(cells: Sequence[bytes | None], column: Column) -> Array:
-    found = np.full(len(cells), np.nan)
+    numbers = np.full(len(cells), np.nan)
     for row, cell in enumerate(cells):
         text = (cell or b"").decode("utf-8", "replace").strip()
         if not _is_number(text):
             came = f"got '{printable(text, 40)}'" if text else "is empty"
             raise TrajectoryError(f"{came}; expected a number", row + 1, column.written)
-        found[row] = float(text)
-    return found
+        numbers[row] = float(text)
+    return numbers
 
 
 def _uneven(body: bytes, width: int, delimiter: str, reason: str) -> TrajectoryError:
@@ -314,14 +314,14 @@ def _read_parquet(content: bytes, columns: Mapping[str, str]) -> Table:
     except (OSError, ValueError, pa.ArrowException) as failure:
         raise TrajectoryError(f"is no parquet file that can be read: {_reason(failure)}") from None
     _check_size(rows)
-    found = _find_columns(schema.names, columns)
-    for column in found.values():
+    parquet = _find_columns(schema.names, columns)
+    for column in parquet.values():
         kind = schema.field(column.place).type
         if not (pa.types.is_integer(kind) or pa.types.is_floating(kind)):
             raise TrajectoryError(f"holds {kind}; expected numbers", column=column.written)
     try:
-        table = file.read(columns=[column.written for column in found.values()])
-        return _converted({name: _floats(table[column.written]) for name, column in found.items()}, found)
+        table = file.read(columns=[column.written for column in parquet.values()])
+        return _converted({name: _floats(table[column.written]) for name, column in parquet.items()}, parquet)
     except (OSError, ValueError, pa.ArrowException) as failure:
         raise TrajectoryError(f"is no parquet file that can be read: {_reason(failure)}") from None
 

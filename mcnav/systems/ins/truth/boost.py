@@ -94,11 +94,11 @@ class Boost:
     @property
     def ignitions(self) -> list[float]:
         """Instants of ignition, s from launch."""
-        found, time = [], 0.0
+        ignitions, time = [], 0.0
         for stage in self.stages:
-            found.append(time + stage.pause)
-            time = found[-1] + stage.burn
-        return found
+            ignitions.append(time + stage.pause)
+            time = ignitions[-1] + stage.burn
+        return ignitions
 
     @property
     def cutoff(self) -> float:
@@ -218,13 +218,13 @@ class Launch:
         for begin, end in pairwise(boost.breaks()):
             while begin < end:
                 kicked = law == "pitch" and begin >= turning
-                found = self._integrated(law, begin, end, state, kicked)
-                time = float(found.t[-1])
-                phases.append(Flown(law, begin, time, found.sol))
-                state = np.asarray(found.sol(time))
-                if found.status == 1 and not kicked:
+                integrated = self._integrated(law, begin, end, state, kicked)
+                time = float(integrated.t[-1])
+                phases.append(Flown(law, begin, time, integrated.sol))
+                state = np.asarray(integrated.sol(time))
+                if integrated.status == 1 and not kicked:
                     return phases  # down again
-                law, begin = "velocity" if found.status == 1 else law, time
+                law, begin = "velocity" if integrated.status == 1 else law, time
             if law == "pitch" and end >= boost.cutoff:
                 message = "the velocity does not come down to the pitch before the last stage ends; kick less"
                 raise BoostError("kick", message)

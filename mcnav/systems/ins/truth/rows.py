@@ -288,8 +288,8 @@ def _check_units_of_position(rows: TrajectoryRows, velocity: Array, earth: Earth
         derived = np.stack([north, east], axis=1) / np.diff(rows.time)[:, None]
         return float(np.median(np.hypot(*(derived - given)[moving].T) / speed[moving]))
 
-    found = departure(rows.latitude, rows.longitude)
-    if found < GROSS:
+    units = departure(rows.latitude, rows.longitude)
+    if units < GROSS:
         return
     for factor, mistaken in EXCHANGED:
         for names in MISTAKEN_TOGETHER:
@@ -298,7 +298,7 @@ def _check_units_of_position(rows: TrajectoryRows, velocity: Array, earth: Earth
             if np.max(np.abs(latitude)) <= np.pi / 2.0 and departure(latitude, longitude) < EXCHANGE_SHARE:
                 written = "columns " + " and ".join(names) if len(names) > 1 else f"column {names[0]}"
                 raise TrajectoryError(
-                    f"{written}: the positions' derivative differs from VN and VE by {100.0 * found:.0f} % of the "
+                    f"{written}: the positions' derivative differs from VN and VE by {100.0 * units:.0f} % of the "
                     f"speed; these may be {mistaken}"
                 )
 

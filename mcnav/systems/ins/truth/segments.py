@@ -226,9 +226,9 @@ class WayPoint:
             return np.array([north, east * (prime + end.altitude) * np.cos(end.latitude)]) / distance
 
         if distance > 0.0:
-            found = root(missed, [first, 1.0], tol=1e-14)
-            if np.hypot(*found.fun) * distance < MISS and found.x[1] >= 0.0:
-                return flown(float(found.x[0]), float(found.x[1]) * distance)
+            pieces = root(missed, [first, 1.0], tol=1e-14)
+            if np.hypot(*pieces.fun) * distance < MISS and pieces.x[1] >= 0.0:
+                return flown(float(pieces.x[0]), float(pieces.x[1]) * distance)
         raise ValueError("the way point is too near to be reached in one turn; bank more, or fly straight first")
 
     def _turn(self, angle: float) -> Turn:
@@ -386,18 +386,18 @@ def _path_rates(
 @compiled
 def _runge_kutta(first: Array, steps: Array, at: Array, middle: Array, radius: float, squared: float) -> Array:
     """Integrate the path by the classical method of fourth order."""
-    found = np.empty((len(steps) + 1, 4))
-    found[0] = first
+    kutta = np.empty((len(steps) + 1, 4))
+    kutta[0] = first
     for row in range(len(steps)):
-        a, b, c, d = found[row, 0], found[row, 1], found[row, 2], found[row, 3]
+        a, b, c, d = kutta[row, 0], kutta[row, 1], kutta[row, 2], kutta[row, 3]
         h = steps[row]
         p1, q1, r1, s1 = _path_rates(a, c, d, at[row], radius, squared)
         k = 0.5 * h
         p2, q2, r2, s2 = _path_rates(a + k * p1, c + k * r1, d + k * s1, middle[row], radius, squared)
         p3, q3, r3, s3 = _path_rates(a + k * p2, c + k * r2, d + k * s2, middle[row], radius, squared)
         p4, q4, r4, s4 = _path_rates(a + h * p3, c + h * r3, d + h * s3, at[row + 1], radius, squared)
-        found[row + 1, 0] = a + h / 6.0 * (p1 + 2.0 * p2 + 2.0 * p3 + p4)
-        found[row + 1, 1] = b + h / 6.0 * (q1 + 2.0 * q2 + 2.0 * q3 + q4)
-        found[row + 1, 2] = c + h / 6.0 * (r1 + 2.0 * r2 + 2.0 * r3 + r4)
-        found[row + 1, 3] = d + h / 6.0 * (s1 + 2.0 * s2 + 2.0 * s3 + s4)
-    return found
+        kutta[row + 1, 0] = a + h / 6.0 * (p1 + 2.0 * p2 + 2.0 * p3 + p4)
+        kutta[row + 1, 1] = b + h / 6.0 * (q1 + 2.0 * q2 + 2.0 * q3 + q4)
+        kutta[row + 1, 2] = c + h / 6.0 * (r1 + 2.0 * r2 + 2.0 * r3 + r4)
+        kutta[row + 1, 3] = d + h / 6.0 * (s1 + 2.0 * s2 + 2.0 * s3 + s4)
+    return kutta

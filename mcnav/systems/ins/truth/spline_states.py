@@ -119,5 +119,5 @@ def states_of_splines(
 
 def intervals(knots: Array, times: Array) -> NDArray[np.int64]:
     """Return the numbers of the intervals in which times lie; the first and the last one have no outer end."""
-    found = np.searchsorted(knots, times, side="right") - 1
-    return np.clip(found, 0, len(knots) - 2).astype(np.int64)
+    result = np.searchsorted(knots, times, side="right") - 1
+    return np.clip(result, 0, len(knots) - 2).astype(np.int64)

@@ -183,17 +183,17 @@ class Truth:
     def _states_of_splines(self, time: Array, vectors: PPoly, turns: Array) -> TruthStates:
         """Compute the truth with the instruments on the body."""
         count = len(time)
-        found = TruthStates(
+        states = TruthStates(
             time, np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 3, 3)), np.empty((count, 3)),
             np.empty((count, 3)),
         )  # fmt: skip
         knots = self.position.x
         states_of_splines(
             self.earth.constants, time - self.times[0], time, intervals(knots, time), self.position.c, knots,
-            intervals(vectors.x, time), vectors.c, vectors.x, turns, found.position, found.velocity, found.axes,
-            found.force, found.rate,
+            intervals(vectors.x, time), vectors.c, vectors.x, turns, states.position, states.velocity, states.axes,
+            states.force, states.rate,
         )  # fmt: skip
-        return found
+        return states
 
     def _level(self, position: Array, velocity: Array) -> tuple[Array, Array]:
         """Compute the local axes, n to e, and their inertial rate in n."""

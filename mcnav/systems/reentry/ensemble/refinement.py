@@ -68,15 +68,15 @@ def refined_grid(
     grid, values = simulate(COARSEST)
     while True:
         finer, best = simulate(2 * len(grid.readout))
-        found, enough = held_against(best, grid, values)
-        if enough or 2 * found.nodes > FINEST:
+        refinement, enough = held_against(best, grid, values)
+        if enough or 2 * refinement.nodes > FINEST:
             break
         grid, values = finer, best
-    too_few = found.nodes // 2
-    for _ in range(_HALVINGS if enough and found.nodes > COARSEST else 0):
-        between, will_do = held_against(best, *simulate(round(float(np.sqrt(too_few * found.nodes)))))
+    too_few = refinement.nodes // 2
+    for _ in range(_HALVINGS if enough and refinement.nodes > COARSEST else 0):
+        between, will_do = held_against(best, *simulate(round(float(np.sqrt(too_few * refinement.nodes)))))
         if will_do:
-            found = between
+            refinement = between
         else:
             too_few = between.nodes
-    return found
+    return refinement

@@ -77,12 +77,12 @@ def _simulated(flight: SteadyFlight, times: Array) -> Array:
     """Simulate the navigation errors of all plots, shape (n, errors), m."""
     errors = np.array([with_one_error(source, size_of(source, flight.earth)) for source, _ in PLOTTED.values()])
     outputs = [output for _, output in PLOTTED.values()]
-    found = np.zeros((len(times), len(errors)))
+    simulated = np.zeros((len(times), len(errors)))
     for row, time in enumerate(times):
         if time > 0.0:
             values, _ = simulate_ensemble(replace(flight, duration=float(time)), errors, STEPS // 4)
-            found[row] = values[np.arange(len(errors)), outputs]
-    return found
+            simulated[row] = values[np.arange(len(errors)), outputs]
+    return simulated
 
 
 def curves() -> pd.DataFrame:
@@ -106,7 +106,9 @@ def curves() -> pd.DataFrame:
             "spherical earth [ft]": spherical / FOOT,
             "linear, cruising, level platform [ft]": by_linear[:, output, source] * size_of(source, ROUND) / FOOT,
         }
-        tables.append(pd.DataFrame(table | {f"{way} [ft]": found[:, column] / FOOT for way, found in flights.items()}))
+        tables.append(
+            pd.DataFrame(table | {f"{way} [ft]": result[:, column] / FOOT for way, result in flights.items()})
+        )
     return pd.concat(tables, ignore_index=True)
 
 
@@ -141,8 +143,8 @@ def across() -> tuple[float, float]:
 def climb() -> pd.DataFrame:
     """Tabulate the momentary period along a vertical climb at 9 g, min."""
     times = np.concatenate([[0.25], np.arange(10.0, 181.0, 10.0)])
-    found = climb_periods(Earth.with_gravity(RADIUS, GRAVITY), 9.0 * GRAVITY, times)
-    return pd.DataFrame({"time [s]": times, "period [min]": found / MINUTE})
+    result = climb_periods(Earth.with_gravity(RADIUS, GRAVITY), 9.0 * GRAVITY, times)
+    return pd.DataFrame({"time [s]": times, "period [min]": result / MINUTE})
 
 
 def hover_growth() -> pd.DataFrame:

@@ -92,10 +92,10 @@ def periods(measured: pd.DataFrame) -> Figure:
     )
 
 
-def climb(found: pd.DataFrame) -> Figure:
+def climb(figure: pd.DataFrame) -> Figure:
     """Draw the momentary period along a climb."""
     momentary = Series("flown", "simulated", FLOWN, "dot")
-    at, period = found["time [s]"], found["period [min]"]
+    at, period = figure["time [s]"], figure["period [min]"]
     marks: list[Mark] = [Line(momentary, at, period, kind="line"), Points(momentary, at, period)]
     return Figure(
         name="climb",
@@ -103,7 +103,7 @@ def climb(found: pd.DataFrame) -> Figure:
         description="Momentary period against the time of climb.",
         panels=[Panel("Climb at 9 g", Axis("time of climb", "s"), Axis("period", "min", low=0.0), marks)],
         key=(),
-        columns=dict(found.items()),
+        columns=dict(figure.items()),
         caption="Footnote (a).",
         file="climb.csv",
     )

@@ -187,8 +187,8 @@ Runs = tuple[float | None, float | None, float | None]
 def _runs(source: Error, duration: float, unit: float, earth: Earth = ROUND, output: int = RANGE) -> Runs:
     """Compute an error by linear analysis at rest, simulation at rest, and simulation cruising."""
     rest, moving = at_rest(duration, earth), cruising(duration, earth)
-    found = linear(rest, source, output), simulated(rest, source, output), simulated(moving, source, output)
-    return found[0] / unit, found[1] / unit, found[2] / unit
+    runs = linear(rest, source, output), simulated(rest, source, output), simulated(moving, source, output)
+    return runs[0] / unit, runs[1] / unit, runs[2] / unit
 
 
 def _cruising_only(source: Error, earth: Earth) -> Runs:

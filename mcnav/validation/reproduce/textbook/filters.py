@@ -91,11 +91,13 @@ def matched_numbers() -> list[Number]:
         (0.1, "bias estimated, velocity measured to 0.1 m/s", ("0.427875", "0.023352", "123.23")),
     ):
         case = _track(600.0, bias, estimates=("accelerometer_bias",), velocity=velocity)
-        for quantity, unit, text, found in (
+        for quantity, unit, text, result in (
             ("position", "m", steady[0], case.sigma(*POSITIONS)),
             ("velocity", "m/s", steady[1], case.sigma(*SPEEDS)),
         ):
-            numbers.append(compared((chapter, f"{quantity}, {words}", unit, "checks"), text, "Riccati equation", found))
+            numbers.append(
+                compared((chapter, f"{quantity}, {words}", unit, "checks"), text, "Riccati equation", result)
+            )
         place = (chapter, f"bias of 1 mg, {words}", "µg", "checks")
         numbers.append(Number(*place, steady[2], "Riccati equation", float(case.own_states[0]) / MICRO_G))
     return numbers
@@ -120,9 +122,9 @@ def _neglected(chapter: str) -> list[Number]:
     formula = "closed-loop covariance"
     return [
         Number(chapter, words, "m", "checks", printed, formula, value)
-        if found is None
-        else compared((chapter, words, "m", "checks"), printed, formula, found)
-        for words, printed, value, found in rows
+        if numbers is None
+        else compared((chapter, words, "m", "checks"), printed, formula, numbers)
+        for words, printed, value, numbers in rows
     ]
 
 
@@ -138,15 +140,15 @@ def _walk(duration: float, walk: float, believed: float) -> Case:
 def _scalar(chapter: str) -> list[Number]:
     """List the random walk with q = 1 and r = 4, by a filter that believes in q = 1/4, and by the optimal one."""
     wrong, right = _walk(200.0, 1.0, 0.25), _walk(200.0, 1.0, 1.0)
-    found, best = wrong.sigma(*ANGLES), right.sigma(*ANGLES)
-    own, true = (found.own / ANGLE) ** 2, (found.linear / ANGLE) ** 2
+    sigma, best = wrong.sigma(*ANGLES), right.sigma(*ANGLES)
+    own, true = (sigma.own / ANGLE) ** 2, (sigma.linear / ANGLE) ** 2
     innovation = (true + 1.0 + 4.0) / (own + 0.25 + 4.0)
     nees, nis = wrong.mean_square("attitude"), wrong.mean_square("stars")
     optimum = (best.own / ANGLE) ** 2
     return [
         Number(chapter, "gain of the random walk", "1", "checks", "0.2206955546", "own variance/r", own / 4.0),
         Number(chapter, "its variance, it says", "1", "checks", "0.8827822185", "p r/(p + r)", own),
-        _variance(chapter, "its variance, true", "2.0427120591", "((1 − K)² q + K² r)/(1 − (1 − K)²)", found),
+        _variance(chapter, "its variance, true", "2.0427120591", "((1 − K)² q + K² r)/(1 − (1 − K)²)", sigma),
         Number(chapter, "its NEES", "1", "checks", "2.313948", "true/own variance", true / own, nees.simulated,
                nees.interval),
         Number(chapter, "its NIS", "1", "checks", "1.372104", "true/own innovation", innovation, nis.simulated,
@@ -156,10 +158,10 @@ def _scalar(chapter: str) -> list[Number]:
     ]  # fmt: skip
 
 
-def _variance(chapter: str, quantity: str, printed: str, formula: str, found: Sigma) -> Number:
+def _variance(chapter: str, quantity: str, printed: str, formula: str, sigma: Sigma) -> Number:
     """Return a published variance beside the computed ones, in squares of `ANGLE`."""
     linear, simulated, paired, low, high = (
-        (each / ANGLE) ** 2 for each in (found.linear, found.simulated, found.paired, *found.interval)
+        (each / ANGLE) ** 2 for each in (sigma.linear, sigma.simulated, sigma.paired, *sigma.interval)
     )
     return Number(chapter, quantity, "1", "checks", printed, formula, linear, simulated, (low, high), paired)
 
@@ -190,11 +192,11 @@ def tutorial_numbers() -> list[Number]:
 def _estimates(case: Case, output: str, noise: float, first: float, measured: tuple[float, ...]) -> list[float]:
     """Estimate a constant from measurements with the gains of a case's filter."""
     variances = case.variances_after_updates(output)
-    estimate, found = first, []
+    estimate, estimates = first, []
     for variance, measurement in zip(variances, measured, strict=True):
         estimate += variance / noise**2 * (measurement - estimate)
-        found.append(float(estimate))
-    return found
+        estimates.append(float(estimate))
+    return estimates
 
 
 def _estimated(what: str, unit: str, printed: tuple[str, ...], computed: list[float], remark: str) -> list[Number]:

@@ -61,7 +61,7 @@ CURVED_FORMULAS: Final = {
 
 
 def compared(
-    place: tuple[str, str, str, str], printed: str, formula: str, found: Sigma, unit: float = 1.0, remark: str = ""
+    place: tuple[str, str, str, str], printed: str, formula: str, sigma: Sigma, unit: float = 1.0, remark: str = ""
 ) -> Number:
     """Return a published sigma beside the computed ones.
 
@@ -72,8 +72,8 @@ def compared(
     unit : float
         In SI.
     """
-    low, high = (each / unit for each in found.interval)
-    values = found.linear / unit, found.simulated / unit, (low, high), found.paired / unit
+    low, high = (each / unit for each in sigma.interval)
+    values = sigma.linear / unit, sigma.simulated / unit, (low, high), sigma.paired / unit
     return Number(*place, printed, formula, *values, remark)
 
 
@@ -92,8 +92,8 @@ def flat_numbers() -> list[Number]:
         ("gyro_bias_z", DRIFT, turned[1], "vertical gyro 0.01 deg/h, accelerating by 1 m/s²", "ε a t³ / 6"),
     ):
         place = (chapter, f"position across for {words}", "m", "growth")
-        found = Case(moving, {source: size}, SAMPLES).sigma("position_east")
-        numbers.append(compared(place, six_digits(value), formula, found))
+        sigma = Case(moving, {source: size}, SAMPLES).sigma("position_east")
+        numbers.append(compared(place, six_digits(value), formula, sigma))
     return numbers + _walks(chapter)
 
 
@@ -131,8 +131,8 @@ def _walks(chapter: str) -> list[Number]:
          DEGREE),
     ]  # fmt: skip
     return [
-        compared((chapter, quantity, unit, source), printed, formula, found, scale)
-        for quantity, unit, source, printed, formula, found, scale in rows
+        compared((chapter, quantity, unit, source), printed, formula, numbers, scale)
+        for quantity, unit, source, printed, formula, numbers, scale in rows
     ]
 
 
@@ -185,6 +185,6 @@ def _toolbox(chapter: str) -> list[Number]:
          SPHERE.radius * DEGREE / HOUR, chain),
     ]  # fmt: skip
     return [
-        compared((chapter, quantity, unit, "toolbox"), printed, formula, found, scale, remark)
-        for quantity, unit, printed, formula, found, scale, remark in rows
+        compared((chapter, quantity, unit, "toolbox"), printed, formula, numbers, scale, remark)
+        for quantity, unit, printed, formula, numbers, scale, remark in rows
     ]

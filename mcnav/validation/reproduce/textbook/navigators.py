@@ -162,25 +162,25 @@ class Case:
     @cached_property
     def own(self) -> Array:
         """Sigmas of the filter at the end by linear analysis, shape (9,); NaN without a filter."""
-        found = self.scenario.filter_prediction()
-        return np.full(len(OUTPUTS), np.nan) if found is None else np.sqrt(np.diag(found.covariance[-1]))
+        prediction = self.scenario.filter_prediction()
+        return np.full(len(OUTPUTS), np.nan) if prediction is None else np.sqrt(np.diag(prediction.covariance[-1]))
 
     @cached_property
     def own_states(self) -> Array:
         """Sigmas of the other states of the filter at the end by linear analysis, shape (q,)."""
-        found = self.scenario.filter_prediction()
-        return np.empty(0) if found is None else np.asarray(np.sqrt(found.state_variance[-1]))
+        prediction = self.scenario.filter_prediction()
+        return np.empty(0) if prediction is None else np.asarray(np.sqrt(prediction.state_variance[-1]))
 
     def variances_after_updates(self, output: str) -> list[float]:
         """Return the filter's variance of an output after each instant of its updates, by linear analysis."""
         navigation = self.scenario.navigation
         instants = np.unique(np.concatenate([each.times for each in navigation.sensors]))
-        found = self.scenario.linear(instants)
-        if found.own is None:
+        linear = self.scenario.linear(instants)
+        if linear.own is None:
             raise ValueError("a navigation without aiding has no filter")
         place = OUTPUTS.index(output)
-        after = [number for number, update in enumerate(found.updates) if update == "after"]
-        return [float(found.own[number, place, place]) for number in after]
+        after = [number for number, update in enumerate(linear.updates) if update == "after"]
+        return [float(linear.own[number, place, place]) for number in after]
 
     @property
     def epochs(self) -> Array:
@@ -216,12 +216,12 @@ class Case:
         values, level, records = [], [], []
         for begin in range(0, self.samples, engine.chunk):
             index = np.arange(begin, min(begin + engine.chunk, self.samples))
-            found = engine.simulate(Batch(index, errors[index], SEED))
-            if found.failures or found.linear_values is None or found.history is None:
-                raise RuntimeError(f"samples fail: {next(iter(found.failures.values()), '')}")
-            values.append(np.stack([found.values, found.linear_values]))
-            level.append((found.history[..., :2] ** 2).sum(axis=2))
-            records.append(found.filter_values)
+            simulated = engine.simulate(Batch(index, errors[index], SEED))
+            if simulated.failures or simulated.linear_values is None or simulated.history is None:
+                raise RuntimeError(f"samples fail: {next(iter(simulated.failures.values()), '')}")
+            values.append(np.stack([simulated.values, simulated.linear_values]))
+            level.append((simulated.history[..., :2] ** 2).sum(axis=2))
+            records.append(simulated.filter_values)
         known = [each for each in records if each is not None]
         of_filters = np.concatenate(known) if known else None
         return np.concatenate(values, axis=1), np.concatenate(level), of_filters

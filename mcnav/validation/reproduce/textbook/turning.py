@@ -137,11 +137,11 @@ def error_numbers() -> list[Number]:
         for duration, after, printed in ((SHORT, "10 min", rows[0]), (HOUR, "1 h", rows[1])):
             case = held(LATITUDE, duration, WGS84, **{source: size})
             for output, axis, text in zip(("position_north", "position_east"), ("north", "east"), printed, strict=True):
-                found = case.sigma(output)
+                sigma = case.sigma(output)
                 place = "turning earth, at rest", f"{axis} after {after} for {words}", "m", "checks"
                 linear, formula = size * case.partial(output, source), "exponential of two horizontal channels"
-                paired = np.copysign(found.paired, linear)
-                values = linear, found.simulated, found.interval, float(paired)
+                paired = np.copysign(sigma.paired, linear)
+                values = linear, sigma.simulated, sigma.interval, float(paired)
                 numbers.append(Number(*place, text, formula, *values))
     return numbers
 

@@ -105,9 +105,9 @@ def linear_at_stated_errors() -> Finding:
         outcomes = propagator(scenario, "ensemble", draws[:64])(draws).values
         linear = linear_model(scenario)
         model = Model(linear.partials, linear.nominal, np.zeros(len(ERRORS)), np.diag(ERRORS**2))
-        found = compare(model, draws, outcomes, Criterion(LINEAR_WITHIN))
-        ratios[number] = [float(output.paired.ratio or np.nan) for output in found.outputs]
-        nees[number] = found.ellipsoid.nees_paired.value if found.ellipsoid else np.nan
+        finding = compare(model, draws, outcomes, Criterion(LINEAR_WITHIN))
+        ratios[number] = [float(output.paired.ratio or np.nan) for output in finding.outputs]
+        nees[number] = finding.ellipsoid.nees_paired.value if finding.ellipsoid else np.nan
     rates = np.array([row[3] for row in ratios.values()])
     others = np.array([row[:3] for row in ratios.values()])
     worst = max(nees, key=lambda number: nees[number])
@@ -131,15 +131,15 @@ def linear_at_ten_times() -> Finding:
     def fly(multiple: float) -> Propagate:
         return propagator(scenario, "ensemble", multiple * np.vstack([directions, -directions]))
 
-    found = alone(fly, linear, directions, LINEAR_WITHIN, 100.0)
+    finding = alone(fly, linear, directions, LINEAR_WITHIN, 100.0)
     effects = np.abs(linear.partials * ERRORS)
     matters = (effects >= MATTERS * np.sqrt((effects**2).sum(axis=1, keepdims=True))).T
     labels = source_labels([source.name for source in TN_SOURCES], [output.name for output in OUTPUTS])
     early = [
-        f"{labels[j]} in {humanize(OUTPUTS[i].name)} ({found.multiples[j, i]:.2g} times)"
-        for j, i in zip(*np.nonzero(matters & (found.multiples < 10.0)), strict=True)
+        f"{labels[j]} in {humanize(OUTPUTS[i].name)} ({finding.multiples[j, i]:.2g} times)"
+        for j, i in zip(*np.nonzero(matters & (finding.multiples < 10.0)), strict=True)
     ]
-    rest = np.where(matters & (found.multiples >= 10.0), found.multiples, np.inf).min()
+    rest = np.where(matters & (finding.multiples >= 10.0), finding.multiples, np.inf).min()
     return Finding(
         "The range of linearity for all of the errors extends beyond ten times their stated values.",
         f"On trajectory 4, with a limit of {100 * LINEAR_WITHIN:.0f} % of the linear effect, it does for every "

@@ -152,10 +152,10 @@ def figure_4() -> pd.DataFrame:
 def _summed(scenario: Reentry) -> dict[str, object]:
     """Compute the final range, and sums of absolute final altitude and range errors by P, km."""
     effects = linear_model(scenario).partials[:2] * ERRORS / 1e3
-    found: dict[str, object] = {"final range [km]": range_from_reentry(scenario.trajectory) / 1e3}
+    summed: dict[str, object] = {"final range [km]": range_from_reentry(scenario.trajectory) / 1e3}
     for name, row in zip(("altitude", "range"), effects, strict=True):
-        found |= {f"{name}, {words} [km]": float(total) for words, total in absolute_sums(row).items()}
-    return found
+        summed |= {f"{name}, {words} [km]": float(total) for words, total in absolute_sums(row).items()}
+    return summed
 
 
 def _between() -> Iterator[tuple[str, Reentry]]:
@@ -280,11 +280,11 @@ def switching() -> pd.DataFrame:
         flight = Flight(first_point, Vehicle(row.lift_law), row.final_altitude, accelerometers_off_above=1e3 * altitude)
         model = Reentry(flight).linear().end
         sigma = np.sqrt(((model.partials * ALL_ERRORS) ** 2).sum(axis=1))
-        found: dict[str, float] = {"off above [km]": altitude}
+        result: dict[str, float] = {"off above [km]": altitude}
         for i, output in enumerate(OUTPUTS):
             scale, unit = TO_PRINTED[i], ("km", "m/s")[i // 2]
-            found[f"{output.name}, sigma [{unit}]"] = sigma[i] * scale
-            found[f"{output.name}, drag missed [{unit}]"] = model.nominal[i] * scale
-            found[f"{output.name}, rms [{unit}]"] = float(np.hypot(sigma[i], model.nominal[i])) * scale
-        rows.append(found)
+            result[f"{output.name}, sigma [{unit}]"] = sigma[i] * scale
+            result[f"{output.name}, drag missed [{unit}]"] = model.nominal[i] * scale
+            result[f"{output.name}, rms [{unit}]"] = float(np.hypot(sigma[i], model.nominal[i])) * scale
+        rows.append(result)
     return pd.DataFrame(rows)

@@ -127,9 +127,9 @@ def figure_4(frame: pd.DataFrame) -> Figure:
         for words, series in kinds.items():
             column = f"{name}, {words} [km]"
             for source, looks in (("between", series), ("computed", computed), ("printed", printed)):
-                found = own[own["source"] == source]
+                result = own[own["source"] == source]
                 each = Series(looks.name, looks.label, series.colour, looks.kind)
-                x, y = found[reach] / 1e3, found[column]
+                x, y = result[reach] / 1e3, result[column]
                 size = 9.0 if source == "printed" else 5.0
                 marks.append(Line(each, x, y) if source == "between" else Points(each, x, y, size))
         marks.sort(key=lambda mark: -getattr(mark, "size", 99.0))

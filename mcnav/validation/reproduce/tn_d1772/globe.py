@@ -138,9 +138,9 @@ class Globe:
 
     def errors(self, time: float, planar: Array, across: Array) -> Array:
         """Combine planar errors, shape (n, planar errors), and those across, (n, 8), at a start: shape (n, 39)."""
-        found = planar @ self.from_planar(time).T
-        found[:, [CONSTANTS.index(name) for name in ACROSS]] += across
-        return np.asarray(found)
+        errors = planar @ self.from_planar(time).T
+        errors[:, [CONSTANTS.index(name) for name in ACROSS]] += across
+        return np.asarray(errors)
 
     def covariance(self, time: float) -> Array:
         """Return the covariance of the constant errors at a start, shape (39, 39)."""
@@ -215,11 +215,11 @@ def simulate(scenario: Ins, errors: Array, seed: int) -> tuple[Array, Array]:
     padded = np.zeros((len(errors), len(scenario.sources)))
     padded[:, : errors.shape[1]] = errors
     engine = scenario.engine(scenario.engines[0], padded[:PROBES])
-    found: list[SimulationResult] = []
+    results: list[SimulationResult] = []
     for begin in range(0, len(padded), engine.chunk):
         index = np.arange(begin, min(begin + engine.chunk, len(padded)))
-        found.append(engine.simulate(Batch(index, padded[index], seed)))
-        if found[-1].failures:
-            raise RuntimeError(f"a sample fails: {next(iter(found[-1].failures.values()))}")
-    linear = [each.linear_values for each in found if each.linear_values is not None]
-    return np.concatenate([each.values for each in found]), np.concatenate(linear)
+        results.append(engine.simulate(Batch(index, padded[index], seed)))
+        if results[-1].failures:
+            raise RuntimeError(f"a sample fails: {next(iter(results[-1].failures.values()))}")
+    linear = [each.linear_values for each in results if each.linear_values is not None]
+    return np.concatenate([each.values for each in results]), np.concatenate(linear)

@@ -117,16 +117,16 @@ def _planar_sigmas(scenario: Reentry) -> Array:
 
 def _planar_spread(scenario: Reentry, planar: Array) -> list[float]:
     """Return the root mean square of samples by the planar navigator, km; none of crossrange."""
-    found = (
+    planar_spread = (
         without_noise(scenario.engine("ensemble", planar[:PLANAR_PROBES]))(planar).values
         - scenario.linear().end.nominal
     )
-    return [spread(found[:, result])[0] for result in (ALTITUDE, RANGE)] + [np.nan]
+    return [spread(planar_spread[:, result])[0] for result in (ALTITUDE, RANGE)] + [np.nan]
 
 
 def start_comparisons() -> list[Comparison]:
     """Compare the dispersion of final errors for some starts."""
-    globe, (planar, across), found = example(), draw(SAMPLES, SEED), []
+    globe, (planar, across), result = example(), draw(SAMPLES, SEED), []
     for minutes in START_MINUTES:
         time = globe.time(minutes)
         scenario = globe.navigation.started_at(time, "start")
@@ -137,12 +137,12 @@ def start_comparisons() -> list[Comparison]:
         values, outcomes = (each @ globe.to_results.T
                             for each in simulate(scenario, globe.errors(time, planar, across), SEED))  # fmt: skip
         case = f"start at {(time - globe.reentry) / 60.0:.1f} min"
-        found += [
+        result += [
             Comparison("start", case, name, known[row], sampled[row], linear[row],
                        *of_samples(values[:, row], outcomes[:, row]))
             for row, name in enumerate(RESULTS)
         ]  # fmt: skip
-    return found
+    return result
 
 
 def start_curves() -> pd.DataFrame:
@@ -195,7 +195,7 @@ def _switched(
     model, values, outcomes = flat.linear().end, flown @ globe.to_results.T, errors @ (globe.to_results @ partials).T
     known = model.partials * ALL_ERRORS / KILOMETRE
     planar_values = without_noise(flat.engine("ensemble", planar[:PLANAR_PROBES]))(planar).values - model.nominal
-    found = [
+    switched = [
         Comparison(
             "switching", f"{name} alone, accelerometers {words}", RESULTS[result], known[result, error],
             planar_values[row, result] / KILOMETRE, effects[result, error] / KILOMETRE,
@@ -206,7 +206,7 @@ def _switched(
     ]  # fmt: skip
     linear, sigmas = _sigmas(effects, across), _planar_sigmas(flat)
     sampled = [*(spread(planar_values[:SAMPLES, result])[0] for result in (ALTITUDE, RANGE)), np.nan]
-    return found + [
+    return switched + [
         Comparison("switching", f"all errors, accelerometers {words}", name, sigmas[row], sampled[row], linear[row],
                    *of_samples(values[:SAMPLES, row], outcomes[:SAMPLES, row]))
         for row, name in enumerate(RESULTS)
@@ -328,7 +328,7 @@ def _updated_sigmas(scenario: Ins) -> tuple[Array, Array]:
 
 def update_comparisons() -> list[Comparison]:
     """Compare a navigator that is updated once with the planar one that starts at that time, in the same axes."""
-    globe, (planar, across), found = example(), draw(UPDATED_SAMPLES, SEED), []
+    globe, (planar, across), result = example(), draw(UPDATED_SAMPLES, SEED), []
     errors = globe.errors(globe.navigation.navigation.start, planar, across)
     cases = [(minutes, True) for minutes in UPDATE_MINUTES] + [(-30.0, False)]
     for minutes, stars in cases:
@@ -337,12 +337,12 @@ def update_comparisons() -> list[Comparison]:
         flat = _planar_sigmas(table_i_scenario(EXAMPLE).started_at(60.0 * minutes, "trajectory"))
         values, outcomes = (each @ globe.to_results.T for each in simulate(scenario, errors, SEED))
         case = f"update at {minutes:.0f} min{'' if stars else ', no stars'}"
-        found += [
+        result += [
             Comparison("update", case, name, flat[row], np.nan, linear[row],
                        *of_samples(values[:, row], outcomes[:, row]), own[row])
             for row, name in enumerate(RESULTS)
         ]  # fmt: skip
-    return found
+    return result
 
 
 def update_curves() -> pd.DataFrame:

@@ -171,8 +171,8 @@ def write_reproduction(path: Path) -> tuple[list[Cell], list[Path]]:
     said, decided, compared = claims(data), settled(), comparisons()
     spatial = spatial_claims(compared, data["14"])
     kinds = (("claim", said), ("decision", decided), ("three dimensions", spatial))
-    found = [(kind, finding) for kind, findings in kinds for finding in findings]
-    findings = pd.DataFrame([{"kind": kind} | vars(finding) for kind, finding in found])
+    reproduction = [(kind, finding) for kind, findings in kinds for finding in findings]
+    findings = pd.DataFrame([{"kind": kind} | vars(finding) for kind, finding in reproduction])
     files = {
         PAGE: render(TITLE, cells, figures, said, decided, spatial, compared),
         "three_dimensions.csv": pd.DataFrame(compared).to_csv(index=False),

@@ -124,17 +124,17 @@ def accelerometers_off_in_three_dimensions(compared: Sequence[Comparison]) -> Fi
 
 def crossrange(compared: Sequence[Comparison]) -> Finding:
     """Examine stability and independence of crossrange errors."""
-    found = [crossing(number)[0] for number in TABLE_I]
-    mixed = max(each.mixed for each in found)
+    finding = [crossing(number)[0] for number in TABLE_I]
+    mixed = max(each.mixed for each in finding)
     history = crossrange_history()
     by_conditions = history["crossrange by initial conditions [km]"]
     finals = [each for each in compared if each.part == "crossrange"]
     four = _find(compared, "crossrange", f"trajectory {EXAMPLE}", "crossrange")
     altitude = _find(compared, "start", "start at -63.5", "altitude")
-    own = found[EXAMPLE - 1]
+    own = finding[EXAMPLE - 1]
     seen = max(float(np.abs(correlations(multiple)).max()) for multiple in (1.0, 10.0))
     bound = special.ndtri(0.5 + 0.5 * CONFIDENCE) / np.sqrt(SAMPLES)
-    grown = max(each.by_conditions for each in found)
+    grown = max(each.by_conditions for each in finding)
     return Finding(
         "Crossrange errors are stable, and independent of altitude and downrange errors.",
         "Independent: to first order no error acts across the plane and in it (less than "
