@@ -92,6 +92,7 @@ def assess_filter(evidence: FilterEvidence, criterion: Criterion) -> FilterConsi
     outputs = () if evidence.true is None else _outputs(basis, means, evidence.true)
     states, sensors = _states(basis, means), _sensors(basis, means)
     groups = _groups(basis, means, outputs, states)
+    outputs = tuple(outputs[number] for number in means.schema.known) if outputs else ()
     of_name = {group.name: group for group in groups}
     deciding = [of_name[name] for name in deciding_names(of_name)]
     decision = decide(deciding, outputs)
@@ -190,7 +191,8 @@ def _groups(
     consistencies = []
     for number, (name, size) in enumerate(sizes.items()):
         count = basis.count(nees.count[:epochs, number])
-        members = [*(() if name == "sensors" else (outputs[i] for i in outputs_of(name, names) if outputs))]
+        picked = [i for i in outputs_of(name, names) if i in means.schema.known]
+        members = [*(() if name == "sensors" else (outputs[i] for i in picked if outputs))]
         members += states if name in NOT_NAVIGATION else ()
         singular = np.any([each.disbelieved for each in members], axis=0) if members else np.zeros(epochs, dtype=bool)
         band = mean_square_band(
@@ -205,7 +207,7 @@ def _groups(
         bounds_each, bounds_together = (
             _pair(mean_square_bounds(float(size), freedom, each)) for each in (bounding.each, bounding.together)
         )
-        linear = None if name == "sensors" else _linear_ratio(evidence.linear, outputs_of(name, names), size)
+        linear = None if name == "sensors" else _linear_ratio(evidence.linear, tuple(picked), size)
         consistencies.append(
             GroupConsistency(
                 name,

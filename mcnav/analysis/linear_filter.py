@@ -107,8 +107,11 @@ def judge_filter(
     times = np.concatenate([each.readings.times for each in covariances if each.readings.own is not None])
     evidence = _joined(verdict, np.argsort(times, kind="stable"))
     ratios = output_ratios(evidence)
+    stated = np.asarray(np.isfinite(np.diagonal(evidence.covariance, axis1=1, axis2=2)).all(axis=0))
     together = {
-        group: group_ratios(evidence, outputs_of(group, outputs)) for group in groups if group not in NOT_NAVIGATION
+        group: group_ratios(evidence, [each for each in outputs_of(group, outputs) if stated[each]])
+        for group in groups
+        if group not in NOT_NAVIGATION
     }
     return _verdict(evidence, np.sort(times, kind="stable"), covariances[0].readings.label, outputs, ratios, together,
                     tolerance)  # fmt: skip
@@ -152,7 +155,7 @@ def _sigmas(evidence: LinearFilter) -> tuple[Array, Array]:
         np.sqrt(np.maximum(np.diagonal(each, axis1=1, axis2=2), 0.0)) for each in (evidence.true, evidence.covariance)
     )
     floors = np.array([rounding_floor(*columns) for columns in zip(true.T, own.T, strict=True)])
-    return np.where(true > floors, true, 0.0), np.where(own > floors, own, 0.0)
+    return np.where(true > floors, true, 0.0), np.where((own > floors) | np.isnan(own), own, 0.0)
 
 
 def output_ratios(evidence: LinearFilter) -> Array:

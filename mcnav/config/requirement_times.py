@@ -1,7 +1,7 @@
-"""Epochs at which a requirement holds: ``after``, ``during`` or ``at`` a time of the trajectory.
+"""Epochs at which a requirement holds: ``after``, ``during`` or ``at`` a time.
 
-Errors of all samples are known at the epochs of a navigation, so that a requirement holds at each epoch in its span.
-The time of ``at`` becomes an epoch.
+Errors of all samples are known at the epochs of a scenario, so that a requirement holds at each epoch in its span. The
+time of ``at`` becomes an epoch of an inertial navigation; that of a user's class must be one of its epochs.
 """
 
 from __future__ import annotations
@@ -12,11 +12,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mcnav._types import Array
 from mcnav.config.schema import AcceptTable, CircularTable, QuantileTable
-from mcnav.contract.scenario import Scenario
+from mcnav.contract.scenario import EpochScenario, Scenario, has_epochs
 from mcnav.entries.context import FileContext
-from mcnav.systems.ins.scenario import Ins, Navigation, is_ins
-from mcnav.systems.ins.tables.instants import DECIMALS, same_times, seconds, within
+from mcnav.systems.ins.scenario import Ins
+from mcnav.systems.ins.tables.instants import DECIMALS, SAME, same_times, seconds, within
 
 KEYS: Final = ("after", "during", "at")
 OUTAGES: Final = "outages"
@@ -61,45 +62,52 @@ def read_epochs(
     at = f"{key}.{given[0]}"
     if len(given) > 1:
         context.problem(key, f"has {' and '.join(given)}; expected one of them")
-    elif not is_ins(scenario):
-        context.problem(at, "needs a scenario of type ins; other requirements hold at the end")
+    elif not has_epochs(scenario):
+        context.problem(at, "needs a scenario with epochs in time; other requirements hold at the end")
     elif given[0] == "after":
-        return _after(scenario.navigation, entry.after or 0.0, at, context)
+        return _after(scenario, entry.after or 0.0, at, context)
     elif given[0] == "at":
-        return _at(scenario.navigation, entry.at or 0.0, at, context)
+        return _at(scenario, entry.at or 0.0, at, context)
     else:
-        return _during(scenario.navigation, entry.during, at, context)
+        return _during(scenario, entry.during, at, context)
     return None
 
 
-def _after(navigation: Navigation, time: float, key: str, context: FileContext) -> RequirementEpochs | None:
-    if not _navigates(navigation, time, key, context):
+def _tolerance(times: Array) -> float:
+    """Return the difference within which two times of a scenario are the same, s."""
+    return SAME * float(np.abs(times[[0, -1]]).max())
+
+
+def _after(scenario: EpochScenario, time: float, key: str, context: FileContext) -> RequirementEpochs | None:
+    times = scenario.reading_times
+    if not _within_flight(times, time, key, context):
         return None
-    return _found(f"from {seconds(time)} on", navigation.times >= time - same_times(navigation))
+    return _found(f"from {seconds(time)} on", times >= time - _tolerance(times))
 
 
-def _at(navigation: Navigation, time: float, key: str, context: FileContext) -> RequirementEpochs | None:
-    if not _navigates(navigation, time, key, context):
+def _at(scenario: EpochScenario, time: float, key: str, context: FileContext) -> RequirementEpochs | None:
+    times = scenario.reading_times
+    if not _within_flight(times, time, key, context):
         return None
-    nearest = np.zeros(len(navigation.times), dtype=bool)
-    nearest[np.argmin(np.abs(navigation.times - time))] = True
-    return _found(f"at {seconds(time)}", nearest)
+    nearest = int(np.argmin(np.abs(times - time)))
+    if abs(times[nearest] - time) > _tolerance(times):
+        later = int(np.searchsorted(times, time))
+        neighbours = f"{seconds(times[later - 1])} or {seconds(times[later])}"
+        context.problem(key, f"got {seconds(time)}, which lies between two epochs; expected {neighbours}")
+        return None
+    return RequirementEpochs(f"at {seconds(time)}", (nearest,))
 
 
-def _during(navigation: Navigation, entry: object, key: str, context: FileContext) -> RequirementEpochs | None:
+def _during(scenario: EpochScenario, entry: object, key: str, context: FileContext) -> RequirementEpochs | None:
+    times = scenario.reading_times
     if entry == OUTAGES:
-        spans = [
-            outage
-            for outage in sorted({outage for sensor in navigation.sensors for outage in sensor.outages})
-            if outage[0] <= navigation.end and outage[1] > navigation.start
-        ]
+        spans, words = list(scenario.outages), "during outages"
         if not spans:
             context.problem(key, f"got {entry!r}; no sensor has one within the navigation")
             return None
-        words = "during outages"
     elif isinstance(entry, list) and len(entry) == 2:
         ends = [context.quantity(each, "s", f"{key} #{number}") for number, each in enumerate(entry, start=1)]
-        if any(each is None or not _navigates(navigation, each, key, context) for each in ends):
+        if any(each is None or not _within_flight(times, each, key, context) for each in ends):
             return None
         begin, end = (each or 0.0 for each in ends)
         if not begin < end:
@@ -109,11 +117,11 @@ def _during(navigation: Navigation, entry: object, key: str, context: FileContex
     else:
         context.problem(key, f'expected a begin and an end such as ["1200 s", "1500 s"], or "{OUTAGES}"')
         return None
-    inside = np.zeros(len(navigation.times), dtype=bool)
+    inside = np.zeros(len(times), dtype=bool)
     for begin, end in spans:
-        epochs = within(navigation.times, begin, end, same_times(navigation))
+        epochs = within(times, begin, end, _tolerance(times))
         if not epochs.any():
-            apart = seconds(float(np.max(np.diff(navigation.times))))
+            apart = seconds(float(np.max(np.diff(times))))
             came = f"{seconds(begin)} to {seconds(end)}"
             context.problem(key, f"no epoch lies within {came}; errors are known at epochs that are {apart} apart")
             return None
@@ -121,12 +129,11 @@ def _during(navigation: Navigation, entry: object, key: str, context: FileContex
     return _found(words, inside)
 
 
-def _navigates(navigation: Navigation, time: float, key: str, context: FileContext) -> bool:
-    tolerance = same_times(navigation)
-    if navigation.start - tolerance <= time <= navigation.end + tolerance:
+def _within_flight(times: Array, time: float, key: str, context: FileContext) -> bool:
+    first, last = float(times[0]), float(times[-1])
+    if first - _tolerance(times) <= time <= last + _tolerance(times):
         return True
-    span = f"{seconds(navigation.start)} to {seconds(navigation.end)}"
-    context.problem(key, f"got {seconds(time)}; navigation is from {span}")
+    context.problem(key, f"got {seconds(time)}; navigation is from {seconds(first)} to {seconds(last)}")
     return False
 
 

@@ -29,7 +29,7 @@ class FilterSchema:
         Groups of states whose normalized estimation error squared (NEES) is recorded, and their sizes: all,
         navigation, position, velocity, attitude and, if there are other estimated states, sensors.
     outputs : int
-        Outputs of which the filter has a covariance.
+        Outputs of the scenario.
     states : tuple of str
         Other states of the filter, by the name of the error that each models; considered ones, too.
     units : tuple of (str, str)
@@ -38,6 +38,8 @@ class FilterSchema:
         Sensors, and the size of the measurements of each.
     considered : tuple of str
         Kinds of errors that the filter considers without estimating them: they correlate its innovations.
+    own_outputs : tuple of int
+        Numbers of the outputs of which the filter states a covariance, where these are not all; the others' is NaN.
     """
 
     groups: Mapping[str, int]
@@ -46,6 +48,7 @@ class FilterSchema:
     units: tuple[tuple[str, str], ...] = ()
     sensors: Mapping[str, int] = field(default_factory=dict)
     considered: tuple[str, ...] = ()
+    own_outputs: tuple[int, ...] = ()
 
     @cached_property
     def places(self) -> Mapping[str, slice]:
@@ -61,6 +64,11 @@ class FilterSchema:
         }
         ends = np.cumsum(list(sizes.values())).tolist()
         return {name: slice(end - size, end) for (name, size), end in zip(sizes.items(), ends, strict=True)}
+
+    @property
+    def known(self) -> tuple[int, ...]:
+        """Numbers of the outputs of which the filter states a covariance."""
+        return self.own_outputs or tuple(range(self.outputs))
 
     @property
     def width(self) -> int:

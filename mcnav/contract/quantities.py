@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
+
+Of = Literal["navigation", "truth", "control", "time"]
+"""What a quantity is of: navigation error, dispersion of the truth, control effort, or time of an event."""
 
 
 @dataclass(frozen=True)
@@ -23,6 +27,8 @@ class Source:
         Whether the scenario had other sources before this one: see `mcnav.sampling.error_model.ErrorModel`.
     group : str
         Sources that belong together; an entry of ``[errors]`` with this name holds for each.
+    of : str
+        What it is of; see `Of`.
     """
 
     name: str
@@ -31,6 +37,7 @@ class Source:
     nominal: float
     later: bool = False
     group: str = ""
+    of: Of = "navigation"
 
 
 @dataclass(frozen=True)
@@ -41,12 +48,15 @@ class Output:
     ----------
     limit : float, optional
         Size of the error, SI, beyond which the linear system that it belongs to has lost its meaning.
+    of : str
+        What it is of; see `Of`. A filter states the covariance of navigation errors alone.
     """
 
     name: str
     unit: str
     shown_in: str
     limit: float | None = None
+    of: Of = "navigation"
 
 
 def source_labels(sources: Sequence[str], outputs: Sequence[str]) -> list[str]:

@@ -34,6 +34,9 @@ class Capability(StrEnum):
     START_TIMES = "start times"
     """Its navigation may start at any time of its flight."""
 
+    EPOCHS = "epochs"
+    """Errors are known at epochs in time, so that a requirement may name a time."""
+
     REPLAY = "replay"
     """It can show one sample from beginning to end."""
 
@@ -107,12 +110,20 @@ class LinearOverTime(Scenario, Protocol):
         """Linearize at so many rising times, from the start to the end."""
 
 
-class LinearAtAnyTime(LinearOverTime, Protocol):
-    """A scenario that is `LINEAR_AT_ANY_TIME`."""
+class EpochScenario(LinearOverTime, Protocol):
+    """A scenario with `EPOCHS`."""
 
     @property
     def reading_times(self) -> Array:
         """The scenario's epochs, the end last, s."""
+
+    @property
+    def outages(self) -> tuple[tuple[float, float], ...]:
+        """Intervals in which a sensor is silent: begin, included, and end, s."""
+
+
+class LinearAtAnyTime(EpochScenario, Protocol):
+    """A scenario that is `LINEAR_AT_ANY_TIME`."""
 
 
 class CovarianceScenario(LinearAtAnyTime, Protocol):
@@ -191,6 +202,11 @@ def has_start_times(scenario: Scenario) -> TypeGuard[VariableStart]:
 def has_noisy_start_times(scenario: Scenario) -> TypeGuard[NoisyStart]:
     """Return whether navigation with noise may start at any time."""
     return {Capability.START_TIMES, Capability.NOISE} <= scenario.can
+
+
+def has_epochs(scenario: Scenario) -> TypeGuard[EpochScenario]:
+    """Return whether errors are known at epochs in time."""
+    return Capability.EPOCHS in scenario.can
 
 
 def can_replay(scenario: Scenario) -> TypeGuard[Replayable]:

@@ -28,6 +28,7 @@ from pydantic_core import CoreSchema, core_schema
 
 from mcnav._types import Array
 from mcnav.contract.filter_record import FilterSchema
+from mcnav.contract.quantities import Of
 from mcnav.contract.scenario import ScenarioError
 from mcnav.files import to_json
 from mcnav.sampling.designs import DESIGNS, SamplingDesign
@@ -90,13 +91,14 @@ class Record(BaseModel):
 class Variable(Record):
     """An error source or an output: its name, SI unit, and the unit in which it is shown.
 
-    ``limit`` is that of `mcnav.contract.quantities.Output`.
+    ``limit`` and ``of`` are those of `mcnav.contract.quantities.Output`.
     """
 
     name: Name
     unit: Words
     shown_in: Words
     limit: Annotated[float, Field(gt=0.0)] | None = None
+    of: Of = "navigation"
 
     @model_validator(mode="after")
     def _units(self) -> Self:
@@ -148,10 +150,13 @@ class FilterRecord(Record):
     units: tuple[tuple[Words, Words], ...] = ()
     sensors: Mapping[Name, Annotated[int, Field(ge=1)]] = {}
     considered: tuple[Words, ...] = ()
+    own_outputs: tuple[Annotated[int, Field(ge=0)], ...] = ()
     prediction: FilterPredictionRecord | None = None
 
     @model_validator(mode="after")
     def _shapes(self) -> Self:
+        if self.own_outputs and not max(self.own_outputs) < self.outputs:
+            raise ValueError("own_outputs: names an output that there is not")
         if len(self.units) != len(self.states):
             raise ValueError("units: is not of the length of the states")
         prediction = self.prediction
@@ -167,7 +172,9 @@ class FilterRecord(Record):
     @property
     def columns(self) -> FilterSchema:
         """Columns of the filter's records."""
-        return FilterSchema(self.groups, self.outputs, self.states, self.units, self.sensors, self.considered)
+        return FilterSchema(
+            self.groups, self.outputs, self.states, self.units, self.sensors, self.considered, self.own_outputs
+        )
 
 
 class ModelRecord(Record):

@@ -21,7 +21,14 @@ from mcnav.analysis.linear_range import picked
 from mcnav.analysis.requirements import requirements_from
 from mcnav.config.read import Campaign, campaign_from
 from mcnav.contract.linear import LinearModel, LinearSystem
-from mcnav.contract.scenario import Scenario, ScenarioError, can_have_filter, is_linear_at_any_time, is_linear_over_time
+from mcnav.contract.scenario import (
+    Scenario,
+    ScenarioError,
+    can_have_filter,
+    has_epochs,
+    is_linear_at_any_time,
+    is_linear_over_time,
+)
 from mcnav.errors import CampaignError, Problem
 from mcnav.execution.chunks import DrawPlan
 from mcnav.execution.soundness import find_doubt
@@ -146,7 +153,7 @@ def _linearize(scenario: Scenario) -> tuple[LinearModel, LinearSystem | None]:
     end = scenario.linear().end
     if not is_linear_over_time(scenario):
         return end, None
-    system = scenario.linear_over_time(HISTORY_POINTS)
+    system = scenario.linear_over_time(len(scenario.reading_times) if has_epochs(scenario) else HISTORY_POINTS)
     prediction = scenario.filter_prediction() if can_have_filter(scenario) else None
     if prediction is not None and np.array_equal(prediction.times, system.times):
         own = tuple(range(len(scenario.outputs)))

@@ -20,7 +20,7 @@ from mcnav.analysis.sweep import Point, Variable
 from mcnav.config.overrides import Value, VariedCampaign
 from mcnav.config.read import Campaign
 from mcnav.contract.linear import CovarianceReadings, LinearModel, SharedTables
-from mcnav.contract.scenario import ScenarioError, can_have_filter, knows_covariance, runs_user_code
+from mcnav.contract.scenario import ScenarioError, can_have_filter, has_epochs, knows_covariance, runs_user_code
 from mcnav.errors import CampaignError, Problem
 from mcnav.lincov.partials import SimulationFailed
 
@@ -181,6 +181,14 @@ def _readings(campaign: Campaign, at: Sequence[float], shared: SharedTables) -> 
         raise CampaignError(
             [Problem(campaign.file, "--at", "the scenario has no trajectory whose times could be named")]
         )
+    if has_epochs(scenario):
+        system = scenario.linear_over_time(len(scenario.reading_times))
+        nominal = 0.0 if system.nominal is None else system.nominal
+        mean = nominal + system.partials @ errors.mean
+        prediction = scenario.filter_prediction() if can_have_filter(scenario) else None
+        own = None if prediction is None else prediction.covariance
+        covariance = system.covariance(errors.covariance)
+        return len(mean) - 1, CovarianceReadings(scenario.reading_times, mean, covariance, own)
     linear = _linear_model(campaign, shared)
     model = Model(linear.partials, linear.nominal, errors.mean, errors.covariance, linear.processes)
     prediction = scenario.filter_prediction() if can_have_filter(scenario) else None

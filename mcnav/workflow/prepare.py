@@ -295,7 +295,9 @@ def _same_times(one: Array, other: Array) -> bool:
 def _filter_record(schema: FilterSchema, epochs: Epochs, scenario: Scenario, errors: ErrorModel) -> FilterRecord:
     """Describe a filter, with what linear analysis says of it and of the truth."""
     filter_prediction = _filter_prediction(scenario, epochs)
-    optional: dict[str, Any] = {"considered": schema.considered} if schema.considered else {}
+    optional = {
+        name: numbers for name in ("considered", "own_outputs") if (numbers := getattr(schema, name))
+    }  # those that are not empty
     record = FilterRecord(
         label=epochs.label,
         times=epochs.times,
@@ -323,9 +325,10 @@ def _filter_record(schema: FilterSchema, epochs: Epochs, scenario: Scenario, err
 
 def _variables(entries: Sequence[Source | Output]) -> tuple[Variable, ...]:
     def variable(entry: Source | Output) -> Variable:
-        limit = entry.limit if isinstance(entry, Output) else None
-        limited = {} if limit is None else {"limit": limit}
-        return Variable(name=entry.name, unit=entry.unit, shown_in=entry.shown_in, **limited)
+        further: dict[str, Any] = {} if entry.of == "navigation" else {"of": entry.of}
+        if isinstance(entry, Output) and entry.limit is not None:
+            further["limit"] = entry.limit
+        return Variable(name=entry.name, unit=entry.unit, shown_in=entry.shown_in, **further)
 
     return tuple(map(variable, entries))
 

@@ -66,7 +66,7 @@ for file in ("01_tn_d1772_trajectory_4", "11_cruise", "12_hover"):
     draws = DrawPlan(campaign.errors, campaign.design, campaign.seed, campaign.samples)
     scenario = campaign.scenario
     calls = [
-        lambda: printed(f"{file}, partial derivatives", scenario.linear_model().partials),
+        lambda: printed(f"{file}, partial derivatives", scenario.linear().end.partials),
         lambda: final(f"{file}, ensemble", scenario.engine("ensemble", draws.probes()), draws.draw(0, 200)),
         lambda: history(f"{file}, ensemble", scenario.engine("ensemble", draws.probes()), draws.draw(0, 200)),
         lambda: moments(f"{file}, ensemble", scenario.engine("ensemble", draws.probes()), draws.draw(0, 200)),
@@ -100,7 +100,7 @@ for name in ("ensemble", "reference"):
     for values in (found.values, found.linear_values, found.history):
         printed(f"free, {name}", values)
 for name, of in (("free", free), ("aided", aided)):
-    linear = of.linear_model()
+    linear = of.linear().end
     printed(f"{name}, partial derivatives", linear.partials)
     printed(f"{name}, processes", np.stack([linear.processes[name] for name in sorted(linear.processes)]))
 printed("own covariance", aided.filter_prediction().covariance)

@@ -154,7 +154,7 @@ def test_samples_contain_every_sigma_of_three_dimensions(reproduction: Reproduct
 
 def test_the_chapter_on_three_dimensions_is_what_the_command_writes(reproduction: Reproduction) -> None:
     computed = (reproduction.folder / "three_dimensions.md").read_text(encoding="utf-8")
-    committed = (ROOT / "mcnav" / "reproduce" / "tn_d1772" / "TN_D1772.md").read_text(encoding="utf-8")
+    committed = (ROOT / "mcnav" / "validation" / "reproduce" / "tn_d1772" / "TN_D1772.md").read_text(encoding="utf-8")
     chapter = committed.partition("## In three dimensions")[2].partition("\n## ")[0]
     assert_same_tables(computed, chapter)
 
@@ -164,7 +164,7 @@ def test_the_findings_in_three_dimensions_are_those_of_the_chapter(reproduction:
     found = pd.read_csv(reproduction.folder / "findings.csv")
     found = found[found["kind"] == "three dimensions"]
     assert list(found["verdict"]) == ["in part", "does not hold", "holds", "in part"]
-    committed = (ROOT / "mcnav" / "reproduce" / "tn_d1772" / "TN_D1772.md").read_text(encoding="utf-8")
+    committed = (ROOT / "mcnav" / "validation" / "reproduce" / "tn_d1772" / "TN_D1772.md").read_text(encoding="utf-8")
     chapter = committed.partition("## In three dimensions")[2].partition("\n## ")[0]
     said = " ".join(line for line in chapter.splitlines() if not line.startswith("|"))
     computed = set(re.findall(r"[\d.]+", " ".join(found["found"])))

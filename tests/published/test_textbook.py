@@ -34,7 +34,7 @@ DIFFERING = {
     "liquid, estimate 8",
 }
 
-COMMITTED = ROOT / "mcnav" / "reproduce" / "textbook" / "TEXTBOOK.md"
+COMMITTED = ROOT / "mcnav" / "validation" / "reproduce" / "textbook" / "TEXTBOOK.md"
 
 
 @pytest.fixture(scope="module")

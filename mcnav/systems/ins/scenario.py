@@ -390,6 +390,7 @@ class Ins:
             Capability.LINEAR_AT_ANY_TIME,
             Capability.COVARIANCE,
             Capability.START_TIMES,
+            Capability.EPOCHS,
             Capability.TRAJECTORY,
         }
     )
@@ -517,6 +518,15 @@ class Ins:
                     "end",
                     f"got {time:g} s to look at; navigation lasts from {navigation.start:g} to {navigation.end:g} s",
                 )
+
+    @property
+    def outages(self) -> tuple[tuple[float, float], ...]:
+        """Outages of the sensors that begin or end within the navigation, s."""
+        navigation = self.navigation
+        outages = {outage for sensor in navigation.sensors for outage in sensor.outages}
+        return tuple(
+            (begin, end) for begin, end in sorted(outages) if begin <= navigation.end and end > navigation.start
+        )
 
     @property
     def reading_times(self) -> Array:

@@ -56,8 +56,9 @@ class Flown:
     ----------
     errors : array_like, shape (m, outputs)
         At every epoch, SI.
-    covariance : array_like, shape (m, outputs, outputs), optional
-        Covariance of these errors by the filter, SI.
+    covariance : array_like, shape (m, k, k), optional
+        Covariance by the filter, SI, of the outputs that it knows: those of the class's ``filter_outputs``, by default
+        all navigation errors.
     innovations : mapping of str to Innovations
         By the name of the sensor; always the same sensors.
     """
@@ -67,7 +68,9 @@ class Flown:
     innovations: Mapping[str, Innovations] = field(default_factory=dict)
 
 
-def schema_of(flown: Flown, outputs: Sequence[str], groups: Mapping[str, Sequence[str]]) -> FilterSchema | None:
+def schema_of(
+    flown: Flown, outputs: Sequence[str], groups: Mapping[str, Sequence[str]], known: Sequence[str]
+) -> FilterSchema | None:
     """Derive the columns of the records from one simulation; none without a filter.
 
     Parameters
@@ -76,6 +79,8 @@ def schema_of(flown: Flown, outputs: Sequence[str], groups: Mapping[str, Sequenc
         Names of the outputs.
     groups : mapping of str to sequence of str
         Groups of outputs whose NEES is recorded besides that of all.
+    known : sequence of str
+        Outputs of which the filter states a covariance.
 
     Raises
     ------
@@ -90,16 +95,18 @@ def schema_of(flown: Flown, outputs: Sequence[str], groups: Mapping[str, Sequenc
         if not isinstance(name, str) or not NAME.fullmatch(name):
             raise ValueError(f"{name!r} is not a name of letters, digits and _")
     for name, members in groups.items():
-        if name == ALL or isinstance(members, str) or not members or not set(members) <= set(outputs):
-            raise ValueError(f"groups: {name!r} must list outputs and cannot be called {ALL!r}; got {members!r:.80}")
-        named = {output for output in outputs if output.startswith(name)}  # the analysis takes them for the group's
+        if name == ALL or isinstance(members, str) or not members or not set(members) <= set(known):
+            message = f"groups: {name!r} must list outputs that the filter knows and cannot be called {ALL!r}"
+            raise ValueError(f"{message}; got {members!r:.80}")
+        named = {output for output in known if output.startswith(name)}  # the analysis takes them for the group's
         if named and named != set(members):
             raise ValueError(f"groups: {name!r} must list the outputs whose names begin with it, or have another name")
     sizes = {name: _columns(name, each)[1].shape[1] for name, each in flown.innovations.items()}
     return FilterSchema(
-        groups={ALL: len(outputs)} | {name: len(members) for name, members in groups.items()},
+        groups={ALL: len(known)} | {name: len(members) for name, members in groups.items()},
         outputs=len(outputs),
         sensors=sizes,
+        own_outputs=() if len(known) == len(outputs) else tuple(list(outputs).index(name) for name in known),
     )
 
 
@@ -116,7 +123,8 @@ def record_of(
         When shapes or sensors are wrong.
     """
     errors = np.asarray(flown.errors, dtype=float)
-    count, size = errors.shape
+    known = list(schema.known)
+    count, size = len(errors), len(known)
     if flown.covariance is None:
         raise ValueError("fly returned no covariance; it did without errors and noise")
     covariance = np.array(flown.covariance, dtype=float)
@@ -128,12 +136,13 @@ def record_of(
     _check_finite(errors, epochs, "errors")
     _check_finite(covariance, epochs, "the filter's covariance")
     records, places = np.zeros((count, schema.width)), schema.places
-    for column, members in enumerate((outputs, *groups.values())):
-        chosen = [list(outputs).index(name) for name in members]
-        records[:, places["nees"].start + column] = _nees(
-            errors[:, chosen], covariance[:, chosen][:, :, chosen], epochs
-        )
-    rows, columns = np.tril_indices(size)
+    names = [outputs[number] for number in known]
+    for column, members in enumerate((names, *groups.values())):
+        chosen = [names.index(name) for name in members]
+        of_group = errors[:, [known[each] for each in chosen]]
+        records[:, places["nees"].start + column] = _nees(of_group, covariance[:, chosen][:, :, chosen], epochs)
+    covariance = spread_out(covariance, known, len(outputs))
+    rows, columns = np.tril_indices(len(outputs))
     records[:, places["covariance"]] = covariance[:, rows, columns]
     sigmas = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
     records[:, places["within_1"]] = np.abs(errors) <= sigmas
@@ -141,6 +150,15 @@ def record_of(
     for name, innovations in flown.innovations.items():
         records[:, places[f"sensor:{name}"]] = _counted(name, innovations, schema.sensors[name], epochs)
     return records
+
+
+def spread_out(covariance: Array, known: Sequence[int], outputs: int) -> Array:
+    """Return a covariance of some outputs, shape (m, k, k), as one of all, NaN for the others."""
+    if len(known) == outputs:
+        return covariance
+    whole = np.full((len(covariance), outputs, outputs), np.nan)
+    whole[:, np.array(known)[:, None], known] = covariance
+    return whole
 
 
 def _check_finite(values: Array, epochs: Epochs, what: str) -> None:

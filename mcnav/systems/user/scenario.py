@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, Final, TypeGuard
+from typing import Any, Final, TypeGuard, get_args
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from mcnav._types import Array
 from mcnav.contract.engine import Engine, without_noise
 from mcnav.contract.history import History
 from mcnav.contract.linear import LinearModel, LinearSystem
-from mcnav.contract.quantities import Output, Source
+from mcnav.contract.quantities import Of, Output, Source
 from mcnav.contract.scenario import Capability, Scenario, ScenarioError, runs_user_code
 from mcnav.entries.inputs import InputFile, with_unique_names
 from mcnav.systems.finite_differences import DifferencedModel, differentiate
@@ -55,6 +55,8 @@ def _check_entries(where: str, entries: Any, kind: type[Source] | type[Output]) 
         if not isinstance(entry.name, str) or not NAME.fullmatch(entry.name):
             raise ScenarioError("type", f"{where}: {entry.name!r} is not a name of letters, digits and _")
         check_unit(where, entry.unit, entry.shown_in)
+        if entry.of not in get_args(Of):
+            raise ScenarioError("type", f"{where}: {entry.name} is of {entry.of!r}; expected {', '.join(get_args(Of))}")
         if isinstance(entry, Source) and not (np.isfinite(entry.nominal) and entry.nominal > 0.0):
             raise ScenarioError("type", f"{where}: {entry.name} needs a usual size above zero; got {entry.nominal!r}")
     if len({entry.name for entry in entries}) < len(entries):

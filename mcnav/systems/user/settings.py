@@ -90,7 +90,7 @@ def read_value(value: object, declared: Declared) -> Value:
     >>> read_value(True, int)
     Traceback (most recent call last):
     ...
-    mcnav.systems.user.settings.SettingError: got true; expected a whole number
+    mcnav.entries.values.SettingError: got true; expected a whole number
     """
     if not isinstance(declared, list):
         return _read_one(value, declared)

@@ -11,6 +11,7 @@ from linear simulations. ``epochs`` declares instants at which errors are return
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
@@ -28,11 +29,12 @@ from mcnav.contract.scenario import Capability, Scenario, ScenarioError, can_hav
 from mcnav.systems.finite_differences import SHARES
 from mcnav.systems.sample_loop import SampleFailed, format_exception
 from mcnav.systems.user.code import UserScenarioSpec
-from mcnav.systems.user.flown import Flown, record_of, schema_of
+from mcnav.systems.user.flown import Flown, record_of, schema_of, spread_out
 from mcnav.systems.user.sample_noise import MEASURED, ScaledNoise, sample_noise
 from mcnav.systems.user.scenario import SINGLE_CHUNK, UserScenario
 from mcnav.systems.user.settings import NAME
 from mcnav.systems.user.stochastic_engine import StochasticUserEngine
+from mcnav.units import UnitError, conversion
 
 NOISE: Final = "noise"
 """Parameter of ``fly``, and name of a process whose covariance has no name."""
@@ -249,7 +251,8 @@ class TimedUserScenario(StochasticUserScenario):
     @property
     def can(self) -> frozenset[Capability]:
         """What the scenario can do."""
-        return super().can | {Capability.LINEAR_OVER_TIME, Capability.FILTER}
+        timed = {Capability.EPOCHS} if self._second is not None else set()
+        return super().can | {Capability.LINEAR_OVER_TIME, Capability.FILTER} | timed
 
     def _epochs(self) -> Epochs:
         """Read the class's epochs: `Epochs`, or times in seconds."""
@@ -266,6 +269,25 @@ class TimedUserScenario(StochasticUserScenario):
             message = f"{self.spec.name}.epochs must be Epochs of mcnav with 2 to {MOST_EPOCHS:,} rising times"
             raise ScenarioError("type", message)
         return Epochs(str(epochs.label), times, events)
+
+    @cached_property
+    def _second(self) -> float | None:
+        """Seconds in the unit of the epochs' label, such as ``time [min]``; none when it is no time."""
+        unit = re.search(r"\[([^\]]+)\]\s*$", self.epochs.label)
+        try:
+            return conversion(unit[1], "s") if unit else None
+        except UnitError:
+            return None
+
+    @property
+    def reading_times(self) -> Array:
+        """The epochs, s."""
+        return np.asarray(self.epochs.times * (self._second or np.nan))
+
+    @property
+    def outages(self) -> tuple[tuple[float, float], ...]:
+        """Outages of sensors; the program knows of none."""
+        return ()
 
     @property
     def leading_shape(self) -> tuple[int, ...]:
@@ -308,6 +330,22 @@ class TimedUserScenario(StochasticUserScenario):
             raise ScenarioError("type", message) from None
 
     @property
+    def filter_outputs(self) -> tuple[str, ...]:
+        """Return the outputs of which the class's filter states a covariance, by default all navigation errors.
+
+        Raises `ScenarioError` when they are not outputs of the class.
+        """
+        names = tuple(output.name for output in self.outputs)
+        given = getattr(self._instance, "filter_outputs", None)
+        if given is None:
+            return tuple(output.name for output in self.outputs if output.of == "navigation")
+        listed = () if isinstance(given, str) else tuple(given)
+        if not listed or not set(listed) <= set(names) or len(set(listed)) < len(listed):
+            message = f"{self.spec.name}.filter_outputs must list outputs, each once; got {given!r:.80}"
+            raise ScenarioError("type", message)
+        return tuple(name for name in names if name in listed)
+
+    @property
     def believed(self) -> Mapping[str, float]:
         """Return the class's shares of variances that its filter believes in; `ScenarioError` when they are wrong."""
         given = getattr(self._instance, "believed", {})
@@ -338,7 +376,7 @@ class TimedUserScenario(StochasticUserScenario):
         """
         names, groups = self._engine.outputs, self.groups
         try:
-            schema = schema_of(self._nominal, names, groups)
+            schema = schema_of(self._nominal, names, groups, self.filter_outputs)
             if schema is not None:
                 record_of(self._nominal, schema, self.epochs, names, groups)
         except (SampleFailed, ValueError, TypeError) as wrong:
@@ -354,7 +392,7 @@ class TimedUserScenario(StochasticUserScenario):
         return FilterPrediction(
             label=self.epochs.label,
             times=times,
-            covariance=np.array(self._nominal.covariance, dtype=float),
+            covariance=spread_out(np.array(self._nominal.covariance, dtype=float), schema.known, schema.outputs),
             state_variance=np.zeros((len(times), 0)),
             state_partials=np.zeros((len(times), 0, len(self.sources))),
             state_processes={name: np.zeros((len(times), 0)) for name in self.noise},

@@ -134,5 +134,5 @@ def test_one_mistake_is_one_line(kind: str, entry: dict[str, Any], line: str) ->
 def test_other_scenarios_have_requirements_at_the_end_alone() -> None:
     _, (found,) = accept("quantile", reentry(4), output="altitude", after="600 s")
     assert found == (
-        "mine.toml: accept.quantile #1.after: needs a scenario of type ins; other requirements hold at the end"
+        "mine.toml: accept.quantile #1.after: needs a scenario with epochs in time; other requirements hold at the end"
     )
