@@ -202,9 +202,9 @@ def test_histories_of_first_samples_come_from_the_chunks(tmp_path: Path, monkeyp
     simulated: list[int] = []
     simulate = FilterThatBelieves.simulate
 
-    def counted(self: FilterThatBelieves, batch: Batch) -> SimulationResult:
+    def counted(self: FilterThatBelieves, batch: Batch, noise: bool = True) -> SimulationResult:
         simulated.extend(batch.index.tolist())
-        return simulate(self, batch)
+        return simulate(self, batch, noise)
 
     monkeypatch.setattr(FilterThatBelieves, "simulate", counted)
     for store in ("samples", "summary"):

@@ -50,10 +50,11 @@ def bits(code: str, order: str) -> list[str]:
 REENTRY_AND_STEADY = """
 from pathlib import Path
 from mcnav.config.read import read_campaign
+from mcnav.contract.engine import without_noise
 from mcnav.execution.chunks import DrawPlan
 
 def final(name, engine, samples):
-    printed(f"{name}, final errors", engine.propagate(samples).values)
+    printed(f"{name}, final errors", without_noise(engine)(samples).values)
 
 def history(name, engine, samples):
     printed(f"{name}, histories", engine.histories(samples))

@@ -244,7 +244,10 @@ def test_escapes_in_json(base: Path, place: Path) -> None:
 def test_escapes_in_csv(base: Path, place: Path) -> None:
     """Names of a summary are not those of the manifest, which are checked."""
     path = place / "hostile" / "run" / "summary.json"
-    path.write_text(path.read_text().replace('"name": "', '"name": "\x9b\u202e'))
+    text = path.read_text()
+    for key in ("name", "lead"):
+        text = text.replace(f'"{key}": "', f'"{key}": "\x9b\u202e')
+    path.write_text(text)
     done = invoke("compare", path.parent, "--format", "csv", cwd=place)
     assert "\\x9b\\u202e" in done.stdout
     assert all(line.isprintable() for line in done.stdout.split("\n"))
