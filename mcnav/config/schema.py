@@ -22,11 +22,9 @@ Span = Annotated[
 
 Point = Annotated[Any, WithJsonSchema({"type": "array", "items": {UNIT: ""}, "minItems": 2, "maxItems": 2})]
 """A start time and a sigma; read later."""
-After = Annotated[Duration | None, Field(description="Time from which on the requirement holds, to the end; type ins.")]
-During = Annotated[
-    Span, Field(description='Begin and end between which it holds, or "outages" of all sensors; type ins.')
-]
-At = Annotated[Duration | None, Field(description="Time of the one epoch at which the requirement holds; type ins.")]
+After = Annotated[Duration | None, Field(description="Time from which on the requirement holds, to the end.")]
+During = Annotated[Span, Field(description='Begin and end between which it holds, or "outages" of all sensors.')]
+At = Annotated[Duration | None, Field(description="Time of the one epoch at which the requirement holds.")]
 
 
 class CorrelationTable(Table):
