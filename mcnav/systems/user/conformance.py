@@ -19,7 +19,7 @@ from mcnav.systems.histories import check_history
 from mcnav.systems.user.noise_soundness import check_noise, check_without_noise, find_unsettled_noise
 from mcnav.systems.user.soundness import SAME, SEED, apart, same
 from mcnav.systems.user.stochastic_engine import StochasticUserEngine
-from mcnav.systems.user.stochastic_scenario import StochasticUserScenario
+from mcnav.systems.user.stochastic_scenario import StochasticUserScenario, is_users_with_noise
 from mcnav.units import conversion
 
 TRIED: Final = 16
@@ -94,7 +94,7 @@ def check_conformance(scenario: Scenario, sizes: Array) -> list[Check]:
     tried("partials against differences", lambda: _partials(prepared, scenario.linear().end, sizes))
     tried("nominal outputs", lambda: _nominal_outputs(scenario, scenario.linear().end, sizes))
     tried("history", lambda: _history(scenario))
-    if isinstance(scenario, StochasticUserScenario) and scenario.noisy and isinstance(prepared, StochasticUserEngine):
+    if is_users_with_noise(scenario) and isinstance(prepared, StochasticUserEngine):
         tried("noise from its generator", lambda: _noise(scenario, prepared, sizes))
         tried("linear in the noise", lambda: _linear_in_noise(scenario, prepared, sizes))
         tried("covariance of the noise", lambda: _noise_covariance(scenario, prepared))
