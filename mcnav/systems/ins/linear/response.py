@@ -139,7 +139,7 @@ def _rooms_for(times: Array, axes: Array) -> StepResponses:
         (6, 3), (6, 6), (6, 3, 3), (15, 9), (15, 6), (3, 9), (3, 9), (3, 6), (3, 6),
         (3, 9, 9), (3, 6, 6), (3, 10, 10), (3, 10, 10), (3, 7, 7), (3, 7, 7), (3, 9, 9), (3, 6, 6),
     )  # fmt: skip
-    return StepResponses(times, *(np.zeros((len(times) - 1, *shape)) for shape in shapes), axes)
+    return StepResponses._make((times, *(np.zeros((len(times) - 1, *shape)) for shape in shapes), axes))
 
 
 class _Quadrature(NamedTuple):
