@@ -50,10 +50,12 @@ def bits(code: str, order: str) -> list[str]:
 REENTRY_AND_STEADY = """
 from pathlib import Path
 from mcnav.config.read import read_campaign
+from mcnav.contract.samples import Batch
 from mcnav.execution.chunks import DrawPlan
 
 def final(name, engine, samples):
-    printed(f"{name}, final errors", engine.propagate(samples).values)
+    batch = Batch(np.arange(len(samples)), samples, 1)
+    printed(f"{name}, final errors", engine.simulate(batch, noise=False).values)
 
 def history(name, engine, samples):
     printed(f"{name}, histories", engine.histories(samples))
@@ -66,7 +68,7 @@ for file in ("01_tn_d1772_trajectory_4", "11_cruise", "12_hover"):
     draws = DrawPlan(campaign.errors, campaign.design, campaign.seed, campaign.samples)
     scenario = campaign.scenario
     calls = [
-        lambda: printed(f"{file}, partial derivatives", scenario.linear_model().partials),
+        lambda: printed(f"{file}, partial derivatives", scenario.linear().partials),
         lambda: final(f"{file}, ensemble", scenario.engine("ensemble", draws.probes()), draws.draw(0, 200)),
         lambda: history(f"{file}, ensemble", scenario.engine("ensemble", draws.probes()), draws.draw(0, 200)),
         lambda: moments(f"{file}, ensemble", scenario.engine("ensemble", draws.probes()), draws.draw(0, 200)),
@@ -100,7 +102,7 @@ for name in ("ensemble", "reference"):
     for values in (found.values, found.linear_values, found.history):
         printed(f"free, {name}", values)
 for name, of in (("free", free), ("aided", aided)):
-    linear = of.linear_model()
+    linear = of.linear()
     printed(f"{name}, partial derivatives", linear.partials)
     printed(f"{name}, processes", np.stack([linear.processes[name] for name in sorted(linear.processes)]))
 printed("own covariance", aided.filter_prediction().covariance)

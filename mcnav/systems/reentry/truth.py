@@ -251,20 +251,15 @@ def _crossing(component: int, level: float, direction: int) -> Event:
 
 
 def fly_truth(
-    start: Array,
-    vehicle: Vehicle,
-    final_altitude: float,
-    switching_altitude: float | None = None,
+    start: Array, vehicle: Vehicle, final_altitude: float, switching_altitude: float | None = None,
     relative_tolerance: float = RELATIVE_TOLERANCE,
-) -> Trajectory:
+) -> Trajectory:  # fmt: skip
     """Fly the truth from its first point until the altitude falls through the final one.
 
     Parameters
     ----------
     start : ndarray, shape (4,)
         Polar state of the first point, at time zero.
-    vehicle : Vehicle
-        Lift law and ballistic coefficient.
     final_altitude : float
         m; the flight ends where the altitude first falls through it.
     switching_altitude : float, optional

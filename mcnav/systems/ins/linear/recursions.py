@@ -157,6 +157,7 @@ def _check(steps: Steps, updates: Updates, readings: ReadingTimes) -> tuple[int,
     ))  # fmt: skip
     check_numbers("updates.first", updates.first, number + 1)
     check_numbers("updates.sizes", updates.sizes, most + 1)
+    check_numbers("readings.numbers", readings.numbers, count + 1)
     return count, 9 + others, number, most
 
 
@@ -226,7 +227,8 @@ def run_covariance(
     _check_noise(noise, variances, start, of)
     _, states, number, most = of
     check_shapes((("gains", gains, (number, gains.shape[1], most)),))
-    check_numbers("size and states with gains", np.array([size, gains.shape[1]]), states + 1)
+    check_numbers("gains, number of states", np.array(gains.shape[1]), states + 1)
+    check_numbers("size", np.array(size), states + 1)
     covariances = np.zeros((len(readings.numbers), size, size))
     _run_covariance(steps, noise, updates, variances, gains, _rooms(start, most), readings, covariances)
     return covariances
@@ -288,7 +290,7 @@ def run_backwards(steps: Steps, updates: Updates, gains: Array, last: int, end: 
     nothing = ReadingTimes(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.bool_))
     count, states, number, most = _check(steps, updates, nothing)
     check_shapes((("gains", gains, (number, states, most)), ("end", end, (9, states))))
-    check_numbers("last", np.array([last]), count + 1)
+    check_numbers("last", np.array(last), count + 1)
     start, of_steps, of_updates = end.copy(), np.zeros((count, 9, 9)), np.zeros((number, 9, most))
     _run_backwards(steps, updates, gains, last, np.zeros(9), start, of_steps, of_updates)
     return start, of_steps, of_updates
