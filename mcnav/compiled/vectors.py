@@ -32,6 +32,7 @@ from numba.core.typeconv import Conversion
 from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
 
 from mcnav._types import Array
+from mcnav.compiled.shapes import check_shape
 
 LANES: Final = 32
 """Samples that are simulated together."""
@@ -292,9 +293,10 @@ def pointer(context: Any, builder: Any, array_type: Any, array: Any, place: Any,
 
 
 def place_type(array: Any, place: Any) -> Any:
-    """Return the type of a place, and check that it leaves the last axis of the array alone."""
+    """Return the type of a place; TypeError unless it leaves the last axis alone of an array of numbers of 64 bits."""
     count = len(place) if isinstance(place, types.BaseTuple) else 1
-    if not isinstance(array, types.Array) or array.layout != "C" or array.ndim != count + 1:
+    fits = isinstance(array, types.Array) and array.layout == "C" and array.ndim == count + 1
+    if not fits or array.dtype not in (types.float64, types.uint64):
         raise TypeError(f"a vector of {array} has no place {place}")
     return types.UniTuple(types.intp, count) if isinstance(place, types.BaseTuple) else types.intp
 
@@ -387,6 +389,8 @@ def room_of_parts(*shape: int) -> Array:
 
 
 def _zeros(shape: tuple[int, ...]) -> Array:
+    if min(shape) < 0:
+        raise ValueError(f"shape: got {shape}, expected lengths of at least zero")
     size = prod(shape)
     buffer = np.zeros(size + DOUBLES)
     begin = -(buffer.__array_interface__["data"][0] // buffer.itemsize) % DOUBLES
@@ -395,6 +399,7 @@ def _zeros(shape: tuple[int, ...]) -> Array:
 
 def parts_of(lanes: Array) -> Array:
     """Return rows of lanes, shape (..., LANES), as rows of their parts, shape (..., PARTS, PART)."""
+    check_shape("lanes", lanes, (*lanes.shape[:-1], LANES))
     return lanes.reshape(*lanes.shape[:-1], PARTS, PART)
 
 

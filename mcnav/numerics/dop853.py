@@ -87,6 +87,7 @@ def advance(
                 return TOO_SMALL, taken, step
             end = min(time + step, bound)
             step = end - time
+            # stages k_s = f(t + c_s h, x + h sum of a_sj k_j); the last is at the end, with the step's own weights
             for stage in range(1, STAGES + 1):
                 for i in range(n):
                     change = 0.0
@@ -98,6 +99,7 @@ def advance(
                     slopes[stage, i] = slope[i]
             for i in range(n):
                 scale[i] = absolute[i] + relative * max(abs(state[i]), abs(trial[i]))
+            # accepted below 1; otherwise the step shrinks as error^(-1/8)
             error = _error_of(slopes, scale, step)
             if error < 1.0:
                 break
@@ -107,6 +109,7 @@ def advance(
         if error > 0.0:
             largest = min(largest, SAFETY * error ** (-1.0 / (ORDER + 1)))
         step *= largest
+        # the last stage's slope is the next step's first
         times[taken + 1] = end
         for i in range(n):
             reached[i], slopes[0, i] = trial[i], slope[i]
@@ -125,6 +128,7 @@ def _error_of(slopes: Array, scale: Array, step: float) -> float:
     for i in range(len(scale)):
         of_fifth = of_third = 0.0
         for k in range(STAGES + 1):
+            # components of both estimates, in units of the tolerance
             of_fifth += FIFTH[k] * slopes[k, i]
             of_third += THIRD[k] * slopes[k, i]
         fifth += (of_fifth / scale[i]) ** 2
@@ -146,6 +150,7 @@ def _first_step(
         size += (state[i] / scale) ** 2
         rate += (slope[i] / scale) ** 2
     size, rate = np.sqrt(size / len(state)), np.sqrt(rate / len(state))
+    # a step in which the state changes by a hundredth of its size
     small = min(1e-6 if size < 1e-5 or rate < 1e-5 else 0.01 * size / rate, bound - time)
     for i in range(len(state)):
         trial[i] = state[i] + small * slope[i]
@@ -153,6 +158,7 @@ def _first_step(
     for i in range(len(state)):
         change += ((later[i] - slope[i]) / (absolute[i] + relative * abs(state[i]))) ** 2
     change = np.sqrt(change / len(state)) / small
+    # one in which a term of eighth order, by the second derivative, stays at a hundredth
     larger = max(1e-6, 1e-3 * small)
     if max(rate, change) > 1e-15:
         larger = (0.01 / max(rate, change)) ** (1.0 / (ORDER + 1))

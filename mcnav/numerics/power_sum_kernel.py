@@ -26,6 +26,7 @@ def add_powers(histories: Array, pivot: Array, sums: Array) -> None:
             for epoch in range(epochs):
                 away[i, epoch] = histories[sample, epoch, i] - pivot[epoch, i]
         column = outputs
+        # sums of d, d^3 and d^4 of each output, and of d_i d_j of two
         for i in range(outputs):
             for epoch in range(epochs):
                 square[i, epoch] = away[i, epoch] * away[i, epoch]

@@ -41,6 +41,7 @@ def joint_rates(
     for run in range(errors.shape[0]):
         own = slice(4 + 4 * run, 8 + 4 * run)
         indicated = state[own]
+        # eqs. (6)-(8), (9) and (5)
         measured_x, measured_z = measured_force(force_x, force_z, actual[1] - theta_axes, time - start, errors[run])
         indicated_x, indicated_z = indicated_force(on * measured_x, on * measured_z, indicated[1] - theta_axes)
         motion(indicated, indicated_x, indicated_z, rates[own])

@@ -251,20 +251,15 @@ def _crossing(component: int, level: float, direction: int) -> Event:
 
 
 def fly_truth(
-    start: Array,
-    vehicle: Vehicle,
-    final_altitude: float,
-    switching_altitude: float | None = None,
+    start: Array, vehicle: Vehicle, final_altitude: float, switching_altitude: float | None = None,
     relative_tolerance: float = RELATIVE_TOLERANCE,
-) -> Trajectory:
+) -> Trajectory:  # fmt: skip
     """Fly the truth from its first point until the altitude falls through the final one.
 
     Parameters
     ----------
     start : ndarray, shape (4,)
         Polar state of the first point, at time zero.
-    vehicle : Vehicle
-        Lift law and ballistic coefficient.
     final_altitude : float
         m; the flight ends where the altitude first falls through it.
     switching_altitude : float, optional
@@ -285,27 +280,19 @@ def fly_truth(
     bands, regimes = _bands(switching_altitude), _regimes(vehicle.lift_law)
     band = next(i for i, candidate in enumerate(bands) if start[0] < candidate.top)
     regime = next(i for i, candidate in enumerate(regimes) if start[2] < candidate.fastest)
-    time, state = 0.0, np.array(start, dtype=float)
+    time, state, end = 0.0, np.array(start, dtype=float), EARTH_RADIUS + final_altitude
     phases: list[Phase] = []
     rising: bool | None = None
     while True:
         air, law = bands[band], regimes[regime]
-        layer = air.layer
-        of_layer = (layer.base, layer.temperature, layer.lapse, layer.density)
-        coefficients = np.array([*of_layer, vehicle.ballistic_coefficient, law.fixed, law.per_rate])
+        coefficients = _coefficients(air.layer, vehicle, law)
         if rising is None:
             rising = bool(state[2] > 0.0 or (state[2] == 0.0 and truth_rates(time, state, coefficients)[2] > 0.0))
-        end = EARTH_RADIUS + final_altitude
         # where the altitude may leave this phase: above when it rises, below (the end included) when it falls
         level = air.top + ALTITUDE_HYSTERESIS if rising else max(air.bottom - ALTITUDE_HYSTERESIS, end)
         direction = 1 if rising else -1
-        events = [
-            _crossing(0, level, direction),
-            _crossing(2, -direction * RATE_HYSTERESIS, -direction),
-            _crossing(2, law.slowest - RATE_HYSTERESIS, -1),
-            _crossing(2, law.fastest + RATE_HYSTERESIS, +1),
-        ]
-        tolerances, span = (relative_tolerance, ABSOLUTE_TOLERANCE), (time, LONGEST_FLIGHT)
+        events, span = _ends_of_phase(level, direction, law), (time, LONGEST_FLIGHT)
+        tolerances = (relative_tolerance, ABSOLUTE_TOLERANCE)
         solution = integrate(truth_rates, span, state, tolerances, (coefficients,), dense_output=True, events=events)
         if solution.status != 1:
             raise NoReentry(_what_it_does_instead(phases, solution.y, final_altitude))
@@ -322,6 +309,22 @@ def fly_truth(
         band += direction if crossed else 0
         regime += int(faster) - int(slower)
         rising = rising != turned
+
+
+def _coefficients(layer: Layer, vehicle: Vehicle, law: _Regime) -> Array:
+    """Return the coefficients of a `Phase`."""
+    of_layer = (layer.base, layer.temperature, layer.lapse, layer.density)
+    return np.array([*of_layer, vehicle.ballistic_coefficient, law.fixed, law.per_rate])
+
+
+def _ends_of_phase(level: float, direction: int, law: _Regime) -> list[Event]:
+    """List the events that end a phase: the altitude's level, its turning, and the ends of the lift law's regime."""
+    return [
+        _crossing(0, level, direction),
+        _crossing(2, -direction * RATE_HYSTERESIS, -direction),
+        _crossing(2, law.slowest - RATE_HYSTERESIS, -1),
+        _crossing(2, law.fastest + RATE_HYSTERESIS, +1),
+    ]
 
 
 def _when(solution: DenseOutput, radius: float, begin: float, end: float) -> float:

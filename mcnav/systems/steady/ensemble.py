@@ -31,6 +31,7 @@ from scipy.integrate import DOP853
 from mcnav._types import Array, IndexArray
 from mcnav.compiled.jit import compiled, inlined
 from mcnav.compiled.lanes import SMALLEST_COMPONENT, half_turn
+from mcnav.compiled.shapes import check_numbers, check_shape
 from mcnav.systems.steady.truth import Error, SteadyFlight
 
 LANES: Final = 64
@@ -79,98 +80,132 @@ def _instrument(force: float, change: float, bias: float, scale: float) -> float
 
 
 @inlined
+def _reach_stage(s: int, step: float, block: Array, stage: Array, forces: Array) -> None:
+    """Compute deviations and rates at stage s: ``x + c_s h v + h^2 sum (A^2)_sj a_j`` and ``v + h sum A_sj a_j``.
+
+    With the acceleration a_j of each earlier stage this is a Runge-Kutta method for ``x' = v, v' = a`` with the rates
+    v_j eliminated. The step's end is one more stage, whose weights are b and b^T A.
+    """
+    reach = TIMES[s] * step
+    for i in range(LANES):
+        for row in range(3):
+            stage[row * LANES + i] = block[row * LANES + i] + reach * block[(3 + row) * LANES + i]
+            stage[(3 + row) * LANES + i] = block[(3 + row) * LANES + i]
+    for j in range(s):
+        place, speed_up = PLACES[s, j] * step * step, RATES[s, j] * step
+        if place == 0.0 and speed_up == 0.0:
+            continue
+        at = 3 * j * LANES
+        for i in range(LANES):
+            fx, fy, fu = forces[at + i], forces[at + LANES + i], forces[at + 2 * LANES + i]
+            stage[i] += place * fx
+            stage[LANES + i] += place * fy
+            stage[2 * LANES + i] += place * fu
+            stage[3 * LANES + i] += speed_up * fx
+            stage[4 * LANES + i] += speed_up * fy
+            stage[5 * LANES + i] += speed_up * fu
+
+
+@inlined
+def _force_errors(
+    felt: float, time: float, node: tuple[float, float, float, float], ix: float, iy: float, iu: float, block: Array,
+    i: int, level: bool,
+) -> tuple[float, float, float]:  # fmt: skip
+    """Compute the force error dm of lane i at an indicated position, in inertial axes X, Y, U.
+
+    The axes of the accelerometers are turned by the misalignment and the drifts, ``turn = m + integral of d``. Their
+    outputs have biases and scale factors; on a level platform they lie along the indicated local directions.
+    """
+    sine, cosine, early, late = node
+    flat = np.sqrt(ix * ix + iu * iu)
+    whole = np.sqrt(flat * flat + iy * iy)
+    st, ct, sc, cc = ix / flat, iu / flat, iy / whole, flat / whole
+    roll, drift, azimuth = block[9 * LANES + i], block[10 * LANES + i], block[11 * LANES + i]
+    # the actual force, g_eff upwards (Z is down), and what turned axes make of it
+    fx, fy, fz = felt * sine, 0.0, -felt * cosine
+    cx, cy, cz = _turned(
+        fx, fy, fz,
+        block[6 * LANES + i] + roll * early - azimuth * late,
+        block[7 * LANES + i] + drift * time,
+        block[8 * LANES + i] + roll * late + azimuth * early,
+    )  # fmt: skip
+    if level:  # into the indicated local directions, where the accelerometers are
+        fx, fy, fz = _local(fx, fy, fz, st, ct, sc, cc)
+        cx, cy, cz = _local(cx, cy, cz, st, ct, sc, cc)
+    ex = _instrument(fx, cx, block[12 * LANES + i], block[15 * LANES + i])
+    ey = _instrument(fy, cy, block[13 * LANES + i], block[16 * LANES + i])
+    eu = -_instrument(fz, cz, block[14 * LANES + i], block[17 * LANES + i])
+    if level:  # and back to inertial ones
+        ex, ey, eu = (
+            ex * ct + st * (eu * cc - ey * sc),
+            ey * cc + eu * sc,
+            -ex * st + ct * (eu * cc - ey * sc),
+        )
+    return ex, ey, eu
+
+
+@inlined
+def _accelerate(
+    s: int, time: float, node: tuple[float, float, float, float], constants: Array, slaved: bool, level: bool,
+    block: Array, stage: Array, forces: Array,
+) -> None:  # fmt: skip
+    """Compute the accelerations d'' of stage s, by the equations of the module docstring."""
+    radius, rate, felt, mu = constants
+    inverse, inverse_square = 1.0 / radius, 1.0 / (radius * radius)
+    stiffness, pull, speed = mu * inverse * inverse_square, felt * inverse, radius * rate
+    sine, cosine = node[0], node[1]
+    px, pu = radius * sine, radius * cosine
+    at = 3 * s * LANES
+    for i in range(LANES):
+        # d, d' and p_i = p + d
+        dx, dy, du = stage[i], stage[LANES + i], stage[2 * LANES + i]
+        vx, vy, vu = stage[3 * LANES + i], stage[4 * LANES + i], stage[5 * LANES + i]
+        ix, iy, iu = px + dx, dy, pu + du
+        ex, ey, eu = _force_errors(felt, time, node, ix, iy, iu, block, i, level)
+        square = dx * dx + dy * dy + du * du
+        if slaved:
+            # [g_eff |d|^2 / 2 r - (2 p'.d' + d'.d') - dm.p_i] p_i / r^2 - (rate^2 + g_eff / r) d + dm
+            faster = 2.0 * speed * (vx * cosine - vu * sine) + vx * vx + vy * vy + vu * vu
+            radial = (0.5 * pull * square - faster - (ex * ix + ey * iy + eu * iu)) * inverse_square
+            back = rate * rate + pull
+            ax, ay, au = (
+                ex + radial * ix - back * dx,
+                ey + radial * iy - back * dy,
+                eu + radial * iu - back * du,
+            )
+        else:
+            # Encke: (mu / r^3) [(1 - (1 + q)^(-3/2)) p_i - d] + dm, with q = (2 p.d + d.d) / r^2
+            q = (2.0 * (px * dx + pu * du) + square) * inverse_square
+            cube = (1.0 + q) * np.sqrt(np.abs(1.0 + q))
+            share = q * (3.0 + q * (3.0 + q)) / (cube * (1.0 + cube))
+            ax = ex + stiffness * (share * ix - dx)
+            ay = ey + stiffness * (share * iy - dy)
+            au = eu + stiffness * (share * iu - du)
+        forces[at + i], forces[at + LANES + i], forces[at + 2 * LANES + i] = ax, ay, au
+        # the smallest component of p_i along p, as a share of r
+        along = 1.0 + (sine * dx + cosine * du) * inverse
+        block[18 * LANES + i] = min(block[18 * LANES + i], along)
+
+
+@inlined
 def _advance(
     block: Array, stage: Array, forces: Array, nodes: Array, first: int, step: float, constants: Array, slaved: bool,
     level: bool,
 ) -> None:  # fmt: skip
     """Carry a block through steps of which the first has a number.
 
-    Stage s of a step begins at ``x + c_s h v + h^2 sum (A^2)_sj a_j`` and ``v + h sum A_sj a_j``, with the acceleration
-    a_j of each earlier stage: a Runge-Kutta method for ``x' = v, v' = a`` with the rates v_j eliminated. The step's end
-    is one more stage, whose weights are b and b^T A.
-
     Parameters
     ----------
     nodes : ndarray, shape (n, stages, 4)
         Sine and cosine of the range angle, and the two times of `SteadyFlight.drifted`.
     """
-    radius, rate, felt, mu = constants
-    inverse, inverse_square = 1.0 / radius, 1.0 / (radius * radius)
-    stiffness, pull = mu * inverse * inverse_square, felt * inverse
-    speed = radius * rate
     for number in range(nodes.shape[0]):
-        for s in range(STAGES + 1):
-            reach = TIMES[s] * step
-            for i in range(LANES):
-                for row in range(3):
-                    stage[row * LANES + i] = block[row * LANES + i] + reach * block[(3 + row) * LANES + i]
-                    stage[(3 + row) * LANES + i] = block[(3 + row) * LANES + i]
-            for j in range(s):
-                place, speed_up = PLACES[s, j] * step * step, RATES[s, j] * step
-                if place == 0.0 and speed_up == 0.0:
-                    continue
-                at = 3 * j * LANES
-                for i in range(LANES):
-                    fx, fy, fu = forces[at + i], forces[at + LANES + i], forces[at + 2 * LANES + i]
-                    stage[i] += place * fx
-                    stage[LANES + i] += place * fy
-                    stage[2 * LANES + i] += place * fu
-                    stage[3 * LANES + i] += speed_up * fx
-                    stage[4 * LANES + i] += speed_up * fy
-                    stage[5 * LANES + i] += speed_up * fu
-            if s == STAGES:
-                break
-            sine, cosine, early, late = nodes[number, s]
+        for s in range(STAGES):
+            _reach_stage(s, step, block, stage, forces)
+            node = (nodes[number, s, 0], nodes[number, s, 1], nodes[number, s, 2], nodes[number, s, 3])
             time = (first + number + TIMES[s]) * step
-            px, pu = radius * sine, radius * cosine
-            at = 3 * s * LANES
-            for i in range(LANES):
-                dx, dy, du = stage[i], stage[LANES + i], stage[2 * LANES + i]
-                vx, vy, vu = stage[3 * LANES + i], stage[4 * LANES + i], stage[5 * LANES + i]
-                ix, iy, iu = px + dx, dy, pu + du
-                flat = np.sqrt(ix * ix + iu * iu)
-                whole = np.sqrt(flat * flat + iy * iy)
-                st, ct, sc, cc = ix / flat, iu / flat, iy / whole, flat / whole
-                roll, drift, azimuth = block[9 * LANES + i], block[10 * LANES + i], block[11 * LANES + i]
-                fx, fy, fz = felt * sine, 0.0, -felt * cosine
-                cx, cy, cz = _turned(
-                    fx, fy, fz,
-                    block[6 * LANES + i] + roll * early - azimuth * late,
-                    block[7 * LANES + i] + drift * time,
-                    block[8 * LANES + i] + roll * late + azimuth * early,
-                )  # fmt: skip
-                if level:  # into the indicated local directions, where the accelerometers are
-                    fx, fy, fz = _local(fx, fy, fz, st, ct, sc, cc)
-                    cx, cy, cz = _local(cx, cy, cz, st, ct, sc, cc)
-                ex = _instrument(fx, cx, block[12 * LANES + i], block[15 * LANES + i])
-                ey = _instrument(fy, cy, block[13 * LANES + i], block[16 * LANES + i])
-                eu = -_instrument(fz, cz, block[14 * LANES + i], block[17 * LANES + i])
-                if level:  # and back to inertial ones
-                    ex, ey, eu = (
-                        ex * ct + st * (eu * cc - ey * sc),
-                        ey * cc + eu * sc,
-                        -ex * st + ct * (eu * cc - ey * sc),
-                    )
-                square = dx * dx + dy * dy + du * du
-                if slaved:
-                    faster = 2.0 * speed * (vx * cosine - vu * sine) + vx * vx + vy * vy + vu * vu
-                    radial = (0.5 * pull * square - faster - (ex * ix + ey * iy + eu * iu)) * inverse_square
-                    back = rate * rate + pull
-                    ax, ay, au = (
-                        ex + radial * ix - back * dx,
-                        ey + radial * iy - back * dy,
-                        eu + radial * iu - back * du,
-                    )
-                else:
-                    q = (2.0 * (px * dx + pu * du) + square) * inverse_square
-                    cube = (1.0 + q) * np.sqrt(np.abs(1.0 + q))
-                    share = q * (3.0 + q * (3.0 + q)) / (cube * (1.0 + cube))
-                    ax = ex + stiffness * (share * ix - dx)
-                    ay = ey + stiffness * (share * iy - dy)
-                    au = eu + stiffness * (share * iu - du)
-                forces[at + i], forces[at + LANES + i], forces[at + 2 * LANES + i] = ax, ay, au
-                along = 1.0 + (sine * dx + cosine * du) * inverse
-                block[18 * LANES + i] = min(block[18 * LANES + i], along)
+            _accelerate(s, time, node, constants, slaved, level, block, stage, forces)
+        _reach_stage(STAGES, step, block, stage, forces)
         for i in range(6 * LANES):
             block[i] = stage[i]
 
@@ -180,6 +215,7 @@ def _simulate(
     deviations: Array, equipment: Array, nodes: Array, first: int, step: float, constants: Array, slaved: bool,
     level: bool, component: Array,
 ) -> None:  # fmt: skip
+    """Carry samples through the steps, LANES at a time; deviations and components are those at the end, then."""
     block, stage, forces = np.empty(_ROWS * LANES), np.empty(6 * LANES), np.empty(3 * STAGES * LANES)
     for begin in range(0, deviations.shape[0], LANES):
         count = min(LANES, deviations.shape[0] - begin)
@@ -284,6 +320,8 @@ def simulate_histories(
         As for `simulate_ensemble`, until the last stop.
     """
     errors = np.asarray(errors, dtype=float)
+    check_shape("errors", errors, (None, len(Error)))
+    check_numbers("stops", stops, steps + 1)
     step = flight.duration / steps
     times = step * (np.arange(steps)[:, None] + TIMES[:STAGES])
     angles = times * flight.rate

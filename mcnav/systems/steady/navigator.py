@@ -71,11 +71,13 @@ def indicated_rates(
     level: bool,
 ) -> Array:  # fmt: skip
     """Compute the rates of (r, theta, cross, r', theta', cross') of the indicated motion, shape (6,)."""
+    # the actual force, g_eff upwards, in the instruments' axes at the start
     angle = rate * time
     felt = np.array([force * np.sin(angle), 0.0, -force * np.cos(angle)])
     first, later = time, 0.0  # how long the gyros have drifted about their first axes, and a quarter turn on
     if level and rate != 0.0:
         first, later = np.sin(angle) / rate, (1.0 - np.cos(angle)) / rate
+    # turn of the axes: misalignment and integral of the drifts
     roll, azimuth = -errors[10], errors[11]
     turn = np.array(
         [
@@ -88,9 +90,11 @@ def indicated_rates(
     felt = misaligned(felt, turn)
     if level:
         felt = resolved(felt, theta, cross)
+    # accelerometers: (f + bias) (1 + scale factor)
     measured = (felt + errors[12:15]) * (1.0 + errors[15:18])
     if not level:
         measured = resolved(measured, theta, cross)
+    # spherical coordinates: r'' = r (cross'^2 + theta'^2 cos^2 cross) + f_up - mu / r^2, and those of the angles
     rates = np.empty(6)
     rates[0], rates[1], rates[2], rates[3] = r_rate, theta_rate, cross_rate, 0.0
     if not slaved:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from mcnav._types import Array, IndexArray
 from mcnav.compiled.blocks import blocks_of
 from mcnav.compiled.jit import allocation_free, allocation_free_part, inlined
+from mcnav.compiled.shapes import check_shapes
 from mcnav.compiled.vectors import LANES, Store, load, parts_of, room, store
 from mcnav.systems.ins.ensemble.deviations import deviate
 from mcnav.systems.ins.ensemble.filters import (
@@ -470,42 +471,105 @@ def simulate_aided(
     own : bool
         Whether each sample computes its own gains.
     """
-    loop, shared = tables.loop, tables.ensemble
-    measured, model, chosen = loop.measurements, loop.filter, tables.epochs.chosen
-    errors = np.ascontiguousarray(errors, dtype=float)
-    count, epochs, states = len(errors), len(shared.epochs), len(model.constants)
-    state = deviate(shared.start, errors[:, :9])
-    of_states = np.ascontiguousarray(np.where(model.constants >= 0, errors[:, np.maximum(model.constants, 0)], 0.0))
-    estimates = np.zeros((count, states))
-    estimates[:, tables.exact] = -of_states[:, tables.exact]
-    of_states[:, tables.exact] = 0.0
+    errors, shared = np.ascontiguousarray(errors, dtype=float), tables.ensemble
+    _check_samples(tables, errors, samples, given)
+    count, epochs = len(errors), len(shared.epochs)
+    of_samples, active, active_aiding = _share_errors(tables, errors, samples)
+    nothing = np.zeros((0, 0))
+    noise = _Noise(
+        np.uint64(seed), given is None and bool(shared.factors.any() or shared.sizes.any()), given is None,
+        given is None and bool(tables.correlated.any()),
+        nothing if given is None else np.ascontiguousarray(given.added.reshape(count, -1)),
+        nothing if given is None else np.ascontiguousarray(given.measured.reshape(count, -1)),
+    )  # fmt: skip
+    steps = tables.steps(active)
+    rooms = _lane_rooms(tables, count, len(active), len(active_aiding), steps.factors.shape[2], own, noise.drifting)
+    results = Readings(
+        np.empty((count, epochs, 9)), np.empty((count, 9)), np.zeros(count, dtype=np.int64),
+        np.empty((epochs, count, len(rooms.reading.record))),
+    )  # fmt: skip
+    _run(
+        steps, tables.estimate_steps, tables.filter_steps, tables.updates(active_aiding, active), tables.epochs,
+        of_samples, noise, rooms, own, results,
+    )  # fmt: skip
+    beyond = (results.outcomes == SOUND) & ~np.isfinite(results.values).all(axis=(1, 2))
+    outcome = np.where(beyond, BEYOND, results.outcomes)
+    return AidedErrors(results.values, results.linear, outcome, results.records.swapaxes(0, 1))
+
+
+def _check_samples(tables: AidedTables, errors: Array, samples: IndexArray, given: GivenNoise | None) -> None:
+    """Raise ValueError where samples have not the sizes that the tables have."""
+    count, measurements = len(errors), tables.loop.measurements
+    sources = len(CONSTANTS) + measurements.constants.shape[2]
+    check_shapes((("errors", errors, (None, sources)), ("samples", samples, (count,))))
+    if given is not None:
+        check_shapes((
+            ("added", given.added, (count, *tables.ensemble.factors.shape[:2])),
+            ("measured", given.measured, (count, *measurements.components.shape)),
+        ))  # fmt: skip
+
+
+def _share_errors(tables: AidedTables, errors: Array, samples: IndexArray) -> tuple[_Given, IndexArray, IndexArray]:
+    """Share constant errors out between samples and their filters.
+
+    A constant error that a state models exactly is not propagated: at the start the state's estimate is its negative.
+
+    Returns
+    -------
+    given : _Given
+    active, active_aiding : ndarray of int
+        Numbers of the constant errors of the instruments and of the sensors that are not zero.
+    """
+    shared, constants, exact, of_start = (
+        tables.ensemble,
+        tables.loop.filter.constants,
+        tables.exact,
+        tables.adjoint.start,
+    )
+    of_states = np.ascontiguousarray(np.where(constants >= 0, errors[:, np.maximum(constants, 0)], 0.0))
+    estimates = np.zeros((len(errors), len(constants)))
+    estimates[:, exact] = -of_states[:, exact]
+    of_states[:, exact] = 0.0
     left = errors[:, NAVIGATION:].copy()
-    left[:, model.constants[tables.exact] - NAVIGATION] = 0.0
+    left[:, constants[exact] - NAVIGATION] = 0.0
     instruments, aiding = left[:, : len(CONSTANTS) - NAVIGATION], left[:, len(CONSTANTS) - NAVIGATION :]
     active, active_aiding = np.flatnonzero(instruments.any(axis=0)), np.flatnonzero(aiding.any(axis=0))
-    of_start = tables.adjoint.start
     linear = np.einsum("nj,ij->ni", errors[:, :NAVIGATION], of_start[:, :NAVIGATION] @ shared.start_map)
     linear += np.einsum("ns,is->ni", estimates, of_start[:, NAVIGATION:])
-    values, predicted = np.empty((count, epochs, 9)), np.empty((count, 9))
-    outcome = np.zeros(count, dtype=np.int64)
-    nothing = np.zeros((0, 0))
-    added = nothing if given is None else np.ascontiguousarray(given.added.reshape(count, -1))
-    disturbed = nothing if given is None else np.ascontiguousarray(given.measured.reshape(count, -1))
-    noisy = bool(shared.factors.any() or shared.sizes.any())
-    drifting = given is None and bool(tables.correlated.any())
-    steps = tables.steps(active)
-    most, width = measured.components.shape[1], steps.factors.shape[2]
-    components = len(tables.drift_sigmas)
+    given = _Given(
+        samples.astype(np.uint64), np.ascontiguousarray(instruments[:, active]),
+        np.ascontiguousarray(aiding[:, active_aiding]), of_states, estimates, deviate(shared.start, errors[:, :9]),
+        linear,
+    )  # fmt: skip
+    return given, active, active_aiding
+
+
+def _lane_rooms(
+    tables: AidedTables, count: int, errors: int, aiding: int, width: int, own: bool, drifting: bool
+) -> _LaneRooms:
+    """Return room for samples.
+
+    Parameters
+    ----------
+    errors, aiding : int
+        Constant errors of the instruments and of the sensors that are not zero.
+    width : int
+        Variates of a step.
+    drifting : bool
+        Whether correlated errors are drawn.
+    """
+    loop, shared, states = tables.loop, tables.ensemble, len(tables.loop.filter.constants)
+    most, components = loop.measurements.components.shape[1], len(tables.drift_sigmas)
     # the last block may end with the epoch after all steps
     blocks = np.append(loop.first_updates[:-1:STEPS_OF_BLOCK], loop.first_updates[-1])
     disturbed_together = int(np.diff(blocks).max())
     keep = Store()
-    deviations = deviations_of(len(active), len(shared.sizes), keep)
+    deviations = deviations_of(errors, len(shared.sizes), keep)
     filtered = estimates_of(
-        states, len(active_aiding), components, len(loop.sensors), keep, keep if drifting else room, most
-    )
+        states, aiding, components, len(loop.sensors), keep, keep if drifting else room, most
+    )  # fmt: skip
     covariances = room(9 + states, 9 + states)
-    rooms = _LaneRooms(
+    return _LaneRooms(
         deviations,
         filtered,
         covariances_of(states, own, keep if own else room, most),
@@ -520,28 +584,9 @@ def simulate_aided(
         parts_of(covariances),
         np.zeros((1, LANES), dtype=np.uint64),
         room(components if drifting else 0),
-        reading_rooms(states, width_of_record(len(chosen), states, len(loop.sensors)), own),
+        reading_rooms(states, width_of_record(len(tables.epochs.chosen), states, len(loop.sensors)), own),
         sample_groups(count, keep),
     )
-    records = np.empty((epochs, count, len(rooms.reading.record)))
-    _run(
-        steps,
-        tables.estimate_steps,
-        tables.filter_steps,
-        tables.updates(active_aiding, active),
-        tables.epochs,
-        _Given(
-            samples.astype(np.uint64), np.ascontiguousarray(instruments[:, active]),
-            np.ascontiguousarray(aiding[:, active_aiding]),
-            of_states, estimates, state, linear,
-        ),
-        _Noise(np.uint64(seed), noisy and given is None, given is None, drifting, added, disturbed),
-        rooms,
-        own,
-        Readings(values, predicted, outcome, records),
-    )  # fmt: skip
-    outcome = np.where((outcome == SOUND) & ~np.isfinite(values).all(axis=(1, 2)), BEYOND, outcome)
-    return AidedErrors(values, predicted, outcome, records.swapaxes(0, 1))
 
 
 @allocation_free

@@ -12,6 +12,7 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.compiled.jit import inlined, uncontracted
+from mcnav.compiled.shapes import check_shape
 from mcnav.systems.ins.earth import local_axes
 from mcnav.systems.ins.ensemble.readout import true_states
 from mcnav.systems.ins.truth.trajectory import Truth
@@ -72,6 +73,7 @@ def _deviate(
         From n to inertial axes.
     """
     spin = constants[3]
+    # true position, and velocity in i
     x0, y0, z0 = _place(constants, here[0], here[1], here[2])
     ux, uy, uz = (
         axes[0, 0] * velocity[0] + axes[0, 1] * velocity[1] + axes[0, 2] * velocity[2],
@@ -79,10 +81,12 @@ def _deviate(
         axes[2, 0] * velocity[0] + axes[2, 1] * velocity[1] + axes[2, 2] * velocity[2],
     )
     for n in range(len(errors)):
+        # deviation of the position; the rotation of the local axes by it
         north, east, down = errors[n, 0] / radii[0], errors[n, 1] / radii[1], errors[n, 2]
         x, y, z = _place(constants, here[0] + north, here[1] + east, here[2] - down)
         x, y, z = x - x0, y - y0, z - z0
         local = _multiply(_about(0.0, 0.0, 1.0, east), _about(-axes[0, 1], -axes[1, 1], -axes[2, 1], north))
+        # velocity error in the indicated local axes; with the velocity over the earth, turned, and W x r
         p, q, r = errors[n, 3], errors[n, 4], errors[n, 5]
         vx = axes[0, 0] * p + axes[0, 1] * q + axes[0, 2] * r
         vy = axes[1, 0] * p + axes[1, 1] * q + axes[1, 2] * r
@@ -90,6 +94,7 @@ def _deviate(
         p, q, r = _rotate(local, vx + ux, vy + uy, vz + uz)
         states[n, 4], states[n, 5], states[n, 6] = vx + p - spin * y, vy + q + spin * x, vz + r
         states[n, 7], states[n, 8], states[n, 9] = x, y, z
+        # the attitude error's rotation, then that of the local axes
         p, q, r = errors[n, 6], errors[n, 7], errors[n, 8]
         x = axes[0, 0] * p + axes[0, 1] * q + axes[0, 2] * r
         y = axes[1, 0] * p + axes[1, 1] * q + axes[1, 2] * r
@@ -145,6 +150,7 @@ def deviate(start: StartingPoint, errors: Array) -> Array:
     ndarray, shape (n, 10)
         Quaternions, deviations of velocity and deviations of position.
     """
+    check_shape("errors", errors, (None, 9))
     result = np.empty((len(errors), 10))
     _deviate(start.constants, start.here, start.radii, start.velocity, start.axes, np.ascontiguousarray(errors), result)
     return result

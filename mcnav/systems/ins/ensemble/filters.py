@@ -320,6 +320,7 @@ def project_along_truth(u: int, m: int, tables: FilterUpdates, filters: Covarian
         for c in range((m + 2) // THREE):
             begin, end = tables.bounds[u, c, 0], tables.bounds[u, c, 1]
             for r in range(p.shape[1]):
+                # P H^T: three states r by three components c; H along the truth, its columns begin to end alone
                 x = multiply(load_symmetric(p, t, r, begin), transpose(load_numbers(rows, (u, c, begin))))
                 for j in range(begin + 1, end):
                     x = add_product(x, load_symmetric(p, t, r, j), transpose(load_numbers(rows, (u, c, j))))
@@ -328,6 +329,7 @@ def project_along_truth(u: int, m: int, tables: FilterUpdates, filters: Covarian
                     x = add_product(x, load_symmetric(p, t, r, THREE + s), to_state)
                 store_block(cross, (t, r, c), x)
             for e in range(c + 1):
+                # H P H^T: components c by e
                 x = multiply(load_numbers(rows, (u, c, begin)), load_block(cross, (t, begin, e)))
                 for j in range(begin + 1, end):
                     x = add_product(x, load_numbers(rows, (u, c, j)), load_block(cross, (t, j, e)))
@@ -344,6 +346,7 @@ def project_along_samples(u: int, m: int, tables: FilterUpdates, filters: Covari
         for c in range((m + 2) // THREE):
             begin, end = tables.bounds[u, c, 0], tables.bounds[u, c, 1]
             for r in range(p.shape[1]):
+                # P H^T, with each sample's own H of psi, v, x
                 x = multiply(load_symmetric(p, t, r, begin), transpose(_own_rows(rows, t, c, begin)))
                 for j in range(begin + 1, end):
                     x = add_product(x, load_symmetric(p, t, r, j), transpose(_own_rows(rows, t, c, j)))
@@ -352,6 +355,7 @@ def project_along_samples(u: int, m: int, tables: FilterUpdates, filters: Covari
                     x = add_product(x, load_symmetric(p, t, r, THREE + s), to_state)
                 store_block(cross, (t, r, c), x)
             for e in range(c + 1):
+                # H P H^T
                 x = multiply(_own_rows(rows, t, c, begin), load_block(cross, (t, begin, e)))
                 for j in range(begin + 1, end):
                     x = add_product(x, _own_rows(rows, t, c, j), load_block(cross, (t, j, e)))
@@ -376,6 +380,7 @@ def factor_innovations(u: int, m: int, variances: Array, sound: Array, cause: Ar
     root, inverse = filters.root, filters.inverse
     for c in range(m):
         for e in range(c + 1):
+            # L_ce = (S_ce - sum of L_cj L_ej) / L_ee, where S = H P H^T + R
             x = load(root, (c, e))
             for j in range(e):
                 x -= load(root, (c, j)) * load(root, (e, j))
@@ -383,6 +388,7 @@ def factor_innovations(u: int, m: int, variances: Array, sound: Array, cause: Ar
                 store(root, (c, e), x * load(inverse, e))
             else:
                 x += variances[u, c]
+                # a pivot that is not positive: the sample is not sound any more, and goes on with 1
                 good = x > 0.0
                 why = where(load(sound, 0) > 0.0, float(INDEFINITE), float(BEYOND))
                 fresh = load(cause, 0) <= float(SOUND)
@@ -427,11 +433,13 @@ def _whiten(m: int, t: int, accepted: Array, whitened: Array, filters: Covarianc
     for r in range(filters.p.shape[1]):
         a = b = d = 0.0 * share
         for c in range((m + 2) // THREE):
+            # W_c = (P H^T_c - sum of W_e L_ce^T) L_cc^-T
             x = scale(load_block(cross, (t, r, c)), share)
             for e in range(c):
                 x = subtract_product(x, load_block(white, (r, e)), transpose(_root_block(root, t, c, e)))
             x = _divide_by_root(x, root, inverse, t, c)
             store_block(white, (r, c), x)
+            # W u, with the whitened innovation u = L^-1 n: what the estimates of three states gain
             u, v, w = (
                 load_part(whitened, (THREE * c, t)), load_part(whitened, (THREE * c + 1, t)),
                 load_part(whitened, (THREE * c + 2, t)),
@@ -453,10 +461,12 @@ def _reduce(m: int, t: int, tables: FilterSteps, filters: Covariances) -> None:
     p, white = filters.p, filters.white
     for r in range(p.shape[1]):
         for j in range(r + 1):
+            # P - W W^T
             x = load_block(p, (t, r, j))
             x = subtract_product(x, load_block(white, (r, 0)), transpose(load_block(white, (j, 0))))
             for c in range(1, (m + 2) // THREE):
                 x = subtract_product(x, load_block(white, (r, c)), transpose(load_block(white, (j, c))))
+            # not of two considered states
             if tables.all_change[r, j]:
                 store_symmetric(p, t, r, j, x)
             else:
@@ -484,12 +494,14 @@ def _reduce_by_joseph(u: int, m: int, t: int, steps: FilterSteps, tables: Filter
     """
     p, cross, white, gain, left = filters.p, filters.cross, filters.white, filters.gain, filters.left
     root, rows, n, blocks = filters.root_parts, filters.rows_parts, p.shape[1], (m + 2) // THREE
+    # K = W L^-1, from the last component to the first; zero for considered states
     for r in range(n):
         for c in range(blocks - 1, -1, -1):
             x = scale_rows(load_block(white, (r, c)), steps.corrected, r)
             for e in range(c + 1, blocks):
                 x = subtract_product(x, load_block(gain, (r, e)), _root_block(root, t, e, c))
             store_block(gain, (r, c), _divide_by_transposed_root(x, root, filters.inverse_parts, t, c))
+    # X = (I - K H) P
     for r in range(n):
         for j in range(n):
             x = load_symmetric(p, t, r, j)
@@ -497,6 +509,7 @@ def _reduce_by_joseph(u: int, m: int, t: int, steps: FilterSteps, tables: Filter
                 x = subtract_product(x, load_block(gain, (r, c)), transpose(load_block(cross, (t, j, c))))
             store_block(left, (r, j), x)
     for c in range(blocks):
+        # X H^T - K R
         begin, end = tables.bounds[u, c, 0], tables.bounds[u, c, 1]
         for r in range(n):
             x = multiply(load_block(left, (r, begin)), transpose(_own_rows(rows, t, c, begin)))
@@ -507,6 +520,7 @@ def _reduce_by_joseph(u: int, m: int, t: int, steps: FilterSteps, tables: Filter
                 x = add_product(x, load_block(left, (r, THREE + s)), to_state)
             of_noise = transpose(scale_rows(transpose(load_block(gain, (r, c))), tables.variances[u], c))
             store_block(white, (r, c), subtract(x, of_noise))
+    # P+ = X - (X H^T - K R) K^T
     for r in range(n):
         for j in range(r + 1):
             x = load_block(left, (r, j))

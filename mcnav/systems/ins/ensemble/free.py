@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from mcnav._types import Array, IndexArray
 from mcnav.compiled.jit import allocation_free, compiled
+from mcnav.compiled.shapes import check_shapes
 from mcnav.compiled.vectors import LANES, Store, load, room, store
 from mcnav.systems.ins.ensemble.deviations import StartingPoint, deviate, starting_point
 from mcnav.systems.ins.ensemble.readout import LOCAL, TrueStates, copy_linear, copy_rows, read_errors, true_states
@@ -35,7 +36,7 @@ from mcnav.systems.ins.ensemble.steps import (
     respond,
     start,
 )
-from mcnav.systems.ins.imu.instruments import GYRO, Imu
+from mcnav.systems.ins.imu.instruments import CONSTANTS, GYRO, Imu
 from mcnav.systems.ins.imu.variates import IMU_STREAM, draw_normals
 from mcnav.systems.ins.linear.adjoint import Adjoint, add_linear, adjoint_of_free
 from mcnav.systems.ins.linear.covariance import output_map, process_systems
@@ -152,6 +153,7 @@ def _factor(correlation: Array) -> Array:
     size = correlation.shape[1]
     for k in range(len(correlation)):
         for j in range(size):
+            # L_jj^2 = P_jj - sum of L_jc^2
             pivot = correlation[k, j, j]
             for c in range(j):
                 pivot -= factor[k, j, c] * factor[k, j, c]
@@ -160,6 +162,7 @@ def _factor(correlation: Array) -> Array:
             root = np.sqrt(pivot)
             factor[k, j, j] = root
             for i in range(j + 1, size):
+                # L_ij = (P_ij - sum of L_ic L_jc) / L_jj
                 value = correlation[k, i, j]
                 for c in range(j):
                     value -= factor[k, i, c] * factor[k, j, c]
@@ -273,13 +276,18 @@ def simulate_given(tables: EnsembleTables, errors: Array, added: Array) -> Ensem
 def _simulate(
     tables: EnsembleTables, errors: Array, seed: np.uint64, samples: NDArray[np.uint64], given: Array, noisy: bool
 ) -> EnsembleErrors:
-    errors = np.ascontiguousarray(errors, dtype=float)
+    errors, width = np.ascontiguousarray(errors, dtype=float), tables.factors.shape[1]
+    check_shapes((
+        ("errors", errors, (None, len(CONSTANTS))),
+        ("samples", samples, (len(errors),)),
+        ("added", given, (len(errors), len(tables.durations) * width) if given.size else (0, 0)),
+    ))  # fmt: skip
     state = deviate(tables.start, errors[:, :9])
     active = np.flatnonzero(errors[:, 9:].any(axis=0))
     # a matrix product rounds by a row's place
     linear = np.einsum("nj,ij->ni", errors[:, :9], tables.adjoint.start @ tables.start_map)
     values, predicted = np.empty((len(errors), len(tables.epochs), 9)), np.empty((len(errors), 9))
-    sound, width = np.empty(len(errors), dtype=np.bool_), tables.factors.shape[1]
+    sound = np.empty(len(errors), dtype=np.bool_)
     keep = Store()
     lanes = _LaneRooms(
         deviations_of(len(active), len(tables.sizes), keep, keep), room(max(STEPS_OF_BLOCK * width, len(tables.sizes))),
@@ -310,8 +318,10 @@ def _run(
         for group in range(groups):
             begin = group * LANES
             size, reached = min(LANES, len(state) - begin), passed
+            # a group's samples; the last one fills what is left of the lanes
             for i in range(LANES):
                 lanes.numbers[0, i] = indices[begin + min(i, size - 1)]
+            # at the start: deviations, and biases of processes by their sigmas
             if block == 0:
                 for i in range(LANES):
                     row = begin + min(i, size - 1)
@@ -326,6 +336,7 @@ def _run(
             if drawing:
                 draw_normals(seed, lanes.numbers, IMU_STREAM, count + block * width, drawn, normals)
             for k in range(block, end):
+                # errors at an epoch
                 if reached < len(epochs) and epochs[reached] == k:
                     read_errors(
                         reached, tables.constants, truth, samples.turn, samples.moved, lanes.local, lanes.axes,
@@ -337,6 +348,7 @@ def _run(
                         copy_linear(samples.linear, begin, size, predicted)
                 if k == steps:
                     break
+                # a step: the response to errors, its part of the linear errors, the deviations
                 respond(k, tables, drawing, normals, (k - block) * width, samples)
                 if noisy and not drawing:
                     for i in range(LANES):

@@ -73,6 +73,7 @@ def _quadratic(
     """Compute ``e^T P^-1 e`` of chosen states by Cholesky's method; ``out`` are the terms' roots."""
     total = 0.0 * load(vector, 0)
     for i in range(begin, end):
+        # column i of the Cholesky factor, and of L y = e; the sum of the squares of y is e^T P^-1 e
         at = chosen[i]
         value, pivot = load(vector, at), load(matrix, (at, at))
         least = SINGULAR * pivot
@@ -108,6 +109,7 @@ def _map_covariance(p: Array, to_outputs: Array, rooms: NormalizationRooms) -> N
     """Compute the covariance of the outputs; rows and columns of variances that are rounding are zero."""
     mapped, half, kept = rooms.mapped, rooms.half, rooms.kept
     for r in range(9):
+        # what the sigma would be without cancellation, row r of M P, and of M P M^T
         size = 0.0 * load(p, (0, 0))
         for j in range(9):
             if to_outputs[r, j] != 0.0:
@@ -124,6 +126,7 @@ def _map_covariance(p: Array, to_outputs: Array, rooms: NormalizationRooms) -> N
                 if to_outputs[c, j] != 0.0:
                     x += load(half, (r, j)) * to_outputs[c, j]
             store(mapped, (r, c), x)
+        # a variance that is rounding counts nothing
         store(kept, r, where(load(mapped, (r, r)) > ROUNDED * size * size, 1.0, 0.0))
     for r in range(9):
         for c in range(r + 1):
@@ -142,6 +145,7 @@ def normalize_by_own(p: Array, chosen: IndexArray, to_outputs: Array, rooms: Nor
         Numbers of the states that are estimated, the nine of navigation first.
     """
     errors, nees, mapped, root, solved = rooms.errors, rooms.nees, rooms.mapped, rooms.root, rooms.solved
+    # all estimated states; the first nine terms are those of navigation
     store(nees, 0, _quadratic(p, errors, chosen, 0, len(chosen), root, solved))
     navigation = 0.0 * load(errors, 0)
     for i in range(9):
@@ -150,6 +154,7 @@ def normalize_by_own(p: Array, chosen: IndexArray, to_outputs: Array, rooms: Nor
     store(nees, 5, _quadratic(p, errors, chosen, 9, len(chosen), root, solved))
     _map_errors(to_outputs, rooms)
     _map_covariance(p, to_outputs, rooms)
+    # position, velocity and attitude, as they are in the outputs
     for group in range(3):
         begin = 3 * group
         store(nees, 2 + group, _quadratic(mapped, rooms.output_errors, chosen, begin, begin + 3, root, solved))

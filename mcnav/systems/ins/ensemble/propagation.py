@@ -59,6 +59,7 @@ def _part_of_rows(rows: Array, t: int) -> Block:
 @allocation_free_part
 def _indicated_force(thrust: Array, k: int, half: int, response: Block) -> tuple[Vector, Vector, Vector]:
     """Compute the error of the force's integral that a sample indicates in step k: of the velocity or the position."""
+    # the linear response, less what psi that grows evenly to a makes of the force: a x f / 2, of the position a x f / 3
     at = THREE * half
     ax, ay, az = response[0], response[1], response[2]
     fx, fy, fz = thrust[k, at], thrust[k, at + 1], thrust[k, at + 2]
@@ -166,6 +167,7 @@ def _propagate_short(k: int, t: int, tables: FilterSteps, turned: Array, respons
     """Take the covariances of part t over a short step: four shears, of the position, v, the position and psi."""
     half = 0.5 * tables.durations[k]
     rotation, of_errors = _part_of_rows(turned, t), _part_of_rows(response, t)
+    # integral of the force as indicated, and what that integral's has beyond half a step of it
     x, y, z = _turned_force(tables.thrust, k, 0, rotation, of_errors)
     u, v, w = _turned_force(tables.thrust, k, 1, rotation, of_errors)
     store_part(filters.force, (0, 0), x)
@@ -186,12 +188,14 @@ def _propagate_long(k: int, t: int, tables: FilterSteps, turned: Array, response
     p, transition, coupled, product = filters.p, filters.transition, filters.coupled, filters.product
     motion, turning, moving, n = tables.motion, tables.turning, tables.moving, p.shape[1]
     rotation, of_errors = _part_of_rows(turned, t), _part_of_rows(response, t)
+    # transition of v, x by psi: R T R^T, less the cross product with the force that errors indicate
     for half in range(2):
         b = _turn_both(rotation, load_numbers(motion, (k, half, 0)))
         x, y, z = _indicated_force(tables.thrust, k, half, of_errors)
         b = (b[0], b[1] + z, b[2] - y, b[3] - z, b[4], b[5] + x, b[6] + y, b[7] - x, b[8])
         store_block(transition, half, b)
     for j in range(n):
+        # F P: rows of psi, v and x
         x = load_symmetric(p, t, 0, j)
         for s in turning:
             x = add_product(x, load_block(coupled, (0, s)), load_symmetric(p, t, THREE + s, j))
@@ -204,6 +208,7 @@ def _propagate_long(k: int, t: int, tables: FilterSteps, turned: Array, response
                 x = add_product(x, load_block(coupled, (1 + half, s)), load_symmetric(p, t, THREE + s, j))
             store_block(product, (1 + half, j), x)
     for r in range(THREE):
+        # F P F^T: with psi, then with v and x, then with the other states
         x = load_block(product, (r, 0))
         for s in turning:
             x = add_product(x, load_block(product, (r, THREE + s)), transpose(load_block(coupled, (0, s))))
@@ -225,14 +230,17 @@ def _add_noise(k: int, t: int, tables: FilterSteps, turned: Array, filters: Cova
     """Let the other states of part t fade over a step, and add its noise as turned."""
     p, noise, others, rotation = filters.p, tables.noise, filters.p.shape[1] - THREE, _part_of_rows(turned, t)
     for r in range(THREE):
+        # Q of psi, v, x: R Q R^T
         for c in range(r + 1):
             added = _turn_both(rotation, load_numbers(noise, (k, r, c)))
             store_symmetric(p, t, r, c, add(load_block(p, (t, r, c)), added))
+        # D P of the other states with these, and their common noise Q R^T
         for s in tables.fading:
             store_block(p, (t, THREE + s, r), scale_rows(load_block(p, (t, THREE + s, r)), tables.decay[k], s))
         for s in tables.shaken:
             added = transpose(_turn_rows(rotation, load_numbers(noise, (k, r, THREE + s))))
             store_block(p, (t, THREE + s, r), add(load_block(p, (t, THREE + s, r)), added))
+    # D P D + Q of the other states
     for s in range(others):
         for e in range(s + 1):
             if tables.still[s, e]:

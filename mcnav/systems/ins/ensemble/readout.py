@@ -48,10 +48,12 @@ def _locate(constants: Array, state: Array, x: Vector, y: Vector, z: Vector, vel
         Deviations.
     out : ndarray, shape (LOCAL, LANES)
     """
+    # r + x, and the velocity over the earth in i, v - W x r
     x, y, z = state[0] + x, state[1] + y, state[2] + z
     u = (state[3] + load(velocity, 0)) + constants[3] * y
     v = (state[4] + load(velocity, 1)) - constants[3] * x
     w = state[5] + load(velocity, 2)
+    # latitude from the meridian's normal, longitude from the position
     level = np.sqrt(x * x + y * y)
     up, side = meridian_sides(constants, level, z)
     scale = 1.0 / np.sqrt(up * up + side * side)
@@ -62,6 +64,7 @@ def _locate(constants: Array, state: Array, x: Vector, y: Vector, z: Vector, vel
     store(out, 1, cf)
     store(out, 2, sl)
     store(out, 3, cl)
+    # altitude; velocity along north, east and down
     store(out, 4, level * cf + z * sf - constants[0] * np.sqrt(1.0 - constants[1] * sf * sf))
     outwards = u * cl + v * sl
     store(out, 5, w * cf - outwards * sf)
@@ -99,6 +102,7 @@ def read_errors(
     true = truth.local
     sf, cf, sl, cl = load(local, 0), load(local, 1), load(local, 2), load(local, 3)
     sf0, cf0, sl0, cl0 = true[m, 0], true[m, 1], true[m, 2], true[m, 3]
+    # position: differences of angles by their sines and cosines, times the radii of curvature
     store(out, 0, truth.radii[m, 0] * _angle(sf * cf0 - cf * sf0, cf * cf0 + sf * sf0))
     store(out, 1, truth.radii[m, 1] * _angle(sl * cl0 - cl * sl0, cl * cl0 + sl * sl0))
     store(out, 2, true[m, 4] - load(local, 4))
@@ -118,6 +122,7 @@ def read_errors(
     nx, ny, nz = -sf * cl, -sf * sl, cf
     ex, ey = -sl, cl
     dx, dy, dz = -cf * cl, -cf * sl, -sf
+    # rotation vector of the turn between both: skew part and trace of the matrix
     x = 0.5 * (
         (dx * load(axes, 1) + dy * load(axes, 4) + dz * load(axes, 7)) - (ex * load(axes, 2) + ey * load(axes, 5))
     )

@@ -191,6 +191,7 @@ def respond(k: int, tables: StepTables, drawn: bool, normals: Array, first: int,
     independent = factors.shape[2] - len(bias)  # nine, or six if the position has no noise of its own
     for r in range(0, 9, 3):
         # an accelerometer turns nothing
+        # B e: constant errors
         count = tables.gyros if r == 0 else len(errors)
         x = y = z = 0.0
         for q in range(count):
@@ -198,11 +199,13 @@ def respond(k: int, tables: StepTables, drawn: bool, normals: Array, first: int,
             x += inputs[k, q, r] * error
             y += inputs[k, q, r + 1] * error
             z += inputs[k, q, r + 2] * error
+        # B b: biases of processes at the step's beginning
         for q in range(len(bias)):
             error = load(bias, q)
             x += biases[k, q, r] * error
             y += biases[k, q, r + 1] * error
             z += biases[k, q, r + 2] * error
+        # L n: rows of the Cholesky factor of Q times normal variates
         if drawn:
             for c in range(min(r + 3, independent)):
                 normal = load(normals, first + c)
@@ -213,6 +216,7 @@ def respond(k: int, tables: StepTables, drawn: bool, normals: Array, first: int,
         store(samples.response, r + 1, y)
         store(samples.response, r + 2, z)
     for q in range(len(bias)):
+        # b' = d b + L n
         x = tables.decays[k, q] * load(bias, q)
         if drawn:
             for c in range(independent + 1 + q):
@@ -355,23 +359,28 @@ def advance(k: int, tables: StepTables, samples: Deviations) -> None:
     constants, force, h = tables.constants, tables.force, tables.durations[k]
     response, here, moved, following = samples.response, samples.here, samples.moved, samples.following
     there, middle, last = samples.there, samples.middle, samples.last
+    # R - I at the step's beginning
     turn_less_one(samples.turn, samples.turned)
     turned = _rows(samples.turned)
     a, b, c, b01, b02, b12 = _parted(turned)
     b00, b11, b22 = turned[0], turned[4], turned[8]
     ax, ay, az = load(response, 0), load(response, 1), load(response, 2)
+    # the linear response to errors and the products of errors within the step, for v, then for x
     for half in range(2):
         lx, ly, lz = load(response, 3 + 3 * half), load(response, 4 + 3 * half), load(response, 5 + 3 * half)
         px, py, pz = products_within(turned, tables.thrust, half, k, ax, ay, az, lx, ly, lz)
         store(following, 3 * half, px + lx)
         store(following, 3 * half + 1, py + ly)
         store(following, 3 * half + 2, pz + lz)
+    # (R - I) F beyond its skew part: a matrix N, symmetric; the response to N F is a table
     for r in range(6):
         extra = load(following, r) + (force[k, r, 0] * b00 + force[k, r, 4] * b11 + force[k, r, 8] * b22)
         extra += (force[k, r, 1] + force[k, r, 3]) * b01 + (force[k, r, 2] + force[k, r, 6]) * b02
         extra += (force[k, r, 5] + force[k, r, 7]) * b12
         store(following, r, extra)
+    # M (psi, v, x), where psi is the skew part of R - I
     _add_motion(k, tables.motion, a, b, c, samples)
+    # positions in the middle and at the end, and the remainders of gravitation there: g(r + x) - g(r) - G x
     first = samples.pull
     for r in range(3):
         f = load(first, r)
@@ -398,6 +407,7 @@ def advance(k: int, tables: StepTables, samples: Deviations) -> None:
         store(here, r, position)
     for r in range(3):
         store(first, r, load(last, r))
+    # R' = R times the rotation by the gyros' errors
     turn, (w, x, y, z, square) = samples.turn, _turn_within(ax, ay, az)
     store(samples.checked, 0, square)
     w, x, y, z = multiply_turns(load(turn, 0), load(turn, 1), load(turn, 2), load(turn, 3), w, x, y, z)
@@ -435,10 +445,12 @@ def _change_gravity(
     """
     at, gradients, curvatures = 2 * k + 1, tables.gradients, tables.curvatures
     share, pull = 1.0 / radius, tables.constants[2] / (radius * radius)
+    # of a point mass beyond the linear: mu / r^2 times `gravity_remainder` of x / r
     nx, ny, nz = share * tables.places[at, 0], share * tables.places[at, 1], share * tables.places[at, 2]
     ux, uy, uz = share * x, share * y, share * z
     radial, along = gravity_shares(nx * ux + ny * uy + nz * uz, ux * ux + uy * uy + uz * uz)
     radial, along = pull * radial, pull * along
+    # G x of the whole field, and the zonal harmonics to second order
     xx, yy, zz, xy, xz, yz = x * x, y * y, z * z, x * y, x * z, y * z
     gx = nx * radial + ux * along + (gradients[at, 0, 0] * x + gradients[at, 0, 1] * y + gradients[at, 0, 2] * z)
     gy = ny * radial + uy * along + (gradients[at, 1, 0] * x + gradients[at, 1, 1] * y + gradients[at, 1, 2] * z)
@@ -469,10 +481,12 @@ def advance_short(k: int, tables: StepTables, samples: Deviations, parts: Deviat
     thrust, h, places, response, moved, turn = (
         tables.thrust, tables.durations[k], tables.places, parts.response, parts.moved, parts.turn,
     )  # fmt: skip
+    # integrals of the force alone: of v, and of x beyond half a step of it
     fx, fy, fz, sx, sy, sz = _force_alone(k, tables)
     half, sixth, px, py, pz = 0.5 * h, h / 6.0, places[2 * k + 1, 0], places[2 * k + 1, 1], places[2 * k + 1, 2]
     radius = np.sqrt(px * px + py * py + pz * pz)
     for t in range(PARTS):
+        # R - I at the step's beginning
         a, b, c, e = load_part(turn, (0, t)), load_part(turn, (1, t)), load_part(turn, (2, t)), load_part(turn, (3, t))
         turned = rotation_less_one(a, b, c, e)
         if filtered:
@@ -485,6 +499,7 @@ def advance_short(k: int, tables: StepTables, samples: Deviations, parts: Deviat
             store_part(parts.turned, (6, t), turned[6])
             store_part(parts.turned, (7, t), turned[7])
             store_part(parts.turned, (8, t), turned[8])
+        # R' = R times the rotation by the gyros' errors
         ax, ay, az = load_part(response, (0, t)), load_part(response, (1, t)), load_part(response, (2, t))
         w, x, y, z, square = _turn_within(ax, ay, az)
         w, x, y, z = multiply_turns(a, b, c, e, w, x, y, z)
@@ -493,10 +508,12 @@ def advance_short(k: int, tables: StepTables, samples: Deviations, parts: Deviat
         store_part(turn, (2, t), y)
         store_part(turn, (3, t), z)
         store_part(parts.checked, (0, t), square)
+        # what v gains: products of errors within the step, and (R - I) F
         lx, ly, lz = load_part(response, (3, t)), load_part(response, (4, t)), load_part(response, (5, t))
         dx, dy, dz = products_within(turned, thrust, 0, k, ax, ay, az, lx, ly, lz)
         ux, uy, uz = rotate(turned, fx, fy, fz)
         dx, dy, dz = dx + ux, dy + uy, dz + uz
+        # half a step of x, then the mean position of the step, at which gravity changes by g
         vx, vy, vz = load_part(moved, (0, t)), load_part(moved, (1, t)), load_part(moved, (2, t))
         x, y, z = load_part(moved, (3, t)), load_part(moved, (4, t)), load_part(moved, (5, t))
         x, y, z = x + half * vx, y + half * vy, z + half * vz
@@ -504,6 +521,7 @@ def advance_short(k: int, tables: StepTables, samples: Deviations, parts: Deviat
         gx, gy, gz = _change_gravity(k, tables, radius, mx, my, mz)
         mx, my, mz = px + mx, py + my, pz + mz
         store_part(parts.checked, (1, t), mx * mx + my * my + mz * mz)
+        # v' = v + all of it, with the linear response
         vx, vy, vz = vx + (dx + lx + h * gx), vy + (dy + ly + h * gy), vz + (dz + lz + h * gz)
         store_part(moved, (0, t), vx)
         store_part(moved, (1, t), vy)

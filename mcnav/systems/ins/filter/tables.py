@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,64 +57,60 @@ class FilterTables:
 
 
 def tabulate_filter(
-    truth: Truth,
-    platform: Platform,
-    imu: Imu,
-    responses: StepResponses,
-    model: FilterModel,
-    measurements: Measurements,
+    truth: Truth, platform: Platform, imu: Imu, responses: StepResponses, model: FilterModel, measurements: Measurements
 ) -> FilterTables:
-    """Tabulate a filter along the truth.
-
-    Parameters
-    ----------
-    imu : Imu
-        The true processes of the instruments.
-    responses : StepResponses
-        Over the steps, for these.
-    """
+    """Tabulate a filter along the truth, from the responses to the true processes of the instruments over the steps."""
     beliefs, states = model.beliefs, model.states
-    times, count = responses.times, len(states)
-    steps = len(times) - 1
-    believed = responses if same_memory(imu, beliefs.imu) else respond(truth, platform, times, beliefs.imu)
+    count, steps = len(states), len(responses.times) - 1
+    believed = responses if same_memory(imu, beliefs.imu) else respond(truth, platform, responses.times, beliefs.imu)
     systems = process_systems(believed, beliefs.imu)
-    names = aiding_constants(beliefs.sensors)
-    sources = {name: number for number, name in enumerate((*CONSTANTS, *names))}
+    sources = {name: number for number, name in enumerate((*CONSTANTS, *aiding_constants(beliefs.sensors)))}
     components = [component for sensor in beliefs.sensors for component in sensor.components]
-    correlated = {component.error_name("correlated"): number for number, component in enumerate(components)}
-    durations = np.diff(times)
-    coupling, decay = np.zeros((steps, NAVIGATION, count)), np.ones((steps, count))
-    noise = np.zeros((steps, NAVIGATION + count, NAVIGATION + count))
-    initial = np.zeros((NAVIGATION + count, NAVIGATION + count))
-    start_map = np.linalg.inv(output_map(truth, float(times[0])))
-    initial[:NAVIGATION, :NAVIGATION] = start_map @ beliefs.covariance @ start_map.T
-    rows = np.zeros((*measurements.components.shape, count))
-    of_state: dict[str, int] = {}
-    linked: list[tuple[str, ...]] = []
-    numbers = np.full(count, -1, dtype=np.int64)
-    rate_errors = np.array([rate_error(state.name) for state in states], dtype=np.int64)
-    for place, state in enumerate(states):
-        at = NAVIGATION + place
-        initial[at, at] = state.sigma**2
-        decay[:, place] = np.exp(-durations / state.correlation_time)
-        name = state.name
-        modelled: tuple[str, ...] = (name,)
-        if name in sources:
-            numbers[place] = sources[name]
-            coupling[:, :, place] = _constant_response(responses, name)
-            if sources[name] >= len(CONSTANTS):
-                rows[:, :, place] = measurements.constants[:, :, sources[name] - len(CONSTANTS)]
-            name = name.replace("_bias_", "_rate_random_walk_")
-            modelled = (name,) if name != state.name else ()
+    sigmas = np.array([component.noise for component in components])
+    modelled = tuple(_process_of(state.name, sources) for state in states)
+    tables = FilterTables(
+        np.zeros((steps, NAVIGATION, count)), np.ones((steps, count)),
+        np.zeros((steps, NAVIGATION + count, NAVIGATION + count)), _initial_covariance(truth, responses, model),
+        np.zeros((*measurements.components.shape, count)), sigmas[measurements.components] ** 2,
+        np.array([1.0] * NAVIGATION + [0.0 if state.considered else 1.0 for state in states]),
+        np.array([sources.get(state.name, -1) for state in states], dtype=np.int64),
+        tuple(() if name in sources else (name,) for name in modelled),
+        np.array([rate_error(state.name) for state in states], dtype=np.int64),
+    )  # fmt: skip
+    for place, (state, name) in enumerate(zip(states, modelled, strict=True)):
+        tables.decay[:, place] = np.exp(-np.diff(responses.times) / state.correlation_time)
+        if state.name in sources:
+            tables.coupling[:, :, place] = _constant_response(responses, state.name)
+            if sources[state.name] >= len(CONSTANTS):
+                tables.rows[:, :, place] = measurements.constants[:, :, sources[state.name] - len(CONSTANTS)]
         if name in systems:
-            of_state[name] = at
-            coupling[:, :, place] = systems[name][0][:, :NAVIGATION]
-        elif name in correlated:
-            rows[:, :, place] = -1.0 * (measurements.components == correlated[name])
-            noise[:, at, at] = state.sigma**2 * -np.expm1(-2.0 * durations / state.correlation_time)
-        linked.append(modelled)
-        if rate_errors[place] >= 0 and measurements.swings.size:
-            rows[:, :, place] = measurements.swings[:, :, rate_errors[place]]
+            tables.coupling[:, :, place] = systems[name][0][:, :NAVIGATION]
+        for number, component in enumerate(components):
+            if name == component.error_name("correlated"):
+                tables.rows[:, :, place] = -1.0 * (measurements.components == number)
+                added = -np.expm1(-2.0 * np.diff(responses.times) / state.correlation_time)
+                tables.noise[:, NAVIGATION + place, NAVIGATION + place] = state.sigma**2 * added
+        if tables.rate_errors[place] >= 0 and measurements.swings.size:
+            tables.rows[:, :, place] = measurements.swings[:, :, tables.rate_errors[place]]
+    _add_noise(tables.noise, systems, {name: NAVIGATION + n for n, name in enumerate(modelled) if name in systems})
+    return tables
+
+
+def _process_of(name: str, sources: Mapping[str, int]) -> str:
+    """Return the name of the process that a state models: with a constant bias, its rate random walk."""
+    return name.replace("_bias_", "_rate_random_walk_") if name in sources else name
+
+
+def _initial_covariance(truth: Truth, responses: StepResponses, model: FilterModel) -> Array:
+    """Return the covariance of psi, v, x and of the other states, which are independent, at the start."""
+    start_map = np.linalg.inv(output_map(truth, float(responses.times[0])))
+    initial = np.diag([0.0] * NAVIGATION + [state.sigma**2 for state in model.states])
+    initial[:NAVIGATION, :NAVIGATION] = start_map @ model.beliefs.covariance @ start_map.T
+    return initial
+
+
+def _add_noise(noise: Array, systems: Mapping[str, tuple[Array, Array, Array]], of_state: Mapping[str, int]) -> None:
+    """Add what processes add in a step to the covariance of psi, v, x and of the states that model them."""
     for name, (response, added, _) in systems.items():
         if name not in of_state and response.any():
             continue  # a bias without a state is neglected
@@ -123,12 +120,6 @@ def tabulate_filter(
             noise[:, at, :NAVIGATION] += added[:, NAVIGATION, :NAVIGATION]
             noise[:, :NAVIGATION, at] += added[:, :NAVIGATION, NAVIGATION]
             noise[:, at, at] += added[:, NAVIGATION, NAVIGATION]
-    sigmas = np.array([component.noise for component in components])
-    corrected = np.array([1.0] * NAVIGATION + [0.0 if state.considered else 1.0 for state in states])
-    return FilterTables(
-        coupling, decay, noise, initial, rows, sigmas[measurements.components] ** 2, corrected, numbers, tuple(linked),
-        rate_errors,
-    )  # fmt: skip
 
 
 def same_memory(one: Imu, other: Imu) -> bool:

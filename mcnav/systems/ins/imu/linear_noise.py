@@ -104,6 +104,7 @@ def _respond(
             reached += 1
         if step == len(durations):
             break
+        # over a step: psi' = C n, v' = psi x F + C m + G x, x' = v, with even noise n and m
         h, f = durations[step], forces[step]
         for i in range(3):
             turned[i] = added[i] = pulled[i] = 0.0

@@ -62,6 +62,7 @@ def philox(
 ) -> tuple[np.uint64, np.uint64, np.uint64, np.uint64]:
     """Compute four words of 32 bits from a counter of four words and a key of two."""
     # of what stands above the 32 bits of a word nothing is used
+    # ten rounds: two products of 32 bits, whose halves and the key are mixed
     for _ in range(10):
         one, two = _FIRST * (a & _LOW), _SECOND * (c & _LOW)
         a, b, c, d = (two >> _HALF) ^ b ^ first, two, (one >> _HALF) ^ d ^ second, one
@@ -111,6 +112,7 @@ def _circle(t: Vector) -> tuple[Vector, Vector]:
 @inlined
 def _pair(one: Vector, other: Vector) -> tuple[Vector, Vector]:
     """Compute two normal variates from two words."""
+    # 40 bits as a number in (0, 1), 24 as a direction; radius sqrt(-2 log u)
     uniform = doubles(one << _TO_TOP | (other >> _TO_BELOW & _BELOW) | _MIDDLE | _ONE) - 1.0
     radius = np.sqrt(-2.0 * _log(uniform))
     cosine, sine = _circle(narrow(doubles((other & _DIRECTION) << _TO_TURNS | _ONE) - 1.0))
@@ -132,6 +134,7 @@ def draw_normals(seed: np.uint64, samples: NDArray[np.uint64], stream: int, firs
     key, index = np.uint64(seed), load(samples, 0)
     low, high = index & _LOW, (index >> _HALF) ^ (np.uint64(stream) << np.uint64(16))
     for block in range(first // 4, (first + count + 3) // 4):
+        # four variates of one counter: its lower words count, its upper ones are sample and stream
         number = np.uint64(block)
         a, b, c, d = philox(number & _LOW, number >> _HALF, low, high, key & _LOW, key >> _HALF)
         row = 4 * block - first

@@ -7,7 +7,8 @@ The filter's gains are computed along the truth from what it believes. With its 
     y' = Phi y + (errors of the instruments) - C e^          e^' = D e^
     n = H y + (errors of the measurement) - H_e e^           y+ = y - K_y n          e^+ = e^ + K_e n
 
-This is linear in each cause: a column of sensitivities for each constant error, and a covariance for each process.
+This is linear in each cause: a column of sensitivities for each constant error, and a covariance for each process, both
+by the recursions of `mcnav.systems.ins.linear.recursions`.
 """
 
 from __future__ import annotations
@@ -19,7 +20,6 @@ from typing import Final
 import numpy as np
 
 from mcnav._types import Array, IndexArray
-from mcnav.compiled.jit import compiled, inlined
 from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel
 from mcnav.systems.ins.filter.tables import FilterTables, same_memory, tabulate_filter
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, Imu
@@ -30,14 +30,20 @@ from mcnav.systems.ins.linear.covariance import (
     process_systems,
     transitions,
 )
+from mcnav.systems.ins.linear.recursions import (
+    ReadingTimes,
+    StepNoise,
+    Steps,
+    Updates,
+    design_gains,
+    run_covariance,
+    run_responses,
+)
 from mcnav.systems.ins.linear.response import StepResponses, respond
 from mcnav.systems.ins.linear.same_content import same_content
-from mcnav.systems.ins.sensors.aiding import Sensor, aiding_constants
+from mcnav.systems.ins.sensors.aiding import Component, Sensor, aiding_constants
 from mcnav.systems.ins.sensors.measurements import Measurements, measure, rate_error
 from mcnav.systems.ins.truth.trajectory import Platform, Truth
-
-LANES: Final = 8
-"""Processes are handled in multiples of this number."""
 
 NOWHERE: Final = np.zeros(0, dtype=np.int64)
 
@@ -136,13 +142,10 @@ def close_loop(
         return replace(shared, imu=imu, sensors=sensors, model=model)
     tables = tabulate_filter(truth, platform, imu, responses, model, measurements)
     first = np.append(np.searchsorted(measurements.times, times, side="left"), len(measurements.times))
-    updates, most = measurements.components.shape
-    gains, roots = np.zeros((updates, len(tables.corrected), most)), np.zeros((updates, most, most))
-    transition, own = transitions(responses), np.zeros((len(own_at), *tables.initial.shape))
-    _design(
-        transition, tables.coupling, tables.decay, tables.noise, tables.initial, measurements.rows, tables.rows,
-        tables.variances, tables.corrected, measurements.sizes, first, gains, roots, own_at,
-        np.ones(len(own_at), np.bool_), own,
+    transition = transitions(responses)
+    gains, roots, own = design_gains(
+        *_filter_steps(transition, tables), _filter_updates(first, measurements, tables), tables.variances,
+        tables.corrected, tables.initial, ReadingTimes(own_at, np.ones(len(own_at), np.bool_)),
     )  # fmt: skip
     return ClosedLoop(
         truth, platform, imu, sensors, model, responses, transition, measurements, tables, first, gains, roots, own_at,
@@ -221,385 +224,179 @@ def propagate_closed_loop(loop: ClosedLoop, readings: IndexArray, after: Array) 
 
 def own_covariances(loop: ClosedLoop, readings: IndexArray, after: Array) -> Array:
     """Compute the filter's covariance at readings, shape (m, 9 + q, 9 + q)."""
-    tables, measurements = loop.filter, loop.measurements
-    covariances = np.zeros((len(readings), *tables.initial.shape))
-    _design(
-        loop.transition, tables.coupling, tables.decay, tables.noise, tables.initial, measurements.rows, tables.rows,
-        tables.variances, tables.corrected, measurements.sizes, loop.first_updates, np.zeros_like(loop.gains),
-        np.zeros_like(loop.roots), readings, after.astype(np.bool_), covariances,
+    tables = loop.filter
+    return run_covariance(
+        *_filter_steps(loop.transition, tables), _filter_updates(loop.first_updates, loop.measurements, tables),
+        tables.variances, loop.gains, tables.initial, ReadingTimes(readings, after.astype(np.bool_)),
+        len(tables.initial),
     )  # fmt: skip
-    return covariances
+
+
+def _filter_steps(transition: Array, tables: FilterTables) -> tuple[Steps, StepNoise]:
+    """Return F and Q of the filter's own states."""
+    white, cross = tables.noise[:, :NAVIGATION, :NAVIGATION], tables.noise[:, :NAVIGATION, NAVIGATION:]
+    driven = np.diagonal(tables.noise, axis1=1, axis2=2)[:, NAVIGATION:]
+    return (
+        Steps(np.concatenate([transition, tables.coupling], axis=2), tables.decay),
+        StepNoise(*(np.ascontiguousarray(each) for each in (white, cross, driven))),
+    )
+
+
+def _filter_updates(first: IndexArray, measurements: Measurements, tables: FilterTables) -> Updates:
+    """Return H of the filter's own states."""
+    return Updates(first, measurements.sizes, np.concatenate([measurements.rows, tables.rows], axis=2))
+
+
+@dataclass(frozen=True)
+class TrueLoop:
+    """The closed loop of the true deviations y and the estimates e^, and of n biases that drive them.
+
+    Attributes
+    ----------
+    steps : Steps
+        F of (y, e^, b).
+    updates : Updates
+        H of (y, e^, b), whose part of e^ is ``-H_e``.
+    gains : ndarray, shape (U, 9 + q, M)
+        K_y and ``-K_e``.
+    """
+
+    steps: Steps
+    updates: Updates
+    gains: Array
+
+
+def true_loop(loop: ClosedLoop, biases: int = 0) -> TrueLoop:
+    """Return the closed loop with room for a number of biases, which so far neither decay nor drive anything."""
+    tables, measurements, steps = loop.filter, loop.measurements, len(loop.transition)
+    rows = np.concatenate([loop.transition, -tables.coupling, np.zeros((steps, NAVIGATION, biases))], axis=2)
+    responses = (measurements.rows, -tables.rows, np.zeros((*measurements.components.shape, biases)))
+    return TrueLoop(
+        Steps(rows, np.concatenate([tables.decay, np.ones((steps, biases))], axis=1)),
+        Updates(loop.first_updates, measurements.sizes, np.concatenate(responses, axis=2)),
+        np.concatenate([loop.gains[:, :NAVIGATION], -loop.gains[:, NAVIGATION:]], axis=1),
+    )
+
+
+def constant_disturbances(loop: ClosedLoop) -> tuple[Array, Array]:
+    """Return what constant errors add to psi, v, x in steps, shape (K, 9, s), and to innovations, shape (U, M, s)."""
+    fixed, initial, measurements = len(CONSTANTS), len(OUTPUTS), loop.measurements
+    sources = fixed + len(aiding_constants(loop.sensors))
+    inputs = np.zeros((len(loop.transition), NAVIGATION, sources))
+    inputs[:, :, initial:fixed] = constant_inputs(loop.responses)
+    disturbances = np.zeros((*measurements.components.shape, sources))
+    disturbances[:, :, fixed:] = measurements.constants
+    disturbances[:, :, initial : initial + measurements.swings.shape[2]] = measurements.swings
+    return inputs, disturbances
 
 
 def _propagate_constants(loop: ClosedLoop, readings: IndexArray, after: Array) -> tuple[Array, Array]:
     """Compute what each constant error makes of y, shape (m, 9, sources), and of the estimates, (m, q, sources)."""
-    tables, measurements, gains = loop.filter, loop.measurements, loop.gains
-    inputs = constant_inputs(loop.responses)
-    fixed, count = len(CONSTANTS), len(tables.constants)
-    sources = fixed + len(aiding_constants(loop.sensors))
-    y = np.zeros((NAVIGATION, sources))
-    y[:, : len(OUTPUTS)] = np.linalg.inv(output_map(loop.truth, float(loop.times[0])))
-    seen = np.empty((len(readings), NAVIGATION + count, sources))
-    _carry_constants(
-        loop.transition, tables.coupling, tables.decay, inputs, measurements.rows, tables.rows, measurements.constants,
-        measurements.swings, measurements.sizes, gains, loop.first_updates, readings, after.astype(np.bool_), y, seen,
-    )  # fmt: skip
+    inputs, disturbances = constant_disturbances(loop)
+    true = true_loop(loop)
+    start = np.zeros((NAVIGATION + len(loop.filter.constants), inputs.shape[2]))
+    start[:NAVIGATION, : len(OUTPUTS)] = np.linalg.inv(output_map(loop.truth, float(loop.times[0])))
+    seen = run_responses(
+        true.steps,
+        inputs,
+        true.updates,
+        disturbances,
+        true.gains,
+        start,
+        ReadingTimes(readings, after.astype(np.bool_)),
+    )
     return seen[:, :NAVIGATION], seen[:, NAVIGATION:]
 
 
 def _propagate_processes(loop: ClosedLoop, readings: IndexArray, after: Array) -> tuple[list[str], Array]:
     """Compute the covariance of y, the estimates and a process's own bias, shape (m, 10 + q, 10 + q, processes)."""
-    steps, durations = len(loop.transition), np.diff(loop.times)
-    systems = process_systems(loop.responses, loop.imu)
     components = [component for sensor in loop.sensors for component in sensor.components]
-    correlated = {c.error_name("correlated"): n for n, c in enumerate(components) if c.correlated > 0.0}
-    white = {c.error_name("noise"): n for n, c in enumerate(components)}
-    names = [name for sensor in loop.sensors for name in sensor.processes()]
-    names = [*systems, *names]
-    lanes = -(-len(names) // LANES) * LANES
-    response, decay = np.zeros((steps, NAVIGATION, lanes)), np.ones((steps, lanes))
-    noise, bias_noise = np.zeros((steps, 10, NAVIGATION, lanes)), np.zeros((steps, lanes))
-    variance, of_component, measured = np.zeros(lanes), np.full(lanes, -1), np.full(lanes, -1)
-    sigmas, rate_errors = np.zeros(lanes), np.full(lanes, -1)
+    systems = process_systems(loop.responses, loop.imu)
+    names = [*systems, *(name for sensor in loop.sensors for name in sensor.processes())]
+    true, times = true_loop(loop, 1), ReadingTimes(readings, after.astype(np.bool_))
+    size = true.updates.rows.shape[2]
+    covariances = np.zeros((len(readings), size, size, len(names)))
+    quiet = _quiet(loop)
     for number, name in enumerate(names):
         if name in systems:
-            rate_errors[number] = rate_error(name) if loop.measurements.swings.size else -1
-            over, added, variance[number] = systems[name]
-            response[:, :, number], decay[:, number] = over[:, :NAVIGATION], over[:, NAVIGATION]
-            noise[:, :NAVIGATION, :, number] = added[:, :NAVIGATION, :NAVIGATION]
-            noise[:, NAVIGATION, :, number] = added[:, NAVIGATION, :NAVIGATION]
-            bias_noise[:, number] = added[:, NAVIGATION, NAVIGATION]
-        elif name in correlated:
-            component = components[correlated[name]]
-            of_component[number], variance[number] = correlated[name], component.correlated**2
-            decay[:, number] = np.exp(-durations / component.correlation_time)
-            bias_noise[:, number] = -(component.correlated**2) * np.expm1(-2.0 * durations / component.correlation_time)
+            process = _process_of_imu(loop, quiet, name, *systems[name])
         else:
-            measured[number], sigmas[number] = white[name], components[white[name]].noise
-    size = NAVIGATION + len(loop.filter.constants) + 1
-    processes = np.zeros((len(readings), size, size, lanes))
-    tables, measurements = loop.filter, loop.measurements
-    _add_up(
-        loop.transition, tables.coupling, tables.decay, response, decay, noise, bias_noise, variance, of_component,
-        measured, sigmas, rate_errors, measurements.swings, measurements.rows, tables.rows, measurements.components,
-        measurements.sizes, loop.gains, loop.first_updates, readings, after.astype(np.bool_), processes,
-    )  # fmt: skip
-    return names, processes[..., : len(names)]
+            process = _process_of_sensors(loop, quiet, name, components)
+        true.steps.rows[:, :, -1], true.steps.decay[:, -1] = process.response, process.decay
+        true.updates.rows[:, :, -1] = process.seen
+        start = np.zeros((size, size))
+        start[-1, -1] = process.variance
+        covariances[..., number] = run_covariance(
+            true.steps, process.noise, true.updates, process.measured, true.gains, start, times, size
+        )
+    return names, covariances
 
 
-@compiled
-def _carry_constants(
-    transition: Array, coupling: Array, decay: Array, inputs: Array, rows: Array, state_rows: Array, constants: Array,
-    swings: Array, sizes: IndexArray, gains: Array, first: IndexArray, readings: IndexArray, after: Array,
-    start: Array, seen: Array,
-) -> None:  # fmt: skip
-    """Run the sensitivities of y and of the estimates, to all constant errors, through the closed loop."""
-    sources, states, most = start.shape[1], decay.shape[1], rows.shape[1]
-    fixed = sources - constants.shape[2]
-    y, following = start.copy(), np.zeros_like(start)
-    estimates, innovation = np.zeros((states, sources)), np.zeros((most, sources))
-    reached = 0
-    for k in range(len(first) - 1):
-        while reached < len(readings) and readings[reached] == k and not after[reached]:
-            seen[reached, :9], seen[reached, 9:] = y, estimates
-            reached += 1
-        for u in range(first[k], first[k + 1]):
-            innovation[:] = 0.0
-            for c in range(sizes[u]):
-                for i in range(9):
-                    _add_row(innovation[c], rows[u, c, i], y[i])
-                for i in range(states):
-                    _add_row(innovation[c], -state_rows[u, c, i], estimates[i])
-                for j in range(fixed, sources):
-                    innovation[c, j] += constants[u, c, j - fixed]
-                for j in range(swings.shape[2]):
-                    innovation[c, 9 + j] += swings[u, c, j]
-            for c in range(sizes[u]):
-                for i in range(9):
-                    _add_row(y[i], -gains[u, i, c], innovation[c])
-                for i in range(states):
-                    _add_row(estimates[i], gains[u, 9 + i, c], innovation[c])
-        while reached < len(readings) and readings[reached] == k:
-            seen[reached, :9], seen[reached, 9:] = y, estimates
-            reached += 1
-        if k == len(transition):
-            break
-        following[:] = 0.0
-        for i in range(9):
-            for j in range(9):
-                _add_row(following[i], transition[k, i, j], y[j])
-            for j in range(states):
-                _add_row(following[i], -coupling[k, i, j], estimates[j])
-            for j in range(inputs.shape[2]):
-                following[i, 9 + j] += inputs[k, i, j]
-        y[:] = following
-        for i in range(states):
-            for j in range(sources):
-                estimates[i, j] *= decay[k, i]
+@dataclass(frozen=True)
+class _Process:
+    """A process that drives the loop, and its bias, over K steps and U updates.
 
-
-@inlined
-def _add_row(row: Array, weight: float, other: Array) -> None:
-    """Add a multiple of a row to another one."""
-    if weight != 0.0:
-        for j in range(len(row)):
-            row[j] += weight * other[j]
-
-
-@compiled
-def _design(
-    transition: Array, coupling: Array, decay: Array, noise: Array, initial: Array, rows: Array, state_rows: Array,
-    variances: Array, corrected: Array, sizes: IndexArray, first: IndexArray, gains: Array, roots: Array,
-    readings: IndexArray, after: Array, covariances: Array,
-) -> None:  # fmt: skip
-    """Run the filter's covariance along the truth: Joseph form, states that are considered are not corrected.
-
-    Loops over states are innermost, where they run in vectors; responses that are zero are skipped.
+    Attributes
+    ----------
+    response, decay : ndarray, shapes (K, 9), (K,)
+        Of psi, v, x to the bias, and what is left of it.
+    noise : StepNoise
+        The other states are the estimates and the bias.
+    variance : float
+        Of the bias at the start.
+    seen, measured : ndarray, shape (U, M)
+        Responses of the innovations to the bias; variance of the measurements.
     """
-    size, most = len(initial), rows.shape[1]
-    p = initial.copy()
-    product, full, turned = np.zeros((9, size)), np.zeros((most, size)), np.zeros((size, 9))
-    cross, gain, weights = np.zeros((most, size)), np.zeros((most, size)), np.zeros((most, size))
-    s, root = np.zeros((most, most)), np.zeros((most, most))
-    left = np.zeros((size, size))  # its transpose
-    reached = 0
-    for k in range(len(first) - 1):
-        while reached < len(readings) and readings[reached] == k and not after[reached]:
-            covariances[reached] = p
-            reached += 1
-        for u in range(first[k], first[k + 1]):
-            m = sizes[u]
-            for c in range(m):
-                full[c, :9] = rows[u, c]
-                full[c, 9:] = state_rows[u, c]
-                for i in range(size):
-                    cross[c, i] = 0.0
-                for j in range(size):
-                    weight = full[c, j]
-                    if weight != 0.0:
-                        for i in range(size):
-                            cross[c, i] += weight * p[j, i]
-            for c in range(m):
-                for e in range(m):
-                    total = 0.0
-                    for j in range(size):
-                        total += full[c, j] * cross[e, j]
-                    s[c, e] = total
-                s[c, c] += variances[u, c]
-            for c in range(m):
-                for e in range(c + 1):
-                    total = s[c, e]
-                    for j in range(e):
-                        total -= root[c, j] * root[e, j]
-                    root[c, e] = np.sqrt(total) if c == e else total / root[e, e]
-            roots[u] = root
-            for c in range(m):
-                for i in range(size):
-                    gain[c, i] = cross[c, i]
-                for j in range(c):
-                    weight = root[c, j]
-                    for i in range(size):
-                        gain[c, i] -= gain[j, i] * weight
-                for i in range(size):
-                    gain[c, i] /= root[c, c]
-            for c in range(m - 1, -1, -1):
-                for j in range(c + 1, m):
-                    weight = root[j, c]
-                    for i in range(size):
-                        gain[c, i] -= gain[j, i] * weight
-                for i in range(size):
-                    gain[c, i] /= root[c, c]
-            for c in range(m):
-                for i in range(size):
-                    gain[c, i] *= corrected[i]
-                    gains[u, i, c] = gain[c, i]
-            for j in range(size):
-                for i in range(size):
-                    left[j, i] = p[j, i]
-                for c in range(m):
-                    weight = cross[c, j]
-                    for i in range(size):
-                        left[j, i] -= gain[c, i] * weight
-            for c in range(m):
-                for i in range(size):
-                    cross[c, i] = 0.0
-                for j in range(size):
-                    weight = full[c, j]
-                    if weight != 0.0:
-                        for i in range(size):
-                            cross[c, i] += weight * left[j, i]
-                for i in range(size):
-                    weights[c, i] = variances[u, c] * gain[c, i] - cross[c, i]
-            for j in range(size):
-                for i in range(j, size):
-                    p[j, i] = left[j, i]
-                for c in range(m):
-                    weight = gain[c, j]
-                    for i in range(j, size):
-                        p[j, i] += weights[c, i] * weight
-                for i in range(j, size):
-                    p[i, j] = p[j, i]
-        while reached < len(readings) and readings[reached] == k:
-            covariances[reached] = p
-            reached += 1
-        if k == len(transition):
-            break
-        for i in range(9):
-            for c in range(9):
-                turned[c, i] = transition[k, i, c]
-            for c in range(size - 9):
-                turned[9 + c, i] = coupling[k, i, c]
-            for j in range(size):
-                product[i, j] = 0.0
-            for c in range(size):
-                weight = turned[c, i]
-                if weight != 0.0:
-                    for j in range(size):
-                        product[i, j] += weight * p[c, j]
-        for i in range(9):
-            for j in range(i + 1):
-                p[i, j] = noise[k, i, j]
-            for c in range(size):
-                weight = product[i, c]
-                for j in range(i + 1):
-                    p[i, j] += weight * turned[c, j]
-            for j in range(i + 1):
-                p[j, i] = p[i, j]
-        for c in range(size - 9):
-            for i in range(9):
-                p[i, 9 + c] = p[9 + c, i] = product[i, 9 + c] * decay[k, c] + noise[k, i, 9 + c]
-            for e in range(c + 1):
-                total = p[9 + c, 9 + e] * decay[k, c] * decay[k, e] + noise[k, 9 + c, 9 + e]
-                p[9 + c, 9 + e] = p[9 + e, 9 + c] = total
+
+    response: Array
+    decay: Array
+    noise: StepNoise
+    variance: float
+    seen: Array
+    measured: Array
 
 
-@compiled
-def _add_up(
-    transition: Array, coupling: Array, decay: Array, response: Array, own_decay: Array, noise: Array,
-    bias_noise: Array, variance: Array, of_component: IndexArray, measured: IndexArray, sigmas: Array,
-    rate_errors: IndexArray, swings: Array, rows: Array, state_rows: Array, components: IndexArray, sizes: IndexArray,
-    gains: Array, first: IndexArray, readings: IndexArray, after: Array, result: Array,
-) -> None:  # fmt: skip
-    """Run the covariances of all processes through the closed loop; processes are the last axis."""
-    lanes, size = result.shape[3], result.shape[1]
-    states, last, most = size - 10, size - 1, rows.shape[1]
-    c = np.zeros((size, size, lanes))
-    c[last, last] = variance
-    product = np.zeros((9, size, lanes))
-    cross = np.zeros((size, most, lanes))
-    left = np.zeros((size, size, lanes))
-    full, gain = np.zeros((most, size - 1)), np.zeros((size - 1, most))
-    own = np.zeros((most, lanes))
-    reached = 0
-    for k in range(len(first) - 1):
-        while reached < len(readings) and readings[reached] == k and not after[reached]:
-            result[reached] = c
-            reached += 1
-        for u in range(first[k], first[k + 1]):
-            m = sizes[u]
-            for e in range(m):
-                full[e, :9] = rows[u, e]
-                for i in range(states):
-                    full[e, 9 + i] = -state_rows[u, e, i]
-                for n in range(lanes):
-                    own[e, n] = -1.0 if of_component[n] == components[u, e] else 0.0
-                    if rate_errors[n] >= 0:
-                        own[e, n] = swings[u, e, rate_errors[n]]
-                for i in range(size - 1):
-                    gain[i, e] = gains[u, i, e] if i < 9 else -gains[u, i, e]
-            _project(c, full, own, m, cross)
-            for i in range(size):
-                for j in range(size):
-                    for n in range(lanes):
-                        left[i, j, n] = c[i, j, n]
-                    if i < last:
-                        for e in range(m):
-                            weight = gain[i, e]
-                            for n in range(lanes):
-                                left[i, j, n] -= weight * cross[j, e, n]
-            _project(left, full, own, m, cross)
-            for i in range(size):
-                for j in range(i + 1):
-                    for n in range(lanes):
-                        c[i, j, n] = left[i, j, n]
-                    if j < last:
-                        for e in range(m):
-                            weight = gain[j, e]
-                            for n in range(lanes):
-                                c[i, j, n] -= weight * cross[i, e, n]
-                    for n in range(lanes):
-                        c[j, i, n] = c[i, j, n]
-            for e in range(m):
-                for n in range(lanes):
-                    if measured[n] == components[u, e]:
-                        for i in range(size - 1):
-                            for j in range(size - 1):
-                                c[i, j, n] += sigmas[n] * sigmas[n] * gain[i, e] * gain[j, e]
-        while reached < len(readings) and readings[reached] == k:
-            result[reached] = c
-            reached += 1
-        if k == len(transition):
-            break
-        for i in range(9):
-            for j in range(size):
-                for n in range(lanes):
-                    product[i, j, n] = response[k, i, n] * c[last, j, n]
-                for e in range(9):
-                    weight = transition[k, i, e]
-                    if weight != 0.0:
-                        for n in range(lanes):
-                            product[i, j, n] += weight * c[e, j, n]
-                for e in range(states):
-                    weight = coupling[k, i, e]
-                    if weight != 0.0:
-                        for n in range(lanes):
-                            product[i, j, n] -= weight * c[9 + e, j, n]
-        for i in range(9):
-            for j in range(i + 1):
-                for n in range(lanes):
-                    c[i, j, n] = noise[k, i, j, n] + product[i, last, n] * response[k, j, n]
-                for e in range(9):
-                    weight = transition[k, j, e]
-                    if weight != 0.0:
-                        for n in range(lanes):
-                            c[i, j, n] += weight * product[i, e, n]
-                for e in range(states):
-                    weight = coupling[k, j, e]
-                    if weight != 0.0:
-                        for n in range(lanes):
-                            c[i, j, n] -= weight * product[i, 9 + e, n]
-                for n in range(lanes):
-                    c[j, i, n] = c[i, j, n]
-            for e in range(states):
-                weight = decay[k, e]
-                for n in range(lanes):
-                    c[i, 9 + e, n] = weight * product[i, 9 + e, n]
-                    c[9 + e, i, n] = c[i, 9 + e, n]
-            for n in range(lanes):
-                c[i, last, n] = own_decay[k, n] * product[i, last, n] + noise[k, 9, i, n]
-                c[last, i, n] = c[i, last, n]
-        for e in range(states):
-            for f in range(states):
-                weight = decay[k, e] * decay[k, f]
-                for n in range(lanes):
-                    c[9 + e, 9 + f, n] *= weight
-            for n in range(lanes):
-                c[9 + e, last, n] *= decay[k, e] * own_decay[k, n]
-                c[last, 9 + e, n] = c[9 + e, last, n]
-        for n in range(lanes):
-            c[last, last, n] = c[last, last, n] * own_decay[k, n] * own_decay[k, n] + bias_noise[k, n]
+def _quiet(loop: ClosedLoop) -> _Process:
+    """Return a process that does nothing."""
+    steps, others = len(loop.transition), len(loop.filter.constants) + 1
+    none = np.zeros(loop.measurements.components.shape)
+    noise = StepNoise(
+        np.zeros((steps, NAVIGATION, NAVIGATION)), np.zeros((steps, NAVIGATION, others)), np.zeros((steps, others))
+    )
+    return _Process(np.zeros((steps, NAVIGATION)), np.ones(steps), noise, 0.0, none, none)
 
 
-@compiled
-def _project(c: Array, full: Array, own: Array, m: int, cross: Array) -> None:
-    """Multiply covariances by the responses of innovations, shape (m, size)."""
-    size, lanes = c.shape[1], c.shape[2]
-    for i in range(size):
-        for e in range(m):
-            for n in range(lanes):
-                cross[i, e, n] = own[e, n] * c[i, size - 1, n]
-            for j in range(size - 1):
-                weight = full[e, j]
-                if weight != 0.0:
-                    for n in range(lanes):
-                        cross[i, e, n] += weight * c[i, j, n]
+def _process_of_imu(
+    loop: ClosedLoop, quiet: _Process, name: str, response: Array, added: Array, variance: Array
+) -> _Process:
+    """Return a process of the instruments, whose system `process_systems` has."""
+    swings, gyro = loop.measurements.swings, rate_error(name)
+    noise = quiet.noise._replace(white=np.ascontiguousarray(added[:, :NAVIGATION, :NAVIGATION]))
+    if response.any():
+        cross, driven = noise.cross.copy(), noise.driven.copy()
+        cross[:, :, -1], driven[:, -1] = added[:, NAVIGATION, :NAVIGATION], added[:, NAVIGATION, NAVIGATION]
+        noise = noise._replace(cross=cross, driven=driven)
+    return _Process(
+        response[:, :NAVIGATION], response[:, NAVIGATION], noise, float(variance),
+        swings[:, :, gyro] if gyro >= 0 and swings.size else quiet.seen, quiet.measured,
+    )  # fmt: skip
+
+
+def _process_of_sensors(loop: ClosedLoop, quiet: _Process, name: str, components: list[Component]) -> _Process:
+    """Return a process of the sensors: correlated errors or white noise of a component."""
+    for number, component in enumerate(components):
+        at = loop.measurements.components == number
+        if component.correlated > 0.0 and name == component.error_name("correlated"):
+            driven = quiet.noise.driven.copy()
+            decay, driven[:, -1] = gauss_markov(component, np.diff(loop.times))
+            noise = quiet.noise._replace(driven=driven)
+            return replace(quiet, decay=decay, noise=noise, variance=component.correlated**2, seen=-1.0 * at)
+        if name == component.error_name("noise"):
+            return replace(quiet, measured=component.noise**2 * at)
+    raise ValueError(f"no sensor has a process {name!r}")
+
+
+def gauss_markov(component: Component, durations: Array) -> tuple[Array, Array]:
+    """Return what is left of a component's correlated errors after durations, s, and the variance that is added."""
+    shares = durations / component.correlation_time
+    return np.exp(-shares), -(component.correlated**2) * np.expm1(-2.0 * shares)

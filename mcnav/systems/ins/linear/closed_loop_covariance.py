@@ -8,7 +8,7 @@ random walks, correlated errors of the sensors) are one state of the closed loop
     n = H y - H_e e^ + H_b b + noise     y+ = y - K_y n  e^+ = e^ + K_e n
 
 so that one recursion of its covariance has what `mcnav.systems.ins.linear.closed_loop.propagate_closed_loop` has by
-cause.
+cause. The mean is the response to the constant errors' mean.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mcnav._types import Array, IndexArray
-from mcnav.compiled.jit import compiled
+from mcnav._types import Array
 from mcnav.systems.ins.filter.model import NAVIGATION
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, Imu
-from mcnav.systems.ins.linear.closed_loop import ClosedLoop
+from mcnav.systems.ins.linear.closed_loop import ClosedLoop, TrueLoop, constant_disturbances, gauss_markov, true_loop
 from mcnav.systems.ins.linear.covariance import constant_inputs, map_covariances, output_map, process_systems
+from mcnav.systems.ins.linear.recursions import ReadingTimes, StepNoise, Steps, run_covariance, run_responses
 from mcnav.systems.ins.sensors.measurements import rate_error
 
 
@@ -62,8 +62,8 @@ class _Biases:
         Covariance with psi, v, x, and variance, that a step adds.
     rows : ndarray, shape (U, M, n)
         Responses of the innovations.
-    mean, initial : ndarray, shapes (9 + n,), (9 + n, 9 + n)
-        Mean and covariance of psi, v, x and the biases at the start.
+    initial : ndarray, shape (9 + n, 9 + n)
+        Covariance of psi, v, x and the biases at the start.
     white : ndarray, shape (K, 9, 9)
         Covariance of psi, v, x that all processes add in a step.
     """
@@ -73,7 +73,6 @@ class _Biases:
     cross: Array
     noise: Array
     rows: Array
-    mean: Array
     initial: Array
     white: Array
 
@@ -90,34 +89,53 @@ def propagate_covariance(
     shared : ClosedLoopCovariance, optional
         Covariance of another loop, whose maps are taken over where they hold.
     """
-    readings = loop.own_at
-    tables, measurements, biases = loop.filter, loop.measurements, _biases(loop, mean, sources)
+    readings = ReadingTimes(loop.own_at, np.ones(len(loop.own_at), dtype=np.bool_))
+    biases, true = _biases(loop, sources), true_loop(loop)
     components = [component for sensor in loop.sensors for component in sensor.components]
-    variances = np.array([component.noise for component in components])[measurements.components] ** 2
-    states, count = len(tables.constants), biases.response.shape[2]
-    covariance, means = np.zeros((len(readings), NAVIGATION, NAVIGATION)), np.zeros((len(readings), NAVIGATION))
-    initial, start = np.zeros((NAVIGATION + states + count,) * 2), np.zeros(NAVIGATION + states + count)
-    kept = np.r_[0:NAVIGATION, NAVIGATION + states : len(initial)]
-    initial[np.ix_(kept, kept)], start[kept] = biases.initial, biases.mean
-    full = np.concatenate([measurements.rows, -tables.rows, biases.rows], axis=2)
-    over = np.concatenate([loop.transition, -tables.coupling, biases.response], axis=2)
-    decay = np.concatenate([tables.decay, biases.decay], axis=1)
-    _propagate(
-        over, decay, biases.white, biases.cross, biases.noise, start, initial, full, variances, measurements.sizes,
-        loop.gains, loop.first_updates, readings, means, covariance,
+    variances = np.array([component.noise for component in components])[loop.measurements.components] ** 2
+    states = len(loop.filter.constants)
+    size = NAVIGATION + states + biases.response.shape[2]
+    start, kept = np.zeros((size, size)), np.r_[0:NAVIGATION, NAVIGATION + states : size]
+    start[np.ix_(kept, kept)] = biases.initial
+    covariance = run_covariance(
+        Steps(
+            np.concatenate([true.steps.rows, biases.response], axis=2),
+            np.concatenate([true.steps.decay, biases.decay], axis=1),
+        ),
+        StepNoise(biases.white, _after_zeros(states, biases.cross), _after_zeros(states, biases.noise)),
+        true.updates._replace(rows=np.concatenate([true.updates.rows, biases.rows], axis=2)),
+        variances, true.gains, start, readings, NAVIGATION,
     )  # fmt: skip
-    if shared is not None and shared.loop.responses is loop.responses and shared.loop.own_at is readings:
+    if shared is not None and shared.loop.responses is loop.responses and shared.loop.own_at is loop.own_at:
         maps = shared.maps
     else:
-        maps = np.stack([output_map(loop.truth, float(time)) for time in loop.times[readings]])
-    own, means = loop.own[:, :NAVIGATION, :NAVIGATION], (maps @ means[:, :, None])[:, :, 0]
+        maps = np.stack([output_map(loop.truth, float(time)) for time in loop.times[loop.own_at]])
+    own, means = loop.own[:, :NAVIGATION, :NAVIGATION], (maps @ _propagate_mean(loop, true, mean, readings))[:, :, 0]
     return ClosedLoopCovariance(loop, maps, means, map_covariances(maps, covariance), map_covariances(maps, own))
 
 
-def _biases(loop: ClosedLoop, mean: Array, sources: Array) -> _Biases:
-    """Collect the biases: constant errors that are not zero, processes that are biases, correlated errors."""
+def _after_zeros(count: int, table: Array) -> Array:
+    """Return a table with zeros of so many states before its last axis."""
+    return np.concatenate([np.zeros((*table.shape[:-1], count)), table], axis=-1)
+
+
+def _propagate_mean(loop: ClosedLoop, true: TrueLoop, mean: Array, readings: ReadingTimes) -> Array:
+    """Compute the mean of psi, v, x at readings, shape (m, 9, 1), from that of the constant sources."""
+    if not mean.any():
+        return np.zeros((len(readings.numbers), NAVIGATION, 1))
+    inputs, disturbances = constant_disturbances(loop)
+    start = np.zeros((NAVIGATION + len(loop.filter.constants), 1))
+    start[:NAVIGATION, 0] = np.linalg.solve(output_map(loop.truth, float(loop.times[0])), mean[:NAVIGATION])
+    together = mean[:, None]
+    return run_responses(
+        true.steps, inputs @ together, true.updates, disturbances @ together, true.gains, start, readings
+    )[:, :NAVIGATION]
+
+
+def _biases(loop: ClosedLoop, sources: Array) -> _Biases:
+    """Collect the biases: constant errors that have a variance, processes that are biases, correlated errors."""
     steps, durations, fixed = len(loop.transition), np.diff(loop.times), len(CONSTANTS)
-    sized = np.flatnonzero((np.diag(sources) > 0.0) | (mean != 0.0)).tolist()
+    sized = np.flatnonzero(np.diag(sources) > 0.0).tolist()
     constants = [number for number in sized if number >= len(OUTPUTS)]
     imu, responses = loop.imu, loop.responses
     quiet = Imu(*(replace(each, random_walk=np.zeros(3)) for each in (imu.gyro, imu.accelerometer)))
@@ -148,117 +166,16 @@ def _biases(loop: ClosedLoop, mean: Array, sources: Array) -> _Biases:
     for place, number in enumerate(correlated, first + len(driving)):
         component = components[number]
         rows[:, :, place] = -1.0 * (loop.measurements.components == number)
-        decay[:, place] = np.exp(-durations / component.correlation_time)
-        noise[:, place] = -(component.correlated**2) * np.expm1(-2.0 * durations / component.correlation_time)
+        decay[:, place], noise[:, place] = gauss_markov(component, durations)
         initial[NAVIGATION + place, NAVIGATION + place] = component.correlated**2
     given = np.r_[0 : len(OUTPUTS), constants].astype(np.int64)
     to_state = np.eye(len(given))
     to_state[:NAVIGATION, :NAVIGATION] = np.linalg.inv(output_map(loop.truth, float(loop.times[0])))
     initial[: len(given), : len(given)] = to_state @ sources[np.ix_(given, given)] @ to_state.T
-    means = np.zeros(len(initial))
-    means[: len(given)] = to_state @ mean[given]
     white = np.zeros((steps, NAVIGATION, NAVIGATION))
     for axis in range(3):
         white += imu.gyro.random_walk[axis] ** 2 * responses.gyro_white[:, axis]
         white[:, 3:, 3:] += imu.accelerometer.random_walk[axis] ** 2 * responses.accelerometer_white[:, axis]
     for _, added, _ in systems.values():
         white += added[:, :NAVIGATION, :NAVIGATION]
-    return _Biases(response, decay, cross, noise, rows, means, initial, white)
-
-
-@compiled
-def _propagate(
-    over: Array, decay: Array, white: Array, cross_noise: Array, noise: Array, mean: Array, initial: Array,
-    rows: Array, variances: Array, sizes: IndexArray, gains: Array, first: IndexArray, readings: IndexArray,
-    means: Array, result: Array,
-) -> None:  # fmt: skip
-    """Run mean and covariance of y, e^ and b through the closed loop; updates in Joseph's form."""
-    size, moved, most = len(initial), gains.shape[1], rows.shape[1]
-    biases = size - moved
-    c, product = initial.copy(), np.zeros((9, size))
-    cross, gain, again = np.zeros((most, size)), np.zeros((most, moved)), np.zeros((most, moved))
-    turned, x, shifted, innovation = np.zeros((size, 9)), mean.copy(), np.zeros(9), np.zeros(most)
-    reached = 0
-    for k in range(len(first) - 1):
-        for u in range(first[k], first[k + 1]):
-            m = sizes[u]
-            for e in range(m):
-                innovation[e] = 0.0
-                for i in range(moved):
-                    gain[e, i] = gains[u, i, e] if i < 9 else -gains[u, i, e]
-                for j in range(size):
-                    cross[e, j] = 0.0
-                for i in range(size):
-                    weight = rows[u, e, i]
-                    if weight != 0.0:
-                        innovation[e] += weight * x[i]
-                        for j in range(size):
-                            cross[e, j] += weight * c[i, j]
-            for e in range(m):
-                for i in range(moved):
-                    x[i] -= gain[e, i] * innovation[e]
-            for i in range(moved):
-                for e in range(m):
-                    weight = gain[e, i]
-                    for j in range(size):
-                        c[i, j] -= weight * cross[e, j]
-            for i in range(moved):
-                for e in range(m):
-                    total = variances[u, e] * gain[e, i]
-                    for j in range(size):
-                        total -= rows[u, e, j] * c[i, j]
-                    again[e, i] = total
-            for i in range(moved):
-                for e in range(m):
-                    weight = again[e, i]
-                    for j in range(moved):
-                        c[i, j] += weight * gain[e, j]
-            for i in range(moved):
-                for j in range(i):
-                    c[j, i] = c[i, j]
-                for j in range(moved, size):
-                    c[j, i] = c[i, j]
-        while reached < len(readings) and readings[reached] == k:
-            for i in range(9):
-                means[reached, i] = x[i]
-                for j in range(9):
-                    result[reached, i, j] = c[i, j]
-            reached += 1
-        if k == len(over):
-            break
-        for i in range(9):
-            shifted[i] = 0.0
-            for j in range(size):
-                product[i, j] = 0.0
-            for e in range(size):
-                weight = over[k, i, e]
-                turned[e, i] = weight
-                if weight != 0.0:
-                    shifted[i] += weight * x[e]
-                    for j in range(size):
-                        product[i, j] += weight * c[e, j]
-        for i in range(9, size):
-            x[i] *= decay[k, i - 9]
-        for i in range(9):
-            x[i] = shifted[i]
-            for j in range(9):
-                c[i, j] = white[k, i, j]
-            for e in range(size):
-                weight = product[i, e]
-                for j in range(9):
-                    c[i, j] += weight * turned[e, j]
-            for j in range(9, size):
-                c[i, j] = decay[k, j - 9] * product[i, j]
-            for j in range(biases):
-                c[i, moved + j] += cross_noise[k, i, j]
-            for j in range(9, size):
-                c[j, i] = c[i, j]
-        for i in range(9):
-            for j in range(i):
-                c[j, i] = c[i, j]
-        for i in range(9, size):
-            weight = decay[k, i - 9]
-            for j in range(9, size):
-                c[i, j] *= weight * decay[k, j - 9]
-        for i in range(biases):
-            c[moved + i, moved + i] += noise[k, i]
+    return _Biases(response, decay, cross, noise, rows, initial, white)

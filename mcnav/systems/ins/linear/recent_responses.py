@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from typing import Final
 
 from mcnav._recent import Recent
@@ -32,4 +31,4 @@ def recent_responses(truth: Truth, platform: Platform, times: Array, imu: Imu) -
 
 
 def _size(responses: StepResponses) -> int:
-    return sum(getattr(responses, each.name).nbytes for each in fields(responses))
+    return sum(table.nbytes for table in responses)

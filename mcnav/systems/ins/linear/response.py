@@ -21,8 +21,7 @@ so that n and m drive them like white noise of density Q^2 times the interval be
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -37,15 +36,20 @@ LONGEST_INTERVAL: Final = 0.25
 SHARE_OF_CORRELATION: Final = 0.25
 """Longest interval as a share of the shortest correlation time."""
 
-_NODE: Final = 0.5 - np.sqrt(3.0) / 6.0
+_NODE: Final = float(0.5 - np.sqrt(3.0) / 6.0)
 """First node of the Gauss method as a share of the interval; the second is one less this."""
+
+_LATER: Final = (1.0 - _NODE, _NODE)
+"""From a node to the end of the interval, as a share of it."""
+
+_AHEAD: Final = ((0.25, 0.25 + float(np.sqrt(3.0) / 6.0)), (0.25 - float(np.sqrt(3.0) / 6.0), 0.25))
+"""Weights of both nodes in an integral from a node to the end of the interval."""
 
 _ROW: Final = np.array(["xyz".index(pair[0]) for pair in CROSS_AXES])
 _COLUMN: Final = np.array(["xyz".index(pair[1]) for pair in CROSS_AXES])
 
 
-@dataclass(frozen=True)
-class StepResponses:
+class StepResponses(NamedTuple):
     """Responses over K steps: of psi, v, x (9 rows), or of v, x alone (6 rows), at the end of a step.
 
     Attributes
@@ -119,18 +123,90 @@ def respond(truth: Truth, platform: Platform, times: Array, imu: Imu) -> StepRes
     nodes = np.stack([bounds[:-1] + _NODE * lengths, bounds[1:] - _NODE * lengths], axis=1)
     states = truth.states(nodes.ravel(), platform, float(times[0]))
     gradient = truth.earth.gravity_gradient(0.5 * (states.position[0::2] + states.position[1::2]))
-    steps = len(times) - 1
+    at_times = truth.states(times, platform, float(times[0]))
+    responses = _rooms_for(times, at_times.axes)
+    quadrature = _Quadrature(
+        np.searchsorted(bounds, times), lengths, states.axes.reshape(-1, 2, 3, 3), states.force.reshape(-1, 2, 3),
+        states.rate.reshape(-1, 2, 3), gradient,
+    )  # fmt: skip
+    _respond(quadrature, _Instruments(constants, _ROW, _COLUMN, imu.quantized), _work(), responses)
+    return responses
+
+
+def _rooms_for(times: Array, axes: Array) -> StepResponses:
+    """Return responses over the steps between times, which are zero."""
     shapes = (
         (6, 3), (6, 6), (6, 3, 3), (15, 9), (15, 6), (3, 9), (3, 9), (3, 6), (3, 6),
         (3, 9, 9), (3, 6, 6), (3, 10, 10), (3, 10, 10), (3, 7, 7), (3, 7, 7), (3, 9, 9), (3, 6, 6),
     )  # fmt: skip
-    responses = tuple(np.zeros((steps, *shape)) for shape in shapes)
-    _respond(
-        np.searchsorted(bounds, times), lengths, states.axes.reshape(-1, 2, 3, 3), states.force.reshape(-1, 2, 3),
-        states.rate.reshape(-1, 2, 3), gradient, constants, _ROW, _COLUMN, imu.quantized, *responses,
-    )  # fmt: skip
-    at_times = truth.states(times, platform, float(times[0]))
-    return StepResponses(times, *(*responses, at_times.axes))
+    return StepResponses._make((times, *(np.zeros((len(times) - 1, *shape)) for shape in shapes), axes))
+
+
+class _Quadrature(NamedTuple):
+    """The truth at the nodes of J intervals, of which K steps consist.
+
+    Attributes
+    ----------
+    begins : ndarray of int, shape (K + 1,)
+        First interval of each step.
+    lengths : ndarray, shape (J,)
+    axes, forces, rates : ndarray, shapes (J, 2, 3, 3), (J, 2, 3), (J, 2, 3)
+        C, f and w at the nodes.
+    gradients : ndarray, shape (J, 3, 3)
+        G, in the middle.
+    """
+
+    begins: IndexArray
+    lengths: Array
+    axes: Array
+    forces: Array
+    rates: Array
+    gradients: Array
+
+
+class _Instruments(NamedTuple):
+    """Correlation times, shape (2, 3), axes that are mixed by cross-axis errors, and whether there is quantization."""
+
+    correlation: Array
+    row: IndexArray
+    column: IndexArray
+    quantized: bool
+
+
+class _Work(NamedTuple):
+    """Responses at the end of a step, of v and x, 6 rows, or of psi, v, x, to what happens in an interval before.
+
+    Attributes
+    ----------
+    of_psi, of_v, of_x : ndarray, shape (6, 3)
+        To psi, v and x at the end of the interval.
+    along, apart : ndarray, shape (2, 6, 3)
+        To v and to x at the nodes.
+    turning : ndarray, shape (2, 6, 3)
+        To psi through the force there, per second.
+    to_gyro, to_accelerometer : ndarray, shapes (2, 3, 9), (2, 3, 6)
+        To the error of a reading at the nodes, per second, by axis.
+    inertial : ndarray, shape (3,)
+        The force F at a node.
+    node : ndarray, shape (10,)
+        A response at a node, with that of a bias.
+    """
+
+    of_psi: Array
+    of_v: Array
+    of_x: Array
+    along: Array
+    apart: Array
+    turning: Array
+    to_gyro: Array
+    to_accelerometer: Array
+    inertial: Array
+    node: Array
+
+
+def _work() -> _Work:
+    shapes = ((6, 3), (6, 3), (6, 3), (2, 6, 3), (2, 6, 3), (2, 6, 3), (2, 3, 9), (2, 3, 6), (3,), (10,))
+    return _Work(*(np.zeros(shape) for shape in shapes))
 
 
 @allocation_free_part
@@ -165,112 +241,161 @@ def _advance_motion(of_v: Array, of_x: Array, gradient: Array, s: float, out_v: 
 
 
 @compiled
-def _respond(
-    begins: IndexArray, lengths: Array, axes: Array, forces: Array, rates: Array, gradients: Array, correlation: Array,
-    row: IndexArray, column: IndexArray, quantized: bool, attitude: Array, motion: Array, force: Array, gyro: Array,
-    accelerometer: Array, gyro_state: Array, gyro_walk: Array, accelerometer_state: Array, accelerometer_walk: Array,
-    gyro_white: Array, accelerometer_white: Array, gyro_driven: Array, gyro_walked: Array, accelerometer_driven: Array,
-    accelerometer_walked: Array, gyro_quantized: Array, accelerometer_quantized: Array,
-) -> None:  # fmt: skip
-    later = (1.0 - _NODE, _NODE)  # from a node to the end of the interval, as a share
-    root = np.sqrt(3.0) / 6.0
-    ahead = ((0.25, 0.25 + root), (0.25 - root, 0.25))  # integrals from a node to the end
-    along, turning = np.empty((2, 6, 3)), np.empty((2, 6, 3))  # responses to v at the nodes; to psi changing there
-    to_gyro, to_accelerometer = np.empty((2, 3, 9)), np.empty((2, 3, 6))
-    of_psi, of_v, of_x, apart = np.empty((6, 3)), np.empty((6, 3)), np.empty((6, 3)), np.empty((2, 6, 3))
-    inertial, node = np.empty(3), np.empty(10)
-    for k in range(len(begins) - 1):
-        of_psi[:], of_v[:], of_x[:] = 0.0, 0.0, 0.0
-        for r in range(3):
-            of_v[r, r] = of_x[3 + r, r] = 1.0
+def _respond(quadrature: _Quadrature, instruments: _Instruments, work: _Work, out: StepResponses) -> None:
+    """Go through the intervals of each step from the last to the first."""
+    for k in range(len(quadrature.begins) - 1):
+        _begin_at_the_end(work)
         remaining = 0.0  # from the end of the interval to that of the step
-        for j in range(begins[k + 1] - 1, begins[k] - 1, -1):
-            h, gradient = lengths[j], gradients[j]
-            weight = 0.5 * h
-            for i in range(2):
-                _advance_motion(of_v, of_x, gradient, later[i] * h, along[i], apart[i])
-                for r in range(3):
-                    inertial[r] = 0.0
-                    for m in range(3):
-                        inertial[r] += axes[j, i, r, m] * forces[j, i, m]
-                for r in range(6):
-                    x, y, z = along[i, r, 0], along[i, r, 1], along[i, r, 2]
-                    turning[i, r, 0] = inertial[1] * z - inertial[2] * y
-                    turning[i, r, 1] = inertial[2] * x - inertial[0] * z
-                    turning[i, r, 2] = inertial[0] * y - inertial[1] * x
-                    for m in range(3):
-                        for n in range(3):
-                            force[k, r, m, n] += weight * along[i, r, m] * inertial[n]
-            for i in range(2):
-                for a in range(3):
-                    for r in range(3):
-                        to_gyro[i, a, r] = axes[j, i, r, a]
-                    for r in range(6):
-                        total, pushed = 0.0, 0.0
-                        for m in range(3):
-                            turn = of_psi[r, m] + h * (ahead[i][0] * turning[0, r, m] + ahead[i][1] * turning[1, r, m])
-                            total += turn * axes[j, i, m, a]
-                            pushed += along[i, r, m] * axes[j, i, m, a]
-                        to_gyro[i, a, 3 + r] = total
-                        to_accelerometer[i, a, r] = pushed
-            for i in range(2):
-                for a in range(3):
-                    f, w = forces[j, i, a], rates[j, i, a]
-                    for r in range(9):
-                        size = weight * to_gyro[i, a, r]
-                        gyro[k, a, r] += size
-                        gyro[k, 3 + a, r] += w * size
-                        gyro[k, 12 + a, r] += f * size
-                    for r in range(6):
-                        size = weight * to_accelerometer[i, a, r]
-                        accelerometer[k, a, r] += size
-                        accelerometer[k, 3 + a, r] += f * size
-                        accelerometer[k, 12 + a, r] += f * f * size
-                    _add_products(gyro_white[k, a], to_gyro[i, a], weight, 9)
-                    _add_products(accelerometer_white[k, a], to_accelerometer[i, a], weight, 6)
-                for p in range(6):
-                    w, f = weight * rates[j, i, column[p]], weight * forces[j, i, column[p]]
-                    for r in range(9):
-                        gyro[k, 6 + p, r] += w * to_gyro[i, row[p], r]
-                    for r in range(6):
-                        accelerometer[k, 6 + p, r] += f * to_accelerometer[i, row[p], r]
+        for j in range(quadrature.begins[k + 1] - 1, quadrature.begins[k] - 1, -1):
+            _respond_at_nodes(k, j, quadrature, work, out)
+            _respond_to_readings(j, quadrature, work)
+            _add_constant_errors(k, j, quadrature, instruments, work, out)
             for a in range(3):
                 _drive(
-                    gyro_state[k, a], gyro_walk[k, a], gyro_driven[k, a], gyro_walked[k, a], to_gyro[0, a],
-                    to_gyro[1, a], node, 9, h, remaining, correlation[0, a],
+                    out.gyro_state[k, a], out.gyro_walk[k, a], out.gyro_driven[k, a], out.gyro_walked[k, a],
+                    work.to_gyro[0, a], work.to_gyro[1, a], work.node, 9, quadrature.lengths[j], remaining,
+                    instruments.correlation[0, a],
                 )  # fmt: skip
                 _drive(
-                    accelerometer_state[k, a], accelerometer_walk[k, a], accelerometer_driven[k, a],
-                    accelerometer_walked[k, a], to_accelerometer[0, a], to_accelerometer[1, a], node, 6, h, remaining,
-                    correlation[1, a],
+                    out.accelerometer_state[k, a], out.accelerometer_walk[k, a], out.accelerometer_driven[k, a],
+                    out.accelerometer_walked[k, a], work.to_accelerometer[0, a], work.to_accelerometer[1, a], work.node,
+                    6, quadrature.lengths[j], remaining, instruments.correlation[1, a],
                 )  # fmt: skip
-            if quantized:
-                for i in range(2):
-                    for a in range(3):
-                        _turn_back(node, to_gyro[i], rates[j, i], a, 9)
-                        for r in range(6):
-                            for m in range(3):
-                                node[3 + r] += turning[i, r, m] * axes[j, i, m, a]
-                        _add_products(gyro_quantized[k, a], node, weight, 9)
-                        _turn_back(node, to_accelerometer[i], rates[j, i], a, 6)
-                        for r in range(6):
-                            for m in range(3):
-                                node[r] += apart[i, r, m] * axes[j, i, m, a]
-                        _add_products(accelerometer_quantized[k, a], node, weight, 6)
-            for r in range(6):
-                for m in range(3):
-                    of_psi[r, m] += weight * (turning[0, r, m] + turning[1, r, m])
-                    along[0, r, m], along[1, r, m] = of_v[r, m], of_x[r, m]
-            _advance_motion(along[0], along[1], gradient, h, of_v, of_x)
-            remaining += h
+            if instruments.quantized:
+                _add_quantization(k, j, quadrature, work, out)
+            _go_back(j, quadrature, work)
+            remaining += quadrature.lengths[j]
         for r in range(6):
             for m in range(3):
-                attitude[k, r, m] = of_psi[r, m]
-                motion[k, r, m], motion[k, r, 3 + m] = of_v[r, m], of_x[r, m]
-        for covariance in (gyro_white[k], accelerometer_white[k], gyro_driven[k], gyro_walked[k],
-                           accelerometer_driven[k], accelerometer_walked[k], gyro_quantized[k],
-                           accelerometer_quantized[k]):  # fmt: skip
+                out.attitude[k, r, m] = work.of_psi[r, m]
+                out.motion[k, r, m], out.motion[k, r, 3 + m] = work.of_v[r, m], work.of_x[r, m]
+        for covariance in (
+            out.gyro_white[k], out.accelerometer_white[k], out.gyro_driven[k], out.gyro_walked[k],
+            out.accelerometer_driven[k], out.accelerometer_walked[k], out.gyro_quantized[k],
+            out.accelerometer_quantized[k],
+        ):  # fmt: skip
             _fill_upper(covariance)
+
+
+@allocation_free_part
+def _begin_at_the_end(work: _Work) -> None:
+    """Let the responses be those at the end of a step: v and x to themselves."""
+    for r in range(6):
+        for m in range(3):
+            work.of_psi[r, m] = 0.0
+            work.of_v[r, m] = 1.0 if r == m else 0.0
+            work.of_x[r, m] = 1.0 if r == 3 + m else 0.0
+
+
+@allocation_free_part
+def _respond_at_nodes(k: int, j: int, quadrature: _Quadrature, work: _Work, out: StepResponses) -> None:
+    """Take the responses to v and x back to the nodes; with ``v' = psi x F`` they are those to psi and to N F."""
+    along, turning, inertial = work.along, work.turning, work.inertial
+    h, gradient, axes, forces = quadrature.lengths[j], quadrature.gradients[j], quadrature.axes, quadrature.forces
+    weight = 0.5 * h
+    for i in range(2):
+        _advance_motion(work.of_v, work.of_x, gradient, _LATER[i] * h, along[i], work.apart[i])
+        # F = C f
+        for r in range(3):
+            inertial[r] = 0.0
+            for m in range(3):
+                inertial[r] += axes[j, i, r, m] * forces[j, i, m]
+        # rows of the response to v, times [F]x; integral of v' = N F
+        for r in range(6):
+            x, y, z = along[i, r, 0], along[i, r, 1], along[i, r, 2]
+            turning[i, r, 0] = inertial[1] * z - inertial[2] * y
+            turning[i, r, 1] = inertial[2] * x - inertial[0] * z
+            turning[i, r, 2] = inertial[0] * y - inertial[1] * x
+            for m in range(3):
+                for n in range(3):
+                    out.force[k, r, m, n] += weight * along[i, r, m] * inertial[n]
+
+
+@allocation_free_part
+def _respond_to_readings(j: int, quadrature: _Quadrature, work: _Work) -> None:
+    """Compute the responses to errors of the readings at the nodes: ``psi' = C dw`` and ``v' = C df``."""
+    along, turning, h, axes = work.along, work.turning, quadrature.lengths[j], quadrature.axes
+    for i in range(2):
+        for a in range(3):
+            for r in range(3):
+                work.to_gyro[i, a, r] = axes[j, i, r, a]
+            for r in range(6):
+                total, pushed = 0.0, 0.0
+                for m in range(3):
+                    # psi acts on v from the node to the end of the interval, and after it
+                    turn = work.of_psi[r, m] + h * (_AHEAD[i][0] * turning[0, r, m] + _AHEAD[i][1] * turning[1, r, m])
+                    total += turn * axes[j, i, m, a]
+                    pushed += along[i, r, m] * axes[j, i, m, a]
+                work.to_gyro[i, a, 3 + r] = total
+                work.to_accelerometer[i, a, r] = pushed
+
+
+@allocation_free_part
+def _add_constant_errors(
+    k: int, j: int, quadrature: _Quadrature, instruments: _Instruments, work: _Work, out: StepResponses
+) -> None:
+    """Add an interval's part of the responses to constant errors of the readings, and of white noise's covariance.
+
+    Readings have errors 1, w, w of another axis and f (gyros); 1, f, f of another axis and f^2 (accelerometers).
+    """
+    to_gyro, to_accelerometer, row, column = work.to_gyro, work.to_accelerometer, instruments.row, instruments.column
+    forces, rates, weight = quadrature.forces, quadrature.rates, 0.5 * quadrature.lengths[j]
+    for i in range(2):
+        for a in range(3):
+            f, w = forces[j, i, a], rates[j, i, a]
+            # bias, scale factor, g-sensitivity
+            for r in range(9):
+                size = weight * to_gyro[i, a, r]
+                out.gyro[k, a, r] += size
+                out.gyro[k, 3 + a, r] += w * size
+                out.gyro[k, 12 + a, r] += f * size
+            # bias, scale factor, nonlinearity
+            for r in range(6):
+                size = weight * to_accelerometer[i, a, r]
+                out.accelerometer[k, a, r] += size
+                out.accelerometer[k, 3 + a, r] += f * size
+                out.accelerometer[k, 12 + a, r] += f * f * size
+            # white noise of unit density: integral of (response)(response)^T
+            _add_products(out.gyro_white[k, a], to_gyro[i, a], weight, 9)
+            _add_products(out.accelerometer_white[k, a], to_accelerometer[i, a], weight, 6)
+        # cross-axis errors: a reading along one axis of what is along another
+        for p in range(6):
+            w, f = weight * rates[j, i, column[p]], weight * forces[j, i, column[p]]
+            for r in range(9):
+                out.gyro[k, 6 + p, r] += w * to_gyro[i, row[p], r]
+            for r in range(6):
+                out.accelerometer[k, 6 + p, r] += f * to_accelerometer[i, row[p], r]
+
+
+@allocation_free_part
+def _add_quantization(k: int, j: int, quadrature: _Quadrature, work: _Work, out: StepResponses) -> None:
+    """Add an interval's part of the covariance from quantization: responses to n and m (module docstring)."""
+    node, axes, rates, weight = work.node, quadrature.axes, quadrature.rates, 0.5 * quadrature.lengths[j]
+    for i in range(2):
+        for a in range(3):
+            # psi' = -C (w x n), v' = (C n) x F
+            _turn_back(node, work.to_gyro[i], rates[j, i], a, 9)
+            for r in range(6):
+                for m in range(3):
+                    node[3 + r] += work.turning[i, r, m] * axes[j, i, m, a]
+            _add_products(out.gyro_quantized[k, a], node, weight, 9)
+            # v' = -C (w x m), x' = C m
+            _turn_back(node, work.to_accelerometer[i], rates[j, i], a, 6)
+            for r in range(6):
+                for m in range(3):
+                    node[r] += work.apart[i, r, m] * axes[j, i, m, a]
+            _add_products(out.accelerometer_quantized[k, a], node, weight, 6)
+
+
+@allocation_free_part
+def _go_back(j: int, quadrature: _Quadrature, work: _Work) -> None:
+    """Take the responses to psi, v and x from the end of an interval to its beginning."""
+    weight, turning, of_v, of_x = 0.5 * quadrature.lengths[j], work.turning, work.along[0], work.along[1]
+    for r in range(6):
+        for m in range(3):
+            work.of_psi[r, m] += weight * (turning[0, r, m] + turning[1, r, m])
+            of_v[r, m], of_x[r, m] = work.of_v[r, m], work.of_x[r, m]
+    _advance_motion(of_v, of_x, quadrature.gradients[j], quadrature.lengths[j], work.of_v, work.of_x)
 
 
 @allocation_free_part
@@ -286,25 +411,41 @@ def _drive(
     state: Array, walk: Array, driven: Array, walked: Array, first: Array, second: Array, node: Array, size: int,
     h: float, remaining: float, correlation: float,
 ) -> None:  # fmt: skip
-    """Take the responses to a Gauss-Markov bias and to a random walk back by one interval, with their noise."""
+    """Take the responses to a Gauss-Markov bias and to a random walk back by one interval, with their noise.
+
+    Parameters
+    ----------
+    first, second : ndarray, shape (size,)
+        Responses to the error of a reading at the nodes, per second.
+    node : ndarray, shape (10,)
+        Room.
+    remaining : float
+        From the end of the interval to that of the step, s.
+    correlation : float
+        Correlation time, s.
+    """
     root = np.sqrt(3.0) / 6.0
     weight = 0.5 * h
     between = np.exp(-2.0 * root * h / correlation)  # decay from the first node to the second
     to_end = (np.exp(-(0.5 + root) * h / correlation), np.exp(-(0.5 - root) * h / correlation))
     whole = np.exp(-remaining / correlation)
     for i in range(2):
+        # integrals from the node to the end, of readings at both, and how a bias fades between them
         one, other = (0.25, 0.25 + root) if i == 0 else (0.25 - root, 0.25)
         early, late = (1.0, between) if i == 0 else (1.0 / between, 1.0)
+        # to a Gauss-Markov bias driven at the node: through readings from there on, and of the bias itself at the end
         for r in range(size):
             node[r] = to_end[i] * state[r] + h * (one * early * first[r] + other * late * second[r])
         node[size] = whole * to_end[i]
         _add_products(driven, node, weight, size + 1)
+        # the same of a random walk
         for r in range(size):
             node[r] = walk[r] + h * (one * first[r] + other * second[r])
         node[size] = 1.0
         _add_products(walked, node, weight, size + 1)
     from_start = (np.exp(-(0.5 - root) * h / correlation), np.exp(-(0.5 + root) * h / correlation))
     all_of_it = np.exp(-h / correlation)
+    # to a bias at the beginning of the interval
     for r in range(size):
         state[r] = all_of_it * state[r] + weight * (from_start[0] * first[r] + from_start[1] * second[r])
         walk[r] += weight * (first[r] + second[r])

@@ -14,7 +14,7 @@ import numpy as np
 
 from mcnav._types import Array
 from mcnav.systems.ins.earth import Earth, local_axes
-from mcnav.systems.ins.truth.spline_states import intervals, states_of_splines
+from mcnav.systems.ins.truth.spline_states import Instants, Splines, SplineStates, intervals, states_of_splines
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline, PPoly
@@ -182,18 +182,15 @@ class Truth:
 
     def _states_of_splines(self, time: Array, vectors: PPoly, turns: Array) -> TruthStates:
         """Compute the truth with the instruments on the body."""
-        count = len(time)
-        states = TruthStates(
-            time, np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 3, 3)), np.empty((count, 3)),
+        count, knots = len(time), self.position.x
+        states = SplineStates(
+            np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 3, 3)), np.empty((count, 3)),
             np.empty((count, 3)),
         )  # fmt: skip
-        knots = self.position.x
-        states_of_splines(
-            self.earth.constants, time - self.times[0], time, intervals(knots, time), self.position.c, knots,
-            intervals(vectors.x, time), vectors.c, vectors.x, turns, states.position, states.velocity, states.axes,
-            states.force, states.rate,
-        )  # fmt: skip
-        return states
+        splines = Splines(self.earth.constants, self.position.c, knots, vectors.c, vectors.x, turns)
+        instants = Instants(time - self.times[0], time, intervals(knots, time), intervals(vectors.x, time))
+        states_of_splines(splines, instants, states)
+        return TruthStates(time, *states)
 
     def _level(self, position: Array, velocity: Array) -> tuple[Array, Array]:
         """Compute the local axes, n to e, and their inertial rate in n."""

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from mcnav._types import Array
 from mcnav.compiled.jit import compiled, reduced_math
 from mcnav.compiled.lanes import SMALLEST_COMPONENT
+from mcnav.compiled.shapes import check_shape
 from mcnav.constants import EARTH_RADIUS
 from mcnav.contract.power_sums import PowerSums, sums_of
 from mcnav.systems.reentry.ensemble.grid import (
@@ -49,6 +50,7 @@ from mcnav.systems.reentry.ensemble.kernel import (
     push_by_gravity,
 )
 from mcnav.systems.reentry.ensemble.transition import Response
+from mcnav.systems.reentry.instruments import Error
 
 SUMS: Final = sums_of(4)
 """Power sums of an epoch: 4 first, 10 second (by rows of the upper triangle), 4 third and 4 fourth."""
@@ -133,6 +135,7 @@ def history_grid(response: Response, count: int, epochs: Array) -> HistoryGrid:
 def _read_out(block: Array, response: Array, remembered: Array, report: Array) -> None:
     """Write the deviation at an epoch and its rates, east and up, into the first four rows of a report."""
     for row in range(4):
+        # delta = M c + N U, and what the last four remainders add that no weight has gathered yet
         m0, m1, m2, m3, n0, n1 = response[row]
         (e1, u1), (e2, u2), (e3, u3), (e4, u4) = remembered[row]
         for i in range(LANES):
@@ -163,6 +166,7 @@ def _add_powers(report: Array, count: int, pivot: Array, sums: Array) -> None:
     for i in range(count):
         a, b = report[i] - p0, report[LANES + i] - p1
         c, d = report[2 * LANES + i] - p2, report[3 * LANES + i] - p3
+        # sums, products of two, third and fourth powers
         aa, bb, cc, dd = a * a, b * b, c * c, d * d
         s0, s1, s2, s3 = s0 + a, s1 + b, s2 + c, s3 + d
         s00, s01, s02, s03 = s00 + aa, s01 + a * b, s02 + a * c, s03 + a * d
@@ -225,6 +229,7 @@ def simulate_histories(grid: HistoryGrid, errors: Array) -> tuple[Array, Array]:
         `mcnav.compiled.lanes.SMALLEST_COMPONENT` has left the kernel's validity.
     """
     errors = np.ascontiguousarray(errors, dtype=float)
+    check_shape("errors", errors, (None, len(Error)))
     stored, component = np.empty((len(errors), len(grid.reference), 4)), np.empty(len(errors))
     _simulate(errors, grid, nominal_errors(grid), stored, np.empty((0, SUMS)), component)
     return stored, component
@@ -239,6 +244,7 @@ def history_sums(grid: HistoryGrid, errors: Array) -> PowerSums:
         A sample that leaves the kernel's validity (`followed`) is left out at every epoch.
     """
     errors = np.ascontiguousarray(errors, dtype=float)
+    check_shape("errors", errors, (None, len(Error)))
     pivot, none = nominal_errors(grid), np.empty((0, 0, 4))
     while True:
         sums, component = np.zeros((len(grid.reference), SUMS)), np.empty(len(errors))

@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 from mcnav._types import Array
 from mcnav.compiled.jit import compiled
 from mcnav.compiled.lanes import SMALLEST_COMPONENT, angle_of_half, gravity_remainder, half_turn
+from mcnav.compiled.shapes import check_shape
 from mcnav.constants import EARTH_RADIUS
 from mcnav.systems.reentry.ensemble.grid import MEMORY, Grid
 from mcnav.systems.reentry.instruments import Error
@@ -71,6 +72,7 @@ def load(block: Array, errors: Array, first: Array) -> None:
     for i in range(LANES):
         altitude, shift = block[i], block[LANES + i] * inverse
         altitude_rate, shift_rate = block[2 * LANES + i], block[3 * LANES + i] * inverse
+        # errors in the indicated position's axes (TN D-1772, eq. 10), of which the versine is 1 - cos
         sine_half, cosine_half = half_turn(shift)
         sine, versine = 2.0 * sine_half * cosine_half, 2.0 * sine_half * sine_half
         faster = radius * shift_rate + altitude * (angle_rate + shift_rate)
@@ -79,6 +81,7 @@ def load(block: Array, errors: Array, first: Array) -> None:
         up = altitude - altitude * versine - radius * versine
         faster_east = altitude_rate * sine + radius_rate * sine + faster - faster * versine - speed * versine
         faster_up = altitude_rate - altitude_rate * versine - radius_rate * versine - faster * sine - speed * sine
+        # along X and Y, and the biases U (1 + S)
         block[i] = east * east_x - up * east_y
         block[LANES + i] = east * east_y + up * east_x
         block[2 * LANES + i] = faster_east * east_x - faster_up * east_y
@@ -103,6 +106,7 @@ def push_by_force(block: Array, middle: float, moments: Array) -> None:
     (r00, r01, r02, r03), (r10, r11, r12, r13), (r20, r21, r22, r23), (r30, r31, r32, r33) = curvature
     for i in range(LANES):
         drift, scale_x, scale_z = block[GYRO_DRIFT + i], block[SCALE_FACTOR_X + i], block[SCALE_FACTOR_Z + i]
+        # turn of the platform in the interval's middle: a = m + d t; A_x - 1, B_x, A_z - 1, B_z
         sine_half, cosine_half = half_turn(block[MISALIGNMENT + i] + drift * middle)
         sine, versine = 2.0 * sine_half * cosine_half, 2.0 * sine_half * sine_half
         cosine, cross_x, cross_z = 1.0 - versine, block[CROSS_AXIS_X + i], block[CROSS_AXIS_Z + i]
@@ -110,8 +114,10 @@ def push_by_force(block: Array, middle: float, moments: Array) -> None:
         b = sine + scale_x * sine + cross_x * cosine
         d = scale_z - versine - scale_z * versine + cross_z * sine
         c = sine + scale_z * sine - cross_z * cosine
+        # their first and second derivatives with respect to time
         a1, b1, c1, d1 = -drift * b, drift + drift * a, drift + drift * d, -drift * c
         a2, b2, c2, d2 = -drift * b1, drift * a1, drift * d1, -drift * c1
+        # c' = integral of M^-1 [0; force error]: moments of the force, times value, slope and curvature
         block[i] += (
             p00 * a + p01 * b + p02 * c + p03 * d + q00 * a1 + q01 * b1 + q02 * c1 + q03 * d1
             + r00 * a2 + r01 * b2 + r02 * c2 + r03 * d2
@@ -142,6 +148,7 @@ def push_by_gravity(block: Array, readout: Array, recent: Array, weights: Array)
     (ue1, uu1), (ue2, uu2), (ue3, uu3), (ue4, uu4) = recent[1]
     (we0, wu0), (we1, wu1), (we2, wu2), (we3, wu3) = weights
     for i in range(LANES):
+        # deviation at the node as a share of the radius: M c + N U, with what recent remainders add
         c0, c1, c2, c3 = block[i], block[LANES + i], block[2 * LANES + i], block[3 * LANES + i]
         u, w = block[BIAS_X + i], block[BIAS_Z + i]
         e1, v1, e2, v2 = block[EAST_1 + i], block[UP_1 + i], block[EAST_2 + i], block[UP_2 + i]
@@ -154,12 +161,14 @@ def push_by_gravity(block: Array, readout: Array, recent: Array, weights: Array)
             m10 * c0 + m11 * c1 + m12 * c2 + m13 * c3 + n10 * u + n11 * w
             + ue1 * e1 + uu1 * v1 + ue2 * e2 + uu2 * v2 + ue3 * e3 + uu3 * v3 + ue4 * e4 + uu4 * v4
         )  # fmt: skip
+        # c += weights times the remainder of gravity there
         e0, v0 = gravity_remainder(east, up)
         block[i] = c0 + we0 * e0 + wu0 * v0
         block[LANES + i] = c1 + we1 * e0 + wu1 * v0
         block[2 * LANES + i] = c2 + we2 * e0 + wu2 * v0
         block[3 * LANES + i] = c3 + we3 * e0 + wu3 * v0
         block[COMPONENT + i] = min(block[COMPONENT + i], 1.0 + up)
+        # the four latest remainders move on
         block[EAST_1 + i], block[UP_1 + i], block[EAST_2 + i], block[UP_2 + i] = e0, v0, e1, v1
         block[EAST_3 + i], block[UP_3 + i], block[EAST_4 + i], block[UP_4 + i] = e2, v2, e3, v3
 
@@ -168,6 +177,7 @@ def push_by_gravity(block: Array, readout: Array, recent: Array, weights: Array)
 def _arrive(block: Array, final: Array, report: Array) -> None:
     """Write the deviation at the end, for `convert`, into a report."""
     for row in range(4):
+        # delta = M c + N U at the end
         m0, m1, m2, m3, n0, n1 = final[row]
         for i in range(LANES):
             report[row * LANES + i] = (
@@ -189,6 +199,7 @@ def convert(report: Array, reference: Array, nominal: Array) -> None:
     missed_radius, missed_angle, missed_radius_rate, missed_angle_rate = nominal
     speed, inverse = radius * angle_rate, 1.0 / radius
     for i in range(LANES):
+        # altitude: r (sqrt(1 + q) - 1), with 1 + q the square of the indicated radius over r
         east, up = report[i] * inverse, report[LANES + i] * inverse
         faster_east, faster_up = report[2 * LANES + i], report[3 * LANES + i]
         q = up * (2.0 + up) + east * east
@@ -198,9 +209,11 @@ def convert(report: Array, reference: Array, nominal: Array) -> None:
         product = 1.0 / (root * further * along)  # one division for three
         inverse_root = product * further * along
         altitude = radius * q * (product * root * along)
+        # range: the angle between indicated and reference position
         tangent = east * (product * root * further)  # of half the angle between indicated and reference position
         sine, cosine = east * inverse_root, (1.0 + up) * inverse_root
         versine = sine * tangent
+        # rates along and across the indicated vertical
         across = faster_east * cosine - faster_up * sine - speed * versine - radius_rate * sine
         radius_rate_error = faster_up * cosine + faster_east * sine + speed * sine - radius_rate * versine
         slip = across - altitude * angle_rate
@@ -256,6 +269,7 @@ def simulate_ensemble(grid: Grid, errors: Array) -> tuple[Array, NDArray[np.bool
         False for a sample that came within `SMALLEST_COMPONENT` or is not finite: fly it on the reference path.
     """
     errors = np.ascontiguousarray(errors, dtype=float)
+    check_shape("errors", errors, (None, len(Error)))
     outcome, component = np.empty((len(errors), 4)), np.empty(len(errors))
     _simulate(errors, grid, outcome, component)
     return outcome, (component >= SMALLEST_COMPONENT) & np.isfinite(outcome).all(axis=1)

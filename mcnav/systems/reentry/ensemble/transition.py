@@ -54,6 +54,7 @@ def response_rates(time: float, state: Array, coefficients: Array, on: float, th
     force_x, force_z = truth_force(state[:4], coefficients)
     motion(state[:4], force_x, force_z, rates[:4])
     along_x, along_z = axis_force(state[:4], coefficients, theta_axes)
+    # reference: r'' = f - mu r / |r|^3, with f where the accelerometers are on
     x, y = state[4], state[5]
     square = x * x + y * y
     stiffness = GRAVITATIONAL_PARAMETER / (square * np.sqrt(square))
@@ -62,11 +63,13 @@ def response_rates(time: float, state: Array, coefficients: Array, on: float, th
     rates[7] = -on * along_z - stiffness * y
     response, change = state[8:].reshape(4, COLUMNS), rates[8:].reshape(4, COLUMNS)
     for column in range(COLUMNS):
+        # each column of the response: delta'' = (mu / r^3) (3 r (r.delta) / r^2 - delta)
         along = 3.0 * (x * response[0, column] + y * response[1, column]) / square
         change[0, column] = response[2, column]
         change[1, column] = response[3, column]
         change[2, column] = stiffness * (along * x - response[0, column])
         change[3, column] = stiffness * (along * y - response[1, column])
+    # and of the biases: + U along X, and along Z, which is down
     change[2, 4] += on
     change[3, 5] -= on
     return rates
