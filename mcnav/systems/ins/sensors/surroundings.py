@@ -28,8 +28,8 @@ class Surroundings:
         Geodetic, m and rad.
     radii : ndarray, shape (2, u)
         Of curvature at the altitude, in the meridian and in the prime vertical, m.
-    level, body, instruments : ndarray, shape (u, 3, 3)
-        North, east, down; forward, right, down of the body; the instruments' axes: by columns.
+    earth, level, body, instruments : ndarray, shape (u, 3, 3)
+        Earth-fixed axes; north, east, down; forward, right, down of the body; the instruments' axes: by columns.
     turning : ndarray, shape (u, 3)
         Rate of the body over the earth, in the body's axes, rad/s.
     rate, force : ndarray, shape (u, 3)
@@ -43,6 +43,7 @@ class Surroundings:
     altitude: Array
     latitude: Array
     radii: Array
+    earth: Array
     level: Array
     body: Array
     instruments: Array
@@ -58,12 +59,13 @@ class Surroundings:
         body = truth.states(times, "strapdown", start)
         instruments = body if platform == "strapdown" else truth.states(times, platform, start)
         latitude, longitude, altitude = truth.geodetic(times).T
-        level = earth.turned(times - truth.times[0]) @ local_axes(latitude, longitude)
+        turned = earth.turned(times - truth.times[0])
+        level = turned @ local_axes(latitude, longitude)
         turning = body.rate - np.einsum("nji,j->ni", body.axes, spin)
         velocity = body.velocity - np.cross(spin, body.position)
         radii = np.stack(earth.curvature_radii(latitude)) + altitude
         return cls(
-            earth.rotation_rate, lever_arm, body.position, velocity, altitude, latitude, radii, level, body.axes,
+            earth.rotation_rate, lever_arm, body.position, velocity, altitude, latitude, radii, turned, level, body.axes,
             instruments.axes, turning, instruments.rate, instruments.force,
         )  # fmt: skip
 
