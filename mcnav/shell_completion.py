@@ -29,8 +29,8 @@ LARGEST: Final = 1_000_000
 SCENARIO: Final = re.compile(rb"^\s*(\[\s*scenario\b|scenario\s*[.=])", re.MULTILINE)
 FIGURE: Final = re.compile(r'<figure id="figure-([a-z_]+)">')
 
-AIDS: Final = ("gnss", "altimeter", "star-tracker", "position-fix", "zero-velocity", "velocity", "heading")
-"""Types of sensors."""
+SENSOR: Final = re.compile(r'^SENSOR\b.*= SensorType\(\s*name="([a-z0-9-]+)"', re.MULTILINE)
+"""Definition of a type of sensor."""
 
 ENGINES: Final = ("ensemble", "reference", "map")
 
@@ -83,7 +83,10 @@ def units(incomplete: str) -> list[str]:
 
 def aids(incomplete: str) -> list[str]:
     """Return types of sensors."""
-    return _beginning(AIDS, incomplete)
+    texts = (
+        file.read_text(encoding="utf-8") for file in sorted(Path(__file__).parent.glob("systems/ins/sensors/*.py"))
+    )
+    return _beginning([name for text in texts for name in SENSOR.findall(text)], incomplete)
 
 
 def engines(incomplete: str) -> list[str]:

@@ -8,7 +8,8 @@ from mcnav._types import Array
 from mcnav.systems.ins.earth import Earth
 from mcnav.systems.ins.filter.model import Beliefs, FilterModel
 from mcnav.systems.ins.imu.instruments import CONSTANTS, Imu
-from mcnav.systems.ins.sensors.aiding import COMPONENTS, Component, Quantity, Sensor, aiding_constants
+from mcnav.systems.ins.sensors.aiding import Component, Sensor, aiding_constants
+from mcnav.systems.ins.sensors.registry import QUANTITIES
 
 EMPTY_SPACE = Earth(6.4e6, 0.0, 1.0, 0.0)
 """A sphere at rest without gravity to speak of: 2e-14 m/s^2."""
@@ -17,7 +18,7 @@ EMPTY_SPACE = Earth(6.4e6, 0.0, 1.0, 0.0)
 def make_sensor(
     name: str,
     times: Array,
-    noise: dict[Quantity, float],
+    noise: dict[str, float],
     correlated: float = 0.0,
     correlation_time: float = 100.0,
     lever_arm: tuple[float, float, float] | None = None,
@@ -29,7 +30,7 @@ def make_sensor(
             quantity, axis, sigma, correlated, correlation_time, name if len(noise) == 1 else f"{name}_{quantity}"
         )
         for quantity, sigma in noise.items()
-        for axis in range(len(COMPONENTS[quantity]))
+        for axis in range(len(QUANTITIES[quantity].axes))
     )
     arm = np.zeros(3) if lever_arm is None else np.array(lever_arm)
     return Sensor(name, name, times, components, arm, lever_arm is not None, gate)

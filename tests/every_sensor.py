@@ -10,7 +10,8 @@ import numpy as np
 from mcnav._types import Array
 from mcnav.systems.ins.filter.model import Beliefs, FilterModel
 from mcnav.systems.ins.imu.instruments import CONSTANTS, Imu, Noise
-from mcnav.systems.ins.sensors.aiding import COMPONENTS, Component, Quantity, Sensor, aiding_constants
+from mcnav.systems.ins.sensors.aiding import Component, Sensor, aiding_constants
+from mcnav.systems.ins.sensors.registry import QUANTITIES
 
 DEG_PER_HOUR = np.radians(1.0) / 3600.0
 MICRO_G = 9.80665e-6
@@ -20,7 +21,7 @@ INITIAL = np.repeat([10.0, 0.1, 1e-4, 3e-4], [3, 3, 2, 1])
 
 
 def components(
-    quantity: Quantity,
+    quantity: str,
     noise: float,
     label: str,
     correlated: float = 0.0,
@@ -28,7 +29,7 @@ def components(
     axes: Sequence[int] | None = None,
 ) -> tuple[Component, ...]:
     """Return the components of a quantity, or some of them."""
-    found = range(len(COMPONENTS[quantity])) if axes is None else axes
+    found = range(len(QUANTITIES[quantity].axes)) if axes is None else axes
     return tuple(Component(quantity, axis, noise, correlated, correlation_time, label) for axis in found)
 
 

@@ -12,9 +12,10 @@ from typing import Any, Final
 
 from mcnav.config.overrides import ALL_AXES, SIZES, Value
 from mcnav.contract.quantities import Source
+from mcnav.systems.ins.sensors.registry import SENSOR_TYPES
 from mcnav.systems.ins.tables.imu import ALLAN_MINIMUM
 from mcnav.systems.ins.tables.imu_catalogue import INSTABILITY, KINDS, CatalogueUnit, catalogue, catalogue_units
-from mcnav.systems.ins.tables.sensors import SENSOR_TYPES
+from mcnav.systems.ins.tables.sensors import keys_of_errors
 from mcnav.units import UnitError, multiplied, quantity
 
 SCALED: Final = (*SIZES, "limit", "loc", "mean")
@@ -155,7 +156,7 @@ def data_sheet_numbers(content: Mapping[str, Any], sources: tuple[Source, ...]) 
     numbers = [*_of_imu(content.get("imu", {})), *_of_errors(content.get("errors", {}), sources)]
     for sensor in content.get("aiding", []):
         name = sensor.get("name", sensor["type"].replace("-", "_"))
-        keys = [key for key in SENSOR_TYPES[sensor["type"]].keys if key in sensor and key != "lever_arm"]
+        keys = [key for key in keys_of_errors(SENSOR_TYPES[sensor["type"]]) if key in sensor and key != "lever_arm"]
         numbers += [DataSheetNumber(f"aiding.{name}.{key}", sensor[key], frozenset(), {}) for key in keys]
     return [number for number in numbers if _multiplied(number.entry, 0.0) != _multiplied(number.entry, 1.0)]
 

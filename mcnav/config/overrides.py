@@ -24,7 +24,7 @@ from mcnav.config.read import UNNAMED, parse_campaign
 from mcnav.config.toml import load_file, load_mapping
 from mcnav.errors import CampaignError, Problem, suggestion
 from mcnav.systems.ins.imu.instruments import AXES, CROSS_AXES
-from mcnav.systems.ins.sensors.aiding import LEVEL_AXES
+from mcnav.systems.ins.sensors.quantity import LEVEL_AXES
 from mcnav.systems.ins.tables.imu_catalogue import KINDS, catalogue
 from mcnav.systems.ins.tables.quantization import QUANTIZATION
 

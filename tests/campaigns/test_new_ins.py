@@ -19,8 +19,8 @@ from mcnav.config.templates import new_campaign
 from mcnav.config.templates.ins import NewIns, Platform, new_ins
 from mcnav.errors import CampaignError
 from mcnav.systems.ins.scenario import Ins
+from mcnav.systems.ins.sensors.registry import SENSOR_TYPES
 from mcnav.systems.ins.tables.imu_catalogue import catalogue_units
-from mcnav.systems.ins.tables.sensors import SENSOR_TYPES
 from mcnav.workflow.run import run_campaign
 from tests.commands import invoke
 from tests.conftest import ROOT

@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 
 from mcnav.config.read import read_campaign
-from mcnav.shell_completion import AIDS, ENGINES, OUTPUTS, aids, campaigns, keys, outputs, runs, sources, trajectories
+from mcnav.shell_completion import ENGINES, OUTPUTS, aids, campaigns, keys, outputs, runs, sources, trajectories
 from mcnav.systems.ins.scenario import NAVIGATION_ERRORS
+from mcnav.systems.ins.sensors.registry import SENSOR_TYPES
 from mcnav.systems.ins.tables.imu_catalogue import catalogue
-from mcnav.systems.ins.tables.sensors import SENSOR_TYPES
 from mcnav.systems.reentry.scenario import OUTPUTS as REENTRY_OUTPUTS
 from mcnav.systems.steady.scenario import OUTPUTS as STEADY_OUTPUTS
 from tests.conftest import ROOT
@@ -178,7 +178,7 @@ def test_names_of_a_campaign(tmp_path: Path) -> None:
 
 def test_names_are_those_of_the_program() -> None:
     """The lists here, which importing the modules that have them would make slow."""
-    assert set(AIDS) == SENSOR_TYPES.keys()
+    assert set(aids("")) == SENSOR_TYPES.keys()
     assert aids("gn") == ["gnss"]
     measured = {"position_horizontal", "velocity_horizontal"}
     assert set(OUTPUTS["ins"]) - measured == {output.name for output in NAVIGATION_ERRORS}

@@ -2,34 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from typing import Final
+from collections.abc import Iterable, Iterator
 
 from mcnav.config.json_schema.axes import by_axes
 from mcnav.config.json_schema.nodes import Node, by_type, choice, quantity, table
 from mcnav.systems.ins.imu.instruments import AXES
-from mcnav.systems.ins.sensors.aiding import COMPONENTS, SCALED
-from mcnav.systems.ins.sensors.sources import LEVER_ARM, SCALE_FACTOR, UNITS
+from mcnav.systems.ins.sensors.quantity import FurtherKey, SensorType
+from mcnav.systems.ins.sensors.registry import QUANTITIES, SENSOR_TYPES
+from mcnav.systems.ins.sensors.sources import LEVER_ARM, SCALE_FACTOR
 from mcnav.systems.ins.tables.aiding import MOST_SENSORS, NAME
 from mcnav.systems.ins.tables.filter import GATE
 from mcnav.systems.ins.tables.instants import MOST_OUTAGES
-from mcnav.systems.ins.tables.sensors import SENSOR_TYPES, SensorType
-
-MEASURED: Final[Mapping[str, str]] = {
-    "gnss": "Receiver of a satellite navigation system: position and velocity of its antenna, or one of them.",
-    "altimeter": "Altitude above the ellipsoid.",
-    "star-tracker": "Attitude, as a rotation vector along the axes of the instruments.",
-    "position-fix": "Position.",
-    "zero-velocity": "Velocity of a vehicle at rest.",
-    "velocity": "Velocity over the earth along the axes of the body: odometer, Doppler.",
-    "heading": "Heading of the body.",
-}
-"""Quantities that each type of sensor measures."""
 
 
 def aiding_schema() -> Node:
     """Return the schema of ``[[aiding]]``."""
-    tables = {name: _sensor(name, kind) for name, kind in SENSOR_TYPES.items()}
+    tables = {name: _sensor(kind) for name, kind in SENSOR_TYPES.items()}
     conditions = {name: choice([name]) for name in tables}
     return {
         "type": "array",
@@ -58,11 +46,11 @@ def believed_sensors() -> Node:
     }
 
 
-def _sensor(name: str, kind: SensorType) -> Node:
+def _sensor(kind: SensorType) -> Node:
     times = "in the trajectory's time."
     outage: Node = {"type": "array", "items": quantity("s", example="1200 s"), "minItems": 2, "maxItems": 2}
     properties: dict[str, Node] = {
-        "type": choice([name], MEASURED[name]),
+        "type": choice([kind.name], kind.words),
         "name": {
             "type": "string", "pattern": f"^{NAME.pattern}$", "description": "Name of its own; its type unless given."
         },
@@ -85,10 +73,8 @@ def _sensor(name: str, kind: SensorType) -> Node:
         },
         "gate": quantity("1", GATE, {"gt": 0.0, "lt": 1.0}, 0.999),
         **_errors(kind),
+        **{name: _further(key) for name, key in kind.further.items()},
     }  # fmt: skip
-    if "kind" in kind.further:
-        properties["kind"] = choice(["barometric", "radar"], "A radar is silent above its ceiling.")
-        properties["ceiling"] = quantity("m", "Altitude above the ellipsoid up to which a radar measures.")
     node = table(properties, ["type"])
     node["oneOf"] = [{"required": ["interval"]}, {"required": ["instants"]}]
     node["dependencies"] = {"begin": ["interval"], "end": ["interval"]}
@@ -96,11 +82,15 @@ def _sensor(name: str, kind: SensorType) -> Node:
     return node
 
 
+def _further(key: FurtherKey) -> Node:
+    return choice(list(key.choices), key.meaning) if key.choices else quantity(key.unit, key.meaning)
+
+
 def _errors(kind: SensorType, believed: bool = False) -> dict[str, Node]:
     """Return the schemas of the sizes of a sensor's errors."""
     nodes: dict[str, Node] = {}
     for measured, measures in kind.quantities.items():
-        unit, names = UNITS[measures][0], COMPONENTS[measures]
+        unit, names = QUANTITIES[measures].unit, QUANTITIES[measures].axes
         nodes[measured] = by_axes(unit, names, f"Sigma of the white noise of one measurement of the {measured}.")
         if kind.errors:
             bias, correlated = kind.key(measured, "bias"), kind.key(measured, "correlated")
@@ -111,7 +101,7 @@ def _errors(kind: SensorType, believed: bool = False) -> dict[str, Node]:
             }
             process = table(values, () if believed else values, f"First-order Gauss-Markov error of the {measured}.")
             nodes[correlated] = {**process, **({"minProperties": 1} if believed else {})}
-        if measures in SCALED:
+        if QUANTITIES[measures].scaled:
             scale = kind.key(measured, "scale_factor")
             nodes[scale] = by_axes(SCALE_FACTOR[0], names, f"Sigma of the scale factor of the {measured}.")
     if kind.lever_arm:
@@ -145,9 +135,10 @@ def _suffixes(axes: bool = True) -> Iterator[tuple[str, str]]:
     """Yield what follows a sensor's name in those of its constant errors, with their SI units."""
     for kind in SENSOR_TYPES.values():
         for measured, measures in kind.quantities.items():
-            names = [f"_{axis}" for axis in COMPONENTS[measures] if axis and axes]
-            unit, label = UNITS[measures][0], kind.label("", measured).removeprefix("_")
-            errors = [("bias", unit), *([("scale_factor", SCALE_FACTOR[0])] if measures in SCALED else [])]
+            of = QUANTITIES[measures]
+            names = [f"_{axis}" for axis in of.axes if axis and axes]
+            label = kind.label("", measured).removeprefix("_")
+            errors = [("bias", of.unit), *([("scale_factor", SCALE_FACTOR[0])] if of.scaled else [])]
             for error, unit in errors:
                 yield from ((f"{label}_{error}{axis}".removeprefix("_"), unit) for axis in ("", *names))
         if kind.lever_arm:

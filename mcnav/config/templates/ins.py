@@ -20,10 +20,11 @@ from mcnav.entries.context import FileContext
 from mcnav.entries.files import is_inside
 from mcnav.errors import CampaignError, Problem, suggestion
 from mcnav.systems.ins.earth import WGS84
-from mcnav.systems.ins.tables.aiding import MOST_SPEED
+from mcnav.systems.ins.sensors.quantity import SensorType
+from mcnav.systems.ins.sensors.registry import SENSOR_TYPES
+from mcnav.systems.ins.sensors.velocity import MOST_SPEED
 from mcnav.systems.ins.tables.imu import ALLAN_MINIMUM
 from mcnav.systems.ins.tables.imu_catalogue import INSTABILITY, CatalogueUnit, catalogue_units
-from mcnav.systems.ins.tables.sensors import SENSOR_TYPES
 from mcnav.systems.ins.tables.trajectories import read_trajectory
 from mcnav.systems.ins.tables.trajectory_file import read_trajectory_file
 from mcnav.systems.ins.truth.rows import TrajectoryError, TrajectoryRows
@@ -36,17 +37,22 @@ TEMPLATES: Final = "systems/ins/templates"
 COMMENT: Final = 36
 """Column of the comments."""
 
-INTERVALS: Final[Mapping[str, float]] = {
-    "gnss": 1.0,
-    "altimeter": 10.0,
-    "star-tracker": 60.0,
-    "position-fix": 120.0,
-    "velocity": 2.0,
-    "heading": 10.0,
-}
-"""Intervals between measurements, s; longer ones in flights of more than `MOST_UPDATES` of them."""
-
 MOST_UPDATES: Final = 3_600
+"""Measurements of a sensor at its usual interval; beyond it the interval is longer."""
+
+AT_INTERVAL: Final = """\
+interval = "INTERVAL"  # between measurements, s; or instants = ["MIDDLE", "LATER"]
+# begin = "MIDDLE"  # first measurement, in the trajectory's time, s; end = … is the last one
+# outages = [["MIDDLE", "LATER"]]  # without measurements: begin included, end not, s
+"""
+
+AT_REST: Final = """\
+instants = [INSTANTS]  # times at rest, in the trajectory's time, s
+"""
+
+GATE: Final = """\
+# gate = 0.999  # probability with which an expected measurement is accepted
+"""
 
 ROUND: Final = (
     1.0,
@@ -68,17 +74,6 @@ ROUND: Final = (
     3600.0,
 )
 """Intervals and instants to choose from, s."""
-
-ESTIMATED: Final[Mapping[str, tuple[str, ...]]] = {
-    "altimeter": ("altimeter_bias",),
-    "star-tracker": ("star_tracker_bias",),
-    "velocity": ("velocity_scale_factor",),
-    "heading": ("heading_bias",),
-}
-"""Constant errors that a sensor has as it is written, which the filter estimates."""
-
-BOUNDING: Final = ("gnss", "star-tracker", "zero-velocity", "velocity")
-"""Sensors by which a filter keeps the attitude, whatever the gyros' bias."""
 
 LARGEST_TURN: Final = 0.3
 """Error of the attitude due to the gyros' bias, rad, at which navigation without such sensors ends."""
@@ -231,7 +226,8 @@ def _campaign(stem: str, unit: CatalogueUnit, wanted: NewIns, flight: Flight) ->
     tilt = _size(unit, "accelerometer", "m/s^2") / STANDARD_GRAVITY * 1e3
     drift = _size(unit, "gyro", "rad/s")
     heading, whole = drift / EARTH_RATE * 1e3, flight.last
-    if drift * (flight.last - flight.first) > 2.0 * LARGEST_TURN and not set(wanted.aids) & set(BOUNDING):
+    bounded = any(SENSOR_TYPES[aid].bounds_attitude for aid in wanted.aids)
+    if drift * (flight.last - flight.first) > 2.0 * LARGEST_TURN and not bounded:
         flight = replace(flight, longest=_below(LARGEST_TURN / drift))
     end = f'# end = "{_time(np.floor(whole * 1e3) / 1e3)}"  # of navigation, s'
     if flight.last < whole:
@@ -256,7 +252,7 @@ def _campaign(stem: str, unit: CatalogueUnit, wanted: NewIns, flight: Flight) ->
         },
     )
     for aid in wanted.aids:
-        text += fill_in(f"{TEMPLATES}/aid_{aid}.toml", {**_instants(aid, flight), **times})
+        text += _sensor(SENSOR_TYPES[aid], flight, times)
     if wanted.aids:
         text += fill_in(f"{TEMPLATES}/filter.toml", _states(unit, wanted.aids))
     return _aligned(text + fill_in(f"{TEMPLATES}/requirement.toml", times))
@@ -297,15 +293,25 @@ def _values(unit: CatalogueUnit, instrument: str) -> str:
     return "".join(lines)
 
 
-def _instants(aid: str, flight: Flight) -> dict[str, str]:
+def _sensor(kind: SensorType, flight: Flight, times: Mapping[str, str]) -> str:
+    """Write the table of a sensor."""
+    words = kind.words[0].lower() + kind.words[1:].rstrip(".")
+    instants = AT_REST if kind.interval is None else AT_INTERVAL
+    text = f'\n[[aiding]]\ntype = "{kind.name}"  # {words}\n{instants}{kind.template}{GATE}'
+    for before, after in {**_instants(kind, flight), **times}.items():
+        text = text.replace(before, after)
+    return text
+
+
+def _instants(kind: SensorType, flight: Flight) -> dict[str, str]:
     """Return when a sensor measures: at an interval, or at rest."""
     duration = flight.last - flight.first
-    if aid in INTERVALS:
-        least = max(min(INTERVALS[aid], duration / 4.0), duration / MOST_UPDATES)
+    if kind.interval is not None:
+        least = max(min(kind.interval, duration / 4.0), duration / MOST_UPDATES)
         return {"INTERVAL": _time(next((each for each in ROUND if least <= each <= duration / 4.0), least))}
     chosen = flight.resting()
     if not len(chosen):
-        raise _mistake("--aid", "zero-velocity needs a vehicle at rest, and this one always moves; leave it out")
+        raise _mistake("--aid", f"{kind.name} needs a vehicle at rest, and this one always moves; leave it out")
     return {"INSTANTS": ", ".join(f'"{_time(time)}"' for time in chosen.tolist())}
 
 
@@ -313,7 +319,8 @@ def _states(unit: CatalogueUnit, aids: Sequence[str]) -> dict[str, str]:
     """Return what the filter estimates, and what it considers."""
     tables = unit.table
     biases = [f"{each}_bias" for each in tables if tables[each].keys() & {"bias", INSTABILITY}]
-    rows = [["position", "velocity", "attitude"], biases, [name for aid in aids for name in ESTIMATED.get(aid, ())]]
+    of_sensors = [f"{aid.replace('-', '_')}_{error}" for aid in aids for error in SENSOR_TYPES[aid].estimated]
+    rows = [["position", "velocity", "attitude"], biases, of_sensors]
     considered = [f"{each}_{kind}" for each in tables for kind in CONSIDERED if kind in tables[each]]
     return {
         "ESTIMATES": "\n".join(f"    {_listed(row)}," for row in rows if row),

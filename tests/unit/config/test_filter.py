@@ -15,7 +15,8 @@ from mcnav.execution.identity import identity_of
 from mcnav.systems.ins.filter.model import FilterModel
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, process_sizes
 from mcnav.systems.ins.scenario import Ins
-from mcnav.systems.ins.tables.sensors import SENSOR_TYPES
+from mcnav.systems.ins.sensors.registry import SENSOR_TYPES
+from mcnav.systems.ins.tables.sensors import keys_of_errors
 from tests.unit.config.test_aiding import ALTIMETER, GNSS, STATES, described, mistakes, read
 
 DEG_PER_HOUR = np.radians(1.0) / 3600.0
@@ -251,7 +252,7 @@ def test_a_word_for_the_table_of_instruments() -> None:
     assert found == "mine.toml: imu: got 'navigation'; expected a table"
 
 
-KEYS = sorted({key for kind in SENSOR_TYPES.values() for key in (*kind.keys, *kind.further)})
+KEYS = sorted({key for kind in SENSOR_TYPES.values() for key in (*keys_of_errors(kind), *kind.further)})
 WORDS = ("", "1 m", "-3 m", "0.1 m/s", "5 arcsec", "1 s", "0 s", "1e308 m", "1e308 s", "1e-320 s", "inf m", "nan m",
          "1e999 s", "\x00", "é", "position", "gnss", "radar", "0.1 deg/h", "1 %", "9" * 400, "tactical")  # fmt: skip
 SCALARS = st.one_of(

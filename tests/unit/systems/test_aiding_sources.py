@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mcnav.contract.quantities import Source
 from mcnav.systems.ins.sensors.aiding import Component, Sensor, aiding_constants, aiding_processes
-from mcnav.systems.ins.sensors.sources import UNITS, aiding_outputs, aiding_sources
+from mcnav.systems.ins.sensors.sources import aiding_outputs, aiding_sources
 from mcnav.units import conversion
 
 SENSORS = (
@@ -51,7 +52,6 @@ def test_each_process_that_is_not_zero_has_the_unit_of_what_is_measured() -> Non
     assert found["compass_correlated"] == "rad"
 
 
-@pytest.mark.parametrize("shown", [*(UNITS.values()), *aiding_sources(SENSORS)], ids=str)
-def test_units_shown_are_of_the_dimension(shown: object) -> None:
-    unit, shown_in = (shown.unit, shown.shown_in) if hasattr(shown, "shown_in") else shown[:2]  # type: ignore[index]
-    assert conversion(shown_in, unit) > 0.0
+@pytest.mark.parametrize("source", aiding_sources(SENSORS), ids=lambda source: source.name)
+def test_units_shown_are_of_the_dimension(source: Source) -> None:
+    assert conversion(source.shown_in, source.unit) > 0.0

@@ -17,10 +17,11 @@ from mcnav.systems.ins.imu.instruments import ACCELEROMETER, CONSTANTS, GYRO
 from mcnav.systems.ins.reference.aided import AidedMechanization
 from mcnav.systems.ins.reference.compensation import Compensation, measure
 from mcnav.systems.ins.reference.earth_fixed_errors import ErrorModel, FilterSteps, LocalFrame, gravitation_gradients
-from mcnav.systems.ins.reference.earth_fixed_sensors import Indicated, SensorModel
+from mcnav.systems.ins.reference.earth_fixed_sensors import SensorModel
 from mcnav.systems.ins.reference.navigation_errors import EarthFixedStates, navigation_errors
 from mcnav.systems.ins.reference.normal_field import field_constants
 from mcnav.systems.ins.sensors.aiding import aiding_constants
+from mcnav.systems.ins.sensors.comparison import Indicated
 from mcnav.systems.ins.truth.trajectory import Platform
 from tests.every_sensor import SIZES, UNIT, every_sensor, gnss, matched
 from tests.flights import flight
@@ -65,8 +66,8 @@ def test_responses_are_derivatives_of_the_innovation(name: str, platform: Platfo
     model = matched(every_sensor(20.0), SENSORS, imu=UNIT)
     aided = engine(model, platform)
     sensor = next(each for each in aided.sensor_models if each.sensor.name == name)
-    row = len(sensor.surroundings.altitude) - 1
-    truth = sensor.surroundings.states
+    row = len(sensor.truth.altitude) - 1
+    truth = sensor.truth.states
     true = EarthFixedStates(truth.position[row][None], truth.velocity[row][None], truth.axes[row][None])
     sizes = np.array([size_of(state.name) for state in model.states])
     estimates = np.random.default_rng(2).standard_normal(len(sizes)) * sizes
@@ -104,9 +105,9 @@ def test_errors_of_a_measurement_are_those_of_its_states(name: str) -> None:
     aided = engine(model, "strapdown")
     place = next(n for n, each in enumerate(aided.sensor_models) if each.sensor.name == name)
     sensor = aided.sensor_models[place]
-    truth = sensor.surroundings.states
+    truth = sensor.truth.states
     true = EarthFixedStates(truth.position[:1], truth.velocity[:1], truth.axes[:1])
-    zero, noise = np.zeros(len(model.states)), np.zeros((len(sensor.surroundings.altitude), sensor.size))
+    zero, noise = np.zeros(len(model.states)), np.zeros((len(sensor.truth.altitude), sensor.size))
     indicated = deviated(true, np.zeros(9), true_reading(aided, sensor, 0))
     names = list(sensor.sensor.constants())
     for number, state in enumerate(model.states):

@@ -7,12 +7,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mcnav._types import Array
-from mcnav.compiled.vectors import room
+from mcnav.compiled.vectors import LANES, room
 from mcnav.systems.ins.ensemble.filters import SIX, filter_updates
 from mcnav.systems.ins.ensemble.steps import deviations_of
 from mcnav.systems.ins.ensemble.updates import RateTables, UpdateTables, along_truth, estimates_of, innovate
 from mcnav.systems.ins.sensors.aiding import Sensor, aiding_constants
-from mcnav.systems.ins.sensors.measurements import ATTITUDE, HEADING, Measurements, measure
+from mcnav.systems.ins.sensors.measurements import Measurements, measure
+from mcnav.systems.ins.sensors.registry import KINDS
 from tests.aided import make_sensor
 from tests.flights import flight
 
@@ -36,13 +37,13 @@ def update_tables(found: Measurements) -> UpdateTables:
     no_rates, no_numbers = np.zeros((updates, 3, 0)), np.zeros(0, dtype=np.int64)
     never = np.zeros(updates, dtype=np.bool_)
     return UpdateTables(
-        found.sensors, found.sizes, found.components, found.kinds, found.directions, found.arms,
-        found.constants[:, :, :0], found.rows, found.forward, found.places, whole, none, none, none, np.zeros(updates),
+        found.sensors, found.sizes, found.components, found.kinds, found.directions, found.parameters,
+        found.constants[:, :, :0], found.rows, found.places, whole, none, none, none, np.zeros(updates),
         np.zeros((updates, most, 0)), np.zeros((updates, 9, most)), np.zeros((updates, most, most)),
         np.zeros((updates, 9, most)), never,
         np.zeros(0, dtype=np.int64),
         filter_updates(found.rows, np.zeros((updates, most, 0)), whole, none, never, never),
-        RateTables(found.swinging, found.levers, no_rates, no_rates, no_rates, no_numbers, no_numbers),
+        RateTables(found.swinging, found.swung, found.levers, no_rates, no_rates, no_rates, no_numbers, no_numbers),
     )  # fmt: skip
 
 
@@ -56,7 +57,7 @@ def innovations_and_rows(found: Measurements, turn: Array, velocity: Array, away
     for u, m in enumerate(found.sizes):
         own, rows = estimates_of(0, 0, 0, len(SENSORS)), room(SIX, 9)
         innovate(u, m, constants, tables, samples, rows, own)
-        assert np.all(own.innovation == own.innovation[:, :1])
+        np.testing.assert_array_equal(own.innovation, np.repeat(own.innovation[:, :1], LANES, axis=1))
         values.append(own.innovation[:m, 0])
         responses.append(rows[:m, :, 0])
     return np.concatenate(values), np.concatenate(responses)
@@ -96,7 +97,7 @@ def test_rows_are_the_derivatives_of_the_innovations(turn: Array) -> None:
         numerical[:, j] = (sides[0] - sides[1]) / (2.0 * step)
     kinds = np.concatenate([found.kinds[u, : found.sizes[u]] for u in range(len(found.times))])
     size = np.linalg.norm(turn)
-    allowed = 5e-9 + np.where(np.isin(kinds, [ATTITUDE, HEADING]), size, 0.0)
+    allowed = 5e-9 + np.where(np.isin(kinds, [KINDS["attitude"], KINDS["heading"]]), size, 0.0)
     for part in (slice(0, 3), slice(3, 6), slice(6, 9)):
         scale = np.abs(rows[:, part]).max(axis=1)
         assert np.all(np.abs(numerical[:, part] - rows[:, part]).max(axis=1) <= allowed * scale + 1e-15)

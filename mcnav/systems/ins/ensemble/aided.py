@@ -65,7 +65,6 @@ from mcnav.systems.ins.ensemble.steps import (
     start,
 )
 from mcnav.systems.ins.ensemble.updates import (
-    INNOVATED,
     Estimates,
     RateTables,
     UpdateTables,
@@ -87,7 +86,7 @@ from mcnav.systems.ins.imu.instruments import CONSTANTS
 from mcnav.systems.ins.imu.variates import IMU_STREAM, draw_normals
 from mcnav.systems.ins.linear.adjoint import Adjoint, add_linear, adjoint_of_closed
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop, own_covariances
-from mcnav.systems.ins.sensors.measurements import check_kinds, rate_error
+from mcnav.systems.ins.sensors.measurements import rate_error
 
 Made = TypeVar("Made")
 
@@ -275,11 +274,12 @@ class AidedTables:
             np.ascontiguousarray(rates[:, :, each])
             for each in (active[active < gyros], self.rate_errors[drifting], of_states[estimated])
         )
-        return RateTables(measured.swinging, measured.levers, errors, biases, states, drifting, estimated)
+        return RateTables(
+            measured.swinging, measured.swung, measured.levers, errors, biases, states, drifting, estimated
+        )  # fmt: skip
 
     def _updates(self, active: IndexArray) -> UpdateTables:
         measured, model, roots = self.loop.measurements, self.loop.filter, self.loop.roots
-        check_kinds(measured.kinds, measured.sizes, INNOVATED, "mcnav.systems.ins.ensemble.updates.innovate")
         of_sensors = np.where(model.rate_errors >= 0, 0.0, model.rows)
         with np.errstate(divide="ignore", invalid="ignore"):
             known = np.diagonal(roots, axis1=1, axis2=2) ** 2 / model.variances
@@ -288,8 +288,8 @@ class AidedTables:
         for sensor in range(len(self.loop.sensors)):
             lags[np.flatnonzero(measured.sensors == sensor)[1:]] = True
         return UpdateTables(
-            measured.sensors, measured.sizes, measured.components, measured.kinds, measured.directions, measured.arms,
-            np.ascontiguousarray(measured.constants[:, :, active]), measured.rows, measured.forward, measured.places,
+            measured.sensors, measured.sizes, measured.components, measured.kinds, measured.directions,
+            measured.parameters, np.ascontiguousarray(measured.constants[:, :, active]), measured.rows, measured.places,
             self.bounds, self.correlated, self.memory, self.white, self.limits, of_sensors, self.loop.gains, roots,
             self.adjoint.updates, lags, np.flatnonzero(np.any(of_sensors, axis=(0, 1))),
             filter_updates(

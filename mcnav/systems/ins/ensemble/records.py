@@ -25,8 +25,9 @@ from mcnav.systems.ins.ensemble.normalization import (
 )
 from mcnav.systems.ins.ensemble.readout import LOCAL, TrueStates, copy_linear, copy_rows, read_errors
 from mcnav.systems.ins.ensemble.steps import Deviations
-from mcnav.systems.ins.ensemble.updates import Estimates, rotation_vectors
+from mcnav.systems.ins.ensemble.updates import Estimates
 from mcnav.systems.ins.filter.consistency import COUNTS
+from mcnav.systems.ins.sensors.attitude import rotation_vectors
 
 COVARIANCE: Final = 45
 """Numbers of the lower triangle of the outputs' covariance."""

@@ -9,25 +9,18 @@ from numpy.typing import NDArray
 
 from mcnav._types import Array, IndexArray
 from mcnav.compiled.blocks import THREE
-from mcnav.compiled.jit import allocation_free_part, allocation_free_uncontracted, inlined
-from mcnav.compiled.lanes import angle_of_half, half_turn_of_square
+from mcnav.compiled.jit import allocation_free_part, inlined
+from mcnav.compiled.lanes import half_turn_of_square
 from mcnav.compiled.vectors import Rooms, Vector, load, room, store, where
-from mcnav.systems.ins.earth import geodetic_altitude
 from mcnav.systems.ins.ensemble.filters import SIX, FilterUpdates, room_for
 from mcnav.systems.ins.ensemble.steps import Deviations, turn_less_one
 from mcnav.systems.ins.filter.consistency import COUNTS
-from mcnav.systems.ins.sensors.measurements import (
-    ALTITUDE,
-    ATTITUDE,
-    BODY_VELOCITY,
-    HEADING,
-    POSITION,
-    VELOCITY,
-    Measurements,
-)
+from mcnav.systems.ins.sensors.innovation import MeasurementTables, NavigatorErrors, choose_by_kind
+from mcnav.systems.ins.sensors.measurements import Measurements
+from mcnav.systems.ins.sensors.registry import KINDS, QUANTITIES
 
-INNOVATED: Final = (POSITION, VELOCITY, ALTITUDE, ATTITUDE, BODY_VELOCITY, HEADING)
-"""Kinds of measurements whose innovations `innovate` computes."""
+_INNOVATION: Final = choose_by_kind([quantity.innovation for quantity in QUANTITIES.values()])
+"""The innovation of a component by its kind."""
 
 LARGEST_CORRECTION: Final = 3.0
 """Largest rotation by a correction, rad: beyond it a sample leaves the engine's validity."""
@@ -56,10 +49,9 @@ class UpdateTables(NamedTuple):
     components: IndexArray
     kinds: IndexArray
     directions: Array
-    arms: Array
+    parameters: Array
     constant_rows: Array
     rows: Array
-    forward: Array
     places: Array
     bounds: IndexArray
     correlated: Array
@@ -82,7 +74,9 @@ class RateTables(NamedTuple):
     Attributes
     ----------
     swinging : ndarray of bool, shape (U,)
-        Whether an update measures the velocity of an antenna on a lever arm.
+        Whether an update needs the rate, as that of an antenna's velocity on a lever arm does.
+    swung : ndarray of bool, shape (U, M)
+        Which of its components do.
     levers : ndarray, shape (U, 3)
         The lever arms.
     errors : ndarray, shape (U, 3, p)
@@ -94,6 +88,7 @@ class RateTables(NamedTuple):
     """
 
     swinging: NDArray[np.bool_]
+    swung: NDArray[np.bool_]
     levers: Array
     errors: Array
     biases: Array
@@ -108,7 +103,8 @@ def along_truth(measured: Measurements) -> NDArray[np.bool_]:
     Those of position and velocity without a lever arm.
     """
     used = np.arange(measured.kinds.shape[1]) < measured.sizes[:, None]
-    plain = np.isin(measured.kinds, (POSITION, VELOCITY)) & ~measured.arms.any(axis=2) & ~measured.swinging[:, None]
+    fixed = [KINDS[name] for name, quantity in QUANTITIES.items() if quantity.fixed_row]
+    plain = np.isin(measured.kinds, fixed) & ~measured.parameters.any(axis=2) & ~measured.swinging[:, None]
     return np.asarray((plain | ~used).all(axis=1))
 
 
@@ -176,19 +172,6 @@ def estimates_of(
     )  # fmt: skip
 
 
-@allocation_free_uncontracted
-def rotation_vectors(turn: Array, out: Array) -> None:
-    """Compute the rotation vectors, shape (3, LANES), of quaternions."""
-    w, b, c, e = load(turn, 0), load(turn, 1), load(turn, 2), load(turn, 3)
-    sine = np.sqrt(b * b + c * c + e * e)
-    further = np.abs(w) + np.sqrt(w * w + sine * sine)  # the tangent of a quarter of the angle is sine / further
-    factor = where(sine > 0.0, 2.0 * angle_of_half(sine / further) / sine, 2.0)
-    factor = where(w < 0.0, -factor, factor)
-    store(out, 0, factor * b)
-    store(out, 1, factor * c)
-    store(out, 2, factor * e)
-
-
 @allocation_free_part
 def disturb(u: int, m: int, tables: UpdateTables, white: Array, drifting: Array, first: int, own: Estimates) -> None:
     """Draw the errors of an update's measurements, from normal variates of white and of correlated errors.
@@ -242,7 +225,7 @@ def add_rate_errors(u: int, m: int, tables: UpdateTables, samples: Deviations, o
     a, b, c = rates.levers[u, 0], rates.levers[u, 1], rates.levers[u, 2]
     sx, sy, sz = y * c - z * b, z * a - x * c, x * b - y * a
     for e in range(m):
-        if tables.kinds[u, e] == VELOCITY:
+        if rates.swung[u, e]:
             dx, dy, dz = tables.directions[u, e, 0], tables.directions[u, e, 1], tables.directions[u, e, 2]
             store(own.disturbance, e, load(own.disturbance, e) - (dx * sx + dy * sy + dz * sz))
 
@@ -269,46 +252,6 @@ def _swing(u: int, spin: float, rates: RateTables, turned: Array, own: Estimates
     store(own.swing, 2, x * b - y * a)
 
 
-@inlined
-def _turned(turned: Array, x: float, y: float, z: float) -> tuple[Vector, Vector, Vector]:
-    """Compute by how much rotations change a vector, with R - I."""
-    return (
-        load(turned, 0) * x + load(turned, 1) * y + load(turned, 2) * z,
-        load(turned, 3) * x + load(turned, 4) * y + load(turned, 5) * z,
-        load(turned, 6) * x + load(turned, 7) * y + load(turned, 8) * z,
-    )
-
-
-@inlined
-def _store_three(out: Array, c: int, at: int, x: Vector, y: Vector, z: Vector) -> None:
-    store(out, (c, at), x)
-    store(out, (c, at + 1), y)
-    store(out, (c, at + 2), z)
-
-
-@allocation_free_uncontracted
-def _altitude_change(constants: Array, u: int, places: Array, x: Vector, y: Vector, z: Vector) -> Vector:
-    """Compute the change of the altitude by deviations; exactly zero without one."""
-    a, b, c = places[u, 0], places[u, 1], places[u, 2]
-    here = geodetic_altitude(constants, 0.0 * x + a, 0.0 * y + b, 0.0 * z + c)
-    return geodetic_altitude(constants, a + x, b + y, c + z) - here
-
-
-@inlined
-def _heading_change(u: int, tables: UpdateTables, turned: Array) -> Vector:
-    """Compute the change of the heading by rotations."""
-    axes = tables.forward
-    dx, dy, dz = _turned(turned, axes[u, 2, 0], axes[u, 2, 1], axes[u, 2, 2])
-    north = axes[u, 0, 0] * axes[u, 2, 0] + axes[u, 0, 1] * axes[u, 2, 1] + axes[u, 0, 2] * axes[u, 2, 2]
-    east = axes[u, 1, 0] * axes[u, 2, 0] + axes[u, 1, 1] * axes[u, 2, 1] + axes[u, 1, 2] * axes[u, 2, 2]
-    more_north = axes[u, 0, 0] * dx + axes[u, 0, 1] * dy + axes[u, 0, 2] * dz
-    more_east = axes[u, 1, 0] * dx + axes[u, 1, 1] * dy + axes[u, 1, 2] * dz
-    across = north * more_east - east * more_north
-    along = north * (north + more_north) + east * (east + more_east)
-    further = along + np.sqrt(along * along + across * across)  # the tangent of a half is across / further
-    return 2.0 * angle_of_half(across / (further + np.sqrt(further * further + across * across)))
-
-
 @allocation_free_part
 def innovate(
     u: int, m: int, constants: Array, tables: UpdateTables, samples: Deviations, rows: Array, own: Estimates
@@ -330,70 +273,16 @@ def innovate(
         _swing(u, spin, tables.swings, turned, own)
     x, y, z = load(moved, 3), load(moved, 4), load(moved, 5)
     vx, vy, vz = load(moved, 0) + spin * y, load(moved, 1) - spin * x, load(moved, 2)  # over the earth
-    zero = 0.0 * x
     if wanted:
         for c in range(THREE * ((m + 2) // THREE)):
             for r in range(9):
                 store(rows, (c, r), 0.0)
+    shared = MeasurementTables(
+        tables.directions, tables.parameters, tables.places, tables.swings.levers, tables.swings.swinging, constants
+    )
+    errors = NavigatorErrors(x, y, z, vx, vy, vz, turn, turned, own.rotation, own.swing, own.corrected)
     for c in range(m):
-        kind = tables.kinds[u, c]
-        dx, dy, dz = tables.directions[u, c, 0], tables.directions[u, c, 1], tables.directions[u, c, 2]
-        ax, ay, az = tables.arms[u, c, 0], tables.arms[u, c, 1], tables.arms[u, c, 2]
-        value = -load(own.disturbance, c)
-        if kind in (POSITION, VELOCITY):
-            if kind == POSITION:
-                value += dx * x + dy * y + dz * z
-            else:
-                value += dx * vx + dy * vy + dz * vz
-            if wanted and kind == POSITION:
-                _store_three(rows, c, 6, zero + dx, zero + dy, zero + dz)
-            elif wanted:
-                _store_three(rows, c, 3, zero + dx, zero + dy, zero + dz)
-                _store_three(rows, c, 6, zero - spin * dy, zero + spin * dx, zero)
-            if kind == VELOCITY and swinging:
-                sx, sy, sz = ax + load(own.swing, 0), ay + load(own.swing, 1), az + load(own.swing, 2)
-                lx, ly, lz = _turned(turned, sx, sy, sz)
-                ex, ey, ez = load(own.corrected, 0), load(own.corrected, 1), load(own.corrected, 2)
-                value += dx * (lx + ex) + dy * (ly + ey) + dz * (lz + ez)
-                if wanted:
-                    lx, ly, lz = sx + lx, sy + ly, sz + lz
-                    # W x (R L x d)
-                    fx, fy, fz = tables.swings.levers[u, 0], tables.swings.levers[u, 1], tables.swings.levers[u, 2]
-                    ex, ey, ez = _turned(turned, fx, fy, fz)
-                    ex, ey, ez = fx + ex, fy + ey, fz + ez
-                    ex, ey = -spin * (ez * dx - ex * dz), spin * (ey * dz - ez * dy)
-                    _store_three(rows, c, 0, ly * dz - lz * dy + ex, lz * dx - lx * dz + ey, lx * dy - ly * dx)
-            elif ax != 0.0 or ay != 0.0 or az != 0.0:
-                lx, ly, lz = _turned(turned, ax, ay, az)
-                value += dx * lx + dy * ly + dz * lz
-                if wanted:
-                    lx, ly, lz = ax + lx, ay + ly, az + lz
-                    _store_three(rows, c, 0, ly * dz - lz * dy, lz * dx - lx * dz, lx * dy - ly * dx)
-        elif kind == ALTITUDE:
-            value += _altitude_change(constants, u, tables.places, x, y, z)
-            if wanted:
-                _store_three(rows, c, 6, zero - dx, zero - dy, zero - dz)
-        elif kind == ATTITUDE:
-            rotation_vectors(turn, own.rotation)
-            value += dx * load(own.rotation, 0) + dy * load(own.rotation, 1) + dz * load(own.rotation, 2)
-            if wanted:
-                ex, ey, ez = _turned(turned, dx, dy, dz)
-                _store_three(rows, c, 0, dx + ex, dy + ey, dz + ez)
-        elif kind == BODY_VELOCITY:
-            ex, ey, ez = _turned(turned, dx, dy, dz)
-            value += ex * ax + ey * ay + ez * az
-            ex, ey, ez = dx + ex, dy + ey, dz + ez
-            value += ex * vx + ey * vy + ez * vz
-            if wanted:
-                ux, uy, uz = ax + vx, ay + vy, az + vz  # the navigator's own velocity over the earth
-                _store_three(rows, c, 0, ey * uz - ez * uy, ez * ux - ex * uz, ex * uy - ey * ux)
-                _store_three(rows, c, 3, ex, ey, ez)
-                _store_three(rows, c, 6, -spin * ey, spin * ex, zero)
-        elif kind == HEADING:
-            value += _heading_change(u, tables, turned) + (ax * x + ay * y + az * z)
-            if wanted:
-                _store_three(rows, c, 0, zero + dx, zero + dy, zero + dz)
-                _store_three(rows, c, 6, zero + ax, zero + ay, zero + az)
+        value = _INNOVATION(tables.kinds[u, c], -load(own.disturbance, c), u, c, shared, errors, rows, wanted)
         for s in tables.linked:
             value -= tables.state_rows[u, c, s] * load(own.estimate, s)
         store(own.innovation, c, value)

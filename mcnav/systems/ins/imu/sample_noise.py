@@ -15,13 +15,16 @@ import numpy as np
 from mcnav._types import Array, IndexArray
 from mcnav.systems.ins.imu.fine_noise import boundary_values, draw_noise, gyro_drifts, process_values
 from mcnav.systems.ins.imu.instruments import Imu
-from mcnav.systems.ins.sensors.aiding import COMPONENTS, Component, Sensor
+from mcnav.systems.ins.sensors.aiding import Component, Sensor
 from mcnav.systems.ins.sensors.measurements import swings
-
-QUANTITIES: Final = tuple(COMPONENTS)
+from mcnav.systems.ins.sensors.quantity import MOST_AXES
+from mcnav.systems.ins.sensors.registry import KINDS
 
 FIRST_STREAM: Final = 18
 """Number of the counter's highest word; lower ones are those of the instruments' processes."""
+
+KINDS_OF_STREAM: Final = 6
+"""Quantities with one highest word: a quantity that is added changes no sample of the others."""
 
 
 @dataclass(frozen=True)
@@ -93,12 +96,13 @@ def draw_measurement_errors(
     for number, sensor in enumerate(sensors):
         errors = np.zeros((len(sensor.times), len(sensor.components)))
         for column, component in enumerate(sensor.components):
-            place = (len(QUANTITIES) * number + QUANTITIES.index(component.quantity)) * 3 + component.axis
+            stream, kind = divmod(KINDS[component.quantity], KINDS_OF_STREAM)
+            place = (KINDS_OF_STREAM * number + kind) * MOST_AXES + component.axis
             if component.noise > 0.0:
-                variates = _generator(seed, index, 2 * place).standard_normal(len(errors))
+                variates = _generator(seed, index, stream, 2 * place).standard_normal(len(errors))
                 errors[:, column] += component.noise * variates
             if component.correlated > 0.0:
-                generator = _generator(seed, index, 2 * place + 1)
+                generator = _generator(seed, index, stream, 2 * place + 1)
                 at_times, at_epochs = _gauss_markov(component, sensor.times, epochs, generator)
                 errors[:, column] += at_times
                 correlated[component.error_name("correlated")] = at_epochs
@@ -106,9 +110,9 @@ def draw_measurement_errors(
     return measurements, correlated
 
 
-def _generator(seed: int, index: int, process: int) -> np.random.Generator:
+def _generator(seed: int, index: int, stream: int, process: int) -> np.random.Generator:
     """Make the generator of one process."""
-    words = np.array([0, 0, process, FIRST_STREAM], dtype=np.uint64)
+    words = np.array([0, 0, process, FIRST_STREAM + stream], dtype=np.uint64)
     return np.random.Generator(np.random.Philox(counter=words, key=np.array((seed, index), dtype=np.uint64)))
 
 

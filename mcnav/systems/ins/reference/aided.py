@@ -31,18 +31,11 @@ from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel
 from mcnav.systems.ins.imu.instruments import ACCELEROMETER, CONSTANTS, GYRO, OUTPUTS, Imu
 from mcnav.systems.ins.imu.sample_noise import SampleNoise, draw_sample_noise
 from mcnav.systems.ins.linear.covariance import map_covariances
+from mcnav.systems.ins.reference.axes import ATTITUDE, POSITION, VELOCITY
 from mcnav.systems.ins.reference.collocation import AT_END, NODES, REASONS, STATE, WEIGHTS, WENT_ON, advance
 from mcnav.systems.ins.reference.compensation import Compensation, measure
-from mcnav.systems.ins.reference.earth_fixed_errors import (
-    ATTITUDE,
-    POSITION,
-    VELOCITY,
-    ErrorModel,
-    FilterSteps,
-    LocalFrame,
-    gravitation_gradients,
-)
-from mcnav.systems.ins.reference.earth_fixed_sensors import Indicated, SensorModel, Surroundings
+from mcnav.systems.ins.reference.earth_fixed_errors import ErrorModel, FilterSteps, LocalFrame, gravitation_gradients
+from mcnav.systems.ins.reference.earth_fixed_sensors import SensorModel, SensorTruth
 from mcnav.systems.ins.reference.mechanization import (
     LONGEST_STEP,
     LOWEST_SHARE,
@@ -54,6 +47,7 @@ from mcnav.systems.ins.reference.mechanization import (
 )
 from mcnav.systems.ins.reference.navigation_errors import EarthFixedStates, navigation_errors
 from mcnav.systems.ins.sensors.aiding import Sensor, aiding_constants
+from mcnav.systems.ins.sensors.comparison import Indicated
 from mcnav.systems.ins.truth.trajectory import Platform, Truth
 
 LONGEST_FILTER_STEP: Final = 0.2
@@ -156,9 +150,9 @@ class AidedMechanization:
             rate = None
             if self.platform != "strapdown":
                 rate = self.truth.states(times, self.platform, self.start).rate
-            surroundings = Surroundings.at(self.truth, self.navigator.earth_fixed(times), times, rate)
+            truth = SensorTruth.at(self.truth, self.navigator.earth_fixed(times), times, rate)
             spin = self.truth.earth.rotation_rate
-            models.append(SensorModel(sensor, believed, surroundings, self.errors.states, spin))
+            models.append(SensorModel(sensor, believed, truth, self.errors.states, spin))
         return tuple(models)
 
     @cached_property
@@ -290,7 +284,7 @@ class _Flight:
         first = len(CONSTANTS)
         for model in self.engine.sensor_models:
             last = first + sum(1 for _ in model.sensor.constants())
-            shape = (len(model.surroundings.altitude), model.size)
+            shape = (len(model.truth.altitude), model.size)
             noise = self.noise.measurements.get(model.sensor.name, np.zeros(shape))
             yield model.measurement_errors(self.errors[first:last], noise)
             first = last

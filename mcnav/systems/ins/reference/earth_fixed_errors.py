@@ -29,10 +29,8 @@ from mcnav.compiled.jit import compiled
 from mcnav.systems.ins.earth import Earth, local_axes
 from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel, FilterState
 from mcnav.systems.ins.imu.instruments import ACCELEROMETER, AXES, CROSS_AXES, GYRO, Imu
+from mcnav.systems.ins.reference.axes import ATTITUDE, POSITION, VELOCITY, cross_matrix
 from mcnav.systems.ins.reference.normal_field import normal_gravitation
-
-ATTITUDE, VELOCITY, POSITION = slice(0, 3), slice(3, 6), slice(6, 9)
-"""Places of psi, dv and dr among a filter's states."""
 
 GRADIENT_STEP: Final = 100.0
 """Step of the central differences of gravitation, m: their error is 2e-10 of the gradient."""
@@ -44,14 +42,6 @@ _TERMS: Final = 7
 
 _INPUTS: Final = ("one", *(f"rate_{axis}" for axis in AXES), *(f"force_{axis}" for axis in AXES))
 _INPUTS_ALL: Final = (*_INPUTS, *(f"force_squared_{axis}" for axis in AXES))
-
-
-def cross_matrix(vector: Array) -> Array:
-    """Return the matrices of the cross products with vectors, shape (..., 3): shape (..., 3, 3)."""
-    matrix = np.zeros((*vector.shape, 3))
-    matrix[..., 0, 1], matrix[..., 0, 2], matrix[..., 1, 2] = -vector[..., 2], vector[..., 1], -vector[..., 0]
-    matrix[..., 1, 0], matrix[..., 2, 0], matrix[..., 2, 1] = vector[..., 2], -vector[..., 1], vector[..., 0]
-    return matrix
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,8 @@ directions, an innovation, predicted less measured, is to first order ::
 
 less the errors of the measurement; df is the change of the forward axis f and of the local directions. The navigator
 predicts the antenna's velocity ``v + (C w - W) x C l`` with the rate that its gyros measured in the step before, as
-compensated, and g is what is left of their errors (`mcnav.systems.ins.reference.aided`). On a stabilised platform
-the body's rate about the platform is known. The product of the star tracker's and the navigator's errors, two small
-angles, is neglected.
+compensated, and g is what is left of their errors (`mcnav.systems.ins.reference.aided`). These are the functions
+``compare`` of the files in `mcnav.systems.ins.sensors`.
 """
 
 from __future__ import annotations
@@ -23,7 +22,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
 
 import numpy as np
 
@@ -31,27 +29,16 @@ from mcnav._types import Array, IndexArray
 from mcnav.systems.ins.earth import local_axes
 from mcnav.systems.ins.filter.model import NAVIGATION, FilterState
 from mcnav.systems.ins.imu.instruments import AXES
-from mcnav.systems.ins.reference.earth_fixed_errors import (
-    ATTITUDE,
-    POSITION,
-    VELOCITY,
-    InstrumentState,
-    LocalFrame,
-    cross_matrix,
-    instrument_states,
-)
+from mcnav.systems.ins.reference.earth_fixed_errors import InstrumentState, instrument_states
 from mcnav.systems.ins.reference.navigation_errors import EarthFixedStates
-from mcnav.systems.ins.sensors.aiding import COMPONENTS, SCALED, Quantity, Sensor, check_quantities
+from mcnav.systems.ins.sensors.aiding import Sensor
+from mcnav.systems.ins.sensors.comparison import Comparison, Indicated, TrueState
+from mcnav.systems.ins.sensors.registry import QUANTITIES
 from mcnav.systems.ins.truth.trajectory import Truth
-
-PREDICTED: Final[tuple[Quantity, ...]] = (
-    "position", "velocity", "altitude", "attitude", "body_velocity", "heading",
-)  # fmt: skip
-"""Quantities that `SensorModel` predicts, each by a method of its name."""
 
 
 @dataclass(frozen=True)
-class Surroundings:
+class SensorTruth:
     """The truth at u instants of a sensor.
 
     Attributes
@@ -77,7 +64,7 @@ class Surroundings:
     altitude: Array
 
     @classmethod
-    def at(cls, truth: Truth, states: EarthFixedStates, times: Array, rate: Array | None = None) -> Surroundings:
+    def at(cls, truth: Truth, states: EarthFixedStates, times: Array, rate: Array | None = None) -> SensorTruth:
         """Compute them from the true states at the instants, s.
 
         Parameters
@@ -94,28 +81,13 @@ class Surroundings:
             gimbals = np.einsum("nij,nj->ni", mounting, turning) + of_earth - rate
         return cls(states, mounting, turning, gimbals, local_axes(latitude, longitude), altitude)
 
-
-@dataclass(frozen=True)
-class Indicated:
-    """The indicated state of a navigator at one instant.
-
-    Attributes
-    ----------
-    position, velocity : ndarray, shape (3,)
-        Earth-fixed; over the earth.
-    axes : ndarray, shape (3, 3)
-        From the instruments' axes to earth-fixed ones.
-    frame : LocalFrame
-        At the position.
-    reading : ndarray, shape (6,)
-        Inertial rate and specific force as measured and compensated, in the instruments' axes.
-    """
-
-    position: Array
-    velocity: Array
-    axes: Array
-    frame: LocalFrame
-    reading: Array
+    def at_row(self, row: int, lever_arm: Array) -> TrueState:
+        """Return the truth at one of them."""
+        states = self.states
+        return TrueState(
+            states.position[row], states.velocity[row], states.axes[row], self.mounting[row], self.turning[row],
+            self.gimbals[row], self.level[row], float(self.altitude[row]), lever_arm,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -125,27 +97,19 @@ class SensorModel:
     Attributes
     ----------
     sensor, believed : Sensor
-    surroundings : Surroundings
+    truth : SensorTruth
         At its instants.
     states : sequence of FilterState
         Of the filter, besides those of navigation.
     rotation_rate : float
         Of the earth, rad/s.
-
-    Raises
-    ------
-    ValueError
-        When the sensor measures a quantity without equations.
     """
 
     sensor: Sensor
     believed: Sensor
-    surroundings: Surroundings
+    truth: SensorTruth
     states: Sequence[FilterState]
     rotation_rate: float
-
-    def __post_init__(self) -> None:
-        check_quantities(self.sensor, PREDICTED, "mcnav.systems.ins.reference.earth_fixed_sensors")
 
     @property
     def size(self) -> int:
@@ -166,10 +130,10 @@ class SensorModel:
         return np.inf if gate is None else 2.0 * float(gammaincinv(0.5 * self.size, gate))
 
     @cached_property
-    def _quantities(self) -> dict[Quantity, tuple[IndexArray, IndexArray]]:
+    def _quantities(self) -> dict[str, tuple[IndexArray, IndexArray]]:
         """Measured quantities: the components that measure each, and their axes."""
         quantities = {}
-        for quantity in COMPONENTS:
+        for quantity in QUANTITIES:
             places = [n for n, each in enumerate(self.sensor.components) if each.quantity == quantity]
             axes = [self.sensor.components[place].axis for place in places]
             if places:
@@ -192,7 +156,7 @@ class SensorModel:
         result = np.zeros((self.size, len(self.states)))
         for row, component in enumerate(self.sensor.components):
             for column, state in enumerate(self.states):
-                scaled = component.quantity in SCALED and state.name == component.error_name("scale_factor")
+                scaled = QUANTITIES[component.quantity].scaled and state.name == component.error_name("scale_factor")
                 result[row, column] = scaled
         return result
 
@@ -247,47 +211,27 @@ class SensorModel:
         """
         innovation, response = np.empty(self.size), np.zeros((self.size, NAVIGATION + len(self.states)))
         used = self.believed.lever_arm + arm - self._arms @ estimates
+        at = Comparison(
+            self.truth.at_row(row, self.sensor.lever_arm), indicated, used, self._arms, self._gyros(indicated.reading),
+            self.rotation_rate,
+        )  # fmt: skip
         added, scaled = self._added @ estimates, self._scaled @ estimates
         response[:, NAVIGATION:] = -self._added
         for quantity, (places, axes) in self._quantities.items():
-            difference, navigation, others = getattr(self, f"_{quantity}")(row, indicated, used)
-            innovation[places] = difference[axes] + added[places] - offset[places]
-            response[places, :NAVIGATION] = navigation[axes]
-            response[places, NAVIGATION:] += others[axes]
-            if quantity in SCALED:
-                true = getattr(self, f"_true_{quantity}")(row)[axes]
-                predicted = true + difference[axes]
+            difference = QUANTITIES[quantity].compare(at)
+            innovation[places] = difference.value[axes] + added[places] - offset[places]
+            response[places, :NAVIGATION] = difference.navigation[axes]
+            if difference.others is not None:
+                response[places, NAVIGATION:] += difference.others[axes]
+            if QUANTITIES[quantity].scaled:
+                if difference.true is None:
+                    raise ValueError(f"compare of {quantity} lacks the true value, which a scale factor needs")
+                true = difference.true[axes]
+                predicted = true + difference.value[axes]
                 innovation[places] += scaled[places] * predicted - factors[places] * true
                 response[places, :NAVIGATION] *= 1.0 + scaled[places, None]
                 response[places, NAVIGATION:] -= self._scaled[places] * predicted[:, None]
         return innovation, response
-
-    def _position(self, row: int, indicated: Indicated, arm: Array) -> tuple[Array, Array, Array]:
-        """Return the difference, and its responses to psi, dv, dr and to the other states, along all axes."""
-        true = self.surroundings
-        body = indicated.axes @ true.mounting[row]
-        antenna = body @ arm
-        true_antenna = true.states.axes[row] @ true.mounting[row] @ self.sensor.lever_arm
-        difference = (indicated.position - true.states.position[row]) + (antenna - true_antenna)
-        to_level, response = indicated.frame.axes.T, np.zeros((3, NAVIGATION))
-        response[:, POSITION], response[:, ATTITUDE] = to_level, -to_level @ cross_matrix(antenna)
-        return to_level @ difference, response, to_level @ body @ self._arms
-
-    def _velocity(self, row: int, indicated: Indicated, arm: Array) -> tuple[Array, Array, Array]:
-        """Return the same; the rate is the navigator's own."""
-        true = self.surroundings
-        body = indicated.axes @ true.mounting[row]
-        antenna, rate = body @ arm, indicated.axes @ (indicated.reading[:3] + true.gimbals[row])
-        of_earth = cross_matrix(np.array([0.0, 0.0, self.rotation_rate]))
-        turning = cross_matrix(rate) - of_earth
-        true_turning = cross_matrix(true.turning[row]) @ self.sensor.lever_arm
-        true_antenna = true.states.axes[row] @ true.mounting[row] @ true_turning
-        difference = (indicated.velocity - true.states.velocity[row]) + (turning @ antenna - true_antenna)
-        to_level, response = indicated.frame.axes.T, np.zeros((3, NAVIGATION))
-        of_attitude = of_earth @ cross_matrix(antenna) - cross_matrix(cross_matrix(rate) @ antenna)
-        response[:, VELOCITY], response[:, ATTITUDE] = to_level, to_level @ of_attitude
-        to_gyros = -cross_matrix(antenna) @ indicated.axes @ self._gyros(indicated.reading)
-        return to_level @ difference, response, to_level @ (turning @ body @ self._arms + to_gyros)
 
     def _gyros(self, reading: Array) -> Array:
         """Return the responses of a rate to the filter's states that are errors of the gyros, shape (3, q)."""
@@ -296,45 +240,3 @@ class SensorModel:
         for each in self._gyro_states:
             gyros[each.axis, each.place] = inputs[each.input]
         return gyros
-
-    def _altitude(self, row: int, indicated: Indicated, arm: Array) -> tuple[Array, Array, Array]:
-        response = np.zeros((1, NAVIGATION))
-        response[0, POSITION] = -indicated.frame.axes[:, 2]
-        return indicated.frame.altitude - self._true_altitude(row), response, np.zeros((1, len(self.states)))
-
-    def _true_altitude(self, row: int) -> Array:
-        return self.surroundings.altitude[row : row + 1]
-
-    def _attitude(self, row: int, indicated: Indicated, arm: Array) -> tuple[Array, Array, Array]:
-        from scipy.spatial.transform import Rotation
-
-        turned = self.surroundings.states.axes[row].T @ indicated.axes
-        response = np.zeros((3, NAVIGATION))
-        response[:, ATTITUDE] = indicated.axes.T
-        return Rotation.from_matrix(turned).as_rotvec(), response, np.zeros((3, len(self.states)))
-
-    def _body_velocity(self, row: int, indicated: Indicated, arm: Array) -> tuple[Array, Array, Array]:
-        to_body = (indicated.axes @ self.surroundings.mounting[row]).T
-        response = np.zeros((3, NAVIGATION))
-        response[:, VELOCITY] = to_body
-        response[:, ATTITUDE] = to_body @ cross_matrix(indicated.velocity)
-        return to_body @ indicated.velocity - self._true_body_velocity(row), response, np.zeros((3, len(self.states)))
-
-    def _true_body_velocity(self, row: int) -> Array:
-        true = self.surroundings
-        return np.asarray((true.states.axes[row] @ true.mounting[row]).T @ true.states.velocity[row])
-
-    def _heading(self, row: int, indicated: Indicated, arm: Array) -> tuple[Array, Array, Array]:
-        true = self.surroundings
-        mounting = true.mounting[row]
-        forward = indicated.frame.axes.T @ indicated.axes @ mounting[:, 0]
-        true_forward = true.level[row].T @ true.states.axes[row] @ mounting[:, 0]
-        across = true_forward[0] * forward[1] - true_forward[1] * forward[0]
-        difference = np.arctan2(across, true_forward[:2] @ forward[:2])
-        # of f in n: by psi less the turn of the local axes
-        slope = np.array([-forward[1], forward[0], 0.0]) / (forward[0] ** 2 + forward[1] ** 2)
-        to_turn = -slope @ cross_matrix(forward)
-        response = np.zeros((1, NAVIGATION))
-        response[0, ATTITUDE] = to_turn @ indicated.frame.axes.T
-        response[0, POSITION] = -to_turn @ indicated.frame.turn @ indicated.frame.axes.T
-        return np.array([difference]), response, np.zeros((1, len(self.states)))

@@ -5,49 +5,20 @@ A sensor measures one or more components of the state at its instants. A measure
     (1 + scale factor) true + bias + correlated + noise
 
 with a constant bias and scale factor, a stationary first-order Gauss-Markov error, and white noise. What the navigator
-predicts for it less what is measured is the innovation.
+predicts for it less what is measured is the innovation. `mcnav.systems.ins.sensors.registry` has the quantities.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Final, Literal
+from typing import Literal
 
 import numpy as np
 
 from mcnav._types import Array
 from mcnav.systems.ins.imu.instruments import AXES
-
-Quantity = Literal["position", "velocity", "altitude", "attitude", "body_velocity", "heading"]
-"""Measured quantity.
-
-position, velocity
-    Of the antenna, a lever arm away from the unit: north, east, down at the geodetic position; over the earth.
-altitude
-    Geodetic, of the unit.
-attitude
-    Rotation vector of the measured relative to the true attitude, along the instruments' axes.
-body_velocity
-    Velocity over the earth along forward, right, down of the body.
-heading
-    Of the body.
-"""
-
-LEVEL_AXES: Final = ("north", "east", "down")
-
-COMPONENTS: Final[dict[Quantity, tuple[str, ...]]] = {
-    "position": LEVEL_AXES,
-    "velocity": LEVEL_AXES,
-    "altitude": ("",),
-    "attitude": AXES,
-    "body_velocity": AXES,
-    "heading": ("",),
-}
-"""Components of each quantity."""
-
-SCALED: Final[tuple[Quantity, ...]] = ("altitude", "body_velocity")
-"""Quantities whose measurements may have a scale factor."""
+from mcnav.systems.ins.sensors.registry import QUANTITIES
 
 MeasurementError = Literal["bias", "scale_factor", "correlated", "noise"]
 
@@ -59,8 +30,9 @@ class Component:
     Attributes
     ----------
     quantity : str
+        Of `QUANTITIES`.
     axis : int
-        Of `COMPONENTS` of the quantity.
+        Number among the axes of the quantity.
     noise : float
         Sigma of the white noise of one measurement: m, m/s or rad; positive.
     correlated : float
@@ -69,14 +41,26 @@ class Component:
         Of that error, s; positive.
     label : str
         Beginning of its errors' names: the sensor's name, and the quantity where the sensor measures several.
+
+    Raises
+    ------
+    ValueError
+        When no file defines the quantity, or it has no such axis.
     """
 
-    quantity: Quantity
+    quantity: str
     axis: int
     noise: float
     correlated: float
     correlation_time: float
     label: str
+
+    def __post_init__(self) -> None:
+        if self.quantity not in QUANTITIES:
+            known = ", ".join(QUANTITIES)
+            raise ValueError(f"{self.label} measures {self.quantity}, which no file of sensors/ defines; of {known}")
+        if not 0 <= self.axis < len(QUANTITIES[self.quantity].axes):
+            raise ValueError(f"{self.label}: {self.quantity} has no axis number {self.axis}")
 
     def error_name(self, error: MeasurementError) -> str:
         """Return the name of one of its errors.
@@ -86,7 +70,7 @@ class Component:
         >>> Component("altitude", 0, 3.0, 0.0, 100.0, "altimeter").error_name("noise")
         'altimeter_noise'
         """
-        axis = COMPONENTS[self.quantity][self.axis]
+        axis = QUANTITIES[self.quantity].axes[self.axis]
         return f"{self.label}_{error}" + (f"_{axis}" if axis else "")
 
 
@@ -99,7 +83,7 @@ class Sensor:
     name : str
         Of its own in a campaign; by default its type with underscores.
     kind : str
-        Type, as campaign files have it: gnss, altimeter, star-tracker, position-fix, zero-velocity, velocity, heading.
+        Type, as campaign files have it: of `SENSOR_TYPES`.
     times : ndarray, shape (u,)
         Instants of its measurements in the trajectory's time, s: rising, after the start of navigation; those in
         outages are left out.
@@ -128,7 +112,7 @@ class Sensor:
         for component in self.components:
             yield component.error_name("bias")
         for component in self.components:
-            if component.quantity in SCALED:
+            if QUANTITIES[component.quantity].scaled:
                 yield component.error_name("scale_factor")
         if self.has_lever_arm:
             yield from (f"{self.name}_lever_arm_{axis}" for axis in AXES)
@@ -138,13 +122,6 @@ class Sensor:
         sizes = {each.error_name("noise"): each.noise for each in self.components}
         sizes |= {each.error_name("correlated"): each.correlated for each in self.components}
         return {name: size for name, size in sizes.items() if size > 0.0}
-
-
-def check_quantities(sensor: Sensor, known: Collection[str], where: str) -> None:
-    """Raise ValueError unless all that a sensor measures is among the quantities that a module has equations for."""
-    for component in sensor.components:
-        if component.quantity not in known:
-            raise ValueError(f"{where} has no equations for {component.quantity}, which {sensor.name} measures")
 
 
 def aiding_constants(sensors: tuple[Sensor, ...]) -> tuple[str, ...]:

@@ -7,17 +7,8 @@ from typing import Final, Literal
 
 from mcnav.contract.quantities import Output, Source
 from mcnav.systems.ins.filter.model import estimated_kinds
-from mcnav.systems.ins.sensors.aiding import Component, MeasurementError, Quantity, Sensor
-
-UNITS: Final[dict[Quantity, tuple[str, str, float]]] = {
-    "position": ("m", "m", 1.0),
-    "velocity": ("m/s", "m/s", 0.1),
-    "altitude": ("m", "m", 10.0),
-    "attitude": ("rad", "arcsec", 5e-5),
-    "body_velocity": ("m/s", "m/s", 0.1),
-    "heading": ("rad", "mrad", 1e-2),
-}
-"""SI unit, unit shown and usual size of an error of each measured quantity."""
+from mcnav.systems.ins.sensors.aiding import Component, MeasurementError, Sensor
+from mcnav.systems.ins.sensors.registry import QUANTITIES
 
 SCALE_FACTOR: Final = ("1", "ppm", 1e-3)
 LEVER_ARM: Final = ("m", "cm", 0.01)
@@ -42,13 +33,14 @@ def _sources(sensor: Sensor) -> Iterator[Source]:
 
 
 def _units(component: Component, error: Literal["bias", "scale_factor"]) -> tuple[str, str, float]:
-    return SCALE_FACTOR if error == "scale_factor" else UNITS[component.quantity]
+    quantity = QUANTITIES[component.quantity]
+    return SCALE_FACTOR if error == "scale_factor" else (quantity.unit, quantity.shown_in, quantity.usual)
 
 
 def aiding_outputs(sensors: tuple[Sensor, ...]) -> tuple[Output, ...]:
     """Return the processes of the sensors that are not zero, in the order of `aiding_processes`."""
     units = {
-        each.error_name(error): UNITS[each.quantity]
+        each.error_name(error): _units(each, "bias")
         for sensor in sensors
         for each in sensor.components
         for error in RANDOM

@@ -9,29 +9,23 @@ from typing import Any, Final
 
 import numpy as np
 
-from mcnav._types import Array
 from mcnav.entries.context import FileContext
 from mcnav.errors import suggestion
 from mcnav.systems.ins.filter.model import estimated_kinds
 from mcnav.systems.ins.imu.instruments import AXES, CONSTANTS, PROCESSES
 from mcnav.systems.ins.scenario import Navigation
 from mcnav.systems.ins.sensors.aiding import Component, Sensor
-from mcnav.systems.ins.sensors.known_quantities import lacks_equations
+from mcnav.systems.ins.sensors.quantity import SensorType
+from mcnav.systems.ins.sensors.registry import SENSOR_TYPES
 from mcnav.systems.ins.sensors.sources import RANDOM
 from mcnav.systems.ins.tables import instants
-from mcnav.systems.ins.tables.instants import check_count, read_instants, seconds
-from mcnav.systems.ins.tables.sensors import SENSOR_TYPES, SensorErrors, SensorType, check_measured, read_sensor_errors
+from mcnav.systems.ins.tables.instants import check_count, read_instants
+from mcnav.systems.ins.tables.sensors import SensorErrors, check_measured, keys_of_errors, read_sensor_errors
 
 NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,39}")
 COMMON: Final = ("type", "name", "gate", *instants.KEYS)
 
 MOST_SENSORS: Final = 100
-
-MOST_SPEED: Final = 0.1
-"""Largest speed of a vehicle that a sensor of type zero-velocity takes for one at rest, m/s."""
-
-STEEPEST: Final = 89.0
-"""Pitch of a body whose heading a sensor may measure, deg; errors of the attitude make 57 times as large ones of it."""
 
 NO_CORRELATION: Final = 3600.0
 """Correlation time of an error that there is not, s."""
@@ -69,12 +63,9 @@ def read_aiding(entries: object, navigation: Navigation, context: FileContext) -
         sensor, aiding = _read_sensor(entry, kind, name, navigation, key, context)
         if len(context.problems) == problems:
             _check_names(sensor, sensors, f"{key}.name", context)
-        if len(context.problems) == problems and sensor.kind == "zero-velocity":
-            _check_at_rest(sensor, navigation, key, context)
-        if len(context.problems) == problems and sensor.kind == "heading":
-            _check_level(sensor, navigation, key, context)
-        if len(context.problems) == problems and (lacking := lacks_equations(sensor)):
-            context.problem(f"{key}.type", f"got {sensor.kind!r}; {lacking}")
+        sound = len(context.problems) == problems
+        if sound and len(sensor.times) and (wrong := kind.limit(navigation.truth, sensor.times)):
+            context.problem(key, wrong)
         sensors.append(sensor)
         sigmas |= aiding
     check_count(sum(len(sensor.times) for sensor in sensors), context)
@@ -106,12 +97,12 @@ def _read_name(entry: Mapping[str, Any], sensors: list[Sensor], key: str, contex
 def _read_sensor(
     entry: Mapping[str, Any], kind: SensorType, name: str, navigation: Navigation, key: str, context: FileContext
 ) -> tuple[Sensor, dict[str, float]]:
-    known = [*COMMON, *kind.keys, *kind.further]
+    known = [*COMMON, *keys_of_errors(kind), *kind.further]
     for unknown in (each for each in entry if each not in known):
         context.problem(f"{key}.{unknown}", f"unknown key of type {entry['type']}{suggestion(unknown, known)}")
     times, outages = read_instants(entry, navigation, key, context)
-    if entry["type"] == "altimeter":
-        times = _below_ceiling(entry, times, navigation, key, context)
+    if kind.select is not None:
+        times = kind.select(entry, times, navigation.truth, key, context)
     problems = len(context.problems)
     errors = read_sensor_errors(entry, kind, key, context)
     if len(context.problems) == problems:
@@ -182,49 +173,6 @@ def read_gate(entry: Mapping[str, Any], key: str, context: FileContext) -> float
     if gate is not None and not 0.0 < gate < 1.0:
         context.problem(f"{key}.gate", f"got {entry['gate']!r}; expected a probability between 0 and 1, such as 0.999")
     return gate
-
-
-def _below_ceiling(
-    entry: Mapping[str, Any], times: Array, navigation: Navigation, key: str, context: FileContext
-) -> Array:
-    """Leave out the instants at which a radar altimeter is too high."""
-    kind = entry.get("kind", "barometric")
-    if kind not in ("barometric", "radar"):
-        context.problem(f"{key}.kind", f"got {kind!r}; expected 'barometric' or 'radar'")
-    elif "ceiling" in entry and kind == "barometric":
-        context.problem(f"{key}.ceiling", 'is of a radar; leave it out, or add kind = "radar"')
-    elif "ceiling" in entry:
-        ceiling = context.quantity(entry["ceiling"], "m", f"{key}.ceiling")
-        if ceiling is None or not len(times):
-            return times
-        altitudes = navigation.truth.geodetic(times)[:, 2]
-        if np.any(altitudes <= ceiling):
-            return np.asarray(times[altitudes <= ceiling])
-        lowest = f"the lowest altitude at its instants is {altitudes.min():.6g} m"
-        context.problem(f"{key}.ceiling", f"got {entry['ceiling']!r}; {lowest}")
-    return times
-
-
-def _check_at_rest(sensor: Sensor, navigation: Navigation, key: str, context: FileContext) -> None:
-    """Add a mistake when the vehicle moves at an instant at which it is to be at rest."""
-    if not len(sensor.times):
-        return
-    speeds = np.linalg.norm(navigation.truth.earth_fixed(sensor.times)[1], axis=1)
-    fast = np.flatnonzero(speeds > MOST_SPEED)
-    if len(fast):
-        message = f"the vehicle moves at {speeds[fast[0]]:.3g} m/s at {seconds(sensor.times[fast[0]])}"
-        context.problem(key, f"{message}; expected instants at rest, at most {MOST_SPEED} m/s")
-
-
-def _check_level(sensor: Sensor, navigation: Navigation, key: str, context: FileContext) -> None:
-    """Add a mistake when the vehicle points up or down at an instant at which its heading is measured."""
-    if not len(sensor.times):
-        return
-    pitch = np.degrees(navigation.truth.angles(sensor.times)[:, 1])
-    steep = np.flatnonzero(np.abs(pitch) > STEEPEST)
-    if len(steep):
-        message = f"the pitch is {pitch[steep[0]]:.4g} deg at {seconds(sensor.times[steep[0]])}"
-        context.problem(key, f"{message}, where the heading is not defined; expected at most {STEEPEST:g} deg")
 
 
 def _check_names(sensor: Sensor, earlier: list[Sensor], key: str, context: FileContext) -> None:

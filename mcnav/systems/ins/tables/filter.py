@@ -26,11 +26,18 @@ from mcnav.sampling.error_model import ErrorModel
 from mcnav.systems.ins.filter.model import NAVIGATION, Beliefs, FilterModel, estimated_kinds
 from mcnav.systems.ins.imu.instruments import ACCELEROMETER, AXES, GYRO, Imu
 from mcnav.systems.ins.scenario import SOURCES
-from mcnav.systems.ins.sensors.aiding import COMPONENTS, Component, Sensor, aiding_constants
+from mcnav.systems.ins.sensors.aiding import Component, Sensor, aiding_constants
+from mcnav.systems.ins.sensors.registry import QUANTITIES, SENSOR_TYPES
 from mcnav.systems.ins.sensors.sources import aiding_sources
 from mcnav.systems.ins.tables.aiding import constant_sizes
 from mcnav.systems.ins.tables.imu import read_imu
-from mcnav.systems.ins.tables.sensors import MULTIPLE, SENSOR_TYPES, SensorErrors, check_measured, read_sensor_errors
+from mcnav.systems.ins.tables.sensors import (
+    MULTIPLE,
+    SensorErrors,
+    check_measured,
+    keys_of_errors,
+    read_sensor_errors,
+)
 
 ALWAYS: Final = ("position", "velocity", "attitude")
 """States that every filter estimates."""
@@ -198,8 +205,9 @@ def _believed_sensor(entry: object, sensor: Sensor, context: FileContext) -> tup
         context.problem(key, "expected a table")
         return sensor, {}
     before = len(context.problems)
-    for unknown in (name for name in entry if name not in kind.keys):
-        context.problem(f"{key}.{unknown}", f"unknown key{suggestion(unknown, kind.keys)}")
+    known_keys = keys_of_errors(kind)
+    for unknown in (name for name in entry if name not in known_keys):
+        context.problem(f"{key}.{unknown}", f"unknown key{suggestion(unknown, known_keys)}")
     if kind.lever_arm and "lever_arm" in entry:
         known = f'{sensor.name}_lever_arm_x = {{ distribution = "fixed", value = "1 cm" }}'
         context.problem(
@@ -210,7 +218,7 @@ def _believed_sensor(entry: object, sensor: Sensor, context: FileContext) -> tup
         return sensor, {}
     measured: dict[str, NDArray[np.bool_]] = {
         name: np.isin(
-            np.arange(len(COMPONENTS[quantity])), [c.axis for c in sensor.components if c.quantity == quantity]
+            np.arange(len(QUANTITIES[quantity].axes)), [c.axis for c in sensor.components if c.quantity == quantity]
         )
         for name, quantity in kind.quantities.items()
     }

@@ -1,4 +1,4 @@
-"""Types of aiding sensors, and the keys and sizes of their errors.
+"""Keys and sizes of the errors of aiding sensors.
 
 The same keys give the errors in ``[[aiding]]`` and what a filter believes of them.
 """
@@ -17,8 +17,9 @@ from mcnav.entries.axes import read_axes, within
 from mcnav.entries.context import FileContext
 from mcnav.errors import suggestion
 from mcnav.systems.ins.imu.instruments import AXES
-from mcnav.systems.ins.sensors.aiding import COMPONENTS, SCALED, Quantity
-from mcnav.systems.ins.sensors.sources import LEVER_ARM, SCALE_FACTOR, UNITS
+from mcnav.systems.ins.sensors.quantity import QuantityDefinition, SensorType
+from mcnav.systems.ins.sensors.registry import QUANTITIES
+from mcnav.systems.ins.sensors.sources import LEVER_ARM, SCALE_FACTOR
 from mcnav.units import dimension_of, printable
 
 MULTIPLE: Final = 1e9
@@ -31,55 +32,13 @@ LONGEST_LEVER_ARM: Final = 1e5
 """m."""
 
 
-@dataclass(frozen=True)
-class SensorType:
-    """A type of sensor.
-
-    Attributes
-    ----------
-    quantities : mapping of str to str
-        Quantity that it measures, by the key of its noise.
-    errors : bool
-        Whether it has a bias and a correlated error.
-    lever_arm : bool
-        Whether it has an antenna away from the unit.
-    further : tuple of str
-        Keys of its own besides those of errors.
-    """
-
-    quantities: Mapping[str, Quantity]
-    errors: bool = True
-    lever_arm: bool = False
-    further: tuple[str, ...] = ()
-
-    def key(self, measured: str, error: str) -> str:
-        """Return the key of an error of a quantity: its own, after the quantity's where there are several."""
-        return f"{measured}_{error}" if len(self.quantities) > 1 else error
-
-    def label(self, name: str, measured: str) -> str:
-        """Return the beginning of the names of a sensor's errors."""
-        return f"{name}_{measured}" if len(self.quantities) > 1 else name
-
-    @property
-    def keys(self) -> list[str]:
-        """Keys of its errors."""
-        quantities = list(self.quantities)
-        for measured, quantity in self.quantities.items():
-            errors = (*(("bias", "correlated") if self.errors else ()), *(("scale_factor",) * (quantity in SCALED)))
-            quantities += [self.key(measured, error) for error in errors]
-        return quantities + (["lever_arm", "lever_arm_error"] if self.lever_arm else [])
-
-
-SENSOR_TYPES: Final[Mapping[str, SensorType]] = {
-    "gnss": SensorType({"position": "position", "velocity": "velocity"}, lever_arm=True),
-    "altimeter": SensorType({"altitude": "altitude"}, further=("kind", "ceiling")),
-    "star-tracker": SensorType({"attitude": "attitude"}),
-    "position-fix": SensorType({"position": "position"}),
-    "zero-velocity": SensorType({"velocity": "velocity"}, errors=False),
-    "velocity": SensorType({"velocity": "body_velocity"}),
-    "heading": SensorType({"heading": "heading"}),
-}
-"""Types by the ``type`` of ``[[aiding]]``."""
+def keys_of_errors(kind: SensorType) -> list[str]:
+    """Return the keys of a sensor's errors."""
+    keys = list(kind.quantities)
+    for measured, quantity in kind.quantities.items():
+        scaled = ("scale_factor",) if QUANTITIES[quantity].scaled else ()
+        keys += [kind.key(measured, error) for error in (*(("bias", "correlated") if kind.errors else ()), *scaled)]
+    return keys + (["lever_arm", "lever_arm_error"] if kind.lever_arm else [])
 
 
 @dataclass(frozen=True)
@@ -139,9 +98,9 @@ def read_sensor_errors(
 def _read_sizes(
     entry: Mapping[str, Any], kind: SensorType, measured: str, key: str, context: FileContext, believed: bool
 ) -> ErrorSizes:
-    quantity = kind.quantities[measured]
-    unit, _, usual = UNITS[quantity]
-    axes, least, most = COMPONENTS[quantity], usual / MULTIPLE, usual * MULTIPLE
+    quantity = QUANTITIES[kind.quantities[measured]]
+    axes, unit = quantity.axes, quantity.unit
+    least, most = quantity.usual / MULTIPLE, quantity.usual * MULTIPLE
     none = np.full(len(axes), np.nan)
 
     def read(name: str, unit: str, least: float, most: float, words: str = "a size must not be negative") -> Array:
@@ -153,8 +112,9 @@ def _read_sizes(
     if not kind.errors:
         return ErrorSizes(noise, none, none, none, none)
     bias = read(kind.key(measured, "bias"), unit, 0.0, most)
-    scaled = quantity in SCALED
-    scale = read(kind.key(measured, "scale_factor"), "1", 0.0, MULTIPLE * SCALE_FACTOR[2]) if scaled else none
+    scale = none
+    if quantity.scaled:
+        scale = read(kind.key(measured, "scale_factor"), "1", 0.0, MULTIPLE * SCALE_FACTOR[2])
     name = kind.key(measured, "correlated")
     sigma, time = none, none
     if name in entry:
@@ -163,11 +123,10 @@ def _read_sizes(
 
 
 def _read_correlated(
-    entry: object, quantity: Quantity, key: str, context: FileContext, believed: bool
+    entry: object, quantity: QuantityDefinition, key: str, context: FileContext, believed: bool
 ) -> tuple[Array, Array]:
     """Read a first-order Gauss-Markov error: sigma and correlation time."""
-    unit, _, usual = UNITS[quantity]
-    axes, names = COMPONENTS[quantity], ("sigma", "correlation_time")
+    axes, unit, names = quantity.axes, quantity.unit, ("sigma", "correlation_time")
     none = np.full(len(axes), np.nan)
     example = printable(entry, 20) if isinstance(entry, str) else dimension_of(unit).example
     expected = f'expected {{ sigma = "{example}", correlation_time = "100 s" }}'
@@ -182,7 +141,7 @@ def _read_correlated(
         return none, none
     above_zero = "expected a time above zero"
     limits = {
-        "sigma": (unit, within(0.0, usual * MULTIPLE, unit)),
+        "sigma": (unit, within(0.0, quantity.usual * MULTIPLE, unit)),
         "correlation_time": ("s", within(SHORTEST_CORRELATION, 1.0 / SHORTEST_CORRELATION, "s", above_zero)),
     }
     correlated = dict.fromkeys(names, none)
@@ -215,7 +174,7 @@ def check_measured(
             if not axes.any():
                 context.problem(at, f"{quantity} is not measured; leave it out")
                 continue
-            names = COMPONENTS[kind.quantities[quantity]]
+            names = QUANTITIES[kind.quantities[quantity]].axes
             value = entry[name]
             tables = list(value.values()) if error == "correlated" and isinstance(value, dict) else [value]
             unmeasured = {axis for axis, known in zip(names, axes, strict=True) if not known}

@@ -12,7 +12,6 @@ import numpy as np
 
 from mcnav.statistics.mean_square import mean_square_bounds
 from mcnav.systems.ins.imu.instruments import Imu
-from mcnav.systems.ins.sensors.aiding import Quantity
 from mcnav.validation.reproduce.textbook import closed_forms
 from mcnav.validation.reproduce.textbook.free import ANGLES, HOUR, MICRO_G, MINUTE, SPEEDS, compared
 from mcnav.validation.reproduce.textbook.navigators import (
@@ -66,7 +65,7 @@ def _track(
     velocity: float | None = None,
 ) -> Case:
     """Return a track with fixes each second, of position or of velocity as well."""
-    noise: dict[Quantity, float] = {"position": FIX} if velocity is None else {"position": FIX, "velocity": velocity}
+    noise: dict[str, float] = {"position": FIX} if velocity is None else {"position": FIX, "velocity": velocity}
     sensors = (sensor("fix", 1.0, duration, noise),)
     model = filter_of(sensors, imu if believed is None else believed, START, estimates, considers)
     return Case(at_rest(EMPTY_SPACE, 45.0, duration), START, SAMPLES, imu, (sensors, model))

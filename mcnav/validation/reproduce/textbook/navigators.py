@@ -17,7 +17,7 @@ from mcnav.systems.ins.earth import WGS84, Earth
 from mcnav.systems.ins.filter.model import Beliefs, FilterModel
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, Imu, Noise
 from mcnav.systems.ins.scenario import SOURCES, Ins, Navigation
-from mcnav.systems.ins.sensors.aiding import Component, Quantity, Sensor, aiding_constants
+from mcnav.systems.ins.sensors.aiding import Component, Sensor, aiding_constants
 from mcnav.systems.ins.truth.trajectory import Truth
 from mcnav.validation.reproduce.textbook.numbers import CONFIDENCE
 
@@ -67,7 +67,7 @@ def on_each_axis(instrument: str, **sizes: float) -> Imu:
     return Imu(gyro=noise) if instrument == "gyro" else Imu(accelerometer=noise)
 
 
-def sensor(name: str, interval: float, end: float, noise: Mapping[Quantity, float]) -> Sensor:
+def sensor(name: str, interval: float, end: float, noise: Mapping[str, float]) -> Sensor:
     """Return a sensor that measures all axes of some quantities with white noise, every interval up to the end."""
     times = interval * np.arange(1.0, np.floor(end / interval + 1e-9) + 1.0)
     components = tuple(

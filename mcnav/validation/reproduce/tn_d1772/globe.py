@@ -20,7 +20,8 @@ from mcnav.systems.ins.earth import Earth
 from mcnav.systems.ins.filter.model import Beliefs, FilterModel
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, Imu
 from mcnav.systems.ins.scenario import Ins, Navigation
-from mcnav.systems.ins.sensors.aiding import COMPONENTS, Component, Quantity, Sensor, aiding_constants
+from mcnav.systems.ins.sensors.aiding import Component, Sensor, aiding_constants
+from mcnav.systems.ins.sensors.registry import QUANTITIES
 from mcnav.systems.ins.truth.reentry import Plane, reentry_truth
 from mcnav.systems.reentry.instruments import Error
 from mcnav.systems.reentry.table_i import ALL_ERRORS, ERROR_SIZES
@@ -63,7 +64,7 @@ INSTRUMENTS: Final = {
 ESTIMATES: Final = ("gyro_bias", "accelerometer_bias", "accelerometer_scale_factor")
 """What the filter of an updated navigator estimates besides position, velocity and attitude."""
 
-TRACKING: Final[dict[Quantity, tuple[float, float, float]]] = {
+TRACKING: Final[dict[str, tuple[float, float, float]]] = {
     "position": (ACROSS["position_north"], ERROR_SIZES[Error.RANGE], ERROR_SIZES[Error.ALTITUDE]),
     "velocity": (ACROSS["velocity_north"], ERROR_SIZES[Error.RANGE_RATE], ERROR_SIZES[Error.ALTITUDE_RATE]),
 }
@@ -182,7 +183,7 @@ def _at_once(time: float, stars: bool) -> Sequence[Sensor]:
     sensors = [Sensor("tracking", "gnss", np.array([time]), fixes)]
     if stars:
         axes = tuple(
-            Component("attitude", axis, STARS, 0.0, 1.0, "stars") for axis in range(len(COMPONENTS["attitude"]))
+            Component("attitude", axis, STARS, 0.0, 1.0, "stars") for axis in range(len(QUANTITIES["attitude"].axes))
         )
         sensors.append(Sensor("stars", "star-tracker", np.array([time]), axes))
     return sensors

@@ -1,0 +1,93 @@
+"""Attitude: the rotation vector of the measured relative to the true attitude, along the instruments' axes.
+
+The innovation along an axis d is ``d . psi``, with the rotation vector psi from true to indicated axes.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.compiled.jit import allocation_free_part, allocation_free_uncontracted
+from mcnav.compiled.lanes import angle_of_half
+from mcnav.compiled.vectors import Vector, load, store, where
+from mcnav.systems.ins.imu.instruments import AXES
+from mcnav.systems.ins.reference.axes import ATTITUDE
+from mcnav.systems.ins.sensors.comparison import Comparison, Difference, responses
+from mcnav.systems.ins.sensors.innovation import MeasurementTables, NavigatorErrors, change_by_turn, store_three
+from mcnav.systems.ins.sensors.quantity import Geometry, QuantityDefinition, SensorType
+from mcnav.systems.ins.sensors.surroundings import Surroundings
+
+
+def geometry(along: Surroundings, axis: int) -> Geometry:
+    """Return the response d to psi."""
+    direction = along.instruments[:, :, axis]
+    return Geometry(direction, psi=direction)
+
+
+@allocation_free_uncontracted
+def rotation_vectors(turn: Array, out: Array) -> None:
+    """Compute the rotation vectors, shape (3, LANES), of quaternions."""
+    w, b, c, e = load(turn, 0), load(turn, 1), load(turn, 2), load(turn, 3)
+    sine = np.sqrt(b * b + c * c + e * e)
+    further = np.abs(w) + np.sqrt(w * w + sine * sine)  # the tangent of a quarter of the angle is sine / further
+    factor = where(sine > 0.0, 2.0 * angle_of_half(sine / further) / sine, 2.0)
+    factor = where(w < 0.0, -factor, factor)
+    store(out, 0, factor * b)
+    store(out, 1, factor * c)
+    store(out, 2, factor * e)
+
+
+@allocation_free_part
+def innovation(
+    value: Vector, u: int, c: int, tables: MeasurementTables, errors: NavigatorErrors, rows: Array, wanted: bool
+) -> Vector:
+    """Add ``d . psi``; the response to psi is the indicated axis, which differs from the exact one by half the turn."""
+    dx, dy, dz = tables.directions[u, c, 0], tables.directions[u, c, 1], tables.directions[u, c, 2]
+    rotation = errors.rotation
+    rotation_vectors(errors.turn, rotation)
+    value += dx * load(rotation, 0) + dy * load(rotation, 1) + dz * load(rotation, 2)
+    if wanted:
+        ex, ey, ez = change_by_turn(errors.turned, dx, dy, dz)
+        store_three(rows, c, 0, dx + ex, dy + ey, dz + ez)
+    return value
+
+
+def compare(at: Comparison) -> Difference:
+    """Return the rotation vector of ``C^T C~``.
+
+    The product of the star tracker's and the navigator's errors, two small angles, is neglected.
+    """
+    from scipy.spatial.transform import Rotation
+
+    navigation = responses(3)
+    navigation[:, ATTITUDE] = at.indicated.axes.T
+    return Difference(Rotation.from_matrix(at.true.axes.T @ at.indicated.axes).as_rotvec(), navigation)
+
+
+QUANTITY: Final = QuantityDefinition(
+    name="attitude",
+    axes=AXES,
+    unit="rad",
+    shown_in="arcsec",
+    usual=5e-5,
+    geometry=geometry,
+    innovation=innovation,
+    compare=compare,
+)
+
+SENSOR: Final = SensorType(
+    name="star-tracker",
+    words="Attitude, as a rotation vector along the axes of the instruments.",
+    quantities={"attitude": "attitude"},
+    interval=60.0,
+    estimated=("bias",),
+    bounds_attitude=True,
+    template="""\
+attitude = "10 arcsec"  # sigma of white noise along x, y and z, rad
+bias = "5 arcsec"  # sigma of a constant error of the boresight, rad
+# correlated = { sigma = "3 arcsec", correlation_time = "10 min" }  # Gauss-Markov error, rad and s
+""",
+)

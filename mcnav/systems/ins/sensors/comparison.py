@@ -1,0 +1,120 @@
+"""What the reference engine gives to a quantity: a navigator and the truth at one measurement, in earth-fixed axes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mcnav._types import Array
+
+if TYPE_CHECKING:
+    from mcnav.systems.ins.reference.earth_fixed_errors import LocalFrame
+
+
+@dataclass(frozen=True)
+class TrueState:
+    """The truth.
+
+    Attributes
+    ----------
+    position, velocity : ndarray, shape (3,)
+        Velocity over the earth.
+    axes : ndarray, shape (3, 3)
+        From the instruments' to earth-fixed axes.
+    mounting : ndarray, shape (3, 3)
+        From the body's to the instruments' axes.
+    turning : ndarray, shape (3,)
+        Rate of the body over the earth, in the body's axes, rad/s.
+    gimbals : ndarray, shape (3,)
+        Rate of the body about the instruments' platform, in the instruments' axes, rad/s; zero where there is none.
+    level : ndarray, shape (3, 3)
+        From local to earth-fixed axes.
+    altitude : float
+        m.
+    lever_arm : ndarray, shape (3,)
+        m.
+    """
+
+    position: Array
+    velocity: Array
+    axes: Array
+    mounting: Array
+    turning: Array
+    gimbals: Array
+    level: Array
+    altitude: float
+    lever_arm: Array
+
+
+@dataclass(frozen=True)
+class Indicated:
+    """The indicated state of a navigator at one instant.
+
+    Attributes
+    ----------
+    position, velocity : ndarray, shape (3,)
+        Earth-fixed; over the earth.
+    axes : ndarray, shape (3, 3)
+        From the instruments' axes to earth-fixed ones.
+    frame : LocalFrame
+        At the position.
+    reading : ndarray, shape (6,)
+        Inertial rate and specific force as measured and compensated, in the instruments' axes.
+    """
+
+    position: Array
+    velocity: Array
+    axes: Array
+    frame: LocalFrame
+    reading: Array
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A navigator and the truth at one measurement.
+
+    Attributes
+    ----------
+    arm : ndarray, shape (3,)
+        Lever arm that the navigator uses, m.
+    arm_states, gyro_states : ndarray, shape (3, q)
+        Responses of that arm, and of the rate that the gyros measure, to the filter's states besides those of
+        navigation.
+    rotation_rate : float
+        Of the earth, rad/s.
+    """
+
+    true: TrueState
+    indicated: Indicated
+    arm: Array
+    arm_states: Array
+    gyro_states: Array
+    rotation_rate: float
+
+
+@dataclass(frozen=True)
+class Difference:
+    """What is predicted less what is true of a quantity with a axes.
+
+    Attributes
+    ----------
+    value : ndarray, shape (a,)
+    navigation : ndarray, shape (a, 9)
+        Its responses to psi, dv, dr (`mcnav.systems.ins.reference.axes` has their places).
+    others : ndarray, shape (a, q), optional
+        Its responses to the filter's other states, besides those that are errors of the measurement itself.
+    true : ndarray, shape (a,), optional
+        The true value, of a quantity that may have a scale factor.
+    """
+
+    value: Array
+    navigation: Array
+    others: Array | None = None
+    true: Array | None = None
+
+
+def responses(axes: int) -> Array:
+    """Return no responses of a quantity with some axes to psi, dv, dr."""
+    return np.zeros((axes, 9))

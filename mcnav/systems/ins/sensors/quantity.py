@@ -1,0 +1,222 @@
+"""What the program asks of a quantity that a sensor measures, and of a type of sensor.
+
+A file of this folder defines a quantity (`QUANTITY`), a type of sensor (`SENSOR`), or both;
+`mcnav.systems.ins.sensors.registry` lists the files. What is missing in one is refused when it is imported.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.entries.context import FileContext
+from mcnav.systems.ins.sensors.comparison import Comparison, Difference
+from mcnav.systems.ins.sensors.innovation import Innovation
+from mcnav.systems.ins.sensors.surroundings import Surroundings
+from mcnav.systems.ins.truth.trajectory import Truth
+from mcnav.units import DIMENSIONS, UnitError, quantity
+
+LEVEL_AXES: Final = ("north", "east", "down")
+
+MOST_AXES: Final = 3
+"""Each axis has a stream of variates of its own (`mcnav.systems.ins.imu.sample_noise`)."""
+
+GIVEN: Final = ("value", "u", "c", "tables", "errors", "rows", "wanted")
+"""Parameters of an innovation."""
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """A component along the truth, at u instants, in inertial axes.
+
+    Attributes
+    ----------
+    direction : ndarray, shape (u, 3)
+        The direction d.
+    psi, v, x : ndarray, shape (u, 3), optional
+        Responses of the innovation to the errors of a navigator whose attitude is the truth; none for zero.
+    parameters : ndarray, shape (u, P), optional
+        Whatever else the quantity's innovation needs.
+    lever_arm : ndarray, shape (u, 3), optional
+        Responses of the innovation to errors of the lever arm.
+    true : ndarray, shape (u,), optional
+        The true value, of a quantity that may have a scale factor.
+    """
+
+    direction: Array
+    psi: Array | None = None
+    v: Array | None = None
+    x: Array | None = None
+    parameters: Array | None = None
+    lever_arm: Array | None = None
+    true: Array | None = None
+
+    @property
+    def row(self) -> Array:
+        """Responses to psi, v and x, shape (u, 9)."""
+        nothing = np.zeros_like(self.direction)
+        return np.concatenate([nothing if each is None else each for each in (self.psi, self.v, self.x)], axis=1)
+
+
+@dataclass(frozen=True)
+class QuantityDefinition:
+    """A quantity that sensors measure: its words, its units, and its equations in each of three computations.
+
+    An innovation is what the navigator predicts less what is measured. The functions leave out the measurement's own
+    errors: bias, scale factor, correlated error and noise are the same of all quantities.
+
+    Attributes
+    ----------
+    name : str
+        Small letters and _.
+    axes : tuple of str
+        Names of the components; ``("",)`` of a scalar.
+    unit, shown_in : str
+        SI unit, and unit shown.
+    usual : float
+        Usual size of an error, SI.
+    geometry : callable
+        ``geometry(surroundings, axis)``: a component along the truth, for linear analysis and filters, and for the
+        tables of the ensemble.
+    innovation : callable
+        Kernel of the ensemble, an `allocation_free_part`: ``innovation(value, u, c, tables, errors, rows, wanted)``
+        returns the value with the innovation of component c of update u added. If wanted, it writes the responses about
+        each sample's own attitude to ``rows[c]``, which are zero before (`store_three`).
+    compare : callable
+        ``compare(comparison)``: the difference of a navigator of the reference engine and the truth, along all axes.
+    scaled : bool
+        Whether its measurements may have a scale factor.
+    swings : bool
+        Whether it depends on the rate of the body where the sensor has a lever arm; its response to an error e of the
+        rate is ``d . (e x L)``.
+    fixed_row : bool
+        Whether its responses do not depend on the attitude where all its parameters are zero: filters then take those
+        along the truth.
+    """
+
+    name: str
+    axes: tuple[str, ...]
+    unit: str
+    shown_in: str
+    usual: float
+    geometry: Callable[[Surroundings, int], Geometry]
+    innovation: Innovation
+    compare: Callable[[Comparison], Difference]
+    scaled: bool = False
+    swings: bool = False
+    fixed_row: bool = False
+
+    def __post_init__(self) -> None:
+        wrong = None
+        if not re.fullmatch(r"[a-z][a-z0-9_]*", self.name):
+            wrong = "name must be of small letters, digits and _"
+        elif not 1 <= len(self.axes) <= MOST_AXES or len(set(self.axes)) < len(self.axes):
+            wrong = f'axes must be one to {MOST_AXES} different names, ("",) for a scalar'
+        elif not self.usual > 0.0:
+            wrong = "usual must be the size of an error above zero"
+        elif not hasattr(self.innovation, "py_func"):
+            wrong = "innovation must be compiled: decorate it with allocation_free_part"
+        elif (given := tuple(inspect.signature(self.innovation.py_func).parameters)) != GIVEN:
+            wrong = f"innovation must have the parameters ({', '.join(GIVEN)}), and has ({', '.join(given)})"
+        elif not callable(self.geometry) or not callable(self.compare):
+            wrong = "geometry and compare must be functions"
+        elif self.unit not in DIMENSIONS:
+            wrong = f"unit {self.unit!r} is not among DIMENSIONS in mcnav/units.py; add it there and in mcnav/units.txt"
+        if wrong:
+            raise ValueError(f"quantity {self.name!r}: {wrong}")
+        try:
+            quantity(f"1 {self.shown_in}", self.unit)
+        except UnitError as problem:
+            raise ValueError(f"quantity {self.name!r}: shown_in {self.shown_in!r}: {problem}") from None
+
+
+@dataclass(frozen=True)
+class FurtherKey:
+    """A key of a type of sensor besides those of errors: of a length or other size, or of some words."""
+
+    meaning: str
+    unit: str = ""
+    choices: tuple[str, ...] = ()
+
+
+def any_motion(truth: Truth, times: Array) -> str | None:
+    """Allow the vehicle any motion."""
+    return None
+
+
+Selection: TypeAlias = Callable[[Mapping[str, Any], Array, Truth, str, FileContext], Array]
+
+
+@dataclass(frozen=True)
+class SensorType:
+    """A type of sensor.
+
+    Attributes
+    ----------
+    name : str
+        The ``type`` of ``[[aiding]]``.
+    words : str
+        What it measures: a sentence.
+    quantities : mapping of str to str
+        Quantity that it measures, by the key of its noise.
+    template : str
+        Lines of a new campaign between its instants and its gate, with comments.
+    interval : float or None
+        Between measurements of a new campaign, s; none for instants at rest.
+    errors : bool
+        Whether it has a bias and a correlated error.
+    lever_arm : bool
+        Whether it has an antenna away from the unit.
+    estimated : tuple of str
+        Constant errors that the template gives it, which the filter of a new campaign estimates.
+    bounds_attitude : bool
+        Whether a filter keeps the attitude by it, whatever the gyros' bias.
+    further : mapping of str to FurtherKey
+        Keys of its own besides those of errors.
+    select : callable, optional
+        ``select(entry, times, truth, key, context)``: the instants at which it measures, by its further keys.
+    limit : callable
+        ``limit(truth, times)``: what is wrong with the vehicle's motion at its instants; none if nothing is.
+    """
+
+    name: str
+    words: str
+    quantities: Mapping[str, str]
+    template: str
+    interval: float | None
+    errors: bool = True
+    lever_arm: bool = False
+    estimated: tuple[str, ...] = ()
+    bounds_attitude: bool = False
+    further: Mapping[str, FurtherKey] = field(default_factory=dict)
+    select: Selection | None = None
+    limit: Callable[[Truth, Array], str | None] = any_motion
+
+    def __post_init__(self) -> None:
+        wrong = None
+        if not re.fullmatch(r"[a-z][a-z0-9-]*", self.name):
+            wrong = "name must be of small letters, digits and -"
+        elif not self.quantities:
+            wrong = "quantities must name at least one, by the key of its noise"
+        elif not self.words.endswith("."):
+            wrong = "words must be a sentence that says what it measures"
+        elif lacking := [key for key in self.quantities if f"\n{key} = " not in f"\n{self.template}"]:
+            wrong = f"template must give {' and '.join(lacking)}"
+        elif self.further and self.select is None:
+            wrong = f"select must read {' and '.join(self.further)}"
+        if wrong:
+            raise ValueError(f"sensor {self.name!r}: {wrong}")
+
+    def key(self, measured: str, error: str) -> str:
+        """Return the key of an error of a quantity: its own, after the quantity's where there are several."""
+        return f"{measured}_{error}" if len(self.quantities) > 1 else error
+
+    def label(self, name: str, measured: str) -> str:
+        """Return the beginning of the names of a sensor's errors."""
+        return f"{name}_{measured}" if len(self.quantities) > 1 else name

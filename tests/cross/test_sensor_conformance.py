@@ -1,0 +1,245 @@
+"""Every quantity and every type of sensor of the registry, by linear analysis, by both engines, and in every list.
+
+What a new file of sensors/ defines is tested here without a change.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from jsonschema import Draft7Validator
+from scipy.spatial.transform import Rotation
+
+from mcnav import shell_completion
+from mcnav._types import Array
+from mcnav.config.json_schema.campaign import campaign_schema
+from mcnav.config.read import parse_campaign
+from mcnav.config.templates.ins import NewIns, new_ins
+from mcnav.systems.ins.aided import AidedNavigation
+from mcnav.systems.ins.earth import WGS84
+from mcnav.systems.ins.filter.model import estimated_kinds
+from mcnav.systems.ins.imu.instruments import CONSTANTS, Imu, Noise
+from mcnav.systems.ins.reference.aided import AidedMechanization
+from mcnav.systems.ins.reference.earth_fixed_errors import LocalFrame
+from mcnav.systems.ins.scenario import Ins, Navigation
+from mcnav.systems.ins.sensors.aiding import Component, Sensor, aiding_constants
+from mcnav.systems.ins.sensors.comparison import Indicated
+from mcnav.systems.ins.sensors.quantity import Geometry, QuantityDefinition, SensorType
+from mcnav.systems.ins.sensors.registry import FILES, QUANTITIES, SENSOR_TYPES
+from mcnav.systems.ins.tables.sensors import keys_of_errors
+from mcnav.systems.ins.truth.trajectory import Platform
+from tests.aided import make_filter, make_sensor, sized
+from tests.conftest import ROOT
+from tests.flights import flight
+from tests.unit.systems.test_ins_measurements import innovations_and_rows, tabulated
+
+BEGIN, END = 600.0, 620.0
+"""From the beginning of a turn of 90 degrees on, in a climb."""
+
+UNIT = Imu(Noise(np.full(3, 1e-6)), Noise(np.full(3, 1e-4)))
+SIGMAS = {
+    "position": 2.0, "velocity": 0.1, "tilt": 1e-4, "heading": 3e-4, "gyro_bias": 1e-6, "accelerometer_bias": 1e-3,
+}  # fmt: skip
+STEPS = np.repeat([1e-4, 1.0, 100.0], 3)
+"""Steps of differences: rad, m/s, m."""
+
+
+def sensor_of(quantity: str, times: Array) -> Sensor:
+    """Measure all axes of a quantity, on a lever arm, with noise of the usual size of its errors."""
+    return make_sensor("sensor", times, {quantity: QUANTITIES[quantity].usual}, lever_arm=(2.0, 0.3, -1.0))
+
+
+@pytest.mark.parametrize("quantity", QUANTITIES)
+def test_the_ensemble_has_the_responses_of_linear_analysis_which_are_derivatives(quantity: str) -> None:
+    """Without a turn, to rounding; and central differences of innovations leave the third order.
+
+    That is (1e-4)^2 / 6 of the row for an angle, (100 m / 6.4e6 m)^2 for a position.
+    """
+    measured = tabulated((sensor_of(quantity, np.array([700.0])),))
+    none = np.zeros(3)
+    values, rows = innovations_and_rows(measured, none, none, none)
+    assert not values.any()
+    assert rows.any(axis=1).all()
+    np.testing.assert_allclose(rows, measured.rows[0], rtol=1e-13, atol=1e-13 * np.abs(rows).max())
+    numerical = np.empty_like(rows)
+    for j, step in enumerate(np.diag(STEPS)):
+        ahead, behind = (innovations_and_rows(measured, *np.split(sign * step, 3))[0] for sign in (1.0, -1.0))
+        numerical[:, j] = (ahead - behind) / (2.0 * STEPS[j])
+    for part in (slice(0, 3), slice(3, 6), slice(6, 9)):
+        scale = np.abs(rows[:, part]).max(axis=1)
+        assert np.all(np.abs(numerical[:, part] - rows[:, part]).max(axis=1) <= 5e-9 * scale + 1e-15 * rows.max())
+
+
+@pytest.mark.parametrize("quantity", QUANTITIES)
+def test_the_responses_of_a_turned_sample_are_derivatives_to_first_order(quantity: str) -> None:
+    """About a navigator that is turned by 0.027 rad: a response may neglect as much of itself."""
+    measured = tabulated((sensor_of(quantity, np.array([700.0])),))
+    turn, none = np.array([0.01, -0.02, 0.015]), np.zeros(3)
+    base = Rotation.from_rotvec(turn)
+    rows = innovations_and_rows(measured, turn, none, none)[1]
+    for j, step in enumerate(np.diag(STEPS)):
+        sides = [
+            innovations_and_rows(measured, (Rotation.from_rotvec(each[:3]) * base).as_rotvec(), each[3:6], each[6:])[0]
+            for each in (step, -step)
+        ]
+        part = slice(3 * (j // 3), 3 * (j // 3) + 3)
+        allowed = (np.linalg.norm(turn) + 5e-9) * np.abs(rows[:, part]).max(axis=1) + 1e-15 * np.abs(rows).max()
+        assert np.all(np.abs((sides[0] - sides[1]) / (2.0 * STEPS[j]) - rows[:, j]) <= allowed)
+
+
+@lru_cache
+def mechanization(quantity: str, platform: Platform) -> AidedMechanization:
+    """Navigate with a filter that estimates all constant errors of the sensor."""
+    sensor = sensor_of(quantity, np.array([BEGIN + 10.0, END]))
+    kinds = estimated_kinds(tuple(sensor.constants()))
+    model = make_filter((sensor,), UNIT, SIGMAS | dict.fromkeys(kinds, 1e-3), kinds)
+    return AidedMechanization(flight(), platform, BEGIN, END, np.array([END]), (sensor,), model)
+
+
+@pytest.mark.parametrize("platform", ["strapdown", "level"])
+@pytest.mark.parametrize("quantity", QUANTITIES)
+def test_the_responses_of_the_reference_engine_are_derivatives(quantity: str, platform: Platform) -> None:
+    """Central differences leave 1e-7 of a response, and 2e-9 m of the rounding of positions of 6.4e6 m.
+
+    A measurement in local axes leaves out their turn with the position, times the innovation, which is small here.
+    """
+    (model,) = mechanization(quantity, platform).sensor_models
+    truth, row = model.truth, 1
+    states = mechanization(quantity, platform).truth.states(model.sensor.times[row:], platform, BEGIN)
+    reading = np.concatenate([states.rate[0], states.force[0]])
+    exact = (np.zeros(model.size), np.zeros(model.size), np.zeros(3))
+
+    def innovation(step: Array) -> tuple[Array, Array]:
+        position = truth.states.position[row] + step[6:9]
+        axes = Rotation.from_rotvec(step[:3]).as_matrix() @ truth.states.axes[row]
+        frame = LocalFrame.at(WGS84, position)
+        indicated = Indicated(position, truth.states.velocity[row] + step[3:6], axes, frame, reading)
+        return model.innovation(row, indicated, -step[9:], *exact)
+
+    value, response = innovation(np.zeros(9 + len(model.states)))
+    rounding = 2e-9 * np.abs(response[:, 6:9]).max() + 1e-12 * np.abs(response[:, :6]).max()
+    np.testing.assert_allclose(value, 0.0, atol=rounding)
+    for step in np.diag(np.concatenate([np.repeat([1e-4, 0.1, 100.0], 3), np.full(len(model.states), 1e-3)])):
+        numerical, expected = (innovation(step)[0] - innovation(-step)[0]) / 2.0, response @ step
+        assert np.all(np.abs(numerical - expected) <= 1e-7 * np.abs(expected).max() + rounding)
+
+
+@lru_cache
+def navigation(quantity: str) -> AidedNavigation:
+    sensor = sensor_of(quantity, np.arange(BEGIN + 2.0, END + 1.0, 2.0))
+    model = make_filter((sensor,), UNIT, SIGMAS, ("gyro_bias", "accelerometer_bias"))
+    aided = Navigation(flight(), "strapdown", BEGIN, END, UNIT, (sensor,), model).aided
+    assert aided is not None
+    return aided
+
+
+@pytest.mark.parametrize("quantity", QUANTITIES)
+def test_engines_and_linear_analysis_agree_on_every_sample(quantity: str) -> None:
+    """A sample without noise for each kind of error: the initial ones, and each constant one of the sensor.
+
+    Errors of a hundredth of a sigma change each other by products of them, less than 1e-6 of a sigma of attitude;
+    earth-fixed positions have units of 1e-9 m, and the reference's filter steps leave 1e-6 of the gains.
+    """
+    of = navigation(quantity)
+    (sensor,) = of.sensors
+    names = (*CONSTANTS, *aiding_constants(of.sensors))
+    sizes = sized(of.sensors, SIGMAS)
+    usual = QUANTITIES[quantity].usual
+    own = {name: 1e-3 if "scale_factor" in name else usual for name in sensor.constants() if "lever_arm" not in name}
+    errors = np.zeros((2 + len(own), len(names)))
+    errors[0, :9] = 0.01 * sizes[:9]
+    errors[1, names.index("gyro_bias_y")] = 0.01 * sizes[names.index("gyro_bias_y")]
+    for number, (name, size) in enumerate(own.items(), 2):
+        errors[number, names.index(name)] = 0.01 * size
+    tables = of.tables(1)
+    reference = AidedMechanization(of.truth, "strapdown", BEGIN, END, of.times, of.sensors, of.filter)
+    results = [
+        np.einsum("eis,ns->nei", of.linear.partials, errors),
+        *(of.propagate(tables, errors, by_own)[0] for by_own in (True, False)),
+        np.stack([reference.simulate(each)[0] for each in errors]),
+    ]
+    linear = results[0][:, 1:]
+    sigma = np.sqrt(np.diagonal(of.linear.own, axis1=1, axis2=2))[1:]
+    assert np.all(np.abs(linear / sigma).max(axis=(1, 2)) > 1e-6), "an error changes nothing"
+    for result in results[1:]:
+        assert np.abs((result[:, 1:] - linear) / sigma).max() <= 2e-6 + 8e-9 / sigma[:, :3].min()
+
+
+@pytest.mark.parametrize("kind", SENSOR_TYPES.values(), ids=lambda kind: kind.name)
+def test_a_type_of_sensor_is_in_every_list(kind: SensorType, tmp_path: Path) -> None:
+    """Schema, completion, `mcnav new ins` and the page of campaigns have it; what is new is valid and read."""
+    assert kind.name in shell_completion.aids("")
+    (path,) = new_ins("mine", tmp_path, NewIns("STIM300", (kind.name,)))
+    content = tomllib.loads(path.read_text(encoding="utf-8"))
+    schema = campaign_schema()
+    assert not list(Draft7Validator(schema).iter_errors(content))
+    assert {*keys_of_errors(kind), *kind.further} <= schema["properties"]["aiding"]["items"]["properties"].keys()
+    scenario = parse_campaign(content, "mine.toml", "mine").scenario
+    assert isinstance(scenario, Ins)
+    (sensor,) = scenario.navigation.sensors
+    assert {component.quantity for component in sensor.components} == set(kind.quantities.values())
+    assert f"| `{kind.name}` | `{next(iter(kind.quantities))}`" in (ROOT / "mcnav" / "CAMPAIGNS.md").read_text("utf-8")
+
+
+def test_every_file_with_a_definition_is_listed() -> None:
+    files = (ROOT / "mcnav" / "systems" / "ins" / "sensors").glob("*.py")
+    defining = {file.stem for file in files if "\nQUANTITY: " in (text := file.read_text()) or "\nSENSOR: " in text}
+    assert defining == set(FILES)
+
+
+def test_a_quantity_that_no_file_defines_is_refused() -> None:
+    with pytest.raises(ValueError, match="sonar measures depth, which no file of sensors/ defines; of posi"):
+        Component("depth", 0, 1.0, 0.0, 100.0, "sonar")
+    with pytest.raises(ValueError, match="altimeter: altitude has no axis number 1"):
+        Component("altitude", 1, 1.0, 0.0, 100.0, "altimeter")
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"axes": ()}, "quantity 'altitude': axes must be one to 3 different names"),
+        ({"axes": ("a", "b", "c", "d")}, "quantity 'altitude': axes must be one to 3 different names"),
+        ({"usual": 0.0}, "quantity 'altitude': usual must be the size of an error above zero"),
+        ({"innovation": max}, "quantity 'altitude': innovation must be compiled: decorate it"),
+        ({"innovation": flight}, "quantity 'altitude': innovation must be compiled: decorate it"),
+        ({"compare": None}, "quantity 'altitude': geometry and compare must be functions"),
+        ({"unit": "Pa"}, "quantity 'altitude': unit 'Pa' is not among DIMENSIONS in mcnav/units.py; add it there"),
+        ({"shown_in": "s"}, "quantity 'altitude': shown_in 's': got '1 s', which is a time; expected a length"),
+    ],
+)  # fmt: skip
+def test_an_incomplete_quantity_is_refused(changes: dict[str, object], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        replace(QUANTITIES["altitude"], **changes)  # type: ignore[arg-type]
+
+
+def test_a_missing_part_of_a_definition_is_named() -> None:
+    with pytest.raises(TypeError, match="missing 2 required positional arguments: 'innovation' and 'compare'"):
+        QuantityDefinition("depth", ("",), "m", "m", 1.0, lambda along, axis: Geometry(along.position))  # type: ignore[call-arg]
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"quantities": {}}, "sensor 'altimeter': quantities must name at least one"),
+        ({"words": "Altitude"}, "sensor 'altimeter': words must be a sentence"),
+        ({"template": ""}, "sensor 'altimeter': template must give altitude"),
+        ({"select": None}, "sensor 'altimeter': select must read kind and ceiling"),
+        ({"name": "Altimeter"}, "sensor 'Altimeter': name must be of small letters"),
+    ],
+)
+def test_an_incomplete_type_of_sensor_is_refused(changes: dict[str, object], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        replace(SENSOR_TYPES["altimeter"], **changes)  # type: ignore[arg-type]
+
+
+def test_a_kind_without_an_innovation_is_no_number() -> None:
+    """A kernel that is given one ends its samples."""
+    measured = tabulated((sensor_of("altitude", np.array([700.0])),))
+    unknown = replace(measured, kinds=measured.kinds + len(QUANTITIES))
+    none = np.zeros(3)
+    assert np.isnan(innovations_and_rows(unknown, none, none, none)[0]).all()
