@@ -20,6 +20,7 @@ from mcnav import shell_completion as completion
 from mcnav._interrupts import RESUMES, interruptible, interrupts
 from mcnav.pages import Page, page_text
 from mcnav.report.fitted_table import OpenConsole
+from mcnav.systems.templates import templates
 
 CHECK_FAILED, BAD_INPUT, SOME_FAILED, BUSY = 1, 2, 3, 4
 """Exit statuses; 0 is success, and those of interrupts are in `mcnav._interrupts`."""
@@ -41,7 +42,7 @@ Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
 Format = Literal["table", "csv", "json"]
 Axes = Literal["start", "trajectory"]
-TemplateType = Literal["reentry", "cruise", "hover"]
+TemplateType = Literal[tuple(templates())]  # type: ignore[valid-type]
 Platform = Literal["strapdown", "inertial", "level"]
 CampaignFile = Annotated[
     Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file (TOML).", autocompletion=completion.campaigns)
@@ -849,7 +850,7 @@ app.add_typer(new, name="new")
 @_command("campaign", new)
 def new_campaign(
     name: Name,
-    kind: Annotated[TemplateType, typer.Option("--type", help="Scenario.")] = "reentry",
+    kind: Annotated[TemplateType, typer.Option("--type", help="Scenario.")] = "reentry",  # type: ignore[valid-type]
     into: Into = Path(),
 ) -> None:
     """Write a campaign file, and its schema for editors.

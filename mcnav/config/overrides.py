@@ -26,7 +26,7 @@ from mcnav.errors import CampaignError, Problem, suggestion
 from mcnav.systems.ins.imu.instruments import AXES, CROSS_AXES
 from mcnav.systems.ins.sensors.aiding import LEVEL_AXES
 from mcnav.systems.ins.tables.imu_catalogue import KINDS, catalogue
-from mcnav.systems.ins.tables.quantization import QUANTIZATION
+from mcnav.systems.ins.tables.instrument_tables import NEGLECTED
 
 Value = str | int | float | bool | list[Any] | dict[str, Any]
 """A value as a campaign file has it: a quantity is text with its unit."""
@@ -188,7 +188,7 @@ def _with_grade(imu: Mapping[str, Any], name: str, above: tuple[str, ...]) -> An
         return own
     below = copy.deepcopy(known[grade].get(name, {}))
     if "filter" in above:
-        below.pop(QUANTIZATION, None)  # filters neglect it, and refuse it where it is spelled out
+        below = {key: entry for key, entry in below.items() if key not in NEGLECTED}
     return {**below, **own}
 
 

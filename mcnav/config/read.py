@@ -7,11 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
+from pydantic import TypeAdapter
+
 from mcnav.config.campaign import Campaign, check_stored_samples
 from mcnav.config.empirical import stored_table
 from mcnav.config.requirement_times import with_epochs
 from mcnav.config.requirements import read_requirements
-from mcnav.config.schema import CampaignTable, UntilTable
+from mcnav.config.schema import CampaignFile, CampaignTable, UntilTable
 from mcnav.config.sources import expand_groups, read_correlations, read_errors, read_joint
 from mcnav.config.start_times import read_start_times
 from mcnav.config.stopping import read_stopping_rule
@@ -19,7 +21,7 @@ from mcnav.config.toml import load_file, load_mapping
 from mcnav.contract.quantities import Source
 from mcnav.contract.scenario import Scenario, ScenarioError, can_have_noise, has_start_times
 from mcnav.entries.context import EarlierFile, FileContext
-from mcnav.entries.validation import validate
+from mcnav.entries.validation import validate, validate_entry
 from mcnav.errors import CampaignError, Problem
 from mcnav.sampling.distributions import Distribution, Normal
 from mcnav.sampling.error_model import CorrelationError, ErrorModel, JointError
@@ -27,15 +29,7 @@ from mcnav.sampling.scipy_and_tables import EmpiricalDistribution
 from mcnav.store.manifest import RequirementRecord
 from mcnav.store.summaries import SUMMARY
 from mcnav.systems.ins.scenario import is_ins
-from mcnav.systems.registry import SCENARIO_TYPES, USER, ScenarioSpec, scenario_type
-
-FURTHER_TABLES: Final = {
-    "imu": "this scenario has no inertial measurement unit",
-    "aiding": "this scenario cannot be aided, which those of type ins can",
-    "filter": "this scenario cannot be aided, which those of type ins can",
-}
-"""Tables besides ``[scenario]`` that some types read, and what is wrong with one where the type does not."""
-
+from mcnav.systems.registry import FURTHER_TABLES, SCENARIO_TYPES, USER, ScenarioSpec, scenario_type
 
 UNNAMED: Final = "campaign"
 """Name of a campaign without a file, and of its file in messages."""
@@ -114,7 +108,7 @@ def parse_campaign(
     if isinstance(content.get("samples"), dict):
         rule = validate(UntilTable, content["samples"], context, "samples")
         plain = {**content, "samples": rule.at_most if rule else 2}
-    table = validate(CampaignTable, plain, context)
+    table = validate(CampaignFile, plain, context)
     described, sources = _read_scenario(content.get("scenario"), context)
     distributions: dict[str, Distribution] = {}
     if isinstance(content.get("errors"), dict) and sources is not None:
@@ -133,9 +127,9 @@ def parse_campaign(
         context.problem("design", "got 'sobol'; a net has no place for noise, so choose another design")
     if described is not None:
         read = scenario_type(content["scenario"]["type"])
-        for name, why in FURTHER_TABLES.items():
+        for name, further in FURTHER_TABLES.items():
             if name in content and read is not None and name not in read.tables:
-                context.problem(name, f"{why}; leave it out")
+                context.problem(name, f"{further.absent}; leave it out")
     if table is None or sources is None:
         raise context.error()
 
@@ -221,6 +215,9 @@ def _read_scenario(entries: Any, context: FileContext) -> tuple[ScenarioSpec | N
         return None, None
     table = validate(kind.table, entries, context, "scenario")
     if table is None:
+        for name, further in kind.tables.items():
+            if name in context.content:
+                validate_entry(TypeAdapter(further.form), context.content[name], context, name)
         return None, kind.sources
     before = len(context.problems)
     try:
@@ -228,7 +225,9 @@ def _read_scenario(entries: Any, context: FileContext) -> tuple[ScenarioSpec | N
     except ScenarioError as wrong:
         context.problem(f"scenario.{wrong.key}", str(wrong))
         described = None
-    if "aiding" in context.content and len(context.problems) > before:
+    if len(context.problems) > before and any(
+        table.adds_sources for name, table in kind.tables.items() if name in context.content
+    ):
         return described, None  # sources of sensors are not known
     return described, kind.sources if described is None else described.scenario.sources
 
