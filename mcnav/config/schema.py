@@ -9,12 +9,10 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field, WithJsonSchema, create_model
 
+from mcnav.config.toml import Content
 from mcnav.entries.quantities import UNIT, Duration, Number, Probability, Table, Text, Written
 from mcnav.sampling.designs import DESIGNS
 from mcnav.systems.registry import FURTHER_TABLES
-
-Content = dict[str, Any]
-"""Content of a TOML table."""
 
 Span = Annotated[
     Any,

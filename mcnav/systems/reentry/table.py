@@ -119,7 +119,7 @@ def read_scenario(table: ReentryTable, entries: Mapping[str, Any], context: File
     if flight is None:
         return None
     law = flight.vehicle.lift_law
-    lift: dict[str, Any] = (
+    lift: Mapping[str, object] = (
         {"type": "constant", "lift_to_drag": law.lift_to_drag}
         if isinstance(law, ConstantLift)
         else {"type": "variable", "gain": f"{law.gain!r} s/m", "limit": law.limit}
