@@ -152,7 +152,7 @@ def units_of(table: type[Table], above: str = "") -> dict[str, str]:
     """Return the SI units of a table's sizes by axis, by their keys; those of tables inside it after a dot."""
     units: dict[str, str] = {}
     for name, field in table.model_fields.items():
-        for part in _parts(field.annotation):
+        for part in (*field.metadata, *_parts(field.annotation)):
             if isinstance(part, AxisSizes):
                 units[f"{above}{name}"] = part.unit
             elif isinstance(part, type) and issubclass(part, Table):
