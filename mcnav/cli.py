@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
-from typing import Annotated, Any, Literal, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, ParamSpec, TypeVar
 
 import typer
 from typer.core import TyperCommand
@@ -20,6 +20,10 @@ from mcnav import shell_completion as completion
 from mcnav._interrupts import RESUMES, interruptible, interrupts
 from mcnav.pages import Page, page_text
 from mcnav.report.fitted_table import OpenConsole
+from mcnav.systems.templates import templates
+
+if TYPE_CHECKING:
+    from mcnav.workflow.run import Run
 
 CHECK_FAILED, BAD_INPUT, SOME_FAILED, BUSY = 1, 2, 3, 4
 """Exit statuses; 0 is success, and those of interrupts are in `mcnav._interrupts`."""
@@ -41,7 +45,7 @@ Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
 Format = Literal["table", "csv", "json"]
 Axes = Literal["start", "trajectory"]
-TemplateType = Literal["reentry", "cruise", "hover"]
+TemplateType = Literal[tuple(templates())]  # type: ignore[valid-type]
 Platform = Literal["strapdown", "inertial", "level"]
 CampaignFile = Annotated[
     Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file (TOML).", autocompletion=completion.campaigns)
@@ -59,6 +63,19 @@ OutFolder = Annotated[
 ChosenAxes = Annotated[Axes | None, typer.Option(help="Where the reference axes are aligned [default: start].")]
 Name = Annotated[str, typer.Argument(metavar="NAME", help="Name of the files: letters, digits and _.")]
 Into = Annotated[Path, typer.Option("--in", help="Output folder.")]
+Engine = Annotated[
+    str | None,
+    typer.Option(
+        help="Simulation engine: ensemble, reference or map [default: the scenario's first].",
+        autocompletion=completion.engines,
+    ),
+]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS", help="Simulate on a dask cluster, such as tcp://host:8786; see mcnav docs scaling."
+    ),
+]
 NamedColumns = Annotated[
     list[str] | None,
     typer.Option(metavar="NAME=COLUMN", help="Column of a trajectory file, such as 'lat=latitude [rad]'; repeat."),
@@ -204,23 +221,12 @@ def program(
 def run(
     campaign: CampaignFile,
     folder: Annotated[Path | None, typer.Option("--out", help="Run folder [default: reports/NAME].")] = None,
-    engine: Annotated[
-        str | None,
-        typer.Option(
-            help="Simulation engine: ensemble, reference or map [default: the scenario's first].",
-            autocompletion=completion.engines,
-        ),
-    ] = None,
+    engine: Engine = None,
     jobs: Annotated[int | None, typer.Option(min=1, help="Parallel jobs [default: 2].")] = None,
     dask: Annotated[
         int | None, typer.Option(min=1, metavar="N", help="Simulate in N processes of a local dask cluster.")
     ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ADDRESS", help="Simulate on a dask cluster, such as tcp://host:8786; see mcnav docs scaling."
-        ),
-    ] = None,
+    scheduler: Scheduler = None,
     samples: Annotated[int | None, typer.Option(min=2, help="Number of samples [default: the file's].")] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed [default: the file's].")] = None,
     store: Annotated[
@@ -252,7 +258,7 @@ def run(
     """
     from mcnav.config.read import read_campaign
     from mcnav.execution.dask_cluster import open_executor
-    from mcnav.report import export, progress, requirements, terminal
+    from mcnav.report import progress
     from mcnav.workflow.run import engine_of, run_campaign
 
     options = {"samples": samples, "seed": seed, "sample_timeout": timeout, "store": store}
@@ -266,7 +272,18 @@ def run(
             content, target, chosen, workers, fresh, shown, max_failures, executor, force, not no_report
         )
     _print_notes((*notes, *done.notices))
-    summary, runs = done.summary, {content.name: done.summary}
+    _print_run(content.name, done, target, form, with_report=not no_report)
+    if check and any(entry["finding"] != "met" for entry in done.summary["requirements"]):
+        raise typer.Exit(CHECK_FAILED)
+    if done.summary["failed"]:
+        raise typer.Exit(SOME_FAILED)
+
+
+def _print_run(name: str, done: Run, target: Path, form: Format, with_report: bool) -> None:
+    """Print the results of a run, and where they are."""
+    from mcnav.report import export, requirements, terminal
+
+    summary, runs = done.summary, {name: done.summary}
     console = out if form == "table" else err
     if form != "table":
         rows, asked = export.output_rows(runs), requirements.requirement_rows(summary)
@@ -283,12 +300,8 @@ def run(
     stored = summary["samples"] - done.simulated
     if stored > 0:
         console.print(f"\n{stored:,} samples were stored, {done.simulated:,} simulated now")
-    result = ("summary", "summary.json") if no_report else ("report", "report.html")
+    result = ("report", "report.html") if with_report else ("summary", "summary.json")
     console.print(f"\n{result[0]}: {target / result[1]}", markup=False)
-    if check and any(entry["finding"] != "met" for entry in summary["requirements"]):
-        raise typer.Exit(CHECK_FAILED)
-    if summary["failed"]:
-        raise typer.Exit(SOME_FAILED)
 
 
 @_command(resumes=True)
@@ -849,7 +862,7 @@ app.add_typer(new, name="new")
 @_command("campaign", new)
 def new_campaign(
     name: Name,
-    kind: Annotated[TemplateType, typer.Option("--type", help="Scenario.")] = "reentry",
+    kind: Annotated[TemplateType, typer.Option("--type", help="Scenario.")] = "reentry",  # type: ignore[valid-type]
     into: Into = Path(),
 ) -> None:
     """Write a campaign file, and its schema for editors.

@@ -1,7 +1,7 @@
 """Completions of the command line: files, names and keys that fit where the cursor is.
 
-A shell starts the program for each, so that this module imports no numerical library: it looks into files for the few
-words that it needs.
+A shell starts the program for each, so that this module imports no numerical library, but for the names of outputs: it
+looks into files for the few words that it needs.
 """
 
 from __future__ import annotations
@@ -34,24 +34,17 @@ SENSOR: Final = re.compile(r'^SENSOR\b.*= SensorType\(\s*name="([a-z0-9-]+)"', r
 
 ENGINES: Final = ("ensemble", "reference", "map")
 
-PLANAR: Final = ("altitude", "range", "cross_range", "altitude_rate", "range_rate", "cross_range_rate")
+HORIZONTAL: Final = ("position_horizontal", "velocity_horizontal")
+"""Horizontal errors that a sweep measures where a scenario has both axes."""
 
-OUTPUTS: Final[Mapping[str, tuple[str, ...]]] = {
-    "reentry": ("altitude", "range", "altitude_rate", "range_rate"),
-    "cruise": PLANAR,
-    "hover": PLANAR,
-    "ins": (
-        *(f"{kind}_{axis}" for kind in ("position", "velocity") for axis in ("north", "east", "down")),
-        "tilt_north", "tilt_east", "heading", "position_horizontal", "velocity_horizontal",
-    ),
-}  # fmt: skip
-"""Outputs of each type of scenario, and of type ins the horizontal errors that a sweep measures."""
+Content = dict[str, Any]
+"""Content of a TOML table, or parameters of a command."""
 
 
 class Words(Protocol):
     """The words before the cursor, read as parameters of the command; the others where an option has no value yet."""
 
-    params: dict[str, Any]
+    params: Content
     args: list[str]
 
 
@@ -110,11 +103,14 @@ def figures(words: Words, incomplete: str) -> list[str]:
 
 
 def outputs(words: Words, incomplete: str) -> list[str]:
-    """Return the outputs of the campaign named before."""
-    content = _campaign(words)
-    scenario = content.get("scenario")
-    kind = scenario.get("type") if isinstance(scenario, dict) else None
-    return _beginning(OUTPUTS.get(str(kind), ()), incomplete)
+    """Return the outputs of the campaign named before; those of a user's class are not known without executing it."""
+    from mcnav.systems.registry import SCENARIO_TYPES
+
+    scenario = _campaign(words).get("scenario")
+    kind = SCENARIO_TYPES.get(str(scenario.get("type"))) if isinstance(scenario, dict) else None
+    names = [output.name for output in kind.outputs] if kind is not None else []
+    together = [name for name in HORIZONTAL if name.replace("horizontal", "north") in names]
+    return _beginning([*names, *together], incomplete)
 
 
 def keys(words: Words, incomplete: str) -> list[str]:
@@ -181,7 +177,7 @@ def _is_campaign(path: Path) -> bool:
         return False
 
 
-def _campaign(words: Words) -> dict[str, Any]:
+def _campaign(words: Words) -> Content:
     """Read the campaign file named before; nothing when it cannot be read."""
     named = (words.params.get("campaign"), *(word for word in words.args if word.endswith(".toml")))
     path = next((each for each in named if each), None)
@@ -191,9 +187,9 @@ def _campaign(words: Words) -> dict[str, Any]:
         return {}
 
 
-def _catalogue() -> list[dict[str, Any]]:
+def _catalogue() -> list[Content]:
     text = files("mcnav").joinpath("systems/ins/tables/imu_catalogue.toml").read_text(encoding="utf-8")
-    catalogue: list[dict[str, Any]] = tomllib.loads(text)["unit"]
+    catalogue: list[Content] = tomllib.loads(text)["unit"]
     return catalogue
 
 

@@ -152,6 +152,21 @@ class DispersionRange:
     differs_from: Array
 
 
+def _ratios(model: Model, draws: Array, outcomes: Array, criterion: Criterion, design: SamplingDesign) -> Array:
+    """Compute ratio, lower and upper bound for each output and the joint distribution, shape (outputs + 1, 3)."""
+    rows = np.full((len(model.nominal) + 1, 3), np.nan)
+    if not np.isfinite(outcomes).all(axis=1).mean() >= 1.0 - LARGEST_FAILED_SHARE:
+        return np.full_like(rows, BEYOND)
+    result = compare(model, draws, outcomes, criterion, design)
+    judgements = [output.paired for output in result.outputs]
+    if result.ellipsoid is not None:
+        judgements.append(result.ellipsoid.judgement)
+    for row, judgement in zip(rows, judgements, strict=False):
+        if judgement.ratio is not None and judgement.interval is not None:
+            row[:] = judgement.ratio, *judgement.interval
+    return rows
+
+
 def together(
     simulate: Simulator, model: Model, draws: Array, criterion: Criterion, design: SamplingDesign, largest: float
 ) -> DispersionRange:
@@ -165,20 +180,9 @@ def together(
 
     @cache
     def judged(multiple: float) -> Array:
-        """Compute ratio, lower and upper bound for each output and the joint distribution, shape (count, 3)."""
         outcomes = engines(float(_decade(np.array(multiple))))(multiple * draws).values
-        if not np.isfinite(outcomes).all(axis=1).mean() >= 1.0 - LARGEST_FAILED_SHARE:
-            return np.full((count, 3), BEYOND)
         scaled = Model(model.partials, model.nominal, multiple * model.mean, multiple**2 * model.covariance)
-        result = compare(scaled, multiple * draws, outcomes, criterion, design)
-        judgements = [output.paired for output in result.outputs]
-        if result.ellipsoid is not None:
-            judgements.append(result.ellipsoid.judgement)
-        rows = np.full((count, 3), np.nan)
-        for row, judgement in zip(rows, judgements, strict=False):
-            if judgement.ratio is not None and judgement.interval is not None:
-                row[:] = judgement.ratio, *judgement.interval
-        return rows
+        return _ratios(scaled, multiple * draws, outcomes, criterion, design)
 
     low, high = 1.0 - criterion.tolerance, 1.0 + criterion.tolerance
 

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import tomli_w
 
-from mcnav.config.schema import CampaignTable
+from mcnav.config.schema import CampaignFile, CampaignTable
 from mcnav.config.start_times import StartTimesPlan
 from mcnav.config.stopping import StoppingRule
 from mcnav.contract.scenario import Scenario, ScenarioError
@@ -108,7 +108,7 @@ class Campaign:
             raise context.error()
         resolved = {**self.resolved, **overrides}
         until = None if "samples" in overrides else self.until
-        table = validate(CampaignTable, resolved if until is None else {**resolved, "samples": self.samples}, context)
+        table = validate(CampaignFile, resolved if until is None else {**resolved, "samples": self.samples}, context)
         if table is not None:
             check_stored_samples(table, context)
         if table is None or context.problems:

@@ -21,14 +21,14 @@ from typing import Any, Final
 from mcnav.config.campaign import Campaign
 from mcnav.config.empirical import SCIPY, TABLE
 from mcnav.config.read import UNNAMED, parse_campaign
-from mcnav.config.toml import load_file, load_mapping
+from mcnav.config.toml import Content, load_file, load_mapping
 from mcnav.errors import CampaignError, Problem, suggestion
 from mcnav.systems.ins.imu.instruments import AXES, CROSS_AXES
 from mcnav.systems.ins.sensors.quantity import LEVEL_AXES
 from mcnav.systems.ins.tables.imu_catalogue import KINDS, catalogue
-from mcnav.systems.ins.tables.quantization import QUANTIZATION
+from mcnav.systems.ins.tables.instrument_tables import NEGLECTED
 
-Value = str | int | float | bool | list[Any] | dict[str, Any]
+Value = str | int | float | bool | list[Any] | Content
 """A value as a campaign file has it: a quantity is text with its unit."""
 
 SIZES: Final = ("sigma", "allan_minimum", "step", "half_width", "value", "scale")
@@ -44,7 +44,7 @@ class _Mistake(Exception):
     """A path that leads nowhere."""
 
 
-def override(document: Mapping[str, Any], values: Mapping[str, Value], file: str = UNNAMED) -> dict[str, Any]:
+def override(document: Mapping[str, Any], values: Mapping[str, Value], file: str = UNNAMED) -> Content:
     """Return the content of a campaign file with some keys set to other values; the rest is the same.
 
     Unknown keys and wrong units are found when the result is read.
@@ -123,7 +123,7 @@ class VariedCampaign:
         return parse_campaign(override(self._content, values, self._file), self._file, self._stem)
 
 
-def document_of(campaign: str | Path | Campaign | Mapping[str, Any]) -> tuple[dict[str, Any], str, str]:
+def document_of(campaign: str | Path | Campaign | Mapping[str, Any]) -> tuple[Content, str, str]:
     """Return the content of a campaign file, its path for messages and relative paths, and its stem.
 
     Raises `CampaignError` when it cannot be read.
@@ -138,7 +138,7 @@ def document_of(campaign: str | Path | Campaign | Mapping[str, Any]) -> tuple[di
     return load_file(path), str(path), path.stem
 
 
-def _set(table: dict[str, Any], names: list[str], value: Value, above: tuple[str, ...]) -> None:
+def _set(table: Content, names: list[str], value: Value, above: tuple[str, ...]) -> None:
     """Set a key in a table that itself is at ``above``."""
     name, rest, here = names[0], names[1:], (*above, names[0])
     if above[-1:] == ("imu",) and name in KINDS:
@@ -188,7 +188,7 @@ def _with_grade(imu: Mapping[str, Any], name: str, above: tuple[str, ...]) -> An
         return own
     below = copy.deepcopy(known[grade].get(name, {}))
     if "filter" in above:
-        below.pop(QUANTIZATION, None)  # filters neglect it, and refuse it where it is spelled out
+        below = {key: entry for key, entry in below.items() if key not in NEGLECTED}
     return {**below, **own}
 
 

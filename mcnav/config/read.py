@@ -7,35 +7,30 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
+from pydantic import TypeAdapter
+
 from mcnav.config.campaign import Campaign, check_stored_samples
-from mcnav.config.empirical import stored_table
+from mcnav.config.empirical import StoredTable, stored_table
 from mcnav.config.requirement_times import with_epochs
 from mcnav.config.requirements import read_requirements
-from mcnav.config.schema import CampaignTable, UntilTable
+from mcnav.config.schema import CampaignFile, CampaignTable, UntilTable
 from mcnav.config.sources import expand_groups, read_correlations, read_errors, read_joint
-from mcnav.config.start_times import read_start_times
-from mcnav.config.stopping import read_stopping_rule
-from mcnav.config.toml import load_file, load_mapping
+from mcnav.config.start_times import StartTimesPlan, read_start_times
+from mcnav.config.stopping import StoppingRule, read_stopping_rule
+from mcnav.config.toml import Content, load_file, load_mapping
 from mcnav.contract.quantities import Source
 from mcnav.contract.scenario import Scenario, ScenarioError, can_have_noise, has_start_times
 from mcnav.entries.context import EarlierFile, FileContext
-from mcnav.entries.validation import validate
+from mcnav.entries.validation import validate, validate_entry
 from mcnav.errors import CampaignError, Problem
 from mcnav.sampling.distributions import Distribution, Normal
-from mcnav.sampling.error_model import CorrelationError, ErrorModel, JointError
+from mcnav.sampling.error_model import Correlation, CorrelationError, ErrorModel, JointError
+from mcnav.sampling.multivariate_t import MultivariateT
 from mcnav.sampling.scipy_and_tables import EmpiricalDistribution
 from mcnav.store.manifest import RequirementRecord
 from mcnav.store.summaries import SUMMARY
 from mcnav.systems.ins.scenario import is_ins
-from mcnav.systems.registry import SCENARIO_TYPES, USER, ScenarioSpec, scenario_type
-
-FURTHER_TABLES: Final = {
-    "imu": "this scenario has no inertial measurement unit",
-    "aiding": "this scenario cannot be aided, which those of type ins can",
-    "filter": "this scenario cannot be aided, which those of type ins can",
-}
-"""Tables besides ``[scenario]`` that some types read, and what is wrong with one where the type does not."""
-
+from mcnav.systems.registry import FURTHER_TABLES, SCENARIO_TYPES, USER, ScenarioSpec, scenario_type
 
 UNNAMED: Final = "campaign"
 """Name of a campaign without a file, and of its file in messages."""
@@ -109,36 +104,13 @@ def parse_campaign(
     """Check the content of a campaign file and build the campaign; see `read_campaign`."""
     content = {**content, **(overrides or {})}
     context = FileContext(file, Path(file).parent, earlier or {}, content, confined)
-    rule: UntilTable | None = None
-    plain = content
-    if isinstance(content.get("samples"), dict):
-        rule = validate(UntilTable, content["samples"], context, "samples")
-        plain = {**content, "samples": rule.at_most if rule else 2}
-    table = validate(CampaignTable, plain, context)
+    table, rule = _read_file(content, context)
     described, sources = _read_scenario(content.get("scenario"), context)
-    distributions: dict[str, Distribution] = {}
-    if isinstance(content.get("errors"), dict) and sources is not None:
-        distributions = read_errors(expand_groups(content["errors"], sources), sources, context)
-    sigmas = {} if described is None else described.sigmas
-    for name in sigmas.keys() & distributions.keys():
-        other = "another table" if described is None else described.tables[name]
-        context.problem(f"errors.{name}", f"is given in {other} as well; keep one")
-    distributions = {**{name: Normal(sigma) for name, sigma in sigmas.items()}, **distributions}
-    if (
-        described is not None
-        and can_have_noise(described.scenario)
-        and described.scenario.noisy
-        and content.get("design") == "sobol"
-    ):
-        context.problem("design", "got 'sobol'; a net has no place for noise, so choose another design")
+    distributions = _read_distributions(described, sources, context)
     if described is not None:
-        read = scenario_type(content["scenario"]["type"])
-        for name, why in FURTHER_TABLES.items():
-            if name in content and read is not None and name not in read.tables:
-                context.problem(name, f"{why}; leave it out")
+        _check_use(described, context)
     if table is None or sources is None:
         raise context.error()
-
     check_stored_samples(table, context)
     correlations = read_correlations(table.correlations, sources, context)
     joint = read_joint(table.joint, sources, context)
@@ -150,50 +122,108 @@ def parse_campaign(
     until = read_stopping_rule(rule, str(table.design), context) if rule else None
     if rule and table.store == SUMMARY:
         context.problem("samples.until", "needs store = 'samples': the blocks of a summary are fixed for one size")
-    model: ErrorModel | None = None
-    if not context.problems:
-        try:
-            later = [source.name for source in sources if source.later]
-            model = ErrorModel([source.name for source in sources], distributions, correlations, joint, later)
-        except CorrelationError as wrong:
-            context.problem("correlations" + ("" if wrong.entry is None else f" #{wrong.entry + 1}"), str(wrong))
-        except JointError as wrong:
-            context.problem(f"joint #{wrong.entry + 1}.sources", str(wrong))
+    model = None if context.problems else _error_model(sources, distributions, correlations, joint, context)
     if described is None:
         raise context.error()
-    scenario: Scenario = described.scenario
     if "start_times" in content:
-        _check_start_times(scenario, str(table.start_times.axes), context)
-    start_times = read_start_times(table.start_times, sources, scenario.outputs, distributions, context)
+        _check_start_times(described.scenario, str(table.start_times.axes), context)
+    start_times = read_start_times(table.start_times, sources, described.scenario.outputs, distributions, context)
     if model is None or context.problems:
         raise context.error()
-
     if described.complete is not None:
-        scenario = described.complete(scenario, model)
+        described = replace(described, scenario=described.complete(described.scenario, model))
     columns = {
         source.name: stored_table(source, each)
         for source in sources
         if isinstance(each := distributions.get(source.name), EmpiricalDistribution)
     }
-    errors = {**content.get("errors", {}), **{source: dict(column.entry) for source, column in columns.items()}}
+    return _campaign(table, stem, described, model, until, requirements, start_times, columns, context)
+
+
+def _read_file(content: Mapping[str, Any], context: FileContext) -> tuple[CampaignTable | None, UntilTable | None]:
+    """Read the file but for its scenario and errors, and the stopping rule that may stand for a number of samples."""
+    rule = None
+    if isinstance(content.get("samples"), dict):
+        rule = validate(UntilTable, content["samples"], context, "samples")
+        content = {**content, "samples": rule.at_most if rule else 2}
+    return validate(CampaignFile, content, context), rule
+
+
+def _read_distributions(
+    described: ScenarioSpec | None, sources: Sequence[Source] | None, context: FileContext
+) -> dict[str, Distribution]:
+    """Read the distributions of ``[errors]``, and those that other tables give; mistakes are added to the context."""
+    entries, distributions = context.content.get("errors"), dict[str, Distribution]()
+    if isinstance(entries, dict) and sources is not None:
+        distributions = read_errors(expand_groups(entries, sources), sources, context)
+    if described is None:
+        return distributions
+    for name in described.sigmas.keys() & distributions.keys():
+        context.problem(f"errors.{name}", f"is given in {described.tables[name]} as well; keep one")
+    return {**{name: Normal(sigma) for name, sigma in described.sigmas.items()}, **distributions}
+
+
+def _check_use(described: ScenarioSpec, context: FileContext) -> None:
+    """Add mistakes about what the file has, and this scenario cannot use."""
+    content, scenario = context.content, described.scenario
+    if content.get("design") == "sobol" and can_have_noise(scenario) and scenario.noisy:
+        context.problem("design", "got 'sobol'; a net has no place for noise, so choose another design")
+    kind = scenario_type(content["scenario"]["type"])
+    for name, further in FURTHER_TABLES.items():
+        if name in content and kind is not None and name not in kind.tables:
+            context.problem(name, f"{further.absent}; leave it out")
+
+
+def _error_model(
+    sources: Sequence[Source],
+    distributions: Mapping[str, Distribution],
+    correlations: list[Correlation],
+    joint: Sequence[MultivariateT],
+    context: FileContext,
+) -> ErrorModel | None:
+    """Build the model of all errors; mistakes are added to the context."""
+    try:
+        later = [source.name for source in sources if source.later]
+        return ErrorModel([source.name for source in sources], distributions, correlations, joint, later)
+    except CorrelationError as wrong:
+        context.problem("correlations" + ("" if wrong.entry is None else f" #{wrong.entry + 1}"), str(wrong))
+    except JointError as wrong:
+        context.problem(f"joint #{wrong.entry + 1}.sources", str(wrong))
+    return None
+
+
+def _campaign(
+    table: CampaignTable,
+    stem: str,
+    described: ScenarioSpec,
+    errors: ErrorModel,
+    until: StoppingRule | None,
+    requirements: Sequence[RequirementRecord],
+    start_times: StartTimesPlan,
+    columns: Mapping[str, StoredTable],
+    context: FileContext,
+) -> Campaign:
+    """Put together what was read; ``columns`` are the files of distributions by source."""
+    content, name = context.content, table.name or stem
+    entries = {**content.get("errors", {}), **{source: dict(column.entry) for source, column in columns.items()}}
     return Campaign(
-        name=table.name or stem,
+        name=name,
         samples=table.samples,
         seed=table.seed,
         until=until,
         design=str(table.design),
         tolerance=table.tolerance,
         confidence=table.confidence,
-        scenario=scenario,
-        errors=model,
+        scenario=described.scenario,
+        errors=errors,
         requirements=tuple(requirements),
         start_times=start_times,
         tables={column.path: column.content for column in columns.values()},
-        resolved=_resolve({**content, "errors": errors}, table, table.name or stem, described),
+        resolved=_resolve({**content, "errors": entries}, table, name, described),
         code=described.code,
         sample_timeout=table.sample_timeout,
         store=str(table.store),
-        file=file,
+        file=context.file,
         files=described.inputs,
     )
 
@@ -221,6 +251,9 @@ def _read_scenario(entries: Any, context: FileContext) -> tuple[ScenarioSpec | N
         return None, None
     table = validate(kind.table, entries, context, "scenario")
     if table is None:
+        for name, further in kind.tables.items():
+            if name in context.content:
+                validate_entry(TypeAdapter(further.form), context.content[name], context, name)
         return None, kind.sources
     before = len(context.problems)
     try:
@@ -228,12 +261,14 @@ def _read_scenario(entries: Any, context: FileContext) -> tuple[ScenarioSpec | N
     except ScenarioError as wrong:
         context.problem(f"scenario.{wrong.key}", str(wrong))
         described = None
-    if "aiding" in context.content and len(context.problems) > before:
+    if len(context.problems) > before and any(
+        table.adds_sources for name, table in kind.tables.items() if name in context.content
+    ):
         return described, None  # sources of sensors are not known
     return described, kind.sources if described is None else described.scenario.sources
 
 
-def _resolve(content: Mapping[str, Any], table: CampaignTable, name: str, described: ScenarioSpec) -> dict[str, Any]:
+def _resolve(content: Mapping[str, Any], table: CampaignTable, name: str, described: ScenarioSpec) -> Content:
     """Return the entries of the file with all defaults; numbers keep their full precision."""
     resolved = {
         "name": name,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from typing import Final
 
 from mcnav.config.requirement_times import RequirementEpochs, read_epochs
 from mcnav.config.schema import AcceptTable
@@ -24,10 +24,9 @@ def read_requirements(table: AcceptTable, scenario: Scenario, context: FileConte
         kind: str, names: Sequence[str], limits: list[float], probability: float | None,
         epochs: RequirementEpochs | None = None,
     ) -> None:  # fmt: skip
-        over_time: dict[str, Any] = {} if epochs is None else {"when": epochs.words, "epochs": epochs.numbers}
-        record = RequirementRecord(
-            kind=kind, outputs=tuple(names), limits=tuple(limits), probability=probability, **over_time
-        )
+        record = RequirementRecord(kind=kind, outputs=tuple(names), limits=tuple(limits), probability=probability)
+        if epochs is not None:
+            record = record.completed({"when": epochs.words, "epochs": epochs.numbers})
         records.append(record)
 
     def limit(written: object, name: str, key: str) -> float:

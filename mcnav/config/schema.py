@@ -5,12 +5,14 @@ The tables of ``[scenario]`` are in `mcnav.systems.registry`.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
-from pydantic import Field, WithJsonSchema
+from pydantic import Field, WithJsonSchema, create_model
 
+from mcnav.config.toml import Content
 from mcnav.entries.quantities import UNIT, Duration, Number, Probability, Table, Text, Written
 from mcnav.sampling.designs import DESIGNS
+from mcnav.systems.registry import FURTHER_TABLES
 
 Span = Annotated[
     Any,
@@ -140,9 +142,9 @@ class UntilTable(Table):
 
 
 class CampaignTable(Table):
-    """The whole file; `mcnav.config.read` reads ``[scenario]`` and ``[errors]`` by type and units.
+    """The whole file but for tables that only some types of scenario read; see `CampaignFile`.
 
-    ``[[aiding]]`` and ``[filter]`` are read with the scenario.
+    `mcnav.config.read` reads ``[scenario]`` and ``[errors]`` by type and units.
     """
 
     name: Annotated[Text, Field(description="Title of the report; the file's name unless given.")] | None = None
@@ -167,14 +169,9 @@ class CampaignTable(Table):
     sample_timeout: Annotated[
         Duration, Field(ge=0.001, le=1e6, description="Time after which a sample fails.", examples=["10 s"])
     ] | None = None  # fmt: skip
-    scenario: Annotated[dict[str, Any], Field(description="What is simulated; its type decides about the other keys.")]
-    imu: Annotated[
-        dict[str, Any], Field(description="Inertial measurement unit of type ins: a grade, or a data sheet.")
-    ] | None = None  # fmt: skip
-    aiding: Annotated[Any, Field(description="Sensors that aid a navigation of type ins.")] = None
-    filter: Annotated[Any, Field(description="Error-state Kalman filter of an aided navigation.")] = None
+    scenario: Annotated[Content, Field(description="What is simulated; its type decides about the other keys.")]
     errors: Annotated[
-        dict[str, Any],
+        Content,
         Field(description="One sigma of a normal error by source, or a table with its distribution; others are zero."),
     ] = {}
     correlations: Annotated[
@@ -185,3 +182,10 @@ class CampaignTable(Table):
     ] = []
     start_times: Annotated[StartTimesTable, Field(description="Study of mcnav start-times.")] = StartTimesTable()
     accept: Annotated[AcceptTable, Field(description="Requirements, which mcnav run --check tests.")] | None = None
+
+
+_FURTHER: Final[Content] = {
+    name: (Annotated[Any, Field(description=table.description)], None) for name, table in FURTHER_TABLES.items()
+}
+CampaignFile: Final = create_model("CampaignFile", __base__=CampaignTable, **_FURTHER)
+"""The whole file; further tables are read with the scenario."""

@@ -7,6 +7,7 @@ from typing import Any, Final
 
 from mcnav.config.empirical import SCIPY, TABLE, read_scipy, read_table
 from mcnav.config.schema import CorrelationTable, JointTable
+from mcnav.config.toml import Content
 from mcnav.contract.quantities import Source
 from mcnav.entries.context import FileContext
 from mcnav.errors import MOST_PROBLEMS, suggestion
@@ -31,7 +32,7 @@ DISTRIBUTIONS: Final[Mapping[str, tuple[Callable[..., Distribution], Mapping[str
 """Each distribution with its keys and their units."""
 
 
-def expand_groups(entries: Mapping[str, Any], sources: Sequence[Source]) -> dict[str, Any]:
+def expand_groups(entries: Mapping[str, Any], sources: Sequence[Source]) -> Content:
     """Give the entry of a group, such as ``position``, to each of its sources that has no entry of its own."""
     groups: dict[str, list[str]] = {}
     for source in sources:

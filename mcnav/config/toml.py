@@ -13,6 +13,9 @@ import tomli_w
 from mcnav.entries.near_files import near_file
 from mcnav.errors import CampaignError, Problem
 
+Content = dict[str, Any]
+"""Content of a TOML file, or of a table in it."""
+
 DOTTED: Final = re.compile(rb"(?:[\w-]{1,100}[ \t]?\.[ \t]?){200}")
 """Dotted key of more names than any campaign needs; the parser takes time proportional to their square."""
 
@@ -22,7 +25,7 @@ LARGEST_FILE: Final = 1_000_000
 NOT_READABLE: Final = "is not TOML that can be read: it is nested too deeply, or holds a number of too many digits"
 
 
-def load_file(path: Path) -> dict[str, Any]:
+def load_file(path: Path) -> Content:
     """Read a TOML file; `CampaignError` when it cannot be read, is too large, or is not TOML."""
     try:
         if path.is_dir():
@@ -49,7 +52,7 @@ def load_file(path: Path) -> dict[str, Any]:
     raise CampaignError([Problem(str(path), "", message)])
 
 
-def load_mapping(described: Mapping[str, Any], file: str) -> dict[str, Any]:
+def load_mapping(described: Mapping[str, Any], file: str) -> Content:
     """Convert a mapping to the content of the campaign file with the same entries.
 
     Raises `CampaignError` when TOML cannot represent an entry.

@@ -2,13 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Final
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any, Final, get_args, get_origin
 
 import numpy as np
+from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, TypeAdapter, ValidatorFunctionWrapHandler
+from pydantic_core.core_schema import (
+    CoreSchema,
+    no_info_plain_validator_function,
+    no_info_wrap_validator_function,
+)
 
 from mcnav._types import Array
 from mcnav.entries.context import FileContext
+from mcnav.entries.mistakes import Mistake, Place, refuse
+from mcnav.entries.quantities import UNIT, JsonSchema, Table
+from mcnav.entries.validation import validate_entry
+from mcnav.units import UnitError, quantity
+
+SIZED_AXES: Final = "x-axes"
+"""Key of a JSON schema that stands for sizes by axis: the names of the axes; see `mcnav.entries.quantities.UNIT`."""
 
 LARGEST_SIZE: Final = 1e15
 """Size in SI units above which it is refused: a slip of the pen, and a risk of overflow."""
@@ -38,6 +52,90 @@ def within(least: float, most: float, unit: str, words: str = "a size must not b
     return fault
 
 
+@dataclass(frozen=True)
+class AxisSizes:
+    """Annotation of a field with sizes by axis: an array, shape (axes,), SI, with NaN where none is given.
+
+    Attributes
+    ----------
+    unit : str
+        SI unit.
+    axes : tuple of str
+        Names; a quantity without axes has one, without a name.
+    fault : callable
+        Returns what is wrong with a size.
+    complete : bool
+        Whether each axis needs one.
+    """
+
+    unit: str
+    axes: tuple[str, ...]
+    fault: Fault = fault_of_size
+    complete: bool = False
+
+    def read(self, entry: object) -> Array:
+        """Read an entry; `ValidationError` lists its mistakes."""
+        result, mistakes = np.full(len(self.axes), np.nan), list[Mistake]()
+        for number, (value, place) in self._values(entry, mistakes).items():
+            try:
+                size = quantity(value, self.unit)
+            except UnitError as wrong:
+                mistakes.append(Mistake(str(wrong), place))
+            else:
+                if wrong_size := self.fault(size):
+                    mistakes.append(Mistake(f"got {value!r}; {wrong_size}", place))
+                result[number] = size or 0.0  # no negative zero
+            if mistakes:
+                break
+        missing = [axis for axis, size in zip(self.axes, result, strict=True) if np.isnan(size)]
+        if self.complete and missing and not mistakes:
+            mistakes.append(Mistake(f"has none for {', '.join(missing)}; expected one for each axis"))
+        if mistakes:
+            raise refuse(mistakes)
+        return result
+
+    def _values(self, entry: object, mistakes: list[Mistake]) -> Mapping[int, tuple[object, Place]]:
+        """Return the value of each axis that has one, by its number, and where it is written."""
+        if isinstance(entry, dict) and len(self.axes) > 1:
+            names = ", ".join(self.axes)
+            mistakes += [Mistake(f"unknown axis; expected {names}", (axis,)) for axis in entry if axis not in self.axes]
+            return {self.axes.index(axis): (value, (axis,)) for axis, value in entry.items() if axis in self.axes}
+        if isinstance(entry, list) and len(self.axes) > 1:
+            if len(entry) != len(self.axes):
+                message = f"got a list of {len(entry)}; expected {len(self.axes)}, for {', '.join(self.axes)}"
+                mistakes.append(Mistake(message))
+                return {}
+            return {number: (value, (number,)) for number, value in enumerate(entry)}
+        return dict.fromkeys(range(len(self.axes)), (entry, ()))
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return no_info_plain_validator_function(self.read)
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchema:
+        required = {"required": list(self.axes)} if self.complete else {}
+        return {UNIT: self.unit, SIZED_AXES: list(self.axes), **required}
+
+
+@dataclass(frozen=True)
+class OrSizes:
+    """Annotation of a table that sizes by axis may stand for: those of its first key."""
+
+    sizes: AxisSizes
+
+    def __get_pydantic_core_schema__(self, source: type[Table], handler: GetCoreSchemaHandler) -> CoreSchema:
+        def read(entry: object, table: ValidatorFunctionWrapHandler) -> Any:
+            if isinstance(entry, dict) and not entry.keys() & set(self.sizes.axes):
+                return table(entry)
+            first = next(iter(source.model_fields))
+            return source.model_construct({first}, **{first: self.sizes.read(entry)})
+
+        return no_info_wrap_validator_function(read, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchema:
+        node = handler.resolve_ref_schema(handler(schema))
+        return {**node, UNIT: self.sizes.unit, SIZED_AXES: list(self.sizes.axes)}
+
+
 def read_axes(
     entry: object, unit: str, axes: Sequence[str], key: str, context: FileContext,
     missing: float = 0.0, fault: Fault = fault_of_size,
@@ -46,30 +144,28 @@ def read_axes(
 
     A mistake is added to the context; a quantity without axes has one, without a name.
     """
-    result = np.full(len(axes), missing)
-    if isinstance(entry, dict) and len(axes) > 1:
-        for axis in entry.keys() - set(axes):
-            context.problem(f"{key}.{axis}", f"unknown axis; expected {', '.join(axes)}")
-        given = {axis: (f"{key}.{axis}", value) for axis, value in entry.items() if axis in axes}
-    elif isinstance(entry, list) and len(axes) > 1:
-        if len(entry) != len(axes):
-            context.problem(key, f"got a list of {len(entry)}; expected {len(axes)}, for {', '.join(axes)}")
-            return result
-        given = {
-            axis: (f"{key} #{number}", each) for number, (axis, each) in enumerate(zip(axes, entry, strict=True), 1)
-        }
-    else:
-        given = dict.fromkeys(axes, (key, entry))
-    problems = len(context.problems)
-    for number, axis in enumerate(axes):
-        if axis not in given or len(context.problems) > problems:
-            continue
-        at, value = given[axis]
-        size = context.quantity(value, unit, at)
-        if size is None:
-            continue
-        if wrong := fault(size):
-            context.problem(at, f"got {value!r}; {wrong}")
-        else:
-            result[number] = size or 0.0  # no negative zero
-    return result
+    sizes = validate_entry(TypeAdapter(Annotated[Array, AxisSizes(unit, tuple(axes), fault)]), entry, context, key)
+    return np.full(len(axes), missing) if sizes is None else np.where(np.isnan(sizes), missing, sizes)
+
+
+def units_of(table: type[Table], above: str = "") -> dict[str, str]:
+    """Return the SI units of a table's sizes by axis, by their keys; those of tables inside it after a dot."""
+    units: dict[str, str] = {}
+    for name, field in table.model_fields.items():
+        for part in (*field.metadata, *_parts(field.annotation)):
+            if isinstance(part, AxisSizes):
+                units[f"{above}{name}"] = part.unit
+            elif isinstance(part, type) and issubclass(part, Table):
+                units |= units_of(part, f"{above}{name}.")
+    return units
+
+
+def _parts(annotation: Any) -> Iterator[Any]:
+    """Yield the types and marks that an annotation consists of."""
+    if get_origin(annotation) is Annotated:
+        yield from (annotation.__metadata__)
+        annotation = annotation.__origin__
+    inside = () if isinstance(annotation, type) else get_args(annotation)
+    yield annotation
+    for each in inside:
+        yield from _parts(each)

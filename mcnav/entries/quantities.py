@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, ClassVar, Final, Self
 
 from pydantic import (
     BaseModel,
@@ -11,12 +12,26 @@ from pydantic import (
     Field,
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
+    ModelWrapValidatorHandler,
     StringConstraints,
+    ValidationError,
     WithJsonSchema,
+    model_validator,
 )
-from pydantic_core.core_schema import CoreSchema, no_info_before_validator_function
+from pydantic_core.core_schema import (
+    CoreSchema,
+    no_info_before_validator_function,
+    no_info_plain_validator_function,
+    no_info_wrap_validator_function,
+)
 
+from mcnav.entries.mistakes import explain_unknown_keys, refuse, told
+from mcnav.entries.rules import Rule
+from mcnav.entries.values import display
+from mcnav.errors import suggestion
 from mcnav.units import quantity
+
+JsonSchema = dict[str, Any]
 
 UNIT: Final = "x-unit"
 """Key of a JSON schema that stands for a quantity: its SI unit; `mcnav.config.json_schema` writes it out."""
@@ -31,7 +46,7 @@ class QuantityIn:
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return no_info_before_validator_function(lambda value: quantity(value, self.unit), handler(source))
 
-    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchema:
         return {**handler(schema), UNIT: self.unit}
 
 
@@ -76,6 +91,70 @@ Text = Annotated[
 
 
 class Table(BaseModel):
-    """A table whose keys must be known and whose values must have the right type."""
+    """A table whose keys must be known and whose values must have the right type.
+
+    Attributes
+    ----------
+    rules : tuple of Rule
+        What its keys must fulfil together.
+    expected : str
+        What it should be, for messages about its form; by default any table.
+    refused : mapping of str to str
+        Why some keys, which other tables like it have, are not known.
+    """
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+    rules: ClassVar[tuple[Rule, ...]] = ()
+    expected: ClassVar[str] = ""
+    refused: ClassVar[Mapping[str, str]] = {}
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _read(cls, entry: Any, read: ModelWrapValidatorHandler[Self]) -> Self:
+        if cls.expected and not isinstance(entry, (dict, cls)):
+            raise told(f"got {entry!r}; {cls.expected}")
+        try:
+            table = read(entry)
+        except ValidationError as invalid:
+            raise explain_unknown_keys(invalid, list(cls.model_fields), cls.refused) from None
+        broken = [rule.broken(table.model_fields_set, cls.expected) for rule in cls.rules]
+        if mistakes := [mistake for mistake in broken if mistake is not None]:
+            raise refuse(mistakes)
+        return table
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchema:
+        node = handler.resolve_ref_schema(handler(schema))
+        for rule in cls.rules:
+            required = [*node.get("required", ()), *rule.schema.get("required", ())]  # type: ignore[misc]
+            node |= {**rule.schema, **({"required": required} if required else {})}
+        return node
+
+
+@dataclass(frozen=True)
+class OneOf:
+    """Annotation of a text that is one of several names; ``hint`` ends the message about another."""
+
+    names: tuple[str, ...]
+    hint: str = ""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        def read(entry: object) -> object:
+            if isinstance(entry, str) and entry in self.names:
+                return entry
+            raise told(f"got {display(entry)}{suggestion(str(entry), list(self.names))}{self.hint}")
+
+        return no_info_plain_validator_function(read)
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchema:
+        return {"enum": list(self.names)}
+
+
+@dataclass(frozen=True)
+class Later:
+    """Annotation of an entry that is read later, as a model or type; its schema is that of the type."""
+
+    form: Any
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return no_info_wrap_validator_function(lambda entry, _: entry, handler.generate_schema(self.form))

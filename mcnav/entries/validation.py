@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from typing import Any, Final, TypeVar, get_args
+from typing import Final, TypeVar
 
-from pydantic import ValidationError
+from pydantic import TypeAdapter, ValidationError
+from pydantic_core import ErrorDetails
 
 from mcnav.entries.context import FileContext
+from mcnav.entries.mistakes import TOLD
 from mcnav.entries.quantities import Table
-from mcnav.errors import MOST_PROBLEMS, suggestion
+from mcnav.errors import MOST_PROBLEMS
 from mcnav.units import printable
 
 AnyTable = TypeVar("AnyTable", bound=Table)
+AnyEntry = TypeVar("AnyEntry")
 
 _MESSAGES: Final = {
     "int_type": "expected a whole number",
@@ -27,21 +29,24 @@ _MESSAGES: Final = {
 }
 """Messages by pydantic's error type, where pydantic's own words describe Python rather than TOML."""
 
-_TAGS: Final = ("constant", "variable")
-"""Tags of lift laws, which pydantic adds to the location of an error."""
-
 
 def validate(table: type[AnyTable], content: object, context: FileContext, key: str = "") -> AnyTable | None:
     """Validate the content of the table at a key; when there are mistakes, add them to the context and return None."""
+    return validate_entry(TypeAdapter(table), content, context, key)
+
+
+def validate_entry(
+    form: TypeAdapter[AnyEntry], content: object, context: FileContext, key: str = ""
+) -> AnyEntry | None:
+    """Validate an entry of any type at a key; when there are mistakes, add them to the context and return None."""
     try:
-        return table.model_validate(content)
+        return form.validate_python(content)
     except ValidationError as invalid:
         for error in invalid.errors(include_url=False)[: MOST_PROBLEMS + 1]:
-            location = [part for part in error["loc"] if part not in _TAGS]
             at = key
-            for part in location:
+            for part in error["loc"]:
                 at += f" #{part + 1}" if isinstance(part, int) else f"{'.' if at else ''}{_named(part)}"
-            context.problem(at, _message(error, location, table))
+            context.problem(at, _message(error))
         return None
 
 
@@ -50,11 +55,11 @@ def _named(key: str) -> str:
     return key if key.strip() else f'"{key}"'
 
 
-def _message(error: Mapping[str, Any], location: Sequence[str | int], table: type[Table]) -> str:
+def _message(error: ErrorDetails) -> str:
     """Return the message for one of pydantic's errors: what came, and what is expected."""
     came, kind = error["input"], error["type"]
-    if kind == "extra_forbidden":
-        return f"unknown key{suggestion(str(location[-1]), _known_keys(location[:-1], table))}"
+    if kind == TOLD:
+        return error["msg"]
     if kind == "missing":
         return "is missing"
     if kind in ("too_short", "too_long"):
@@ -68,21 +73,3 @@ def _message(error: Mapping[str, Any], location: Sequence[str | int], table: typ
     message = re.sub(r"^[Ii]nput should be (?=greater|less)", "expected a number ", message)
     message = re.sub(r"^[Ii]nput should be ", "expected ", message)
     return f"got {shown}; {message[0].lower()}{message[1:]}"
-
-
-def _known_keys(path: Sequence[str | int], table: type[Table]) -> list[str]:
-    """Return the keys of the table at a path; none when the path leads to one of several tables."""
-    for name in path:
-        if isinstance(name, str):
-            inside = _tables_in(table.model_fields[name].annotation)
-            if len(inside) != 1:
-                return []
-            table = inside[0]
-    return list(table.model_fields)
-
-
-def _tables_in(annotation: Any) -> list[type[Table]]:
-    """Return the tables that a type annotation names."""
-    if isinstance(annotation, type) and issubclass(annotation, Table):
-        return [annotation]
-    return [table for argument in get_args(annotation) for table in _tables_in(argument)]

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
 
@@ -31,6 +31,9 @@ from mcnav.store.run_folder import RunFolder
 from mcnav.store.summaries import MOST_REASONS, STORED_ROWS, Summary, summary_chunk
 from mcnav.systems.sample_loop import simulate_alone
 from mcnav.systems.timeouts import SampleTimeout, time_limit
+
+Sums = TypeVar("Sums", PowerSums, FilterSums, Summary)
+"""Sums over samples, which add up."""
 
 PROBES: Final = 64
 """Samples on which an engine's accuracy is determined: the first of the campaign itself."""
@@ -150,57 +153,85 @@ def draw_pieces(work: ChunkJob, place: SampleRange) -> Iterator[Batch]:
         yield work.draws.batch(begin, min(begin + step, place.end))
 
 
+@dataclass
+class _Chunk:
+    """A chunk being put together from its pieces: rows that are stored, and sums over all of its samples."""
+
+    work: ChunkJob
+    place: SampleRange
+    done: int = 0
+    failed: int = 0
+    fallback_count: int = 0
+    summary: Summary | None = None
+    power_sums: PowerSums | None = None
+    filter_sums: FilterSums | None = None
+    followed: Array | None = None
+    rows: list[tuple[Array, ...]] = field(default_factory=list)
+    failures: dict[int, Failure] = field(default_factory=dict)
+    tracebacks: dict[int, str] = field(default_factory=dict)
+
+    def add(self, errors: Array, result: SimulationResult) -> None:
+        """Add a piece: errors of its samples, shape (n, sources), and their outcomes."""
+        by_row = dict(sorted(result.failures.items()))
+        self._add_rows(errors, result, by_row)
+        self._add_histories(errors, result, by_row)
+        self.failed += len(by_row)
+        self.fallback_count += result.fallback_count
+        self.done += len(errors)
+
+    def _add_rows(self, errors: Array, result: SimulationResult, by_row: Mapping[int, Failure]) -> None:
+        """Keep the rows that are stored, and add a summary of all where the run has one."""
+        work, begin, frame = self.work, self.place.begin + self.done, self.work.frame
+        stored = self.place.end if frame is None else STORED_ROWS
+        count = min(max(stored - begin, 0), len(errors))
+        linear = np.full((len(errors), len(work.layout.linear)), np.nan)  # nothing of samples whose process died
+        linear = linear if result.linear_values is None else result.linear_values
+        filters = _final_filters(work.engine.filter, result)
+        self.rows.append(tuple(each[:count].copy() for each in (errors, result.values, linear, filters)))
+        self.failures |= {self.done + row: failure for row, failure in by_row.items() if row < count}
+        raised = ((self.done + row, failure.traceback) for row, failure in by_row.items() if failure.traceback)
+        self.tracebacks |= dict(islice(raised, None if frame is None else MOST_REASONS - len(self.tracebacks)))
+        if frame is not None:
+            status = {begin + row: failure.status for row, failure in by_row.items()}
+            block_sums = reduce_samples(frame, begin, errors, result.values, result.linear_values)
+            self.summary = _total(self.summary, Summary.of(block_sums, len(errors), status))
+
+    def _add_histories(self, errors: Array, result: SimulationResult, by_row: Mapping[int, Failure]) -> None:
+        """Add the sums over time, and keep the histories of the campaign's first samples where they are slow."""
+        engine, schema, begin = self.work.engine, self.work.engine.filter, self.place.begin + self.done
+        sums = None if result.history is None else sum_powers_about_zero(result.history)
+        if has_histories(engine):
+            sums = engine.history_sums(errors)
+        if sums is not None:
+            self.power_sums = _total(self.power_sums, sums)
+        if schema is not None and result.history is not None and begin < STORED:  # slow: not to be simulated again
+            first = result.history[: STORED - begin]
+            self.followed = first if self.followed is None else np.concatenate([self.followed, first])
+        if schema is not None and result.filter_values is not None:
+            simulated = np.delete(result.filter_values, list(by_row), axis=0) if by_row else result.filter_values
+            self.filter_sums = _total(self.filter_sums, FilterSums.of(schema, simulated))
+
+    def marks(self) -> dict[str, str]:
+        """Return the sums as metadata of the chunk's file."""
+        marks = history_marks(self.power_sums) | filter_marks(self.filter_sums) | first_marks(self.followed)
+        return marks | ({} if self.summary is None else self.summary.marks(self.place.begin))
+
+
+def _total(total: Sums | None, more: Sums) -> Sums:
+    """Add sums to those of earlier pieces, if there are any."""
+    return more if total is None else total + more
+
+
 def store(work: ChunkJob, place: SampleRange, results: Iterable[tuple[Array, SimulationResult]]) -> ChunkFile:
     """Store a chunk that comes in pieces: its samples, or a summary with the rows of the campaign's first samples.
 
     With a summary, one piece at a time is in memory.
     """
-    stored = place.end if work.frame is None else STORED_ROWS
-    begin, failed, fallback_count = place.begin, 0, 0
-    summary: Summary | None = None
-    power_sums: PowerSums | None = None
-    filter_sums: FilterSums | None = None
-    followed: Array | None = None
-    schema = work.engine.filter
-    rows: list[tuple[Array, ...]] = []
-    failures: dict[int, Failure] = {}
-    tracebacks: dict[int, str] = {}
+    chunk = _Chunk(work, place)
     for errors, result in results:
-        count, first = min(max(stored - begin, 0), len(errors)), begin - place.begin
-        by_row = dict(sorted(result.failures.items()))
-        linear = np.full((len(errors), len(work.layout.linear)), np.nan)  # nothing of samples whose process died
-        linear = linear if result.linear_values is None else result.linear_values
-        filters = _final_filters(schema, result)
-        rows.append(tuple(each[:count].copy() for each in (errors, result.values, linear, filters)))
-        failures |= {first + row: failure for row, failure in by_row.items() if row < count}
-        raised = ((first + row, failure.traceback) for row, failure in by_row.items() if failure.traceback)
-        tracebacks |= dict(islice(raised, None if work.frame is None else MOST_REASONS - len(tracebacks)))
-        if work.frame is not None:
-            status = {begin + row: failure.status for row, failure in by_row.items()}
-            block_sums = reduce_samples(work.frame, begin, errors, result.values, result.linear_values)
-            piece = Summary.of(block_sums, len(errors), status)
-            summary = piece if summary is None else summary + piece
-        sums = None if result.history is None else sum_powers_about_zero(result.history)
-        if has_histories(work.engine):
-            sums = work.engine.history_sums(errors)
-        if sums is not None:
-            power_sums = sums if power_sums is None else power_sums + sums
-        if schema is not None and result.history is not None and begin < STORED:  # slow: not to be simulated again
-            first_of_it = result.history[: STORED - begin]
-            followed = first_of_it if followed is None else np.concatenate([followed, first_of_it])
-        if schema is not None and result.filter_values is not None:
-            simulated = np.delete(result.filter_values, list(by_row), axis=0) if by_row else result.filter_values
-            piece_sums = FilterSums.of(schema, simulated)
-            filter_sums = piece_sums if filter_sums is None else filter_sums + piece_sums
-        failed, fallback_count, begin = (
-            failed + len(by_row),
-            fallback_count + result.fallback_count,
-            begin + len(errors),
-        )
-    marks = history_marks(power_sums) | filter_marks(filter_sums) | first_marks(followed)
-    marks |= {} if summary is None else summary.marks(place.begin)
-    errors, values, linear, filters = (np.concatenate(columns) for columns in zip(*rows, strict=True))
-    totals = ChunkTotals(place.end - place.begin, failed, fallback_count, tracebacks)
+        chunk.add(errors, result)
+    errors, values, linear, filters = (np.concatenate(columns) for columns in zip(*chunk.rows, strict=True))
+    totals = ChunkTotals(place.end - place.begin, chunk.failed, chunk.fallback_count, chunk.tracebacks)
     check_not_cancelled(work)
     return write_chunk(
         work.folder.chunk_folder,
@@ -210,9 +241,9 @@ def store(work: ChunkJob, place: SampleRange, results: Iterable[tuple[Array, Sim
         work.layout,
         errors,
         values,
-        failures,
+        chunk.failures,
         totals,
-        marks,
+        chunk.marks(),
         linear,
         filters,
     )

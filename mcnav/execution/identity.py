@@ -59,19 +59,18 @@ def identity_of(
     A scenario whose samples have changed in their last digits counts these changes in an attribute ``revision``. One
     with epochs besides its usual ones, for which requirements ask, has them in ``further_epochs``.
     """
-    optional: dict[str, Any] = {}
-    if revision := getattr(scenario, "revision", None):
-        optional["revision"] = revision
-    if later := [source.name for source in scenario.sources if source.later]:
-        optional["later_sources"] = later  # chunks of a run made before them do not have their columns
-    if further := getattr(scenario, "further_epochs", None):
-        optional["further_epochs"] = list(further)
-    if code is not None:
-        optional["code"] = CodeRecord(file=code.file, sha256=code.digest)
-    if inputs:
-        optional["files"] = {file.name: file.digest for file in inputs}
     entries = to_json({key: entry for key, entry in resolved.items() if key not in UNUSED})
-    return Identity(campaign=entries, engine=engine, versions=versions(), chunks=CHUNKS, **optional)
+    identity = Identity(campaign=entries, engine=engine, versions=versions(), chunks=CHUNKS)
+    return identity.completed(
+        {
+            "revision": getattr(scenario, "revision", None) or None,
+            # chunks of a run made before them do not have their columns
+            "later_sources": [source.name for source in scenario.sources if source.later] or None,
+            "further_epochs": list(getattr(scenario, "further_epochs", None) or ()) or None,
+            "code": None if code is None else CodeRecord(file=code.file, sha256=code.digest),
+            "files": {file.name: file.digest for file in inputs} or None,
+        }
+    )
 
 
 def chunk_digest(identity: Identity, design: str, samples: int) -> str:
@@ -86,7 +85,7 @@ def _draw_layout(design: str, samples: int) -> dict[str, int]:
     return {"block": block_length(design, samples), "probes": min(PROBES, samples)}
 
 
-def _summary_layout(identity: Identity, design: str, samples: int) -> dict[str, Any]:
+def _summary_layout(identity: Identity, design: str, samples: int) -> dict[str, dict[str, int]]:
     """Return what the number of samples decides of a summary's sums; nothing of stored samples."""
     if identity.campaign.get("store") != SUMMARY:
         return {}
@@ -142,8 +141,9 @@ def _refuse_changed(folder: RunFolder, earlier: Identity, identity: Identity, de
     """Raise `RunFolderError` when the earlier run is neither this one nor the beginning of it."""
     before, now = _flat(earlier.to_json()), _flat(identity.to_json())
     changed = [key for key in sorted(before.keys() | now.keys()) if before.get(key) != now.get(key)]
-    if changed == [SAMPLES] and isinstance(before.get(SAMPLES), int) and isinstance(now.get(SAMPLES), int):
-        _refuse_other_samples(folder, identity, design, before[SAMPLES], samples)
+    stored = before.get(SAMPLES)
+    if changed == [SAMPLES] and isinstance(stored, int) and isinstance(now.get(SAMPLES), int):
+        _refuse_other_samples(folder, identity, design, stored, samples)
         return
     if changed:
         lines = [f"{key} was {before.get(key, 'absent')}, is {now.get(key, 'absent')}" for key in changed[:SHOWN]]
@@ -172,7 +172,7 @@ def _refuse_other_samples(folder: RunFolder, identity: Identity, design: str, be
     raise RunFolderError(f"{folder.path}: holds {fault}")
 
 
-def _flat(value: Any, prefix: str = "") -> dict[str, Any]:
+def _flat(value: Any, prefix: str = "") -> dict[str, object]:
     """Flatten nested tables and lists of tables, with keys as messages have them.
 
     >>> _flat({"campaign": {"errors": {"altitude": "5 km"}, "aiding": [{"type": "gnss"}]}, "engine": "ensemble"})

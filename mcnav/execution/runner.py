@@ -36,6 +36,26 @@ def _refuse_failures(folder: Path, chunks: Sequence[ChunkFile], most: int | None
         raise TooManyFailures(f"{folder}: {failed:,} of the {ready:,} samples flown so far failed, where {most:,} may")
 
 
+def _stored_and_missing(
+    work: ChunkJob, first: int, progress: Progress, notice: Callable[[str], None]
+) -> tuple[list[ChunkFile], list[SampleRange]]:
+    """Find the chunks from a sample on that are stored undamaged, and those that are not."""
+    samples, chunk = work.draws.samples, work.chunk
+    chunks, missing = [], []
+    for number, begin in enumerate(range(first, samples, chunk), start=first // chunk):
+        place = SampleRange(number, begin, min(begin + chunk, samples))
+        file = find_file(work, number)
+        if file is not None and (file.begin, file.end) == (begin, place.end):
+            chunks.append(file)
+            progress.advance(place.end - begin, stored=True)
+            continue
+        missing.append(place)
+        path = work.folder.chunk_folder / chunk_name(number)
+        if path.exists() and (file is None or file.begin != begin):
+            notice(f"{path}: is damaged; its samples are flown again")
+    return chunks, missing
+
+
 def run_chunks(
     work: ChunkJob,
     jobs: int,
@@ -72,19 +92,7 @@ def run_chunks(
     TooManyFailures
         As soon as more samples have failed; what is stored is kept.
     """
-    samples, chunk = work.draws.samples, work.chunk
-    chunks, missing = [], []
-    for number, begin in enumerate(range(first, samples, chunk), start=first // chunk):
-        place = SampleRange(number, begin, min(begin + chunk, samples))
-        file = find_file(work, number)
-        if file is not None and (file.begin, file.end) == (begin, place.end):
-            chunks.append(file)
-            progress.advance(place.end - begin, stored=True)
-            continue
-        missing.append(place)
-        path = work.folder.chunk_folder / chunk_name(number)
-        if path.exists() and (file is None or file.begin != begin):
-            notice(f"{path}: is damaged; its samples are flown again")
+    chunks, missing = _stored_and_missing(work, first, progress, notice)
     simulate = executor or (run_in_processes if work.in_processes else _run_in_threads)
     try:
         _refuse_failures(work.folder.path, chunks, most_failures)

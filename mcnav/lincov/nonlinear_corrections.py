@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from dataclasses import replace
 from math import comb
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -12,7 +13,17 @@ from mcnav._types import Array
 from mcnav.contract.engine import Engine, without_noise
 from mcnav.contract.scenario import Scenario
 from mcnav.lincov import higher_order
-from mcnav.lincov.partials import SimulationFailed, computed_or_reason, partials_by_differences, require_fast
+from mcnav.lincov.corrections import (
+    Corrections,
+    DifferencePartials,
+    PolynomialMoments,
+    SecondOrderCorrections,
+    SimulatedBudget,
+    Uncomputed,
+    UnscentedMoments,
+    computed_or_reason,
+)
+from mcnav.lincov.partials import SimulationFailed, partials_by_differences, require_fast
 from mcnav.lincov.polynomial import fit
 from mcnav.lincov.polynomial_engine import PolynomialEngine
 from mcnav.lincov.polynomial_moments import moments
@@ -30,75 +41,72 @@ ROUGHEST: Final = 0.05
 """Largest error of a polynomial that is used, on samples not fitted, as a share of the dispersion."""
 
 
-def nonlinear_corrections(scenario: Scenario, engine: Engine, errors: ErrorModel) -> dict[str, Any]:
-    """Compute the unscented transform, partials by differences, second-order corrections and polynomial moments, SI.
+def nonlinear_corrections(
+    scenario: Scenario, engine: Engine, errors: ErrorModel, budget: SimulatedBudget
+) -> Corrections:
+    """Compute the unscented transform, partials by differences, second-order corrections and polynomial moments.
 
-    Returns
-    -------
-    dict
-        ``unscented``, ``partials_differences``, ``second_order`` and ``higher_order``, each a table of arrays, or
-        ``{"failed": reason}`` when a sample that it needs fails.
+    Parameters
+    ----------
+    budget : SimulatedBudget
+        Error budgets, which are corrections as well.
     """
-    propagate, mean, covariance = without_noise(engine), errors.mean, errors.covariance
-    sizes = np.array([source.nominal for source in scenario.sources])
-
-    studies: dict[str, Callable[[], dict[str, Any]]] = {
-        "unscented": lambda: dict(
-            zip(("mean", "covariance"), unscented_covariance(propagate, mean, covariance), strict=True)
-        ),
-        "partials_differences": lambda: {"partials": partials_by_differences(propagate, sizes)},
-        "second_order": lambda: _derivatives(engine, errors),
-        "higher_order": lambda: polynomial_moments(engine, errors),
-    }
-    return {key: computed_or_reason(study) for key, study in studies.items()}
+    propagate, sizes = without_noise(engine), np.array([source.nominal for source in scenario.sources])
+    return Corrections(
+        unscented=computed_or_reason(lambda: _unscented(engine, errors)),
+        partials_differences=computed_or_reason(lambda: DifferencePartials(partials_by_differences(propagate, sizes))),
+        second_order=computed_or_reason(lambda: _derivatives(engine, errors)),
+        higher_order=computed_or_reason(lambda: polynomial_moments(engine, errors)),
+        budget=budget,
+    )
 
 
-def noise_corrections(
-    engine: Engine, errors: ErrorModel, processes: Mapping[str, Array], samples: int
-) -> dict[str, Any]:
-    """Compute the unscented transform and second-order corrections of a scenario with noise, SI.
+def noise_corrections(engine: Engine, errors: ErrorModel, processes: Mapping[str, Array], samples: int) -> Corrections:
+    """Compute the unscented transform and second-order corrections of a scenario with noise.
 
     Both are of the constant errors without noise; the linear covariance of the noise, shape (outputs, outputs) for each
     process, is added. Budgets by simulation and a polynomial's moments, of constant errors alone, are left out. So is a
     correction that needs more simulations than the campaign has samples.
     """
-    reason = {"failed": "of constant errors alone; the samples of this scenario have noise as well"}
-
+    left_out = Uncomputed("of constant errors alone; the samples of this scenario have noise as well")
     directions = int(np.count_nonzero(errors.standard_deviations))
 
     def afford(simulations: int) -> None:
         if simulations > samples:
             raise SimulationFailed(f"it needs {simulations:,} simulations, more than the campaign has samples")
 
-    def unscented() -> dict[str, Any]:
+    def unscented() -> UnscentedMoments:
         afford(2 * directions + 1)
-        mean, covariance = unscented_covariance(without_noise(engine), errors.mean, errors.covariance)
-        return {"mean": mean, "covariance": covariance + sum(processes.values(), np.zeros(covariance.shape))}
+        moments = _unscented(engine, errors)
+        noise = sum(processes.values(), np.zeros(moments.covariance.shape))
+        return replace(moments, covariance=moments.covariance + noise)
 
-    def second_order() -> dict[str, Any]:
+    def second_order() -> SecondOrderCorrections:
         afford(2 * directions**2 + 2 * directions + 1)
         return _derivatives(engine, errors)
 
-    corrections = {"unscented": computed_or_reason(unscented), "second_order": computed_or_reason(second_order)}
-    return {**corrections, "budget": {"alone": reason, "sobol": reason}, "higher_order": reason}
+    return Corrections(
+        unscented=computed_or_reason(unscented),
+        second_order=computed_or_reason(second_order),
+        higher_order=left_out,
+        budget=SimulatedBudget(left_out, left_out),
+    )
 
 
-def _derivatives(engine: Engine, errors: ErrorModel) -> dict[str, Any]:
+def _unscented(engine: Engine, errors: ErrorModel) -> UnscentedMoments:
+    return UnscentedMoments(*unscented_covariance(without_noise(engine), errors.mean, errors.covariance))
+
+
+def _derivatives(engine: Engine, errors: ErrorModel) -> SecondOrderCorrections:
     order = higher_order.second_order(without_noise(engine), errors.mean, errors.covariance)
-    return {key: getattr(order, key) for key in ("mean_shift", "quadratic", "third_order", "skewness")}
+    return SecondOrderCorrections(order.mean_shift, order.quadratic, order.third_order, order.skewness)
 
 
-def polynomial_moments(engine: Engine, errors: ErrorModel) -> dict[str, Any]:
+def polynomial_moments(engine: Engine, errors: ErrorModel) -> PolynomialMoments:
     """Compute moments of the final errors in closed form, from a polynomial fitted to simulations.
 
     A polynomial engine's own polynomial is used; to any other engine one of order `HIGHER_ORDER` is fitted. Raises
     `SimulationFailed` when the sources are not normal, the engine is slow, or no such polynomial fits.
-
-    Returns
-    -------
-    dict
-        ``mean``, ``covariance``, ``sigma``, ``skewness``, ``kurtosis`` (3 for a normal distribution), and ``order``,
-        ``error``, ``flights`` of the polynomial.
     """
     if not errors.normal:
         raise SimulationFailed("the sources are not normal: their moments are not those of the closed form")
@@ -119,5 +127,7 @@ def polynomial_moments(engine: Engine, errors: ErrorModel) -> dict[str, Any]:
             f"a polynomial of order {polynomial.order} is {polynomial.error:.2g} of the dispersion off the flights"
         )
     result = moments(polynomial, errors.covariance)
-    fitted = {key: getattr(polynomial, key) for key in ("order", "error", "flights")}
-    return vars(result) | {"sigma": np.sqrt(np.diag(result.covariance))} | fitted
+    sigma = np.sqrt(np.diag(result.covariance))
+    return PolynomialMoments(
+        **vars(result), sigma=sigma, order=polynomial.order, error=polynomial.error, flights=polynomial.flights
+    )

@@ -7,7 +7,7 @@ only the physics; `compare_partials` computes how well they agree.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -41,14 +41,6 @@ sets on the reference engine."""
 
 class SimulationFailed(ArithmeticError):
     """Failure of a sample that a derivative needs."""
-
-
-def computed_or_reason(compute: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-    """Return a computed table, or ``{"failed": reason}`` when a sample that it needs fails."""
-    try:
-        return compute()
-    except SimulationFailed as failure:
-        return {"failed": str(failure)}
 
 
 def require_fast(engine: Engine) -> None:

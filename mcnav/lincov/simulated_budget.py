@@ -8,14 +8,15 @@ held at their means.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from mcnav._types import Array
 from mcnav.contract.engine import Engine, without_noise
+from mcnav.lincov.corrections import SimulatedBudget, SobolIndices, SourceBudget, VarianceTable, computed_or_reason
 from mcnav.lincov.covariance import propagated_covariance
-from mcnav.lincov.partials import Propagate, computed_or_reason, require_fast, simulate_or_raise
+from mcnav.lincov.partials import Propagate, require_fast, simulate_or_raise
 from mcnav.lincov.sobol import estimate_sobol_indices
 from mcnav.sampling.designs import SamplingDesign
 from mcnav.sampling.error_model import ErrorModel
@@ -30,7 +31,7 @@ PROBES: Final = 64
 
 def simulated_budgets(
     prepare: Callable[[Array], Engine], errors: ErrorModel, partials: Array, design: str, seed: int, samples: int
-) -> dict[str, Any]:
+) -> SimulatedBudget:
     """Simulate the error budgets of single sources, of all sources but one, and by Sobol indices.
 
     Parameters
@@ -40,51 +41,39 @@ def simulated_budgets(
     partials : ndarray, shape (outputs, sources)
     samples : int
         Samples of the campaign, an upper limit of the draws.
-
-    Returns
-    -------
-    dict
-        ``alone`` and ``sobol``: see `simulate_each_source_alone`, `mcnav.lincov.sobol.estimate_sobol_indices`; a table
-        ``{"failed": reason}`` when a sample that it needs fails, or the engine is too slow.
     """
     count = min(DRAWS, samples)
     engine = prepare(errors.draw(design, seed, count, 0, min(PROBES, count)))
 
-    def alone() -> dict[str, Any]:
+    def alone() -> SourceBudget:
         require_fast(engine)
         return simulate_each_source_alone(without_noise(engine), partials, errors, design, seed, count)
 
-    def sobol() -> dict[str, Any]:
+    def sobol() -> SobolIndices:
         require_fast(engine)
         return estimate_sobol_indices(without_noise(engine), errors, seed)
 
-    return {"alone": computed_or_reason(alone), "sobol": computed_or_reason(sobol)}
+    return SimulatedBudget(computed_or_reason(alone), computed_or_reason(sobol))
 
 
 def simulate_each_source_alone(
     propagate: Propagate, partials: Array, errors: ErrorModel, design: str, seed: int, count: int
-) -> dict[str, Any]:
+) -> SourceBudget:
     """Estimate the variance of each output from each source alone and from all others, SI.
 
     With the seed of the campaign, a random or antithetic campaign's own first draws are used. Raises `SimulationFailed`
-    when a sample fails.
-
-    Returns
-    -------
-    dict
-        ``samples``, ``degrees_of_freedom``, and for ``alone`` and ``without`` each ``variance`` and ``standard_error``,
-        shape (outputs, sources); a source without dispersion adds nothing and takes nothing away.
+    when a sample fails. A source without dispersion adds nothing and takes nothing away.
     """
     drawn = errors.draw(design, seed, count, 0, count)
     sampling = SamplingDesign.of(design, count)
     blocks = sampling.blocks(np.arange(count))
-    tables = {key: {"variance": np.zeros(partials.shape), "standard_error": np.zeros(partials.shape)}
-              for key in ("alone", "without")}  # fmt: skip
-    tables["without"]["variance"][:] = np.diag(propagated_covariance(partials, errors.covariance))[:, None]
+    alone = VarianceTable(np.zeros(partials.shape), np.zeros(partials.shape))
+    without = VarianceTable(np.zeros(partials.shape), np.zeros(partials.shape))
+    without.variance[:] = np.diag(propagated_covariance(partials, errors.covariance))[:, None]
     freedom = 0.0
     for j in np.flatnonzero(errors.standard_deviations > 0.0):
         only = np.arange(partials.shape[1]) == j
-        for key, varied in (("alone", only), ("without", ~only)):
+        for table, varied in ((alone, only), (without, ~only)):
             some = np.where(varied, drawn, errors.mean)
             covariance = np.where(np.outer(varied, varied), errors.covariance, 0.0)
             expected = np.diag(propagated_covariance(partials, covariance))
@@ -92,6 +81,6 @@ def simulate_each_source_alone(
             for i in range(len(partials)):
                 squares = paired_squares(simulated[:, i], linear[:, i])
                 mean = blocked_mean(squares, blocks, sampling.fewest_blocks)
-                tables[key]["variance"][i, j] = expected[i] + mean.value
-                tables[key]["standard_error"][i, j], freedom = mean.standard_error, mean.degrees_of_freedom
-    return {"samples": count, "degrees_of_freedom": freedom, **tables}
+                table.variance[i, j] = expected[i] + mean.value
+                table.standard_error[i, j], freedom = mean.standard_error, mean.degrees_of_freedom
+    return SourceBudget(count, freedom, alone, without)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from scipy.special import ndtri
 
 from mcnav._types import Array
+from mcnav.lincov.corrections import SobolIndices
 from mcnav.lincov.partials import Propagate, SimulationFailed, simulate_or_raise
 from mcnav.sampling.error_model import ErrorModel
 from mcnav.sampling.sobol_net import scrambled_net
@@ -22,16 +23,11 @@ _BITS: Final = 64
 """Binary digits of a coordinate."""
 
 
-def estimate_sobol_indices(propagate: Propagate, errors: ErrorModel, seed: int) -> dict[str, Any]:
+def estimate_sobol_indices(propagate: Propagate, errors: ErrorModel, seed: int) -> SobolIndices:
     """Estimate first-order and total Sobol indices of every output (Saltelli et al., 2010; Jansen's total index).
 
-    Raises `SimulationFailed` when the sources are correlated, so that the shares are undefined, or a sample fails.
-
-    Returns
-    -------
-    dict
-        ``replicates``, ``points``, and ``first_order``, ``total`` with their ``..._standard_error``, shape (outputs,
-        sources); zero for a source without dispersion.
+    They are zero for a source without dispersion. Raises `SimulationFailed` when the sources are correlated, so that
+    the shares are undefined, or a sample fails.
     """
     active = np.flatnonzero(errors.standard_deviations > 0.0)
     if not errors.independent:
@@ -54,12 +50,13 @@ def estimate_sobol_indices(propagate: Propagate, errors: ErrorModel, seed: int) 
         sobol_indices.append(_indices(simulated.reshape(active.size + 2, POINTS, -1)))
     stacked: Array = np.array(sobol_indices)  # (replicates, 2, outputs, active)
     mean, error = stacked.mean(axis=0), stacked.std(axis=0, ddof=1) / np.sqrt(REPLICATES)
-    tables: dict[str, Any] = {"replicates": REPLICATES, "points": POINTS}
-    for number, key in enumerate(("first_order", "total")):
-        for name, values in ((key, mean[number]), (f"{key}_standard_error", error[number])):
-            tables[name] = np.zeros((values.shape[0], len(errors.names)))
-            tables[name][:, active] = values
-    return tables
+
+    def of_all(values: Array) -> Array:
+        table = np.zeros((len(values), len(errors.names)))
+        table[:, active] = values
+        return table
+
+    return SobolIndices(REPLICATES, POINTS, of_all(mean[0]), of_all(error[0]), of_all(mean[1]), of_all(error[1]))
 
 
 def _indices(simulated: Array) -> tuple[Array, Array]:

@@ -41,6 +41,9 @@ FORMAT: Final = 1
 MOST_KEYS: Final = 250_000
 """Keys of a campaign: a file of a million bytes, the longest that is read, cannot have more."""
 
+Json = dict[str, Any]
+"""A table of JSON, or of TOML."""
+
 Positive = Annotated[float, Field(ge=0.0)]
 Share = Annotated[float, Field(gt=0.0, lt=1.0)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,199}$")]
@@ -83,7 +86,12 @@ class Record(BaseModel):
 
     model_config = ConfigDict(extra="ignore", frozen=True, strict=True, populate_by_name=True)
 
-    def to_json(self) -> dict[str, Any]:
+    def completed(self, fields: Mapping[str, object]) -> Self:
+        """Return the record with further fields, which are checked; those that are none stay unset."""
+        given = {name: getattr(self, name) for name in self.model_fields_set}
+        return type(self).model_validate(given | {name: value for name, value in fields.items() if value is not None})
+
+    def to_json(self) -> Json:
         """Return the fields that were set, as JSON holds them."""
         return dict(to_json(self.model_dump(exclude_unset=True, by_alias=True)))
 
@@ -274,7 +282,7 @@ class Identity(Record):
 
     model_config = ConfigDict(extra="allow")
 
-    campaign: dict[str, Any]
+    campaign: Json
     engine: Words
     versions: dict[str, Words]
     chunks: int | None = None
@@ -284,7 +292,7 @@ class Identity(Record):
 
     @field_validator("campaign")
     @classmethod
-    def _bounded(cls, campaign: dict[str, Any]) -> dict[str, Any]:
+    def _bounded(cls, campaign: Json) -> Json:
         if _count_keys(campaign) > MOST_KEYS:
             raise ValueError(f"has more than {MOST_KEYS:,} keys")
         return campaign

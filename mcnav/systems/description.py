@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from mcnav.contract.quantities import Source
+from mcnav.contract.quantities import Output, Source
 from mcnav.contract.scenario import Scenario
 from mcnav.entries.context import FileContext
 from mcnav.entries.inputs import InputFile, SourceFile
@@ -44,6 +44,28 @@ class ScenarioSpec:
 
 
 @dataclass(frozen=True)
+class FurtherTable:
+    """A table of the campaign file besides ``[scenario]``, which some types of scenario read.
+
+    Attributes
+    ----------
+    form : type
+        Model or type of its entry.
+    description : str
+        For editors.
+    absent : str
+        What is wrong with one where the type of scenario does not read it.
+    adds_sources : bool
+        Whether the scenario has error sources that this table names.
+    """
+
+    form: Any
+    description: str
+    absent: str
+    adds_sources: bool = False
+
+
+@dataclass(frozen=True)
 class ScenarioType:
     """A type of scenario.
 
@@ -54,13 +76,24 @@ class ScenarioType:
     read : callable
         Builds the scenario from the validated table, its entries as written and the context. Raises `ScenarioError`,
         or adds several mistakes to the context and returns None.
-    tables : tuple of str
-        Further tables of the file that it reads.
     sources : sequence of Source, optional
         Sources against which ``[errors]`` is checked when ``[scenario]`` itself is wrong.
+    outputs : sequence of Output
+        Outputs of every such scenario, for editors and the command line.
+    start_times : bool
+        Whether its start can be chosen.
+    tables : mapping of str to FurtherTable
+        Further tables of the file that it reads.
     """
 
     table: type[Table]
     read: Callable[[Any, Mapping[str, Any], FileContext], ScenarioSpec | None]
-    tables: tuple[str, ...] = ()
     sources: Sequence[Source] | None = None
+    outputs: Sequence[Output] = ()
+    start_times: bool = False
+    tables: Mapping[str, FurtherTable] = field(default_factory=dict)
+
+    @property
+    def adds_sources(self) -> bool:
+        """Whether one of its tables names error sources."""
+        return any(table.adds_sources for table in self.tables.values())

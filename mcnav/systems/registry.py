@@ -1,6 +1,7 @@
-"""Scenario types of a campaign file, each with the table that describes it.
+"""Scenario types of a campaign file.
 
-To add a type, add a module here with its table and its ``read_scenario``, and a line in `SCENARIO_TYPES`.
+Each is described by a `ScenarioType` in the folder of its system. To add a type, add a folder and a line in
+`SCENARIO_TYPES`; what a new campaign of the type looks like is in the folder's file ``new_TYPE.toml``.
 """
 
 from __future__ import annotations
@@ -8,32 +9,31 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from mcnav.systems.description import ScenarioSpec, ScenarioType
-from mcnav.systems.ins.scenario import SOURCES as INS_SOURCES
-from mcnav.systems.ins.tables import scenario as ins
-from mcnav.systems.reentry import table as reentry
-from mcnav.systems.reentry.scenario import SOURCES as REENTRY_SOURCES
-from mcnav.systems.steady import table as steady
-from mcnav.systems.steady.scenario import SOURCES as STEADY_SOURCES
-from mcnav.systems.user import table as user
+from mcnav.systems.description import FurtherTable, ScenarioSpec, ScenarioType
+from mcnav.systems.ins.tables.scenario import INS
+from mcnav.systems.reentry.table import REENTRY
+from mcnav.systems.steady.table import CRUISE, HOVER
+from mcnav.systems.user.table import CLASS_IN_FILE, USER
 
 SCENARIO_TYPES: Final[Mapping[str, ScenarioType]] = {
-    "reentry": ScenarioType(reentry.ReentryTable, reentry.read_scenario, sources=REENTRY_SOURCES),
-    "cruise": ScenarioType(steady.CruiseTable, steady.read_scenario, sources=STEADY_SOURCES),
-    "hover": ScenarioType(steady.HoverTable, steady.read_scenario, sources=STEADY_SOURCES),
-    "ins": ScenarioType(ins.InsTable, ins.read_scenario, ("imu", "aiding", "filter"), INS_SOURCES),
+    "reentry": REENTRY,
+    "cruise": CRUISE,
+    "hover": HOVER,
+    "ins": INS,
 }
 """Scenario types by the ``type`` of ``[scenario]``."""
 
-USER: Final = ScenarioType(user.UserTable, user.read_scenario)
-"""A class in the user's own file: ``type = "my_module.py:Boost"``."""
+FURTHER_TABLES: Final[Mapping[str, FurtherTable]] = {
+    name: table for kind in SCENARIO_TYPES.values() for name, table in kind.tables.items()
+}
+"""Tables besides ``[scenario]`` that some types read, by name."""
 
 
 def scenario_type(name: object) -> ScenarioType | None:
     """Return the scenario type of a ``type``; None when there is none."""
     if not isinstance(name, str):
         return None
-    return SCENARIO_TYPES.get(name) or (USER if user.CLASS_IN_FILE.fullmatch(name) else None)
+    return SCENARIO_TYPES.get(name) or (USER if CLASS_IN_FILE.fullmatch(name) else None)
 
 
-__all__ = ["SCENARIO_TYPES", "USER", "ScenarioSpec", "ScenarioType", "scenario_type"]
+__all__ = ["FURTHER_TABLES", "SCENARIO_TYPES", "USER", "ScenarioSpec", "ScenarioType", "scenario_type"]

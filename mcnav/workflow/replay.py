@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 from mcnav._threads import one_thread
+from mcnav._types import Array
 from mcnav.config.read import Campaign, read_campaign
+from mcnav.contract.engine import Engine
 from mcnav.contract.failure import OK
 from mcnav.contract.history import Epochs, History
 from mcnav.contract.quantities import Output
-from mcnav.contract.samples import SimulationResult
-from mcnav.contract.scenario import ScenarioError, can_have_noise, can_replay
+from mcnav.contract.samples import Batch, SimulationResult
+from mcnav.contract.scenario import Scenario, ScenarioError, can_have_noise, can_replay
 from mcnav.entries.context import EarlierFile
 from mcnav.entries.inputs import INPUTS
 from mcnav.errors import CampaignError, Problem, RunFolderError, reading_file, shortened
@@ -70,30 +73,19 @@ def replay(path: Path, index: int, campaign_file: Path | None = None) -> Replay:
     sample = draws.batch(index, index + 1)
     with one_thread():
         try:
-            others = () if can_have_noise(scenario) else ("reference",)  # it has noise of its own
-            names = dict.fromkeys((engine_name, *(name for name in others if name in scenario.engines)))
-            engines = {
-                name: prepare_engine(scenario, name, draws.probes(), errors.mean, errors.standard_deviations)
-                for name in names
-            }
-            linear, history = scenario.linear().end, History()
-            predicted = linear.nominal + linear.partials @ sample.errors[0]
+            engines = _engines(scenario, engine_name, draws)
+            linear = scenario.linear().end
             stored, traceback = _stored(folder, manifest, draws, index, engines[engine_name].chunk)
-            outcomes = [] if stored is None else [stored]
-            for name, engine in engines.items():
-                again = IsolatedEngine(engine, len(scenario.outputs), campaign.sample_timeout).simulate(sample)
-                if again.linear_values is not None:
-                    predicted = again.linear_values[0]
-                if engine.epochs is not None:
-                    history = _history(engine.epochs, again, scenario.outputs)
-                outcomes.append(_outcome(f"again, {name}", again))
-                traceback = traceback or (again.failures[0].traceback if again.failures else "")
+            again = [_simulate_again(name, engine, campaign, sample) for name, engine in engines.items()]
         except (ScenarioError, PolynomialFitError) as wrong:
             raise CampaignError([Problem(campaign.file, "scenario", str(wrong))]) from None
         finally:
             end_workers()
+        history = next((each.history for each in reversed(again) if each.history is not None), History())
         if can_replay(scenario):
             history = scenario.simulate_one(sample.errors[0])
+    predicted = linear.nominal + linear.partials @ sample.errors[0]
+    of_inputs = () if campaign_file is None or campaign_file.parent == path else _notes(folder, campaign)
     return Replay(
         campaign=campaign.name,
         index=index,
@@ -101,12 +93,46 @@ def replay(path: Path, index: int, campaign_file: Path | None = None) -> Replay:
         outputs=scenario.outputs,
         errors=sample.errors[0],
         sigmas=errors.standard_deviations,
-        linear=predicted,
-        outcomes=tuple(outcomes),
-        traceback=traceback,
+        linear=next((each.linear for each in reversed(again) if each.linear is not None), predicted),
+        outcomes=(*(() if stored is None else (stored,)), *(each.outcome for each in again)),
+        traceback=next(filter(None, (traceback, *(each.traceback for each in again))), ""),
         history=history,
-        notes=_revision_note(manifest, campaign)
-        + (() if campaign_file is None or campaign_file.parent == path else _notes(folder, campaign)),
+        notes=_revision_note(manifest, campaign) + of_inputs,
+    )
+
+
+@dataclass(frozen=True)
+class _Again:
+    """A sample simulated again: its outcome, and what its engine knows of it.
+
+    ``linear``, its linear outcome with its noise, shape (outputs,), is that of an engine with noise, and ``history`` of
+    one with epochs.
+    """
+
+    outcome: Outcome
+    linear: Array | None
+    history: History | None
+    traceback: str
+
+
+def _engines(scenario: Scenario, engine_name: str, draws: DrawPlan) -> dict[str, Engine]:
+    """Prepare the run's own engine, and the reference engine, unless it has noise of its own."""
+    others = () if can_have_noise(scenario) else ("reference",)
+    names = dict.fromkeys((engine_name, *(name for name in others if name in scenario.engines)))
+    errors = draws.errors
+    return {
+        name: prepare_engine(scenario, name, draws.probes(), errors.mean, errors.standard_deviations) for name in names
+    }
+
+
+def _simulate_again(name: str, engine: Engine, campaign: Campaign, sample: Batch) -> _Again:
+    outputs = campaign.scenario.outputs
+    result = IsolatedEngine(engine, len(outputs), campaign.sample_timeout).simulate(sample)
+    return _Again(
+        outcome=_outcome(f"again, {name}", result),
+        linear=None if result.linear_values is None else result.linear_values[0],
+        history=None if engine.epochs is None else _history(engine.epochs, result, outputs),
+        traceback=result.failures[0].traceback if result.failures else "",
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from threading import Event
@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 from mcnav._subprocess import side_threads
 from mcnav._threads import one_thread
 from mcnav.config.read import Campaign
+from mcnav.config.stopping import StoppingRule
 from mcnav.entries.inputs import InputFile
 from mcnav.errors import CampaignError, Problem, RunFolderError, did_you_mean, near_names
 from mcnav.execution.chunks import ChunkJob, DrawPlan
@@ -30,8 +31,10 @@ from mcnav.store.summaries import STORED_ROWS, SUMMARY
 from mcnav.systems.timeouts import stopped_by
 from mcnav.systems.user.conformance import Check, check_conformance
 from mcnav.workflow.analyse import analyse, summary_frame, write_results
+from mcnav.workflow.corrections import compute_corrections
 from mcnav.workflow.prepare import PreparedSystem, prepare_system
 from mcnav.workflow.stopping import Execution
+from mcnav.workflow.stored_samples import doubt_samples, tables_over_time
 
 Result = TypeVar("Result")
 
@@ -70,12 +73,10 @@ def run_campaign(
     """Run a campaign into a run folder, analyse it and write its report.
 
     An interrupted run continues where it stopped, and one of fewer samples is extended: chunks that are stored are not
-    simulated again.
+    simulated again. The path is that of the run folder.
 
     Parameters
     ----------
-    path : Path
-        Run folder.
     engine : str, optional
         One of `mcnav.lincov.polynomial_engine.engine_names` of the scenario; by default the first.
     jobs : int
@@ -105,45 +106,73 @@ def run_campaign(
     check_no_foreign_files(folder)
     with folder.lock(), one_thread():
         folder.remove_partial_files()
-        inputs = campaign.inputs()
-        identity = identity_of(campaign.resolved, engine_name, campaign.code, inputs, campaign.scenario)
-        check_as_read(inputs)
-        draws = DrawPlan(campaign.errors, campaign.design, campaign.seed, campaign.samples)
-        notices = [] if fresh else check_resumable(folder, identity, draws.design, draws.samples)
-        digest = chunk_digest(identity, draws.design, draws.samples)
-        system = prepare_system(
-            campaign.scenario, draws, engine_name, campaign.tolerance, campaign.sample_timeout, campaign.file, force
-        )
-        if fresh:
-            folder.clear([Path(file.path) for file in inputs])
-        manifest = _first_manifest(campaign, system, identity, inputs)
-        folder.begin(manifest, system.history, campaign.stored_files(), inputs)
-        layout, frame = manifest.sample_schema, summary_frame(manifest)
-        job = ChunkJob(draws, system.engine, folder, digest, layout, campaign.sample_timeout, frame, inputs=inputs)
-        execution = Execution(job, jobs, progress, notices.append, most_failures, executor)
-        with _computed_beside(system.corrections, before=campaign.code is not None) as corrections:
-            began = time.perf_counter()
-            try:
-                manifest, simulated = execution.run(manifest, campaign.until)
-                folder.remove_partial_files()
-            except OSError as failure:
-                raise RunFolderError(
-                    f"{path}: cannot be written to: {failure.strerror or failure}; what is stored there is kept"
-                ) from None
-            seconds = round(time.perf_counter() - began, 3)
+        begun = _begin(campaign, folder, engine_name, fresh, force)
+        execution = Execution(begun.job, jobs, progress, begun.notices.append, most_failures, executor)
+        system, code = begun.system, campaign.code is not None
+        with _computed_beside(lambda: compute_corrections(system), before=code) as corrections:
+            manifest, record = _simulate(execution, begun.manifest, campaign.until)
             progress.phase(Phase.ANALYSING)
-            model = system.model.model_copy(update=corrections())
-        tables = system.epoch_tables(folder.chunk_folder, manifest.chunks)
-        if manifest.unsettled is None:
-            doubt = system.doubt_samples(lambda: folder.samples(manifest), campaign.tolerance)
-            manifest = manifest if doubt is None else manifest.model_copy(update={"unsettled": doubt})
-        check_unchanged(inputs, folder.path)
-        record = ExecutionRecord(jobs=jobs, seconds=seconds, samples=simulated)
-        folder.finish(manifest.model_copy(update={"model": model, "complete": True, "execution": record}), tables)
+            model = system.model.completed(asdict(corrections()))
+        _finish(begun, manifest.model_copy(update={"model": model, "execution": record}), campaign.tolerance)
         analysis = analyse(folder)
         if report:
             progress.phase(Phase.REPORTING)
-        return Run(write_results(folder, analysis, report), simulated, tuple(notices))
+        return Run(write_results(folder, analysis, report), record.samples, tuple(begun.notices))
+
+
+@dataclass(frozen=True)
+class _Begun:
+    """A run whose folder holds its first manifest: ``notices`` are lines about what was mended there."""
+
+    system: PreparedSystem
+    manifest: Manifest
+    job: ChunkJob
+    notices: list[str]
+
+
+def _begin(campaign: Campaign, folder: RunFolder, engine_name: str, fresh: bool, force: bool) -> _Begun:
+    """Identify a run, prepare its system and write its first manifest."""
+    inputs = campaign.inputs()
+    identity = identity_of(campaign.resolved, engine_name, campaign.code, inputs, campaign.scenario)
+    check_as_read(inputs)
+    draws = DrawPlan(campaign.errors, campaign.design, campaign.seed, campaign.samples)
+    notices = [] if fresh else check_resumable(folder, identity, draws.design, draws.samples)
+    digest = chunk_digest(identity, draws.design, draws.samples)
+    system = prepare_system(
+        campaign.scenario, draws, engine_name, campaign.tolerance, campaign.sample_timeout, campaign.file, force
+    )
+    if fresh:
+        folder.clear([Path(file.path) for file in inputs])
+    manifest = _first_manifest(campaign, system, identity, inputs)
+    folder.begin(manifest, system.history, campaign.stored_files(), inputs)
+    layout, frame = manifest.sample_schema, summary_frame(manifest)
+    job = ChunkJob(draws, system.engine, folder, digest, layout, campaign.sample_timeout, frame, inputs=inputs)
+    return _Begun(system, manifest, job, notices)
+
+
+def _simulate(execution: Execution, manifest: Manifest, rule: StoppingRule | None) -> tuple[Manifest, ExecutionRecord]:
+    """Simulate the samples that are not stored; return the manifest with the chunks, and what was done."""
+    began, folder = time.perf_counter(), execution.job.folder
+    try:
+        manifest, simulated = execution.run(manifest, rule)
+        folder.remove_partial_files()
+    except OSError as failure:
+        raise RunFolderError(
+            f"{folder.path}: cannot be written to: {failure.strerror or failure}; what is stored there is kept"
+        ) from None
+    seconds = round(time.perf_counter() - began, 3)
+    return manifest, ExecutionRecord(jobs=execution.jobs, seconds=seconds, samples=simulated)
+
+
+def _finish(begun: _Begun, manifest: Manifest, tolerance: float) -> None:
+    """Write the tables over time and the manifest of a run whose samples are stored."""
+    system, folder = begun.system, begun.job.folder
+    tables = tables_over_time(system, folder.chunk_folder, manifest.chunks)
+    if manifest.unsettled is None:
+        doubt = doubt_samples(system, lambda: folder.samples(manifest), tolerance)
+        manifest = manifest if doubt is None else manifest.model_copy(update={"unsettled": doubt})
+    check_unchanged(begun.job.inputs, folder.path)
+    folder.finish(manifest.model_copy(update={"complete": True}), tables)
 
 
 def _engine_name(campaign: Campaign, name: str | None) -> str:

@@ -28,7 +28,7 @@ STAGES: Final = {
     "store": (
         "mcnav.execution.chunks:write_chunk",
         "mcnav.execution.chunks:reduce_samples",
-        "mcnav.workflow.prepare:PreparedSystem.epoch_tables",
+        "mcnav.workflow.run:tables_over_time",
     ),
     "analyse": ("mcnav.workflow.run:analyse",),
     "write the report": ("mcnav.workflow.run:write_results",),

@@ -139,8 +139,8 @@ def test_sobol_indices_are_scipys() -> None:
     first, total = (
         np.mean([getattr(found, order) for found in one], axis=0) for order in ("first_order", "total_order")
     )
-    np.testing.assert_allclose(found["first_order"], first, atol=1e-12)
-    np.testing.assert_allclose(found["total"], total, atol=1e-12)
+    np.testing.assert_allclose(found.first_order, first, atol=1e-12)
+    np.testing.assert_allclose(found.total, total, atol=1e-12)
 
 
 def test_standard_error_of_independent_blocks_is_the_textbooks() -> None:

@@ -22,6 +22,7 @@ from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.history import Epochs
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.execution.processes import IsolatedEngine, end_workers
+from mcnav.lincov.corrections import Corrections
 from mcnav.systems.timeouts import Stopped, within_limit
 from tests.conftest import ROOT, campaign
 from tests.faults.scenarios import OnAdvance, command, environment
@@ -58,20 +59,20 @@ def test_flights_on_the_side_are_stopped(tmp_path: Path, monkeypatch: pytest.Mon
     ended = threading.Event()
     under_way = threading.Event()
 
-    def corrections(_: object) -> dict[str, Any]:
+    def corrections(_: object) -> Corrections:
         try:
             while not ended.wait(0.001):
                 within_limit(under_way.set)
         except Stopped:
             ended.set()
             raise
-        return {}
+        raise AssertionError
 
     def broken_off() -> None:
         assert under_way.wait(LONG)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("mcnav.workflow.prepare.PreparedSystem.corrections", corrections)
+    monkeypatch.setattr("mcnav.workflow.run.compute_corrections", corrections)
     with pytest.raises(KeyboardInterrupt):
         simulate(campaign(4, samples=100), tmp_path / "run", "ensemble", 1, progress=OnAdvance(broken_off))
     assert ended.wait(LONG)

@@ -2,47 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 from mcnav.config.json_schema.errors import ErrorDefinitions
 from mcnav.config.json_schema.filters import filter_schema
-from mcnav.config.json_schema.instruments import imu_schema
 from mcnav.config.json_schema.models import of_model
 from mcnav.config.json_schema.nodes import Node, by_type, choice, first_of, narrowed, suggested
 from mcnav.config.json_schema.sensors import aiding_schema, error_pattern
-from mcnav.config.json_schema.trajectories import columns_schema, trajectory_schema
-from mcnav.config.schema import CampaignTable, UntilTable
+from mcnav.config.schema import CampaignFile, UntilTable
 from mcnav.config.stopping import QUANTITIES
-from mcnav.contract.quantities import Output, Source
-from mcnav.systems.ins.scenario import NAVIGATION_ERRORS
-from mcnav.systems.reentry.scenario import OUTPUTS as REENTRY_OUTPUTS
-from mcnav.systems.registry import SCENARIO_TYPES, USER
-from mcnav.systems.steady.scenario import OUTPUTS as STEADY_OUTPUTS
+from mcnav.systems.registry import FURTHER_TABLES, SCENARIO_TYPES, USER, ScenarioType
 
 DRAFT: Final = "http://json-schema.org/draft-07/schema#"
 """Version of JSON schema that TOML language servers know."""
 
 TITLE: Final = "Campaign of mcnav"
 
-INS: Final = "ins"
 USERS: Final = "of your own"
 """Name of the scenarios whose type is a file and class."""
 
-OUTPUTS: Final[Mapping[str, Sequence[Output]]] = {
-    "reentry": REENTRY_OUTPUTS,
-    "cruise": STEADY_OUTPUTS,
-    "hover": STEADY_OUTPUTS,
-    INS: NAVIGATION_ERRORS,
-}
-"""Outputs of each type of scenario."""
-
-STARTS: Final = ("reentry", INS)
-"""Types of scenario whose start can be chosen."""
-
-OF_INS: Final = ("imu", "aiding", "filter")
-"""Tables of the type ins alone."""
+NAMING_SENSORS: Final[Mapping[str, Callable[[], Node]]] = {"aiding": aiding_schema, "filter": filter_schema}
+"""Schemas of further tables that depend on the types of sensors."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +42,7 @@ def campaign_schema() -> Node:
     scenario of the user's own declares.
     """
     errors = ErrorDefinitions()
-    node = of_model(CampaignTable)
+    node = of_model(CampaignFile)
     properties: dict[str, Node] = node["properties"]
     told = {key: each["description"] for key, each in properties.items() if "description" in each}
     samples, rule = properties["samples"], of_model(UntilTable)
@@ -71,18 +53,18 @@ def campaign_schema() -> Node:
         "type": ["integer", "object"],
     }
     properties["scenario"] = _scenario_schema(told["scenario"])
-    properties["imu"] = imu_schema(told["imu"])
-    properties["aiding"] = aiding_schema()
-    properties["filter"] = filter_schema()
+    for name, further in FURTHER_TABLES.items():
+        own = NAMING_SENSORS.get(name)
+        properties[name] = own() if own else {**of_model(further.form), "description": further.description}
     sources = {name: kind.sources or () for name, kind in SCENARIO_TYPES.items()}
     every = {source.name: source for each in sources.values() for source in each}
     known = errors.sources(list(every.values()))
     properties["errors"] = {**known, "additionalProperties": errors.node("", ""), "description": told["errors"]}
-    outputs = dict.fromkeys(output.name for each in OUTPUTS.values() for output in each)
+    outputs = dict.fromkeys(output.name for kind in SCENARIO_TYPES.values() for output in kind.outputs)
     _name(node, Names(suggested(every), suggested(outputs)))
-    restricted = {name: _of_type(name, each, errors, known["properties"]) for name, each in sources.items()}
+    restricted = {name: _of_type(kind, errors, known["properties"]) for name, kind in SCENARIO_TYPES.items()}
     conditions = {name: _has_type(choice([name])) for name in sources} | {USERS: _has_type(_user_type())}
-    node |= first_of(conditions, {**restricted, USERS: {"propertyNames": choice(_keys(properties, USERS))}})
+    node |= first_of(conditions, {**restricted, USERS: {"propertyNames": choice(_keys(USER))}})
     some: Node = {"properties": {"aiding": {"minItems": 1}}}
     node["dependencies"] = {
         "filter": {**some, "required": ["aiding"]},
@@ -99,9 +81,6 @@ def campaign_schema() -> Node:
 
 def _scenario_schema(description: str) -> Node:
     tables = {name: of_model(kind.table) for name, kind in SCENARIO_TYPES.items()}
-    ins = tables[INS]["properties"]
-    ins["trajectory"] = trajectory_schema(ins["trajectory"]["description"])
-    ins["columns"] |= columns_schema()
     own = of_model(USER.table)
     own["additionalProperties"] = True
     own["properties"]["type"] |= _user_type()
@@ -120,20 +99,21 @@ def _has_type(condition: Node) -> Node:
     return {"required": ["scenario"], "properties": {"scenario": inside}}
 
 
-def _keys(properties: Mapping[str, Any], kind: str) -> list[str]:
+def _keys(kind: ScenarioType) -> list[str]:
     """Return the keys of a file with a type of scenario."""
-    other = {*(() if kind == INS else OF_INS), *(() if kind in STARTS else ("start_times",))}
-    return [key for key in properties if key not in other]
+    other = {*(FURTHER_TABLES.keys() - kind.tables.keys()), *(() if kind.start_times else ("start_times",))}
+    return [key for key in CampaignFile.model_fields if key not in other]
 
 
-def _of_type(kind: str, sources: Sequence[Source], errors: ErrorDefinitions, every: Mapping[str, Node]) -> Node:
+def _of_type(kind: ScenarioType, errors: ErrorDefinitions, every: Mapping[str, Node]) -> Node:
     """Restrict a file with a type of scenario to its keys, sources and outputs."""
-    known = narrowed(errors.sources(sources, sensors=kind == INS), every)
-    names, outputs = [source.name for source in sources], choice(output.name for output in OUTPUTS[kind])
+    sources = kind.sources or ()
+    known = narrowed(errors.sources(sources, sensors=kind.adds_sources), every)
+    names, outputs = [source.name for source in sources], choice(output.name for output in kind.outputs)
     restricted: Node = {"properties": {"errors": known}}
-    _name(restricted, Names(suggested(names, error_pattern()) if kind == INS else choice(names), outputs))
-    keys = choice(_keys(CampaignTable.model_fields, kind))
-    return {"propertyNames": keys, **restricted}
+    named = suggested(names, error_pattern()) if kind.adds_sources else choice(names)
+    _name(restricted, Names(named, outputs))
+    return {"propertyNames": choice(_keys(kind)), **restricted}
 
 
 def _name(node: Node, names: Names) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from mcnav.config.json_schema.instruments import imu_schema
 from mcnav.config.json_schema.models import of_model
 from mcnav.config.json_schema.nodes import Node, every, quantity, suggested, table
 from mcnav.config.json_schema.sensors import believed_sensors, error_pattern, error_patterns
@@ -24,7 +23,6 @@ def filter_schema() -> Node:
     for states in (estimates, considers):
         states["uniqueItems"] = True
     believes = node["properties"]["believes"]["properties"]
-    believes["imu"] = imu_schema(believes["imu"]["description"], believed=True)
     believes["errors"] = _believed_errors(believes["errors"]["description"])
     believes["aiding"] = believed_sensors()
     return node

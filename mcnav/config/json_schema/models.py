@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Final
 
-from pydantic import BaseModel
+from pydantic import TypeAdapter
 
-from mcnav.config.json_schema.nodes import BOUNDS, Node, by_type, choice, quantity
+from mcnav.config.json_schema.axes import by_axes
+from mcnav.config.json_schema.nodes import BOUNDS, Node, by_key, by_type, quantity
+from mcnav.entries.axes import SIZED_AXES
 from mcnav.entries.quantities import UNIT
+from mcnav.entries.unions import BY_KEY, BY_TYPE, TEXT
+
+MARKS: Final = (UNIT, SIZED_AXES, BY_KEY, BY_TYPE, TEXT)
+"""Keys that stand for what TOML files have and Python has not; see `mcnav.entries`."""
 
 
-def of_model(model: type[BaseModel]) -> Node:
-    """Return the schema of a table that a pydantic model reads, with every table inside it."""
-    raw = model.model_json_schema(ref_template="#/$defs/{model}")
+def of_model(model: Any) -> Node:
+    """Return the schema of an entry that a pydantic model or another type reads, with every table inside it."""
+    raw = TypeAdapter(model).json_schema(ref_template="#/$defs/{model}")
     node: Node = _plain(raw, raw.get("$defs", {}))
     node.pop("$defs", None)
     node.pop("description", None)
@@ -21,23 +27,30 @@ def of_model(model: type[BaseModel]) -> Node:
 
 
 def _plain(node: Any, inside: Mapping[str, Node]) -> Any:
-    """Replace references, null and pydantic's marks of quantities by what stands in a file."""
+    """Replace references, null and the marks of `mcnav.entries` by what stands in a file."""
     if isinstance(node, list):
         return [_plain(each, inside) for each in node]
     if not isinstance(node, dict):
         return node
     if "$ref" in node:
         name = node["$ref"].rpartition("/")[2]
-        return {**_plain(inside[name], inside), **{key: node[key] for key in ("description",) if key in node}}
-    if "anyOf" in node:
+        outer = {key: value for key, value in node.items() if key in (*MARKS, "description")}
+        return _plain({**inside[name], **outer}, inside)
+    if "anyOf" in node and not {BY_KEY, BY_TYPE} & node.keys():
         others = [each for each in node["anyOf"] if each != {"type": "null"}]
         if len(others) == 1:
             outer = {key: value for key, value in node.items() if key != "anyOf"}
             return _plain({**others[0], **outer}, inside)
+    if SIZED_AXES in node:
+        return _axes(node, inside)
     if UNIT in node:
         return _quantity(node)
-    if "discriminator" in node:
-        return _discriminated(node, inside)
+    if BY_KEY in node or BY_TYPE in node:
+        return _union(node, inside)
+    return _table(node, inside)
+
+
+def _table(node: Mapping[str, Any], inside: Mapping[str, Node]) -> Node:
     kept = {key: value for key, value in node.items() if key not in ("title", "default", "$defs")}
     if isinstance(kept.get("description"), str):
         kept["description"] = kept["description"].replace("``", "`")
@@ -62,9 +75,32 @@ def _quantity(node: Mapping[str, Any]) -> Node:
     return result
 
 
-def _discriminated(node: Mapping[str, Any], inside: Mapping[str, Node]) -> Node:
-    key = node["discriminator"]["propertyName"]
-    tables = {tag: _plain({"$ref": place}, inside) for tag, place in node["discriminator"]["mapping"].items()}
-    for closed in tables.values():
+def _axes(node: Mapping[str, Any], inside: Mapping[str, Node]) -> Node:
+    """Describe sizes by axis, and where they stand for a table, this table as well."""
+    sizes = by_axes(node[UNIT], node[SIZED_AXES], node.get("description", ""), *node.get("examples", ())[:1])
+    if "properties" not in node:
+        return sizes | {key: node[key] for key in ("required",) if key in node}
+    table = _table({key: value for key, value in node.items() if key not in MARKS}, inside)
+    keys = list(table["properties"])
+    *first, last = keys
+    return {
+        **sizes,
+        "description": f"{sizes['description']} Or a table with {' or '.join(first)}, and {last}.",
+        "properties": {**table["properties"], **sizes["properties"]},
+        "if": {"type": "object", "anyOf": [{"required": [key]} for key in keys]},
+        "then": {"oneOf": table["oneOf"], "not": {"anyOf": [{"required": [axis]} for axis in node[SIZED_AXES]]}},
+    }
+
+
+def _union(node: Mapping[str, Any], inside: Mapping[str, Node]) -> Node:
+    """Describe tables of several forms, and the text that may stand for one of them."""
+    tables = [_plain(each, inside) for each in node["anyOf"]]
+    for closed in tables:
         closed.pop("description", None)
-    return by_type(key, {tag: choice([tag]) for tag in tables}, tables, node.get("description", ""))
+    told = node.get("description", "")
+    if BY_TYPE in node:
+        key = node[BY_TYPE]
+        kinds = {each["properties"][key]["enum"][0]: each for each in tables}
+        return by_type(key, {kind: {"enum": [kind]} for kind in kinds}, kinds, told)
+    union = by_key({next(iter(each["properties"])): each for each in tables}, told)
+    return {**union, "type": ["string", "object"], "pattern": f"^{node[TEXT]}$"} if TEXT in node else union

@@ -4,23 +4,16 @@ from __future__ import annotations
 
 import keyword
 import re
-from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
 from typing import Final
 
 from mcnav.errors import CampaignError, Problem
 from mcnav.files import write_whole
+from mcnav.systems.templates import templates
 
 DIRECTIVES: Final = "#:schema ./mcnav.schema.json\n#:tombi schema.strict = false\n\n"
 """First lines of a campaign file: the schema for editors; tombi is not to refuse keys that it finds in no branch."""
-
-TEMPLATES: Final[Mapping[str, str]] = {
-    "reentry": "systems/reentry/template.toml",
-    "cruise": "systems/steady/cruise.toml",
-    "hover": "systems/steady/hover.toml",
-}
-"""Templates of campaigns by type of scenario."""
 
 USERS: Final = "systems/user/templates"
 """Templates of systems of the user."""
@@ -71,7 +64,7 @@ def new_campaign(name: str, folder: Path, kind: str) -> list[Path]:
     Raises `CampaignError` when the name cannot be used, or the file exists.
     """
     _check_name(name)
-    return write_new(folder, {f"{name}.toml": fill_in(TEMPLATES[kind], {"NAME": name})})
+    return write_new(folder, {f"{name}.toml": templates()[kind].read_text(encoding="utf-8").replace("NAME", name)})
 
 
 def new_scenario(name: str, folder: Path, stochastic: bool = False) -> list[Path]:

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcnav._types import Array
-from mcnav.config.json_schema.instruments import MEANINGS
 from mcnav.config.read import parse_campaign
 from mcnav.config.templates import fill_in, place_of, write_new
 from mcnav.constants import STANDARD_GRAVITY
@@ -25,6 +24,7 @@ from mcnav.systems.ins.sensors.registry import SENSOR_TYPES
 from mcnav.systems.ins.sensors.velocity import MOST_SPEED
 from mcnav.systems.ins.tables.imu import ALLAN_MINIMUM
 from mcnav.systems.ins.tables.imu_catalogue import INSTABILITY, CatalogueUnit, catalogue_units
+from mcnav.systems.ins.tables.instrument_tables import INSTRUMENTS
 from mcnav.systems.ins.tables.trajectories import read_trajectory
 from mcnav.systems.ins.tables.trajectory_file import read_trajectory_file
 from mcnav.systems.ins.truth.rows import TrajectoryError, TrajectoryRows
@@ -271,10 +271,12 @@ def _size(unit: CatalogueUnit, instrument: str, si: str) -> float:
     table = unit.table[instrument]
     if "bias" in table:
         return quantity(table["bias"], si)
-    process = table.get(INSTABILITY, {})
+    process = table.get(INSTABILITY)
+    if not isinstance(process, dict):
+        return 0.0
     if "sigma" in process:
         return quantity(process["sigma"], si)
-    return quantity(process["allan_minimum"], si) / ALLAN_MINIMUM if process else 0.0
+    return quantity(process["allan_minimum"], si) / ALLAN_MINIMUM
 
 
 def _values(unit: CatalogueUnit, instrument: str) -> str:
@@ -287,7 +289,8 @@ def _values(unit: CatalogueUnit, instrument: str) -> str:
             si = " and ".join(dict.fromkeys(units[f"{key}.{name}"] for name in entry))
         else:
             written, si = f'"{entry}"', units[key]
-        meaning = MEANINGS[key].partition(":")[0].rstrip(".")
+        described = INSTRUMENTS[instrument].model_fields[key].description or key
+        meaning = described.partition(":")[0].rstrip(".")
         told = meaning[0].lower() + meaning[1:] + ("" if si == "1" else f", {si}")
         lines.append(f"# {key} = {written}  # {told}\n")
     return "".join(lines)

@@ -11,8 +11,9 @@ from mcnav._recent import Recent
 from mcnav.constants import BALLISTIC_COEFFICIENT, EARTH_RADIUS
 from mcnav.entries.context import FileContext
 from mcnav.entries.quantities import AreaPerMass, Duration, Length, Number, Speed, Table, TimePerLength
-from mcnav.systems.description import ScenarioSpec
-from mcnav.systems.reentry.scenario import Flight, Reentry
+from mcnav.entries.unions import ByType
+from mcnav.systems.description import ScenarioSpec, ScenarioType
+from mcnav.systems.reentry.scenario import OUTPUTS, SOURCES, Flight, Reentry
 from mcnav.systems.reentry.table_i import TABLE_I, common_start, start_state
 from mcnav.systems.reentry.vehicle import ConstantLift, LiftLaw, VariableLift, Vehicle
 
@@ -53,7 +54,7 @@ class ReentryTable(Table):
         FirstPointTable | None, Field(description="First point of the truth; that of NASA TN D-1772 unless given.")
     ] = None
     lift_law: Annotated[
-        Annotated[ConstantLiftTable | VariableLiftTable, Field(discriminator="type")] | None,
+        Annotated[ConstantLiftTable | VariableLiftTable, ByType()] | None,
         Field(description="Ratio of lift to drag; needed without a trajectory of Table I."),
     ] = None
     ballistic: Annotated[
@@ -118,7 +119,7 @@ def read_scenario(table: ReentryTable, entries: Mapping[str, Any], context: File
     if flight is None:
         return None
     law = flight.vehicle.lift_law
-    lift: dict[str, Any] = (
+    lift: Mapping[str, object] = (
         {"type": "constant", "lift_to_drag": law.lift_to_drag}
         if isinstance(law, ConstantLift)
         else {"type": "variable", "gain": f"{law.gain!r} s/m", "limit": law.limit}
@@ -131,3 +132,6 @@ def read_scenario(table: ReentryTable, entries: Mapping[str, Any], context: File
     }
     scenario = _RECENT.get(repr(flight), lambda: Reentry(flight))
     return ScenarioSpec(scenario, {**defaults, **entries})
+
+
+REENTRY: Final = ScenarioType(ReentryTable, read_scenario, SOURCES, OUTPUTS, start_times=True)

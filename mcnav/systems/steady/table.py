@@ -11,8 +11,8 @@ from mcnav.constants import EARTH_RADIUS, TN_GRAVITY
 from mcnav.contract.scenario import ScenarioError
 from mcnav.entries.context import FileContext
 from mcnav.entries.quantities import Acceleration, Duration, Length, Speed, Table
-from mcnav.systems.description import ScenarioSpec
-from mcnav.systems.steady.scenario import LONGEST, Cruise
+from mcnav.systems.description import ScenarioSpec, ScenarioType
+from mcnav.systems.steady.scenario import LONGEST, OUTPUTS, SOURCES, Cruise
 from mcnav.systems.steady.truth import Earth, SteadyFlight
 
 SHORTEST_RADIUS: Final = 1e3
@@ -95,3 +95,7 @@ def read_scenario(table: CruiseTable | HoverTable, entries: Mapping[str, Any], c
         "gravity": f"{table.gravity!r} m/s^2",
     }
     return ScenarioSpec(Cruise(flight), {**defaults, **entries})
+
+
+CRUISE: Final = ScenarioType(CruiseTable, read_scenario, SOURCES, OUTPUTS)
+HOVER: Final = ScenarioType(HoverTable, read_scenario, SOURCES, OUTPUTS)

@@ -22,7 +22,7 @@ from mcnav.entries.values import SettingError
 from mcnav.errors import suggestion
 from mcnav.files import read_whole
 from mcnav.sampling.error_model import ErrorModel
-from mcnav.systems.description import ScenarioSpec
+from mcnav.systems.description import ScenarioSpec, ScenarioType
 from mcnav.systems.user.code import UserScenarioSpec, load_class
 from mcnav.systems.user.scenario import is_users
 from mcnav.systems.user.settings import Declared, Value, read_value, settings_of
@@ -109,3 +109,7 @@ def _with_unique_names(settings: dict[str, Value]) -> dict[str, Value]:
         key: replace(file, name=f"{key}.{file.name[-(LONGEST_NAME - len(key) - 1) :]}") for key, file in files.items()
     }
     return settings | renamed
+
+
+USER: Final = ScenarioType(UserTable, read_scenario)
+"""A class in the user's own file: ``type = "my_module.py:Boost"``."""

@@ -14,6 +14,7 @@ from mcnav.analysis.budget import error_budget, largest_sigmas
 from mcnav.contract.failure import Failure
 from mcnav.contract.samples import SimulationResult
 from mcnav.execution.chunks import PROBES
+from mcnav.lincov.corrections import Uncomputed
 from mcnav.lincov.partials import QUICK, SimulationFailed
 from mcnav.lincov.simulated_budget import simulate_each_source_alone, simulated_budgets
 from mcnav.lincov.sobol import estimate_sobol_indices
@@ -41,9 +42,9 @@ def test_flights_of_a_linear_system_give_the_linear_budget(errors: ErrorModel, d
     found = simulate_each_source_alone(lambda e: _linear(e), PARTIALS, errors, design, 1, 512)
     linear = error_budget(PARTIALS, errors.covariance)
     variances = np.diag(PARTIALS @ errors.covariance @ PARTIALS.T)
-    np.testing.assert_allclose(found["alone"]["variance"], linear.shares * variances[:, None], atol=1e-12)
-    np.testing.assert_allclose(found["without"]["variance"], (1.0 - linear.saved) * variances[:, None], atol=1e-12)
-    assert np.max(found["alone"]["standard_error"]) < 1e-12
+    np.testing.assert_allclose(found.alone.variance, linear.shares * variances[:, None], atol=1e-12)
+    np.testing.assert_allclose(found.without.variance, (1.0 - linear.saved) * variances[:, None], atol=1e-12)
+    assert np.max(found.alone.standard_error) < 1e-12
 
 
 @pytest.mark.parametrize("samples", [512, 5])
@@ -57,7 +58,9 @@ def test_probes_are_the_first_draws_of_the_campaign(samples: int) -> None:
 
     found = simulated_budgets(prepare, ERRORS, PARTIALS, "random", 1, samples)
     assert np.array_equal(given, [ERRORS.draw("random", 1, samples, 0, samples)[:PROBES]])
-    assert all("too slow" in each["failed"] for each in (found["alone"], found["sobol"]))
+    for each in (found.alone, found.sobol):
+        assert isinstance(each, Uncomputed)
+        assert "too slow" in each.failed
 
 
 def test_interaction_shows_in_all_but_one() -> None:
@@ -65,10 +68,10 @@ def test_interaction_shows_in_all_but_one() -> None:
     partials = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]])
     errors = ErrorModel(NAMES, {"a": Normal(1.0), "b": Normal(0.5), "c": Normal(1.0)})
     found = simulate_each_source_alone(_product, partials, errors, "random", 3, 2000)
-    alone, without = (np.array(found[key]["variance"]) for key in ("alone", "without"))
+    alone, without = found.alone.variance, found.without.variance
     assert alone[0, 1] == pytest.approx(0.0, abs=1e-12)
     assert without[0, 1] == pytest.approx(1.0, rel=1e-12)
-    assert abs(without[0, 2] - 1.25) < 5.0 * found["without"]["standard_error"][0][2]
+    assert abs(without[0, 2] - 1.25) < 5.0 * found.without.standard_error[0][2]
 
 
 def test_saved_and_shares_differ_by_cross_terms() -> None:
@@ -82,12 +85,12 @@ def test_sobol_indices_of_a_product() -> None:
     """y = a + a b with normal a, b: V = s_a^2 (1 + s_b^2); S_a = 1 / (1 + s_b^2), S_b = 0, total of a one."""
     errors = ErrorModel(NAMES, {"a": Normal(1.0), "b": Normal(0.5)})
     found = estimate_sobol_indices(_product, errors, 7)
-    first, total = np.array(found["first_order"]), np.array(found["total"])
+    first, total = found.first_order, found.total
     assert first[0, :2] == pytest.approx([0.8, 0.0], abs=0.02)
     assert total[0, :2] == pytest.approx([1.0, 0.2], abs=0.02)
     assert first[1, :2] == pytest.approx([0.0, 1.0], abs=0.02)
     assert np.all(first[:, 2:] == 0.0)
-    assert np.max(found["first_order_standard_error"]) < 0.01
+    assert np.max(found.first_order_standard_error) < 0.01
 
 
 def test_sobol_indices_against_openturns() -> None:
@@ -100,8 +103,8 @@ def test_sobol_indices_against_openturns() -> None:
     size = 20_000
     theirs = ot.SaltelliSensitivityAlgorithm(distribution, size, function)
     for ours, expected in (
-        (found["first_order"], theirs.getFirstOrderIndices()),
-        (found["total"], theirs.getTotalOrderIndices()),
+        (found.first_order, theirs.getFirstOrderIndices()),
+        (found.total, theirs.getTotalOrderIndices()),
     ):
         np.testing.assert_allclose(ours[0][:2], np.array(expected), atol=0.05)
 
@@ -152,5 +155,5 @@ def test_a_correlation_may_lower_the_variance() -> None:
 
 def test_a_single_source_has_the_whole_variance() -> None:
     found = estimate_sobol_indices(_linear, ErrorModel(NAMES, {"b": Normal(1.0)}), 2)
-    np.testing.assert_allclose(np.array(found["first_order"])[:, 1], 1.0, atol=0.02)
-    assert np.array(found["total"]).shape == (2, 4)
+    np.testing.assert_allclose(found.first_order[:, 1], 1.0, atol=0.02)
+    assert found.total.shape == (2, 4)

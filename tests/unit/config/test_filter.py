@@ -202,7 +202,7 @@ def test_one_mistake_is_one_line(entry: Any, line: str) -> None:
     [
         ({"imu": 3}, "imu: got 3; expected a table"),
         ({"imu": {"gyros": {}}}, "imu.gyros: unknown key; did you mean 'gyro'?"),
-        ({"imu": {"gyro": 3}}, "imu.gyro: expected a table"),
+        ({"imu": {"gyro": 3}}, "imu.gyro: got 3; expected a table"),
         ({"imu": {"grade": "tactcal"}}, "imu.grade: got 'tactcal'; did you mean 'tactical'?"),
         ({"imu": {"gyro": {"bias": "-1 deg/h"}}}, "imu.gyro.bias: got '-1 deg/h'; a size must not be negative"),
         ({"imu": {"gyro": {"bias": "1e300 deg/h"}}}, "imu.gyro.bias: got '1e300 deg/h'; at most 1e+15 in SI units"),

@@ -122,7 +122,7 @@ def test_every_grade_is_read_and_keys_replace_its_values(grade: str) -> None:
         ({"grade": "navigaton"}, "imu.grade: got 'navigaton'; did you mean 'navigation'?"),
         ({"grade": 3}, "imu.grade: got 3"),
         ({"gyros": {}}, "imu.gyros: unknown key; did you mean 'gyro'?"),
-        ({"gyro": 3}, "imu.gyro: expected a table"),
+        ({"gyro": 3}, "imu.gyro: got 3; expected a table"),
         ({"gyro": {"bais": "1 deg/h"}}, "imu.gyro.bais: unknown key; did you mean 'bias'?"),
         ({"gyro": {"nonlinearity": "1 ug"}}, "imu.gyro.nonlinearity: unknown key"),
         ({"gyro": {"quantization": "1 deg/h"}}, "imu.gyro.quantization: got '1 deg/h', which is an"),

@@ -42,6 +42,6 @@ def test_too_many_terms_are_refused_before_a_simulation() -> None:
     order = corrections.HIGHER_ORDER
     most = max(n for n in range(40) if comb(n + order, order) <= corrections.MOST_TERMS)
     found = corrections.polynomial_moments(Sums(), _errors(most, still=5))
-    np.testing.assert_allclose(found["sigma"], np.sqrt(most), rtol=1e-9)  # least squares of an exact sum
+    np.testing.assert_allclose(found.sigma, np.sqrt(most), rtol=1e-9)  # least squares of an exact sum
     with pytest.raises(SimulationFailed, match=rf"with {most + 1} sources a polynomial of order 3 has \d+ terms, more"):
         corrections.polynomial_moments(Sums(), _errors(most + 1))

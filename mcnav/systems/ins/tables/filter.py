@@ -19,7 +19,7 @@ from mcnav._types import Array
 from mcnav.contract.quantities import Source
 from mcnav.entries.axes import within
 from mcnav.entries.context import FileContext
-from mcnav.entries.quantities import UNIT, Table
+from mcnav.entries.quantities import UNIT, Later, Table
 from mcnav.entries.validation import validate
 from mcnav.errors import suggestion
 from mcnav.sampling.error_model import ErrorModel
@@ -30,7 +30,7 @@ from mcnav.systems.ins.sensors.aiding import Component, Sensor, aiding_constants
 from mcnav.systems.ins.sensors.registry import QUANTITIES, SENSOR_TYPES
 from mcnav.systems.ins.sensors.sources import aiding_sources
 from mcnav.systems.ins.tables.aiding import constant_sizes
-from mcnav.systems.ins.tables.imu import read_imu
+from mcnav.systems.ins.tables.imu import BelievedImuTable, read_imu
 from mcnav.systems.ins.tables.sensors import (
     MULTIPLE,
     SensorErrors,
@@ -51,9 +51,13 @@ OF_SENSORS: Final = re.compile(r"(\w+?)_((position|velocity)_bias|bias|scale_fac
 class BelievesTable(Table):
     """``[filter.believes]``."""
 
-    imu: dict[str, Any] = Field(default_factory=dict, description="Believed errors of the instruments.")
-    errors: dict[str, Any] = Field(default_factory=dict, description="Believed sigmas by source, or kind of sources.")
-    aiding: dict[str, Any] = Field(default_factory=dict, description="Believed errors of sensors, by their names.")
+    imu: Annotated[Any, Later(BelievedImuTable)] = Field(
+        default_factory=dict, description="Believed errors of the instruments."
+    )
+    errors: dict[str, object] = Field(
+        default_factory=dict, description="Believed sigmas by source, or kind of sources."
+    )
+    aiding: dict[str, object] = Field(default_factory=dict, description="Believed errors of sensors, by their names.")
 
 
 class FilterTable(Table):

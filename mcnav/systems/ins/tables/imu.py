@@ -8,25 +8,62 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import numpy as np
+from pydantic import Field
 
 from mcnav._types import Array
-from mcnav.entries.axes import read_axes
 from mcnav.entries.context import FileContext
-from mcnav.errors import suggestion
+from mcnav.entries.quantities import OneOf, Table
+from mcnav.entries.validation import validate
 from mcnav.systems.ins.imu.instruments import AXES, CROSS_AXES, Imu, Noise
-from mcnav.systems.ins.tables.imu_catalogue import INSTABILITY, KINDS, catalogue
-from mcnav.systems.ins.tables.quantization import QUANTIZATION, read_quantization
+from mcnav.systems.ins.tables.imu_catalogue import catalogue, catalogue_units
+from mcnav.systems.ins.tables.instrument_tables import (
+    AccelerometerTable,
+    BelievedAccelerometerTable,
+    BelievedGyroTable,
+    GyroErrors,
+    GyroTable,
+    InstabilityTable,
+    QuantizationTable,
+)
 
 ALLAN_MINIMUM: Final = 0.61736
 """Allan deviation of a Gauss-Markov process at its maximum, over the process's sigma."""
 
-SHORTEST_CORRELATION: Final = 0.1
-"""Shortest correlation time, s: below it a process is white noise, and is to be given as such."""
+STEP: Final = np.sqrt(12.0)
+"""Step in which an angle or a velocity is counted, over the sigma of the error that is even within a step."""
 
-WALKS: Final = {"gyro": "angle_random_walk", "accelerometer": "velocity_random_walk"}
+CONSTANTS: Final = ("bias", "scale_factor", "misalignment", "g_sensitivity", "nonlinearity")
+"""Keys of the constant errors; of a gyro one is missing, of an accelerometer another."""
+
+Grade = Annotated[
+    str,
+    OneOf(tuple(unit.name for unit in catalogue_units()), "; mcnav imu lists them"),
+]
+OfGrade = Field(description="Grade or unit of the catalogue; mcnav imu lists it.")
+OfGyros = Field(description="Errors of the gyros, in place of the grade's.")
+OfAccelerometers = Field(description="Errors of the accelerometers, in place of the grade's.")
+
+
+class ImuTable(Table):
+    """``[imu]``."""
+
+    grade: Annotated[Grade | None, OfGrade] = None
+    gyro: Annotated[GyroTable, OfGyros] = GyroTable()
+    accelerometer: Annotated[AccelerometerTable, OfAccelerometers] = AccelerometerTable()
+
+
+class BelievedImuTable(Table):
+    """``[filter.believes.imu]``: it replaces values of the instruments one by one, and has no quantization."""
+
+    grade: Annotated[Grade | None, OfGrade] = None
+    gyro: Annotated[BelievedGyroTable, OfGyros] = BelievedGyroTable()
+    accelerometer: Annotated[BelievedAccelerometerTable, OfAccelerometers] = BelievedAccelerometerTable()
+
+
+Instrument = GyroTable | AccelerometerTable | BelievedGyroTable | BelievedAccelerometerTable
 
 
 @dataclass(frozen=True)
@@ -50,118 +87,84 @@ def read_imu(entries: object, context: FileContext, place: str = "imu", replaced
     Parameters
     ----------
     replaced : Imu, optional
-        Processes whose values the table replaces, one by one. The sigmas found are then of the axes that it names.
+        Processes whose values the table replaces, one by one. The sigmas read are then of the axes that it names.
     """
-    before = len(context.problems)
-    if not isinstance(entries, dict):
-        context.problem(place, "expected a table")
+    model: type[ImuTable] | type[BelievedImuTable] = ImuTable if replaced is None else BelievedImuTable
+    table = validate(model, entries, context, place)
+    if table is None:
         return None
-    tables = _with_grade(entries, place, context)
-    missing = 0.0 if replaced is None else np.nan
-    sigmas: dict[str, float] = {}
-    noises: dict[str, Noise] = {}
-    for instrument, kinds in KINDS.items():
-        table = tables.get(instrument, {})
-        key = f"{place}.{instrument}"
-        if not isinstance(table, dict):
-            context.problem(key, "expected a table")
-            continue
-        known = sorted({name.partition(".")[0] for name in kinds})
-        for name in table:
-            if name not in known:
-                context.problem(f"{key}.{name}", f"unknown key{suggestion(name, known)}")
-        walk = WALKS[instrument]
-        for name in (each for each in known if each in table and "." not in each):
-            if name in (walk, "rate_random_walk", INSTABILITY, QUANTIZATION):
-                continue
-            axes = CROSS_AXES if name == "misalignment" else AXES
-            sizes = read_axes(table[name], kinds[name], axes, f"{key}.{name}", context, missing)
-            imu_sizes = {f"{instrument}_{name}_{axis}": float(size) for axis, size in zip(axes, sizes, strict=True)}
-            sigmas |= {source: size for source, size in imu_sizes.items() if not np.isnan(size)}
-
-        def process(
-            name: str, table: Mapping[str, Any] = table, kinds: Mapping[str, str] = kinds, key: str = key
-        ) -> Array:
-            return read_axes(table.get(name, {}), kinds[name], AXES, f"{key}.{name}", context, missing)
-
-        below = None if replaced is None else getattr(replaced, instrument)
-        instability = _read_instability(table.get(INSTABILITY), kinds, f"{key}.{INSTABILITY}", context, below)
-        if replaced is None:
-            counted = read_quantization(table.get(QUANTIZATION), kinds, f"{key}.{QUANTIZATION}", context)
-        else:
-            counted = (np.full(3, np.nan), np.full(3, np.nan))
-            if QUANTIZATION in entries.get(instrument, {}):
-                context.problem(f"{key}.{QUANTIZATION}", "filters neglect quantization; leave it out")
-        noise = Noise(process(walk), *instability, process("rate_random_walk"), *counted)
-        noises[instrument] = _replace(noise, below)
+    gyro, accelerometer = _above_grade("gyro", table), _above_grade("accelerometer", table)
+    if replaced is None:
+        sigmas = _sigmas("gyro", gyro, 0.0) | _sigmas("accelerometer", accelerometer, 0.0)
+        return ImuSizes(sigmas, Imu(_noise(gyro), _noise(accelerometer)))
+    before = len(context.problems)
+    for name, each, below in (("gyro", gyro, replaced.gyro), ("accelerometer", accelerometer, replaced.accelerometer)):
+        _check_instability(each, below, f"{place}.{name}.bias_instability", context)
     if len(context.problems) > before:
         return None
-    return ImuSizes(sigmas, Imu(noises["gyro"], noises["accelerometer"]))
+    sigmas = _sigmas("gyro", gyro, np.nan) | _sigmas("accelerometer", accelerometer, np.nan)
+    stated = {source: size for source, size in sigmas.items() if not np.isnan(size)}
+    return ImuSizes(stated, Imu(_noise(gyro, replaced.gyro), _noise(accelerometer, replaced.accelerometer)))
 
 
-def _replace(noise: Noise, replaced: Noise | None) -> Noise:
-    """Put values in place of those that are missing."""
-    if replaced is None:
-        return noise
-    pairs = ((getattr(noise, each.name), getattr(replaced, each.name)) for each in fields(Noise))
-    return Noise(*(np.where(np.isnan(result), below, result) for result, below in pairs))
+def _above_grade(instrument: str, table: ImuTable | BelievedImuTable) -> Instrument:
+    """Return the values of an instrument above those of the catalogue's grade."""
+    own: Instrument = getattr(table, instrument)
+    if table.grade is None:
+        return own
+    known = {key: entry for key, entry in catalogue()[table.grade][instrument].items() if key not in own.refused}
+    below = type(own).model_validate(known)
+    return below.model_copy(update={key: getattr(own, key) for key in own.model_fields_set})
 
 
-def _with_grade(entries: Mapping[str, Any], place: str, context: FileContext) -> dict[str, Any]:
-    """Put the values of the catalogue below those of the file."""
-    for name in entries.keys() - {"grade", *KINDS}:
-        context.problem(f"{place}.{name}", f"unknown key{suggestion(name, ['grade', *KINDS])}")
-    grade = entries.get("grade")
-    if grade is None:
-        return dict(entries)
-    known = catalogue()
-    if not isinstance(grade, str) or grade not in known:
-        context.problem(f"{place}.grade", f"got {grade!r}{suggestion(str(grade), list(known))}; mcnav imu lists them")
-        return dict(entries)
-    below = {instrument: known[grade].get(instrument, {}) for instrument in KINDS}
-    above = {instrument: table for instrument, table in entries.items() if instrument in KINDS}
-    return below | {
-        instrument: {**below[instrument], **table} if isinstance(table, dict) else table
-        for instrument, table in above.items()
+def _sigmas(instrument: str, table: Instrument, missing: float) -> dict[str, float]:
+    """Return the sigmas of the constant errors by source, with a value for axes that are missing."""
+    stated = {key: getattr(table, key, None) for key in CONSTANTS}
+    return {
+        f"{instrument}_{key}_{axis}": missing if np.isnan(size) else float(size)
+        for key, sizes in stated.items()
+        if sizes is not None
+        for axis, size in zip(CROSS_AXES if key == "misalignment" else AXES, sizes, strict=True)
     }
 
 
-def _read_instability(
-    entry: object, kinds: Mapping[str, str], key: str, context: FileContext, replaced: Noise | None
-) -> tuple[Array, Array]:
-    """Read a first-order Gauss-Markov process by axis: sigma and correlation time.
+def _noise(table: Instrument, replaced: Noise | None = None) -> Noise:
+    """Return the processes of an instrument; what is missing is that of another one, or none."""
+    walk = table.angle_random_walk if isinstance(table, GyroErrors) else table.velocity_random_walk
+    quantization = table.quantization if isinstance(table, (GyroTable, AccelerometerTable)) else None
+    missing = np.full(3, np.nan)
+    stated = Noise(
+        missing if walk is None else walk,
+        *_instability(table.bias_instability),
+        missing if table.rate_random_walk is None else table.rate_random_walk,
+        *_quantization(quantization),
+    )
+    below = replaced or Noise()
+    pairs = ((getattr(stated, each.name), getattr(below, each.name)) for each in fields(Noise))
+    return Noise(*(np.where(np.isnan(result), other, result) for result, other in pairs))
 
-    Where it replaces another one, one of the two may be missing.
-    """
-    none = (np.zeros(3), np.full(3, 3600.0)) if replaced is None else (np.full(3, np.nan), np.full(3, np.nan))
-    if entry is None:
-        return none
-    expected = 'expected { sigma = "0.003 deg/h", correlation_time = "1 h" }, or allan_minimum in place of sigma'
-    if not isinstance(entry, dict):
-        context.problem(key, f"got {entry!r}; {expected}")
-        return none
-    names = ("sigma", "allan_minimum", "correlation_time")
-    for name in entry.keys() - set(names):
-        context.problem(f"{key}.{name}", f"unknown key{suggestion(name, list(names))}")
-    sizes = [name for name in names[:2] if name in entry]
-    complete = len(sizes) == 1 and "correlation_time" in entry
-    if not complete and (replaced is None or len(sizes) > 1 or not entry.keys() & set(names)):
-        context.problem(key, f"got {', '.join(sorted(entry)) or 'nothing'}; {expected}")
-        return none
-    problems, (sigma, correlation), missing = len(context.problems), none, float(none[0][0])
-    for name in sizes:
-        sigma = read_axes(entry[name], kinds[f"{INSTABILITY}.{name}"], AXES, f"{key}.{name}", context, missing)
-        sigma = sigma / ALLAN_MINIMUM if name == "allan_minimum" else sigma
-    at = f"{key}.correlation_time"
-    if "correlation_time" in entry:
-        correlation = read_axes(entry["correlation_time"], "s", AXES, at, context, missing)
-    if len(context.problems) > problems:
-        return none
-    if np.any(correlation < SHORTEST_CORRELATION):
-        came = f"got {entry['correlation_time']!r}"
-        context.problem(at, f"{came}; expected at least {SHORTEST_CORRELATION:g} s, white noise is shorter")
-    elif replaced is not None and np.any((sigma > 0.0) & (replaced.instability == 0.0) & np.isnan(correlation)):
-        context.problem(at, "is missing, and the instrument itself has no such process; give it")
-    else:
-        return sigma, correlation
-    return none
+
+def _instability(table: InstabilityTable[Any] | None) -> tuple[Array, Array]:
+    """Return sigma and correlation time of a Gauss-Markov process, each of shape (3,); NaN where missing."""
+    missing = np.full(3, np.nan)
+    if table is None:
+        return missing, missing
+    sigma = table.sigma if table.allan_minimum is None else table.allan_minimum / ALLAN_MINIMUM
+    return missing if sigma is None else sigma, missing if table.correlation_time is None else table.correlation_time
+
+
+def _check_instability(table: Instrument, replaced: Noise, key: str, context: FileContext) -> None:
+    """Add a mistake where a filter believes in a process without a time, and the instrument has none."""
+    sigma, correlation = _instability(table.bias_instability)
+    if np.any((sigma > 0.0) & (replaced.instability == 0.0) & np.isnan(correlation)):
+        message = "is missing, and the instrument itself has no such process; give it"
+        context.problem(f"{key}.correlation_time", message)
+
+
+def _quantization(table: QuantizationTable[Any] | None) -> tuple[Array, Array]:
+    """Return the sigma of the accumulated angle or velocity, and the interval between readings, each of shape (3,)."""
+    missing = np.full(3, np.nan)
+    if table is None:
+        return missing, missing
+    sigma = table.sigma if table.step is None else table.step / STEP
+    return missing if sigma is None else sigma, missing if table.interval is None else table.interval

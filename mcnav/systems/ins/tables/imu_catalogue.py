@@ -12,41 +12,16 @@ from functools import cache
 from importlib.resources import files
 from typing import Any, Final
 
+from mcnav.entries.axes import units_of
+from mcnav.systems.ins.tables.instrument_tables import INSTRUMENTS
+
 INSTABILITY: Final = "bias_instability"
 
-GYRO: Final = {
-    "bias": "rad/s",
-    f"{INSTABILITY}.sigma": "rad/s",
-    f"{INSTABILITY}.allan_minimum": "rad/s",
-    f"{INSTABILITY}.correlation_time": "s",
-    "angle_random_walk": "rad/sqrt(s)",
-    "rate_random_walk": "rad/s/sqrt(s)",
-    "quantization.sigma": "rad",
-    "quantization.step": "rad",
-    "quantization.interval": "s",
-    "scale_factor": "1",
-    "misalignment": "rad",
-    "g_sensitivity": "rad/s/(m/s^2)",
-}
-"""SI unit of each value of the gyros, by its key in ``[imu.gyro]``."""
+KINDS: Final = {instrument: units_of(table) for instrument, table in INSTRUMENTS.items()}
+"""SI unit of each value of an instrument, by its key in ``[imu.gyro]`` or ``[imu.accelerometer]``."""
 
-ACCELEROMETER: Final = {
-    "bias": "m/s^2",
-    f"{INSTABILITY}.sigma": "m/s^2",
-    f"{INSTABILITY}.allan_minimum": "m/s^2",
-    f"{INSTABILITY}.correlation_time": "s",
-    "velocity_random_walk": "m/s/sqrt(s)",
-    "rate_random_walk": "m/s^2/sqrt(s)",
-    "quantization.sigma": "m/s",
-    "quantization.step": "m/s",
-    "quantization.interval": "s",
-    "scale_factor": "1",
-    "misalignment": "rad",
-    "nonlinearity": "(m/s^2)/(m/s^2)^2",
-}
-"""SI unit of each value of the accelerometers, by its key in ``[imu.accelerometer]``."""
-
-KINDS: Final = {"gyro": GYRO, "accelerometer": ACCELEROMETER}
+Entry = str | dict[str, str]
+"""A value of an instrument as ``[imu]`` has it: a quantity, or the quantities of a process."""
 
 
 @dataclass(frozen=True)
@@ -84,15 +59,13 @@ class CatalogueUnit:
     values: tuple[DataSheetValue, ...]
 
     @property
-    def table(self) -> dict[str, dict[str, Any]]:
+    def table(self) -> dict[str, dict[str, Entry]]:
         """The values as the tables ``[imu.gyro]`` and ``[imu.accelerometer]`` of a campaign."""
-        tables: dict[str, dict[str, Any]] = {instrument: {} for instrument in KINDS}
+        tables: dict[str, dict[str, Entry]] = {instrument: {} for instrument in KINDS}
         for value in self.values:
             table, (first, _, second) = tables[value.instrument], value.key.partition(".")
-            if second:
-                table.setdefault(first, {})[second] = value.text
-            else:
-                table[first] = value.text
+            inside = table.get(first, {})
+            table[first] = {**inside, second: value.text} if second and isinstance(inside, dict) else value.text
         return tables
 
 
@@ -113,7 +86,7 @@ def _values(unit: Mapping[str, Any], sources: Mapping[str, str]) -> Iterator[Dat
             yield from (DataSheetValue(instrument, name, text, sources[cited]) for name, (text, cited) in named.items())
 
 
-def catalogue() -> dict[str, dict[str, dict[str, Any]]]:
+def catalogue() -> dict[str, dict[str, dict[str, Entry]]]:
     """Return the tables of ``[imu]`` by the name of grade or unit.
 
     >>> catalogue()["HG9900"]["accelerometer"]

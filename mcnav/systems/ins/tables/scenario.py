@@ -12,16 +12,17 @@ from pydantic import Field
 
 from mcnav.contract.scenario import Scenario
 from mcnav.entries.context import FileContext
-from mcnav.entries.quantities import AngularRate, Duration, GravitationalParameter, Length, Table
+from mcnav.entries.quantities import AngularRate, Duration, GravitationalParameter, Later, Length, Table
 from mcnav.sampling.error_model import ErrorModel
-from mcnav.systems.description import ScenarioSpec
+from mcnav.systems.description import FurtherTable, ScenarioSpec, ScenarioType
 from mcnav.systems.ins.earth import WGS84, Earth
 from mcnav.systems.ins.imu.instruments import Imu
-from mcnav.systems.ins.scenario import Ins, Navigation, is_ins
+from mcnav.systems.ins.scenario import NAVIGATION_ERRORS, SOURCES, Ins, Navigation, is_ins
 from mcnav.systems.ins.tables.aiding import Aiding, read_aiding, read_gate, with_gate
-from mcnav.systems.ins.tables.filter import FilterPlan, read_filter
-from mcnav.systems.ins.tables.imu import read_imu
+from mcnav.systems.ins.tables.filter import FilterPlan, FilterTable, read_filter
+from mcnav.systems.ins.tables.imu import ImuTable, read_imu
 from mcnav.systems.ins.tables.trajectories import read_trajectory
+from mcnav.systems.ins.tables.trajectory_tables import Columns, Trajectory
 
 TRAJECTORY: Final = "trajectory"
 
@@ -44,13 +45,11 @@ class InsTable(Table):
 
     type: Annotated[Literal["ins"], Field(description="Inertial navigation in three dimensions.")]
     trajectory: Annotated[
-        str | dict[str, Any],
+        Any,
+        Later(Trajectory),
         Field(description="Trajectory file (CSV or parquet), or a table with file, reentry, segments or boost."),
     ]
-    columns: Annotated[
-        dict[str, str],
-        Field(description='Names of the file\'s columns, with units: lat = "latitude [rad]".'),
-    ] = Field(default_factory=dict)
+    columns: Columns = Field(default_factory=dict)
     platform: Annotated[
         Literal["strapdown", "inertial", "level"],
         Field(description="Carrier of the instruments: the body, a platform with inertial directions, or a level one."),
@@ -78,8 +77,7 @@ def read_scenario(table: InsTable, entries: Mapping[str, Any], context: FileCont
     ScenarioError
         When navigation does not lie within the trajectory.
     """
-    instruments = context.content.get("imu", {})
-    sizes = read_imu(instruments if isinstance(instruments, dict) else {}, context)  # validation has reported others
+    sizes = read_imu(context.content.get("imu", {}), context)
     trajectory = read_trajectory(table.trajectory, _read_earth(table.earth), context, table.columns)
     if trajectory is None:
         return None
@@ -126,3 +124,23 @@ def _read_aiding(navigation: Navigation, context: FileContext) -> tuple[Aiding, 
     gate = read_gate(entries, "filter", context) if isinstance(entries, dict) else None
     aiding = replace(aiding, sensors=with_gate(aiding.sensors, gate))
     return aiding, read_filter(entries, aiding.sensors, navigation.imu, context)
+
+
+NO_AIDING: Final = "this scenario cannot be aided, which those of type ins can"
+
+INS: Final = ScenarioType(
+    InsTable,
+    read_scenario,
+    SOURCES,
+    NAVIGATION_ERRORS,
+    start_times=True,
+    tables={
+        "imu": FurtherTable(
+            ImuTable,
+            "Inertial measurement unit of type ins: a grade, or a data sheet.",
+            "this scenario has no inertial measurement unit",
+        ),
+        "aiding": FurtherTable(Any, "Sensors that aid a navigation of type ins.", NO_AIDING, adds_sources=True),
+        "filter": FurtherTable(FilterTable, "Error-state Kalman filter of an aided navigation.", NO_AIDING),
+    },
+)

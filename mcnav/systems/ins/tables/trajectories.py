@@ -23,17 +23,18 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from mcnav._recent import Recent
 from mcnav.entries.context import FileContext
 from mcnav.entries.files import read_file
 from mcnav.entries.inputs import INPUTS, InputFile
-from mcnav.entries.validation import validate
+from mcnav.entries.quantities import Table
+from mcnav.entries.validation import validate_entry
 from mcnav.entries.values import SettingError
 from mcnav.systems.ins.earth import Earth
-from mcnav.systems.ins.tables.segments import read_segment
 from mcnav.systems.ins.tables.trajectory_file import LARGEST_FILE, read_trajectory_file
-from mcnav.systems.ins.tables.trajectory_tables import TRAJECTORIES, BoostTable, FileTable, ReentryTable, SegmentsTable
+from mcnav.systems.ins.tables.trajectory_tables import BoostTable, FileTable, ReentryTable, SegmentsTable, Trajectory
 from mcnav.systems.ins.truth import segments as flown
 from mcnav.systems.ins.truth.boost import Boost, BoostError, Stage, boost_truth
 from mcnav.systems.ins.truth.reentry import Plane, reentry_truth
@@ -45,6 +46,8 @@ from mcnav.systems.reentry.vehicle import Vehicle
 
 _RECENT: Final = Recent[tuple[Truth, TrajectoryRows]](most=2)
 """Trajectories of the campaigns read last, which variations of a campaign share."""
+
+FORM: Final[TypeAdapter[FileTable | ReentryTable | SegmentsTable | BoostTable]] = TypeAdapter(Trajectory)
 
 KEY: Final = "scenario.trajectory"
 """Key of the entry; its last part is the setting that names the file."""
@@ -97,22 +100,11 @@ def _read(
         return _from_file(FileTable(file=entry, columns=dict(columns or {})), entry, earth, context, key)
     if columns:
         context.problem("scenario.columns", "belongs to a trajectory that is a path; leave it out")
-    if not isinstance(entry, Mapping):
-        context.problem(key, "expected a file in quotes, or a table with file, reentry, segments or boost")
+    table = validate_entry(FORM, entry, context, key)
+    if table is None or not isinstance(entry, Mapping):
         return None
-    named = [kind for kind in TRAJECTORIES if kind in entry]
-    if len(named) != 1:
-        came = f"got {' and '.join(named)}" if named else "has no kind"
-        context.problem(key, f"{came}; expected a table with one of {', '.join(TRAJECTORIES)}")
-        return None
-    builders: Mapping[str, Callable[..., TrajectorySpec | None]] = {
-        "file": _from_file,
-        "reentry": _from_reentry,
-        "segments": _from_segments,
-        "boost": _from_boost,
-    }
-    table = validate(TRAJECTORIES[named[0]], entry, context, key)
-    return None if table is None else builders[named[0]](table, entry, earth, context, key)
+    build = BUILDERS[type(table)]
+    return build(table, entry, earth, context, key)
 
 
 def _from_file(
@@ -128,7 +120,7 @@ def _from_file(
             rows = read_trajectory_file(Path(file.path), table.columns, earth, file.digest)
             return rows.truth(earth), rows
 
-        named = tuple(sorted((table.columns or {}).items()))
+        named = tuple(sorted(table.columns.items()))
         truth, rows = _RECENT.get(("file", file.digest, file.name, named, earth), read)
     except SettingError as wrong:
         context.problem(key, str(wrong))
@@ -168,14 +160,12 @@ def _from_reentry(
 def _from_segments(
     table: SegmentsTable, entry: Mapping[str, Any], earth: Earth, context: FileContext, key: str
 ) -> TrajectorySpec | None:
-    segments = [read_segment(each, context, f"{key}.segments #{n}") for n, each in enumerate(table.segments, start=1)]
+    segments = [each.segment() for each in table.segments]
     at = table.start
     start = flown.Start(at.latitude, at.longitude, at.altitude, at.course, at.speed)
-    if any(segment is None for segment in segments):
-        return None
 
     def fly() -> tuple[Truth, TrajectoryRows]:
-        rows = flown.fly_segments(start, [each for each in segments if each is not None], table.rate, earth)
+        rows = flown.fly_segments(start, segments, table.rate, earth)
         check_rows(rows, earth)
         return rows.truth(earth), rows
 
@@ -213,3 +203,12 @@ def _from_boost(
     defaults |= {"altitude": f"{at.altitude!r} m", "kick": f"{at.kick!r} rad"}
     resolved = {"boost": {**defaults, **entry["boost"]}}
     return TrajectorySpec(f"boost of {len(stages)} stages", truth, rows, resolved)
+
+
+BUILDERS: Final[Mapping[type[Table], Callable[..., TrajectorySpec | None]]] = {
+    FileTable: _from_file,
+    ReentryTable: _from_reentry,
+    SegmentsTable: _from_segments,
+    BoostTable: _from_boost,
+}
+"""Functions that build a trajectory from its table."""

@@ -3,31 +3,44 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Annotated, Any, Final
+from typing import Annotated
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, WithJsonSchema
 
-from mcnav.entries.quantities import Acceleration, Duration, Length, QuantityIn, Speed, Table
+from mcnav.entries.files import FILE
+from mcnav.entries.quantities import Duration, QuantityIn, Table
+from mcnav.entries.unions import ByKey
+from mcnav.systems.ins.tables.motion import Angle, Azimuth, Forward, Height, Latitude, Longitude, Pull
+from mcnav.systems.ins.tables.segments import Segment
 from mcnav.systems.ins.truth.boost import RAMP
+from mcnav.systems.ins.truth.rows import COLUMNS
 
-Angle = Annotated[float, QuantityIn("rad")]
-Latitude = Annotated[Angle, Field(gt=-np.pi / 2.0, lt=np.pi / 2.0)]
-Longitude = Annotated[Angle, Field(ge=-2.0 * np.pi, le=2.0 * np.pi)]
-Azimuth = Annotated[Angle, Field(ge=-2.0 * np.pi, le=2.0 * np.pi)]
-Height = Annotated[Length, Field(ge=-15e3, le=1e8)]
-Forward = Annotated[Speed, Field(ge=0.0, le=20e3)]
-Pull = Annotated[Acceleration, Field(gt=0.0, le=1e3)]
+Columns = Annotated[
+    dict[str, str],
+    WithJsonSchema(
+        {
+            "type": "object",
+            "properties": {
+                name: {
+                    "type": "string",
+                    "description": f"Name of the column {name} in the file, with a unit in brackets.",
+                }
+                for name in COLUMNS
+            },
+            "additionalProperties": False,
+        }
+    ),
+    Field(description='Names of the file\'s columns, with units: lat = "latitude [rad]".'),
+]
+"""Names of columns by those of `COLUMNS`; the reader of the file checks them."""
 
 
 class FileTable(Table):
     """``{ file = "flight.csv", columns = { lat = "latitude [rad]" } }``."""
 
     file: Annotated[str, Field(description="Trajectory file, CSV or parquet, beside the campaign file or below it.")]
-    columns: Annotated[
-        dict[str, str] | None, Field(description='Names of the file\'s columns, with units: lat = "latitude [rad]".')
-    ] = None
+    columns: Columns = Field(default_factory=dict)
 
 
 class ReentryTable(Table):
@@ -52,10 +65,10 @@ class StartTable(Table):
 class SegmentsTable(Table):
     """``{ start = { ... }, segments = [ ... ], rate = "10 Hz" }``."""
 
-    start: Annotated[StartTable, Field(description="Place and motion at the beginning.")]
     segments: Annotated[
-        list[dict[str, Any]], Field(min_length=1, max_length=10_000, description="Segments, one after the other.")
+        list[Segment], Field(min_length=1, max_length=10_000, description="Segments, one after the other.")
     ]
+    start: Annotated[StartTable, Field(description="Place and motion at the beginning.")]
     rate: Annotated[
         float, QuantityIn("1/s"), Field(ge=0.01, le=10_000.0, description="Rate of the trajectory's rows.")
     ] = 10.0
@@ -93,10 +106,12 @@ class BoostTable(Table):
     boost: Annotated[LaunchTable, Field(description="Ballistic boost with a gravity turn.")]
 
 
-TRAJECTORIES: Final[Mapping[str, type[Table]]] = {
-    "file": FileTable,
-    "reentry": ReentryTable,
-    "segments": SegmentsTable,
-    "boost": BoostTable,
-}
-"""Tables of trajectories by the key that names their kind."""
+Trajectory = Annotated[
+    FileTable | ReentryTable | SegmentsTable | BoostTable,
+    ByKey(
+        "expected a table with one of",
+        "expected a file in quotes, or a table with file, reentry, segments or boost",
+        FILE.pattern,
+    ),
+]
+"""Entry of a trajectory: a table, or the path of a file."""

@@ -1,0 +1,56 @@
+"""Mistakes that an annotation or a table of entries finds itself, in words of the campaign file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError
+
+from mcnav.errors import suggestion
+
+TOLD: Final = "told"
+"""Pydantic's type of an error whose message is complete."""
+
+
+Place = tuple[str | int, ...]
+"""Place below an entry: keys, and numbers of entries in lists from zero on."""
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """A mistake at a place below an entry."""
+
+    message: str
+    place: Place = ()
+
+
+def told(message: str) -> PydanticCustomError:
+    """Return the error that an entry as a whole is wrong, with its whole message."""
+    return PydanticCustomError(TOLD, "{message}", {"message": message})
+
+
+def refuse(mistakes: Iterable[Mistake]) -> ValidationError:
+    """Return the error of several mistakes within an entry."""
+    lines = [InitErrorDetails(type=told(each.message), loc=each.place, input=None) for each in mistakes]
+    return ValidationError.from_exception_data("entry", lines)
+
+
+def explain_unknown_keys(invalid: ValidationError, known: list[str], refused: Mapping[str, str]) -> ValidationError:
+    """Return the errors of a table; those of unknown keys say why a key is refused, or which may have been meant."""
+
+    def explained(error: ErrorDetails) -> InitErrorDetails:
+        kind: str | PydanticCustomError = error["type"]
+        if kind == "extra_forbidden":
+            key = str(error["loc"][-1])
+            kind = told(refused.get(key) or f"unknown key{suggestion(key, known)}")
+        elif kind == TOLD:
+            kind = told(error["msg"])
+        return InitErrorDetails(type=kind, loc=error["loc"], input=error["input"], ctx=error.get("ctx", {}))
+
+    errors = invalid.errors(include_url=False)
+    if all(error["type"] != "extra_forbidden" for error in errors):
+        return invalid
+    return ValidationError.from_exception_data(invalid.title, [explained(error) for error in errors])

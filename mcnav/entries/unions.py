@@ -1,0 +1,101 @@
+"""Tables of several forms: told apart by a key that one of them alone has, or by the text of a key."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final, get_args
+
+from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic_core.core_schema import CoreSchema, no_info_wrap_validator_function
+
+from mcnav.entries.mistakes import Mistake, refuse, told
+from mcnav.entries.quantities import JsonSchema, Table
+from mcnav.entries.values import display
+from mcnav.errors import suggestion
+
+BY_KEY: Final = "x-by-key"
+"""Key of a JSON schema that stands for tables told apart by their first keys; see `mcnav.entries.quantities.UNIT`."""
+
+BY_TYPE: Final = "x-by-type"
+"""Key of a JSON schema that stands for tables told apart by the text of a key: this key."""
+
+TEXT: Final = "x-text"
+"""Pattern of a text that stands for a table."""
+
+
+def key_of(table: type[Table]) -> str:
+    """Return the key by which a table is told from others: its first."""
+    return next(iter(table.model_fields))
+
+
+@dataclass(frozen=True)
+class ByKey:
+    """Annotation of a union of tables, each with a first key of its own.
+
+    Attributes
+    ----------
+    expected : str
+        What the keys are, for messages: *it is one of*.
+    form : str
+        Message about an entry that is no table.
+    text : str, optional
+        Pattern of texts that stand for a table; whoever reads the entry treats them before.
+    """
+
+    expected: str
+    form: str = ""
+    text: str = ""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        tables: Mapping[str, type[Table]] = {key_of(table): table for table in get_args(source)}
+
+        def read(entry: object, _: object) -> Table:
+            if not isinstance(entry, Mapping):
+                raise told(self.form or f"got {display(entry)}; expected a table")
+            return tables[self._key(entry, list(tables))].model_validate(entry)
+
+        return no_info_wrap_validator_function(read, handler(source))
+
+    def _key(self, entry: Mapping[str, object], keys: list[str]) -> str:
+        """Return the one key of several that an entry has."""
+        given = [key for key in keys if key in entry]
+        if len(given) == 1:
+            return given[0]
+        if given:
+            raise told(f"got {' and '.join(given)}; {self.expected} {', '.join(keys)}")
+        hint = suggestion(next(iter(entry)), keys) if entry else ""
+        near = hint if "did you mean" in hint else f"; {self.expected} {', '.join(keys)}"
+        raise told(f"has no kind{near}")
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchema:
+        return {**handler(schema), BY_KEY: True, **({TEXT: self.text} if self.text else {})}
+
+
+@dataclass(frozen=True)
+class ByType:
+    """Annotation of a union of tables, told apart by the text of a key: a ``Literal`` in each."""
+
+    key: str = "type"
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        tables = self._tables(get_args(source))
+
+        def read(entry: object, _: object) -> Table:
+            if not isinstance(entry, Mapping):
+                raise told(f"got {display(entry)}; expected a table with a {self.key}")
+            if self.key not in entry:
+                raise told(f"got a table; expected a table with a {self.key}")
+            name = entry[self.key]
+            if not isinstance(name, str) or name not in tables:
+                known = suggestion(str(name), list(tables))
+                raise refuse([Mistake(f"got {display(name)}{known}", (self.key,))])
+            return tables[name].model_validate(entry)
+
+        return no_info_wrap_validator_function(read, handler(source))
+
+    def _tables(self, tables: tuple[type[Table], ...]) -> Mapping[str, type[Table]]:
+        return {get_args(table.model_fields[self.key].annotation)[0]: table for table in tables}
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchema:
+        return {**handler(schema), BY_TYPE: self.key}

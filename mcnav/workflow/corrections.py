@@ -1,0 +1,39 @@
+"""Corrections to the linear model of a prepared system, from further simulations beside its samples."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mcnav._types import Array
+from mcnav.contract.engine import Engine
+from mcnav.contract.scenario import can_have_noise
+from mcnav.execution.soundness import exact_engine, isolated
+from mcnav.lincov.corrections import Corrections
+from mcnav.lincov.nonlinear_corrections import noise_corrections, nonlinear_corrections
+from mcnav.lincov.polynomial_engine import MAP
+from mcnav.lincov.simulated_budget import simulated_budgets
+from mcnav.workflow.prepare import PreparedSystem, exact_part, scenario_errors
+
+
+def compute_corrections(system: PreparedSystem) -> Corrections:
+    """Compute the corrections to the linear model.
+
+    Raises `CampaignError` when the scenario or an engine cannot be simulated.
+    """
+    draws, scenario = system.draws, system.scenario
+
+    def first_engine(probes: Array) -> Engine:
+        same = system.engine_name in (MAP, scenario.engines[0]) and np.array_equal(probes, draws.probes())
+        if same:
+            return isolated(scenario, exact_part(system.engine), system.timeout)
+        return exact_engine(scenario, probes, system.timeout)
+
+    if can_have_noise(scenario):
+        engine = isolated(scenario, system.engine, system.timeout)
+        return noise_corrections(engine, draws.errors, system.model.processes or {}, draws.samples)
+    with scenario_errors(system.file):
+        budget = simulated_budgets(
+            first_engine, draws.errors, system.model.partials, draws.design, draws.seed, draws.samples
+        )
+        engine = isolated(scenario, system.engine, system.timeout)
+        return nonlinear_corrections(scenario, engine, draws.errors, budget)

@@ -1,0 +1,174 @@
+"""Annotations of entries: each reads what it describes, and its schema refuses the mistakes of form that it refuses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal
+
+import numpy as np
+import pytest
+from jsonschema import Draft7Validator
+from pydantic import Field
+
+from mcnav._types import Array
+from mcnav.config.json_schema.models import of_model
+from mcnav.entries.axes import AxisSizes, OrSizes, units_of
+from mcnav.entries.context import FileContext
+from mcnav.entries.quantities import Later, Length, OneOf, Speed, Table
+from mcnav.entries.rules import ExactlyOne, NotBoth, Rule, SomeButOne
+from mcnav.entries.unions import ByKey, ByType
+from mcnav.entries.validation import validate
+
+Lengths = Annotated[Array, AxisSizes("m", ("x", "y"))]
+
+
+class SizeTable(Table):
+    """A size, in one of two ways, and a speed."""
+
+    rules: ClassVar[tuple[Rule, ...]] = (ExactlyOne(("sigma", "step")),)
+    expected: ClassVar[str] = "expected a sigma or a step"
+    sigma: Annotated[Lengths | None, Field(description="Sigma.")] = None
+    step: Annotated[Lengths | None, Field(description="Step.")] = None
+    speed: Annotated[Speed | None, Field(description="Speed.")] = None
+
+
+class HopTable(Table):
+    """A hop."""
+
+    hop: Annotated[Length, Field(description="Length.")]
+
+
+class SpinTable(Table):
+    """A spin."""
+
+    rules: ClassVar[tuple[Rule, ...]] = (NotBoth("left", "right"),)
+    spin: Annotated[int, Field(description="Turns.")]
+    left: Annotated[int, Field(description="To the left.")] = 0
+    right: Annotated[int, Field(description="To the right.")] = 0
+
+
+class RoundTable(Table):
+    """A form."""
+
+    type: Literal["round"]
+    radius: Annotated[Length, Field(description="Radius.")]
+
+
+class SquareTable(Table):
+    """Another form."""
+
+    type: Literal["square"]
+    side: Annotated[Length, Field(description="Side.")]
+
+
+class SomeTable(Table):
+    """Some of two keys, not both."""
+
+    rules: ClassVar[tuple[Rule, ...]] = (SomeButOne(("one", "other")),)
+    one: int = 0
+    other: int = 0
+
+
+class WholeTable(Table):
+    """A table with an entry of each kind."""
+
+    refused: ClassVar[dict[str, str]] = {"old": "is no longer a key"}
+    sizes: Annotated[Lengths | None, Field(description="Sizes.")] = None
+    every: Annotated[Array | None, AxisSizes("m", ("x", "y"), complete=True), Field(description="All.")] = None
+    counted: Annotated[SizeTable, OrSizes(AxisSizes("m", ("x", "y"))), Field(description="Counted.")] | None = None
+    move: Annotated[HopTable | SpinTable, ByKey("it is one of"), Field(description="A move.")] | None = None
+    form: Annotated[RoundTable | SquareTable, ByType(), Field(description="A form.")] | None = None
+    some: Annotated[SomeTable | None, Field(description="Some.")] = None
+    name: Annotated[str | None, OneOf(("ada", "bob")), Field(description="A name.")] = None
+    later: Annotated[Any, Later(HopTable), Field(description="Read later.")] = None
+
+
+RIGHT: dict[str, object] = {
+    "sizes": "1 km",
+    "every": {"x": "1 m", "y": "2 m"},
+    "counted": {"step": ["1 m", "2 m"], "speed": "1 m/s"},
+    "move": {"hop": "1 m"},
+    "form": {"type": "round", "radius": "1 m"},
+    "some": {"other": 1},
+    "name": "ada",
+    "later": {"hop": "1 m"},
+}
+
+FORMS: list[tuple[str, object]] = [
+    ("sizes", ["1 m", "2 m"]),
+    ("sizes", {"y": "1 m"}),
+    ("counted", "1 m"),
+    ("counted", {"x": "1 m"}),
+    ("move", {"spin": 1, "left": 2}),
+    ("form", {"type": "square", "side": "1 m"}),
+]
+
+WRONG: list[tuple[str, object, str]] = [
+    ("sizes", {"z": "1 m"}, "sizes.z: unknown axis; expected x, y"),
+    ("sizes", ["1 m"], "sizes: got a list of 1; expected 2, for x, y"),
+    ("every", {"x": "1 m"}, "every: has none for y; expected one for each axis"),
+    ("counted", {"sigma": "1 m", "step": "1 m"}, "counted: got sigma, step; expected a sigma or a step"),
+    ("counted", {"speed": "1 m/s"}, "counted: got speed; expected a sigma or a step"),
+    ("counted", {"sigmas": "1 m"}, "counted.sigmas: unknown key; did you mean 'sigma'?"),
+    ("move", {"hop": "1 m", "spin": 1}, "move: got hop and spin; it is one of hop, spin"),
+    ("move", {"hopp": "1 m"}, "move: has no kind; did you mean 'hop'?"),
+    ("move", {"hop": "1 m", "left": 1}, "move.left: unknown key; expected one of hop"),
+    ("move", {"spin": 1, "left": 1, "right": 1}, "move.right: got with a left; keep one"),
+    ("move", 3, "move: got 3; expected a table"),
+    ("form", {"type": "rounded"}, "form.type: got 'rounded'; did you mean 'round'?"),
+    ("form", {"radius": "1 m"}, "form: got a table; expected a table with a type"),
+    ("form", {"type": "round", "side": "1 m"}, "form."),
+    ("some", {}, "some: got nothing"),
+    ("some", {"one": 1, "other": 1}, "some: got one, other"),
+    ("name", "bop", "name: got 'bop'; did you mean 'bob'?"),
+    ("old", 1, "old: is no longer a key"),
+]
+
+
+def mistakes(content: object) -> list[str]:
+    context = FileContext("a.toml", Path())
+    assert (validate(WholeTable, content, context) is None) == bool(context.problems)
+    return [str(problem).removeprefix("a.toml: ") for problem in context.problems]
+
+
+def accepted(content: object) -> bool:
+    return Draft7Validator(of_model(WholeTable)).is_valid(content)
+
+
+def test_what_is_read() -> None:
+    context = FileContext("a.toml", Path())
+    table = validate(WholeTable, RIGHT, context)
+    assert table is not None
+    assert table.sizes is not None
+    assert table.counted is not None
+    assert table.sizes.tolist() == [1000.0, 1000.0]
+    assert table.counted.step is not None
+    assert table.counted.step.tolist() == [1.0, 2.0]
+    assert table.move == HopTable(hop="1 m")  # type: ignore[arg-type]
+    assert table.later == {"hop": "1 m"}
+    counted = validate(WholeTable, {"counted": {"y": "3 m"}}, context)
+    assert counted is not None
+    assert counted.counted is not None
+    np.testing.assert_array_equal(counted.counted.sigma, [np.nan, 3.0])
+    assert accepted(RIGHT)
+
+
+@pytest.mark.parametrize(("key", "entry"), FORMS)
+def test_forms(key: str, entry: object) -> None:
+    assert mistakes({key: entry}) == []
+    assert accepted({key: entry})
+
+
+@pytest.mark.parametrize(("key", "entry", "line"), WRONG)
+def test_mistakes(key: str, entry: object, line: str) -> None:
+    assert mistakes({key: entry})[0].startswith(line)
+    assert not accepted({key: entry})
+
+
+def test_what_is_read_later_is_described_now() -> None:
+    assert mistakes({"later": {"hopp": "1 m"}}) == []
+    assert not accepted({"later": {"hopp": "1 m"}})
+
+
+def test_units() -> None:
+    assert units_of(WholeTable) == {"sizes": "m", "every": "m", "counted.sigma": "m", "counted.step": "m"}
