@@ -642,15 +642,18 @@ def lincov(
     Example: mcnav lincov campaigns/19_flight_with_gnss.toml --at "1800 s"
     """
     from mcnav.config.read import read_campaign
-    from mcnav.report import lincov as tables
+    from mcnav.report.lincov import exported
+    from mcnav.report.lincov_page import terminal
+    from mcnav.report.terminal_parts import printed
     from mcnav.studies.lincov import read_times, write_lincov
 
     times = None if at is None else read_times(at)
     result, files = write_lincov(read_campaign(campaign), folder or Path("reports") / f"{campaign.stem}_lincov", times)
     if form != "table":
-        _export(form, tables.sigma_rows(result), tables.exported(result))
+        tables = exported(result)
+        _export(form, tables["sigmas"], tables)
         return
-    out.print(tables.printed(result))
+    out.print(printed(terminal(result)))
     out.print()
     _print_written(files)
 
@@ -671,14 +674,15 @@ def allocate(
     """
     from mcnav.report import allocate as tables
     from mcnav.report import progress
+    from mcnav.report.terminal_parts import printed
     from mcnav.studies.allocate import write_allocation
 
     with progress.shown(err) as shown:
         result, files = write_allocation(campaign, folder or Path("reports") / f"{campaign.stem}_allocate", shown)
     if form != "table":
-        _export(form, tables.change_rows(result), tables.table(result))
+        _export(form, [vars(row) for row in tables.change_rows(result)], tables.table(result))
         return
-    out.print(tables.printed(result))
+    out.print(printed(tables.terminal(result)))
     out.print()
     _print_written(files)
 

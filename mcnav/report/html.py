@@ -1,4 +1,4 @@
-"""HTML pages: one template each, tables as text, figures as SVG, one style sheet and script, nothing loaded."""
+"""HTML pages: tables as text, figures as SVG, one style sheet and script, nothing loaded."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from markupsafe import Markup
 
 from mcnav.errors import shortened
 from mcnav.report import format as formats
+from mcnav.report.document import Page
 from mcnav.report.template_cache import TemplateCache
 
 FILTERS: Final = ("number", "signed", "fixed", "with_error", "interval", "share", "percent", "probability")
@@ -20,6 +21,11 @@ FILTERS: Final = ("number", "signed", "fixed", "with_error", "interval", "share"
 
 CONTENTS: Final = "<!-- contents -->"
 """Placeholder of the table of contents in the base template."""
+
+
+def page_html(page: Page) -> str:
+    """Write a page as HTML."""
+    return filled("page.html", page=page)
 
 
 def filled(template: str, **values: Any) -> str:
@@ -46,6 +52,7 @@ def _environment() -> Environment:
         lstrip_blocks=True, bytecode_cache=TemplateCache(__file__),
     )  # fmt: skip
     environment.filters |= {name: getattr(formats, name) for name in FILTERS} | {"shortened": shortened}
+    environment.filters["kind"] = lambda part: type(part).__name__
     return environment
 
 

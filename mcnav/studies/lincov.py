@@ -27,7 +27,8 @@ from mcnav.execution.chunks import DrawPlan
 from mcnav.execution.soundness import find_doubt
 from mcnav.files import indented_json, to_json, write_texts
 from mcnav.lincov.partials import SimulationFailed
-from mcnav.report.lincov_page import render
+from mcnav.report.html import page_html
+from mcnav.report.lincov_page import page
 from mcnav.systems.ins.scenario import is_ins
 from mcnav.units import UnitError, quantity
 
@@ -167,7 +168,7 @@ def write_lincov(campaign: Campaign, path: Path, times: Array | None = None) -> 
     covariance, outages = linear_covariance(campaign, times), {}
     if is_ins(campaign.scenario):
         outages = {sensor.name: sensor.outages for sensor in campaign.scenario.navigation.sensors}
-    files = {FILE: indented_json(to_json(lincov_table(covariance))) + "\n", PAGE: render(covariance, outages)}
+    files = {FILE: indented_json(to_json(lincov_table(covariance))) + "\n", PAGE: page_html(page(covariance, outages))}
     return covariance, write_texts(path, files)
 
 
