@@ -728,7 +728,8 @@ def sweep(
     from mcnav.config.sweep_values import split_varied
     from mcnav.report import progress
     from mcnav.report import sweep as tables
-    from mcnav.report.sweep_terminal import printed
+    from mcnav.report.sweep_page import terminal
+    from mcnav.report.terminal_parts import printed
     from mcnav.studies.lincov import read_times
     from mcnav.studies.sweep import SweepPlan, write_sweep
 
@@ -741,7 +742,7 @@ def sweep(
     if form != "table":
         _export(form, tables.frame(result).to_dict("records"), {"sweep": tables.table(result)})
         return
-    out.print(printed(result))
+    out.print(printed(terminal(result)))
     out.print()
     _print_written(files)
 
