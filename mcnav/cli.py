@@ -611,14 +611,16 @@ def linearity(
     Example: mcnav linearity campaigns/14_polar.toml --samples 500
     """
     from mcnav.config.read import read_campaign
-    from mcnav.report import linearity_words, progress, terminal
+    from mcnav.report import linearity_words, progress
+    from mcnav.report.linearity import terminal
+    from mcnav.report.terminal_parts import printed
     from mcnav.studies.linearity import write_linearity
 
     content = read_campaign(campaign)
     target = folder or Path("reports") / f"{campaign.stem}_linearity"
     with progress.shown(err) as shown:
         study, files = write_linearity(content, target, tolerance, samples, largest, shown)
-    out.print(terminal.linearity(content.scenario.outputs, study.together, study.tolerance))
+    out.print(printed(terminal(content.scenario.outputs, study.together, study.tolerance)))
     if study.without_noise:
         out.print(linearity_words.WITHOUT_NOISE)
     out.print()
