@@ -72,8 +72,8 @@ COMPARED: Final = (
     "Each number is compared with linear covariance analysis, which must have its digits, and with nonlinear "
     "simulation by the navigator in three dimensions. Standard deviations and means of samples have an interval "
     f"of {100.0 * CONFIDENCE:g} % confidence, which must contain the number; single simulations have no "
-    "interval and must have the digits. The paired estimate adds to the linear variance what the samples' squares differ from those of their "
-    "linear outcomes: it has hardly any sampling error, and shows what nonlinearity changes."
+    "interval and must have the digits. The paired estimate adds to the linear variance what the samples' squares "
+    "differ from those of their linear outcomes: it has hardly any sampling error, and shows what nonlinearity changes."
 )
 """How each number is compared."""
 

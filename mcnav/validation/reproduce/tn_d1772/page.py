@@ -58,8 +58,8 @@ REPORT: Final = Markup(
 COMPARED: Final = (
     "Final errors in km by the planar navigator and by the one in three dimensions: linear, and of samples with an "
     "interval of 99.9 % confidence; errors of single sources have none. The departure is that of the samples' root "
-    "mean square from that of their linear outcomes, which have the same errors. With an update the filter states a sigma "
-    "of its own, and the planar navigator starts at that time."
+    "mean square from that of their linear outcomes, which have the same errors. With an update the filter states a "
+    "sigma of its own, and the planar navigator starts at that time."
 )
 
 ATMOSPHERE: Final = (
