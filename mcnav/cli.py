@@ -429,8 +429,9 @@ def compare(
     """
     from mcnav.errors import reading_file
     from mcnav.files import write_whole
-    from mcnav.report import export, terminal
+    from mcnav.report import comparison, export, terminal
     from mcnav.report.show import escaped
+    from mcnav.report.terminal_parts import printed
     from mcnav.workflow.analyse import summary_of
     from mcnav.workflow.compare import compare_runs
 
@@ -461,9 +462,8 @@ def compare(
             console.print(verdict, soft_wrap=False)
         if result is not None:
             console.print()
-            console.print(terminal.inputs(result.inputs))
-            console.print()
-            console.print(terminal.changes(result.titles[0], result.outputs))
+            parts = comparison.terminal(result.titles, result.manifests, result.rows, result.confidence)
+            console.print(printed(parts))
     if html is not None and result is not None:
         html.parent.mkdir(parents=True, exist_ok=True)
         write_whole(html, result.page.encode())

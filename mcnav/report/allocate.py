@@ -51,6 +51,9 @@ IN_RUN: Final = (
     "instability of it in run, too: the lines of both together are for them."
 )
 
+FAILING: Final = 3
+"""Changes that do not meet a goal of which a table in the terminal shows the linear value."""
+
 LOOSENED: Final = (
     "Largest value of each number with which all requirements are met, the others unchanged; groups are multiplied "
     f"together. “Any”: up to {MOST:,.0f} times the present number. Below the linear value: the limit with the least "
@@ -69,9 +72,6 @@ GRADES: Final = (
     "requirement with the least margin then."
 )
 """Captions of tables."""
-
-FAILING: Final = 3
-"""Changes that do not meet a goal of which a table in the terminal shows the linear value."""
 
 
 def goal_title(allocation: Allocation, goal: Goal) -> str:

@@ -49,6 +49,9 @@ MARKS: Final = ("dot", "square", "triangle", "ring", "box")
 CHANGED: Final = {"larger": "undecided", "smaller": "undecided", "no change seen": "agrees"}
 """Tones of findings; others have none."""
 
+SAME: Final = "the same campaign, engine and versions"
+"""What runs have between which no input differs."""
+
 COMMON: Final = (
     "Common random numbers: sample k of both runs uses the same ones, so that sampling noise cancels in the difference."
 )
@@ -188,8 +191,8 @@ def page(
     confidence: float,
 ) -> Page:
     """Return the comparison as a page."""
-    changed = _input_table(titles, manifests)
-    nothing = Sentence("None: the runs have the same campaign, engine and versions.")
+    changed = input_table(titles, manifests)
+    nothing = Sentence(f"None: the runs have {SAME}.")
     sections = [
         Section("runs", "Verdicts", [_verdict_table(titles, summaries)]),
         Section("inputs", "Changed inputs", [changed if changed.rows else nothing]),
@@ -198,6 +201,14 @@ def page(
     ]
     heading = ", ".join(titles)
     return Page(heading, "Comparison of runs", heading, sections=sections)
+
+
+def terminal(
+    titles: Sequence[str], manifests: Sequence[Manifest], rows: Sequence[Row], confidence: float
+) -> list[Part]:
+    """List what the terminal shows: the inputs that differ, and the change of each output."""
+    changed = input_table(titles, manifests)
+    return [changed if changed.rows else Sentence(f"The runs have {SAME}."), change_table(titles, rows, confidence)]
 
 
 def _verdict_table(
@@ -243,14 +254,14 @@ def _of_runs(titles: Sequence[str]) -> list[Column[Values]]:
     return [of_run(place) for place in range(len(titles))]
 
 
-def _input_table(titles: Sequence[str], manifests: Sequence[Manifest]) -> Table[Values]:
+def input_table(titles: Sequence[str], manifests: Sequence[Manifest]) -> Table[Values]:
     """Tabulate the inputs that differ between runs."""
     rows = [(str(key), [shortened(value) for value in values]) for key, values in inputs(manifests).iterrows()]
     caption = (
         "Keys of the campaign, engine and versions that differ between the runs. A dash: the run does not have the key."
     )
-    key: Column[Values] = Column("Key", lambda row: CODE(row[0]), kind="label")
-    return Table(caption, [key, *_of_runs(titles)], rows)
+    key: Column[Values] = Column("Key", lambda row: CODE(row[0]), "key", "label")
+    return Table(caption, [key, *_of_runs(titles)], rows, "Changed inputs")
 
 
 def _changes(titles: Sequence[str], rows: Sequence[Row], confidence: float) -> list[Part]:
@@ -258,10 +269,10 @@ def _changes(titles: Sequence[str], rows: Sequence[Row], confidence: float) -> l
     if not rows:
         return [Sentence("The first run shares no output with another run.")]
     common = Note(COMMON) if any(row.change is not None and row.change.common for row in rows) else None
-    return [*joined(ratios(rows, titles), _change_table(titles, rows, confidence), common)]
+    return [*joined(ratios(rows, titles), change_table(titles, rows, confidence), common)]
 
 
-def _change_table(titles: Sequence[str], rows: Sequence[Row], confidence: float) -> Table[Row]:
+def change_table(titles: Sequence[str], rows: Sequence[Row], confidence: float) -> Table[Row]:
     """Tabulate sigmas before and after, their ratio and the change of the mean."""
 
     def ratio(row: Row) -> Cell:
@@ -273,20 +284,21 @@ def _change_table(titles: Sequence[str], rows: Sequence[Row], confidence: float)
         return with_error(known.value * row.scale, known.standard_error * row.scale)
 
     columns: list[Column[Row]] = [
-        Column("Output", lambda row: Cell(humanize(row.output), row.shown_in), kind="label"),
-        Column("Run", lambda row: titles[row.run], kind="label"),
-        Column("Paired σ before", lambda row: row.known.before * row.scale, form=five_digits),
-        Column("Paired σ after", lambda row: row.known.after * row.scale, form=five_digits),
-        Column("Paired ratio", ratio),
-        Column("Change of the mean", mean),
-        Column("Random numbers", lambda row: "common" if row.known.common else "separate", kind="label"),
-        Column("Change", lambda row: Cell(row.words, tone=CHANGED.get(row.words, "")), kind="label"),
+        Column("Output", lambda row: Cell(humanize(row.output), row.shown_in), "final error, 1σ", "label"),
+        Column("Run", lambda row: titles[row.run], "run", "label"),
+        Column("Paired σ before", lambda row: row.known.before * row.scale, "paired σ before", form=five_digits),
+        Column("Paired σ after", lambda row: row.known.after * row.scale, "after", form=five_digits),
+        Column("Paired ratio", ratio, "ratio"),
+        Column("interval", lambda row: interval(*row.known.interval), place="terminal"),
+        Column("Change of the mean", mean, place="page"),
+        Column("Random numbers", lambda row: "common" if row.known.common else "separate", "random numbers", "label"),
+        Column("Change", lambda row: Cell(row.words, tone=CHANGED.get(row.words, "")), "change", "label"),
     ]
     caption = (
         f"Final errors of each run compared with {titles[0]}: Monte Carlo sigmas (paired estimates), their ratio, and "
         f"the change of the mean ± one standard error. All intervals hold jointly at {100.0 * confidence:g} %."
     )
-    return Table(caption, columns, rows)
+    return Table(caption, columns, rows, f"Change from {titles[0]}", keys=2)
 
 
 def _budgets(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
+from collections.abc import Sequence
 from functools import cache
 from typing import Any, Final
 
@@ -13,7 +14,7 @@ from markupsafe import Markup
 
 from mcnav.errors import shortened
 from mcnav.report import format as formats
-from mcnav.report.document import Page
+from mcnav.report.document import Page, Part
 from mcnav.report.template_cache import TemplateCache
 
 FILTERS: Final = ("number", "signed", "fixed", "with_error", "interval", "share", "percent", "probability")
@@ -26,6 +27,11 @@ CONTENTS: Final = "<!-- contents -->"
 def page_html(page: Page) -> str:
     """Write a page as HTML."""
     return filled("page.html", page=page)
+
+
+def parts_html(parts: Sequence[Part]) -> str:
+    """Write parts of a page as HTML without style and script, as notebooks show them."""
+    return str(_environment().get_template("parts.html").module.shown(parts))  # type: ignore[attr-defined]
 
 
 def filled(template: str, **values: Any) -> str:
