@@ -835,6 +835,7 @@ def imu(
     """
     from mcnav.errors import suggestion
     from mcnav.report import instruments
+    from mcnav.report.terminal_parts import fitted
     from mcnav.systems.ins.tables.imu_catalogue import catalogue_units
 
     units = {unit.name: unit for unit in catalogue_units()}
@@ -846,11 +847,12 @@ def imu(
         for value in unit.values
     ]
     if form != "table":
-        _export(form, values, {"values": values})
+        rows = [vars(value) for value in values]
+        _export(form, rows, {"values": rows})
     elif name is None:
-        out.print(instruments.catalogue({unit.name: unit.title for unit in units.values()}, values))
+        out.print(fitted(instruments.catalogue({unit.name: unit.title for unit in units.values()}, values)))
     else:
-        out.print(instruments.values(units[name].title, values))
+        out.print(fitted(instruments.values(units[name].title, values)))
 
 
 app.add_typer(new, name="new")
