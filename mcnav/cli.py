@@ -442,8 +442,9 @@ def compare(
     """
     from mcnav.errors import reading_file
     from mcnav.files import write_whole
-    from mcnav.report import export, terminal
+    from mcnav.report import comparison, export, terminal
     from mcnav.report.show import escaped
+    from mcnav.report.terminal_parts import printed
     from mcnav.workflow.analyse import summary_of
     from mcnav.workflow.compare import compare_runs
 
@@ -474,9 +475,8 @@ def compare(
             console.print(verdict, soft_wrap=False)
         if result is not None:
             console.print()
-            console.print(terminal.inputs(result.inputs))
-            console.print()
-            console.print(terminal.changes(result.titles[0], result.outputs))
+            parts = comparison.terminal(result.titles, result.manifests, result.rows, result.confidence)
+            console.print(printed(parts))
     if html is not None and result is not None:
         html.parent.mkdir(parents=True, exist_ok=True)
         write_whole(html, result.page.encode())
@@ -502,12 +502,13 @@ def replay(
 
     Example: mcnav replay reports/11_cruise 12
     """
-    from mcnav.report.replay import lines
+    from mcnav.report.replay import terminal
+    from mcnav.report.terminal_parts import printed
     from mcnav.workflow import replay as replaying
 
     result = replaying.replay(folder, index, campaign)
     _print_notes(result.notes)
-    out.print(lines(result))
+    out.print(printed(terminal(result)))
     out.print()
     _print_written(replaying.write_replay(result, into or folder))
     if not replaying.as_stored(result):
@@ -624,14 +625,16 @@ def linearity(
     Example: mcnav linearity campaigns/14_polar.toml --samples 500
     """
     from mcnav.config.read import read_campaign
-    from mcnav.report import linearity_words, progress, terminal
+    from mcnav.report import linearity_words, progress
+    from mcnav.report.linearity import terminal
+    from mcnav.report.terminal_parts import printed
     from mcnav.studies.linearity import write_linearity
 
     content = read_campaign(campaign)
     target = folder or Path("reports") / f"{campaign.stem}_linearity"
     with progress.shown(err) as shown:
         study, files = write_linearity(content, target, tolerance, samples, largest, shown)
-    out.print(terminal.linearity(content.scenario.outputs, study.together, study.tolerance))
+    out.print(printed(terminal(content.scenario.outputs, study.together, study.tolerance)))
     if study.without_noise:
         out.print(linearity_words.WITHOUT_NOISE)
     out.print()
@@ -655,15 +658,18 @@ def lincov(
     Example: mcnav lincov campaigns/19_flight_with_gnss.toml --at "1800 s"
     """
     from mcnav.config.read import read_campaign
-    from mcnav.report import lincov as tables
+    from mcnav.report.lincov import exported
+    from mcnav.report.lincov_page import terminal
+    from mcnav.report.terminal_parts import printed
     from mcnav.studies.lincov import read_times, write_lincov
 
     times = None if at is None else read_times(at)
     result, files = write_lincov(read_campaign(campaign), folder or Path("reports") / f"{campaign.stem}_lincov", times)
     if form != "table":
-        _export(form, tables.sigma_rows(result), tables.exported(result))
+        tables = exported(result)
+        _export(form, tables["sigmas"], tables)
         return
-    out.print(tables.printed(result))
+    out.print(printed(terminal(result)))
     out.print()
     _print_written(files)
 
@@ -684,14 +690,15 @@ def allocate(
     """
     from mcnav.report import allocate as tables
     from mcnav.report import progress
+    from mcnav.report.terminal_parts import printed
     from mcnav.studies.allocate import write_allocation
 
     with progress.shown(err) as shown:
         result, files = write_allocation(campaign, folder or Path("reports") / f"{campaign.stem}_allocate", shown)
     if form != "table":
-        _export(form, tables.change_rows(result), tables.table(result))
+        _export(form, [vars(row) for row in tables.change_rows(result)], tables.table(result))
         return
-    out.print(tables.printed(result))
+    out.print(printed(tables.terminal(result)))
     out.print()
     _print_written(files)
 
@@ -737,7 +744,8 @@ def sweep(
     from mcnav.config.sweep_values import split_varied
     from mcnav.report import progress
     from mcnav.report import sweep as tables
-    from mcnav.report.sweep_terminal import printed
+    from mcnav.report.sweep_page import terminal
+    from mcnav.report.terminal_parts import printed
     from mcnav.studies.lincov import read_times
     from mcnav.studies.sweep import SweepPlan, write_sweep
 
@@ -750,7 +758,7 @@ def sweep(
     if form != "table":
         _export(form, tables.frame(result).to_dict("records"), {"sweep": tables.table(result)})
         return
-    out.print(printed(result))
+    out.print(printed(terminal(result)))
     out.print()
     _print_written(files)
 
@@ -803,6 +811,8 @@ def trajectory(
     """
     from mcnav.files import write_texts
     from mcnav.report import trajectory as described
+    from mcnav.report.html import page_html
+    from mcnav.report.terminal_parts import printed
     from mcnav.workflow.trajectory import describe_campaign, describe_file
 
     columns = _named_columns(column)
@@ -810,12 +820,12 @@ def trajectory(
         raise _fail("--column: belongs to a trajectory file; the campaign names its columns itself", BAD_INPUT)
     result = describe_campaign(campaign) if campaign.suffix == ".toml" else describe_file(campaign, columns)
     if form != "table":
-        rows = described.fact_rows(result)
+        rows = [vars(row) for row in described.fact_rows(result)]
         _export(form, rows, {"trajectory": rows})
     else:
-        out.print(described.lines(result))
+        out.print(printed(described.terminal(result)))
     if page is not None:
-        _print_written(write_texts(page.parent, {page.name: described.page(result)}))
+        _print_written(write_texts(page.parent, {page.name: page_html(described.page(result))}))
 
 
 @_command()
@@ -838,6 +848,7 @@ def imu(
     """
     from mcnav.errors import suggestion
     from mcnav.report import instruments
+    from mcnav.report.terminal_parts import fitted
     from mcnav.systems.ins.tables.imu_catalogue import catalogue_units
 
     units = {unit.name: unit for unit in catalogue_units()}
@@ -849,11 +860,12 @@ def imu(
         for value in unit.values
     ]
     if form != "table":
-        _export(form, values, {"values": values})
+        rows = [vars(value) for value in values]
+        _export(form, rows, {"values": rows})
     elif name is None:
-        out.print(instruments.catalogue({unit.name: unit.title for unit in units.values()}, values))
+        out.print(fitted(instruments.catalogue({unit.name: unit.title for unit in units.values()}, values)))
     else:
-        out.print(instruments.values(units[name].title, values))
+        out.print(fitted(instruments.values(units[name].title, values)))
 
 
 app.add_typer(new, name="new")

@@ -1,22 +1,34 @@
-"""Allocation of errors as tables for the terminal, as rows, and as an HTML page."""
+"""Allocation of errors as a page, in the terminal, and as rows."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any, Final
-
-from rich.console import Group, RenderableType
-from rich.text import Text
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Final
 
 from mcnav.analysis.allocation import MOST, Allocation, Goal, GradeChange, GradeSearch, NumberChange
 from mcnav.analysis.linear_answer import LinearRequirement
+from mcnav.report.document import (
+    CODE,
+    WRAPPED,
+    Cell,
+    Column,
+    Findings,
+    Folded,
+    Note,
+    Page,
+    Part,
+    Section,
+    Sentence,
+    Table,
+    Verdict,
+    joined,
+)
 from mcnav.report.figures import allocate as drawn
 from mcnav.report.figures.lincov import short_name
-from mcnav.report.fitted_table import FittedTable, numbers, texts
 from mcnav.report.format import number
-from mcnav.report.html import filled
-from mcnav.report.lincov import TERMINAL, headline, requirement_rows, shown_limit, shown_value, units_shown
+from mcnav.report.lincov import headline, requirement_rows, shown_limit, shown_value, units_shown
 from mcnav.report.requirements import TONES
 
 EXPLANATION: Final = (
@@ -42,13 +54,32 @@ IN_RUN: Final = (
 FAILING: Final = 3
 """Changes that do not meet a goal of which a table in the terminal shows the linear value."""
 
+LOOSENED: Final = (
+    "Largest value of each number with which all requirements are met, the others unchanged; groups are multiplied "
+    f"together. “Any”: up to {MOST:,.0f} times the present number. Below the linear value: the limit with the least "
+    "margin then."
+)
+
+TIGHTENED: Final = (
+    "Value of each number with which the {} just met, the others unchanged; groups are multiplied together. Below the "
+    "linear value: the limit with the least margin then."
+)
+
+INSUFFICIENT: Final = "Linear value that the others leave when a number is multiplied by the factor shown."
+
+GRADES: Final = (
+    "Numbers of the inertial measurement unit at the next value among the catalogue’s grades (mcnav imu), and the "
+    "requirement with the least margin then."
+)
+"""Captions of tables."""
+
 
 def goal_title(allocation: Allocation, goal: Goal) -> str:
     """Return what a table of changes is for."""
     if goal.met:
         return "Numbers may be as large as this, one at a time"
     if len(goal.requirements) == 1:
-        return f"To meet: {requirement_rows(allocation.answer)[goal.requirements[0]]['requirement']}"
+        return f"To meet: {requirement_rows(allocation.answer)[goal.requirements[0]].requirement}"
     return (
         "To meet both requirements"
         if len(goal.requirements) == 2
@@ -78,8 +109,35 @@ def value_words(allocation: Allocation, result: LinearRequirement) -> tuple[str,
     return shown_value(result, *shown), shown_limit(result, *shown)
 
 
-def change_row(allocation: Allocation, goal: Goal, change: NumberChange) -> dict[str, Any]:
-    """Arrange one change: the number now and then, its multiple, and the linear value then."""
+@dataclass(frozen=True)
+class ChangeRow:
+    """One change: the number now and then, its multiple, and the linear value then, as CSV and JSON have it."""
+
+    goal: str
+    number: str
+    now: str
+    needed: str
+    multiple: str
+    value: str
+    limit: str
+    requirement: str
+    factor: float | None
+    reached: bool
+
+
+@dataclass(frozen=True)
+class GradeRow:
+    """A change by one grade with the requirement of the least margin, as JSON has it."""
+
+    moves: str
+    finding: str
+    value: str
+    limit: str
+    requirement: str
+
+
+def change_row(allocation: Allocation, goal: Goal, change: NumberChange) -> ChangeRow:
+    """Arrange one change."""
     value, limit = value_words(allocation, change.result)
     if math.isnan(change.factor):
         needed, multiple = "not by this alone", f"× {number(change.closest, 3) if change.closest else 0}"
@@ -87,17 +145,23 @@ def change_row(allocation: Allocation, goal: Goal, change: NumberChange) -> dict
         needed, multiple = "any", f"to × {MOST:,.0f}"
     else:
         needed, multiple = change.needed or "all of them", f"× {number(change.factor, 3)}"
-    return {
-        "number": change.label,
-        "now": change.now or f"{len(change.paths)} numbers",
-        "needed": needed,
-        "multiple": multiple,
-        "value": value,
-        "limit": limit,
-        "requirement": short_name(change.result, allocation.answer),
-        "reached": change.reached,
-        "together": len(change.paths) > 1,
-    }
+    return ChangeRow(
+        goal=goal_title(allocation, goal),
+        number=change.label,
+        now=change.now or f"{len(change.paths)} numbers",
+        needed=needed,
+        multiple=multiple,
+        value=value,
+        limit=limit,
+        requirement=short_name(change.result, allocation.answer),
+        factor=change.factor if math.isfinite(change.factor) else None,
+        reached=change.reached,
+    )
+
+
+def change_rows(allocation: Allocation) -> list[ChangeRow]:
+    """List all changes of all goals."""
+    return [change_row(allocation, goal, change) for goal in allocation.goals for change in goal.changes]
 
 
 def goal_notes(goal: Goal) -> list[str]:
@@ -112,21 +176,36 @@ def goal_notes(goal: Goal) -> list[str]:
     return notes
 
 
-def goal_table(allocation: Allocation, goal: Goal) -> FittedTable:
-    """Tabulate the changes that just meet a goal."""
-    several = len(goal.requirements) > 1
-    columns = [*texts("number", "now", "may be" if goal.met else "just met with"), *numbers("multiple")]
-    columns += [*numbers("linear value then", "limit"), *texts(*(["of"] if several else []))]
-    table = FittedTable(goal_title(allocation, goal), columns)
-    failing = [change for change in goal.changes if not change.reached]
-    for change in (change for change in goal.changes if change.reached or change in failing[:FAILING]):
-        row = change_row(allocation, goal, change)
-        style = "" if row["reached"] else "dim"
-        cells = [row["number"], row["now"], row["needed"], row["multiple"], row["value"], row["limit"]]
-        table.add(*(Text(cell, style=style) for cell in [*cells, *([row["requirement"]] if several else [])]))
+def change_table(goal: Goal, caption: str, rows: Sequence[ChangeRow], title: str = "") -> Table[ChangeRow]:
+    """Tabulate changes with which a goal is just met, or is not met."""
+    several, alone = len(goal.requirements) > 1, {each.label for each in goal.changes if len(each.paths) == 1}
+    heading = "May be" if goal.met and any(row.reached for row in rows) else "Just met with"
+
+    def value(row: ChangeRow) -> Cell:
+        return Cell(row.value, below=WRAPPED(f"limit {row.limit}{f': {row.requirement}' if several else ''}"))
+
+    of: Column[ChangeRow] = Column("of", lambda row: row.requirement, kind="text", place="terminal")
+    columns: list[Column[ChangeRow]] = [
+        Column("Number", lambda row: CODE(row.number) if row.number in alone else row.number, "number", "label"),
+        Column("Now", lambda row: row.now, "now", "label"),
+        Column(heading, lambda row: row.needed, "may be" if goal.met else "just met with", "label"),
+        Column("Multiple", lambda row: row.multiple, "multiple"),
+        Column("Linear value then", value, "linear value then"),
+        Column("limit", lambda row: row.limit, place="terminal"),
+        *([of] if several else []),
+    ]
+    return Table(caption, columns, rows, title, faint=lambda row: not row.reached)
+
+
+def goal_table(allocation: Allocation, goal: Goal) -> Table[ChangeRow]:
+    """Tabulate the changes that just meet a goal, and some of those that do not, for the terminal."""
+    rows = [change_row(allocation, goal, change) for change in goal.changes]
+    failing = [row for row in rows if not row.reached]
+    shown = [row for row in rows if row.reached or row in failing[:FAILING]]
     if len(failing) > FAILING:
-        table.add(f"and {len(failing) - FAILING} more", "", "not by this alone", *[""] * (len(columns) - 3))
-    return table
+        more = f"and {len(failing) - FAILING} more"
+        shown.append(ChangeRow("", more, "", "not by this alone", "", "", "", "", None, False))
+    return change_table(goal, "", shown, goal_title(allocation, goal))
 
 
 def grade_words(search: GradeSearch) -> str:
@@ -151,8 +230,8 @@ def move_words(change: GradeChange) -> str:
     return "; ".join(f"{move.path} {move.now} → {move.needed} ({move.grade})" for move in change.moves)
 
 
-def grade_rows(allocation: Allocation) -> list[dict[str, Any]]:
-    """List the changes by one grade with the requirement of the least margin."""
+def grade_rows(allocation: Allocation) -> list[GradeRow]:
+    """List the changes by one grade."""
     search = allocation.grades
     if search is None:
         return []
@@ -160,90 +239,83 @@ def grade_rows(allocation: Allocation) -> list[dict[str, Any]]:
     rows = []
     for change in shown:
         value, limit = value_words(allocation, change.worst)
-        rows.append({
-            "moves": move_words(change),
-            "finding": "met" if change.met else "not met",
-            "value": value,
-            "limit": limit,
-            "requirement": short_name(change.worst, allocation.answer),
-        })  # fmt: skip
+        finding = "met" if change.met else "not met"
+        rows.append(GradeRow(move_words(change), finding, value, limit, short_name(change.worst, allocation.answer)))
     return rows
 
 
-def grade_table(allocation: Allocation, search: GradeSearch) -> FittedTable:
+def grade_table(allocation: Allocation, search: GradeSearch) -> Table[GradeRow]:
     """Tabulate changes by one grade."""
-    columns = [*texts("finding", "numbers moved by one grade"), *numbers("linear value then", "limit"), *texts("of")]
-    table = FittedTable(grade_words(search), columns)
-    for row in grade_rows(allocation):
-        table.add(row["finding"], row["moves"], row["value"], row["limit"], row["requirement"])
-    return table
-
-
-def printed(allocation: Allocation) -> RenderableType:
-    """Arrange the terminal's lines."""
-    words, tone = standing(allocation)
-    lines: list[RenderableType] = [Text(words, style=f"bold {TERMINAL[tone]}")]
-    for goal in allocation.goals:
-        lines += ["", goal_table(allocation, goal), *map(Text, goal_notes(goal))]
-    if allocation.grades is not None:
-        lines += ["", grade_table(allocation, allocation.grades)]
-    return Group(*lines)
-
-
-def change_rows(allocation: Allocation) -> list[dict[str, Any]]:
-    """List all changes of all goals, a row each."""
-    return [
-        {"goal": goal_title(allocation, goal), **{key: row[key] for key in row if key not in ("reached", "together")},
-         "factor": change.factor if math.isfinite(change.factor) else None, "reached": row["reached"]}
-        for goal in allocation.goals
-        for change in goal.changes
-        for row in [change_row(allocation, goal, change)]
+    columns: list[Column[GradeRow]] = [
+        Column("Numbers moved", lambda row: row.moves, "numbers moved by one grade", "words"),
+        Column("Finding", lambda row: Cell(row.finding, tone=TONES[row.finding]), "finding", "label"),
+        Column("Linear value then", lambda row: Cell(row.value, below=WRAPPED(f"limit {row.limit}: {row.requirement}")),
+               "linear value then"),
+        Column("limit", lambda row: row.limit, place="terminal"),
+        Column("of", lambda row: row.requirement, kind="text", place="terminal"),
     ]  # fmt: skip
+    return Table(GRADES, columns, grade_rows(allocation), grade_words(search))
 
 
-def table(allocation: Allocation) -> Mapping[str, Any]:
+def terminal(allocation: Allocation) -> list[Part]:
+    """List what the terminal shows."""
+    parts: list[Part] = [Verdict(*standing(allocation))]
+    for goal in allocation.goals:
+        parts += [goal_table(allocation, goal), *map(Note, goal_notes(goal))]
+    if allocation.grades is not None:
+        parts.append(grade_table(allocation, allocation.grades))
+    return parts
+
+
+def table(allocation: Allocation) -> Mapping[str, object]:
     """Arrange an allocation as ``allocate.json`` has it."""
     search = allocation.grades
+    grades = None if search is None else {
+        "words": grade_words(search),
+        "finer": search.finer,
+        "exhaustive": search.exhaustive,
+        "changes": [asdict(row) for row in grade_rows(allocation)],
+    }  # fmt: skip
     return {
         "campaign": allocation.answer.campaign,
         "met": allocation.answer.met,
-        "requirements": requirement_rows(allocation.answer),
-        "changes": change_rows(allocation),
-        "grades": None if search is None else {"words": grade_words(search), "finer": search.finer,
-                                               "exhaustive": search.exhaustive, "changes": grade_rows(allocation)},
+        "requirements": [asdict(row) for row in requirement_rows(allocation.answer)],
+        "changes": [asdict(row) for row in change_rows(allocation)],
+        "grades": grades,
         "linear_answers": allocation.computed,
-    }  # fmt: skip
-
-
-def render(allocation: Allocation) -> str:
-    """Render the page."""
-    words, tone = standing(allocation)
-    requirements = [
-        row | {"tone": TONES.get(row["finding"], "undecided")} for row in requirement_rows(allocation.answer)
-    ]
-    return filled(
-        "allocate.html",
-        campaign=allocation.answer.campaign,
-        headline=words,
-        tone=tone,
-        explanation=EXPLANATION,
-        requirements=requirements,
-        goals=[_shown_goal(allocation, goal, place) for place, goal in enumerate(allocation.goals, start=1)],
-        grades=None if allocation.grades is None else grade_words(allocation.grades),
-        grade_rows=[row | {"tone": TONES[row["finding"]]} for row in grade_rows(allocation)],
-        most=f"{MOST:,.0f}",
-        computed=allocation.computed,
-    )
-
-
-def _shown_goal(allocation: Allocation, goal: Goal, place: int) -> dict[str, Any]:
-    rows = [change_row(allocation, goal, change) for change in goal.changes]
-    return {
-        "title": goal_title(allocation, goal),
-        "met": goal.met,
-        "several": len(goal.requirements) > 1,
-        "figure": drawn.multiples(goal, place),
-        "reached": [row for row in rows if row["reached"]],
-        "failing": [row for row in rows if not row["reached"]],
-        "notes": goal_notes(goal),
     }
+
+
+def page(allocation: Allocation) -> Page:
+    """Return the page."""
+    words, tone = standing(allocation)
+    name = allocation.answer.campaign
+    asked = Findings([(row.finding, row.tone, f"{row.requirement}: {row.shown}")
+                      for row in requirement_rows(allocation.answer)])  # fmt: skip
+    sections = [_goal_section(allocation, goal, place) for place, goal in enumerate(allocation.goals, start=1)]
+    if allocation.grades is not None:
+        table = grade_table(allocation, allocation.grades)
+        parts: list[Part] = [Sentence(grade_words(allocation.grades)), *([table] if table.rows else [])]
+        sections.append(Section("grades", "By one grade of the catalogue", parts))
+    return Page(
+        f"{name}: allocation", "Allocation of errors", name, [Verdict(words, tone, [EXPLANATION]), asked], sections,
+        [Note(f"{allocation.computed:,} linear answers were computed.")],
+    )  # fmt: skip
+
+
+def _goal_section(allocation: Allocation, goal: Goal, place: int) -> Section:
+    """Arrange what meets a goal, and below it what does not."""
+    rows, several = [change_row(allocation, goal, change) for change in goal.changes], len(goal.requirements) > 1
+    reached, failing = [row for row in rows if row.reached], [row for row in rows if not row.reached]
+    parts: list[Part] = []
+    if reached:
+        asked = "requirements are" if several else "requirement is"
+        caption = LOOSENED if goal.met else TIGHTENED.format(asked)
+        parts += joined(change_table(goal, caption, reached), drawn.multiples(goal, place))
+    else:
+        them = "them" if several else "it"
+        parts.append(Sentence(f"No change of a number, or of all of them by one factor, meets {them}."))
+    if failing:
+        summary = f"{len(failing)} changes that do not suffice alone, smaller or larger"
+        parts.append(Folded(summary, [change_table(goal, INSUFFICIENT, failing)]))
+    return Section(f"goal-{place}", goal_title(allocation, goal), [*parts, *map(Note, goal_notes(goal))])

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from dataclasses import dataclass
+from typing import Final
 
 from mcnav.contract.failure import OK, message_of, without_numbers
 from mcnav.report.model import RunAnalysis
@@ -44,15 +45,21 @@ def grouped(failures: Failures) -> dict[str, tuple[int, Sequence[int]]]:
     return dict(sorted(result.items(), key=lambda entry: (-entry[1][0], entry[0])))
 
 
-def failure_rows(content: RunAnalysis) -> list[dict[str, Any]]:
-    """Tabulate reason, number of samples, and the first of them."""
-    rows: list[dict[str, Any]] = []
+@dataclass(frozen=True)
+class FailureRow:
+    """A reason, the number of samples that failed because of it, and the first of them."""
+
+    reason: str
+    count: int
+    first: str
+
+
+def failure_rows(content: RunAnalysis) -> list[FailureRow]:
+    """Tabulate the reasons, those beyond `MOST_REASONS` together."""
+    rows = []
     for reason, (count, result) in content.failures.items():
         first = ", ".join(str(index) for index in result[:SHOWN])
-        more = ", …" if count > SHOWN else ""
-        rows.append({"reason": message_of(reason), "count": count, "first": first + more})
+        rows.append(FailureRow(message_of(reason), count, first + (", …" if count > SHOWN else "")))
     rest = rows[MOST_REASONS:]
-    if rest:
-        others = {"reason": f"{len(rest):,} other reasons", "count": sum(row["count"] for row in rest), "first": ""}
-        return [*rows[:MOST_REASONS], others]
-    return rows
+    others = [FailureRow(f"{len(rest):,} other reasons", sum(row.count for row in rest), "")] if rest else []
+    return [*rows[:MOST_REASONS], *others]

@@ -1,10 +1,11 @@
-"""HTML pages: one template each, tables as text, figures as SVG, one style sheet and script, nothing loaded."""
+"""HTML pages: tables as text, figures as SVG, one style sheet and script, nothing loaded."""
 
 from __future__ import annotations
 
 import base64
 import hashlib
 import re
+from collections.abc import Sequence
 from functools import cache
 from typing import Any, Final
 
@@ -13,6 +14,7 @@ from markupsafe import Markup
 
 from mcnav.errors import shortened
 from mcnav.report import format as formats
+from mcnav.report.document import Page, Part
 from mcnav.report.template_cache import TemplateCache
 
 FILTERS: Final = ("number", "signed", "fixed", "with_error", "interval", "share", "percent", "probability")
@@ -20,6 +22,16 @@ FILTERS: Final = ("number", "signed", "fixed", "with_error", "interval", "share"
 
 CONTENTS: Final = "<!-- contents -->"
 """Placeholder of the table of contents in the base template."""
+
+
+def page_html(page: Page) -> str:
+    """Write a page as HTML."""
+    return filled("page.html", page=page)
+
+
+def parts_html(parts: Sequence[Part]) -> str:
+    """Write parts of a page as HTML without style and script, as notebooks show them."""
+    return str(_environment().get_template("parts.html").module.shown(parts))  # type: ignore[attr-defined]
 
 
 def filled(template: str, **values: Any) -> str:
@@ -46,6 +58,7 @@ def _environment() -> Environment:
         lstrip_blocks=True, bytecode_cache=TemplateCache(__file__),
     )  # fmt: skip
     environment.filters |= {name: getattr(formats, name) for name in FILTERS} | {"shortened": shortened}
+    environment.filters["kind"] = lambda part: type(part).__name__
     return environment
 
 

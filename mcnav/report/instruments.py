@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from dataclasses import dataclass
+from typing import Final
 
-from rich.console import RenderableType
-
-from mcnav.report.fitted_table import FittedTable, numbers, texts
-from mcnav.report.format import number
+from mcnav.report.document import Column, Table
 from mcnav.units import quantity
 
 LISTED: Final = {
@@ -22,26 +20,46 @@ LISTED: Final = {
 """Columns of the list, and the values that stand in them."""
 
 
-def value_row(unit: str, instrument: str, key: str, text: str, si: str, source: str) -> dict[str, Any]:
+@dataclass(frozen=True)
+class ValueRow:
+    """A value of a unit as written and in its SI unit, as CSV and JSON have it."""
+
+    unit: str
+    instrument: str
+    key: str
+    value: str
+    si_value: float
+    si_unit: str
+    source: str
+
+
+def value_row(unit: str, instrument: str, key: str, text: str, si: str, source: str) -> ValueRow:
     """Tabulate a value as written and in its SI unit."""
-    row = {"unit": unit, "instrument": instrument, "key": key, "value": text}
-    return row | {"si_value": quantity(text, si), "si_unit": si, "source": source}
+    return ValueRow(unit, instrument, key, text, quantity(text, si), si, source)
 
 
-def catalogue(titles: Mapping[str, str], rows: Sequence[Mapping[str, Any]]) -> RenderableType:
+def catalogue(titles: Mapping[str, str], rows: Sequence[ValueRow]) -> Table[str]:
     """Tabulate the main values of all units, one line each."""
-    table = FittedTable("Inertial measurement units", [*texts("name"), *numbers(*LISTED), *texts("what")])
-    for name, title in titles.items():
-        result = {f"{row['instrument']} {row['key']}": row["value"] for row in rows if row["unit"] == name}
-        cells = [next((result[key] for key in keys if key in result), "–") for keys in LISTED.values()]
-        table.add(name, *cells, title)
-    return table
+    written = {(row.unit, f"{row.instrument} {row.key}"): row.value for row in rows}
+
+    def listed(heading: str, keys: Sequence[str]) -> Column[str]:
+        return Column(heading, lambda name: next((written[name, key] for key in keys if (name, key) in written), "–"))
+
+    columns: list[Column[str]] = [
+        Column("name", lambda name: name, kind="text"),
+        *(listed(*each) for each in LISTED.items()),
+        Column("what", lambda name: titles[name], kind="words"),
+    ]
+    return Table("", columns, list(titles), "Inertial measurement units")
 
 
-def values(title: str, rows: Sequence[Mapping[str, Any]]) -> RenderableType:
+def values(title: str, rows: Sequence[ValueRow]) -> Table[ValueRow]:
     """Tabulate the values of one unit with their sources."""
-    table = FittedTable(title, [*texts("key"), *numbers("value", "SI"), *texts("SI unit", "source")], keys=1)
-    for row in rows:
-        key, si = f"{row['instrument']}.{row['key']}", number(row["si_value"])
-        table.add(key, row["value"], si, row["si_unit"], row["source"])
-    return table
+    columns: list[Column[ValueRow]] = [
+        Column("key", lambda row: f"{row.instrument}.{row.key}", kind="text"),
+        Column("value", lambda row: row.value),
+        Column("SI", lambda row: row.si_value),
+        Column("SI unit", lambda row: row.si_unit, kind="text"),
+        Column("source", lambda row: row.source, kind="words"),
+    ]
+    return Table("", columns, rows, title)

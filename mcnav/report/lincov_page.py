@@ -1,89 +1,273 @@
-"""Linear covariance of a campaign as an HTML page."""
+"""Linear covariance of a campaign as a page, and its tables and sentences in the terminal."""
 
 from __future__ import annotations
 
-from typing import Any, Final
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
+from mcnav._types import Array
 from mcnav.analysis.linear_answer import LinearAnswer
+from mcnav.analysis.linear_covariance import LinearCovariance
+from mcnav.report.document import (
+    Answers,
+    Cell,
+    Column,
+    Folded,
+    Heading,
+    Note,
+    Page,
+    Part,
+    Section,
+    Sentence,
+    Table,
+    Verdict,
+    five_digits,
+    joined,
+)
 from mcnav.report.figures import lincov as drawn
-from mcnav.report.html import filled
+from mcnav.report.format import number, share
 from mcnav.report.left_out import not_modelled
-from mcnav.report.lincov import answer_rows, largest_rows, requirement_rows, statements
+from mcnav.report.lincov import (
+    RequirementRow,
+    SizeRow,
+    final_rows,
+    largest_rows,
+    requirement_rows,
+    statements,
+)
 from mcnav.report.model import humanize, scale_of
-from mcnav.report.requirements import TONES
+from mcnav.report.requirements import listed
 from mcnav.report.sentences import BEYOND
 
 EXPLANATION: Final = (
     "Linear analysis for normal errors; nothing is simulated. mcnav run tests it by Monte Carlo simulation."
 )
 
+REQUIREMENTS: Final = (
+    "Requirements of the campaign's [accept] table for linear normal errors. “Errors may be ×”: the multiple of all "
+    "final errors at which the requirement is just met. Causes: share of the mean square of these errors at the "
+    "instant at which the requirement is tightest"
+)
+"""Caption of the table of requirements."""
 
-def render(answer: LinearAnswer, outages: drawn.Outages) -> str:
-    """Render the page; outages are those of the aiding sensors."""
+SHARES: Final = "Share of the variance at the end, %, and the sigma that a cause alone leaves"
+"""Caption of the error budget."""
+
+CAUSES: Final = "largest causes, share of the variance"
+"""Heading in the terminal of the column that lists them."""
+
+
+def page(answer: LinearAnswer, outages: drawn.Outages) -> Page:
+    """Return the page; outages are those of the aiding sensors."""
     (words, tone), *others = statements(answer)
-    rows, meaningful = answer_rows(answer), answer.beyond is None
-    requirements = [row | {"tone": TONES.get(row["finding"], "undecided")} for row in requirement_rows(answer)]
-    return filled(
-        "lincov.html",
-        campaign=answer.campaign,
-        headline=words,
-        tone=tone,
-        explanation=EXPLANATION,
-        not_modelled=not_modelled(answer.kind),
-        requirements=requirements,
-        boxes=any(each.requirement.kind == "box" for each in answer.requirements),
-        others=[sentence for sentence, _ in others],
-        outputs=[row | {"name": humanize(row["output"])} for row in rows],
-        biased=any(row["mean"] for row in rows),
-        largest=[row | {"name": humanize(row["output"])} for row in largest_rows(answer)],
-        beyond=BEYOND,
-        meaningful=meaningful,
-        history=answer.history,
-        label="" if answer.history is None else answer.history.readings.label,
-        figures={
-            "sigmas": drawn.sigmas(answer, outages),
-            "requirements": drawn.requirements(answer, outages),
-            "budget": drawn.budget(answer) if meaningful else None,
-            "development": drawn.development(answer, outages),
-            "correlations": drawn.correlations(answer) if meaningful and answer.sigma.any() else None,
-        },
-        names=[(humanize(output.name), output.shown_in) for output in answer.outputs],
-        grouped=_grouped(answer),
-        causes=_causes(answer),
-        cross_terms=answer.budget.cross_terms,
-        correlated=bool(np.nanmax(np.abs(answer.budget.cross_terms), initial=0.0) > 1e-12),
-    )
+    left_out, largest = not_modelled(answer.kind), largest_table(answer)
+    verdict = Verdict(f"{words}.", tone, [*(f"{sentence}." for sentence, _ in others), EXPLANATION])
+    answers = Answers([final_table(answer), *([largest] if largest.rows else [])])
+    moving, meaningful = drawn.sigmas(answer, outages), answer.beyond is None
+    sections = []
+    if answer.requirements:
+        parts = joined(requirement_table(answer), drawn.requirements(answer, outages))
+        sections.append(Section("requirements", "Requirements", parts))
+    if moving is not None:
+        sections.append(Section("over-time", "Errors over time", [moving]))
+    if meaningful and (budget := drawn.budget(answer)) is not None:
+        sections.append(Section("budget", "Error budget", [budget, *_budget_parts(answer, outages)]))
+    if meaningful and answer.sigma.any() and (correlations := drawn.correlations(answer)) is not None:
+        sections.append(Section("correlations", "Covariance and correlation", [correlations]))
+    head = joined(verdict, answers, Note(left_out) if left_out else None)
+    return Page(f"{answer.campaign}: linear covariance", "Linear covariance", answer.campaign, head, sections)
 
 
-def _grouped(answer: LinearAnswer) -> list[dict[str, Any]]:
+def terminal(answer: LinearAnswer) -> list[Part]:
+    """List what the terminal shows: sentences, requirements, sigmas at times that were asked for, outputs."""
+    (words, tone), *others = statements(answer)
+    tables = [
+        requirement_table(answer) if answer.requirements else None,
+        None if answer.asked is None else reading_table(answer, answer.asked),
+        final_table(answer),
+        None if answer.meaningful is None else largest_table(answer),
+    ]
+    return [Verdict(words, tone), *(Sentence(*each) for each in others), *joined(*tables)]
+
+
+def _causes(causes: Sequence[tuple[str, float]]) -> str:
+    """List causes, each with its share on one line."""
+    return listed(causes).replace(" %", "\N{NO-BREAK SPACE}%")
+
+
+def requirement_table(answer: LinearAnswer) -> Table[RequirementRow]:
+    """Tabulate the requirements and their linear values."""
+    boxes = any(each.requirement.kind == "box" for each in answer.requirements)
+    several = "; of several outputs within limits together, each in multiples of its limit" if boxes else ""
+    columns: list[Column[RequirementRow]] = [
+        Column("Requirement", lambda row: row.requirement, "requirement", "words"),
+        Column("Finding", lambda row: Cell(row.finding, tone=row.tone), "finding", "label"),
+        Column("Linear", lambda row: Cell(row.shown, below=f"largest at {row.at}" if row.at else ""), "linear"),
+        Column("largest at", lambda row: row.at or "–", kind="text", place="terminal"),
+        Column("Errors may be ×", lambda row: row.margin, "errors may be ×"),
+        Column("Largest causes", lambda row: _causes(row.causes),
+               "largest causes then, share of the mean square", "words"),
+    ]  # fmt: skip
+    title = "Requirements, for linear normal errors"
+    return Table(f"{REQUIREMENTS}{several}.", columns, requirement_rows(answer), title, keys=2)
+
+
+def _size(value: float | None) -> str:
+    return BEYOND if value is None else five_digits(value)
+
+
+def _output(row: SizeRow) -> Cell:
+    return Cell(humanize(row.output), row.unit)
+
+
+def _filtered(answer: LinearAnswer) -> list[Column[SizeRow]]:
+    """Return the column of the filter's sigma, if there is a filter."""
+    if answer.history is None or answer.history.sigma_filter is None:
+        return []
+    return [Column("Filter’s own", lambda row: row.sigma_filter, "filter's σ", form=_size)]
+
+
+def final_table(answer: LinearAnswer) -> Table[SizeRow]:
+    """Tabulate the final means and sigmas with the causes of the variances."""
+    rows = final_rows(answer)
+    mean: Column[SizeRow] = Column("Mean", lambda row: row.mean, "mean", form=_size)
+    columns: list[Column[SizeRow]] = [
+        Column("Output", _output, "output", "label"),
+        *([mean] if any(row.mean for row in rows) else []),
+        Column("At the end", lambda row: row.sigma, "σ", form=_size),
+        *_filtered(answer),
+        Column("Largest causes", lambda row: _causes(row.causes), CAUSES, "words"),
+    ]
+    caption = "Errors at the end, one sigma. Causes: share of the variance at the end."
+    return Table(caption, columns, rows, "Linear covariance at the end, 1σ")
+
+
+def largest_table(answer: LinearAnswer) -> Table[SizeRow]:
+    """Tabulate the largest sigmas over time with the causes of the variances at these times."""
+    label = "" if answer.history is None else answer.history.readings.label
+    columns: list[Column[SizeRow]] = [
+        Column("Output", _output, "output", "label"),
+        Column("Largest", lambda row: row.sigma, "largest σ", form=_size),
+        *_filtered(answer),
+        Column(label, lambda row: row.time, f"at {label}", form=five_digits),
+        Column("Largest causes then", lambda row: _causes(row.causes), CAUSES, "words"),
+    ]
+    title = f"Largest over time{'' if answer.beyond is None else ' within the range of linear analysis'}"
+    caption = f"{title}, one sigma. Causes: share of the variance at that time."
+    return Table(caption, columns, largest_rows(answer), f"{title}, 1σ")
+
+
+@dataclass(frozen=True)
+class _Reading:
+    """Values of all outputs at a reading, SI: time, update and what the values are."""
+
+    time: str
+    update: str
+    what: str
+    values: Array
+    beyond: bool
+
+
+def reading_table(answer: LinearAnswer, covariance: LinearCovariance) -> Table[_Reading]:
+    """Tabulate the sigmas at all readings: true ones and, below them, those that the filter states, and the means."""
+    readings, own, beyond = covariance.readings, covariance.sigma_filter, answer.readings_beyond(covariance)
+    several = own is not None or bool(covariance.means)
+    rows = []
+    for at, time in enumerate(readings.times):
+        rows.append(_Reading(f"{time:g}", readings.updates[at] or "–", "true", covariance.sigma[at], beyond[at]))
+        if own is not None:
+            rows.append(_Reading("", "", "filter's", own[at], beyond[at]))
+        if covariance.means:
+            rows.append(_Reading("", "", "mean", covariance.mean[at], beyond[at]))
+    scale = scale_of(answer.outputs)
+
+    def value(i: int) -> Column[_Reading]:
+        output = answer.outputs[i]
+        return Column(
+            humanize(output.name),
+            lambda row: BEYOND if row.beyond else number(float(row.values[i] * scale[i])),
+            unit=output.shown_in,
+        )
+
+    what: Column[_Reading] = Column("σ", lambda row: row.what, kind="text")
+    columns: list[Column[_Reading]] = [
+        Column(readings.label, lambda row: row.time),
+        Column("update", lambda row: row.update, kind="text"),
+        *([what] if several else []),
+        *map(value, range(len(answer.outputs))),
+    ]
+    return Table("", columns, rows, "Linear covariance, 1σ", keys=3 if several else 2)
+
+
+@dataclass(frozen=True)
+class _Cause:
+    """A cause or several together: its sigma with a unit, shares of the variances, and the sigmas that it causes."""
+
+    name: str
+    shares: Array
+    caused: Array | None
+    sigma: float | None = None
+    unit: str = ""
+
+
+def _budget_parts(answer: LinearAnswer, outages: drawn.Outages) -> list[Part]:
+    """Tabulate the contributors, and all causes; draw how their shares develop."""
+    causes = _each_cause(answer)
+    together = _share_table(f"{SHARES}; of several causes together.", answer, _together(answer), full=False)
+    every = _share_table(f"{SHARES}.", answer, causes, full=True)
+    development = drawn.development(answer, outages)
+    over_time: list[Part] = [] if development is None else [Heading("Over time"), development]
+    return [together, Folded(f"All {len(causes)} causes", [every]), *over_time]
+
+
+def _share_table(caption: str, answer: LinearAnswer, rows: Sequence[_Cause], full: bool) -> Table[_Cause]:
+    """Tabulate the share of each variance of causes, and of correlations; if ``full`` with the causes' sigmas."""
+
+    def of_output(i: int) -> Column[_Cause]:
+        output = answer.outputs[i]
+
+        def content(row: _Cause) -> Cell:
+            return Cell(share(row.shares[i]), below="" if row.caused is None else number(row.caused[i]))
+
+        return Column(f"{humanize(output.name)}, %", content, unit=output.shown_in)
+
+    cross_terms = answer.budget.cross_terms
+    correlated = bool(np.nanmax(np.abs(cross_terms), initial=0.0) > 1e-12)
+    correlations = [_Cause("correlations", cross_terms, None)] if correlated else []
+    sigma: Column[_Cause] = Column("σ", lambda row: "" if row.caused is None else number(row.sigma))
+    columns: list[Column[_Cause]] = [
+        Column("Cause", lambda row: Cell(row.name, row.unit), kind="label"),
+        *([sigma] if full else []),
+        *map(of_output, range(len(answer.outputs))),
+    ]
+    return Table(caption, columns, [*rows, *correlations], style="shares")
+
+
+def _together(answer: LinearAnswer) -> list[_Cause]:
     """List the contributors with their share of each variance and the sigma that they cause."""
     budget, scale = answer.budget, scale_of(answer.outputs)
     rows = []
     for each in drawn.contributors(answer):
         members = list(each.members)
         sigma = np.sqrt((budget.contributions[:, members] ** 2).sum(axis=1)) * scale
-        rows.append({
-            "name": each.label,
-            "cells": list(zip(budget.shares[:, members].sum(axis=1), sigma, strict=True)),
-        })  # fmt: skip
+        rows.append(_Cause(each.label, budget.shares[:, members].sum(axis=1), sigma))
     return rows
 
 
-def _causes(answer: LinearAnswer) -> list[dict[str, Any]]:
+def _each_cause(answer: LinearAnswer) -> list[_Cause]:
     """List all causes with the sigma of each source, the largest mean share first."""
     budget, scale, labels = answer.budget, scale_of(answer.outputs), drawn.cause_labels(answer)
     own = np.sqrt(np.diag(answer.model.covariance)) * scale_of(answer.sources)
     count = len(answer.sources)
     order = np.argsort(-np.nan_to_num(budget.shares).mean(axis=0), kind="stable")
     return [
-        {
-            "name": labels[j],
-            "sigma": own[j] if j < count else None,
-            "unit": answer.sources[j].shown_in if j < count else "",
-            "cells": list(zip(budget.shares[:, j], np.abs(budget.contributions[:, j]) * scale, strict=True)),
-        }
+        _Cause(
+            labels[j], budget.shares[:, j], np.abs(budget.contributions[:, j]) * scale, own[j] if j < count else None,
+            answer.sources[j].shown_in if j < count else "",
+        )
         for j in order.tolist()
         if budget.contributions[:, j].any()
-    ]
+    ]  # fmt: skip

@@ -1,42 +1,20 @@
-"""A sweep as a table of pandas, as ``sweep.json``, and as a page."""
+"""A sweep as a table of pandas and as ``sweep.json``."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import product
-from typing import Any, Final
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.analysis.accuracy_measures import DRMS, SIGMA
-from mcnav.analysis.curve_refinement import BEND
-from mcnav.analysis.sweep import Confirmation, Sweep
+from mcnav.analysis.sweep import Sweep
 from mcnav.files import to_json
-from mcnav.report import sentences
 from mcnav.report.figures import sweep as drawn
-from mcnav.report.format import interval, number
-from mcnav.report.html import filled
-from mcnav.report.model import humanize
-from mcnav.report.requirements import TONES
-from mcnav.report.sweep_words import (
-    confirmation_rows,
-    confirmed_words,
-    disagreements,
-    headline,
-    met_words,
-    point_words,
-    remarks,
-    shown,
-    title_of,
-    tone_of,
-    verdict_at,
-)
-
-VERDICTS: Final = ("agrees", "differs", "undecided")
-
-NO_ANSWER: Final = "–"
+from mcnav.report.sweep_words import met_words, verdict_at
 
 
 def frame(sweep: Sweep) -> pd.DataFrame:
@@ -44,7 +22,7 @@ def frame(sweep: Sweep) -> pd.DataFrame:
 
     ``attrs`` has ``units`` by column, and ``just_met``: the values at which each limit is just met.
     """
-    shape, columns, units = sweep.shape, dict[str, Any](), dict[str, str]()
+    shape, columns, units = sweep.shape, dict[str, Array | NDArray[np.bool_]](), dict[str, str]()
     points = np.array(list(product(*(variable.values for variable in sweep.variables))))
     for number_of, variable in enumerate(sweep.variables):
         columns[variable.label], units[variable.label] = points[:, number_of], variable.unit
@@ -70,7 +48,7 @@ def _checked(sweep: Sweep) -> Array:
     return checked
 
 
-def just_met_rows(sweep: Sweep) -> list[dict[str, Any]]:
+def just_met_rows(sweep: Sweep) -> list[Mapping[str, object]]:
     """List the values at which limits are just met, in the units of the variables."""
     *first, last = sweep.variables
     return [
@@ -89,7 +67,7 @@ def just_met_rows(sweep: Sweep) -> list[dict[str, Any]]:
     ]
 
 
-def table(sweep: Sweep) -> Mapping[str, Any]:
+def table(sweep: Sweep) -> Mapping[str, object]:
     """Arrange a sweep as ``sweep.json`` has it: values of measures in SI."""
     result = {
         "campaign": sweep.campaign,
@@ -126,101 +104,5 @@ def table(sweep: Sweep) -> Mapping[str, Any]:
             for each in sweep.confirmations
         ],
     }
-    plain: Mapping[str, Any] = to_json(result)
+    plain: Mapping[str, object] = to_json(result)
     return plain
-
-
-def requirement_rows(sweep: Sweep, confirmation: Confirmation) -> list[dict[str, Any]]:
-    """List the requirements by linear analysis and by Monte Carlo."""
-    rows = []
-    for index, measure in enumerate(sweep.measures):
-        if measure.requirement is None:
-            continue
-        entry = confirmation.summary["requirements"][measure.requirement]
-        (scale,) = drawn.scales_of([measure])
-        linear = sweep.values[(*confirmation.place, index)] * scale
-        met = "met" if sweep.margins[(*confirmation.place, index)] <= 0.0 else "not met"
-        estimate = None if entry["estimate"] is None else entry["estimate"] * scale
-        rows.append({
-            "requirement": title_of(measure, sweep, True),
-            "linear": f"{number(linear)} {measure.shown_in}", "linear_finding": met, "linear_tone": TONES[met],
-            "estimate": f"{number(estimate)} {measure.shown_in}", "finding": entry["finding"],
-            "tone": TONES[entry["finding"]],
-        })  # fmt: skip
-    return rows
-
-
-def render(sweep: Sweep) -> str:
-    """Render the HTML page."""
-    words, tone = headline(sweep)
-    *first, last = sweep.variables
-    data = frame(sweep)
-    scale = drawn.scales(sweep)
-    return filled(
-        "sweep.html",
-        campaign=sweep.campaign,
-        headline=words,
-        tone=tone,
-        remarks=remarks(sweep),
-        variables=[
-            (each.path, f"{shown(each, each.values[0])} to {shown(each, each.values[-1])}", len(each.values))
-            for each in sweep.variables
-        ],
-        figure=drawn.figure(
-            sweep, [title_of(each, sweep) for each in sweep.measures], {name: data[name].to_numpy() for name in data}
-        ),
-        contours=bool(first),
-        filtered=bool(np.isfinite(sweep.own).any()),
-        fixed=first[0].path if first else "",
-        varied=last.path,
-        added=len(sweep.added),
-        bend=f"{100.0 * BEND:g} %",
-        limits=_limits(sweep),
-        present=[
-            (title_of(measure, sweep), f"{number(value * factor)} {measure.shown_in}")
-            for measure, value, factor in zip(sweep.measures, sweep.present, scale, strict=True)
-        ],
-        confirmed=confirmed_words(sweep) if sweep.confirmations else None,
-        checks=[
-            {
-                "point": point_words(sweep, each, True),
-                "folder": each.folder.relative_to(each.folder.parent.parent).as_posix(),
-                "headline": sentences.headline(each.summary),
-                "tone": verdict_at(sweep, each),
-                "samples": each.summary["samples"],
-                "outputs": [
-                    {
-                        "name": humanize(row["output"]), "unit": row["unit"], "linear": row["sigma_linear"],
-                        "paired": row["sigma_paired"], "ratio": row["ratio_paired"],
-                        "interval": interval(row["ratio_paired_from"], row["ratio_paired_to"]),
-                        "verdict": row["verdict"] or NO_ANSWER,
-                        "tone": row["verdict"] if row["verdict"] in VERDICTS else "",
-                    }
-                    for row in confirmation_rows(sweep, each)
-                ],
-                "requirements": requirement_rows(sweep, each),
-                "disagreements": disagreements(sweep, each),
-            }
-            for each in sweep.confirmations
-        ],
-        confidence=_criterion(sweep.confirmations),
-    )  # fmt: skip
-
-
-def _criterion(confirmations: Sequence[Confirmation]) -> str:
-    """State tolerance and confidence of the runs."""
-    if not confirmations:
-        return ""
-    summary = confirmations[0].summary
-    return f"{100.0 * summary['tolerance']:g} % at {100.0 * summary['confidence']:g} % confidence"
-
-
-def _limits(sweep: Sweep) -> list[dict[str, Any]]:
-    """List the limits with the tone and words on each, one for each value at which the first variable is fixed."""
-    *first, last = sweep.variables
-    rows: dict[int, dict[str, Any]] = {}
-    for each in sweep.just_met:
-        row = rows.setdefault(each.measure, {"limit": title_of(sweep.measures[each.measure], sweep, True), "cells": []})
-        fixed = "" if each.fixed is None else shown(first[0], each.fixed)
-        row["cells"].append((fixed, met_words(each, last), tone_of(each)))
-    return list(rows.values())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from mcnav.analysis.sweep import Confirmation, JustMet, Span, Sweep, Variable
 from mcnav.report.export import output_rows
 from mcnav.report.figures import sweep as drawn
 from mcnav.report.model import humanize
+from mcnav.report.result_table import Row
 
 OPTIMISTIC: Final = 1.05
 """Ratio of a true value to that of the filter from which it is stated."""
@@ -188,7 +189,7 @@ def disagreements(sweep: Sweep, confirmation: Confirmation) -> list[str]:
     return names
 
 
-def confirmation_rows(sweep: Sweep, confirmation: Confirmation) -> list[dict[str, Any]]:
+def confirmation_rows(sweep: Sweep, confirmation: Confirmation) -> list[Row]:
     """List the paired estimates of the outputs that the measures are of."""
     concerned = {sweep.outputs[place].name for measure in sweep.measures for place in measure.outputs}
     rows = output_rows({"": dict(confirmation.summary)})

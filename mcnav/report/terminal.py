@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from rich.console import Group, RenderableType
@@ -12,21 +12,15 @@ from rich.text import Text
 
 from mcnav._types import Array
 from mcnav.analysis.comparison import Comparison
-from mcnav.analysis.linearity import DispersionRange
 from mcnav.analysis.verdict import combine_verdicts
 from mcnav.contract.quantities import Output, Source
-from mcnav.errors import shortened
 from mcnav.lincov.start_times import StartTimeStudy
-from mcnav.report import filter_verdict, linearity_words, sentences, start_time_words
+from mcnav.report import filter_verdict, sentences, start_time_words
 from mcnav.report.export import output_rows, partial_rows
 from mcnav.report.fitted_table import FittedTable, numbers, texts
 from mcnav.report.format import interval
 from mcnav.report.model import humanize, labels_of, scale_of
 from mcnav.report.requirements import TONES, listed, requirement_rows
-
-if TYPE_CHECKING:
-    import pandas as pd
-
 
 COLOURS = {"agrees": "green", "partly": "yellow", "undecided": "yellow", "differs": "red"}
 """By verdict (`mcnav.report.sentences.tone`)."""
@@ -88,30 +82,6 @@ def warnings(runs: Mapping[str, Mapping[str, Any]]) -> RenderableType | None:
     return Group(*lines) if lines else None
 
 
-def inputs(result: pd.DataFrame) -> RenderableType:
-    """Tabulate the inputs that differ between runs, one line per key."""
-    table = FittedTable("Changed inputs", texts("key", *result.columns))
-    for key, values in result.iterrows():
-        table.add(str(key), *(shortened(value) for value in values))
-    return table if table.rows else Text("The runs have the same campaign, engine and versions.")
-
-
-def changes(first: str, result: pd.DataFrame) -> RenderableType:
-    """Tabulate the change of each output from the first run; see `mcnav.report.comparison.outputs`."""
-    columns = [
-        *texts("final error, 1σ", "run"), *numbers("paired σ before", "after", "ratio", "interval"),
-        *texts("random numbers", "change"),
-    ]  # fmt: skip
-    table = FittedTable(f"Change from {first}", columns, keys=2)
-    for row in result.to_dict("records"):
-        table.add(
-            f"{humanize(row['output'])} [{row['unit']}]", row["run"], _shown(row["sigma before"], ".5g"),
-            _shown(row["sigma after"], ".5g"), _shown(row["ratio"], ".4f"), interval(row["from"], row["to"]),
-            "common" if row["common draws"] else "separate", row["change"],
-        )  # fmt: skip
-    return table
-
-
 def requirements(summary: Mapping[str, Any]) -> RenderableType:
     """Tabulate the requirements and their findings."""
     rows = requirement_rows(summary)
@@ -151,17 +121,6 @@ def agreement(outputs: Sequence[Output], differences: Mapping[str, Array]) -> Re
     for method, shares in differences.items():
         table.add(method, *(_shown(float(share), ".1e") for share in shares))
     return table
-
-
-def linearity(outputs: Sequence[Output], dispersion_range: DispersionRange, tolerance: float) -> RenderableType:
-    """State by what factor errors may grow, and tabulate the multiples at which sigmas leave the tolerance."""
-    title = f"Multiple of the stated errors at which a sigma differs from the linear one by {100 * tolerance:g} %"
-    headings = ("agrees up to", "exceeds tolerance at", "differs from")
-    table = FittedTable(title, [*texts("1σ of"), *numbers(*headings)])
-    names = [humanize(output.name) for output in outputs]
-    for name, words in linearity_words.linearity_rows(names, dispersion_range):
-        table.add(name, *words)
-    return Group(Text(linearity_words.answer(names, dispersion_range, tolerance), style="bold"), "", table)
 
 
 def best_starts(

@@ -53,6 +53,7 @@ from mcnav.errors import CampaignError, Problem
 from mcnav.files import indented_json, to_json, write_texts
 from mcnav.progress import SILENT, Phase, Progress
 from mcnav.report import allocate as tables
+from mcnav.report.html import page_html
 from mcnav.studies.lincov import linear_covariance
 from mcnav.systems.ins.tables.imu_catalogue import INSTABILITY, KINDS
 
@@ -353,5 +354,5 @@ def write_allocation(
     """Write the allocation of a campaign as ``allocate.json`` and a page; see `allocate`."""
     allocations = allocate(campaign, progress)
     progress.phase(Phase.REPORTING)
-    files = {FILE: indented_json(to_json(tables.table(allocations))) + "\n", PAGE: tables.render(allocations)}
+    files = {FILE: indented_json(to_json(tables.table(allocations))) + "\n", PAGE: page_html(tables.page(allocations))}
     return allocations, write_texts(path, files)

@@ -34,7 +34,8 @@ from mcnav.execution.chunks import DrawPlan
 from mcnav.execution.soundness import find_doubt
 from mcnav.files import indented_json, to_json, write_texts
 from mcnav.lincov.partials import SimulationFailed
-from mcnav.report.lincov_page import render
+from mcnav.report.html import page_html
+from mcnav.report.lincov_page import page
 from mcnav.systems.ins.scenario import is_ins
 from mcnav.units import UnitError, quantity
 
@@ -174,11 +175,11 @@ def write_lincov(campaign: Campaign, path: Path, times: Array | None = None) -> 
     covariance, outages = linear_covariance(campaign, times), {}
     if is_ins(campaign.scenario):
         outages = {sensor.name: sensor.outages for sensor in campaign.scenario.navigation.sensors}
-    files = {FILE: indented_json(to_json(lincov_table(covariance))) + "\n", PAGE: render(covariance, outages)}
+    files = {FILE: indented_json(to_json(lincov_table(covariance))) + "\n", PAGE: page_html(page(covariance, outages))}
     return covariance, write_texts(path, files)
 
 
-def lincov_table(answer: LinearAnswer) -> Mapping[str, Any]:
+def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:
     """Arrange a linear covariance as ``lincov.json`` has it: SI units, and two rows where an update falls on a time."""
     names = [output.name for output in answer.outputs]
     history = answer.asked or answer.history
@@ -217,7 +218,7 @@ def lincov_table(answer: LinearAnswer) -> Mapping[str, Any]:
     }  # fmt: skip
 
 
-def _filter_entry(verdict: LinearVerdict) -> dict[str, Any]:
+def _filter_entry(verdict: LinearVerdict) -> Mapping[str, object]:
     """Return the verdict on the filter; times are those of the readings, and an infinite factor is null."""
     return {
         "verdict": verdict.verdict.value,
@@ -233,10 +234,10 @@ def _filter_entry(verdict: LinearVerdict) -> dict[str, Any]:
     }
 
 
-def _budget_rows(answer: LinearAnswer) -> list[dict[str, Any]]:
+def _budget_rows(answer: LinearAnswer) -> list[Mapping[str, object]]:
     """List the causes with the sigma that each contributes to every output and its share of the variance."""
     budget = answer.budget
-    rows = [
+    rows: list[Mapping[str, object]] = [
         {"cause": name, "sigma": np.abs(budget.contributions[:, number]), "share": budget.shares[:, number]}
         for number, name in enumerate(answer.causes)
         if budget.contributions[:, number].any()
@@ -244,8 +245,8 @@ def _budget_rows(answer: LinearAnswer) -> list[dict[str, Any]]:
     return [*rows, {"cause": "correlations", "sigma": None, "share": budget.cross_terms}]
 
 
-def _rows(covariance: LinearCovariance, beyond: NDArray[np.bool_]) -> list[dict[str, Any]]:
-    rows = []
+def _rows(covariance: LinearCovariance, beyond: NDArray[np.bool_]) -> list[Mapping[str, object]]:
+    rows = list[Mapping[str, object]]()
     for number, time in enumerate(covariance.readings.times):
         own = None if covariance.sigma_filter is None else covariance.sigma_filter[number]
         rows.append({

@@ -33,6 +33,8 @@ from mcnav.errors import CampaignError, Problem
 from mcnav.files import indented_json, write_texts
 from mcnav.progress import SILENT, Phase, Progress
 from mcnav.report import sweep as report
+from mcnav.report.html import page_html
+from mcnav.report.sweep_page import page
 from mcnav.studies.confirmation import check_count, choose_points, confirm
 from mcnav.studies.lincov import linear_covariance
 from mcnav.studies.sweep_points import LinearPoints, campaign_requirements, in_threads
@@ -106,7 +108,7 @@ def write_sweep(
     texts = {
         CSV: report.frame(sweep).to_csv(index=False, float_format="%.10g"),
         JSON: indented_json(report.table(sweep)) + "\n",
-        PAGE: report.render(sweep),
+        PAGE: page_html(page(sweep)),
     }
     return sweep, write_texts(path, texts)
 

@@ -12,7 +12,9 @@ import numpy as np
 from mcnav._threads import one_thread
 from mcnav.analysis.run_comparison import SampleSet, change
 from mcnav.errors import reading_file
-from mcnav.report.comparison import Row, inputs, outputs, render
+from mcnav.report.comparison import Row, change_table, input_table, inputs, outputs
+from mcnav.report.comparison import page as comparison_page
+from mcnav.report.html import page_html, parts_html
 from mcnav.report.model import RunAnalysis
 from mcnav.store.manifest import Manifest
 from mcnav.store.run_folder import RunFolder
@@ -53,14 +55,14 @@ class RunComparison:
         return outputs(self.rows, self.titles)
 
     def _repr_html_(self) -> str:
-        """Both tables."""
-        tables = (self.inputs, self.outputs)
-        return "".join(table.to_html(escape=True, float_format="{:.5g}".format) for table in tables)
+        """Show the tables of the page on inputs and outputs."""
+        tables = (input_table(self.titles, self.manifests), change_table(self.titles, self.rows, self.confidence))
+        return parts_html(tables)
 
     @property
     def page(self) -> str:
         """The comparison as one HTML page."""
-        return render(self.titles, self.summaries, self.manifests, self.rows, self.confidence)
+        return page_html(comparison_page(self.titles, self.summaries, self.manifests, self.rows, self.confidence))
 
 
 def compare_runs(paths: Sequence[str | Path]) -> RunComparison:

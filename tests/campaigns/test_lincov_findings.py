@@ -16,8 +16,10 @@ from mcnav import linear_covariance
 from mcnav.config.read import Campaign, parse_campaign, read_campaign
 from mcnav.report import sentences
 from mcnav.report.format import number
-from mcnav.report.lincov import printed, statements
+from mcnav.report.lincov import statements
+from mcnav.report.lincov_page import terminal
 from mcnav.report.terminal import comparison
+from mcnav.report.terminal_parts import printed
 from mcnav.studies.lincov import write_lincov
 from mcnav.workflow.run import run_campaign
 
@@ -66,7 +68,7 @@ def adrift(hours: float, **changes: Any) -> Campaign:
 def shown(found: Any) -> str:
     console = Console(width=400)
     with console.capture() as captured:
-        console.print(printed(found))
+        console.print(printed(terminal(found)))
     return captured.get()
 
 
@@ -131,7 +133,7 @@ def test_causes_are_those_of_the_number_beside_them(tmp_path: Path) -> None:
     assert "initial position north 100 %" in line
     (line,) = (line for line in end.splitlines() if line.startswith("position north"))
     assert "gnss position noise north" in line
-    assert "initial position north&nbsp;100.00" in text
+    assert "initial position north 100\N{NO-BREAK SPACE}%" in text
     stored = json.loads(table.read_text())
     row, north = stored["rows"][0], stored["outputs"].index("position_north")
     assert row["sigma"][north] == max(each["sigma"][north] for each in stored["rows"])

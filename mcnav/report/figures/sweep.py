@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
 from contourpy import contour_generator
+from numpy.typing import NDArray
 
 from mcnav._types import Array
 from mcnav.analysis.accuracy_measures import Measure
@@ -62,14 +63,14 @@ def scales_of(measures: Sequence[Measure]) -> Array:
     return np.array([conversion(each.unit, each.shown_in) for each in measures])
 
 
-def figure(sweep: Sweep, titles: Sequence[str], columns: dict[str, Any]) -> Figure:
+def figure(sweep: Sweep, titles: Sequence[str], columns: Mapping[str, NDArray[Any]]) -> Figure:
     """Draw all measures of a sweep, a panel each.
 
     Parameters
     ----------
     titles : sequence of str
         Of the measures.
-    columns : dict
+    columns : mapping of str to ndarray
         The numbers behind it.
     """
     draw = _curve if len(sweep.variables) == 1 else _contours

@@ -1,0 +1,342 @@
+"""A page of results as data: sections of sentences, tables and figures.
+
+`mcnav.report.html` writes a page as HTML, `mcnav.report.terminal_parts` prints its parts. A column is defined once:
+heading, content and form in both. Texts are escaped where they are shown; only `markupsafe.Markup` is markup, which a
+terminal shows without its tags.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, Generic, Literal, TypeAlias, TypeVar
+
+from markupsafe import Markup
+
+from mcnav.report.figures.figure import Figure
+from mcnav.report.format import number
+
+Place = Literal["page", "terminal"]
+"""Where a part is shown."""
+
+Row = TypeVar("Row")
+
+EMPHASIS: Final = Markup("<em>{}</em>").format
+STRONG: Final = Markup("<strong>{}</strong>").format
+CODE: Final = Markup("<code>{}</code>").format
+UNIT: Final = Markup('<span class="unit">{}</span>').format
+WRAPPED: Final = Markup('<span class="words">{}</span>').format
+"""Inline markup; what it encloses is escaped."""
+
+
+def five_digits(value: float | None) -> str:
+    """Format a number with five significant digits."""
+    return number(value, 5)
+
+
+def counted(value: float | None) -> str:
+    """Format a whole number; a missing one is a dash.
+
+    >>> counted(12345), counted(None)
+    ('12,345', '–')
+    """
+    return "–" if value is None else f"{value:,.0f}"
+
+
+def label(words: str, tone: str = "") -> Markup:
+    """Mark words as a coloured label, within a text or a cell."""
+    return Markup('<span class="tag {}">{}</span>').format(tone, words)
+
+
+def counts_in_words(counts: Sequence[tuple[str, int]]) -> Markup:
+    """Say how many there are of each kind.
+
+    >>> counts_in_words([("agree", 3), ("differ", 1)])
+    Markup('<strong>3</strong> agree, <strong>1</strong> differ.')
+    """
+    return Markup("{}.").format(
+        Markup(", ").join(Markup("{} {}").format(STRONG(f"{n:,}"), words) for words, n in counts)
+    )
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One cell of a table.
+
+    Attributes
+    ----------
+    text : str
+        Its content.
+    unit : str
+        Unit of the content, behind it.
+    tone : str, optional
+        Tone of a coloured label: ``agrees``, ``partly``, ``undecided``, ``differs`` or nothing; none: no label.
+    below : str
+        Second line, on a page alone.
+    behind : str
+        Words behind a label.
+    mark : str
+        How a computed number compares with a printed one, on a page: ``digits``, ``tolerance``, ``inconsistent``,
+        ``differs``.
+    hint : str
+        Words that a pointer shows.
+    minor : bool
+        Whether it is shown in grey.
+    rows, columns : int
+        Cells of a page that it covers; zero rows: one above covers it.
+    """
+
+    text: str = ""
+    unit: str = ""
+    tone: str | None = None
+    below: str = ""
+    behind: str = ""
+    mark: str = ""
+    hint: str = ""
+    minor: bool = False
+    rows: int = 1
+    columns: int = 1
+
+
+@dataclass(frozen=True)
+class Column(Generic[Row]):
+    """One column of a table.
+
+    Attributes
+    ----------
+    heading : str
+        Heading on a page.
+    content : callable
+        Returns the content of a row: a cell, a text, or a number.
+    brief : str, optional
+        Heading in the terminal, by default that of the page.
+    kind : str
+        ``number``, which stays on one line; ``label``, a short text that stands like a number on a page; ``text``;
+        ``words``, which are wrapped.
+    form : callable
+        Formats a number.
+    unit : str
+        Unit of all rows, in the heading.
+    place : str, optional
+        The only place where it is shown.
+    of_user : bool
+        Whether it has names that are the user's, which may be written from right to left.
+    """
+
+    heading: str
+    content: Callable[[Row], Cell | str | float | None]
+    brief: str | None = None
+    kind: Literal["number", "label", "text", "words"] = "number"
+    form: Callable[[float | None], str] = number
+    unit: str = ""
+    place: Place | None = None
+    of_user: bool = False
+
+    def cell(self, row: Row) -> Cell:
+        """Return the cell of a row."""
+        content = self.content(row)
+        if isinstance(content, Cell):
+            return content
+        return Cell(content if isinstance(content, str) else self.form(content))
+
+    def heading_in(self, place: Place) -> str:
+        """Return the heading, with the unit in brackets in the terminal."""
+        if place == "page":
+            return self.heading
+        heading = self.heading if self.brief is None else self.brief
+        return f"{heading} [{self.unit}]" if self.unit else heading
+
+
+@dataclass(frozen=True)
+class Table(Generic[Row]):
+    """A table: columns, and the rows of which they show something.
+
+    Attributes
+    ----------
+    caption : str
+        Caption on a page.
+    title : str
+        Heading in the terminal.
+    keys : int
+        First columns in the terminal, which identify a row; on a page the first one does.
+    style : str
+        Class of the style sheet.
+    name : str
+        Identifier on its page.
+    verdict : callable, optional
+        Returns the verdict of a row, by which readers can choose rows.
+    faint : callable, optional
+        Returns whether the terminal shows a row faintly.
+    """
+
+    caption: str
+    columns: Sequence[Column[Row]]
+    rows: Sequence[Row]
+    title: str = ""
+    keys: int = 1
+    style: str = ""
+    name: str = ""
+    verdict: Callable[[Row], str] | None = None
+    faint: Callable[[Row], bool] | None = None
+
+    def columns_in(self, place: Place) -> list[Column[Row]]:
+        """Return the columns that are shown in a place."""
+        return [column for column in self.columns if column.place in (None, place)]
+
+    def cells_in(self, place: Place) -> list[list[Cell]]:
+        """Return the cells that are shown in a place, row by row."""
+        columns = self.columns_in(place)
+        return [[column.cell(row) for column in columns] for row in self.rows]
+
+    def placed(self) -> Iterator[tuple[str, list[tuple[Column[Row], Cell]]]]:
+        """Yield for each row of a page its verdict and its cells, without those that others cover."""
+        columns = self.columns_in("page")
+        for row, cells in zip(self.rows, self.cells_in("page"), strict=True):
+            covered, placed = 0, list[tuple[Column[Row], Cell]]()
+            for column, cell in zip(columns, cells, strict=True):
+                if covered == 0 and cell.rows:
+                    placed.append((column, cell))
+                    covered = cell.columns
+                covered = max(covered - 1, 0)
+            yield "" if self.verdict is None else self.verdict(row), placed
+
+
+@dataclass(frozen=True)
+class Sentence:
+    """A paragraph."""
+
+    text: str
+    tone: str = ""
+
+
+@dataclass(frozen=True)
+class Note:
+    """A paragraph in small type: how numbers were computed, and what they are not."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """An answer in large type with its tone, and sentences below it."""
+
+    headline: str
+    tone: str = ""
+    sentences: Sequence[str] = ()
+
+
+@dataclass(frozen=True)
+class Verdicts:
+    """Several answers beside each other."""
+
+    verdicts: Sequence[Verdict]
+
+
+@dataclass(frozen=True)
+class Facts:
+    """Names with a few words on each."""
+
+    entries: Sequence[tuple[str, str]]
+
+
+@dataclass(frozen=True)
+class Findings:
+    """Requirements in one line each: finding, its tone, and words."""
+
+    entries: Sequence[tuple[str, str, str]]
+
+
+@dataclass(frozen=True)
+class Answers:
+    """The foremost tables of a page, which have a form of their own on small screens."""
+
+    tables: Sequence[Table[Any]]
+
+
+@dataclass(frozen=True)
+class Heading:
+    """Heading of a part of a section."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Folded:
+    """Parts that are shown when the reader unfolds them."""
+
+    summary: str
+    parts: Sequence[Part]
+
+
+@dataclass(frozen=True)
+class Beside:
+    """Figures beside each other."""
+
+    figures: Sequence[Figure]
+
+
+@dataclass(frozen=True)
+class Listing:
+    """A list of texts, numbered or not."""
+
+    entries: Sequence[str]
+    numbered: bool = False
+
+
+@dataclass(frozen=True)
+class Lines:
+    """Text in lines of its own, such as a traceback."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class MarkKey:
+    """Key to the marks of a table: their kinds, and what they mean."""
+
+    entries: Sequence[tuple[str, str]]
+
+
+Part: TypeAlias = (
+    "Sentence | Note | Verdict | Verdicts | Facts | Findings | Answers | Heading | Folded | Beside | Listing | Lines"
+    " | MarkKey | Table[Any] | Figure"
+)
+"""What a page is made of."""
+
+
+@dataclass(frozen=True)
+class Section:
+    """A section of a page; ``name`` is that of its link."""
+
+    name: str
+    title: str
+    parts: Sequence[Part]
+
+
+@dataclass(frozen=True)
+class Page:
+    """A page.
+
+    Attributes
+    ----------
+    title : str
+        Title of the window.
+    kind : str
+        What the page is, above its heading.
+    heading : str
+        Heading, which may have names that are the user's.
+    head, foot : sequence of Part
+        Parts above and below the sections.
+    """
+
+    title: str
+    kind: str
+    heading: str
+    head: Sequence[Part] = ()
+    sections: Sequence[Section] = ()
+    foot: Sequence[Part] = ()
+
+
+def joined(*parts: Part | None) -> tuple[Part, ...]:
+    """Return the parts that there are."""
+    return tuple(part for part in parts if part is not None)

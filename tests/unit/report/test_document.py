@@ -1,0 +1,111 @@
+"""A page as data: one definition of a column for HTML and the terminal, and texts that are escaped in both."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from markupsafe import Markup
+from rich.console import Console
+
+from mcnav.report.document import (
+    CODE,
+    Cell,
+    Column,
+    Folded,
+    Heading,
+    Lines,
+    Note,
+    Page,
+    Part,
+    Section,
+    Sentence,
+    Table,
+    Verdict,
+    five_digits,
+    joined,
+)
+from mcnav.report.html import page_html, parts_html
+from mcnav.report.terminal_parts import printed
+
+
+@dataclass(frozen=True)
+class Row:
+    name: str
+    size: float | None
+    finding: str = "met"
+
+
+COLUMNS: list[Column[Row]] = [
+    Column("Output", lambda row: Cell(row.name, "km"), "output", "label"),
+    Column("Size", lambda row: row.size, "size", form=five_digits),
+    Column("Finding", lambda row: Cell(row.finding, tone="agrees", below="at the end"), "finding", "label"),
+    Column("path", lambda row: CODE(row.name), kind="text", place="terminal"),
+    Column("Remark", lambda row: "long", kind="words", place="page"),
+]
+ROWS = [Row("range", 1234.56), Row("<b>", None)]
+
+
+def table(columns: list[Column[Row]] = COLUMNS, rows: list[Row] = ROWS) -> Table[Row]:
+    return Table("Sizes.", columns, rows, "Sizes, 1σ")
+
+
+def text(*parts: Part) -> str:
+    console = Console(width=120)
+    with console.capture() as captured:
+        console.print(printed(parts))
+    return captured.get()
+
+
+def test_a_column_is_shown_on_the_page_and_in_the_terminal() -> None:
+    shown, lines = parts_html([table()]), text(table()).splitlines()
+    assert re.findall('<th scope="col"[^>]*>(.*?)</th>', shown) == ["Output", "Size", "Finding", "Remark"]
+    assert lines[0] == "Sizes, 1σ"
+    assert lines[1].split() == ["output", "size", "finding", "path"]
+    assert '<th scope="row">range <span class="unit">km</span></th><td>1,234.6</td>' in shown
+    assert '<td><span class="tag agrees">met</span><br><small>at the end</small></td><td class="words">' in shown
+    assert lines[2].split() == ["range", "[km]", "1,234.6", "met", "range"]
+
+
+def test_only_markup_is_markup() -> None:
+    assert "&lt;b&gt;" in parts_html([table()])
+    assert parts_html([Sentence("<b>"), Note(CODE("<b>"))]).split() == [
+        "<p>&lt;b&gt;</p>", "<p", 'class="note"><code>&lt;b&gt;</code></p>',
+    ]  # fmt: skip
+    assert text(Sentence("<b>"), Note(Markup("{} &amp; c").format(CODE("<i>")))).splitlines() == ["<b>", "<i> & c"]
+
+
+def test_cells_that_cover_others() -> None:
+    """One above covers the second row's first cell; one covers the rest of its row. The terminal shows all."""
+    first: Column[int] = Column("First", lambda k: Cell("one", rows=2 - 2 * k))
+    second: Column[int] = Column("Second", lambda k: Cell("wide", columns=2) if k else Cell("two"))
+    covering = Table("", [first, second, Column("Third", lambda k: "three")], [0, 1])
+    shown = [[cell.text for _, cell in cells] for _, cells in covering.placed()]
+    assert shown == [["one", "two", "three"], ["wide"]]
+    assert 'rowspan="2"' in parts_html([covering])
+    assert 'colspan="2"' in parts_html([covering])
+    assert text(covering).split()[3:] == ["one", "two", "three", "one", "wide", "three"]
+
+
+def test_rows_have_the_verdict_by_which_they_are_chosen() -> None:
+    chosen = Table("", COLUMNS, ROWS, name="all", verdict=lambda row: "agrees" if row.size else "differs")
+    shown = parts_html([chosen])
+    assert re.findall('data-verdict="(.*?)"', shown) == ["agrees", "differs"]
+    assert 'data-filters="all"' in shown
+    assert '<table id="all">' in shown
+
+
+def test_sections_are_listed_and_tables_can_be_reached_by_keyboard() -> None:
+    sections = [Section("a", "First", [table(), Folded("More", [table()])]), Section("b", "Second", [Heading("Third")])]
+    page = page_html(Page("title <", "kind", "heading", [Verdict("Yes.", "agrees", ["Because."])], sections))
+    assert '<li><a href="#a">First</a></li>' in page
+    assert '<a href="#b">Second</a>' in page
+    assert page.count('tabindex="0" role="group" aria-label="Table ') == 2
+    assert "<title>title &lt; – mcnav</title>" in page
+    assert '<div class="verdict agrees"><p class="headline">Yes.</p><p>Because.</p></div>' in page
+    assert re.search(r"<details>\s*<summary>More</summary>", page)
+
+
+def test_the_terminal_leaves_out_what_it_cannot_show() -> None:
+    parts = joined(Verdict("No", "differs"), None, Heading("not shown"), Lines("a\n b\n"))
+    assert text(*parts).splitlines() == ["No", "", "a", " b"]
