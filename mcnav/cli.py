@@ -252,7 +252,7 @@ def run(
     """
     from mcnav.config.read import read_campaign
     from mcnav.execution.dask_cluster import open_executor
-    from mcnav.report import export, progress, requirements, terminal
+    from mcnav.report import export, output_columns, progress, requirements, terminal
     from mcnav.workflow.run import engine_of, run_campaign
 
     options = {"samples": samples, "seed": seed, "sample_timeout": timeout, "store": store}
@@ -266,28 +266,28 @@ def run(
             content, target, chosen, workers, fresh, shown, max_failures, executor, force, not no_report
         )
     _print_notes((*notes, *done.notices))
-    summary, runs = done.summary, {content.name: done.summary}
+    summary, runs = done.results, {content.name: done.results}
     console = out if form == "table" else err
     if form != "table":
-        rows, asked = export.output_rows(runs), requirements.requirement_rows(summary)
-        _export(form, rows, {"runs": export.run_rows(runs), "outputs": rows, "requirements": asked})
+        rows, asked = output_columns.output_rows(runs), requirements.requirements_table(summary)
+        _export(form, rows, {"runs": export.run_rows(runs), "outputs": rows, "requirements": asked.rows})
     if (warning := terminal.warnings(runs)) is not None:
         console.print(warning)
     if form == "table":
         console.print(terminal.comparison(runs))
         console.print()
     console.print(terminal.verdict(summary), soft_wrap=False)
-    if summary["requirements"]:
+    if summary.requirements:
         console.print()
         console.print(terminal.requirements(summary))
-    stored = summary["samples"] - done.simulated
+    stored = summary.samples - done.simulated
     if stored > 0:
         console.print(f"\n{stored:,} samples were stored, {done.simulated:,} simulated now")
     result = ("summary", "summary.json") if no_report else ("report", "report.html")
     console.print(f"\n{result[0]}: {target / result[1]}", markup=False)
-    if check and any(entry["finding"] != "met" for entry in summary["requirements"]):
+    if check and any(entry.finding != "met" for entry in summary.requirements):
         raise typer.Exit(CHECK_FAILED)
-    if summary["failed"]:
+    if summary.failed:
         raise typer.Exit(SOME_FAILED)
 
 
@@ -427,27 +427,28 @@ def compare(
 
     Example: mcnav compare reports/11_cruise reports/other --html both.html
     """
+    from mcnav.analysis.summary import Summary
     from mcnav.errors import reading_file
     from mcnav.files import write_whole
     from mcnav.report import export, terminal
+    from mcnav.report.output_columns import output_rows
     from mcnav.report.show import escaped
     from mcnav.workflow.analyse import summary_of
     from mcnav.workflow.compare import compare_runs
 
-    runs: dict[str, dict[str, Any]] = {str(folder): summary_of(folder) for folder in folders}
-    verdicts = []
-    for name, summary in runs.items():
+    runs, verdicts = dict[str, Summary](), []
+    for name, summary in {str(folder): summary_of(folder) for folder in folders}.items():
         with reading_file(Path(name) / "summary.json"):
-            runs[name] = shown = escaped(summary)
+            runs[name] = shown = Summary.of(escaped(summary))
             terminal.comparison({name: shown})
-            verdicts.append((f"\n{name}: {shown['campaign']}", terminal.verdict(shown)))
+            verdicts.append((f"\n{name}: {shown.campaign}", terminal.verdict(shown)))
     several = len(folders) > 1
     result = compare_runs(folders) if several or html is not None else None
     console = out if form == "table" else err
     if (warning := terminal.warnings(runs)) is not None:
         console.print(warning)
     if form != "table":
-        rows = export.output_rows(runs)
+        rows = output_rows(runs)
         tables: dict[str, Any] = {"runs": export.run_rows(runs), "outputs": rows}
         if result is not None and several:
             tables["outputs"] = rows = export.with_changes(rows, list(runs), result.rows)

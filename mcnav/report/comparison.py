@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from mcnav.analysis.run_comparison import Change
+from mcnav.analysis.summary import Summary
 from mcnav.errors import shortened
 from mcnav.report import filter_verdict, sentences
 from mcnav.report.figures.agreement import forest
@@ -151,14 +152,15 @@ def ratios(rows: Sequence[Row], titles: Sequence[str]) -> Figure | None:
 
 def render(
     titles: Sequence[str],
-    summaries: Sequence[Mapping[str, Any]],
+    summaries: Sequence[Summary],
     manifests: Sequence[Manifest],
     rows: Sequence[Row],
     confidence: float,
 ) -> str:
     """Render the comparison as an HTML page."""
     runs = [
-        {"headline": sentences.headline(each), "tone": sentences.tone(each), "standing": sentences.standing(each),
+        {"headline": sentences.headline(each, ("linear", "requirements")), "tone": sentences.tone(each),
+         "standing": sentences.standing(each),
          "filter": filter_verdict.verdict(each), "filter_headline": filter_verdict.headline(each),
          "filter_tone": filter_verdict.TONES.get(filter_verdict.verdict(each), "")}
         for each in summaries
@@ -177,7 +179,7 @@ def render(
     )
 
 
-def _budgets(manifests: Sequence[Manifest], summaries: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+def _budgets(manifests: Sequence[Manifest], summaries: Sequence[Summary]) -> list[dict[str, Any]]:
     """List for each output of the first run the linear effect of one sigma of each source and process, run by run."""
     tables = []
     for output in manifests[0].model.outputs:
@@ -187,8 +189,8 @@ def _budgets(manifests: Sequence[Manifest], summaries: Sequence[Mapping[str, Any
             names = [each.name for each in manifest.model.outputs]
             if output.name not in names:
                 continue
-            contributions = summary["budget"]["contributions"][names.index(output.name)]
-            labels = [*labels_in(summary), *(humanize(each["name"]) for each in summary.get("processes", ()))]
+            contributions = summary.budget.contributions[names.index(output.name)]
+            labels = [*labels_in(summary), *(humanize(each.name) for each in summary.processes)]
             for label, value in zip(labels, contributions, strict=True):
                 rows.setdefault(label, [ABSENT] * len(manifests))[at] = number(value * scale, 4)
         shown = [(label, cells) for label, cells in rows.items() if set(cells) - {"0", ABSENT}]

@@ -20,11 +20,11 @@ from mcnav.analysis.filter_evidence import FilterEvidence, LinearFilter, MeanSqu
 from mcnav.analysis.requirements import Requirement, RequirementResult, judge_requirement, requirements_from
 from mcnav.analysis.requirements_over_time import ErrorHistories, judge_over_time
 from mcnav.analysis.running_ratios import convergence
+from mcnav.analysis.summary import Summary
 from mcnav.analysis.tails import tails
 from mcnav.analysis.variance_breakdown import predicted_from, split_difference
 from mcnav.contract.quantities import Output
 from mcnav.errors import RunFolderError, reading_file
-from mcnav.files import to_json
 from mcnav.lincov.block_sums import Normalization
 from mcnav.report.failures import failures_in, grouped
 from mcnav.report.model import RunAnalysis
@@ -51,7 +51,7 @@ def report_run(path: str | Path) -> dict[str, Any]:
     folder.existing_manifest()
     with folder.lock(), one_thread(), reading_file(folder.path):
         folder.finished_manifest()
-        return write_results(folder, analyse(folder))
+        return write_results(folder, analyse(folder)).to_json()
 
 
 def samples_of(path: str | Path) -> pd.DataFrame:
@@ -75,7 +75,10 @@ def samples_of(path: str | Path) -> pd.DataFrame:
 
 
 def summary_of(path: str | Path) -> dict[str, Any]:
-    """Read the summary of a finished run folder; `RunFolderError` when there is none, or it is damaged."""
+    """Read the summary of a finished run folder as `json.load` does; see `mcnav.analysis.summary.Summary`.
+
+    Raises `RunFolderError` when there is none, or it is damaged.
+    """
     folder = RunFolder(Path(path))
     folder.check_exists()
     summary = folder.summary()
@@ -84,6 +87,13 @@ def summary_of(path: str | Path) -> dict[str, Any]:
             f"{folder.path / SUMMARY_FILE}: is not a summary of this program; run mcnav report on the folder"
         )
     return summary
+
+
+def stored_summary(path: Path) -> Summary:
+    """Read the summary of a finished run folder; `RunFolderError` when there is none, or it is damaged."""
+    content = summary_of(path)
+    with reading_file(path / SUMMARY_FILE):
+        return Summary.of(content)
 
 
 def analyse(folder: RunFolder, unfinished: Manifest | None = None) -> RunAnalysis:
@@ -230,7 +240,7 @@ def linear_filter(model: ModelRecord, record: FilterRecord) -> LinearFilter | No
     )
 
 
-def write_results(folder: RunFolder, analysis: RunAnalysis, report: bool = True) -> dict[str, Any]:
+def write_results(folder: RunFolder, analysis: RunAnalysis, report: bool = True) -> Summary:
     """Write the summary of an analysed run, and its report or none; return the summary.
 
     An earlier report, which may be of fewer samples, is deleted when none is written.
@@ -241,10 +251,11 @@ def write_results(folder: RunFolder, analysis: RunAnalysis, report: bool = True)
         page = render(analysis).encode()  # refuses a folder without history or campaign before anything is written
     else:
         (folder.path / REPORT).unlink(missing_ok=True)
-    folder.write_json(SUMMARY_FILE, analysis.summary)
+    summary = analysis.summary.as_stored
+    folder.write_json(SUMMARY_FILE, summary.to_json())
     if report:
         folder.write(REPORT, page)
-    return dict(to_json(analysis.summary))
+    return summary
 
 
 def summary_frame(manifest: Manifest) -> Normalization | None:

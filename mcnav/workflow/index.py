@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Any, Final
 from urllib.parse import quote
 
+from mcnav.analysis.summary import Summary
 from mcnav.errors import RunFolderError, reading_file
 from mcnav.files import write_whole
 from mcnav.report import filter_verdict, sentences
 from mcnav.report.format import number
 from mcnav.report.html import filled
 from mcnav.report.model import humanize, shown_units
-from mcnav.report.requirements import tone_of
 from mcnav.store.run_folder import MANIFEST, REPORT, SUMMARY, RunFolder
 
 DEEPEST: Final = 3
@@ -66,30 +66,29 @@ def _entry(folder: Path, place: Path) -> dict[str, Any]:
     try:
         with reading_file(place / SUMMARY):
             run = RunFolder(place)
-            summary, manifest = run.summary(), run.existing_manifest()
+            summary, manifest = Summary.of(run.summary()), run.existing_manifest()
             units = shown_units(summary)
-            counts = sentences.met(summary)
-            sigmas = summary["sigma_paired"] or summary["sigma_linear"]
+            counts = summary.counts
+            sigmas = summary.sigma_paired or summary.sigma_linear.tolist()
             return entry | {
-                "name": summary["campaign"],
+                "name": summary.campaign,
                 "tone": sentences.tone(summary),
                 "standing": sentences.standing(summary),
                 "headline": sentences.headline(summary),
-                "warning": sentences.unsettled(summary),
+                "warning": "" if summary.unsettled is None else sentences.unsettled(summary.unsettled),
                 "filter": filter_verdict.verdict(summary),
                 "filter_tone": filter_verdict.TONES.get(filter_verdict.verdict(summary), ""),
                 "filter_headline": filter_verdict.headline(summary),
-                "samples": f"{summary['samples']:,}",
-                "failed": f"{summary['failed']:,}",
+                "samples": f"{summary.samples:,}",
+                "failed": f"{summary.failed:,}",
                 "sigmas": [
-                    (humanize(output["name"]), number(None if sigma is None else sigma * units[output["name"]][0], 4),
-                     units[output["name"]][1])
-                    for output, sigma in zip(summary["outputs"], sigmas, strict=True)
+                    (humanize(name), number(sigma * units[name][0], 4), units[name][1])
+                    for name, sigma in zip(summary.names, sigmas, strict=True)
                 ],
                 "date": manifest.started[:10],
                 "hash": manifest.identity.digest[:HASH],
-                "requirements": counts and f"{counts['met']} of {counts['of']} met",
-                "requirements_tone": counts and tone_of(counts),
+                "requirements": counts and f"{counts.met} of {counts.of} met",
+                "requirements_tone": counts and sentences.tone_of(counts),
             }  # fmt: skip
     except RunFolderError as failure:
         return entry | {"name": place.name, "tone": "", "failure": str(failure).replace(str(place), place.name)}
